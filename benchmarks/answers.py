@@ -131,7 +131,7 @@ class Bench:
         times, rng = np.arange(0.0, BENCH.seconds + 1.0, 60.0), np.random.default_rng(seed)
         run = td.simulate(self.truth, BENCH, times=times)
         channels = {
-            f"T_{n}": td.Channel.of(
+            f"T_{n}": td.Channel.from_array(
                 f"T_{n}", run[n].kelvin + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.05, accuracy=0.2
             )
             for n in self.sensors
@@ -226,11 +226,11 @@ def predictions() -> Answers:
         }
         for question, answer in asked.items():
             yield f"{name}: {question}", _bands(answer())
-        seen = td.design.foresee(td.design.Known.of(fit), HOT, spread=SPREAD)
+        seen = td.design.foresee(td.design.Knowledge.of_source(fit), HOT, spread=SPREAD)
         yield f"{name}: foreseen", _bands(seen.prediction)
         yield f"{name}: foreseen, before any fit", np.stack(list(seen.before.values()))
         runs = td.qualify.uncertain_runs(fit.fitted_model, HOT, fit, spread=SPREAD, n=150, seed=5, nodes=["plate"])
-        yield f"{name}: members", runs.of("plate")
+        yield f"{name}: members", runs.node_temperatures("plate")
         point = td.qualify.hold(runs, {"plate": bench.limit}).points[0]
         yield f"{name}: held", np.array([point.hold, *point.between, point.never, *point.never_between, *point.exceedance])
 

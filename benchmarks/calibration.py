@@ -66,10 +66,10 @@ def problem(seed: int = 1, every: float = 1.0) -> Calibration:
     right, given = network.model(nonlinear=True), network.scenario(noisy=True)
     run = td.simulate(right, given, every=every)
     rng = np.random.default_rng(SEED)
-    channels = {"air": Channel.of("air", network.room()[:: round(every)], unit="K", role="boundary", target="air")}
+    channels = {"air": Channel.from_array("air", network.room()[:: round(every)], unit="K", role="boundary", target="air")}
     for name in network.NODES:
         reading = run[name].kelvin + NOISE * rng.standard_normal(run.times.size)
-        channels[f"T {name}"] = Channel.of(f"T {name}", reading, unit="K", role="node", target=name, noise=NOISE)
+        channels[f"T {name}"] = Channel.from_array(f"T {name}", reading, unit="K", role="node", target=name, noise=NOISE)
     record = td.Record.from_arrays("room", run.times, channels)
     values, free = truth(), network.FREE_NONLINEAR
     away = np.random.default_rng(seed).uniform(-AWAY, AWAY, len(free))

@@ -80,7 +80,7 @@ def log(model: td.Model, seed: int) -> td.Record:
     rng = np.random.default_rng([8, seed])
     run = td.simulate(model.with_values(truth(seed)), CASE, every="60 [s]")
     channels = {
-        name: td.Channel.of(
+        name: td.Channel.from_array(
             name, run[name].kelvin + rng.normal(0.0, NOISE, run.times.size), unit="K", role="node", target=name, noise=NOISE
         )
         for name in LOGGED

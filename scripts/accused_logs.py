@@ -62,11 +62,11 @@ def _tclab(file: Path, noise: float) -> Request:
     model = _board(len(heaters))
     channels: dict[str, Any] = {}
     for k in heaters:
-        channels[f"T{k}"] = td.Channel.of(f"T{k}", table[f"T{k}_C"] + 273.15, unit="K", role="node", target=f"h{k}", noise=noise)
+        channels[f"T{k}"] = td.Channel.from_array(f"T{k}", table[f"T{k}_C"] + 273.15, unit="K", role="node", target=f"h{k}", noise=noise)
         command = next((c for c in (f"Q{k}_pct", f"Q{k}_pwm255") if c in columns), "")
         scale = WATT / (2.55 if command.endswith("255") else 1.0)
         if command:
-            channels[f"Q{k}"] = td.Channel.of(f"Q{k}", scale * table[command], quantity="power", role="load", target=f"qh{k}")
+            channels[f"Q{k}"] = td.Channel.from_array(f"Q{k}", scale * table[command], quantity="power", role="load", target=f"qh{k}")
     warm = float(np.median(table["T1_C"][:3])) > 30.0
     room = {"room": LocalSpec("23 [degC]" if warm else "T1", 0.5)}
     times = table["time_s"] - table["time_s"][0]
@@ -82,7 +82,7 @@ def _warm(name: str, times: np.ndarray, celsius: np.ndarray, room: float, watts:
     skin = {"kind": "convection", "between": ["body", "room"], "area": "0.05 [m^2]", "htc": "8 [W/(m^2 K)]"}
     deck = {"title": name, "needs": ["room"], "nodes": {"body": {"capacitance": "100 [J/K]"}}, "conductors": {"skin": skin}}
     model = td.model_from_dict(deck | {"loads": {"q": {"into": "body", "power": f"{watts} [W]"}}})
-    channel = td.Channel.of("T", celsius + 273.15, unit="K", role="node", target="body", noise=0.3)
+    channel = td.Channel.from_array("T", celsius + 273.15, unit="K", role="node", target="body", noise=0.3)
     record = td.Record.from_arrays(name, times - times[0], {"T": channel}, synthetic=False)
     free, local = ("body.capacitance", "skin.htc"), {"room": LocalSpec(f"{room!r} [degC]", 2.0)}
     return Request(model, (record,), free, {"*": td.Scenario(name)}, local, name=name)

@@ -124,10 +124,12 @@ def _log(model: td.Model, roles: Roles, rng: np.random.Generator, span: float, s
     watts = levels[np.searchsorted(edges, times, side="right")]
     ambient = 295.0 + rng.uniform(0.0, 1.5) * np.sin(2.0 * np.pi * times / span * rng.uniform(0.3, 1.5))
     inputs = {
-        "Tamb": td.Channel.of("Tamb", ambient, unit="K", role="boundary", target=SURROUNDINGS),
-        "P": td.Channel.of("P", watts, quantity="power", role="load", target="heat_p"),
+        "Tamb": td.Channel.from_array("Tamb", ambient, unit="K", role="boundary", target=SURROUNDINGS),
+        "P": td.Channel.from_array("P", watts, quantity="power", role="load", target="heat_p"),
     }
-    still = {c: td.Channel.of(c, np.full(size, 295.0), unit="K", role="node", target=n, noise=noise) for c, n in roles.parts.items()}
+    still = {
+        c: td.Channel.from_array(c, np.full(size, 295.0), unit="K", role="node", target=n, noise=noise) for c, n in roles.parts.items()
+    }
     bare = td.Record.from_arrays(name, times, {**still, **inputs})
     request = Request(model, (bare,), scenarios={"*": td.Scenario("log", start=f"{float(ambient[0])!r} [K]")})
     problem = build_problem(request)

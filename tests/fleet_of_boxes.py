@@ -24,11 +24,11 @@ def log(name: str, values: dict[str, float], seconds: float, rng: np.random.Gene
     bench = td.Scenario(name, boundaries={"room": "23 [degC]"}, loads={"heater": "5 [W]"}, start="23 [degC]", duration=f"{times[-1]} [s]")
     run = td.simulate(model, bench, times=times)
     channels = {
-        n: td.Channel.of(n, run[n].kelvin + rng.normal(0.0, NOISE, times.size), unit="K", role="node", target=n, noise=NOISE)
+        n: td.Channel.from_array(n, run[n].kelvin + rng.normal(0.0, NOISE, times.size), unit="K", role="node", target=n, noise=NOISE)
         for n in ("board", "case")
     }
-    channels["room"] = td.Channel.of("room", np.full(times.size, 296.15), unit="K", role="boundary", target="room")
-    channels["heater"] = td.Channel.of("heater", np.full(times.size, 5.0), unit="W", quantity="power", role="load", target="heater")
+    channels["room"] = td.Channel.from_array("room", np.full(times.size, 296.15), unit="K", role="boundary", target="room")
+    channels["heater"] = td.Channel.from_array("heater", np.full(times.size, 5.0), unit="W", quantity="power", role="load", target="heater")
     return td.Record.from_arrays(name, times, channels)
 
 

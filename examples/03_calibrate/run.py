@@ -14,8 +14,10 @@ record = td.Record.from_arrays(
     "synthetic bench",
     truth.times,
     {
-        "ACC_X": td.Channel.of("ACC_X", truth["case"].kelvin + noise, unit="K", role="node", target="case", noise=0.1, accuracy=3.0),
-        "T_AMB": td.Channel.of("T_AMB", truth["air"].kelvin, unit="K", role="boundary", target="air", accuracy=0.5),
+        "ACC_X": td.Channel.from_array(
+            "ACC_X", truth["case"].kelvin + noise, unit="K", role="node", target="case", noise=0.1, accuracy=3.0
+        ),
+        "T_AMB": td.Channel.from_array("T_AMB", truth["air"].kelvin, unit="K", role="boundary", target="air", accuracy=0.5),
     },
 )
 print(td.calibrate(model, record, free=["area"]))

@@ -29,14 +29,14 @@ def logs(data: Path, run: str) -> tuple[td.Record, td.Record]:
     command = np.concatenate([[0.0], means, [0.0]])  # off before the first row and after the last one
 
     def channel(name: str, column: str, **bound: str) -> td.Channel:
-        return td.Channel.of(name, t[column], unit="degC", **bound, noise=None if name == "ROOM" else 2.0)
+        return td.Channel.from_array(name, t[column], unit="degC", **bound, noise=None if name == "ROOM" else 2.0)
 
     temperatures = {
         "WINDING": channel("WINDING", "Winding_Temp_C", role="node", target="winding"),
         "STATOR": channel("STATOR", "Stator_Body_C", role="node", target="stator"),
         "ROOM": channel("ROOM", "Ambient_C", role="boundary", target="room"),
     }
-    taken = {"P": td.Channel.of("P", command, quantity="command", role="command", target="copper", prompt=True)}
+    taken = {"P": td.Channel.from_array("P", command, quantity="command", role="command", target="copper", prompt=True)}
     step = ROW * MEAN
     return (
         td.Record.from_arrays(run, t["Time_s"], temperatures, synthetic=False),

@@ -42,7 +42,7 @@ def table_2(work: Work) -> Table:
         *(Head("full model (Sd)" if level == "Sd" else level, True) for level in LEVELS),
     ]
     caption = "A dash: not given. Natural: convection and radiation together, where the part settles, ± one standard error."
-    return Table.of(columns, rows, caption)
+    return Table.of_rows(columns, rows, caption)
 
 
 def _constant(work: Work, stage: str, surface: str) -> Cell:
@@ -69,7 +69,7 @@ def verdicts(work: Work) -> Table:
             )
     columns = [Head("model"), Head("held-out log"), Head("sensor"), Head("criterion")]
     columns += [Head("constant, K", True), Head("natural, K", True), Head("limit, K", True)]
-    return Table.of(
+    return Table.of_rows(
         columns, rows, "Errors of readings. The accelerometer channel has 0.35 K of noise; its limit is on the root mean square."
     )
 
@@ -90,7 +90,7 @@ def recovered(work: Work) -> Table:
         Head("two standard errors", True),
         Head("hidden truth", True),
     ]
-    return Table.of([*columns, Head("unit"), Head("truth"), Head("identifiable")], rows)
+    return Table.of_rows([*columns, Head("unit"), Head("truth"), Head("identifiable")], rows)
 
 
 def vacuums(runs: Iterable[Vacuum]) -> Table:
@@ -119,7 +119,7 @@ def vacuums(runs: Iterable[Vacuum]) -> Table:
         Head("as printed, °C", True),
         Head("settles at, °C", True),
     ]
-    return Table.of(
+    return Table.of_rows(
         columns, rows, "95 % interval from the covariance of all fitted values, emissivities among them, and from the power meters."
     )
 
@@ -153,7 +153,7 @@ def settling(work: Work) -> Table:
         Head("document says, h", True),
     ]
     columns += [Head("implied, min", True), Head("found on the synthetic log, min", True), Head("")]
-    return Table.of(columns, rows, "Implied: the time constant whose 99 % is the time that the document prints.")
+    return Table.of_rows(columns, rows, "Implied: the time constant whose 99 % is the time that the document prints.")
 
 
 def htc() -> td.inference.HtcComparison:
@@ -199,7 +199,7 @@ def hidden(work: Work) -> Table:
         Head("half-width, K", True),
         Head("of the time inside", True),
     ]
-    return Table.of(columns, rows, "Against the hidden temperature, not the reading. At the start the band has no width yet.")
+    return Table.of_rows(columns, rows, "Against the hidden temperature, not the reading. At the start the band has no width yet.")
 
 
 BIOT = {
@@ -225,7 +225,7 @@ def biot() -> Table:
                 Cell("one node is enough", "", "good") if found < BIOT_LIMIT else Cell("✗ not one node", "", "bad"),
             ]
         )
-    return Table.of([Head("part"), Head("Biot number", True), Head("")], rows, "The node is the case, not the electronics in it.")
+    return Table.of_rows([Head("part"), Head("Biot number", True), Head("")], rows, "The node is the case, not the electronics in it.")
 
 
 def slips(work: Work) -> Table:
@@ -235,4 +235,4 @@ def slips(work: Work) -> Table:
         for s in work.document["slips"]
     ]
     titles = ("", "where", "printed", "what is meant, or why not", "here")
-    return Table.of([Head(t, wrapped=bool(t)) for t in titles], rows)
+    return Table.of_rows([Head(t, wrapped=bool(t)) for t in titles], rows)

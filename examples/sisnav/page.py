@@ -111,7 +111,7 @@ def levels(work: Work) -> Section:
         Heading("Time constants"),
         findings.settling(work),
     ]
-    return Section.of("levels", "Levels, Table 2 and two structures", blocks, "Levels and Table 2")
+    return Section.of_blocks("levels", "Levels, Table 2 and two structures", blocks, "Levels and Table 2")
 
 
 def coefficients() -> list[PageBlock]:
@@ -157,7 +157,7 @@ def figures(work: Work) -> Section:
         Words("The same model as a circuit: degrees are volts, watts are amperes. ngspice solves it to the same numbers."),
         Code(spice, "EleGFO as a SPICE netlist."),
     ]
-    return Section.of("figures", "The document's figures again", blocks, "Figures")
+    return Section.of_blocks("figures", "The document's figures again", blocks, "Figures")
 
 
 def printed_rises(derived: td.interop.Equations) -> tuple[Any, Any]:
@@ -216,7 +216,7 @@ def equations() -> Section:
         folded("As LaTeX", [Code(derived.latex())]),
         folded("As an Octave function, in the form of Fig. 20", [Code(derived.octave("thermal_two_node"))]),
     ]
-    return Section.of("equations", "Equations 4 to 6, derived", blocks, "Equations")
+    return Section.of_blocks("equations", "Equations 4 to 6, derived", blocks, "Equations")
 
 
 def scenarios(work: Work, runs: list[Vacuum]) -> Section:
@@ -242,7 +242,7 @@ def scenarios(work: Work, runs: list[Vacuum]) -> Section:
         Words("Limits passed on the way, in vacuum as printed, by an accelerometer alone:"),
         Notes(tuple(flags)),
     ]
-    return Section.of("scenarios", "Scenarios: temperature, humidity, vacuum", blocks, "Scenarios")
+    return Section.of_blocks("scenarios", "Scenarios: temperature, humidity, vacuum", blocks, "Scenarios")
 
 
 def warmer(work: Work) -> Table:
@@ -260,7 +260,7 @@ def warmer(work: Work) -> Table:
     caption = (
         "A linear network shifts by exactly the 10 K of its room. With radiation, and gyros whose power falls as they warm, it is less."
     )
-    return Table.of(columns, rows, caption)
+    return Table.of_rows(columns, rows, caption)
 
 
 LIMITS = (
@@ -286,8 +286,8 @@ def main(work: Work, to: Path, audience: str = "all") -> Path:
         figures(work),
         equations(),
         scenarios(work, runs),
-        Section.of("slips", "25 slips of the document, and what became of each", [findings.slips(work)], "Slips"),
-        Section.of("limits", "What this study cannot say", [Notes(LIMITS)], "Limits of the study"),
+        Section.of_blocks("slips", "25 slips of the document, and what became of each", [findings.slips(work)], "Slips"),
+        Section.of_blocks("limits", "What this study cannot say", [Notes(LIMITS)], "Limits of the study"),
     ]
     return study_report(
         work.study, work.natural, to=to, sections=sections, outcome=outcome(work, runs), watermark=WATERMARK, audience=audience

@@ -44,7 +44,7 @@ def planted(seed: int = 1) -> tuple[td.Record, np.ndarray, np.ndarray]:
     case = np.concatenate([step["case"].kelvin, run["case"].kelvin[1:]])
     error = 0.2 * rng.standard_normal() + 0.02 * rng.standard_normal(times.size)
     channels = {
-        "T_CASE": td.Channel.of(
+        "T_CASE": td.Channel.from_array(
             "T_CASE",
             case + error,
             unit="K",
@@ -53,7 +53,7 @@ def planted(seed: int = 1) -> tuple[td.Record, np.ndarray, np.ndarray]:
             noise=0.02,
             accuracy=0.2,
         ),
-        "T_ROOM": td.Channel.of("T_ROOM", room, unit="K", role="boundary", target="cv"),
+        "T_ROOM": td.Channel.from_array("T_ROOM", room, unit="K", role="boundary", target="cv"),
     }
     heater = np.where(early, 5.0, 0.0)
     heater[late] = np.clip(1.5 * (52.0 + 273.15 - run["case"].kelvin), 0.0, 6.0)

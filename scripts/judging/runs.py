@@ -169,7 +169,7 @@ def lhs1(data: Path, bands: Bands = predict_record) -> RealSet:
         file = next((data / "lhs1_vacuum_cooling" / "processed").glob(f"{stem}*burst-means.csv"))
         rows = np.genfromtxt(file, delimiter=",", names=True, usecols=range(5))[first : last + 1]
         kelvin = rows[column] + 273.15
-        channel = td.Channel.of("T", kelvin, unit="K", role="node", target="box", noise=0.1)
+        channel = td.Channel.from_array("T", kelvin, unit="K", role="node", target="box", noise=0.1)
         record = td.Record.from_arrays(name, rows["t_s"] - rows["t_s"][0], {"T": channel}, synthetic=False)
         pressure = float(np.median(rows["P_hPa"]) * 100.0)
         environment = {"*": td.simulation.Environment(f"{pressure} [Pa]")} if where != "air" else {}

@@ -129,13 +129,13 @@ def _record(logs: b.Logs, name: str, k: int, synthetic: bool) -> Record:
     """Return a run of one bench as its log, with what an engineer states of the instruments."""
     times = logs.times[:: b.THIN]
     channels = {
-        n: Channel.of(n, logs.readings[:, k, i], unit="K", role="node", target=n, noise=b.NOISE, accuracy=b.OFFSET)
+        n: Channel.from_array(n, logs.readings[:, k, i], unit="K", role="node", target=n, noise=b.NOISE, accuracy=b.OFFSET)
         for i, n in enumerate(b.NODES)
     }
     room, power = logs.room[:: b.THIN, k], logs.power[:: b.THIN, k]
-    channels["room"] = Channel.of("room", room, unit="K", role="boundary", target="room", accuracy=b.ROOM_OFFSET)
+    channels["room"] = Channel.from_array("room", room, unit="K", role="boundary", target="room", accuracy=b.ROOM_OFFSET)
     meter = b.FACTOR * float(power.max())
-    channels["P"] = Channel.of("P", power, quantity="power", role="load", target="heat", accuracy=meter)
+    channels["P"] = Channel.from_array("P", power, quantity="power", role="load", target="heat", accuracy=meter)
     return Record.from_arrays(name, times, channels, synthetic=synthetic)
 
 

@@ -55,7 +55,7 @@ def rows_of(of: TestSet, rules: Mapping[str, Mapping[str, float]]) -> list[s.Row
     for rule, sizes in rules.items():
         given = {g: replace(SIZES[g], value=size) for g, size in sizes.items()}
         with patch.dict(SIZES, given), patch.object(_model, "SETS", MEMBERS):
-            model = found if isinstance(found, str) else td.inference.ErrorModel.of(found)
+            model = found if isinstance(found, str) else td.inference.ErrorModel.of_fit(found)
             print(f"{of.name}, {rule}", file=sys.stderr, flush=True)
             out += [_row(of, c, model, rule) for c in of.conditions if c.name not in of.taught]
     return out

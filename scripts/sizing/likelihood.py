@@ -69,7 +69,7 @@ def evidence_of(found: td.Calibration) -> Evidence:
 
     first = {g: replace(size, value=FIRST[g]) for g, size in SIZES.items()}  # whatever ships: runs are straight lines where these put them
     with patch.object(_model, "_averaged", watched), patch.dict(SIZES, first):
-        weights = td.inference.ErrorModel.of(found).carriers
+        weights = td.inference.ErrorModel.of_fit(found).carriers
     return seen[max(weights, key=lambda name: weights[name])]
 
 

@@ -63,7 +63,7 @@ class Condition:
     @property
     def record(self) -> td.Record:
         """The run as a log."""
-        of = td.Channel.of
+        of = td.Channel.from_array
         every = {n: of(n, x, unit="K", role="node", target=n, noise=self.noise) for n, x in self.readings.items()}
         every |= {n: of(n, x, unit="K", role="boundary", target=n) for n, x in self.rooms.items()}
         every |= {n: of(n, x, quantity="power", role="load", target=n, prompt=True) for n, x in self.loads.items()}

@@ -118,7 +118,7 @@ _NAMESPACES = {
         "Action": "prediction.advice",
         "Aim": "prediction.advice",
         "Advice": "prediction.advice",
-        "Known": "prediction.bands",
+        "Knowledge": "prediction.bands",
         "foresee": "prediction.bands",
         "Foresight": "prediction.bands",
         "Spread": "prediction.bands",
@@ -252,7 +252,7 @@ class _Namespace(ModuleType):
             return import_module("importlib.metadata").version("thermid")
         if top and (name == "errors" or name in _NAMESPACES):
             return import_module("thermid." + ("base.errors" if name == "errors" else name))
-        raise AttributeError(f"module '{self.__name__}' has no attribute '{name}'" + ("" if name.startswith("_") else _near(name)))
+        raise AttributeError(f"module '{self.__name__}' has no attribute '{name}'" + ("" if name.startswith("_") else _nearest(name)))
 
     def __setattr__(self, name: str, value: object) -> None:
         """Keep a public name; make a package that is a namespace one."""
@@ -272,7 +272,7 @@ def _names_of(module: ModuleType) -> dict[str, str]:
     return _TOP if module.__name__ == "thermid" else _NAMESPACES[module.__name__.removeprefix("thermid.")]
 
 
-def _near(name: str) -> str:
+def _nearest(name: str) -> str:
     """Return the place of a public name that has this name, or the one nearest to it."""
     places = {n: f"{space}.{n}" for space, names in _NAMESPACES.items() for n in names} | {n: n for n in [*_TOP, *_NAMESPACES]}
     near = get_close_matches(name, places, n=1, cutoff=0.6)

@@ -54,8 +54,8 @@ from thermid.base.extensions import json_schema
 model = td.load_model("plate.toml")
 bench = td.Scenario("bench", boundaries={"base": "20 [degC]"}, start="20 [degC]", duration="10 [min]")
 run = td.simulate(model, bench)
-channel = td.Channel.of("T", run["plate"].kelvin, unit="K", role="node", target="plate", noise=0.01)
-record = td.Record.from_arrays("log", run.times, {"T": channel, "base": td.Channel.of("base", run["base"].kelvin, unit="K")})
+channel = td.Channel.from_array("T", run["plate"].kelvin, unit="K", role="node", target="plate", noise=0.01)
+record = td.Record.from_arrays("log", run.times, {"T": channel, "base": td.Channel.from_array("base", run["base"].kelvin, unit="K")})
 start = model.with_values({"bolts.bolt_conductance": "0.3 [W/K]"})
 fit = td.calibrate(start, record, free=["bolts.bolt_conductance"])
 try:

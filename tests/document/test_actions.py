@@ -22,9 +22,9 @@ def deck(name: str) -> td.Model:
 
 def log(sensors: dict[str, np.ndarray], noise: float, room: np.ndarray | None = None) -> td.Record:
     """Return a record of temperatures [K] by node; the room too where it is given."""
-    made = {n: td.Channel.of(n, v, unit="K", role="node", target=n, noise=noise) for n, v in sensors.items()}
+    made = {n: td.Channel.from_array(n, v, unit="K", role="node", target=n, noise=noise) for n, v in sensors.items()}
     if room is not None:
-        made["ROOM"] = td.Channel.of("ROOM", room, unit="K", role="boundary", target="cv")
+        made["ROOM"] = td.Channel.from_array("ROOM", room, unit="K", role="boundary", target="cv")
     return td.Record.from_arrays("log", MINUTES, made)
 
 

@@ -33,8 +33,8 @@ def bench(**changes: object) -> td.Scenario:
 def log(part: td.Model, scenario: td.Scenario) -> td.Record:
     """The readings without noise, and what a fit would be told of their noise."""
     run = td.simulate(part, scenario)
-    case = td.Channel.of("T", run["case"].kelvin, unit="K", role="node", target="case", noise=0.1)
-    room = td.Channel.of("ROOM", run["air"].kelvin, unit="K", role="boundary", target="air")
+    case = td.Channel.from_array("T", run["case"].kelvin, unit="K", role="node", target="case", noise=0.1)
+    room = td.Channel.from_array("ROOM", run["air"].kelvin, unit="K", role="boundary", target="air")
     return td.Record.from_arrays("log", run.times, {"T": case, "ROOM": room})
 
 

@@ -95,7 +95,7 @@ def test_A10_what_is_fitted_counts_as_calibrated(macro: td.Model) -> None:  # no
     times = np.arange(0.0, 10801.0, 120.0)
     truth = td.simulate(macro.with_values({"ring.conductance": {"value": "4 [W/K]", "source": "assumed"}}), hold, times=times)
     noise = 0.05 * np.random.default_rng(3).standard_normal(times.size)
-    channel = td.Channel.of("T_BASE", truth["base"].kelvin + noise, unit="K", role="node", target="base", noise=0.05)
+    channel = td.Channel.from_array("T_BASE", truth["base"].kelvin + noise, unit="K", role="node", target="base", noise=0.05)
     record = td.Record.from_arrays("log", times, {"T_BASE": channel})
     fit = td.calibrate(macro, record, ["ring.conductance"], scenario=hold)
     found = fit["ring.conductance"]

@@ -65,7 +65,7 @@ def test_W2_a_log_of_every_kind_of_profile_is_judged(tmp_path: Path, course: str
     )
     scenario = td.qualify.run_plan(file)["hot"].foresight.scenario
     times = np.arange(0.0, scenario.seconds, 300.0)
-    run = td.simulate(load_plan(file).known.model, scenario, times=times)
+    run = td.simulate(load_plan(file).knowledge.model, scenario, times=times)
     columns = [times, run["proc"].celsius + 0.3, run["ele"].celsius + 0.3, run["air"].celsius]
     np.savetxt(tmp_path / "hot.csv", np.column_stack(columns), delimiter=",", header="time_s,T_PROC,T_ELE,ROOM", comments="")
     project_text = with_log(text)
@@ -147,6 +147,6 @@ def test_H1_relative_humidity_alone_moves_no_verdict(tmp_path: Path) -> None:  #
             start="20 [degC]",
             environment={"air": td.simulation.Environment(humidity=humidity)},
         )
-        found.append(td.design.foresee(td.design.Known(unit()), course))
+        found.append(td.design.foresee(td.design.Knowledge(unit()), course))
     assert np.array_equal(found[0].prediction["proc"].kelvin, found[1].prediction["proc"].kelvin)
     assert any("is not used: the equations contain no moisture." in w for w in found[0].prediction.warnings)

@@ -30,7 +30,7 @@ def laboratory():
 
 def record(laboratory, name, world):
     times, columns, _ = laboratory.run(name, world, laboratory.SEED)
-    kelvin = {k: Channel.of(k, v + 273.15, unit="K") for k, v in columns.items() if k.startswith(("T_", "ACC"))}
+    kelvin = {k: Channel.from_array(k, v + 273.15, unit="K") for k, v in columns.items() if k.startswith(("T_", "ACC"))}
     return td.Record.from_arrays(name, times, kelvin)
 
 
@@ -87,7 +87,7 @@ def test_a_hidden_slow_mass_is_declined(laboratory):
     run = td.simulate(deck, bench, every=10.0)
     sensor = laboratory.thermometer("T_FOG1")
     readings = sensor.read(run.times, run["fog.case"].kelvin, np.random.default_rng(laboratory.SEED)) + 273.15
-    log = td.Record.from_arrays("fog with ballast", run.times, {"T_FOG1": Channel.of("T_FOG1", readings, unit="K")})
+    log = td.Record.from_arrays("fog with ballast", run.times, {"T_FOG1": Channel.from_array("T_FOG1", readings, unit="K")})
     rest = td.steady(deck, bench)["fog.case"]
     assert rest - run["fog.case"].kelvin[-1] > 2.0  # what is hidden
     found = td.bench.forecast(log)

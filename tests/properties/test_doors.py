@@ -83,7 +83,7 @@ def centred(found: Any, asked: Asked) -> dict[str, Array]:
 
 
 def foreseen(asked: Asked) -> dict[str, Array]:
-    known = td.design.Known.of(asked.model)
+    known = td.design.Knowledge.of_source(asked.model)
     nothing = {p: "0 [%]" for p in asked.spread}
     found = td.design.foresee(known, asked.scenario, times=asked.times, spread=nothing, options=TIGHT).prediction
     assert all(not found[n].error.any() for n in asked.nodes)
@@ -91,14 +91,16 @@ def foreseen(asked: Asked) -> dict[str, Array]:
 
 
 def predicted(asked: Asked) -> dict[str, Array]:
-    channels = {f"T {n}": td.Channel.of(f"T {n}", asked.run[n].kelvin, unit="K", role="node", target=n, noise=0.01) for n in asked.nodes}
+    channels = {
+        f"T {n}": td.Channel.from_array(f"T {n}", asked.run[n].kelvin, unit="K", role="node", target=n, noise=0.01) for n in asked.nodes
+    }
     told = td.compare(asked.model, td.Record.from_arrays("run", asked.times, channels), scenario=asked.scenario)
     return centred(td.predict(told, asked.scenario, times=asked.times, options=TIGHT), asked)
 
 
 def drawn_without_spread(asked: Asked) -> dict[str, Array]:
     runs = asked.drawn({p: "0 [%]" for p in asked.spread}, 2)
-    return {n: runs.of(n)[1] for n in asked.nodes}
+    return {n: runs.node_temperatures(n)[1] for n in asked.nodes}
 
 
 def prepared(asked: Asked) -> dict[str, Array]:
@@ -143,23 +145,23 @@ def test_hold_times_are_of_the_run(asked: Asked) -> None:
 def test_draws_scatter_as_derivatives_say(asked: Asked) -> None:
     """Three standard errors of the mean and of the standard deviation of 400 members; the same draws give the same temperatures."""
     count, (path,) = 400, asked.spread
-    known = td.design.Known.of(asked.model)
+    known = td.design.Knowledge.of_source(asked.model)
     band = td.design.foresee(known, asked.scenario, times=asked.times, spread=asked.spread, options=TIGHT).prediction
     runs = asked.drawn(asked.spread, count)
     for n in asked.nodes:
-        end, at = runs.of(n)[:, -1], np.searchsorted(band[n].times, asked.times[-1] - 1e-6)
+        end, at = runs.node_temperatures(n)[:, -1], np.searchsorted(band[n].times, asked.times[-1] - 1e-6)
         error = float(band[n].error[at])
         assert abs(end.mean() - band[n].kelvin[at]) < 3.0 * error / np.sqrt(count) + CLOSE, n
         assert abs(end.std() - error) < 3.0 * error / np.sqrt(2.0 * count) + CLOSE, n
     again = td.ensemble(asked.model, asked.scenario, {path: runs.draws[path][:20]}, times=asked.times, options=TIGHT)
     for n in asked.nodes:
-        assert np.abs(again.temperatures(n).T - runs.of(n)[:20]).max() < CLOSE, n
+        assert np.abs(again.temperatures(n).T - runs.node_temperatures(n)[:20]).max() < CLOSE, n
 
 
 @every_model
 def test_a_prediction_and_runs_of_the_same_draws_have_one_band(asked: Asked) -> None:
     """Both read one budget with the numbers of one seed: their centres and half-widths are within 1 % of the half-width."""
-    count, known = 60, td.design.Known.of(asked.model)
+    count, known = 60, td.design.Knowledge.of_source(asked.model)
     told = td.predict(known, asked.scenario, spread=asked.spread, times=asked.times, draws=count, seed=3, options=TIGHT)
     compared(asked, told, asked.drawn(asked.spread, count))
 
@@ -167,7 +169,7 @@ def test_a_prediction_and_runs_of_the_same_draws_have_one_band(asked: Asked) -> 
 def compared(asked: Asked, told: td.Prediction, runs: td.qualify.UncertainRuns) -> None:
     """Fail where the 95 % band of a prediction at the end is not that of runs."""
     for n in asked.nodes:
-        drawn, at = runs.of(n)[:, -1] - 273.15, np.searchsorted(told[n].times, asked.times[-1] - 1e-6)
+        drawn, at = runs.node_temperatures(n)[:, -1] - 273.15, np.searchsorted(told[n].times, asked.times[-1] - 1e-6)
         low, high = (float(ends[at]) for ends in told[n].interval())
         half = 0.5 * (high - low)
         found = np.quantile(drawn, [0.025, 0.975])

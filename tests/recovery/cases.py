@@ -87,7 +87,7 @@ def log(bench: Bench, hidden: Model, k: int, bias: Mapping[str, float], gain: Ma
         return np.round((kelvin - ICE) / bench.step) * bench.step + ICE if bench.step else kelvin
 
     channels = {
-        s: Channel.of(
+        s: Channel.from_array(
             s,
             shown(run[node].kelvin + bias[s] + bench.noise * rng.standard_normal(times.size)),
             unit="K",
@@ -99,11 +99,13 @@ def log(bench: Bench, hidden: Model, k: int, bias: Mapping[str, float], gain: Ma
         )
         for s, node in bench.nodes.items()
     }
-    channels["ROOM"] = Channel.of("ROOM", shown(air + bias["ROOM"]), unit="K", role="boundary", target=bench.boundary, accuracy=accuracy)
+    channels["ROOM"] = Channel.from_array(
+        "ROOM", shown(air + bias["ROOM"]), unit="K", role="boundary", target=bench.boundary, accuracy=accuracy
+    )
     for load, watts in powers.items():
         metered = np.full(times.size, watts / gain[load])
         size = bench.meter * max(p[load] for p, _ in bench.runs) or None
-        channels[f"P {load}"] = Channel.of(f"P {load}", metered, quantity="power", role="load", target=load, accuracy=size)
+        channels[f"P {load}"] = Channel.from_array(f"P {load}", metered, quantity="power", role="load", target=load, accuracy=size)
     return Record.from_arrays(f"run{k}", times, channels)
 
 

@@ -84,10 +84,10 @@ def drawn(seed: int, parts: int | None = None, matched: bool = False) -> Drawn:
         return np.asarray(np.round((kelvin + NOISE * rng.standard_normal(TIMES.size) - ICE) / STEP) * STEP + ICE)
 
     channels = {
-        n: Channel.of(n, read(run[n].kelvin), unit="K", role="node", target=n, noise=NOISE, resolution=STEP) for n in plain["nodes"]
+        n: Channel.from_array(n, read(run[n].kelvin), unit="K", role="node", target=n, noise=NOISE, resolution=STEP) for n in plain["nodes"]
     }
-    channels["air"] = Channel.of("air", read(air), unit="K", role="boundary", target="air", noise=NOISE, resolution=STEP)
-    channels["P"] = Channel.of("P", watts, quantity="power", role="load", target="heat")
+    channels["air"] = Channel.from_array("air", read(air), unit="K", role="boundary", target="air", noise=NOISE, resolution=STEP)
+    channels["P"] = Channel.from_array("P", watts, quantity="power", role="load", target="heat")
     free = [*masses, *(f"{s}.effective_htc" for s in plain["surfaces"]), *(f"{c}.conductance" for c in plain.get("conductors", {}))]
     return Drawn(td.model_from_dict(plain), tuple(free), Record.from_arrays("bench", TIMES, channels), masses)
 

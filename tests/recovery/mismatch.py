@@ -104,12 +104,13 @@ def bench(study: Mismatch, hidden: Model, rng: np.random.Generator) -> Record:
         return np.asarray(np.round((seen - ICE) / STEP) * STEP + ICE)
 
     channels = {
-        s: Channel.of(s, read(run[n].kelvin), unit="K", role="node", target=n, noise=0.054, accuracy=0.25) for s, n in study.sensors.items()
+        s: Channel.from_array(s, read(run[n].kelvin), unit="K", role="node", target=n, noise=0.054, accuracy=0.25)
+        for s, n in study.sensors.items()
     }
-    channels["ROOM"] = Channel.of("ROOM", read(air), unit="K", role="boundary", target=study.boundary, accuracy=0.25)
+    channels["ROOM"] = Channel.from_array("ROOM", read(air), unit="K", role="boundary", target=study.boundary, accuracy=0.25)
     for load, watts in study.powers.items():
         shown = np.full(times.size, watts * (1.0 + 0.01 * rng.standard_normal()))
-        channels[f"P {load}"] = Channel.of(f"P {load}", shown, quantity="power", role="load", target=load, accuracy=0.01 * watts)
+        channels[f"P {load}"] = Channel.from_array(f"P {load}", shown, quantity="power", role="load", target=load, accuracy=0.01 * watts)
     return Record.from_arrays("bench", times, channels)
 
 

@@ -88,7 +88,7 @@ class Kind:
         step = self.drawn_step(rng) if step is None else step
         said = {"noise": self.white} if self.stated else {}
         said |= {"resolution": step} if self.stated and step else {}
-        return td.Channel.of(name, self.readings(truth, rng, step), unit="K", role="node", target=node, **said)
+        return td.Channel.from_array(name, self.readings(truth, rng, step), unit="K", role="node", target=node, **said)
 
 
 KINDS = {
@@ -156,10 +156,10 @@ class Bench:
         run = td.simulate(self.hidden, given, times=self.times)
         channels = {n: kind.channel(n, n, run[n].kelvin, rng, (steps or {}).get(n)) for n in SENSORS}
         room = self.room + kind.room * rng.standard_normal(self.times.size)
-        channels["room"] = td.Channel.of("room", room, unit="K", role="boundary", target="room")
+        channels["room"] = td.Channel.from_array("room", room, unit="K", role="boundary", target="room")
         if powers:
             watts = self.heater + kind.power * rng.standard_normal(self.times.size)
-            channels["heat"] = td.Channel.of("heat", watts, quantity="power", role="load", target="heater", prompt=True)
+            channels["heat"] = td.Channel.from_array("heat", watts, quantity="power", role="load", target="heater", prompt=True)
         return td.Record.from_arrays(name, self.times, channels)
 
 
@@ -276,14 +276,16 @@ def by_clock(kind: Kind, rng: np.random.Generator) -> Claims:
     )
     run = td.simulate(bench.hidden, given, times=TIMES)
     channels = {n: kind.channel(n, n, run[n].kelvin, rng) for n in ("plate", "cover")}
-    channels["room"] = td.Channel.of(
+    channels["room"] = td.Channel.from_array(
         "room", bench.room + kind.room * rng.standard_normal(TIMES.size), unit="K", role="boundary", target="room"
     )
     first = td.Record.from_arrays("bench", TIMES, channels)
     there = np.arange(-offset - 60.0, TIMES[-1] - offset + 61.0, every)  # on the meter's own clock
     watts = heater[np.clip(np.searchsorted(fine, there + offset, side="right") - 1, 0, fine.size - 1)] * (there + offset >= 0)
     watts = watts + kind.power * rng.standard_normal(there.size)
-    second = td.Record.from_arrays("meter", there, {"heat": td.Channel.of("heat", watts, quantity="power", role="load", target="heater")})
+    second = td.Record.from_arrays(
+        "meter", there, {"heat": td.Channel.from_array("heat", watts, quantity="power", role="load", target="heater")}
+    )
     fit = td.calibrate(MODEL, first.joined(second, offset=(0.0, 300.0)), FREE)
     found = next(v for v in fit.local if v.name == "clock offset")
     return {"offset": scored(found.value - offset, found.error), **{p: _of_fit(bench, fit, p) for p in FREE}}

@@ -127,7 +127,7 @@ def _standard_errors(cell: Cell, designs: list[Array]) -> list[float]:
 
 
 def _test(data: Weighed, cell: Cell, size: int) -> Test:
-    return Test.of(data, np.zeros((size, size)), np.zeros(size), _known(cell), STATED * np.eye(cell.values))
+    return Test.of_unknowns(data, np.zeros((size, size)), np.zeros(size), _known(cell), STATED * np.eye(cell.values))
 
 
 def _binned(full: Array, residuals: Array) -> Binned:

@@ -58,8 +58,8 @@ def test_a2_area_factor(seed: int) -> None:
         "bench",
         times,
         {
-            "T": Channel.of("T", readings, unit="K", role="node", target="case", noise=0.05),
-            "ROOM": Channel.of("ROOM", air, unit="K", role="boundary", target="air"),
+            "T": Channel.from_array("T", readings, unit="K", role="node", target="case", noise=0.05),
+            "ROOM": Channel.from_array("ROOM", air, unit="K", role="boundary", target="air"),
         },
     )
     found = calibrate(accelerometer("1.00"), data, ["factor"])
@@ -87,10 +87,11 @@ def joint() -> Calibration:
     hidden = model.with_values({p: f"{v!r} [W/(m^2 K)]" for p, v in PLANTED.items()})
     done = run(hidden, air, times, "cv", loads={"ele.electronics": "0 [W]"})
     channels = {
-        s: Channel.of(s, done[n].kelvin, unit="K", role="node", target=n, noise=0.01) for s, n in (("T1", "proc.case"), ("T2", "ele.case"))
+        s: Channel.from_array(s, done[n].kelvin, unit="K", role="node", target=n, noise=0.01)
+        for s, n in (("T1", "proc.case"), ("T2", "ele.case"))
     }
-    channels["ROOM"] = Channel.of("ROOM", air, unit="K", role="boundary", target="cv")
-    channels["P2"] = Channel.of("P2", np.zeros(301), quantity="power", role="load", target="ele.electronics")
+    channels["ROOM"] = Channel.from_array("ROOM", air, unit="K", role="boundary", target="cv")
+    channels["P2"] = Channel.from_array("P2", np.zeros(301), quantity="power", role="load", target="ele.electronics")
     return calibrate(model, Record.from_arrays("stack", times, channels), list(FREE), scenario=Scenario("s", start="24 [degC]"))
 
 
@@ -134,8 +135,8 @@ class TestM1:
             "bench",
             self.TIMES,
             {
-                "T": Channel.of("T", readings, unit="K", role="node", target="case"),
-                "ROOM": Channel.of("ROOM", room, unit="K", role="boundary", target="air"),
+                "T": Channel.from_array("T", readings, unit="K", role="node", target="case"),
+                "ROOM": Channel.from_array("ROOM", room, unit="K", role="boundary", target="air"),
             },
         )
         return fit(Request(accelerometer("1.00"), (data,), ("factor",))).values

@@ -75,10 +75,12 @@ def log_of(truth: td.Model, rng: np.random.Generator, defect: str) -> td.Record:
             step = float(TIMES[1] - TIMES[0])
             for k in range(1, kelvin.size):
                 kelvin[k] = kelvin[k - 1] + (kelvin[k] - kelvin[k - 1]) * (1.0 - np.exp(-step / lag))
-        channels[n] = td.Channel.of(n, kelvin + NOISE * rng.standard_normal(TIMES.size), unit="K", role="node", target=n, noise=NOISE)
-    channels["air"] = td.Channel.of("air", np.full(TIMES.size, ICE_POINT + AIR), unit="K", role="boundary", target="air")
+        channels[n] = td.Channel.from_array(
+            n, kelvin + NOISE * rng.standard_normal(TIMES.size), unit="K", role="node", target=n, noise=NOISE
+        )
+    channels["air"] = td.Channel.from_array("air", np.full(TIMES.size, ICE_POINT + AIR), unit="K", role="boundary", target="air")
     power = np.interp(TIMES, [0.0, 5400.0, 5460.0, 18000.0], [WATTS, WATTS, 0.4 * WATTS, 0.4 * WATTS])
-    channels["P"] = td.Channel.of("P", power, quantity="power", role="load", target="heat")
+    channels["P"] = td.Channel.from_array("P", power, quantity="power", role="load", target="heat")
     return td.Record.from_arrays("bench", TIMES, channels)
 
 

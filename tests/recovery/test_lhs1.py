@@ -80,7 +80,7 @@ def cube(htc: str = "8 [W/(m^2 K)]") -> td.Model:
 
 def time_constant(seen: Cooling) -> float:
     record = Record.from_arrays(
-        "cooling", seen.times, {"T": Channel.of("T", seen.readings, unit="K", role="node", target="box", noise=0.1)}
+        "cooling", seen.times, {"T": Channel.from_array("T", seen.readings, unit="K", role="node", target="box", noise=0.1)}
     )
     scenario = td.Scenario("cooling", boundaries={"room": f"{seen.room} [K]"}, duration=float(seen.times[-1]))
     fit = td.calibrate(cube(), record, ["skin.effective_htc"], scenario=scenario)

@@ -71,7 +71,7 @@ class Curve:
         rows = residuals / self.noise
         if not (np.abs(rows).max() < 1e100 and np.isfinite(slopes).all()):
             raise SolverError("the function is not a number there.")
-        return Compressed(rows, slopes, float(rows @ rows), (("", "", Sums.of(residuals)),), ())
+        return Compressed(rows, slopes, float(rows @ rows), (("", "", Sums.of_residuals(residuals)),), ())
 
     def prior_rows(self, fitted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return np.zeros(0), np.zeros((0, fitted.size))

@@ -39,7 +39,9 @@ def on_a_ridge() -> td.Calibration:
     times = np.linspace(0.0, 7200.0, 61)
     bench = td.Scenario("bench", {"air": "20 [degC]"}, start="20 [degC]", duration="2 [h]")
     seen = td.simulate(ridge(1.0, 0.8), bench, times=times)["case"].kelvin + 0.05 * np.random.default_rng(1).standard_normal(times.size)
-    record = td.Record.from_arrays("bench", times, {"T": td.Channel.of("T", seen, unit="K", role="node", target="case", noise=0.05)})
+    record = td.Record.from_arrays(
+        "bench", times, {"T": td.Channel.from_array("T", seen, unit="K", role="node", target="case", noise=0.05)}
+    )
     return td.calibrate(ridge(1.1, 0.7), record, ["inner.conductance", "outer.conductance"], scenario=bench)
 
 
@@ -87,7 +89,7 @@ class TestSamples:
         """It was half as wide, with a warning behind it."""
         pytest.importorskip("emcee")
         fit = on_a_ridge()
-        low, _, high = exact_interval(_Density.of(fit).stretched(fit), 0.35)
+        low, _, high = exact_interval(_Density.of_fit(fit).stretched(fit), 0.35)
         assert td.inference.posterior(fit).interval("inner.conductance") == pytest.approx((low, high), abs=0.15 * (high - low))
 
     def test_workers_give_the_same_draws(self, fit: td.Calibration) -> None:
@@ -105,7 +107,7 @@ class TestSamples:
     def test_evidence_is_the_integral_over_the_box(self, fit: td.Calibration) -> None:
         pytest.importorskip("dynesty")
         found = td.inference.evidence(fit, points=40)
-        density = _Density.of(fit)
+        density = _Density.of_fit(fit)
         (low, high), value = density.box[0], fit["near.conductance"]
         fine = math.log(value.value) + value.error / value.value * np.linspace(-8.0, 8.0, 201)
         logs = np.array([density(np.array([x])) for x in fine])

@@ -89,7 +89,9 @@ TIMES = np.arange(0.0, 14401.0, 60.0)
 def log(power: np.ndarray, seed: int = 1) -> td.Record:
     scenario = td.Scenario("s", {"air": "20 [degC]"}, {"q": (TIMES, power)}, start="20 [degC]", duration=float(TIMES[-1]))
     readings = td.simulate(BOX, scenario, times=TIMES)["case"].kelvin + 0.03 * np.random.default_rng(seed).standard_normal(TIMES.size)
-    return td.Record.from_arrays("log", TIMES, {"T": td.Channel.of("T", readings, unit="K", role="node", target="case", noise=0.03)})
+    return td.Record.from_arrays(
+        "log", TIMES, {"T": td.Channel.from_array("T", readings, unit="K", role="node", target="case", noise=0.03)}
+    )
 
 
 AIR = td.Scenario("log", {"air": "20 [degC]"}, start="20 [degC]")
@@ -118,7 +120,9 @@ def test_a_switching_power_is_a_walk_and_a_thermostat() -> None:
     )
     run = td.simulate(model, td.Scenario("s", {"air": "20 [degC]"}, start="20 [degC]", duration=float(TIMES[-1])), times=TIMES)
     readings = run["case"].kelvin + 0.02 * np.random.default_rng(2).standard_normal(TIMES.size)
-    record = td.Record.from_arrays("log", TIMES, {"T": td.Channel.of("T", readings, unit="K", role="node", target="case", noise=0.02)})
+    record = td.Record.from_arrays(
+        "log", TIMES, {"T": td.Channel.from_array("T", readings, unit="K", role="node", target="case", noise=0.02)}
+    )
     found = td.inference.power_history(model, record, "q", scenario=AIR)
     assert found.prior == "walk"
     law = next(law for law in found.laws() if law.name == "thermostat")
@@ -149,8 +153,8 @@ def test_a_cooler_is_v_shaped() -> None:
     scenario = td.Scenario("s", {"air": (TIMES, td.quantity(room, unit="K"))}, start="20 [degC]", duration=float(TIMES[-1]))
     readings = td.simulate(model, scenario, times=TIMES)["case"].kelvin + 0.01 * np.random.default_rng(2).standard_normal(TIMES.size)
     channels = {
-        "T": td.Channel.of("T", readings, unit="K", role="node", target="case", noise=0.01),
-        "ROOM": td.Channel.of("ROOM", room, unit="K", role="boundary", target="air"),
+        "T": td.Channel.from_array("T", readings, unit="K", role="node", target="case", noise=0.01),
+        "ROOM": td.Channel.from_array("ROOM", room, unit="K", role="boundary", target="air"),
     }
     found = td.inference.power_history(
         model, td.Record.from_arrays("log", TIMES, channels), "q", scenario=td.Scenario("log", start="20 [degC]")

@@ -35,7 +35,7 @@ def test_w4_evolution_alone_reaches_the_optimum_within_one_per_cent(how: str, re
         for r in records
     }
     problem = build_problem(Request(BENCH.model, tuple(records), tuple(FREE), scenarios, fit_start=False))
-    found = evolved(Population.of(problem, "linear", 1.0), how)
+    found = evolved(Population.of_problem(problem, "linear", 1.0), how)
     assert 2.0 * found.cost == pytest.approx(local.chi_square, rel=0.01)
 
 

@@ -48,7 +48,7 @@ TIMES = np.linspace(0.0, 5400.0, 121)
 
 def record(values: np.ndarray, part: SensorPart | None, accuracy: float | None = None, name: str = "bench") -> Record:
     """Return a log of one sensor on the case."""
-    channel = Channel.of("T", values, unit="K", role="node", target="case", noise=NOISE, accuracy=accuracy, part=part)
+    channel = Channel.from_array("T", values, unit="K", role="node", target="case", noise=NOISE, accuracy=accuracy, part=part)
     return Record.from_arrays(name, TIMES, {"T": channel})
 
 
@@ -184,7 +184,7 @@ def test_what_was_found_of_a_sensor_holds_in_a_verdict() -> None:
 
 
 def test_a_sensor_that_drives_a_boundary_is_refused() -> None:
-    channel = Channel.of("ROOM", np.full(TIMES.size, 293.15), unit="K", role="boundary", target="air", part=SensorPart(lag=20.0))
+    channel = Channel.from_array("ROOM", np.full(TIMES.size, 293.15), unit="K", role="boundary", target="air", part=SensorPart(lag=20.0))
     data = record(readings(SensorPart()), None).with_channels(channel)
     with pytest.raises(ThermidError, match=r", where these cannot be modelled\. Give it an accuracy that includes them instead\."):
         calibrate(part_model(), data, FREE)

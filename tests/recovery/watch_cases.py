@@ -100,7 +100,9 @@ def log_of(case: Case, courses: dict[str, Array]) -> Record:
     """Return the log of a test."""
     r = np.random.default_rng(900_000 + case.seed)
     size = courses["chip"].size
-    made = {n: Channel.of(n, courses[n] + r.normal(0.0, case.noise, size), unit="K", column=n, noise=case.noise) for n in case.sensors}
+    made = {
+        n: Channel.from_array(n, courses[n] + r.normal(0.0, case.noise, size), unit="K", column=n, noise=case.noise) for n in case.sensors
+    }
     return Record.from_arrays("rig", case.every * np.arange(size), made)
 
 

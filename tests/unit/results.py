@@ -29,7 +29,7 @@ def of_a_fit(folder: Path) -> dict[str, Any]:
     campaign, model = cell.campaign, box(FINISH)
     record = metered(log(model, {HTC: "6 [W/(m^2 K)]"}, {"T": "case"}, samples=31, accuracy=0.2), "heat", 4.0, 0.05)
     fit = td.calibrate(model, record, [HTC, MASS])
-    known = td.design.Known.of(fit)
+    known = td.design.Knowledge.of_source(fit)
     foreseen, limits = td.design.foresee(known, HOT), td.qualify.Limits("case", "case", td.quantity((250.0, 350.0), unit="K"))
     history = td.inference.power_history(
         model, log(model, {}, {"T": "case"}, samples=31), "heat", known=[("0 [h]", "1 [h]", "4 [W]")], every="30 [min]"
@@ -46,7 +46,7 @@ def of_a_fit(folder: Path) -> dict[str, Any]:
         "credibility": td.inference.credibility(campaign),
         "plan of a retune": td.design.plan_retune(campaign, "box", cell.folder / "cool.toml"),
         "prediction": td.predict(fit, HOT),
-        "spread": td.design.Spread.of(fit.values),
+        "spread": td.design.Spread.of_fit(fit.values),
         "discrepancy": td.inference.discrepancy(fit),
         "identifiability": td.identifiability(fit),
         "profile": td.inference.profile(fit, HTC),
@@ -85,7 +85,9 @@ def that_take_longer() -> dict[str, Any]:
     """Return results that take a second each."""
     model, times = box(FINISH), np.linspace(0.0, 18000.0, 31)
     power = np.where((times > 3600.0) & (times < 9000.0), 8.0, 2.0)
-    meter = td.Record.from_arrays("meter", times[:-9], {"P": td.Channel.of("P", power[:-9], quantity="power", role="load", target="heat")})
+    meter = td.Record.from_arrays(
+        "meter", times[:-9], {"P": td.Channel.from_array("P", power[:-9], quantity="power", role="load", target="heat")}
+    )
     warm = log(model, {}, {"T": "case"}, samples=121, loads={"heat": TableSignal(times, power, True)})
     return {
         "alignment": td.inference.align(model, warm, meter, offset=(-600.0, 600.0), scenario=td.Scenario("air", start="measured")),

@@ -11,12 +11,14 @@ from typing import Any
 import pytest
 
 import thermid as td
-from thermid.base.arguments import MADE
+from thermid.base.arguments import TYPES_WITH_OWN_MESSAGE
 from thermid.base.errors import DeckError, ScenarioError
 
 PART = td.model_from_dict({"title": "Part", "needs": ["air"], "nodes": {"case": {"capacitance": "9 [J/K]"}}})
 BENCH = td.Scenario("bench", boundaries={"air": "20 [degC]"}, duration="1 [h]")
-LOG = td.Record.from_arrays("log", [0.0, 1.0, 2.0], {"T": td.Channel.of("T", [293.0, 293.1, 293.2], unit="K", role="node", target="case")})
+LOG = td.Record.from_arrays(
+    "log", [0.0, 1.0, 2.0], {"T": td.Channel.from_array("T", [293.0, 293.1, 293.2], unit="K", role="node", target="case")}
+)
 ANY: Any = None
 
 
@@ -64,7 +66,7 @@ def test_every_public_function_that_takes_an_object_is_guarded() -> None:
         function = getattr(import_module(f"thermid.{module}"), name)
         if inspect.isfunction(function):
             told = [a for n, a in inspect.unwrap(function).__annotations__.items() if n != "return" and isinstance(a, str)]
-            if any(word in MADE for a in told for word in a.replace("[", " ").replace("]", " ").split()):
+            if any(word in TYPES_WITH_OWN_MESSAGE for a in told for word in a.replace("[", " ").replace("]", " ").split()):
                 assert hasattr(function, "__wrapped__"), f"td.{name} takes an object; decorate it with takes_objects"
 
 

@@ -28,7 +28,7 @@ def run() -> td.Solution:
 
 @pytest.fixture(scope="module")
 def fit(run: td.Solution) -> Any:
-    channel = td.Channel.of("T", run["box"].kelvin, unit="K", role="node", target="box", noise=0.05)
+    channel = td.Channel.from_array("T", run["box"].kelvin, unit="K", role="node", target="box", noise=0.05)
     model = td.model_from_dict(DECK).with_values({"film.conductance": "2 [W/K]"})
     record = td.Record.from_arrays("log", run.times, {"T": channel})
     return td.calibrate(model, record, ["film.conductance", "box.capacitance"], scenario=BENCH)

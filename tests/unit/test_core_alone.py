@@ -51,7 +51,8 @@ deck = {"title": "x", "needs": ["air"], "nodes": {"a": {"capacitance": "900 [J/K
 model = td.model_from_dict(deck)
 bench = td.Scenario("bench", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="1 [h]")
 run = td.simulate(model, bench)
-data = td.Record.from_arrays("log", run.times, {"T": td.Channel.of("T", run["a"].kelvin, unit="K", role="node", target="a", noise=0.05)})
+channel = td.Channel.from_array("T", run["a"].kelvin, unit="K", role="node", target="a", noise=0.05)
+data = td.Record.from_arrays("log", run.times, {"T": channel})
 fit = td.calibrate(model.with_values({"s.htc": "5 [W/(m^2 K)]"}), data, ["s.htc"], scenario=bench)
 assert abs(fit["s.htc"].value - 8.0) < 0.01
 assert abs(td.predict(fit, bench, without=("structural", "misfit"))["a"].final.celsius - run["a"].final) < 0.01

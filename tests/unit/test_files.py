@@ -25,10 +25,10 @@ from thermid.base.files import (
     EXPORT,
     LOG,
     NETCDF,
-    OWN,
     PAGE,
     PAPER,
     PICTURE,
+    RESULTS_FILE,
     TABLE,
     FileKind,
     command,
@@ -65,13 +65,13 @@ def names(folder: Path) -> list[str]:
 
 
 def cut_short(path: Path) -> None:
-    with replacing(path, OWN) as half:
+    with replacing(path, RESULTS_FILE) as half:
         half.write_text("one line of ma")
         raise KeyboardInterrupt
 
 
 def full_disk(path: Path) -> None:
-    with replacing(path, OWN):
+    with replacing(path, RESULTS_FILE):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))  # as `write` has it: without a name
 
 
@@ -88,7 +88,7 @@ def test_a_file_that_is_interrupted_leaves_what_was_there(tmp_path: Path) -> Non
         assert names(tmp_path) == (["run.csv"] if before else [])
         assert not before or path.read_text() == before
     path.chmod(0o640)
-    with replacing(path, OWN) as half:
+    with replacing(path, RESULTS_FILE) as half:
         assert half.name.endswith("run.csv")
         half.write_text("new")
     assert path.read_text() == "new"
@@ -98,7 +98,7 @@ def test_a_file_that_is_interrupted_leaves_what_was_there(tmp_path: Path) -> Non
 
 def test_an_error_names_the_file_that_was_requested(tmp_path: Path) -> None:
     for path in (tmp_path / "no folder" / "run.csv", tmp_path):
-        with pytest.raises(OSError, match=path.name) as caught, replacing(path, OWN):
+        with pytest.raises(OSError, match=path.name) as caught, replacing(path, RESULTS_FILE):
             pass
         assert caught.value.filename == str(path)
 
@@ -106,7 +106,7 @@ def test_an_error_names_the_file_that_was_requested(tmp_path: Path) -> None:
 @pytest.mark.skipif(os.name != "posix", reason="links and devices as POSIX has them")
 def test_links_are_followed_and_devices_written_to(tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(tmp_path / "real.csv")
-    with replacing(tmp_path / "link", OWN) as half:
+    with replacing(tmp_path / "link", RESULTS_FILE) as half:
         half.write_text("x")
     assert (tmp_path / "link").is_symlink()
     assert (tmp_path / "real.csv").read_text() == "x"
@@ -191,7 +191,7 @@ def test_no_file_has_the_ending_of_another_format(tmp_path: Path, name: str) -> 
                 may_write(tmp_path / f"x{ending}", kind)
         else:
             may_write(tmp_path / f"x{ending}", kind)
-    assert kind.own is not None or kind.of("two words").endings == kind.endings
+    assert kind.own is not None or kind.titled("two words").endings == kind.endings
 
 
 def test_what_is_written_in_python_has_the_format_of_its_name(tmp_path: Path) -> None:

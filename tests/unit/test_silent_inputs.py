@@ -54,11 +54,11 @@ def temperature(run: Any, node: str, times: NDArray[np.float64]) -> NDArray[np.f
 def logged(name: str, times: NDArray[np.float64], case: NDArray[np.float64], power: NDArray[np.float64] | None = None) -> td.Record:
     """Return a log of case and air, and of the power where one is given."""
     channels = {
-        "T": Channel.of("T", case, unit="K", role="node", target="case", noise=NOISE),
-        "A": Channel.of("A", np.full(times.size, 20.0 + ZERO), unit="K", role="boundary", target="air", noise=0.01),
+        "T": Channel.from_array("T", case, unit="K", role="node", target="case", noise=NOISE),
+        "A": Channel.from_array("A", np.full(times.size, 20.0 + ZERO), unit="K", role="boundary", target="air", noise=0.01),
     }
     if power is not None:
-        channels["P"] = Channel.of("P", power, role="load", target="heat", quantity="power")
+        channels["P"] = Channel.from_array("P", power, role="load", target="heat", quantity="power")
     return td.Record.from_arrays(name, times, channels)
 
 

@@ -32,7 +32,7 @@ RUN = td.simulate(PART, replace(BENCH, start="30 [degC]"))
 READY = td.prepare(PART, BENCH, ("air", "initial.case", "heater.thermostat.off_above"))
 LOG = td.Record.from_arrays("log", [0.0, 10.0, 20.0], {"T": [20.0, 24.0, 25.0]}, unit="degC")
 WARMED = 24.0 - 4.0 * np.exp(-np.array([0.0, 30.0, 60.0]) / 2000.0)  # by air of 24 degC, so that a fit ends soon
-FITTED = td.Record.from_arrays("log", [0.0, 30.0, 60.0], {"T": td.Channel.of("T", WARMED, unit="degC", role="node", target="case")})
+FITTED = td.Record.from_arrays("log", [0.0, 30.0, 60.0], {"T": td.Channel.from_array("T", WARMED, unit="degC", role="node", target="case")})
 STANDARD = ("SMC-S-016", "unit thermal cycle")
 
 
@@ -90,7 +90,7 @@ DOORS: dict[str, Callable[[Any], float]] = {
     ),
     "Trace, crossing": lambda g: KELVIN if RUN["case"].crossing(g, below=True) == RUN["case"].crossing("24 [degC]", below=True) else 0.0,
     "calibrate, local": fitted,
-    "Channel.of": lambda g: float(td.Channel.of("T", [g, g]).values[1]),
+    "Channel.of": lambda g: float(td.Channel.from_array("T", [g, g]).values[1]),
     "Record.from_arrays": lambda g: channel(td.Record.from_arrays("r", [0.0, 1.0], {"T": [g, g]})),
     "Record, flag_faults, codes": lambda g: KELVIN if LOG.flag_faults([g], jump="1 [K]")["T"].flags == {"fault": 1} else 0.0,
     "Record, flag_faults, high": lambda g: (
@@ -171,15 +171,15 @@ def test_a_course_without_a_unit_is_refused(bare: Any) -> None:
 
 def test_readings_are_in_the_unit_that_is_stated() -> None:
     for made in (
-        td.Channel.of("T", [75.2, 77.0], unit="degF"),
-        td.Channel.of("T", UNITS.Quantity([24.0, 25.0], "degC")),
+        td.Channel.from_array("T", [75.2, 77.0], unit="degF"),
+        td.Channel.from_array("T", UNITS.Quantity([24.0, 25.0], "degC")),
         td.Record.from_arrays("r", hours().index, {"T": hours()})["T"],
     ):
         assert made.values == pytest.approx([297.15, 298.15])
-    assert td.Channel.of("P", [5.0], quantity="power").values == pytest.approx([5.0])
-    assert td.Channel.of("P", [5.0], unit="mW", quantity="power").values == pytest.approx([0.005])
+    assert td.Channel.from_array("P", [5.0], quantity="power").values == pytest.approx([5.0])
+    assert td.Channel.from_array("P", [5.0], unit="mW", quantity="power").values == pytest.approx([0.005])
     with pytest.raises(td.ThermidError, match="a temperature"):
-        td.Channel.of("P", [5.0], unit="W")
+        td.Channel.from_array("P", [5.0], unit="W")
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from thermid.base.errors import DeckError
 P = ParamSpec("P")
 R = TypeVar("R")
 
-MADE = {
+TYPES_WITH_OWN_MESSAGE = {
     "Model": "td.load_model({})",
     "Block": "td.Block(...)",
     "Scenario": "td.load_scenario({})",
@@ -42,7 +42,7 @@ MADE = {
 }
 """What a user makes and hands on, and how it is made; the braces hold the file."""
 TEXTS = ("str", "PathLike", "Path")
-MANY = ("Sequence", "Iterable", "Mapping")
+COLLECTIONS = ("Sequence", "Iterable", "Mapping")
 
 
 def takes_objects(function: Callable[P, R]) -> Callable[P, R]:
@@ -50,10 +50,12 @@ def takes_objects(function: Callable[P, R]) -> Callable[P, R]:
 
     Only what users mix up is looked at: texts, paths, dictionaries and thermid's own objects. Annotations are read once.
     """
-    code, told = function.__code__, function.__annotations__
+    code, annotations = function.__code__, function.__annotations__
     names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
-    known = {n: words for n in names if isinstance(told.get(n), str) and (words := _words(told[n]) or _plain(told[n]))}
-    places = [(k, n) for k, n in enumerate(names[: code.co_argcount]) if n in known]
+    expected = {
+        n: words for n in names if isinstance(annotations.get(n), str) and (words := _words(annotations[n]) or _plain(annotations[n]))
+    }
+    places = [(k, n) for k, n in enumerate(names[: code.co_argcount]) if n in expected]
 
     passed: set[tuple[str, type]] = set()  # what was taken once is taken again; a call then costs a microsecond
 
@@ -65,11 +67,11 @@ def takes_objects(function: Callable[P, R]) -> Callable[P, R]:
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:
         for k, name in places:
             if k < len(args) and (name, type(args[k])) not in passed:
-                _check(args[k], known[name], name, code.co_name)
+                _check(args[k], expected[name], name, code.co_name)
                 remember(name, args[k])
         for name, value in kwargs.items():
-            if name in known and (name, type(value)) not in passed:
-                _check(value, known[name], name, code.co_name)
+            if name in expected and (name, type(value)) not in passed:
+                _check(value, expected[name], name, code.co_name)
                 remember(name, value)
         return function(*args, **kwargs)
 
@@ -79,7 +81,7 @@ def takes_objects(function: Callable[P, R]) -> Callable[P, R]:
 def _words(annotation: str) -> tuple[str, ...]:
     """Return the names in an annotation where it takes an object of thermid or a path; nothing where it takes neither."""
     words = tuple(dict.fromkeys(re.findall(r"\w+", re.sub(r"Mapping\[str, ?", "Mapping[", annotation))))
-    return words if {*words} & {*MADE, "PathLike", "Path"} or annotation.startswith("Mapping[str, Any]") else ()
+    return words if {*words} & {*TYPES_WITH_OWN_MESSAGE, "PathLike", "Path"} or annotation.startswith("Mapping[str, Any]") else ()
 
 
 def _plain(annotation: str) -> tuple[str, ...]:
@@ -112,28 +114,40 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
         if "None" in words:
             return
         what = "None"
-    elif isinstance(value, list | tuple | float | int) and {*words} <= {*MADE, "None", "Mapping", "Any", "str", "os", "PathLike", "Path"}:
+    elif isinstance(value, list | tuple | float | int) and {*words} <= {
+        *TYPES_WITH_OWN_MESSAGE,
+        "None",
+        "Mapping",
+        "Any",
+        "str",
+        "os",
+        "PathLike",
+        "Path",
+    }:
         what = "a list" if isinstance(value, list | tuple) else repr(value)
     elif isinstance(value, list | tuple):
-        for item in value if any(m in words for m in MANY) else ():
+        for item in value if any(m in words for m in COLLECTIONS) else ():
             _check(item, words, name, function)
         return
     elif isinstance(value, str | os.PathLike):
         if any(t in words for t in TEXTS):
             return
         what = f"the text {value!r}" if isinstance(value, str) else f"the path {str(value)!r}"
-    elif isinstance(value, Mapping) and type(value).__name__ not in MADE:
+    elif isinstance(value, Mapping) and type(value).__name__ not in TYPES_WITH_OWN_MESSAGE:
         if "Mapping" in words or "dict" in words:
             for item in value.values() if "str" not in words and "Any" not in words else ():
                 _check(item, words, name, function)
             return
         what = "a dictionary"
     else:
-        kinds = [c.__name__ for c in type(value).__mro__ if c.__name__ in MADE]
+        kinds = [c.__name__ for c in type(value).__mro__ if c.__name__ in TYPES_WITH_OWN_MESSAGE]
         if not kinds or any(k in words for k in kinds):
             return
         what = kinds[0]
-    takes = [*(w for w in words if w in MADE), *(["the path of a file or folder"] if {"PathLike", "Path"} & {*words} else [])]
+    takes = [
+        *(w for w in words if w in TYPES_WITH_OWN_MESSAGE),
+        *(["the path of a file or folder"] if {"PathLike", "Path"} & {*words} else []),
+    ]
     raise DeckError(
         f"`{name}` takes {' or '.join(takes) or 'a dictionary'}, not {what}.{_advice(words, value)}", function, code="value.wrong-kind"
     )
@@ -141,10 +155,14 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
 
 def _advice(words: tuple[str, ...], value: Any) -> str:
     """Return how what is wanted is made."""
-    first = next((w for w in words if w in MADE), "")
+    first = next((w for w in words if w in TYPES_WITH_OWN_MESSAGE), "")
     if not first:
         return " Give the file's name." if any(t in words for t in TEXTS) else ""
     if isinstance(value, Mapping):
-        return " Make it with td.model_from_dict(...)." if first == "Model" else f" Make it with {MADE[first].format('file')}."
+        return (
+            " Make it with td.model_from_dict(...)."
+            if first == "Model"
+            else f" Make it with {TYPES_WITH_OWN_MESSAGE[first].format('file')}."
+        )
     file = repr(os.fspath(value)) if isinstance(value, str | os.PathLike) else "file"
-    return f" Make it with {MADE[first].format(file)}."
+    return f" Make it with {TYPES_WITH_OWN_MESSAGE[first].format(file)}."

@@ -192,15 +192,15 @@ def cap(name: str) -> float:
     ------
     ThermidError   When the variable names no cap, or gives no number above zero.
     """
-    given = os.environ.get(CAPS_VARIABLE)
-    return _caps(given)[name] if given else CAPS[name][0]
+    setting = os.environ.get(CAPS_VARIABLE)
+    return _caps(setting)[name] if setting else CAPS[name][0]
 
 
 @lru_cache(maxsize=8)
-def _caps(given: str) -> dict[str, float]:
+def _caps(setting: str) -> dict[str, float]:
     """Return every cap, with those that the variable gives."""
     out = {name: most for name, (most, _) in CAPS.items()}
-    for word in given.replace(",", " ").split():
+    for word in setting.replace(",", " ").split():
         name, _, text = word.partition("=")
         refuse_unknown([name], CAPS, CAPS_VARIABLE, "there is no cap '{}'; there are {known}.", ThermidError)
         try:
@@ -224,13 +224,13 @@ def raising(name: str) -> str:
     return f" The cap '{name}' is {shown}; the environment variable {CAPS_VARIABLE}={name}=NUMBER raises it."
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
+def nearest(name: str, candidates: Iterable[str]) -> str:
     """Return `` Did you mean 'x'?`` for the known name nearest to `name`, or an empty text.
 
     >>> nearest("proc.cas", ["proc.case", "ele.case"])
     " Did you mean 'proc.case'?"
     """
-    names, name = list(known), str(name)
+    names, name = list(candidates), str(name)
     hits = [n for n in names if n.casefold() == name.casefold()] or get_close_matches(name, names, n=1, cutoff=0.5)
     return f" Did you mean '{hits[0]}'?" if hits else ""
 
@@ -246,7 +246,7 @@ def errors_at(where: str, joint: str = "") -> Iterator[None]:
 
 def refuse_unknown(
     names: Iterable[object],
-    known: Collection[Any],
+    allowed: Collection[Any],
     where: str = "",
     refusal: str = "no key '{}'; there are {known}.",
     error: type[ThermidError] = RecordError,
@@ -257,7 +257,7 @@ def refuse_unknown(
     Parameters
     ----------
     names : iterable        What is asked for.
-    known : collection      What there is.
+    allowed : collection    What there is.
     where : str             Place of the names, for the message.
     refusal : str           The message: `{}` stands for the name, `{known}` for all that are known, `{near}` for the nearest of these; the
                             nearest follows at the end where the message has no place for it.
@@ -269,9 +269,9 @@ def refuse_unknown(
     ThermidError   Of that kind.
     """
     for name in names:
-        if not isinstance(name, Hashable) or name not in known:
+        if not isinstance(name, Hashable) or name not in allowed:
             text = refusal if "{near}" in refusal else f"{refusal}{{near}}"
-            words = {"{}": str(name), "{known}": ", ".join(known) or "none", "{near}": nearest(str(name), known)}
+            words = {"{}": str(name), "{known}": ", ".join(allowed) or "none", "{near}": nearest(str(name), allowed)}
             raise error("".join(words.get(part, part) for part in _PLACES.split(text)), where, code=code)
 
 

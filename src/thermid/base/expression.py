@@ -161,23 +161,23 @@ def _with_quantities(text: str) -> Expression:
     """Return an expression with names in which numbers have units of their own."""
     quantities: dict[str, Literal] = {}
 
-    def placed(found: re.Match[str]) -> str:
-        of = unit(found["unit"])
+    def placed(match: re.Match[str]) -> str:
+        of = unit(match["unit"])
         if of.absolute:
             raise ExpressionError(
-                f"'{_short(text)}': '{found[0]}' inside arithmetic could be a temperature or a difference. Write it in [K] or define "
+                f"'{_short(text)}': '{match[0]}' inside arithmetic could be a temperature or a difference. Write it in [K] or define "
                 "a parameter for it.",
                 code="expression.scale-in-arithmetic",
             )
         name = f"{_PLACE}{len(quantities)}"
-        quantities[name] = Literal(to_si(Fraction(found["number"]), of), of)
+        quantities[name] = Literal(to_si(Fraction(match["number"]), of), of)
         return name
 
     body = text if _PLACE in text else _QUANTITY.sub(placed, text)
     names: list[str] = []
     if "[" not in body:
         tree = _tree(body, text)
-        _check(tree, text, names, known=frozenset(quantities))
+        _check(tree, text, names, places=frozenset(quantities))
     if "[" not in body and names:
         return Expression(text, tuple(dict.fromkeys(names)), None, tree, quantities)
     if _BRACKET.match(text) and re.search(r"[A-Za-z_)]\s*\[[^\[\]]*\]\s*$", text):
@@ -279,24 +279,24 @@ def _function(node: ast.Call) -> str:
     return node.func.id if isinstance(node.func, ast.Name) else ""
 
 
-def _check(node: ast.expr, text: str, names: list[str], depth: int = 0, known: frozenset[str] = frozenset()) -> None:
-    """Refuse everything but arithmetic over names, and collect the names; `known` are places of numbers with units."""
+def _check(node: ast.expr, text: str, names: list[str], depth: int = 0, places: frozenset[str] = frozenset()) -> None:
+    """Refuse everything but arithmetic over names, and collect the names; `places` are places of numbers with units."""
     if depth > 100:
         raise ExpressionError(f"'{_short(text)}' is nested too deeply.", code="expression.not-arithmetic")
     operands = _operands(node)
     if operands is not None:
         if isinstance(node, ast.Call) and (len(operands) < 2 if _function(node) in SEVERAL else len(operands) != 1):
-            asked = "two values or more" if _function(node) in SEVERAL else "one value"
+            needed = "two values or more" if _function(node) in SEVERAL else "one value"
             raise ExpressionError(
-                f"'{_short(text)}': {_function(node)}() takes {asked}; it has {len(operands)}.", code="expression.not-arithmetic"
+                f"'{_short(text)}': {_function(node)}() takes {needed}; it has {len(operands)}.", code="expression.not-arithmetic"
             )
         for operand in operands:
-            _check(operand, text, names, depth + 1, known)
+            _check(operand, text, names, depth + 1, places)
         return
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float) and not isinstance(node.value, bool):
         return
     path = _path(node)
-    if (path == "inf" and depth == 0) or path in CONSTANTS or path in known:
+    if (path == "inf" and depth == 0) or path in CONSTANTS or path in places:
         return
     if path is not None and path.isascii() and "__" not in path and _MARK not in text:
         names.append(path)
@@ -327,7 +327,7 @@ def _fraction(node: ast.expr, body: str) -> Fraction:
         inner = _fraction(node.operand, body)
         return -inner if isinstance(node.op, ast.USub) else inner
     if isinstance(node, ast.Call):
-        values = [_fraction(each, body) for each in node.args]
+        values = [_fraction(argument, body) for argument in node.args]
         exact: dict[str, Callable[..., Fraction]] = {"abs": abs, "min": min, "max": max}
         name = _function(node)
         return exact[name](*values) if name in exact else Fraction(FUNCTIONS[name](*map(float, values)))
@@ -335,7 +335,7 @@ def _fraction(node: ast.expr, body: str) -> Fraction:
         return Fraction(CONSTANTS[node.id])
     if not isinstance(node, ast.BinOp):
         raise ValueError("infinity inside arithmetic")
-    left, right = _fraction(node.left, body), _fraction(node.right, body)
+    lhs, right = _fraction(node.left, body), _fraction(node.right, body)
     if isinstance(node.op, ast.Pow):
         if abs(right) > cap("power"):
             raise ExpressionError(
@@ -343,14 +343,14 @@ def _fraction(node: ast.expr, body: str) -> Fraction:
                 code="expression.no-finite-value",
             )
         if right.denominator != 1:  # a root is not a fraction; it is rounded here and once more at the end
-            return Fraction(real_power(float(left), float(right)))
-        if _bits(left) * abs(right) > _MOST_BITS:
+            return Fraction(real_power(float(lhs), float(right)))
+        if _bits(lhs) * abs(right) > _MOST_BITS:
             raise OverflowError
-        return left**right.numerator
-    made = Fraction(_OPERATORS[type(node.op)](left, right))
-    if _bits(made) > _MOST_BITS:
+        return lhs**right.numerator
+    result = Fraction(_OPERATORS[type(node.op)](lhs, right))
+    if _bits(result) > _MOST_BITS:
         raise OverflowError
-    return made
+    return result
 
 
 def _bits(number: Fraction) -> int:
@@ -367,7 +367,7 @@ def _value(node: ast.expr, lookup: Callable[[str], Any]) -> Any:
     if isinstance(node, ast.BinOp):
         return _OPERATORS[type(node.op)](_value(node.left, lookup), _value(node.right, lookup))
     if isinstance(node, ast.Call):
-        return FUNCTIONS[_function(node)](*(_value(each, lookup) for each in node.args))
+        return FUNCTIONS[_function(node)](*(_value(argument, lookup) for argument in node.args))
     path = _path(node) or ""
     return CONSTANTS[path] if path in CONSTANTS else lookup(path)
 
@@ -379,45 +379,45 @@ def _dimension(node: ast.expr, lookup: Callable[[str], Dimension], text: str) ->
     if isinstance(node, ast.UnaryOp):
         return _dimension(node.operand, lookup, text)
     if isinstance(node, ast.Call):
-        return _function_dimension(node, [_dimension(each, lookup, text) for each in node.args], text)
+        return _function_dimension(node, [_dimension(argument, lookup, text) for argument in node.args], text)
     if not isinstance(node, ast.BinOp):
         path = _path(node) or ""
         return DIMENSIONLESS if path in CONSTANTS else lookup(path)
-    left, right = _dimension(node.left, lookup, text), _dimension(node.right, lookup, text)
+    lhs, right = _dimension(node.left, lookup, text), _dimension(node.right, lookup, text)
     if isinstance(node.op, ast.Mult):
-        return left if right is DIMENSIONLESS else tuple(a + b for a, b in zip(left, right, strict=True))
+        return lhs if right is DIMENSIONLESS else tuple(a + b for a, b in zip(lhs, right, strict=True))
     if isinstance(node.op, ast.Div):
-        return left if right is DIMENSIONLESS else tuple(a - b for a, b in zip(left, right, strict=True))
+        return lhs if right is DIMENSIONLESS else tuple(a - b for a, b in zip(lhs, right, strict=True))
     if isinstance(node.op, ast.Pow):
-        return _power_dimension(node, left, right, text)
-    if left != right:
+        return _power_dimension(node, lhs, right, text)
+    if lhs != right:
         part = ast.unparse(node)
-        raise ExpressionError(f"'{text}': '{part}' adds {describe(left)} and {describe(right)}.", code="expression.mixed-dimensions")
-    return left
+        raise ExpressionError(f"'{text}': '{part}' adds {describe(lhs)} and {describe(right)}.", code="expression.mixed-dimensions")
+    return lhs
 
 
 def _function_dimension(node: ast.Call, of: list[Dimension], text: str) -> Dimension:
     """Return the dimension of a function: a root halves it, an exponential takes plain numbers, the others keep one dimension."""
     name = _function(node)
     if name == "sqrt":
-        return tuple(each / 2 for each in of[0])
+        return tuple(dimension / 2 for dimension in of[0])
     if name == "exp" and of[0] != DIMENSIONLESS:
         raise ExpressionError(
             f"'{text}': exp() takes a plain number; '{ast.unparse(node.args[0])}' is {describe(of[0])}.", code="expression.mixed-dimensions"
         )
-    for each in of[1:]:
-        if each != of[0]:
+    for dimension in of[1:]:
+        if dimension != of[0]:
             raise ExpressionError(
-                f"'{text}': '{ast.unparse(node)}' compares {describe(of[0])} and {describe(each)}.", code="expression.mixed-dimensions"
+                f"'{text}': '{ast.unparse(node)}' compares {describe(of[0])} and {describe(dimension)}.", code="expression.mixed-dimensions"
             )
     return of[0]
 
 
-def _power_dimension(node: ast.BinOp, left: Dimension, right: Dimension, text: str) -> Dimension:
+def _power_dimension(node: ast.BinOp, base_dimension: Dimension, right: Dimension, text: str) -> Dimension:
     """Return the dimension of a power: its exponent is a plain number, and a constant one where the base has a dimension."""
     if right != DIMENSIONLESS:
         raise ExpressionError(f"'{text}': an exponent must be a plain number.", code="expression.exponent-not-plain")
-    if left == DIMENSIONLESS:
+    if base_dimension == DIMENSIONLESS:
         return DIMENSIONLESS
     try:
         power = _fraction(node.right, text.strip())
@@ -425,7 +425,7 @@ def _power_dimension(node: ast.BinOp, left: Dimension, right: Dimension, text: s
         raise ExpressionError(
             f"'{text}': a quantity with a unit can be raised to a constant power only.", code="expression.exponent-not-plain"
         ) from None
-    return tuple(e * power for e in left)
+    return tuple(e * power for e in base_dimension)
 
 
 # ---- values with their unit
@@ -496,11 +496,11 @@ def quantity(values: Any, *, unit: str) -> Quantity:
     >>> float(quantity(77, unit="degF").si)
     298.15
     """
-    of, said = read_unit(unit), stated(values)
-    if said is not None and said.unit != of:
-        raise UnitError(f"the values are in [{said.unit.text}] themselves. Leave out unit='{unit}', or give plain numbers.")
-    if said is not None:
-        return said
+    of, with_own_unit = read_unit(unit), stated(values)
+    if with_own_unit is not None and with_own_unit.unit != of:
+        raise UnitError(f"the values are in [{with_own_unit.unit.text}] themselves. Leave out unit='{unit}', or give plain numbers.")
+    if with_own_unit is not None:
+        return with_own_unit
     return Quantity(_in_si(values, of), of, _index(values))
 
 
@@ -519,34 +519,34 @@ def celsius(values: Any) -> Quantity:
     return quantity(values, unit="degC")
 
 
-def stated(given: Any) -> Quantity | None:
+def stated(value: Any) -> Quantity | None:
     """Return what states its unit, as a `Quantity`; None for texts, and for numbers without a unit.
 
     Raises
     ------
     UnitError   When nobody knows the unit.
     """
-    if isinstance(given, Quantity):
-        return given
-    if isinstance(given, Kelvin):
-        return Quantity(float(given), read_unit("K"))
-    if hasattr(given, "magnitude") and hasattr(given, "units"):  # pint
-        of = read_unit(str(given.units))
-        return Quantity(_in_si(given.magnitude, of), of)
-    attributes = getattr(given, "attrs", None)  # pandas and xarray
+    if isinstance(value, Quantity):
+        return value
+    if isinstance(value, Kelvin):
+        return Quantity(float(value), read_unit("K"))
+    if hasattr(value, "magnitude") and hasattr(value, "units"):  # pint
+        of = read_unit(str(value.units))
+        return Quantity(_in_si(value.magnitude, of), of)
+    attributes = getattr(value, "attrs", None)  # pandas and xarray
     text = attributes.get("units", attributes.get("unit")) if isinstance(attributes, dict) else None
     if text is None:
         return None
     of = read_unit(str(text))
-    return Quantity(_in_si(given, of), of, _index(given))
+    return Quantity(_in_si(value, of), of, _index(value))
 
 
-def si_values(given: Any, slot: str) -> float | Array | None:
+def si_values(raw: Any, slot: str) -> float | Array | None:
     """Return what was given for a slot, in SI; None for numbers without a unit where the slot is no temperature.
 
     Parameters
     ----------
-    given : Any     A text, a number or an array, with a unit in one of the ways of this module or without one.
+    raw : Any       A text, a number or an array, with a unit in one of the ways of this module or without one.
     slot : str      The unit that is needed, or `TEMPERATURE`.
 
     Raises
@@ -554,16 +554,16 @@ def si_values(given: Any, slot: str) -> float | Array | None:
     UnitError           When it has another dimension, or is a temperature without a unit.
     ExpressionError     When a text cannot be read.
     """
-    if isinstance(given, str):
-        return text_value(given, slot)
-    said = stated(given)
-    if said is not None:
-        require_unit(said.unit, slot)
-        return said.si
-    if isinstance(given, list | tuple) and any(isinstance(v, str) or stated(v) is not None for v in given):
-        return np.array([si_value(v, slot) for v in given])
+    if isinstance(raw, str):
+        return text_value(raw, slot)
+    with_unit = stated(raw)
+    if with_unit is not None:
+        require_unit(with_unit.unit, slot)
+        return with_unit.si
+    if isinstance(raw, list | tuple) and any(isinstance(v, str) or stated(v) is not None for v in raw):
+        return np.array([si_value(v, slot) for v in raw])
     if slot == TEMPERATURE:
-        raise UnitError(f"a temperature with its unit is needed, not {_shown(given)}. {THREE_WAYS}.")
+        raise UnitError(f"a temperature with its unit is needed, not {_shown(raw)}. {THREE_WAYS}.")
     return None
 
 
@@ -584,41 +584,41 @@ def text_value(text: str, slot: str) -> float:
     return literal.value
 
 
-def si_value(given: Any, slot: str) -> float | None:
+def si_value(raw: Any, slot: str) -> float | None:
     """Return one number for a slot, as `si_values`.
 
     Raises
     ------
     UnitError   As `si_values`, or when there are several numbers or it is not a number (nan), such as the mean of an empty series.
     """
-    value = si_values(given, slot)
+    value = si_values(raw, slot)
     if value is not None and (np.size(value) != 1 or np.isnan(value).any()):
         raise UnitError(f"one number is needed, not {np.size(value) if np.size(value) != 1 else 'nan'}.")
     return None if value is None else float(np.ravel(value)[0])
 
 
-def kelvin(given: Any) -> Kelvin:
+def kelvin(raw: Any) -> Kelvin:
     """Return one temperature. [K]
 
     Raises
     ------
     UnitError   When it has no unit, or is no temperature.
     """
-    if isinstance(given, Kelvin):
-        return given
-    value = si_value(given, TEMPERATURE)
+    if isinstance(raw, Kelvin):
+        return raw
+    value = si_value(raw, TEMPERATURE)
     assert value is not None
     return Kelvin(value)
 
 
-def end_of_range(given: Any) -> Kelvin:
+def end_of_range(raw: Any) -> Kelvin:
     """Return one end of a range of temperatures, infinite where it is open. [K]
 
     Raises
     ------
     UnitError   As `kelvin`.
     """
-    return Kelvin(given) if isinstance(given, float) and np.isinf(given) else kelvin(given)
+    return Kelvin(raw) if isinstance(raw, float) and np.isinf(raw) else kelvin(raw)
 
 
 def seconds(times: Any) -> Array:
@@ -628,9 +628,9 @@ def seconds(times: Any) -> Array:
     ------
     UnitError   When they are neither numbers, texts with a unit, durations nor stamps.
     """
-    said = si_values(times, "s")
-    if said is not None:
-        return np.atleast_1d(np.asarray(said, dtype=float))
+    si_times = si_values(times, "s")
+    if si_times is not None:
+        return np.atleast_1d(np.asarray(si_times, dtype=float))
     values = np.asarray(times)
     if values.dtype.kind == "O":
         zoned = [t.timestamp() for t in values.ravel() if getattr(t, "tzinfo", None) is not None]
@@ -682,6 +682,6 @@ def _index(values: Any) -> Array | None:
     return seconds(values.index) if hasattr(values, "index") and hasattr(values, "iloc") else None
 
 
-def _shown(given: Any) -> str:
-    text = repr(given)
-    return text if len(text) < 60 and "\n" not in text else f"this {type(given).__name__}"
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) < 60 and "\n" not in text else f"this {type(value).__name__}"

@@ -263,10 +263,10 @@ def modules_of(extra: str) -> list[str]:
     from importlib.metadata import PackageNotFoundError, requires
 
     try:
-        asked = requires("thermid") or []
+        requirements = requires("thermid") or []
     except PackageNotFoundError:
         return []
-    known = {package: module for module, package in DISTRIBUTIONS.items()}
-    names = [text for text in asked if re.search(rf"extra == ['\"]{extra}['\"]", text)]
+    module_of_package = {package: module for module, package in DISTRIBUTIONS.items()}
+    names = [text for text in requirements if re.search(rf"extra == ['\"]{extra}['\"]", text)]
     packages = [re.split(r"[^\w.-]", name, maxsplit=1)[0] for name in names]
-    return [known.get(name, name) for name in packages]
+    return [module_of_package.get(name, name) for name in packages]

@@ -54,7 +54,7 @@ class FileKind:
     endings: tuple[str, ...] = ()
     named: bool = False
 
-    def of(self, title: str) -> FileKind:
+    def titled(self, title: str) -> FileKind:
         """Return the kind of one thing: a file of it is not replaced by one of another."""
         return replace(self, name=f"{self.name} {re.sub(r'[^0-9A-Za-z]+', '_', title)[:60]}")
 
@@ -122,7 +122,7 @@ SHEET: Final = FileKind("table of a report", lambda path: path.parent.name.endsw
 """In the folder of a report's tables, which nobody else names so."""
 COPY: Final = FileKind("copy", lambda path: False)
 """Bytes as they are; what is there is never replaced."""
-OWN: Final = FileKind("file of results", lambda path: True)
+RESULTS_FILE: Final = FileKind("file of results", lambda path: True)
 """What only thermid writes, by names of its own, and what carries on the content of the file that it replaces."""
 
 
@@ -250,9 +250,11 @@ def check_ending(path: str | os.PathLike[str], kind: FileKind) -> Path:
     ending = target.suffix.lower()
     if not kind.endings or ending in kind.endings or (ending not in FORMATS and not kind.named):
         return target
-    own = " or ".join(kind.endings)
+    endings = " or ".join(kind.endings)
     promise = f"the ending '{ending}' promises {FORMATS[ending]}, but" if ending in FORMATS else "the name does not say a format, and"
-    raise OutputError(f"{promise} the {kind.name} is written as {own}. Give a name that ends so.", str(path), code="output.wrong-ending")
+    raise OutputError(
+        f"{promise} the {kind.name} is written as {endings}. Give a name that ends so.", str(path), code="output.wrong-ending"
+    )
 
 
 def may_write(path: str | os.PathLike[str], kind: FileKind) -> Path:
@@ -396,11 +398,11 @@ def _half_name(name: str) -> str:
 
 def sweep(folder: Path) -> None:
     """Remove what processes that were killed while they wrote have left in a folder."""
-    for each in os.scandir(folder):
-        found = _HALF.match(each.name)
-        if found is not None and _abandoned(each, found):
+    for entry in os.scandir(folder):
+        match = _HALF.match(entry.name)
+        if match is not None and _abandoned(entry, match):
             try:
-                shutil.rmtree(each.path) if each.is_dir(follow_symlinks=False) else os.unlink(each.path)
+                shutil.rmtree(entry.path) if entry.is_dir(follow_symlinks=False) else os.unlink(entry.path)
             except OSError:  # of another user, or gone already
                 continue
 

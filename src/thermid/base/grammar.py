@@ -36,13 +36,13 @@ BRANCHES = ("str", "float", "ValueTable", "PowerLawTable", "Correlated")
 def reads(form: Any, make: Callable[[Any], Any]) -> GetPydanticSchema:
     """Return the mark of a field that is written in one form and holds what `make` makes of it; errors are listed with the other faults."""
 
-    def made(written: Any) -> Any:
+    def validated(written: Any) -> Any:
         try:
             return make(written)
         except ThermidError as error:
             raise PydanticCustomError("thermid", "{message}", {"message": error.message, "error": error}) from None
 
-    return GetPydanticSchema(lambda _, handler: core_schema.no_info_after_validator_function(made, handler.generate_schema(form)))
+    return GetPydanticSchema(lambda _, handler: core_schema.no_info_after_validator_function(validated, handler.generate_schema(form)))
 
 
 def or_instance(kind: type) -> WrapValidator:
@@ -109,8 +109,8 @@ def in_form(otherwise: Any, *tables: tuple[Any, tuple[str, ...]]) -> GetPydantic
     def form(written: Any) -> str:
         if not isinstance(written, Mapping):
             return FORM.format("plain")
-        known = (table.__name__ for table, keys in tables if {*keys} & {*written})
-        return FORM.format(next(known, tables[-1][0].__name__))
+        fitting = (table.__name__ for table, keys in tables if {*keys} & {*written})
+        return FORM.format(next(fitting, tables[-1][0].__name__))
 
     forms: list[Any] = [Annotated[otherwise, Tag(FORM.format("plain"))]]
     forms += [Annotated[table, Tag(FORM.format(table.__name__))] for table, _ in tables]
@@ -221,8 +221,8 @@ def endless(data: Any, path: str = "", deepest: int | None = None) -> tuple[str,
     if deepest == 0:
         return path, CodedText(f"tables and lists are nested too deeply.{raising('nesting')}", "cap.exceeded")
     inside = data.items() if isinstance(data, dict) else enumerate(data)
-    found = (endless(value, f"{path}.{key}" if path else str(key), deepest - 1) for key, value in inside)
-    return next((each for each in found if each), None)
+    faults = (endless(value, f"{path}.{key}" if path else str(key), deepest - 1) for key, value in inside)
+    return next((fault for fault in faults if fault), None)
 
 
 LONGEST_NUMBER = 1023
@@ -234,16 +234,16 @@ def _listed(error: ValidationError, data: Mapping[str, Any], where: Callable[[st
     faults: dict[str, CodedText] = {}
     causes: list[ThermidError] = []
     for fault in error.errors():
-        path, branch, given = _located(fault["loc"], data)
+        path, branch, value = _located(fault["loc"], data)
         if isinstance(cause := fault.get("ctx", {}).get("error"), ThermidError):
             faults.setdefault(".".join(path), cause.message)
             causes.append(cause)
             continue
         path = path[: path.index("between") + 1] if "between" in path[2:] else path
-        if branch and not isinstance(given, Mapping):
+        if branch and not isinstance(value, Mapping):
             forms = "give a text with a unit, '2.5 [W]', a number, or a table with value, min, max, source, note and basis."
             faults.setdefault(".".join(path), CodedText(forms, "file.wrong-kind"))
-        elif not branch or branch == _meant(error, fault["loc"], given):
+        elif not branch or branch == _meant(error, fault["loc"], value):
             faults.setdefault(".".join(path), CodedText(_text(fault, path, branch, grammar), _code(fault)))
     (first, message), *rest = ((where(key), text) for key, text in faults.items())
     code = message.code
@@ -256,27 +256,27 @@ def _listed(error: ValidationError, data: Mapping[str, Any], where: Callable[[st
 
 def _located(location: tuple[int | str, ...], data: Any) -> tuple[list[str], str, Any]:
     """Return the key path of a fault, the branch of a value that it belongs to, and what stands there."""
-    path, branch, given, here = [], "", None, data
+    path, branch, value, here = [], "", None, data
     for step in location:
         if isinstance(here, Mapping) and step in here:
             here = here[step]
         elif isinstance(here, list | tuple) and isinstance(step, int) and step < len(here):
             here = here[step]
         elif not branch and step in BRANCHES:
-            branch, given = str(step), here
+            branch, value = str(step), here
             continue
         elif str(step).startswith("(") or step == "[key]":
             continue
         path.append(str(step))
-    return path, branch, given
+    return path, branch, value
 
 
-def _meant(error: ValidationError, location: tuple[int | str, ...], given: Any) -> str:
+def _meant(error: ValidationError, location: tuple[int | str, ...], value: Any) -> str:
     """Return which form of a value its author meant, by its fields; a power law or a correlation only where they may stand."""
     may = {step for other in error.errors() if other["loc"][:3] == location[:3] for step in other["loc"]}
-    if "value" in given or not may & {"PowerLawTable", "Correlated"}:
+    if "value" in value or not may & {"PowerLawTable", "Correlated"}:
         return "ValueTable"
-    return "Correlated" if {"length", "orientation", "correlation"} & {*given} else "PowerLawTable"
+    return "Correlated" if {"length", "orientation", "correlation"} & {*value} else "PowerLawTable"
 
 
 def _text(fault: Any, path: list[str], branch: str, grammar: type[Grammar]) -> str:

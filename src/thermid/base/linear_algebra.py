@@ -35,10 +35,10 @@ def scaled(rows: Array) -> tuple[Array, Array, Bools]:
     Rows of zeros are added below where there are fewer rows than columns, so that singular values count every unknown.
     """
     length = np.linalg.norm(rows, axis=0)
-    seen = length > NOTHING * length.max(initial=0.0)
-    length = np.where(seen, length, 1.0)
+    nonzero = length > NOTHING * length.max(initial=0.0)
+    length = np.where(nonzero, length, 1.0)
     below = np.zeros((max(0, rows.shape[1] - rows.shape[0]), rows.shape[1]))
-    return np.concatenate([np.where(seen, rows / length, 0.0), below]), length, seen
+    return np.concatenate([np.where(nonzero, rows / length, 0.0), below]), length, nonzero
 
 
 def _decomposed(rows: Array, tolerance: float) -> tuple[Array, Array, Bools, Array]:
@@ -79,12 +79,12 @@ def finite(matrix: Array) -> Array:
 
 def null_space(rows: Array) -> Array:
     """Return the directions (directions, unknowns) that no row sees; unknowns that no row depends on are left out."""
-    _, _, seen = scaled(rows)
-    if seen.sum() < 2:
+    _, _, nonzero = scaled(rows)
+    if nonzero.sum() < 2:
         return np.zeros((0, rows.shape[1]))
-    _, v, weak, inner = _decomposed(rows[:, seen], RANK_TOLERANCE)
+    _, v, weak, inner = _decomposed(rows[:, nonzero], RANK_TOLERANCE)
     out = np.zeros((int(weak.sum()), rows.shape[1]))
-    out[:, seen] = v[weak] / inner
+    out[:, nonzero] = v[weak] / inner
     return out
 
 
@@ -111,8 +111,8 @@ def _eigen(matrix: Array) -> tuple[Array, Array, Array]:
 def square_root(matrix: Array, *, drop: bool = False) -> Array:
     """Return a root L of a covariance, ``L L'``: as many columns as rows, or only the directions in which it is not zero."""
     sizes, vectors, scale = _eigen(matrix)
-    kept = sizes > RANK_TOLERANCE**2 * sizes.max(initial=0.0) if drop else slice(None)
-    return np.asarray(scale[:, None] * vectors[:, kept] * np.sqrt(np.maximum(sizes[kept], 0.0)))
+    chosen = sizes > RANK_TOLERANCE**2 * sizes.max(initial=0.0) if drop else slice(None)
+    return np.asarray(scale[:, None] * vectors[:, chosen] * np.sqrt(np.maximum(sizes[chosen], 0.0)))
 
 
 def inverse_square_root(matrix: Array, floor: float = RANK_TOLERANCE**2) -> Array:
@@ -179,3 +179,16 @@ def solve_conserving(gains: Array, leaving: Array, right: Array) -> Array | None
     for k in reversed(range(size)):
         x[k] = (b[k] + g[k, k + 1 :] @ x[k + 1 :]) / pivots[k]
     return x.reshape(right.shape) if np.isfinite(x).all() else None
+
+
+def forward_substitution(lower: Array, right: Array) -> Array:
+    """Return ``L^-1 B`` (members, n, k) of lower triangular L (members, n, n) and B (members, n, k).
+
+    `numpy.linalg.solve` would factorise each L again.
+    """
+    from scipy.linalg.lapack import dtrtrs
+
+    out = np.empty(right.shape)
+    for k in range(len(right)):
+        out[k], _ = dtrtrs(lower[k].T, right[k], lower=0, trans=1)  # the transpose lies in LAPACK's order
+    return out

@@ -15,13 +15,13 @@ class Memo(dict[Hashable, Any]):
     hand such a field on, so a value with another field starts with an empty memo and nothing has to be reset.
     """
 
-    def made(self, key: Hashable, make: Callable[[], Made], most: int = 0) -> Made:
+    def value(self, key: Hashable, make: Callable[[], Made], most: int = 0) -> Made:
         """Return what is kept under a key, made now where nothing is; with `most` above zero the oldest gives way beyond so many."""
         if key not in self:
-            found = make()
+            result = make()
             while most and len(self) >= most:
                 del self[next(iter(self))]
-            self[key] = found
+            self[key] = result
         out: Made = self[key]
         return out
 

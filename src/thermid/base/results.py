@@ -71,8 +71,8 @@ class Shown:
         named = names_of(self)
         if named:
             return [{"name": n, **_scalars(self[n])} for n in named]  # type: ignore[index]
-        own: list[str] = [f.name for f in fields(self)] if is_dataclass(self) else []
-        for name in own:
+        names: list[str] = [f.name for f in fields(self)] if is_dataclass(self) else []
+        for name in names:
             value = getattr(self, name)
             if isinstance(value, Mapping) and value and all(is_dataclass(v) or isinstance(v, int | float | str) for v in value.values()):
                 return [{name: str(k), **_scalars(v)} for k, v in value.items()]
@@ -165,8 +165,8 @@ class Result(Shown):
         library = optional("pandas", "to_frame")
         traces = self._as_traces()
         if self._frame_of_rows or not traces or any(t.x is not traces[0].x and list(t.x) != list(traces[0].x) for t in traces):
-            made: pandas.DataFrame = library.DataFrame([dict(row) for row in self._as_rows()])
-            return made
+            frame: pandas.DataFrame = library.DataFrame([dict(row) for row in self._as_rows()])
+            return frame
         columns: dict[str, Any] = {}
         for t in traces:
             columns[t.name] = t.y
@@ -182,8 +182,8 @@ class Result(Shown):
         ------
         MissingExtraError   When pandas or xarray is not installed.
         """
-        found: xarray.Dataset = optional("xarray", "to_xarray").Dataset.from_dataframe(self.to_frame())
-        return found
+        dataset: xarray.Dataset = optional("xarray", "to_xarray").Dataset.from_dataframe(self.to_frame())
+        return dataset
 
 
 def names_of(result: object) -> list[str]:
@@ -212,8 +212,8 @@ def _scalars(value: object) -> dict[str, object]:
         return {"value": value}
     if not is_dataclass(value) or isinstance(value, type):
         return {}
-    found = {f.name: getattr(value, f.name) for f in fields(value) if not f.name.startswith("_")}
-    return {n: v for n, v in found.items() if isinstance(v, bool | int | float) or (isinstance(v, str) and len(v) <= 80)}
+    by_field = {f.name: getattr(value, f.name) for f in fields(value) if not f.name.startswith("_")}
+    return {n: v for n, v in by_field.items() if isinstance(v, bool | int | float) or (isinstance(v, str) and len(v) <= 80)}
 
 
 def _brief(value: object) -> str:

@@ -72,5 +72,5 @@ def weigh(verdicts: Iterable[bool | None]) -> bool | None:
     >>> weigh([True, None, True]), weigh([None, False]), weigh([])
     (None, False, None)
     """
-    found = list(verdicts)
-    return False if False in found else None if None in found or not found else True
+    decisions = list(verdicts)
+    return False if False in decisions else None if None in decisions or not decisions else True

@@ -140,7 +140,7 @@ def unit(text: str) -> Unit:
     # refuse exponents that no physical unit has: their powers of ten would be computed digit by digit
     for given in _EXPONENT.findall(key):
         if given[:1].isdigit() or given[:1] == "-":
-            if not _SMALL.match(given) or abs(float(given)) > cap("exponent"):
+            if not _PLAIN_EXPONENT.match(given) or abs(float(given)) > cap("exponent"):
                 raise UnitError(
                     f"'[{text}]' is not a known unit: it has the exponent {given}. "
                     f"Exponents go up to {cap('exponent'):.0f}, as plain numbers with at most one decimal."
@@ -151,7 +151,7 @@ def unit(text: str) -> Unit:
 
 
 _EXPONENT = re.compile(r"\^([^*/()^]*)")
-_SMALL = re.compile(r"-?\d{1,2}(?:\.\d)?\Z", re.ASCII)
+_PLAIN_EXPONENT = re.compile(r"-?\d{1,2}(?:\.\d)?\Z", re.ASCII)
 # names with small powers, * / and parentheses: pint would compute a tower of powers, read raised digits as powers, and other text as code
 _LETTER = "[A-Za-zµμΩΩÅ°_]"
 _READABLE = re.compile(rf"(?:{_LETTER}(?:{_LETTER}|\d)*+(?:\^-?\d{{1,2}}(?:\.\d)?(?![\w.]))?+|1(?=/)|%|[*/()])+\Z", re.ASCII)
@@ -164,12 +164,12 @@ def _intended(key: str) -> str:
     spaced = re.sub(r"\b(kg|g|m)(?=K\b)", r"\1*", spaced)
     head, *below = re.sub("[()]", "", spaced).split("/")
     factors = [f for part in below for f in part.split("*") if f]
-    found = head + (f"/({'*'.join(factors)})" if len(factors) > 1 else f"/{factors[0]}" if factors else "")
+    guess = head + (f"/({'*'.join(factors)})" if len(factors) > 1 else f"/{factors[0]}" if factors else "")
     try:
-        known = found != key and key.count("(") == key.count(")") and unit(found) is not None
+        is_unit = guess != key and key.count("(") == key.count(")") and unit(guess) is not None
     except UnitError:
-        known = False
-    return f" Did you mean '{found.replace('*', ' ')}'?" if known else ""
+        is_unit = False
+    return f" Did you mean '{guess.replace('*', ' ')}'?" if is_unit else ""
 
 
 def _from_pint(text: str, key: str) -> Unit:
@@ -234,14 +234,14 @@ def describe(dimension: Dimension) -> str:
     return "a quantity in " + " ".join(f"{b}^{e}" if e != 1 else b for b, e in zip(bases, dimension, strict=True) if e)
 
 
-def require(dimension: Dimension, slot: str, given: str = "", absolute: bool = False) -> None:
+def require(dimension: Dimension, slot: str, written: str = "", absolute: bool = False) -> None:
     """Check a dimension against a slot.
 
     Parameters
     ----------
     dimension : Dimension   What was given.
     slot : str              A unit text, or `TEMPERATURE` for a temperature on the scale.
-    given : str             The unit text as written, for the message.
+    written : str           The unit text as written, for the message.
     absolute : bool         Whether it was written on a temperature scale with an offset.
 
     Raises
@@ -251,21 +251,21 @@ def require(dimension: Dimension, slot: str, given: str = "", absolute: bool = F
     wanted = unit("K" if slot == TEMPERATURE else slot)
     if dimension != wanted.dimension:
         what = (
-            f"'[{given}]' is {'a temperature' if absolute else describe(dimension)}"
-            if given and given != "1"
+            f"'[{written}]' is {'a temperature' if absolute else describe(dimension)}"
+            if written and written != "1"
             else f"this is {describe(dimension)}"
         )
         need = "a temperature [degC] or [K]" if slot == TEMPERATURE else f"{describe(wanted.dimension)} [{slot}]"
-        bare = dimension == DIMENSIONLESS and given in ("", "1")
+        bare = dimension == DIMENSIONLESS and written in ("", "1")
         shown = f' Write its unit with it: "2.5 [{"degC" if slot == TEMPERATURE else slot}]".' if bare else ""
         raise UnitError(f"{what}; {need} is needed here.{shown}", code="unit.wrong-dimension")
-    if slot == TEMPERATURE and given.startswith("delta"):
+    if slot == TEMPERATURE and written.startswith("delta"):
         raise UnitError(
-            f"'[{given}]' is a temperature difference; a temperature [degC] or [K] is needed here.", code="unit.wrong-dimension"
+            f"'[{written}]' is a temperature difference; a temperature [degC] or [K] is needed here.", code="unit.wrong-dimension"
         )
     if absolute and slot != TEMPERATURE:
         raise UnitError(
-            f"'[{given}]' is a temperature in degC or degF; a temperature difference is needed here. Write it in [K].",
+            f"'[{written}]' is a temperature in degC or degF; a temperature difference is needed here. Write it in [K].",
             code="unit.scale-for-difference",
         )
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from thermid.base.errors import MissingDataError, RecordError
 from thermid.base.extensions import by_grammar
-from thermid.base.files import OWN, parse_toml, was_read, write_text
+from thermid.base.files import RESULTS_FILE, parse_toml, was_read, write_text
 from thermid.base.toml_files import Places
 from thermid.bench._wire import rom_is_good
 from thermid.measure.amounts import amount
@@ -121,10 +121,10 @@ def save_sensor(path: str | Path, sensor: MappedSensor) -> None:
         }
         table["certificate"] = certificate
     tables: Any = content["sensors"]
-    for name in [name for name, each in tables.items() if each.get("rom") == sensor.rom and name != sensor.name]:
+    for name in [name for name, sensor_table in tables.items() if sensor_table.get("rom") == sensor.rom and name != sensor.name]:
         del tables[name]  # the sensor has a new name
     tables[sensor.name] = table
-    write_text(place, tomlkit.dumps(content), OWN)
+    write_text(place, tomlkit.dumps(content), RESULTS_FILE)
 
 
 @dataclass(frozen=True)
@@ -183,12 +183,12 @@ def load_programme(path: str | Path) -> Programme:
     return Programme(tuple(times), tuple(duties), end)
 
 
-def _duty(given: object, held: int, where: str) -> int:
+def _duty(written: object, held: int, where: str) -> int:
     """Return a duty, or the one before where none is given. [0.1 %]"""
-    if given is None:
+    if written is None:
         return held
-    share = amount(given, "1", where)
+    share = amount(written, "1", where)
     if not 0 <= share <= 1:
-        hint = f" Write '{given} [%]'." if isinstance(given, (int, float)) and 1 < given <= 100 else ""
-        raise RecordError(f"{given!r} is not from 0 to 100 %.{hint}", where)
+        hint = f" Write '{written} [%]'." if isinstance(written, (int, float)) and 1 < written <= 100 else ""
+        raise RecordError(f"{written!r} is not from 0 to 100 %.{hint}", where)
     return round(share * 1000)

@@ -117,7 +117,7 @@ class LogFile:
         cut = not data.endswith(b"\n")
         if cut:
             self._put(b"\n" if is_bench_log(data) else f"\n{MAGIC}\n".encode())
-        return max((int(each) for each in _SESSION.findall(data)), default=0) + 1, cut
+        return max((int(number) for number in _SESSION.findall(data)), default=0) + 1, cut
 
     def _flush_entry(self) -> None:
         """Force the folder's entry onto the disk, so that a new file outlives a power cut."""
@@ -181,7 +181,7 @@ def _trip(data: bytes) -> str:
     marks = _TRIP.findall(data)
     if not marks or marks[-1][2] == b"cleared":
         return ""
-    session, elapsed, word, text = (each.decode("latin-1") for each in marks[-1])
+    session, elapsed, word, text = (field.decode("latin-1") for field in marks[-1])
     walls = {number.decode(): wall.decode("latin-1") for number, wall in _WALL.findall(data)}
     of = re.sub(r"^(reported by the board|the board says so)( of )?", "", text)  # the second in logs of earlier versions
     why = f"over-temperature{' of ' + of if of else ''}" if word == "overtemp" else "no sensor could be read"
@@ -227,21 +227,21 @@ def clocks(heard: Sequence[Heard], walls: Mapping[int, str]) -> tuple[list[float
     origin = end = last_host = 0.0
     drifts = []
     for k, run in enumerate(runs):
-        seen = _rate(run)
-        if seen is not None:
-            rate = seen
-            drifts.append(seen)
+        measured_rate = _rate(run)
+        if measured_rate is not None:
+            rate = measured_rate
+            drifts.append(measured_rate)
         simulated = abs(rate - 1.0) > _NOT_A_CLOCK
-        own = (run.board - run.board[0]) * (1.0 if simulated else rate)
+        board_time = (run.board - run.board[0]) * (1.0 if simulated else rate)
         # the median forgives lines that a busy host stamped late
         mine = run.sessions == run.sessions[0]
-        begun = float(run.host[0] if simulated else np.median(run.host[mine] - own[mine]))
+        begun = float(run.host[0] if simulated else np.median(run.host[mine] - board_time[mine]))
         origin = origin if k else begun
         begin = end + (float(run.host[0]) - last_host) / rate if simulated else begun - origin
         begin = max(begin, end + 1e-3) if k else 0.0
-        for place, moment in zip(run.places, (own + begin).tolist(), strict=True):
+        for place, moment in zip(run.places, (board_time + begin).tolist(), strict=True):
             moments[place] = round(moment, 6)
-        end, last_host = float(own[-1]) + begin, float(run.host[-1])
+        end, last_host = float(board_time[-1]) + begin, float(run.host[-1])
     if len(runs) > 1:
         notes.append(f"resets of the board: {len(runs) - 1}")
     if lost:
@@ -264,8 +264,8 @@ def _session_starts(heard: Sequence[Heard], walls: Mapping[int, str]) -> tuple[d
     starts: dict[int, float] = {}
     notes = []
     last: dict[int, float] = {}
-    for each in heard:
-        last[each.session] = max(last.get(each.session, 0.0), each.elapsed)
+    for line in heard:
+        last[line.session] = max(last.get(line.session, 0.0), line.elapsed)
     end, origin = 0.0, None
     for session in sorted(last):
         wall = _seconds(walls.get(session))
@@ -362,26 +362,26 @@ def bench_cells(data: bytes, file: str) -> Cells:
     RecordError   When it holds no value.
     """
     log = _read(data.decode("latin-1"))
-    values = [each for each in log.heard if each.line.kind == "D"]
+    values = [line for line in log.heard if line.line.kind == "D"]
     if not values:
         lost = f"; {len(log.damaged)} lines are damaged" if log.damaged else ""
         raise RecordError(f"the log has no values yet{lost}.", file)
     notes = _damage(log)
     moments, of_clock = clocks(log.heard, log.walls)
-    rows = {moment: row for row, moment in enumerate(sorted({moments[at] for at, each in enumerate(log.heard) if each.line.kind == "D"}))}
+    rows = {moment: row for row, moment in enumerate(sorted({moments[at] for at, line in enumerate(log.heard) if line.line.kind == "D"}))}
     table: dict[str, dict[int, BoardLine]] = {}
     lines = [0] * len(rows)
-    for at, each in enumerate(log.heard):
-        if each.line.kind == "D":
+    for at, line in enumerate(log.heard):
+        if line.line.kind == "D":
             row = rows[moments[at]]
-            of_source = table.setdefault(each.line.fields[0], {})
-            if row not in of_source or each.line.fields[0] in (
+            of_source = table.setdefault(line.line.fields[0], {})
+            if row not in of_source or line.line.fields[0] in (
                 "H1",
                 "H2",
             ):  # a heater that changes in the moment of a cycle: the new duty holds
-                of_source[row] = each.line
-            lines[row] = lines[row] or each.at
-    bits = {each.line.fields[0]: int(each.line.fields[1]) for each in log.heard if each.line.kind == "S"}
+                of_source[row] = line.line
+            lines[row] = lines[row] or line.at
+    bits = {line.line.fields[0]: int(line.line.fields[1]) for line in log.heard if line.line.kind == "S"}
     columns = _Columns(len(rows))
     columns.add("time", "s", np.array([moment for moment in rows]), {})
     for source in sorted(table, key=lambda name: (len(name) != 16, list(log.sensors).index(name) if name in log.sensors else 99, name)):
@@ -443,14 +443,14 @@ def _damage(log: _Log) -> list[str]:
     if log.damaged:
         shown = ", ".join(map(str, log.damaged[:_SHOWN])) + (", ..." if len(log.damaged) > _SHOWN else "")
         notes.append(f"damaged lines that were dropped: {len(log.damaged)} (lines {shown})")
-    ordered = sorted(log.heard, key=lambda each: (each.session, each.elapsed))
+    ordered = sorted(log.heard, key=lambda line: (line.session, line.elapsed))
     moved = sum(one is not other for one, other in zip(ordered, log.heard, strict=True))
-    kept = [each for k, each in enumerate(ordered) if not k or each[:2] != ordered[k - 1][:2] or each.line != ordered[k - 1].line]
+    unique = [line for k, line in enumerate(ordered) if not k or line[:2] != ordered[k - 1][:2] or line.line != ordered[k - 1].line]
     if moved:
         notes.append(f"lines out of order that were sorted: {moved}")
-    if len(kept) < len(ordered):
-        notes.append(f"duplicate lines: {len(ordered) - len(kept)}")
-    log.heard[:] = kept
+    if len(unique) < len(ordered):
+        notes.append(f"duplicate lines: {len(ordered) - len(unique)}")
+    log.heard[:] = unique
     if log.marks:
         notes.append("marks of the logger: " + ", ".join(f"{word} {count}" for word, count in sorted(log.marks.items())))
     return notes
@@ -476,10 +476,10 @@ class _Columns:
         self.numbers[name][[row for rows in reasons.values() for row in rows]] = np.nan
         self.reasons[name] = reasons
 
-    def source(self, source: str, lines: dict[int, BoardLine], known: dict[str, Any], bits: int | None) -> list[str]:
+    def source(self, source: str, lines: dict[int, BoardLine], description: dict[str, Any], bits: int | None) -> list[str]:
         """Add the column of one source, and return what a reader must know of it."""
         is_sensor = len(source) == 16
-        name, unit, step = (str(known.get("name", source)), "degC", 1 / 16) if is_sensor else _NAMES[source[0]]
+        name, unit, step = (str(description.get("name", source)), "degC", 1 / 16) if is_sensor else _NAMES[source[0]]
         name = name if is_sensor else name.format(source[1])
         while name in self.numbers:
             name += "'"  # two sensors of one name in the map: both stay
@@ -498,10 +498,12 @@ class _Columns:
             reasons |= _not_real(values, np.array(sorted({row for rows in reasons.values() for row in rows}), dtype=int))
             if bits is not None:
                 self.resolution[name] = f"{2.0 ** (8 - bits)} [K]"
-            if "offset_K" in known:
-                paper = {key: float(known[f"{key}_K"]) for key in ("offset", "uncertainty", "at")}
-                self.certificates[name] = SensorCertificate(paper["offset"], paper["uncertainty"], Kelvin(paper["at"]), str(known["date"]))
-                notes.append(f"{name}: its certificate in the log, of {known['date']}, states {paper['offset']:+g} K")
+            if "offset_K" in description:
+                paper = {key: float(description[f"{key}_K"]) for key in ("offset", "uncertainty", "at")}
+                self.certificates[name] = SensorCertificate(
+                    paper["offset"], paper["uncertainty"], Kelvin(paper["at"]), str(description["date"])
+                )
+                notes.append(f"{name}: its certificate in the log, of {description['date']}, states {paper['offset']:+g} K")
         absent = sorted(set(range(self.rows)) - set(lines))
         if absent:
             reasons["no sample here"] = absent

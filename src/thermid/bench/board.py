@@ -128,7 +128,7 @@ class Board:
         temperatures = self._live()
         step = 1 << (12 - self.settings["resolution"])
         send = self.ms >= self.report
-        hot, seen = "", not self.roms
+        hot, answered = "", not self.roms
         for k, (rom, celsius) in enumerate(zip(self.roms, temperatures, strict=True)):
             fault = self.faults.get(k, "")
             raw: int | str = max(-880, min(2000, round(celsius * 16 / step) * step))
@@ -140,13 +140,13 @@ class Board:
             elif fault:
                 raw = int(fault)
             if isinstance(raw, int) and status == "ok":
-                seen = True
+                answered = True
                 hot = hot or (rom if raw >= self.settings["limit"] else "")
             if send:
                 self._say("D", rom, raw, status)
         if send:
             self._heaters()
-        if any(self.duty) and (hot or not seen):
+        if any(self.duty) and (hot or not answered):
             self._off("overtemp" if hot else "blind", hot)
         interval = max(self.settings["interval"], 750 >> (12 - self.settings["resolution"]))
         if send:
@@ -179,7 +179,7 @@ class Board:
     def _obey(self, word: str, arguments: list[str]) -> str:
         """Do what a command says; return ok or why not."""
         try:
-            values = [int(each) for each in arguments]
+            values = [int(number) for number in arguments]
         except ValueError:
             return "not a number"
         if word in ("identify", "search", "count", "alive"):

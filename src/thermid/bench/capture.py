@@ -43,9 +43,9 @@ class PortCapture:
         """
         until = time.monotonic() + seconds
         with self.path.open("a", encoding="utf-8") as file:
-            while (left := until - time.monotonic()) > 0.0:
+            while (remaining := until - time.monotonic()) > 0.0:
                 try:
-                    text = self._port.read_line(left).decode("utf-8", "replace").strip()
+                    text = self._port.read_line(remaining).decode("utf-8", "replace").strip()
                 except OSError as error:
                     raise RecordError(f"the port was disconnected ({error}). Connect the board and start again.", self._device) from None
                 if _of_bench(text):
@@ -78,8 +78,8 @@ def listening(device: Path, path: Path | None) -> Iterator[PortCapture]:
     RecordError   As `PortCapture`.
     """
     with scratch() as folder:
-        made = PortCapture(device, folder / f"{device.name}.txt" if path is None else path)
+        capture = PortCapture(device, folder / f"{device.name}.txt" if path is None else path)
         try:
-            yield made
+            yield capture
         finally:
-            made.close()
+            capture.close()

@@ -46,7 +46,7 @@ def tell_apart(
     say(f"{len(roms)} sensors respond. Warm one of them between two fingers.")
     mapped: list[MappedSensor] = []
     while len(mapped) < len(roms):
-        unmapped = [rom for rom in roms if rom not in {each.rom for each in mapped}]
+        unmapped = [rom for rom in roms if rom not in {sensor.rom for sensor in mapped}]
         rom = unmapped[0] if len(unmapped) == 1 else _warmed(log, unmapped, patience)
         if rom is None:
             say(
@@ -57,7 +57,7 @@ def tell_apart(
         if rom in log.sensors:
             say(f"this is '{log.sensors[rom].name}' so far.")
         name = ask(f"{rom}: name of its channel").strip()
-        if not name or any(each.name == name for each in mapped):
+        if not name or any(sensor.name == name for sensor in mapped):
             say("give each sensor a different name.")
             continue
         old = log.sensors.get(rom)

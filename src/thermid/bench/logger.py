@@ -37,7 +37,7 @@ _WORDS = {
     "absent": "it is in the sensor map but does not respond",
     "85": "it reads 85 degC, its value after power-up",
 }
-_QUIET = ("count",)
+_UNREPORTED_ERRORS = ("count",)
 _LATE = 900
 _EARLY = 600
 
@@ -100,14 +100,14 @@ class Link:
 
     def connected(self) -> None:
         """Begin again with a board that knows nothing."""
-        own = [*self._settings.commands(), "identify"]
+        setup = [*self._settings.commands(), "identify"]
         if self._clears:
-            own.insert(0, "clear")  # somebody has asked for it at this start; a cable that comes back clears nothing
+            setup.insert(0, "clear")  # somebody has asked for it at this start; a cable that comes back clears nothing
             self._clears = False
-        asked = [command for command, _, tries in self._open.values() if not tries and command not in own and "heater," not in command]
+        unsent = [command for command, _, tries in self._open.values() if not tries and command not in setup and "heater," not in command]
         self._open.clear()
         self._duties = None
-        for command in [*own, *asked]:
+        for command in [*setup, *unsent]:
             self.add(command)
 
     def add(self, command: str) -> None:
@@ -161,12 +161,12 @@ class Link:
     def answered(self, fields: tuple[str, ...]) -> str:
         """Take in an answer; return what was refused and why, or an empty text."""
         number, word = fields
-        known = self._open.pop(int(number), None) if number.isdigit() else None
-        return f"{known[0]}: {word}" if known is not None and word != "ok" else ""
+        command = self._open.pop(int(number), None) if number.isdigit() else None
+        return f"{command[0]}: {word}" if command is not None and word != "ok" else ""
 
     def _drop(self, beginning: str) -> None:
         """Forget commands that a newer one replaces."""
-        self._open = {n: each for n, each in self._open.items() if not each[0].startswith(beginning)}
+        self._open = {n: command for n, command in self._open.items() if not command[0].startswith(beginning)}
 
 
 class FaultWatch:
@@ -189,7 +189,7 @@ class FaultWatch:
 
     def look(self, line: BoardLine) -> list[tuple[str, str]]:
         """Return the marks that a line asks for: word and text."""
-        if line.kind == "E" and line.fields[0] not in _QUIET:
+        if line.kind == "E" and line.fields[0] not in _UNREPORTED_ERRORS:
             if line.fields[0] == "latched":
                 return [("latched", f"heaters stay off after the cut-off ({line.fields[1]}) until --clear-latch")]
             detail = self._name(line.fields[1]) if len(line.fields) > 1 else ""
@@ -435,8 +435,8 @@ class Logger:
             return False
         self._tried = self._clock()
         try:
-            found = self._find()
-            self._port = Port(found) if isinstance(found, str) else found
+            port = self._find()
+            self._port = Port(port) if isinstance(port, str) else port
         except (OSError, RecordError) as error:
             if not self._gone > -1e9:
                 self._gone = self.elapsed
@@ -444,7 +444,7 @@ class Logger:
             return False
         back = f"back after {self.elapsed - self._gone:.1f} s: " if self._gone > -1e9 else ""
         self._gone = -1e9
-        self.mark("port", f"{back}{found if isinstance(found, str) else 'a simulated board'}")
+        self.mark("port", f"{back}{port if isinstance(port, str) else 'a simulated board'}")
         self._link.connected()
         self.state.heard, self._fresh = self.elapsed, True
         return True
@@ -496,8 +496,8 @@ class Logger:
             self.history.setdefault(source, History()).add(self.state.seconds, value)
         elif source[0] == "H" and self._duties.setdefault(source, value) != value:
             self._duties[source], self.state.changed = value, self.state.seconds
-            for each in self.history.values():
-                each.clear()
+            for readings in self.history.values():
+                readings.clear()
 
     def _count(self, line: BoardLine, elapsed: float) -> None:
         """Follow the board's number and time: what is missing, what was a reset."""

@@ -53,12 +53,12 @@ def find_port() -> str:
     _serial()
     from serial.tools import list_ports
 
-    boards = [each for each in list_ports.comports() if each.vid in _MAKERS]
+    boards = [port for port in list_ports.comports() if port.vid in _MAKERS]
     if not boards:
-        others = ", ".join(each.device for each in list_ports.comports()) or "none"
+        others = ", ".join(port.device for port in list_ports.comports()) or "none"
         raise RecordError(f"no board found (ports: {others}). Plug it in, or give --port, such as --port /dev/ttyUSB0.", "serial port")
     if len(boards) > 1:
-        names = ", ".join(f"{each.device} ({_MAKERS[each.vid]})" for each in boards)
+        names = ", ".join(f"{port.device} ({_MAKERS[port.vid]})" for port in boards)
         raise RecordError(f"several boards: {names}. Give one with --port.", "serial port")
     return str(boards[0].device)
 
@@ -73,15 +73,15 @@ def check_port(name: str) -> None:
     try:
         Port(name).close()
     except OSError as error:
-        number, said = error.errno, str(error)
+        number, reason = error.errno, str(error)
         if number == errno.ENOENT:
             text = "the port does not exist. Connect the board, leave --port out, or try it with --simulate."
         elif number == errno.EACCES:
             text = "you have no permission to open it. On Linux, join its group (`sudo usermod -aG dialout $USER`) and log in again."
-        elif number == errno.EBUSY or "exclusively" in said:
+        elif number == errno.EBUSY or "exclusively" in reason:
             text = "another program uses it. Close that one first, such as the monitor of the Arduino IDE."
         else:
-            text = f"it is not a serial port ({said})."
+            text = f"it is not a serial port ({reason})."
         raise RecordError(text, name) from None
 
 

@@ -25,23 +25,23 @@ def mistakes_of(fit: Calibration) -> Mistakes:
     return find_mistakes(fit.request, fit.stage)
 
 
-def next_command(campaign: str, fit: Calibration, found: Mistakes) -> str:
+def next_command(campaign: str, fit: Calibration, mistakes: Mistakes) -> str:
     """Return the next command to try on a bad fit; empty where a fit is good.
 
     Parameters
     ----------
     campaign : str      The campaign's file, as the user knows it.
     fit : Calibration   A stage.
-    found : Mistakes    What would explain it.
+    mistakes : Mistakes  What would explain it.
     """
     if fit.request is not None and stray_readings(fit.request.records):
         return f"thermid check {campaign}"
-    mistake = found.first
+    mistake = mistakes.first
     if mistake is not None and mistake.kind == "load":
         return f"thermid criticise {campaign} --stage '{fit.stage}'"
     if mistake is not None:
         return f"thermid check {campaign}" if mistake.kind in AT_A_FILE else f"thermid calibrate {campaign}"
-    if fit.own.fair and not found.bad:
+    if fit.own.fair and not mistakes.bad:
         return ""
     if fit.contradicted or (not fit.own.fair and "bound" in fit.own.because):
         return f"thermid plausibility {campaign} --stage '{fit.stage}'"
@@ -52,9 +52,9 @@ def refused(error: ThermidError, request: Request, stage: str, campaign: str) ->
     """Return a refusal of a fit with the mistakes that would explain it, and the next command to try."""
     if not isinstance(error, IdentificationError | SolverError):
         return error
-    said: Sequence[str] = stray_readings(request.records)
-    if not said and request.model.runner is None:
-        said = find_mistakes(request, stage).lines()
-    words = [f"{line.strip()[0].upper()}{line.strip()[1:]}" for line in said]
+    explanations: Sequence[str] = stray_readings(request.records)
+    if not explanations and request.model.runner is None:
+        explanations = find_mistakes(request, stage).lines()
+    words = [f"{line.strip()[0].upper()}{line.strip()[1:]}" for line in explanations]
     command = f"thermid check {campaign}" if words else f"thermid identify {campaign} --stage '{stage}'"
     return error.reworded(" ".join([error.message, *words, f"Next: {command}"]))

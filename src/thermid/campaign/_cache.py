@@ -17,7 +17,7 @@ import numpy as np
 
 from thermid.base.errors import ThermidError
 from thermid.base.expression import Kelvin
-from thermid.base.files import OWN, read_bytes, replacing, write_text
+from thermid.base.files import RESULTS_FILE, read_bytes, replacing, write_text
 from thermid.fit.calibration import KeptFit
 from thermid.measure.records import Channel, Origin, Record
 from thermid.measure.sensors import TEMPERATURES, SensorPart
@@ -57,10 +57,10 @@ def recall(folder: Path | None, stage: str, key: str) -> KeptFit | None:
     if path is None or not path.is_file():
         return None
     try:
-        kept = json.loads(path.read_text(encoding="utf-8"))
-        fitted = {str(k): float(v) for k, v in kept["fitted"].items()}
-        same = (kept["key"], kept["code"]) == (key, code_digest()) and np.isfinite(list(fitted.values())).all()
-        return KeptFit(fitted, int(kept["evaluations"]), str(kept["search"]), tuple(map(str, kept["remarks"]))) if same else None
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        fitted = {str(k): float(v) for k, v in stored["fitted"].items()}
+        same = (stored["key"], stored["code"]) == (key, code_digest()) and np.isfinite(list(fitted.values())).all()
+        return KeptFit(fitted, int(stored["evaluations"]), str(stored["search"]), tuple(map(str, stored["remarks"]))) if same else None
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         return None  # a damaged file is as good as none: the stage runs again
 
@@ -71,10 +71,10 @@ def changed_since(folder: Path | None, stage: str, ingredients: Mapping[str, str
     if path is None or not path.is_file():
         return ()
     try:
-        kept = json.loads(path.read_text(encoding="utf-8"))
-        before = {str(k): str(v) for k, v in kept.get("ingredients", {}).items()}
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        before = {str(k): str(v) for k, v in stored.get("ingredients", {}).items()}
         names = [n for n in {**before, **ingredients} if before.get(n) != ingredients.get(n)]
-        return (*names, *(["code"] if kept["code"] != code_digest() else []))
+        return (*names, *(["code"] if stored["code"] != code_digest() else []))
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         return ("the cached file is damaged",)
 
@@ -85,7 +85,7 @@ def remember(folder: Path | None, stage: str, key: str, end: KeptFit | None, ing
         return
     folder.mkdir(parents=True, exist_ok=True)
     content = {"key": key, "code": code_digest(), "ingredients": dict(ingredients or {}), **asdict(end)}
-    write_text(folder / f"{file_name(stage)}.fit.json", json.dumps(content, indent=1), OWN)
+    write_text(folder / f"{file_name(stage)}.fit.json", json.dumps(content, indent=1), RESULTS_FILE)
 
 
 def _key(path: Path, how: Mapping[str, Any]) -> str:
@@ -114,12 +114,12 @@ def log_kept(folder: Path | None, path: Path, how: Mapping[str, Any], make: Call
         key = _key(path, how)
     except TypeError:  # a date or another thing that only TOML holds: its error, or its record, comes from reading
         return make()
-    kept = folder / "logs" / f"{file_name(str(how['name']))}.npz"
-    record = _read(kept, key)
+    cache_file = folder / "logs" / f"{file_name(str(how['name']))}.npz"
+    record = _read(cache_file, key)
     if record is None:
         record = make()
         if record.second is None:  # the record of one log has one clock; another is joined later, and not kept
-            _write(kept, key, record)
+            _write(cache_file, key, record)
     return record
 
 
@@ -136,7 +136,7 @@ def _write(path: Path, key: str, record: Record) -> None:
     about = {"key": key, "name": record.name, "origin": origin, "steps": list(record.steps), "channels": channels}
     path.parent.parent.mkdir(parents=True, exist_ok=True)  # by itself, so that an error names the folder that was asked for
     path.parent.mkdir(exist_ok=True)
-    with replacing(path, OWN) as half:
+    with replacing(path, RESULTS_FILE) as half:
         np.savez(half, **{_ABOUT: np.array(json.dumps(about)), **arrays})
 
 
@@ -145,18 +145,18 @@ def _read(path: Path, key: str) -> Record | None:
     if not path.is_file():
         return None
     try:
-        with path.open("rb") as file, np.load(file) as kept:
-            about = json.loads(str(kept[_ABOUT]))
+        with path.open("rb") as file, np.load(file) as arrays:
+            about = json.loads(str(arrays[_ABOUT]))
             if about["key"] != key:
                 return None
             written = []
             for k, one in enumerate(about["channels"]):
-                masks = {reason: kept[f"mask {k} {n}"] for n, reason in enumerate(one["reasons"])}
+                masks = {reason: arrays[f"mask {k} {n}"] for n, reason in enumerate(one["reasons"])}
                 fields: dict[str, Any] = {n: Kelvin(v) if n in TEMPERATURES else v for n, v in (one["part"] or {}).items()}
                 part = SensorPart(**fields) if fields else None
-                written.append(Channel(values=kept[f"values {k}"], valid=kept[f"valid {k}"], masks=masks, part=part, **one["plain"]))
+                written.append(Channel(values=arrays[f"values {k}"], valid=arrays[f"valid {k}"], masks=masks, part=part, **one["plain"]))
             lists: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in about["origin"].items()}
             origin = Origin(**lists)
-            return Record(about["name"], kept["times"], {c.name: c for c in written}, origin, tuple(about["steps"]))
+            return Record(about["name"], arrays["times"], {c.name: c for c in written}, origin, tuple(about["steps"]))
     except (OSError, EOFError, ValueError, KeyError, TypeError, zipfile.BadZipFile, ThermidError):
         return None  # a damaged file is as good as none: the log is read again

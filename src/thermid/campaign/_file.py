@@ -68,20 +68,20 @@ class CampaignSource:
         ------
         MissingDataError   When a log is not where the campaign says.
         """
-        return self.memo.made("files", self._all_files)
+        return self.memo.value("files", self._all_files)
 
     def _all_files(self) -> dict[str, tuple[Path, RecordTable]]:
         out: dict[str, tuple[Path, RecordTable]] = {}
         for name, table in self.content.records.items():
-            for own, file in self._files_of(name, table):
-                if own in out and out[own][0] != file:
+            for record, file in self._files_of(name, table):
+                if record in out and out[record][0] != file:
                     where = self.where(f"records.{name}")
                     raise DeckError(
-                        f"two logs give a record with the name '{own}': '{out[own][0].name}' and '{file.name}'. Give one of them a "
+                        f"two logs give a record with the name '{record}': '{out[record][0].name}' and '{file.name}'. Give one of them a "
                         "name by `file`.",
                         where,
                     )
-                out[own] = (file, table)
+                out[record] = (file, table)
         for name in self.content.checksums:
             if name not in out:
                 get = next((f" {t.get}" for t in self.content.records.values() if t.files is not None and t.get), "")
@@ -128,14 +128,14 @@ class CampaignSource:
         RecordError   When a pattern matches nothing.
         """
         out: dict[str, None] = {}
-        known = list(self.names())
+        names = list(self.names())
         for pattern in patterns:
-            hits = [n for n in known if fnmatch.fnmatchcase(n, pattern)]
+            hits = [n for n in names if fnmatch.fnmatchcase(n, pattern)]
             for group, table in self.content.records.items():
                 if group == pattern and table.files is not None:
                     hits += [n for n, (_, t) in self.names().items() if t is table]
             if not hits:
-                raise RecordError(f"no record '{pattern}'.{nearest(pattern, [*known, *self.content.records])}", where, code="name.unknown")
+                raise RecordError(f"no record '{pattern}'.{nearest(pattern, [*names, *self.content.records])}", where, code="name.unknown")
             out |= dict.fromkeys(hits)
         return list(out)
 
@@ -146,7 +146,7 @@ class CampaignSource:
         ------
         RecordError   When its samples are not those that the campaign knows.
         """
-        return self.memo.made(("record", name), lambda: self._record(name))
+        return self.memo.value(("record", name), lambda: self._record(name))
 
     def _record(self, name: str) -> Record:
         path, table = self.names()[name]
@@ -164,19 +164,19 @@ class CampaignSource:
             "decimal": table.decimal,
             "clock": table.clock,
         }
-        known = self.content.checksums.get(name)
+        checksum = self.content.checksums.get(name)
 
         def make() -> Record:
             raw = read_record(path, table.channels, **read)
-            if known is not None and not raw.origin.sha256.startswith(known):
+            if checksum is not None and not raw.origin.sha256.startswith(checksum):
                 raise RecordError(
-                    f"its samples have the checksum {raw.origin.sha256[:12]}..., not {known[:12]}...: this log differs from the one "
+                    f"its samples have the checksum {raw.origin.sha256[:12]}..., not {checksum[:12]}...: this log differs from the one "
                     f"that the campaign was written for.{f' {table.get}' if table.get else ''}",
                     where,
                 )
             return raw.prepare(table.prepare)
 
-        return log_kept(self.results, path, {**read, "channels": table.channels, "prepare": table.prepare, "checksum": known}, make)
+        return log_kept(self.results, path, {**read, "channels": table.channels, "prepare": table.prepare, "checksum": checksum}, make)
 
     def _joined(self, record: Record, table: RecordTable, where: str) -> Record:
         """Return a record with the logs beside it, where the campaign names some; one whose clock the fit finds comes last."""
@@ -206,9 +206,9 @@ class CampaignSource:
         table = self.content.records.get(name)
         if table is not None:
             return table
-        known = {**self.content.records, **{n: t for n, (_, t) in self.names().items()}}
-        refuse_unknown([name], known, self.path.name, "no record '{}'. Records: {known}.", RecordError)
-        return known[name]
+        tables = {**self.content.records, **{n: t for n, (_, t) in self.names().items()}}
+        refuse_unknown([name], tables, self.path.name, "no record '{}'. Records: {known}.", RecordError)
+        return tables[name]
 
     def local_of_record(self, name: str) -> dict[str, LocalSpec]:
         """Return the local values that a record's own table gives."""
@@ -219,8 +219,8 @@ class CampaignSource:
         """Return the model of a stage, by the file name of its deck or FMU."""
         target = resolve_inside(self.path.parent, file, where)
         if target.suffix.lower() == ".fmu":
-            made: Model = self.memo.made(("fmu", target), lambda: extension("fmu_model", "an FMU as a model", where)(target))
-            return made
+            fmu_model: Model = self.memo.value(("fmu", target), lambda: extension("fmu_model", "an FMU as a model", where)(target))
+            return fmu_model
         return load_model(target)
 
 
@@ -228,8 +228,8 @@ def bound_by(record: Record, stage: StageTable) -> Record:
     """Return a record with the bindings of a stage in place of its own."""
     for channel in (*stage.bind, *stage.ignore):
         record.channel(channel)
-    kept = [_rebound(c, stage.bind[n]) if n in stage.bind else c for n, c in record.channels.items() if n not in stage.ignore]
-    return replace(record, channels={c.name: c for c in kept})
+    channels = [_rebound(c, stage.bind[n]) if n in stage.bind else c for n, c in record.channels.items() if n not in stage.ignore]
+    return replace(record, channels={c.name: c for c in channels})
 
 
 def _rebound(channel: Channel, target: str | dict[str, str]) -> Channel:

@@ -168,9 +168,9 @@ def shared_parameters(source: CampaignSource, levels: list[Level], top: str, don
             unite(keys)
             for k in keys:
                 fitted.setdefault(k, []).append(level.name)
-                found = done[level.name].values.assignments.get(path) if level.name in done else None
-                if found is not None:
-                    starts[k] = found.value
+                stage_value = done[level.name].values.assignments.get(path) if level.name in done else None
+                if stage_value is not None:
+                    starts[k] = stage_value.value
     by_top = {k: p for level in levels if level.name == top for p in level.literals() for k in level.keys(p)}
     classes: dict[str, Value] = {}
     for members in {id(groups[k]): groups[k] for k in fitted}.values():
@@ -221,8 +221,8 @@ def places_of(source: CampaignSource, levels: Sequence[Level], top: str) -> dict
     for level in levels:
         if level.name not in out:
             deck = tables[level.name].model
-            own = definition_of(source.model(deck, deck))
-            same = [prefix for prefix, definition in instances(models[top]) if definition == own]
+            own_definition = definition_of(source.model(deck, deck))
+            same = [prefix for prefix, definition in instances(models[top]) if definition == own_definition]
             out[level.name] = same or [f"{level.name}: "]
     return {level.name: tuple(out[level.name]) for level in levels}
 
@@ -248,14 +248,14 @@ class JointFit(Calibration):
         model, names = look_up(stage, self.levels, "the joint fit has no level '{}'.", self.stage, IdentificationError)
         order = list(self.values)
         chosen = {q: p for p, q in reversed(list(names.items()))}
-        kept = [k for k, q in enumerate(order) if q in chosen or self.values[q].kind not in ("parameter", "level")]
+        positions = [k for k, q in enumerate(order) if q in chosen or self.values[q].kind not in ("parameter", "level")]
         items = {}
-        for k in kept:
+        for k in positions:
             v = self.values[order[k]]
             path = chosen.get(v.path, v.path)
             also = tuple(p for p, q in names.items() if q == v.path and p != path)
             items[path] = replace(v, path=path, kind="parameter", also=also) if v.path in chosen else v
-        values = FittedValues(f"{self.stage}, {stage}", items, self.values.covariance[np.ix_(kept, kept)], self.values.provenance)
+        values = FittedValues(f"{self.stage}, {stage}", items, self.values.covariance[np.ix_(positions, positions)], self.values.provenance)
         plain = {f.name: getattr(self, f.name) for f in fields(Calibration)}
         store = self._store_at(items, chosen)
         return Calibration(**plain | {"stage": f"{self.stage}, {stage}", "model": model, "values": values, "store": store})
@@ -325,9 +325,9 @@ def fit_jointly(
         remarks=(*remarks, *uncounted),
         seen={sha: who for c in done.values() for sha, who in c.seen.items()},
     )
-    kept = recall(cache, NAME, key)
-    calibration = fit_problem(whole, problem, progress, kept)
-    if kept is None and calibration.converged and key:
+    recalled = recall(cache, NAME, key)
+    calibration = fit_problem(whole, problem, progress, recalled)
+    if recalled is None and calibration.converged and key:
         remember(cache, NAME, key, calibration.kept)
     store = replace(calibration.store, left_out=(*calibration.store.left_out, *map(LeftOut, uncounted)))
     return _judged(replace(calibration, store=store), levels, shared, done if staged else {})
@@ -350,12 +350,12 @@ def _once(requests: Mapping[str, Request]) -> tuple[list[Level], list[str]]:
     remarks: list[str] = []
     out: list[Level] = []
     for name, request in reversed(list(requests.items())):
-        own = tuple(r for r in request.records if r.origin.sha256 not in taken)
+        new_records = tuple(r for r in request.records if r.origin.sha256 not in taken)
         for r in request.records:
-            if r not in own:
+            if r not in new_records:
                 remarks.append(f"record '{r.name}' is used by '{name}' and '{taken[r.origin.sha256]}'. It is counted once, in the latter.")
-        taken |= {r.origin.sha256: name for r in own}
-        out.insert(0, Level(name, replace(request, records=own)))
+        taken |= {r.origin.sha256: name for r in new_records}
+        out.insert(0, Level(name, replace(request, records=new_records)))
     return out, remarks
 
 
@@ -444,7 +444,7 @@ def _with_priors(unknowns: Sequence[Unknown], levels: Sequence[Level], shared: S
     prior would count them twice; it is left out then.
     """
     stated: dict[str, Prior] = {}
-    said: dict[str, str] = {}
+    stated_by: dict[str, str] = {}
     by_name = {u.name: u for u in unknowns}
     for level in levels:
         canonical = level.request.model.canonical
@@ -452,44 +452,44 @@ def _with_priors(unknowns: Sequence[Unknown], levels: Sequence[Level], shared: S
             name = shared.name_of(level, level.values.freeable(raw, canonical))
             if name not in by_name or (not texts[0] and shared.fitted_before(name, level)):
                 continue
-            own = replace(by_name[name], start=level.start_of(raw))
-            prior = prior_of(own, texts)
+            unknown = replace(by_name[name], start=level.start_of(raw))
+            prior = prior_of(unknown, texts)
             if name in stated and stated[name] != prior and name not in table.priors:
                 raise IdentificationError(
-                    f"stages '{said[name]}' and '{level.name}' state different priors of '{name}'. State one under [joint] priors.",
+                    f"stages '{stated_by[name]}' and '{level.name}' state different priors of '{name}'. State one under [joint] priors.",
                     where,
                 )
-            stated[name], said[name] = prior, level.name
+            stated[name], stated_by[name] = prior, level.name
     for name, one in table.priors.items():
         refuse_unknown([name], by_name, f"{where}.priors", "a prior is given for '{}', which is not free.", IdentificationError)
         stated[name] = prior_of(by_name[name], (one.mean, one.sd))
     return [replace(u, prior=stated[u.name]) if u.name in stated else u for u in unknowns]
 
 
-def _judged(found: Calibration, levels: Sequence[Level], shared: Shared, done: Mapping[str, Calibration]) -> JointFit:
+def _judged(calibration: Calibration, levels: Sequence[Level], shared: Shared, done: Mapping[str, Calibration]) -> JointFit:
     """Return the joint calibration with what it says against the stages, and values that the uppermost model does not have marked."""
     above = {n for n, c in shared.classes.items() if c.above}
     items = {
         p: v if v.kind != "parameter" else replace(v, also=shared.classes[p].also) if p in above else replace(v, kind="level")
-        for p, v in found.values.items()
+        for p, v in calibration.values.items()
     }
-    values = FittedValues(found.values.stage, items, found.values.covariance, found.values.provenance)
+    values = FittedValues(calibration.values.stage, items, calibration.values.covariance, calibration.values.provenance)
     names = {level.name: shared.names_in(level) for level in levels}
-    store = _store(found.store, items, levels[-1].request)
-    plain = {f.name: getattr(found, f.name) for f in fields(Calibration)} | {"values": values, "store": store}
+    store = _store(calibration.store, items, levels[-1].request)
+    plain = {f.name: getattr(calibration, f.name) for f in fields(Calibration)} | {"values": values, "store": store}
     held = {level.name: (level.request.model, names[level.name]) for level in levels}
-    return JointFit(**plain | {"moved": _moves(found.model, values, shared, done)}, levels=held)
+    return JointFit(**plain | {"moved": _moves(calibration.model, values, shared, done)}, levels=held)
 
 
-def _store(found: Store, items: Mapping[str, FittedValue], top: Request) -> Store:
+def _store(store: Store, items: Mapping[str, FittedValue], top: Request) -> Store:
     """Return what is known of the uppermost model: what the joint fit found, and of the stages what it left as it was."""
     states = {}
-    for p, s in found.states.items():
+    for p, s in store.states.items():
         above = (p, *items[p].also) if items[p].kind == "parameter" else ()
         states[p] = replace(s, kind=items[p].kind, paths=above)
     here = {q for s in states.values() for q in (s.path, *s.paths)}
     others = top.store.only(lambda s: not here & {s.path, *s.paths})
-    return graft(top.model, [(".", replace(found, states=states)), (".", others)])[0]
+    return graft(top.model, [(".", replace(store, states=states)), (".", others)])[0]
 
 
 def _moves(model: Model, values: FittedValues, shared: Shared, done: Mapping[str, Calibration]) -> Moves:

@@ -196,14 +196,14 @@ class Study:
             return ""
         if name in self.components:
             return self.components[name].at
-        known = {*self.part_boxes, *self.boxes} - {""}
+        places = {*self.part_boxes, *self.boxes} - {""}
         heads = sorted({self.model.title, *self.names}, key=len, reverse=True)
         for text in (name, *(name[len(h) + 1 :] for h in heads if name.startswith((f"{h}.", f"{h}_")))):
             path = self.model.canonical(text)
-            if path in known:
+            if path in places:
                 return path
         raise NameNotFoundError(
-            f"there is no '{name}' in the model.{nearest(name, [*known, *self.components, *self.model.aliases])}", self.title
+            f"there is no '{name}' in the model.{nearest(name, [*places, *self.components, *self.model.aliases])}", self.title
         )
 
     @takes_objects
@@ -239,8 +239,8 @@ class Study:
 
 
 def _reference_points(model: Model, prefix: str = "") -> list[tuple[str, Any]]:
-    own = [(prefix + n, node) for n, node in model.nodes.items() if node.reference_point]
-    return own + [found for name, part in model.submodels.items() for found in _reference_points(part.model, f"{prefix}{name}.")]
+    points = [(prefix + n, node) for n, node in model.nodes.items() if node.reference_point]
+    return points + [point for name, part in model.submodels.items() for point in _reference_points(part.model, f"{prefix}{name}.")]
 
 
 def _passed(name: str, component: Component, solution: Solution, node: str) -> list[Exceeded]:
@@ -257,7 +257,7 @@ def _passed(name: str, component: Component, solution: Solution, node: str) -> l
 
 
 def _entry(action: str, stage: str, block: SensorTrace, held_out: bool = False) -> LogEntry:
-    return LogEntry(action, stage, block.record, block.sensor, Residuals.of(block.times, block.residuals), held_out)
+    return LogEntry(action, stage, block.record, block.sensor, Residuals.equally_weighted(block.times, block.residuals), held_out)
 
 
 @takes_objects
@@ -317,8 +317,8 @@ def load_study(path: str | os.PathLike[str]) -> Study:
 
 def _component(model: Model, name: str, table: ComponentTable, where: str) -> Component:
     path = model.canonical(table.at)
-    known = {*part_boxes(model), *Names(model).nodes} - {""}
-    refuse_unknown([path], known, where, f"'{name}' has the place '{table.at}', which the model does not have.", NameNotFoundError)
+    places = {*part_boxes(model), *Names(model).nodes} - {""}
+    refuse_unknown([path], places, where, f"'{name}' has the place '{table.at}', which the model does not have.", NameNotFoundError)
     low, high = (literal(t, TEMPERATURE, where) if t else None for t in (table.lowest, table.highest))
     return Component(path, table.what, low, high, table.basis)
 
@@ -330,8 +330,8 @@ def _all_belong(model: Model, components: Mapping[str, Component], where: str) -
             continue
         holders = [n for n, c in components.items() if c.holds(path)]
         if len(holders) != 1:
-            said = f"belongs to {' and '.join(holders)}" if holders else "belongs to no component"
-            raise DeckError(f"node '{path}' of the model {said}. Assign every mass to one component.", where)
+            complaint = f"belongs to {' and '.join(holders)}" if holders else "belongs to no component"
+            raise DeckError(f"node '{path}' of the model {complaint}. Assign every mass to one component.", where)
 
 
 def _sensor(table: SensorTable, where: str) -> SensorSpec:
@@ -351,8 +351,8 @@ def _sensor(table: SensorTable, where: str) -> SensorSpec:
 
 def _campaign_fits(campaign: Path, content: StudyFile, where: Any) -> None:
     """Refuse an action that names no stage, and a temperature channel without a sensor behind it."""
-    asked = read_campaign(campaign).content
-    stages = [s.name for s in asked.stages]
+    content_of_campaign = read_campaign(campaign).content
+    stages = [s.name for s in content_of_campaign.stages]
     for k, action in enumerate(content.actions):
         refuse_unknown(
             action.stages,
@@ -362,7 +362,7 @@ def _campaign_fits(campaign: Path, content: StudyFile, where: Any) -> None:
             DeckError,
         )
     patterns = [p for table in content.sensors.values() for p in table.channels]
-    for name, record in asked.records.items():
+    for name, record in content_of_campaign.records.items():
         for channel, target in record.channels.items():
             thermometer = isinstance(target, Mapping) and bool({"node", "boundary"} & set(target))
             if thermometer and not any(fnmatch.fnmatchcase(channel, p) for p in patterns):

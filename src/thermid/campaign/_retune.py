@@ -35,7 +35,7 @@ from thermid.values.store import Normal, Source, State, Store, ValueOrigin, graf
 if TYPE_CHECKING:
     from thermid.campaign._schema import InheritTable, StageTable
 
-FELT = 0.05
+MIN_EFFECT = 0.05
 """A value is worth retuning when a change of 10 % moves some sensor by this much. [K]"""
 START = "start after a replacement"
 CARRIED = "kept after a swap: the model has the new part, but values and statistics are from the tests before."
@@ -153,8 +153,8 @@ class RetunePlan(Result):
     @property
     def kept_tests(self) -> tuple[str, ...]:
         """Records that still hold."""
-        known = (r.name for request in self.campaign.requests.values() for r in request.records)
-        return tuple(dict.fromkeys(r for r in known if r not in self.tests))
+        records = (r.name for request in self.campaign.requests.values() for r in request.records)
+        return tuple(dict.fromkeys(r for r in records if r not in self.tests))
 
     @takes_objects
     def run(
@@ -179,9 +179,9 @@ class RetunePlan(Result):
     def assumes(self) -> tuple[str, ...]:
         """What the plan takes for granted of the new part and its place, in words."""
         tested = any(s.alone for s in self.stages)
-        own = "its own test must be repeated" if tested else "no stage tests it alone"
+        own_test = "its own test must be repeated" if tested else "no stage tests it alone"
         return (
-            f"{self.new} has the {self.watts[1]:.4g} W and all other values of its deck; {own}",
+            f"{self.new} has the {self.watts[1]:.4g} W and all other values of its deck; {own_test}",
             f"at rest: temperatures compare {self.old} at the {self.watts[0]:.4g} W {self.powered} with {self.new} at the "
             f"{self.watts[1]:.4g} W of its deck, before any test of it; they have no band",
             *(f"sensor {sensor}: {why}" for sensor, why in self.unplaced.items()),
@@ -274,13 +274,13 @@ def plan_retune(
         touched += touches
     by_deck, logged = _at_rest(campaign[top], part), _at_rest(campaign[top], "")
     cold, warm, shown = _steady(above, by_deck), _steady(swapped, by_deck), _steady(above, logged)
-    watts, given = (_watts(above, by_deck, part), _watts(swapped, by_deck, part)), _watts(above, logged, part)
+    watts, by_log = (_watts(above, by_deck, part), _watts(swapped, by_deck, part)), _watts(above, logged, part)
     before, as_logged = (_observed(t, campaign[top]) for t in (cold, shown))
     after = _observed(warm, campaign[top], {f"{part}.{a}": f"{part}.{b}" for a, b in seats.items()})
     neighbours = _neighbours(above, swapped, part, cold, warm)
     stages, values = tuple(plans), tuple(touched)
     return RetunePlan(
-        part, old.title, model.title, stages, values, neighbours, before, after, as_logged, watts, _powered(above, part), given, what,
+        part, old.title, model.title, stages, values, neighbours, before, after, as_logged, watts, _powered(above, part), by_log, what,
         campaign, model,
     )  # fmt: skip
 
@@ -290,10 +290,10 @@ def _bound(request: Request, plan: StagePlan, seats: Mapping[str, str]) -> dict[
     if not (plan.alone or plan.part):
         return {}
     ahead = "" if plan.alone else f"{plan.part}."
-    known, out = Names(request.model), {}
+    names, out = Names(request.model), {}
     for record in request.records:
         for c in (c for c in record.channels.values() if c.role == "node"):
-            at = known.find(c.target or "")
+            at = names.find(c.target or "")
             if at.startswith(ahead):
                 seat = at.removeprefix(ahead)
                 out[c.name] = ahead + seats.get(seat, seat)
@@ -305,8 +305,8 @@ def _powered(model: Model, part: str) -> str:
     values, deck = ParameterSet(model), model.submodel(part)
     loads = [f"{part}.{prefix}{name}.power" for inner, prefix in deck.walk() for name in inner.loads]
     origins = dict.fromkeys(values.table[values.literal_behind(p)].origin for p in loads if p in values.table)
-    given = [o for o in origins if o.startswith(("stage", "[set]"))]
-    return f"of {' and '.join(given)}" if given else "of its deck"
+    sources = [o for o in origins if o.startswith(("stage", "[set]"))]
+    return f"of {' and '.join(sources)}" if sources else "of its deck"
 
 
 def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str, new: Model) -> tuple[list[StagePlan], list[Touch]]:
@@ -314,7 +314,7 @@ def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str
     done, request = campaign[level.name], level.request
     records = tuple(r.name for r in request.records)
     same = done.model.identity()
-    kept = StagePlan(level.name, level.name, "kept", "none of its inputs changes", (), (), (same, same), done.model)
+    unchanged = StagePlan(level.name, level.name, "kept", "none of its inputs changes", (), (), (same, same), done.model)
     if f"{part}." in places:
         free = tuple(p for p in request.free if request.model.canonical(p) in ParameterSet(new).table)
         lost = [p for p in request.free if p not in free]
@@ -323,10 +323,10 @@ def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str
         if len(places) == 1:
             return [alone], []
         name = f"{level.name} at {part}"
-        return [kept, StagePlan(name, level.name, "run", why, free, records, (same, new.identity()), new, "", True)], []
+        return [unchanged, StagePlan(name, level.name, "run", why, free, records, (same, new.identity()), new, "", True)], []
     holds = [place for place in places if part.startswith(place) and place != f"{part}."]
     if not holds:
-        return [kept], []
+        return [unchanged], []
     if len(places) > 1:
         raise IdentificationError(
             f"stage '{level.name}' is used at {len(places)} places of '{campaign.title}', but the part is replaced at one only. Give the "
@@ -348,11 +348,11 @@ def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str
 def _touches(done: Calibration, level: Level, inner: str, new: Model) -> tuple[list[Touch], tuple[PlaceStart, ...]]:
     """Return the values of a stage that act at the part's interfaces, and those of the place that it decides and that start anew."""
     model = done.fitted_model
-    values, found = ParameterSet(model), touching(model, inner)
+    values, touched = ParameterSet(model), touching(model, inner)
     bare, what = model.replaced(inner, new)
     after = what.starting(bare)
-    known = ParameterSet(after)
-    numbers = known.evaluate({})
+    parameters = ParameterSet(after)
+    numbers = parameters.evaluate({})
     fitted = done.values.assignments
     behind = {s.path: [p for p in fitted if s.path in values.downstream([p])] for s in what.starts if s.path in values.table}
     starts = tuple(s for s in what.starts if behind.get(s.path))
@@ -361,14 +361,14 @@ def _touches(done: Calibration, level: Level, inner: str, new: Model) -> tuple[l
     still = _observed(_steady(after, rest), done)
     out = []
     for path in dict.fromkeys((*(s.path for s in starts), *fitted)):
-        through, elsewhere = found.why(values, path)
-        inside = path.startswith(f"{inner}.") and path not in found.settings
-        if path not in known.table or not (through or inside) or (path in anew and anew[path] != path and not elsewhere):
+        through, elsewhere = touched.why(values, path)
+        inside = path.startswith(f"{inner}.") and path not in touched.settings
+        if path not in parameters.table or not (through or inside) or (path in anew and anew[path] != path and not elsewhere):
             continue
-        given = known.table[path].parameter
-        high = given.maximum if given.maximum is not None else np.inf
+        parameter = parameters.table[path].parameter
+        high = parameter.maximum if parameter.maximum is not None else np.inf
         number = float(numbers[path]) * (1.1 if 1.1 * float(numbers[path]) <= high else 0.9)
-        changed = after.with_values({path: exact(number, given.unit)}, "a change of 10 %") if given.is_literal else after
+        changed = after.with_values({path: exact(number, parameter.unit)}, "a change of 10 %") if parameter.is_literal else after
         moved = _observed(_steady(changed, rest), done)
         kelvin = max(abs(t - still[o]) for o, t in moved.items())
         held = ""
@@ -376,8 +376,8 @@ def _touches(done: Calibration, level: Level, inner: str, new: Model) -> tuple[l
             held = f"stays with {', '.join(elsewhere)}; {anew[path]} now has a separate value"
         elif elsewhere and path not in anew:
             held = f"shared with {', '.join(elsewhere)}, which the swap does not affect"
-        elif kelvin < FELT and not inside:
-            held = f"a change of 10 % moves no sensor by {FELT} K"
+        elif kelvin < MIN_EFFECT and not inside:
+            held = f"a change of 10 % moves no sensor by {MIN_EFFECT} K"
         out.append(Touch(level.name, path, tuple(through) or ("the part itself",), kelvin, held))
     return out, starts
 
@@ -387,8 +387,8 @@ def _at_rest(done: Calibration, without: str) -> Scenario:
     bare = done.experiments[-1].bare
 
     def constant(signals: Mapping[str, Any], unit: str) -> dict[str, Any]:
-        kept = {k: v for k, v in signals.items() if not without or not k.startswith(f"{without}.")}
-        return {k: f"{v.mean_over(0.0, bare.seconds)!r} [{unit}]" if not isinstance(v, Constant) else v for k, v in kept.items()}
+        remaining = {k: v for k, v in signals.items() if not without or not k.startswith(f"{without}.")}
+        return {k: f"{v.mean_over(0.0, bare.seconds)!r} [{unit}]" if not isinstance(v, Constant) else v for k, v in remaining.items()}
 
     return replace(
         bare,
@@ -470,14 +470,16 @@ def retuned(
             continue
         carried = not again and (stage.action == "carried" or (part_only and not stage.alone))
         with errors_at(source.where(f"stages.{k}"), ": "):
-            told = _told_by(table, stage, renamed, again, plan, done)
-            moved = {c: node for c, node in stage.bind.items() if c not in told.ignore}
-            told = told.model_copy(update={"bind": {**told.bind, **moved}})
-            told = told.model_copy(update={"records": [], "steady": {}, "free": [], "priors": {}}) if carried else told
-            request = request_of(source, told, k, done, _model(source, table, k, stage, plan, before[stage.of] if again else None))
+            changed_table = _told_by(table, stage, renamed, again, plan, done)
+            moved = {c: node for c, node in stage.bind.items() if c not in changed_table.ignore}
+            changed_table = changed_table.model_copy(update={"bind": {**changed_table.bind, **moved}})
+            changed_table = (
+                changed_table.model_copy(update={"records": [], "steady": {}, "free": [], "priors": {}}) if carried else changed_table
+            )
+            request = request_of(source, changed_table, k, done, _model(source, table, k, stage, plan, before[stage.of] if again else None))
             request = request if stage.alone or again else _local(request, stage, before[stage.of], plan)
             requests[stage.name] = request
-            keys[stage.name] = key_of(request, [keys[n] for i in told.inherit.values() for n in i.stages])
+            keys[stage.name] = key_of(request, [keys[n] for i in changed_table.inherit.values() for n in i.stages])
             if carried:
                 done[stage.name] = _carried(before[stage.of], request) if stage.part else before[stage.of]
             else:
@@ -489,11 +491,11 @@ def retuned(
 
 def _carried(before: Calibration, request: Request) -> Calibration:
     """Return a fit with what is known after the swap: nothing of the old part."""
-    own = [p for p, s in request.store.states.items() if s.origin.stage == before.stage]
+    new_paths = [p for p, s in request.store.states.items() if s.origin.stage == before.stage]
     return replace(
         before,
         model=request.model,
-        values=view(request.store, own, before.stage),
+        values=view(request.store, new_paths, before.stage),
         store=request.store,
         request=request,
         problem=None,
@@ -522,8 +524,8 @@ def _source(source: CampaignSource, plan: RetunePlan, due: Sequence[str], everyt
 
 def _with_joined(source: CampaignSource, due: Sequence[str]) -> tuple[str, ...]:
     """Return records with those of other loggers that they are joined with."""
-    known = source.names()
-    tables = (known[name][1].joined for name in due)
+    records = source.names()
+    tables = (records[name][1].joined for name in due)
     several = (t if isinstance(t, list) else [t] for t in tables if t is not None)
     return tuple(dict.fromkeys((*due, *(one.record for joined in several for one in joined))))
 
@@ -559,8 +561,8 @@ def _told_by(
             update={"name": stage.name, "inherit": inherit, "free": [*table.free, *more], "priors": table.with_spreads(wide)}
         )
     changes = {"name": stage.name, "inherit": inherit, "records": list(stage.records), "free": list(stage.free), "freeze": []}
-    kept = {p: t for p, t in table.priors.items() if p in stage.free}
-    return table.model_copy(update=changes | {"priors": kept})
+    priors = {p: t for p, t in table.priors.items() if p in stage.free}
+    return table.model_copy(update=changes | {"priors": priors})
 
 
 def _handed(inherit: InheritTable, plan: RetunePlan, done: Mapping[str, Calibration]) -> InheritTable:
@@ -569,8 +571,8 @@ def _handed(inherit: InheritTable, plan: RetunePlan, done: Mapping[str, Calibrat
         return inherit
     before = [plan.campaign.stages[s.of] for s in plan.stages if s.name in inherit.stages]
     back = dict.fromkeys(p for c in before for p in c.values.parameters if p not in inherit.only)
-    known = [p for p in back if all(p in done[n].store.parameters for n in inherit.stages if n in done)]
-    return inherit.model_copy(update={"only": [], "without": [*inherit.without, *known]})
+    fitted_paths = [p for p in back if all(p in done[n].store.parameters for n in inherit.stages if n in done)]
+    return inherit.model_copy(update={"only": [], "without": [*inherit.without, *fitted_paths]})
 
 
 def _of_new(inherit: Mapping[str, InheritTable], stage: StagePlan, plan: RetunePlan) -> dict[str, InheritTable]:
@@ -586,9 +588,9 @@ def _of_new(inherit: Mapping[str, InheritTable], stage: StagePlan, plan: RetuneP
 
 def _same_part(plan: RetunePlan, stage: str, path: str) -> bool:
     """Return whether the new part has, at a path, the deck that a stage was fitted with."""
-    known = dict(instances(plan.model))
+    definitions = dict(instances(plan.model))
     below = plan.campaign.requests.get(stage)
-    return below is not None and known.get(f"{plan.model.canonical(path)}.") == definition_of(below.model)
+    return below is not None and definitions.get(f"{plan.model.canonical(path)}.") == definition_of(below.model)
 
 
 def _local(request: Request, stage: StagePlan, before: Calibration, plan: RetunePlan) -> Request:
@@ -662,22 +664,22 @@ def starts_of(before: Store, old: Model, new: Model, starts: Sequence[PlaceStart
     """
     values, table = ParameterSet(old), ParameterSet(new).table
     columns = len(before.sources)
-    own, states = [], {}
+    new_sources, states = [], {}
     root = np.zeros((len(starts), columns + len(starts)))
     for k, one in enumerate(starts):
         written = table[one.path].parameter
         literal = written.expression.literal
         assert literal is not None
         row = _response(before, values, one.path)
-        known = float(np.linalg.norm(row)) if one.of_part else 0.0
-        root[k, :columns], root[k, columns + k] = row, math.sqrt(max(one.log_sd**2 - known**2, 0.0))
-        own.append(Source(f"start of {one.path} after a replacement", "stated", Normal(), str(one)))
+        known_sd = float(np.linalg.norm(row)) if one.of_part else 0.0
+        root[k, :columns], root[k, columns + k] = row, math.sqrt(max(one.log_sd**2 - known_sd**2, 0.0))
+        new_sources.append(Source(f"start of {one.path} after a replacement", "stated", Normal(), str(one)))
         low = written.minimum if written.minimum is not None else 0.0
         high = written.maximum if written.maximum is not None else math.inf
         at, origin = literal.value, ValueOrigin("twin", stage)
         ends = (low, high)
         states[one.path] = State(one.path, at, True, written.unit, ends, origin, paths=(one.path,), deck=written.text, start=at)
-    return Store(states, (*before.sources, *own), root)
+    return Store(states, (*before.sources, *new_sources), root)
 
 
 def _response(before: Store, values: ParameterSet, path: str) -> NDArray[np.float64]:

@@ -49,18 +49,18 @@ class RunningTest:
         """Return a record with the bindings of the stage."""
         return bound_by(record, self.stage)
 
-    def conditions(self, record: Record, said: Scenario | None = None) -> Scenario:
+    def conditions(self, record: Record, stated: Scenario | None = None) -> Scenario:
         """Return what a log does not say: as told, else as the stage has it."""
         out = scenario_of(self.stage.scenario, record.name)
-        if said is not None and said.start != "":
+        if stated is not None and stated.start != "":
             out = replace(out, initial={})
         starts = {n: t.start for n, t in {**self.stage.local, **self.table.local}.items() if n.startswith("initial.")}
         out = out.with_(initial={**{n.removeprefix("initial."): t for n, t in starts.items()}, **out.initial})
-        if said is not None:
-            start = {} if said.start == "" else {"start": said.start}
-            out = out.with_(boundaries=said.boundaries, loads=said.loads, initial=said.initial, **start)
+        if stated is not None:
+            start = {} if stated.start == "" else {"start": stated.start}
+            out = out.with_(boundaries=stated.boundaries, loads=stated.loads, initial=stated.initial, **start)
         targets = {c.target or c.name for c in record.channels.values()}
-        open_ = {b: given for b, given in self.first.items() if b not in out.boundaries and b not in targets}
+        open_ = {b: first_value for b, first_value in self.first.items() if b not in out.boundaries and b not in targets}
         read = {b: f"{first_reading(record, channel) + added} [K]" for b, (channel, added) in open_.items()}
         return out.with_(boundaries=read)
 
@@ -68,16 +68,19 @@ class RunningTest:
     def remarks(self) -> tuple[str, ...]:
         """What a reader must know of it."""
         steps = [next(iter(step)) for step in self.table.prepare]
-        left = (f"preparation of the record ({', '.join(steps)}) is left out, because the log still grows",) if steps else ()
-        return (*left, *(f"temperature of {b}: the first reading of {c}, unless --boundary gives it" for b, (c, _) in self.first.items()))
+        omitted = (f"preparation of the record ({', '.join(steps)}) is left out, because the log still grows",) if steps else ()
+        return (
+            *omitted,
+            *(f"temperature of {b}: the first reading of {c}, unless --boundary gives it" for b, (c, _) in self.first.items()),
+        )
 
 
-def running_test(made: Campaign, record: str = "", stage: str = "") -> RunningTest:
+def running_test(campaign: Campaign, record: str = "", stage: str = "") -> RunningTest:
     """Return what a campaign says of a test that runs.
 
     Parameters
     ----------
-    made : Campaign     Its result, from a file.
+    campaign : Campaign  Its result, from a file.
     record : str        The record that the log is like; not needed where there is one.
     stage : str         The stage whose model and values are used; the last one by default.
 
@@ -87,26 +90,26 @@ def running_test(made: Campaign, record: str = "", stage: str = "") -> RunningTe
     NameNotFoundError       When there is no such stage.
     IdentificationError     When the campaign was made in Python.
     """
-    source = made.source
+    source = campaign.source
     if source is None:
-        raise IdentificationError("a campaign made in Python has no records of a file. Give its file.", made.title)
-    name = stage or list(made)[-1]
-    model = made[name].fitted_model
-    asked = next(s for s in source.content.stages if s.name == name)
-    table = source.table_of(_named(record, list(source.content.records), made.title))
-    first = {n: (t.start, 0.0) for n, t in {**asked.local, **table.local}.items() if "." not in n and t.start in _channels(table)}
+        raise IdentificationError("a campaign made in Python has no records of a file. Give its file.", campaign.title)
+    name = stage or list(campaign)[-1]
+    model = campaign[name].fitted_model
+    stage_table = next(s for s in source.content.stages if s.name == name)
+    table = source.table_of(_named(record, list(source.content.records), campaign.title))
+    first = {n: (t.start, 0.0) for n, t in {**stage_table.local, **table.local}.items() if "." not in n and t.start in _channels(table)}
     values = compile_network(model).numbers().values
-    for n, given in asked.readings.items():
-        channel, path = (given, "") if isinstance(given, str) else (given.channel, given.offset)
+    for n, reading in stage_table.readings.items():
+        channel, path = (reading, "") if isinstance(reading, str) else (reading.channel, reading.offset)
         first[n] = (channel, float(value_of(values[path])) if path else 0.0)
-    return RunningTest(model, table, asked, {n: f for n, f in first.items() if not n.startswith("initial.")}, made.title)
+    return RunningTest(model, table, stage_table, {n: f for n, f in first.items() if not n.startswith("initial.")}, campaign.title)
 
 
-def _named(record: str, known: Sequence[str], title: str) -> str:
+def _named(record: str, names: Sequence[str], title: str) -> str:
     """Return the record that is asked for."""
-    if not record and len(known) > 1:
-        raise RecordError(f"the campaign has several records. Name the one that the log is like: {', '.join(known)}.", title)
-    return record or known[0]
+    if not record and len(names) > 1:
+        raise RecordError(f"the campaign has several records. Name the one that the log is like: {', '.join(names)}.", title)
+    return record or names[0]
 
 
 def _channels(table: RecordTable) -> set[str]:

@@ -58,7 +58,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
     where = source.where(f"stages.{k}")
     model = source.model(stage.model, where) if model is None else model
     store, moving, remarks = _from_below(model, stage, done, where)
-    model = store.on(model)
+    model = store.laid_over(model)
     store, hidden = store.acting_in(model)
     model = model.cut(*stage.untie) if isinstance(stage.untie, list) else model
     if stage.values:
@@ -71,7 +71,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
     records = (*records, *points)
     shared = {} if stage.untie is True else shared_paths(model)
     store, free, prior = _free_here(model, stage, store, moving, shared, where)
-    asked = Request(
+    request = Request(
         model,
         records,
         free,
@@ -101,7 +101,7 @@ def request_of(source: CampaignSource, stage: StageTable, k: int, done: Mapping[
         accepted=stage.name in source.accepted,
         structural_errors=stage.structural_errors,
     )
-    return with_courses(asked, stage, where)
+    return with_courses(request, stage, where)
 
 
 def with_courses(request: Request, stage: StageTable, where: str) -> Request:
@@ -122,9 +122,9 @@ def with_courses(request: Request, stage: StageTable, where: str) -> Request:
         course = recovered(request, name, table.into, shapes=shapes, power=power, begin=begin)
         request = course.within(request)
         error = f"+- {duration_text(float(short(course.error)))}" if np.isfinite(course.error) else "of unknown error"
-        said = f"course '{name}' of a power at '{table.into}': {course.shape}, {duration_text(float(short(course.time, 3)))} {error}"
+        text = f"course '{name}' of a power at '{table.into}': {course.shape}, {duration_text(float(short(course.time, 3)))} {error}"
         held = "the errors of other values do not include its uncertainty"
-        request = replace(request, remarks=(*request.remarks, f"{said}, on the profile of the fit; {held}."))
+        request = replace(request, remarks=(*request.remarks, f"{text}, on the profile of the fit; {held}."))
     return request
 
 
@@ -183,10 +183,10 @@ def _handed_on(below: Calibration, inherit: InheritTable, where: str) -> Store:
     ------
     DeckError   When either names a value that the stage does not have.
     """
-    store, own = below.store, set(below.values.parameters)
-    refuse_unknown(inherit.only, own, f"{where}.only", f"'{{}}' was not fitted by stage '{below.stage}'.", DeckError)
+    store, fitted_paths = below.store, set(below.values.parameters)
+    refuse_unknown(inherit.only, fitted_paths, f"{where}.only", f"'{{}}' was not fitted by stage '{below.stage}'.", DeckError)
     refuse_unknown(inherit.without, store.parameters, f"{where}.without", f"'{{}}' is not known to stage '{below.stage}'.", DeckError)
-    back = {p for p in own if inherit.only and p not in inherit.only} | set(inherit.without)
+    back = {p for p in fitted_paths if inherit.only and p not in inherit.only} | set(inherit.without)
     return store.only(lambda s: s.path not in back) if back else store
 
 
@@ -404,27 +404,27 @@ class Campaign(Result):
     def __str__(self) -> str:
         """Return all stages and verdicts as text, below lines that say which must not be used and which mistake would explain it."""
         head = self.standing.over(self.title, "stage")
-        head += "".join(f"\n{name}: {line}" for name, asked in self.mistakes.items() for line in asked.lines())
+        head += "".join(f"\n{name}: {line}" for name, mistakes in self.mistakes.items() for line in mistakes.lines())
         parts = []
-        for name, found in self.stages.items():
-            command = next_command(self.file, found, self.mistakes[name])
-            parts.append(f"{found}\n  next: {command}" if command else str(found))
+        for name, calibration in self.stages.items():
+            command = next_command(self.file, calibration, self.mistakes[name])
+            parts.append(f"{calibration}\n  next: {command}" if command else str(calibration))
         return "\n\n".join([head, *parts, *([str(self.joint)] if self.joint else []), *map(str, self.verdicts)])
 
     def _summary(self) -> str:
         """Return title, standing, and how many verdicts passed."""
-        said = (
+        passed_text = (
             f", {sum(v.passed is True for v in self.verdicts)} of {counted(len(self.verdicts), 'verdict')} passed" if self.verdicts else ""
         )
-        return f"{self.title}: {self.standing.state}, {counted(len(self.stages), 'stage')}{said}"
+        return f"{self.title}: {self.standing.state}, {counted(len(self.stages), 'stage')}{passed_text}"
 
     def _as_rows(self) -> list[Row]:
         """Return the stages with their standing and the sensor that is met worst."""
         out: list[Row] = []
         for name, c in self.stages.items():
             worst = max(c.sensors.items(), key=lambda item: item[1].rmse, default=None)
-            found = {"worst_sensor": worst[0], "rmse_K": worst[1].rmse} if worst is not None else {}
-            out.append({"stage": name, "state": c.standing.state, **found, "values": len(c.values.parameters)})
+            worst_row = {"worst_sensor": worst[0], "rmse_K": worst[1].rmse} if worst is not None else {}
+            out.append({"stage": name, "state": c.standing.state, **worst_row, "values": len(c.values.parameters)})
         return out
 
 
@@ -465,30 +465,30 @@ def run_stages(
     keys: dict[str, str] = {}
     requests: dict[str, Request] = {}
     changed: dict[str, tuple[str, ...]] = {}
-    left = dict(enumerate(source.content.stages))
-    while left:
-        ready = [k for k, s in left.items() if not _waits(s, [left[j].name for j in left if j < k])][: 1 if executor is None else None]
+    todo = dict(enumerate(source.content.stages))
+    while todo:
+        ready = [k for k, s in todo.items() if not _waits(s, [todo[j].name for j in todo if j < k])][: 1 if executor is None else None]
         tasks, ingredients = [], {}
         for k in ready:
-            name, place = left[k].name, source.where(f"stages.{k}")
+            name, place = todo[k].name, source.where(f"stages.{k}")
             with errors_at(place, ": "):
-                request, ingredients[name] = keyed(request_of(source, left[k], k, done), left[k], keys)
+                request, ingredients[name] = keyed(request_of(source, todo[k], k, done), todo[k], keys)
             requests[name], keys[name] = request, request.key
             own = (progress_of(notice, name), executor) if len(ready) == 1 else (None, None)
             tasks.append((place, (request, source.path.name, place, recall(folder, name, request.key), *own)))
-        for _, (found, new) in in_tasks(_fitted, tasks, executor if len(ready) > 1 else None):
-            name = found.stage
+        for _, (fitted, new) in in_tasks(_fitted, tasks, executor if len(ready) > 1 else None):
+            name = fitted.stage
             if new:
                 changed[name] = changed_since(folder, name, ingredients[name])
-            if new and found.converged:
-                remember(folder, name, keys[name], found.kept, ingredients[name])
-            done[name] = found
-            _go_on(found, [s.name for s in left.values() if s.name not in done], source)
-        left = {k: s for k, s in left.items() if k not in ready}
+            if new and fitted.converged:
+                remember(folder, name, keys[name], fitted.kept, ingredients[name])
+            done[name] = fitted
+            _go_on(fitted, [s.name for s in todo.values() if s.name not in done], source)
+        todo = {k: s for k, s in todo.items() if k not in ready}
     done = {s.name: done[s.name] for s in source.content.stages}
-    made = Campaign(source.content.title, done, (), keys, source.content.note, None, source, requests, changed)
-    made = replace(made, joint=_joint(made, notice, folder)) if source.content.joint is not None else made
-    return judge(made, folder, notice)
+    result = Campaign(source.content.title, done, (), keys, source.content.note, None, source, requests, changed)
+    result = replace(result, joint=_joint(result, notice, folder)) if source.content.joint is not None else result
+    return judge(result, folder, notice)
 
 
 def _waits(stage: StageTable, earlier: Sequence[str]) -> bool:
@@ -497,7 +497,7 @@ def _waits(stage: StageTable, earlier: Sequence[str]) -> bool:
 
 
 def _fitted(
-    request: Request, file: str, place: str, kept: KeptFit | None, progress: StageNotice | None, executor: Workers
+    request: Request, file: str, place: str, recalled: KeptFit | None, progress: StageNotice | None, executor: Workers
 ) -> tuple[Calibration, bool]:
     """Return the fit of a stage, and whether it is a new one; a task of a worker, or of this process with workers for its descents.
 
@@ -507,19 +507,19 @@ def _fitted(
     """
     with errors_at(place, ": "):
         try:
-            return fit(request, progress, kept, stoppable=True, executor=executor), kept is None
+            return fit(request, progress, recalled, stoppable=True, executor=executor), recalled is None
         except ThermidError as error:
             raise refused(error, request, request.name, file) from None
 
 
-def judge(made: Campaign, folder: Path | None = None, notice: Notice | None = None) -> Campaign:
+def judge(campaign: Campaign, folder: Path | None = None, notice: Notice | None = None) -> Campaign:
     """Return a campaign of a file with the verdicts on its hold-out records, and what they make of its stages.
 
     Verdicts on stages that are not there yet, or by a joint fit that is not, are left out.
 
     Parameters
     ----------
-    made : Campaign     Its stages as they were fitted, before any verdict; the joint fit where there is one.
+    campaign : Campaign  Its stages as they were fitted, before any verdict; the joint fit where there is one.
     folder : path       A results folder, which knows of earlier looks at hold-out records; this look is noted there.
     notice : callable   Called with the name of each record before it is judged.
 
@@ -527,12 +527,14 @@ def judge(made: Campaign, folder: Path | None = None, notice: Notice | None = No
     ------
     ThermidError   From reading or judging; the message says at which verdict.
     """
-    source = made.source
+    source = campaign.source
     assert source is not None
-    used = {sha: user for c in made.stages.values() for sha, user in c.seen.items()}
-    tables = [(k, t) for k, t in enumerate(source.content.verdicts) if t.model in made and (t.values != "joint" or made.joint is not None)]
-    verdicts = tuple(v for k, table in tables for v in _judge(source, table, k, made, used, notice))
-    return _judged(replace(made, verdicts=tuple(_looked(folder, v, made) for v in verdicts)))
+    used = {sha: user for c in campaign.stages.values() for sha, user in c.seen.items()}
+    tables = [
+        (k, t) for k, t in enumerate(source.content.verdicts) if t.model in campaign and (t.values != "joint" or campaign.joint is not None)
+    ]
+    verdicts = tuple(v for k, table in tables for v in _judge(source, table, k, campaign, used, notice))
+    return _judged(replace(campaign, verdicts=tuple(_looked(folder, v, campaign) for v in verdicts)))
 
 
 @takes_objects
@@ -563,15 +565,15 @@ def joint(
     return run.joint or _joint(run, notice, Path(cache) if cache is not None else None)
 
 
-def _judged(made: Campaign) -> Campaign:
+def _judged(campaign: Campaign) -> Campaign:
     """Return a campaign in which failed verdicts are known to the stages that they are about, and to all that rests on these."""
-    accepted = made.source.accepted if made.source is not None else ()
-    stages = _judged_stages(made.stages, made.verdicts, accepted)
-    if made.joint is None:
-        return replace(made, stages=stages)
-    failed = [v for v in made.verdicts if v.passed is False and v.model not in stages]
-    joint = made.joint.judged(_as_now(made.joint.rests, stages), _verdict_standing(failed, False))
-    return replace(made, stages=stages, joint=joint)
+    accepted = campaign.source.accepted if campaign.source is not None else ()
+    stages = _judged_stages(campaign.stages, campaign.verdicts, accepted)
+    if campaign.joint is None:
+        return replace(campaign, stages=stages)
+    failed = [v for v in campaign.verdicts if v.passed is False and v.model not in stages]
+    joint = campaign.joint.judged(_as_now(campaign.joint.rests, stages), _verdict_standing(failed, False))
+    return replace(campaign, stages=stages, joint=joint)
 
 
 def _joint(campaign: Campaign, notice: Notice | None, folder: Path | None) -> JointFit:
@@ -581,29 +583,33 @@ def _joint(campaign: Campaign, notice: Notice | None, folder: Path | None) -> Jo
     return fit_jointly(source, campaign.requests, campaign.stages, key, progress_of(notice, "joint"), folder)
 
 
-def _looked(folder: Path | None, verdict: Verdict, made: Campaign) -> Verdict:
+def _looked(folder: Path | None, verdict: Verdict, campaign: Campaign) -> Verdict:
     """Return a verdict with what the results folder knows of earlier looks at its record; this one is noted there if it was one."""
     if verdict.prediction is None or verdict.passed is None:
         return verdict
-    joint = verdict.model not in made.keys
-    key = joint_key(made.keys, made.source.content.joint_table) if joint and made.source is not None else made.keys[verdict.model]
+    joint = verdict.model not in campaign.keys
+    key = (
+        joint_key(campaign.keys, campaign.source.content.joint_table)
+        if joint and campaign.source is not None
+        else campaign.keys[verdict.model]
+    )
     record = next(iter(verdict.prediction.records.items()))
     return replace(verdict, failed_before=look(folder, *record, verdict.model, key, verdict.passed))
 
 
-def _go_on(found: Calibration, left: Sequence[str], source: CampaignSource) -> None:
+def _go_on(last: Calibration, following: Sequence[str], source: CampaignSource) -> None:
     """Do nothing, unless the interrupt key ended a fit and others would follow.
 
     Raises
     ------
     StoppedError    With the best values so far.
     """
-    then = [*(f"'{name}'" for name in left), *(["the joint fit"] if source.content.joint is not None else [])]
-    if not found.stopped or not then:
+    then = [*(f"'{name}'" for name in following), *(["the joint fit"] if source.content.joint is not None else [])]
+    if not last.stopped or not then:
         return
-    best = ", ".join(f"{v.path} = {short(v.in_unit, 4)} {v.unit}".rstrip() for v in found.values.parameters.values())
+    best = ", ".join(f"{v.path} = {short(v.in_unit, 4)} {v.unit}".rstrip() for v in last.values.parameters.values())
     raise StoppedError(
-        f"stopped by the user after {counted(found.evaluations, 'evaluation')} of stage '{found.stage}'. Best so far, not credible: {best}."
+        f"stopped by the user after {counted(last.evaluations, 'evaluation')} of stage '{last.stage}'. Best so far, not credible: {best}."
         f" Not fitted: {', '.join(then)}. The stages before it are kept in the results folder."
     )
 
@@ -632,7 +638,7 @@ def progress_of(notice: Notice | None, name: str) -> StageNotice | None:
 
 
 def _judge(
-    source: CampaignSource, table: VerdictTable, k: int, made: Campaign, used: Mapping[str, str], notice: Notice | None
+    source: CampaignSource, table: VerdictTable, k: int, campaign: Campaign, used: Mapping[str, str], notice: Notice | None
 ) -> Iterator[Verdict]:
     """Yield one verdict per record of a verdict's pattern."""
     where = source.where(f"verdicts.{k}")
@@ -640,7 +646,7 @@ def _judge(
     for name in source.pick([table.record], where):
         if notice is not None:
             notice(f"verdict on {name}", 0, 0.0)
-        fit = made.joint.at(table.model) if table.values == "joint" and made.joint is not None else made[table.model]
+        fit = campaign.joint.at(table.model) if table.values == "joint" and campaign.joint is not None else campaign[table.model]
         if not fit.standing.judgeable:
             yield not_judged(fit, name, table.name)
             continue

@@ -97,7 +97,7 @@ def check_campaign(
     tables = source.content.stages
     files = {stage.model: source.where(f"stages.{k}.model") for k, stage in enumerate(tables)}
     findings = [f for file, where in files.items() for f in source.model(file, where).check()]
-    asked: list[Finding] = []
+    questions: list[Finding] = []
     inputs: dict[str, InputTable] = {}
     requests: dict[str, Request] = {}
     for k, stage in enumerate(tables):
@@ -109,14 +109,14 @@ def check_campaign(
             findings.append(_finding(error, where))
             continue
         requests[stage.name] = request
-        asked += [Finding("warning", where, question, code_of(question)) for question in open_questions(request.records)]
+        questions += [Finding("warning", where, question, code_of(question)) for question in open_questions(request.records)]
         rows, wrong = _bound(request, where)
         findings += wrong
-        inputs[stage.name] = InputTable.of(rows)
+        inputs[stage.name] = InputTable.in_order(rows)
     for k, verdict in enumerate(source.content.verdicts):
         stage = next(s for s in tables if s.name == verdict.model)
         findings += _judged_on(source, verdict, stage, requests.get(stage.name), source.where(f"verdicts.{k}"))
-    return tuple(dict.fromkeys([*asked, *findings])), inputs
+    return tuple(dict.fromkeys([*questions, *findings])), inputs
 
 
 def _bound(request: Request, where: str) -> tuple[list[Input], list[Finding]]:
@@ -139,7 +139,7 @@ def _judged_on(source: CampaignSource, verdict: VerdictTable, stage: StageTable,
         records = tuple(source.bound(name, stage) for name in source.pick([verdict.record], where))
         if request is None:
             return []
-        asked = replace(
+        request_of_verdict = replace(
             request,
             records=records,
             free=(),
@@ -153,8 +153,8 @@ def _judged_on(source: CampaignSource, verdict: VerdictTable, stage: StageTable,
         )
     except ThermidError as error:
         return [_finding(error, where)]
-    codes = [Finding("warning", where, said, code_of(said)) for said in stray_readings(records)]
-    return [*codes, *_bound(asked, where)[1]]
+    codes = [Finding("warning", where, remark, code_of(remark)) for remark in stray_readings(records)]
+    return [*codes, *_bound(request_of_verdict, where)[1]]
 
 
 def _finding(error: ThermidError, where: str) -> Finding:

@@ -18,7 +18,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, SolverError
 from thermid.base.linear_algebra import Array, null_space, symmetric_inverse
 from thermid.base.units import NAMES, counted, unit
-from thermid.fit._calibration import FAR, FIRST, TIMES, Calibration, Local, contradicted, far_from_sheet, loudly
+from thermid.fit._calibration import CONTRADICTION_DEVIATIONS, FIRST, TIMES, Calibration, Local, contradicted, far_from_sheet, loudly
 from thermid.fit._error_model.discrepancy import with_discrepancy
 from thermid.fit._error_model.kept import KEY as ERRORS, ErrorModel, error_table, with_structural_errors
 from thermid.fit._inputs import inputs_of
@@ -52,22 +52,22 @@ ASIDE, STRAINED = 3.0, 5.0
 one record takes up so far from what is known of it is physics that the model lacks, or a prior that is wrong. [-]"""
 NOISE_RATIO, NO_NOISE = 1.5, 1e-3
 """Factor between stated noise and the noise that readings show, from which it is said; what they show below which they have none [K]."""
-SURE = 3.0
+CHANCE_DEVIATIONS = 3.0
 """Standard deviations of chi-square by chance, from which residuals that wander are asked whether the structure lacks something. [-]"""
 REFUTED = 1e-3
 """Chance of as large a chi-square, beside residuals of so many noises, from which the stated noise refutes the fit."""
 
 
 def own_standing(
-    request: Request, problem: Problem, found: Fit, values: FittedValues, total: Array, spread: Autocorrelation | None
+    request: Request, problem: Problem, minimum: Fit, values: FittedValues, total: Array, spread: Autocorrelation | None
 ) -> Standing:
     """Return the standing of a fit by itself, whatever it rests on."""
-    wrong = [*contradicted(values).values(), *([] if found.converged else [f"the fit did not converge: {found.message}"])]
+    wrong = [*contradicted(values).values(), *([] if minimum.converged else [f"the fit did not converge: {minimum.message}"])]
     if wrong:
         return Standing("not credible", "; ".join(wrong), values.stage, request.accepted)
-    short_of = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, found, total)]
-    short_of += _missed(request, problem, found, spread) if spread is not None else []
-    far = _far(problem, found)
+    short_of = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, minimum, total)]
+    short_of += _missed(request, problem, minimum, spread) if spread is not None else []
+    far = _far_from_prior(problem, minimum)
     if far and (size := max(far.values())) > STRAINED:
         name = max(far, key=far.__getitem__)
         short_of.append(f"'{name}' lies {size:.1f} standard deviations from its prior (limit {STRAINED:g})")
@@ -76,25 +76,25 @@ def own_standing(
     return replace(CREDIBLE, stage=values.stage)
 
 
-def at_bounds(problem: Problem, found: Fit, total: Array) -> list[tuple[Unknown, str, float]]:
+def at_bounds(problem: Problem, minimum: Fit, total: Array) -> list[tuple[Unknown, str, float]]:
     """Return the unknowns that ended at a bound, which one, and the bound in the fitted form."""
     out = []
     for k, u in enumerate(problem.unknowns):
         error = float(np.sqrt(total[k, k]))
         for bound, side in zip(u.fitted_bounds(), ("lower", "upper"), strict=True):
-            if np.isfinite(bound) and abs(found.fitted[k] - bound) < max(1e-4 * max(abs(bound), u.scale), 0.02 * error):
+            if np.isfinite(bound) and abs(minimum.fitted[k] - bound) < max(1e-4 * max(abs(bound), u.scale), 0.02 * error):
                 out.append((u, side, bound))
     return out
 
 
-def _missed(request: Request, problem: Problem, found: Fit, spread: Autocorrelation) -> list[str]:
+def _missed(request: Request, problem: Problem, minimum: Fit, spread: Autocorrelation) -> list[str]:
     """Return in words which traces the model misses by more than it may, the worst first; one reason for all of them."""
-    seen = {(e.record.name, o.sensor): o for e in problem.experiments for o in e.observations}
-    scatter = {(record, sensor): float(np.sqrt(s.mean_square)) for record, sensor, s in found.sums}
+    observations = {(e.record.name, o.sensor): o for e in problem.experiments for o in e.observations}
+    scatter = {(record, sensor): float(np.sqrt(s.mean_square)) for record, sensor, s in minimum.sums}
     missed: list[tuple[float, str]] = []
     shown = _seen_noise(problem)
     for t in spread.traces:
-        o = seen[t.record, t.sensor]
+        o = observations[t.record, t.sensor]
         sigma = o.sigma(problem.noise)
         size = float(np.sqrt(t.correlated_variance)) * sigma
         if request.adequate:
@@ -108,16 +108,16 @@ def _missed(request: Request, problem: Problem, found: Fit, spread: Autocorrelat
         if size > limit:
             missed.append((size / limit, f"{t.sensor} in {t.record} has a residual of {short(size)} K (limit {short(limit)} K: {what})"))
     if not missed:
-        return [] if request.adequate else _refuted(problem, found)
+        return [] if request.adequate else _refuted(problem, minimum)
     first = max(missed)[1]
     return [f"{first}, and {counted(len(missed) - 1, 'further trace')}" if len(missed) > 1 else first]
 
 
-def _refuted(problem: Problem, found: Fit) -> list[str]:
+def _refuted(problem: Problem, minimum: Fit) -> list[str]:
     """Return in words that the sum of squares refutes the fit, white residuals or not; nothing where some noise was not stated."""
     from scipy.special import gammaincc
 
-    freedom, squares = problem.freedom, found.chi_square
+    freedom, squares = problem.freedom, minimum.chi_square
     if freedom <= 0.0 or any(o.noise is None for o in problem.observations()) or squares <= NOISES**2 * freedom:
         return []
     chance = float(gammaincc(0.5 * freedom, 0.5 * squares))
@@ -133,9 +133,9 @@ def rests_on(request: Request, values: FittedValues) -> dict[str, Standing]:
     It rests on every value that was laid over its model and acts there, but for those that it freed without a prior of them, and on the
     errors of its own instruments that a stage below found.
     """
-    given = {q for p in request.prior for q in request.store.states[p].acts}
-    given |= {p for p, one in request.priors.items() if not mean_of(one)}  # a prior about the value that was there
-    freed = {q for p, v in values.parameters.items() if p not in given for q in (p, *v.also)}
+    with_prior = {q for p in request.prior for q in request.store.states[p].acts}
+    with_prior |= {p for p, one in request.priors.items() if not mean_of(one)}  # a prior about the value that was there
+    freed = {q for p, v in values.parameters.items() if p not in with_prior for q in (p, *v.also)}
     out: dict[str, list[Standing]] = {}
     for path, entry in parameter_table(request.model).items():
         if path not in freed and entry.parameter.standing is not None:
@@ -148,27 +148,27 @@ def rests_on(request: Request, values: FittedValues) -> dict[str, Standing]:
     return {who: worst(several) for who, several in out.items()}
 
 
-def stored(request: Request, problem: Problem, values: FittedValues, found: Responses) -> Store:
+def stored(request: Request, problem: Problem, values: FittedValues, responses_of_fit: Responses) -> Store:
     """Return what is known once a fit is done.
 
     Parameters
     ----------
     request, problem    The fit's.
     values : FittedValues   What it found.
-    found : Responses       What its errors come from.
+    responses_of_fit : Responses  What its errors come from.
     """
-    kept = [k for k, u in enumerate(problem.unknowns) if u.kind != "local"]
+    positions = [k for k, u in enumerate(problem.unknowns) if u.kind != "local"]
     key = key_for(request)
-    rows, sources = found.of(kept, key[:16], f"noise of stage '{values.stage}'")
-    known = [not found.unlimited[k] for k in kept]
+    rows, sources = responses_of_fit.with_noise(positions, key[:16], f"noise of stage '{values.stage}'")
+    is_limited = [not responses_of_fit.unlimited[k] for k in positions]
     origin = ValueOrigin("fit", values.stage, tuple(values.provenance["records"]), key, values.provenance["date"])
     decks = {p: deck_text(entry) for p, entry in parameter_table(request.model).items()}
     states = {
         v.path: replace(state_of(v, origin, decks), known=sure, of_logs=v.path in request.of_logs)
-        for v, sure in zip(values.values(), known, strict=True)
+        for v, sure in zip(values.values(), is_limited, strict=True)
     }
-    seen = {sha: f"stage '{values.stage}' as '{name}'" for name, sha in values.provenance["records"].items()}
-    return in_place(request.store, Store(states, sources, rows, seen, {values.stage: values.provenance}))
+    fitted_records = {sha: f"stage '{values.stage}' as '{name}'" for name, sha in values.provenance["records"].items()}
+    return in_place(request.store, Store(states, sources, rows, fitted_records, {values.stage: values.provenance}))
 
 
 def in_place(before: Store, new: Store) -> Store:
@@ -180,12 +180,12 @@ def in_place(before: Store, new: Store) -> Store:
     root = []
     for store in (before, new):
         columns = [place[s.name] for s in store.sources]
-        for state, own in zip(store.states.values(), store.root, strict=True):
-            kept = _left(state, here) if store is before else _after(state, before)
-            if kept is not None:
+        for state, row_of_state in zip(store.states.values(), store.root, strict=True):
+            state_after = _remaining_state(state, here) if store is before else _after(state, before)
+            if state_after is not None:
                 row = np.zeros(len(sources))
-                row[columns] = own
-                states[kept.path] = kept
+                row[columns] = row_of_state
+                states[state_after.path] = state_after
                 root.append(row)
     whole = replace(
         before,
@@ -205,7 +205,7 @@ def _after(state: State, before: Store) -> State:
     return replace(state, history=tuple(dict.fromkeys(o for s in old for o in (*s.history, s.origin))))
 
 
-def _left(state: State, here: set[str]) -> State | None:
+def _remaining_state(state: State, here: set[str]) -> State | None:
     """Return what is left of a state once a fit has looked for some paths; None for nothing."""
     if state.kind != "parameter":
         return None if state.path in here else state
@@ -328,7 +328,7 @@ def refuse_before(request: Request, problem: Problem, fit: Callable[[Request], C
     """
     if not problem.unknowns:
         return
-    info = Information.of(problem, starting_point(problem.unknowns))
+    info = Information.of_problem(problem, starting_point(problem.unknowns))
     length = np.linalg.norm(info.rows, axis=0)
     blind = set(np.flatnonzero(length <= 1e-12 * length.max()).tolist())
     for direction in null_space(info.rows) * length:
@@ -348,12 +348,12 @@ def _words(group: Group, request: Request, problem: Problem, fit: Callable[[Requ
     cure = "Free one of them, or add a record in which they act differently."
     how = group.pair
     if how in ("product", "ratio"):
-        known = _known(group, request, problem, fit)
-        return f"{named} cannot be separated by these data; they act only as a {how}{known}. {cure}"
+        known_text = _known_combination(group, request, problem, fit)
+        return f"{named} cannot be separated by these data; they act only as a {how}{known_text}. {cure}"
     about = "; ".join(f"{c.text} to about {percent(c.relative)}{f' ({c.meaning})' if c.meaning else ''}" for c in group.known)
-    known = f" Known: {about}." if about else ""
+    known_text = f" Known: {about}." if about else ""
     if group.form in ("sum", "series"):
-        return f"{named} cannot be separated by these data; {group.acting}.{known} {cure}"
+        return f"{named} cannot be separated by these data; {group.acting}.{known_text} {cure}"
     if group.form == "power law":
         moves = ", or ".join(together(move, len(group.names)) for move in group.moves)
         powers = [
@@ -363,23 +363,23 @@ def _words(group: Group, request: Request, problem: Problem, fit: Callable[[Requ
             or any(u.name == n and unit(u.unit).dimension == unit("W").dimension for u in problem.unknowns)
         ]
         advice = f" Without a measured power only ratios can be fitted: fix '{powers[0]}' or give it a prior." if powers else ""
-        return f"{named} cannot be separated by these data: {moves} changes no reading.{known}{advice} {cure}"
+        return f"{named} cannot be separated by these data: {moves} changes no reading.{known_text}{advice} {cure}"
     return f"{named} cannot be separated by these data: a change of one is compensated by the others. {cure}"
 
 
-def _known(group: Group, request: Request, problem: Problem, fit: Callable[[Request], Calibration]) -> str:
+def _known_combination(group: Group, request: Request, problem: Problem, fit: Callable[[Request], Calibration]) -> str:
     """Return the value of a product or ratio of two parameters, from a fit that frees one of them."""
     first, second = group.names
     fewer = tuple(n for n in request.free if request.model.canonical(n) != second)
     if len(fewer) != len(request.free) - 1:
         return ""
     try:
-        found = fit(replace(request, free=fewer))
+        calibration = fit(replace(request, free=fewer))
     except IdentificationError:
         return ""
     combination = f"{first}{'*' if group.pair == 'product' else '/'}{second}"
     other = next(u for u in problem.unknowns if u.name == second)
-    value = found.values[first]
+    value = calibration.values[first]
     factor = other.start if group.pair == "product" else 1.0 / other.start
     of = unit(value.unit).dimension
     dimension = tuple(a + b if group.pair == "product" else a - b for a, b in zip(of, unit(other.unit).dimension, strict=True))
@@ -388,7 +388,7 @@ def _known(group: Group, request: Request, problem: Problem, fit: Callable[[Requ
     return f" (known: {combination} = {short(value.value * factor, 3)} +- {short(value.error * factor)} {text}{meaning})"
 
 
-def refuse_after(request: Request, problem: Problem, found: Fit, total: Array) -> None:
+def refuse_after(request: Request, problem: Problem, minimum: Fit, total: Array) -> None:
     """Refuse a fit whose standard error is wider than the bounds it was given.
 
     Raises
@@ -410,7 +410,7 @@ def refuse_after(request: Request, problem: Problem, found: Fit, total: Array) -
             width = high - low if u.low > 0 else np.inf
         if np.isfinite(width) and 2 * error > width:
             scale = 1.0 / float(unit(u.unit).factor)
-            value, spread = u.to_value(float(found.fitted[k])) * scale, error * u.slope(float(found.fitted[k])) * scale
+            value, spread = u.to_value(float(minimum.fitted[k])) * scale, error * u.slope(float(minimum.fitted[k])) * scale
             raise IdentificationError(
                 f"'{u.name}' = {short(value, 3)} +- {short(spread)} {u.unit}: its standard error is wider than its bounds "
                 f"{u.low * scale:.4g} .. {u.high * scale:.4g}, so the log does not determine it{_by_instruments(problem, total, k)}. "
@@ -444,13 +444,13 @@ CHANCE = 0.01
 
 
 def summarise(
-    request: Request, problem: Problem, found: Fit, known: Responses, random: Array, spread: Autocorrelation | None = None
+    request: Request, problem: Problem, best: Fit, responses_of_fit: Responses, random: Array, spread: Autocorrelation | None = None
 ) -> Calibration:
-    """Return the calibration that a fit ended with; `known` says what its errors come from, `random` is their part by noise."""
-    name, total = request.name or request.model.title, known.total
+    """Return the calibration that a fit ended with; `responses_of_fit` says what its errors come from, `random` is their part by noise."""
+    name, total = request.name or request.model.title, responses_of_fit.total
     origin = f"{name}: {some([r.name for r in request.records], 'records')}"
-    kept = [k for k, u in enumerate(problem.unknowns) if u.kind != "local"]
-    items = {u.name: _value(u, float(found.fitted[k]), total[k, k], random[k, k], origin) for k in kept for u in (problem.unknowns[k],)}
+    rows = [k for k, u in enumerate(problem.unknowns) if u.kind != "local"]
+    items = {u.name: _value(u, float(best.fitted[k]), total[k, k], random[k, k], origin) for k in rows for u in (problem.unknowns[k],)}
     records = {r.name: r.origin.sha256 for r in request.records}
     provenance: dict[str, Any] = {
         "version": version("thermid"),
@@ -459,17 +459,17 @@ def summarise(
         "records": records,
         "synthetic": any(r.origin.synthetic for r in request.records),
     }
-    own = np.ix_(kept, kept)
-    values = FittedValues(name, items, total[own], provenance)
-    alone, rests = own_standing(request, problem, found, values, total, spread), rests_on(request, values)
-    store = stored(request, problem, values.judged(worst([alone, *rests.values()])), known)
+    block = np.ix_(rows, rows)
+    values = FittedValues(name, items, total[block], provenance)
+    alone, rests = own_standing(request, problem, best, values, total, spread), rests_on(request, values)
+    store = stored(request, problem, values.judged(worst([alone, *rests.values()])), responses_of_fit)
     values = view(store, list(values), name)
     bias = dict(problem.fixed_bias) | {s: v.value for s, v in values.sensors.items()}
-    blocks = Predictions(found.sums, problem, found.fitted)
-    local = tuple(_local(u, found.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local")
+    blocks = Predictions(best.sums, problem, best.fitted)
+    local = tuple(_local(u, best.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local")
     freedom = round(problem.freedom)
     handed_on = bool(request.store.states)
-    moved = moves_above(request, problem, found, spread.variance_factor if spread is not None else 1.0) if handed_on else Moves()
+    moved = moves_above(request, problem, best, spread.variance_factor if spread is not None else 1.0) if handed_on else Moves()
     return Calibration(
         name,
         request.model,
@@ -479,35 +479,35 @@ def summarise(
         bias,
         records,
         correlations_of(problem, total),
-        found.chi_square,
+        best.chi_square,
         freedom,
-        found.evaluations,
+        best.evaluations,
         request.loss,
         (
             *loudly(values),
             *far_from_sheet(request.model, values),
             *request.remarks,
             *(f"{FIRST}{r}" for r in (request.model.runner.remarks if request.model.runner is not None else ())),
-            *_warnings(problem, found, total, spread),
+            *_warnings(problem, best, total, spread),
             *(unlumped(request.model, {p: v.value for p, v in values.assignments.items()}) if request.model.runner is None else ()),
-            *found.remarks,
+            *best.remarks,
             *(_wandering(spread) if spread is not None else ()),
             *(moved.warnings() if handed_on else ()),
         ),
         bool(provenance["synthetic"]),
         {**request.seen, **{r.origin.sha256: f"stage '{name}' as '{r.name}'" for r in request.records}},
         problem.experiments,
-        {u.name: float(x) for u, x in zip(problem.unknowns, found.fitted, strict=True)},
-        found.converged,
+        {u.name: float(x) for u, x in zip(problem.unknowns, best.fitted, strict=True)},
+        best.converged,
         request,
         problem,
         moved,
         spread,
-        search=found.search,
+        search=best.search,
         own=alone,
         rests=rests,
         store=store,
-        stopped=found.stopped,
+        stopped=best.stopped,
     )
 
 
@@ -538,30 +538,30 @@ def correlations_of(problem: Problem, total: Array) -> dict[tuple[str, str], flo
     return out
 
 
-def _warnings(problem: Problem, found: Fit, total: Array, spread: Autocorrelation | None) -> list[str]:
+def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelation | None) -> list[str]:
     """Return what a reader must know."""
     out = []
-    if not found.converged:
-        out.append(f"the fit did not converge: {found.message}")
-    for u, side, bound in at_bounds(problem, found, total):
+    if not minimum.converged:
+        out.append(f"the fit did not converge: {minimum.message}")
+    for u, side, bound in at_bounds(problem, minimum, total):
         shown = FittedValue(u.name, u.to_value(bound), 0, 0, u.log, u.unit, 0, (0, 0)).in_unit
         out.append(
             f"'{u.name}' ended at its {side} bound {shown:.6g}, so its standard error is not meaningful. Widen the bound, or "
             "fix the parameter."
         )
     for k, u in enumerate(problem.unknowns):
-        far = abs(found.fitted[k] - u.prior.mean) / u.prior.sd if u.prior is not None and u.kind != "local" else 0.0
-        if 3.0 < far <= FAR:  # what lies farther stands at the head of the fit
+        far = abs(minimum.fitted[k] - u.prior.mean) / u.prior.sd if u.prior is not None and u.kind != "local" else 0.0
+        if 3.0 < far <= CONTRADICTION_DEVIATIONS:  # what lies farther stands at the head of the fit
             out.append(
                 f"'{u.name}' lies {far:.1f} standard deviations from its prior: data and prior disagree. Check the source of "
                 "the prior, and the model."
             )
-    out += _strained(problem, found)
+    out += _strained(problem, minimum)
     out += differing(problem)
     out += _noise_apart(problem)
     out += _taken_as_instants(problem)
     freedom = round(problem.freedom)
-    reduced = found.chi_square / max(freedom, 1)
+    reduced = minimum.chi_square / max(freedom, 1)
     stated = all(o.noise is not None for o in problem.observations())
     if stated and freedom > 0 and reduced > 1.5:
         widened = "; the errors were widened by that factor" if spread is None or spread.variance_factor > 1.5 else ""
@@ -599,9 +599,9 @@ def _taken_as_instants(problem: Problem) -> list[str]:
     apart: dict[str, float] = {}
     for e in problem.experiments:
         noise = min((o.noise for o in e.observations if o.noise is not None), default=UNSAID_NOISE)
-        for name, given in e.scenario.boundaries.items():
-            if isinstance(given, TableSignal) and not given.held and not given.samples:
-                half = 0.5 * float(np.sqrt(np.mean(np.diff(given.levels) ** 2)))
+        for name, boundary in e.scenario.boundaries.items():
+            if isinstance(boundary, TableSignal) and not boundary.held and not boundary.samples:
+                half = 0.5 * float(np.sqrt(np.mean(np.diff(boundary.levels) ** 2)))
                 if half > noise:
                     apart[name] = max(half, apart.get(name, 0.0))
     if not apart:
@@ -634,41 +634,41 @@ def differing(problem: Problem) -> list[str]:
 
 def _seen_noise(problem: Problem) -> dict[tuple[str, str], float]:
     """Return record and sensor -> the noise that the readings show, of those that show some and whose noise is not said to be slow. [K]"""
-    seen = {
+    noise_of_trace = {
         (e.record.name, o.sensor): noise_seen(e.record.channels[o.sensor])
         for e in problem.experiments
         for o in e.observations
         if o.effective_share == 1.0
     }
-    return {key: size for key, size in seen.items() if size > NO_NOISE}
+    return {key: size for key, size in noise_of_trace.items() if size > NO_NOISE}
 
 
 def _noise_apart(problem: Problem) -> list[str]:
     """Return one remark on sensors whose stated noise is far from what their readings show; the farthest is named."""
-    seen, stated = _seen_noise(problem), {(e.record.name, o.sensor): o.noise for e in problem.experiments for o in e.observations}
+    shown, stated = _seen_noise(problem), {(e.record.name, o.sensor): o.noise for e in problem.experiments for o in e.observations}
     apart = {
-        key: (said, size) for key, size in seen.items() if (said := stated[key]) and abs(math.log(said / size)) > math.log(NOISE_RATIO)
+        key: (noise, size) for key, size in shown.items() if (noise := stated[key]) and abs(math.log(noise / size)) > math.log(NOISE_RATIO)
     }
     if not apart:
         return []
-    (record, sensor), (said, size) = max(apart.items(), key=lambda item: abs(math.log(item[1][0] / item[1][1])))
+    (record, sensor), (noise, size) = max(apart.items(), key=lambda item: abs(math.log(item[1][0] / item[1][1])))
     others = f", and that of {counted(len(apart) - 1, 'further trace')} is off too" if len(apart) > 1 else ""
     return [
-        f"the stated noise of '{sensor}' is {short(said)} K, but its readings in {record} scatter by {short(size)} K from one to the next"
+        f"the stated noise of '{sensor}' is {short(noise)} K, but its readings in {record} scatter by {short(size)} K from one to the next"
         f'{others}. Errors and limits rest on the stated noise. State what the readings show, noise = "{short(size)} [K]", or why not.'
     ]
 
 
-def _far(problem: Problem, found: Fit) -> dict[str, float]:
+def _far_from_prior(problem: Problem, minimum: Fit) -> dict[str, float]:
     """Return value of a single record -> how many standard deviations it lies from its prior, of those that lie far."""
     local = [(k, u.name, u.prior) for k, u in enumerate(problem.unknowns) if u.kind == "local" and u.prior is not None]
-    apart = {name: abs(float(found.fitted[k]) - prior.mean) / prior.sd for k, name, prior in local}
+    apart = {name: abs(float(minimum.fitted[k]) - prior.mean) / prior.sd for k, name, prior in local}
     return {name: size for name, size in apart.items() if size > ASIDE}
 
 
-def _strained(problem: Problem, found: Fit) -> list[str]:
+def _strained(problem: Problem, minimum: Fit) -> list[str]:
     """Return one remark on the values of single records that lie far from their priors."""
-    far = _far(problem, found)
+    far = _far_from_prior(problem, minimum)
     if not far:
         return []
     worst = max(far, key=far.__getitem__)
@@ -752,25 +752,25 @@ def requested(
 def fit(
     request: Request,
     progress: Progress | None = None,
-    known: KeptFit | None = None,
+    recalled: KeptFit | None = None,
     stoppable: bool = False,
     executor: Workers = None,
 ) -> Calibration:
     """Return the calibration that a request asks for; see `calibrate`.
 
-    `known` is what was kept of the same fit from before; its end is then evaluated and not searched again. `stoppable` says
+    `recalled` is what was kept of the same fit from before; its end is then evaluated and not searched again. `stoppable` says
     whether the interrupt key ends the search with the best values so far; what makes many fits leaves it to go through.
     """
     if request.hand is not None:
         return tuned_by_hand(request, request.hand)
-    return fit_problem(request, build_problem(request), progress, known, stoppable, executor)
+    return fit_problem(request, build_problem(request), progress, recalled, stoppable, executor)
 
 
 def fit_problem(
     request: Request,
     problem: Problem,
     progress: Progress | None = None,
-    known: KeptFit | None = None,
+    recalled: KeptFit | None = None,
     stoppable: bool = False,
     executor: Workers = None,
 ) -> Calibration:
@@ -778,66 +778,66 @@ def fit_problem(
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):  # matrices of up to some hundred rows: two threads wait for one another a hundred times longer
-        return _fitted(request, problem, progress, known, stoppable, executor)
+        return _fitted(request, problem, progress, recalled, stoppable, executor)
 
 
 def _fitted(
-    request: Request, problem: Problem, progress: Progress | None, known: KeptFit | None, stoppable: bool, executor: Workers
+    request: Request, problem: Problem, progress: Progress | None, recalled: KeptFit | None, stoppable: bool, executor: Workers
 ) -> Calibration:
     stated = all(o.noise is not None for o in problem.observations())
-    if known is not None and not request.effective and list(known.fitted) == [u.name for u in problem.unknowns]:
-        found = ended(problem, np.array(list(known.fitted.values())), request.loss, request.loss_scale, known.evaluations)
-        found = replace(found, search=known.search, remarks=known.remarks)
+    if recalled is not None and not request.effective and list(recalled.fitted) == [u.name for u in problem.unknowns]:
+        minimum = ended(problem, np.array(list(recalled.fitted.values())), request.loss, request.loss_scale, recalled.evaluations)
+        minimum = replace(minimum, search=recalled.search, remarks=recalled.remarks)
     else:
         with _units_asked(problem):
             if problem.clocked:
                 problem = with_clocks(problem, request.loss, request.loss_scale)
             refuse_before(request, problem, lambda r: fit(r))
-            found = searched(problem, request.search, request.loss, request.loss_scale, progress, stoppable, executor)
-            if problem.clocked and not found.stopped:
-                problem, found = in_turns(problem, found, request.loss, request.loss_scale, progress)
-        if not stated and not found.stopped:
-            weighed = replace(problem, noise=_measured_noise(problem, found, request.loss))
-            again = minimise(weighed, request.loss, request.loss_scale, found.fitted, progress, stoppable=stoppable)
-            found = replace(again, evaluations=found.evaluations + again.evaluations, search=found.search, remarks=found.remarks)
-    if request.effective and not found.stopped:
-        problem, found = _as_they_are_worth(request, problem, found, progress, stoppable)
+            minimum = searched(problem, request.search, request.loss, request.loss_scale, progress, stoppable, executor)
+            if problem.clocked and not minimum.stopped:
+                problem, minimum = in_turns(problem, minimum, request.loss, request.loss_scale, progress)
+        if not stated and not minimum.stopped:
+            weighed = replace(problem, noise=_measured_noise(problem, minimum, request.loss))
+            again = minimise(weighed, request.loss, request.loss_scale, minimum.fitted, progress, stoppable=stoppable)
+            minimum = replace(again, evaluations=minimum.evaluations + again.evaluations, search=minimum.search, remarks=minimum.remarks)
+    if request.effective and not minimum.stopped:
+        problem, minimum = _as_they_are_worth(request, problem, minimum, progress, stoppable)
     if problem.clocked:
-        problem = at_clocks(problem, found.fitted)
+        problem = at_clocks(problem, minimum.fitted)
     if not stated:
         # from the end alone, so that a fit taken from before says the same
-        problem = replace(problem, noise=_measured_noise(problem, found, request.loss))
-        again = ended(problem, found.fitted, request.loss, request.loss_scale)
-        same = {k: getattr(found, k) for k in ("evaluations", "message", "converged", "search", "remarks", "stopped")}
-        found = replace(again, **same)
-    spread = autocorrelation(problem, found, request.loss, request.loss_scale)
-    _, random, weights = covariances(found, spread.variance_factor, spread.score_excess)
+        problem = replace(problem, noise=_measured_noise(problem, minimum, request.loss))
+        again = ended(problem, minimum.fitted, request.loss, request.loss_scale)
+        same = {k: getattr(minimum, k) for k in ("evaluations", "message", "converged", "search", "remarks", "stopped")}
+        minimum = replace(again, **same)
+    spread = autocorrelation(problem, minimum, request.loss, request.loss_scale)
+    _, random, weights = covariances(minimum, spread.variance_factor, spread.score_excess)
     if problem.clocked:
-        wider = widened_by_noise_of_powers(problem, found.fitted)
+        wider = widened_by_noise_of_powers(problem, minimum.fitted)
         random = random * np.outer(wider, wider)
-    asked = (
+    questions_on_mistakes = (
         *(FIRST + question for question in open_questions([e.record for e in problem.experiments])),
         *strange_powers(problem),
         *exchanged_sensors(problem),
     )
-    end = {u.name: float(x) for u, x in zip(problem.unknowns, found.fitted, strict=True)}
-    kept = KeptFit(end, found.evaluations, found.search, found.remarks)
-    found = replace(found, remarks=(*found.remarks, *asked))
+    end = {u.name: float(x) for u, x in zip(problem.unknowns, minimum.fitted, strict=True)}
+    end_to_keep = KeptFit(end, minimum.evaluations, minimum.search, minimum.remarks)
+    minimum = replace(minimum, remarks=(*minimum.remarks, *questions_on_mistakes))
     try:
-        if not found.stopped:
-            refuse_after(request, problem, found, weights)  # what the data can tell, not how badly a wrong model fits them
+        if not minimum.stopped:
+            refuse_after(request, problem, minimum, weights)  # what the data can tell, not how badly a wrong model fits them
     except IdentificationError as refusal:
         unlogged = (
             f"{r.words}." for r in inputs_of(request, problem.experiments, problem.unknowns).assumed if r.kind == "load" and not r.partly
         )
-        questions = dict.fromkeys(a.removeprefix(FIRST) for a in (*asked, *unlogged))
+        questions = dict.fromkeys(a.removeprefix(FIRST) for a in (*questions_on_mistakes, *unlogged))
         raise refusal.reworded(" ".join([refusal.message, *(f"{a[0].upper()}{a[1:]}" for a in questions)])) from None
-    errors = responses(request, problem, found, spread.variance_factor, random, weights)
+    errors = responses(request, problem, minimum, spread.variance_factor, random, weights)
     _refuse_without_errors(request, problem, errors.total)
-    made = with_discrepancy(replace(summarise(request, problem, found, errors, random, spread), kept=kept))
-    if request.structural_errors or _suspect(made, spread):
-        return _with_errors(*with_structural_errors(made))
-    return _with_errors(made, None)
+    calibration = with_discrepancy(replace(summarise(request, problem, minimum, errors, random, spread), kept=end_to_keep))
+    if request.structural_errors or _suspect(calibration, spread):
+        return _with_errors(*with_structural_errors(calibration))
+    return _with_errors(calibration, None)
 
 
 def _with_errors(fit: Calibration, errors: ErrorModel | None) -> Calibration:
@@ -856,29 +856,29 @@ def _suspect(fit: Calibration, spread: Autocorrelation) -> bool:
     """
     if fit.problem is None:
         return False
-    seen = _seen_noise(fit.problem)
+    shown_noise = _seen_noise(fit.problem)
     taken = {(e.record.name, o.sensor): o.noise or fit.problem.noise[o.sensor] for e in fit.problem.experiments for o in e.observations}
     stated = all(o.noise is not None for o in fit.problem.observations())
     slow = _slow(spread) if _wandering(spread) else []
     # squares of what wanders in units of the noise that the readings show
-    more = [max(taken[key] / seen[key], 1.0) ** 2 if (key := (t.record, t.sensor)) in seen else float(stated) for t in slow]
+    more = [max(taken[key] / shown_noise[key], 1.0) ** 2 if (key := (t.record, t.sensor)) in shown_noise else float(stated) for t in slow]
     squares = [t.samples * (t.white_variance + t.correlated_variance) * m for t, m in zip(slow, more, strict=True)]
     count = sum(t.samples for t in slow)
     return bool(slow) and (
-        (stated and fit.chi_square > fit.freedom + SURE * (2.0 * max(fit.freedom, 1)) ** 0.5)
-        or sum(squares) > count + SURE * (2.0 * count) ** 0.5
+        (stated and fit.chi_square > fit.freedom + CHANCE_DEVIATIONS * (2.0 * max(fit.freedom, 1)) ** 0.5)
+        or sum(squares) > count + CHANCE_DEVIATIONS * (2.0 * count) ** 0.5
     )
 
 
-def _as_they_are_worth(request: Request, problem: Problem, found: Fit, progress: Progress | None, stoppable: bool) -> tuple[Problem, Fit]:
+def _as_they_are_worth(request: Request, problem: Problem, minimum: Fit, progress: Progress | None, stoppable: bool) -> tuple[Problem, Fit]:
     """Return the problem and its fit with readings that count as many as their residuals were worth in a fit.
 
     Residuals that wander together say together what few say that do not. Counted one by one they outweigh every prior: the room of a
     run then follows them and takes up what the model lacks.
     """
-    slow = _slow(autocorrelation(problem, found, request.loss, request.loss_scale))
+    slow = _slow(autocorrelation(problem, minimum, request.loss, request.loss_scale))
     if not slow:
-        return problem, found
+        return problem, minimum
     # one share for all: a single trace says little of how long residuals wander
     share = sum(t.effective_samples for t in slow) / sum(t.samples for t in slow)
 
@@ -886,13 +886,13 @@ def _as_they_are_worth(request: Request, problem: Problem, found: Fit, progress:
         return replace(e, observations=tuple(replace(o, weight=o.weight * share**0.5) for o in e.observations))
 
     problem = replace(problem, experiments=tuple(map(weighed, problem.experiments)))
-    again = minimise(problem, request.loss, request.loss_scale, found.fitted, progress, stoppable=stoppable)
-    said = (
+    again = minimise(problem, request.loss, request.loss_scale, minimum.fitted, progress, stoppable=stoppable)
+    remark = (
         f"weights = 'effective': each reading weighs as {short(share)} of an independent one, the effective sample size of autocorrelated "
         "residuals. Priors and local values count for more than with all readings"
     )
-    count = found.evaluations + again.evaluations
-    return problem, replace(again, evaluations=count, search=found.search, remarks=(*found.remarks, said))
+    count = minimum.evaluations + again.evaluations
+    return problem, replace(again, evaluations=count, search=minimum.search, remarks=(*minimum.remarks, remark))
 
 
 def _refuse_without_errors(request: Request, problem: Problem, total: Array) -> None:
@@ -919,17 +919,17 @@ def _units_asked(problem: Problem) -> Iterator[None]:
         raise error.reworded(" ".join([error.message, *(a.removeprefix(FIRST) for a in strange_powers(problem))])) from None
 
 
-def _measured_noise(problem: Problem, found: Fit, loss: str) -> dict[str, float]:
+def _measured_noise(problem: Problem, minimum: Fit, loss: str) -> dict[str, float]:
     """Return sensor -> noise: as stated, or the RMS of its residuals where nothing was stated. [K]
 
     Where the loss is robust, outliers are expected; 1.4826 times the median size of the residuals stands for their RMS.
     """
     stated = {o.sensor: o.noise for o in problem.observations()}
     out = {sensor: noise for sensor, noise in stated.items() if noise is not None}
-    blocks = problem.blocks(found.fitted) if loss != "linear" else []
+    blocks = problem.blocks(minimum.fitted) if loss != "linear" else []
     for sensor in (s for s in stated if s not in out):
         if loss == "linear":
-            size = np.sqrt(pooled([s for _, name, s in found.sums if name == sensor]).mean_square)
+            size = np.sqrt(pooled([s for _, name, s in minimum.sums if name == sensor]).mean_square)
         else:
             size = 1.4826 * np.median(np.abs(np.concatenate([b.residuals for b in blocks if b.sensor == sensor])))
         out[sensor] = max(float(size), 1e-6)

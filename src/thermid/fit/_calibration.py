@@ -39,14 +39,14 @@ TIMES = 5.0
 UNSOURCED = tuple(unit(u).dimension for u in ("kg", "J/K", "J/(kg K)"))
 """Quantities that are questioned also where the deck gives no source: nobody is wrong about a mass by so much."""
 
-FAR = 10.0
+CONTRADICTION_DEVIATIONS = 10.0
 """Standard deviations from what was stated beyond which a fit is not believed; chance and a careless accuracy do not reach so far. [-]"""
 
 
 def contradicted(values: FittedValues) -> dict[str, str]:
     """Return name -> what would have to be wrong, of fitted values that lie more than ten deviations from what was stated of them."""
     far = {name: _deviations(v) for name, v in values.items()}
-    return {name: _words(values[name], d) for name, d in sorted(far.items(), key=lambda item: -item[1]) if d > FAR}
+    return {name: _words(values[name], d) for name, d in sorted(far.items(), key=lambda item: -item[1]) if d > CONTRADICTION_DEVIATIONS}
 
 
 def loudly(values: FittedValues) -> tuple[str, ...]:
@@ -66,8 +66,8 @@ def far_from_sheet(model: Model, values: FittedValues) -> tuple[str, ...]:
         if path not in table or not (v.log and v.start > 0.0 and v.value > 0.0):
             continue
         ratio, source = v.value / v.start, table[path].parameter.source
-        asked = source != "assumed" if source else unit(v.unit).dimension in UNSOURCED
-        if asked and not 1.0 / TIMES < ratio < TIMES:
+        is_questionable = source != "assumed" if source else unit(v.unit).dimension in UNSOURCED
+        if is_questionable and not 1.0 / TIMES < ratio < TIMES:
             of = f"{short(v.converted(v.start), 3)} {v.unit} ({source})" if source else f"{short(v.converted(v.start), 3)} {v.unit}"
             times = f"{short(ratio, 3)} times" if ratio > 1.0 else f"{short(1.0 / ratio, 3)} times less than"
             out.append(
@@ -194,9 +194,9 @@ class Calibration(Result):
 
     def judged(self, rests: Mapping[str, Standing], verdict: Standing | None) -> Self:
         """Return the fit with what verdicts made of it and of what it rests on; its values say the same."""
-        made = replace(self, rests=rests, verdict=verdict)
-        now = {**rests, f"stage '{self.stage}'": made.standing}
-        return replace(made, values=self.values.judged(made.standing), store=self.store.judged(now))
+        judged_fit = replace(self, rests=rests, verdict=verdict)
+        now = {**rests, f"stage '{self.stage}'": judged_fit.standing}
+        return replace(judged_fit, values=self.values.judged(judged_fit.standing), store=self.store.judged(now))
 
     @cached_property
     def fitted_model(self) -> Model:
@@ -229,7 +229,7 @@ class Calibration(Result):
         """Return record, sensor and the sums of its residuals; of blocks that were not predicted yet, as the fit left them."""
         if isinstance(self.blocks, Predictions):
             return list(self.blocks.sums)
-        return [(b.record, b.sensor, Sums.of(b.residuals)) for b in self.blocks]
+        return [(b.record, b.sensor, Sums.of_residuals(b.residuals)) for b in self.blocks]
 
     @property
     def effective_samples(self) -> Mapping[tuple[str, str], float]:
@@ -280,8 +280,8 @@ class Calibration(Result):
         free, channels = counted(len(fitted), "free parameter"), counted(len(self.sensors), "channel")
         records = f" in {len(self.records)} records" if len(self.records) > 1 else ""
         counts = f"{free}, {samples} samples of {channels}{records}{kind}"
-        told = self.standing.line(self.stage) + (f". {BLAME}" if self.contradicted else "")
-        lines = [f"{self.stage}: {counts}"] if self.standing.fair else [f"{self.stage}: {told}", f"  {counts}"]
+        standing_text = self.standing.line(self.stage) + (f". {BLAME}" if self.contradicted else "")
+        lines = [f"{self.stage}: {counts}"] if self.standing.fair else [f"{self.stage}: {standing_text}", f"  {counts}"]
         lines += [f"  {w}" for w in self.warnings if w.startswith(FIRST)]
         lines += [f"  {line}" for line in input_lines(self.inputs.assumed)]
         width = max((len(p) for p in fitted), default=0)
@@ -314,9 +314,9 @@ class Calibration(Result):
     def _summary(self) -> str:
         """Return stage, standing, and the sensor that is met worst."""
         worst = max(self.sensors.items(), key=lambda item: item[1].rmse, default=None)
-        said = f", worst sensor {worst[0]}, RMSE {short(worst[1].rmse, 2)} K" if worst is not None else ""
+        worst_text = f", worst sensor {worst[0]}, RMSE {short(worst[1].rmse, 2)} K" if worst is not None else ""
         kind = ", synthetic data" if self.synthetic else ""
-        return f"{self.stage}: {self.standing.state}, {counted(len(self.values.parameters), 'value')} fitted{said}{kind}"
+        return f"{self.stage}: {self.standing.state}, {counted(len(self.values.parameters), 'value')} fitted{worst_text}{kind}"
 
     @property
     def covariance(self) -> dict[str, dict[str, float]]:
@@ -324,8 +324,8 @@ class Calibration(Result):
         items = self.values.items_
         slopes = [v.value if v.log else 1.0 for v in items.values()]
         table = self.values.covariance * np.outer(slopes, slopes)
-        kept = [(k, p) for k, p in enumerate(items) if items[p].kind == "parameter"]
-        return {p: {q: float(table[k, m]) for m, q in kept} for k, p in kept}
+        positions = [(k, p) for k, p in enumerate(items) if items[p].kind == "parameter"]
+        return {p: {q: float(table[k, m]) for m, q in positions} for k, p in positions}
 
     def _as_rows(self) -> list[Row]:
         """Return the fitted values with their standard errors, in their units."""
@@ -365,9 +365,9 @@ def _by_hand(fit: Calibration) -> str:
     return "\n".join([*lines, *(f"  warning: {w}" for w in fit.warnings)])
 
 
-def _known_lines(store: Store, own: set[str], width: int) -> list[str]:
+def _known_lines(store: Store, own_paths: set[str], width: int) -> list[str]:
     """Return a line for each value of another stage."""
-    return [f"  {_known_line(s, store, width)}" for s in store.parameters.values() if not own & {*s.paths}]
+    return [f"  {_known_line(s, store, width)}" for s in store.parameters.values() if not own_paths & {*s.paths}]
 
 
 def _known_line(s: State, store: Store, width: int) -> str:
@@ -381,11 +381,11 @@ def _known_line(s: State, store: Store, width: int) -> str:
 
 
 def _bias_text(sensor: str, fit: Calibration) -> str:
-    found = fit.values.sensors.get(sensor)
-    if found is None:
+    bias = fit.values.sensors.get(sensor)
+    if bias is None:
         held = fit.bias.get(sensor, 0.0)
         return f"   bias {held:+.2f} K (held)" if held else ""
-    return f"   bias {found.value:+.2f} +- {short(found.error)} K"
+    return f"   bias {bias.value:+.2f} +- {short(bias.error)} K"
 
 
 WORTH = 0.05
@@ -423,29 +423,29 @@ def sensor_shares(fit: Calibration) -> tuple[SensorShare, ...]:
 
     The share is the squared correlation of parameter and constant error in their joint covariance.
     """
-    seen: dict[str, float] = {}
+    swings: dict[str, float] = {}
     accuracy: dict[str, float] = {}
     for e in fit.experiments:
         for o in e.observations:
-            seen[o.sensor] = max(seen.get(o.sensor, 0.0), float(np.ptp(o.measured)) if o.measured.size else 0.0)
+            swings[o.sensor] = max(swings.get(o.sensor, 0.0), float(np.ptp(o.measured)) if o.measured.size else 0.0)
             accuracy[o.sensor] = o.accuracy or 0.0
     order = list(fit.values)
     out = []
     for sensor in fit.values.sensors:
-        best, share = _most(fit, order.index(f"sensor {sensor}"))
+        best, share = _largest_contributor(fit, order.index(f"sensor {sensor}"))
         if accuracy.get(sensor):
-            out.append(SensorShare(sensor, accuracy[sensor], seen[sensor], best, share))
+            out.append(SensorShare(sensor, accuracy[sensor], swings[sensor], best, share))
     return tuple(out)
 
 
-def _most(fit: Calibration, j: int) -> tuple[str, float]:
+def _largest_contributor(fit: Calibration, j: int) -> tuple[str, float]:
     """Return the parameter whose error an unknown at position `j` sets most, and its share of the variance; nothing below `WORTH`."""
     order, best, share = list(fit.values), "", WORTH
     for path in fit.values.parameters:
         k = order.index(path)
         size = fit.values.covariance[k, k] * fit.values.covariance[j, j]
-        found = float(fit.values.covariance[k, j] ** 2 / size) if size > 0 and np.isfinite(size) else 0.0
-        best, share = (path, found) if found > share else (best, share)
+        share_of_path = float(fit.values.covariance[k, j] ** 2 / size) if size > 0 and np.isfinite(size) else 0.0
+        best, share = (path, share_of_path) if share_of_path > share else (best, share)
     return best, share if best else 0.0
 
 
@@ -485,5 +485,5 @@ def instrument_shares(fit: Calibration) -> tuple[InstrumentShare, ...]:
         if v.kind == "instrument" and v.prior is not None:
             mean, sd = v.prior
             stated = (float(np.exp(mean)), float(np.exp(mean)) * sd) if v.log else (mean, sd)
-            out.append(InstrumentShare(name, v.unit, stated, (v.value, v.error), *_most(fit, j)))
+            out.append(InstrumentShare(name, v.unit, stated, (v.value, v.error), *_largest_contributor(fit, j)))
     return tuple(out)

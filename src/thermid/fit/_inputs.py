@@ -86,7 +86,7 @@ class InputTable:
     rows: tuple[Input, ...] = field(default=())
 
     @classmethod
-    def of(cls, rows: Iterable[Input]) -> InputTable:
+    def in_order(cls, rows: Iterable[Input]) -> InputTable:
         """Return inputs in the order of the table."""
         return cls(tuple(sorted(rows, key=lambda r: SOURCES.index(r.source))))
 
@@ -124,13 +124,13 @@ def inputs_of(request: Request, experiments: Iterable[Experiment], unknowns: Seq
     else:
         free = {p for u in unknowns if u.kind == "parameter" for p in (u.name, *u.also)}
     rows = [row for e in experiments for row in (*_boundaries(request, e), *_loads(e, free), *_starts(request, e))]
-    return InputTable.of(rows)
+    return InputTable.in_order(rows)
 
 
 def _driving(e: Experiment) -> dict[str, Channel]:
     """Return path -> channel of the boundaries and loads that the log drives."""
-    found = ((*role_and_target(e.record, c, e.network), c) for c in e.record.channels.values())
-    return {path: c for role, path, c in found if role != "node"}
+    channels_by_role = ((*role_and_target(e.record, c, e.network), c) for c in e.record.channels.values())
+    return {path: c for role, path, c in channels_by_role if role != "node"}
 
 
 def _values(e: Experiment, signal: Signal) -> tuple[float, float, float]:
@@ -176,7 +176,7 @@ def _loads(e: Experiment, free: Collection[str]) -> Iterator[Input]:
     driving, record, parameters = _driving(e), e.record.name, e.network.flat.parameters
     values = parameters.evaluate({})
     moved = parameters.evaluate({p: 1.5 * float(values[p]) + 1.0 for p in free if p in values})
-    laid = {str(layer.origin) for layer in e.model.layers}
+    origins = {str(layer.origin) for layer in e.model.layers}
     scaled = {t.removeprefix("scale.") for t, _ in e.shared.values() if t.startswith("scale.")}
     for row in {load.path: load for load in e.network.flat.loads}.values():
         name = row.path
@@ -195,8 +195,8 @@ def _loads(e: Experiment, free: Collection[str]) -> Iterator[Input]:
             yield Input(record, "load", name, by[0], f"{by[1]}{' ' if by[1] else ''}times {path}", low, high, mean, fitted)
         elif set(row.fields) != {"power"}:
             yield Input(record, "load", name, "deck", f"by its law in the deck ({', '.join(row.fields)})", fitted=fitted)
-        elif fitted or origin in laid or power == 0.0:
-            words = "fitted here" if fitted else f"from {origin}" if origin in laid else ""
+        elif fitted or origin in origins or power == 0.0:
+            words = "fitted here" if fitted else f"from {origin}" if origin in origins else ""
             yield Input(record, "load", name, "deck", words, power, power, power, fitted)
         else:
             if e.model.runner is not None:
@@ -215,12 +215,12 @@ def _loads(e: Experiment, free: Collection[str]) -> Iterator[Input]:
 
 def _starts(request: Request, e: Experiment) -> Iterator[Input]:
     """Yield the starts of all nodes that store heat; those of sensors' tips follow their nodes."""
-    own = {o.seat: o.sensor for o in e.observations}
+    sensors = {o.seat: o.sensor for o in e.observations}
     local = {_place(e, n) for n in request.locals_of(e.record) if n.startswith("initial.")}
     readings = {**e.readings, **{_place(e, n): r.channel for n, r in request.readings.items() if n.startswith("initial.")}}
     massive = {n.path for n in e.network.flat.nodes if n.fields} - {*e.tips}
     written = request.scenario(e.record).start
-    given = {e.network.find(n) for n in request.scenario(e.record).initial}
+    stated_starts = {e.network.find(n) for n in request.scenario(e.record).initial}
     for node in (n for n in e.network.nodes if n in massive):
         value = _number(e, e.scenario.initial.get(node, e.scenario.start))
         source: tuple[Source, str] = "scenario", f"start = '{written}'" if node not in e.scenario.initial else ""
@@ -232,12 +232,12 @@ def _starts(request: Request, e: Experiment) -> Iterator[Input]:
             spread = f"+- {short(start.sd)} K" + ("" if fitted else ", not counted")
             source = "assumed", f"no sensor and not at rest: balance of its neighbours {spread}"
         elif node in e.loose:
-            source, fitted = ("log", f"first reading of {own[node]}"), request.fit_start
+            source, fitted = ("log", f"first reading of {sensors[node]}"), request.fit_start
         elif node in readings:
             source = "log", f"first reading of {readings[node]}"
         elif e.model.runner is not None and node not in e.model.runner.starts:
             source, value = ("deck", "follows from others in the FMU"), NAN
-        elif e.model.runner is not None and written == "" and node not in given:
+        elif e.model.runner is not None and written == "" and node not in stated_starts:
             source = "assumed", "no sensor: the start of the FMU"
         elif node not in e.scenario.initial and written == "":
             source = "assumed", "no sensor; the log begins at rest"

@@ -17,7 +17,7 @@ from thermid.base.linear_algebra import NOTHING, Array, covariance, finite, sand
 from thermid.base.units import counted
 from thermid.fit._problem.residuals import Compressed, Sums, Unknown, refuse_not_finite, starting_point
 
-NEAR, DONE = 0.02, 1e-4
+NEW_STEPS_SHARE, DONE = 0.02, 1e-4
 """A search goes on with new steps once the step ahead is below this part of every unknown's typical change, and ends once it is below this
 part of a standard error."""
 MOST_EVALUATIONS = 200
@@ -48,7 +48,7 @@ class LeastSquares(Protocol):
         """Return the residuals of the priors and their derivatives."""
         ...
 
-    def square(self, found: Compressed) -> float:
+    def square(self, compressed: Compressed) -> float:
         """Return the sum of the squares of the residuals in units of the noise, whatever the loss."""
         ...
 
@@ -261,10 +261,10 @@ def _step(rows: Array, slopes: Array, x: Array, bounds: tuple[Array, Array], sca
 
 def _within(slopes: Array, rows: Array, reach: float) -> Array:
     """Return s that makes |r + J s| least with |s| <= reach: ``(J'J + damping) s = -J'r``, the damping from the length of s."""
-    left, sizes, right = np.linalg.svd(slopes, full_matrices=False)
-    force = left.T @ rows
-    seen = sizes > np.finfo(float).eps * max(slopes.shape) * sizes.max(initial=0.0)
-    force, sizes, right = force[seen], sizes[seen], right[seen]
+    left_vectors, sizes, right = np.linalg.svd(slopes, full_matrices=False)
+    force = left_vectors.T @ rows
+    is_nonzero = sizes > np.finfo(float).eps * max(slopes.shape) * sizes.max(initial=0.0)
+    force, sizes, right = force[is_nonzero], sizes[is_nonzero], right[is_nonzero]
     part = force / sizes
     damping = 0.0
     # Newton's method on 1 / reach - 1 / |s|, which is nearly straight in the damping (More 1978); it comes from below
@@ -298,18 +298,18 @@ class _CountedRuns:
         ------
         SolverError   When a record cannot be run.
         """
-        if self._settled is None or not (np.abs(x - self._settled) < NEAR * self.scale).all():
-            found = self.problem.compressed(x, self.loss, self.loss_scale)
-            self._meshes, self._settled, self._latest, self.best = found.meshes, x, (x, found), None
+        if self._settled is None or not (np.abs(x - self._settled) < NEW_STEPS_SHARE * self.scale).all():
+            compressed = self.problem.compressed(x, self.loss, self.loss_scale)
+            self._meshes, self._settled, self._latest, self.best = compressed.meshes, x, (x, compressed), None
 
     def at(self, x: Array) -> Compressed:
         """Return the residuals at some values; the latest and the best are remembered."""
-        for known in (self._latest, self.best and self.best[1:]):
-            if known is not None and np.array_equal(known[0], x):
-                return known[1]
-        found = self.problem.compressed(x, self.loss, self.loss_scale, self._meshes)
-        self._latest = x, found
-        return found
+        for remembered in (self._latest, self.best and self.best[1:]):
+            if remembered is not None and np.array_equal(remembered[0], x):
+                return remembered[1]
+        compressed = self.problem.compressed(x, self.loss, self.loss_scale, self._meshes)
+        self._latest = x, compressed
+        return compressed
 
     def local(self, x: Array) -> LocalCost:
         """Return the cost beside some values.
@@ -320,14 +320,14 @@ class _CountedRuns:
         """
         self.count += 1
         priors, prior_slopes = self.problem.prior_rows(x)
-        found = self.at(x)
-        rows = np.concatenate([found.rows, priors])
+        compressed = self.at(x)
+        rows = np.concatenate([compressed.rows, priors])
         cost = 0.5 * float(rows @ rows)
         if self.best is None or cost < self.best[0]:
-            self.best = cost, x.copy(), found
+            self.best = cost, x.copy(), compressed
         if self.progress is not None:
-            self.progress(self.count, float(np.sqrt(self.problem.square(found) / self.problem.samples)))
-        return cost, rows, np.concatenate([found.slopes, prior_slopes])
+            self.progress(self.count, float(np.sqrt(self.problem.square(compressed) / self.problem.samples)))
+        return cost, rows, np.concatenate([compressed.slopes, prior_slopes])
 
 
 def minimise(
@@ -371,7 +371,7 @@ def minimise(
     at = np.clip(at, *bounds)
     try:
         runs.settle(at)  # a model that cannot be run at the start says why, in the integrator's words
-        at = descend(runs.local, at, bounds, runs.scale, near=NEAR, done=0.0, relative=1e-3, rounds=rounds, reach=reach).x
+        at = descend(runs.local, at, bounds, runs.scale, near=NEW_STEPS_SHARE, done=0.0, relative=1e-3, rounds=rounds, reach=reach).x
         runs.settle(at)
         relative = min(1e-10, max(done**2, 1e-15))
         count = problem.samples
@@ -415,7 +415,7 @@ def covariances(fit: Fit, level: float = 1.0, excess: Array | None = None) -> tu
     """
     data = fit.jacobian / np.sqrt(level)
     weights = covariance(np.concatenate([data, fit.priors]), NOTHING)
-    known = finite(weights)
-    spread = data @ known
-    added = sandwich(known, excess) / level**2 if excess is not None else np.zeros_like(known)
+    weight_covariance = finite(weights)
+    spread = data @ weight_covariance
+    added = sandwich(weight_covariance, excess) / level**2 if excess is not None else np.zeros_like(weight_covariance)
     return weights + added, np.where(np.isinf(weights), np.inf, spread.T @ spread + added), weights

@@ -74,7 +74,7 @@ class Population:
     high: Array
 
     @classmethod
-    def of(cls, problem: Problem, loss: str, loss_scale: float) -> Population:
+    def of_problem(cls, problem: Problem, loss: str, loss_scale: float) -> Population:
         """Return the population of a problem."""
         at = np.array([k for k, u in enumerate(problem.unknowns) if u.kind == "parameter"], dtype=np.int64)
         corners = np.array([box_of(problem.unknowns[k]) for k in at]).reshape(-1, 2)
@@ -100,15 +100,15 @@ class Population:
         points = self.placed(shares)
         cost = np.array([float(r @ r) for r in (self.problem.prior_rows(p)[0] for p in points)])
         for i, bench in enumerate(self.problem.benches()):
-            seen = bench.experiment.observations
+            observations = bench.experiment.observations
             inputs = np.array([self.problem.inputs(i, p)[0] for p in points])
             draws = dict(zip(bench.free, inputs.T, strict=True))
-            nodes = list(dict.fromkeys(o.node for o in seen))
+            nodes = list(dict.fromkeys(o.node for o in observations))
             times, options = bench.experiment.times, self.problem.options
-            found = run_members(bench.engine, draws, times, options, nodes, None, 1, "auto", ())
-            for o in seen:
+            members = run_members(bench.engine, draws, times, options, nodes, None, 1, "auto", ())
+            for o in observations:
                 bias, _ = self.problem._bias(o.sensor, points[0])
-                residuals = (o.measured[:, None] - found.temperatures(o.node)[o.index] - bias) / o.sigma(self.problem.noise)
+                residuals = (o.measured[:, None] - members.temperatures(o.node)[o.index] - bias) / o.sigma(self.problem.noise)
                 cost += loss_of(residuals**2, self.loss, self.loss_scale)[0].sum(axis=0)
         return np.where(np.isfinite(cost), 0.5 * cost, np.inf)
 
@@ -157,7 +157,7 @@ def searched(
     SolverError             When the model cannot be run at the start.
     """
     refuse_unknown([how], SEARCHES, "", "unknown search '{}'. Use one of {known}.", IdentificationError)
-    search = Search(Population.of(problem, loss, loss_scale), progress, stoppable, executor)
+    search = Search(Population.of_problem(problem, loss, loss_scale), progress, stoppable, executor)
     if not search.population.at.size or how == "local":
         return search.descent(None)
     if how in ("differential evolution", "cma"):
@@ -173,21 +173,21 @@ def searched(
     return search.confirmed(first, why) if why else first
 
 
-def doubts(problem: Problem, found: Fit) -> str:
+def doubts(problem: Problem, minimum: Fit) -> str:
     """Return why one descent may have ended in the wrong valley, or an empty text."""
-    if not found.converged:
+    if not minimum.converged:
         return "the first descent did not converge"
-    error = _errors(problem, found)
+    error = _errors(problem, minimum)
     for k, u in enumerate(problem.unknowns):
         near = max(1e-4 * u.scale, 0.02 * float(error[k]))
-        if u.kind == "parameter" and any(abs(found.fitted[k] - b) < near for b in u.fitted_bounds()):
+        if u.kind == "parameter" and any(abs(minimum.fitted[k] - b) < near for b in u.fitted_bounds()):
             return f"'{u.name}' ended at its bound"
     stated = all(o.noise is not None for o in problem.observations())
-    times = _level(problem, found)
+    times = _level(problem, minimum)
     return f"the residuals are {np.sqrt(times):.2g} times the stated noise" if stated and times > TWICE else ""
 
 
-def contradictions(problem: Problem, found: Fit) -> str:
+def contradictions(problem: Problem, minimum: Fit) -> str:
     """Return which trace contradicts its stated noise at the end of a descent, or an empty text.
 
     Where values are right and nothing is missing, the mean of a trace of n residuals, in units of the noise, lies within a few 1/sqrt(n) of
@@ -196,14 +196,14 @@ def contradictions(problem: Problem, found: Fit) -> str:
     """
     at = dict(zip((e.record.name for e in problem.experiments), problem.experiments, strict=True))
     worst, where, count = 0.0, "", 0
-    for record, sensor, sums in found.sums:
-        seen = next(o for o in at[record].observations if o.sensor == sensor)
-        if seen.noise is None:
+    for record, sensor, sums in minimum.sums:
+        observation = next(o for o in at[record].observations if o.sensor == sensor)
+        if observation.noise is None:
             return ""
         if sums.count < FEWEST:
             continue
-        said, sigma = sums.statistics(0.0), seen.sigma(problem.noise)
-        for size in (abs(said.mean) / sigma, abs(said.lag_one)):
+        statistics, sigma = sums.statistics(0.0), observation.sigma(problem.noise)
+        for size in (abs(statistics.mean) / sigma, abs(statistics.lag_one)):
             count += 1
             if size * math.sqrt(sums.count) > worst:
                 worst, where = size * math.sqrt(sums.count), f"'{sensor}' in {record}"
@@ -227,14 +227,14 @@ def preferred(population: Population, first: Fit, others: list[Fit]) -> Fit:
     return best if 2.0 * (first.cost - best.cost) * share > PROVED * max(1.0, _level(problem, best)) else first
 
 
-def _level(problem: Problem, found: Fit) -> float:
+def _level(problem: Problem, minimum: Fit) -> float:
     """Return the weighted sum of squares per degree of freedom. [-]"""
-    return found.chi_square / max(problem.freedom, 1.0)
+    return minimum.chi_square / max(problem.freedom, 1.0)
 
 
-def _errors(problem: Problem, found: Fit) -> Array:
+def _errors(problem: Problem, minimum: Fit) -> Array:
     """Return the standard errors (unknowns,) in the fitted form, widened by residuals that exceed the noise."""
-    rows = np.concatenate([found.jacobian / np.sqrt(max(1.0, _level(problem, found))), found.priors])
+    rows = np.concatenate([minimum.jacobian / np.sqrt(max(1.0, _level(problem, minimum))), minimum.priors])
     return np.asarray(np.sqrt(np.diag(pseudo_inverse(rows, NOTHING))))
 
 
@@ -284,13 +284,13 @@ class Search:
     def affordable(self, first: Fit, why: str) -> Fit:
         """Return the best of as many descents as an automatic search makes; a first one that took long is said to stand alone."""
         many = min(DESCENTS, self._further(first))
-        found = self.descents([first], why, many) if many else first
-        if many == DESCENTS or found.stopped:
-            return found
-        made = "no further one was" if not many else "one further was" if many == 1 else f"{many} further ones were"
-        words = f"{why}, so a descent may have ended in the wrong valley. One takes {counted(first.evaluations, 'evaluation')}, so {made} "
+        best = self.descents([first], why, many) if many else first
+        if many == DESCENTS or best.stopped:
+            return best
+        extra = "no further one was" if not many else "one further was" if many == 1 else f"{many} further ones were"
+        words = f"{why}, so a descent may have ended in the wrong valley. One takes {counted(first.evaluations, 'evaluation')}, so {extra} "
         words += f"made unasked. search = 'multistart' makes {DESCENTS}."
-        return replace(found, remarks=(*found.remarks, words))
+        return replace(best, remarks=(*best.remarks, words))
 
     def _further(self, first: Fit) -> int:
         """Return how many descents like the first one may be made unasked; no clock is asked, so that answers are the same everywhere."""
@@ -316,7 +316,7 @@ class Search:
         total = first.evaluations + second.evaluations
         if second.stopped:
             return _stopped(first, [first, second], total)
-        if _same(problem, first, second):
+        if _ended_alike(problem, first, second):
             return replace(
                 first, evaluations=total, search=f"{why}: a second descent, from the other side of the start, ended at the same values"
             )
@@ -375,14 +375,14 @@ class Search:
 
     def evolved(self, how: str) -> Fit:
         """Return the end of the descent from the best member of a population that evolved over the box."""
-        p, found = self.population, evolved(self.population, how, stoppable=self.stoppable)
-        at = p.placed(found.share[None, :])[0]
-        if found.stopped:
-            message = f"stopped by the user after {found.evaluations} members, at the best of them"
-            return replace(ended(p.problem, at, p.loss, p.loss_scale, found.evaluations, message, False), stopped=True)
+        p, best = self.population, evolved(self.population, how, stoppable=self.stoppable)
+        at = p.placed(best.share[None, :])[0]
+        if best.stopped:
+            message = f"stopped by the user after {best.evaluations} members, at the best of them"
+            return replace(ended(p.problem, at, p.loss, p.loss_scale, best.evaluations, message, False), stopped=True)
         end = self.descent(at)
-        words = f"{how}: {found.evaluations} members, cost {found.cost:.6g}; polished by {end.evaluations} evaluations to {end.cost:.6g}"
-        return replace(end, evaluations=end.evaluations + found.evaluations, search=words)
+        words = f"{how}: {best.evaluations} members, cost {best.cost:.6g}; polished by {end.evaluations} evaluations to {end.cost:.6g}"
+        return replace(end, evaluations=end.evaluations + best.evaluations, search=words)
 
 
 def _stopped(first: Fit, ends: list[Fit], count: int) -> Fit:
@@ -393,7 +393,7 @@ def _stopped(first: Fit, ends: list[Fit], count: int) -> Fit:
     return replace(best, evaluations=count, message=message, converged=False, stopped=True, search="")
 
 
-def _same(problem: Problem, a: Fit, b: Fit) -> bool:
+def _ended_alike(problem: Problem, a: Fit, b: Fit) -> bool:
     """Whether two descents ended at the same values, within half a standard error of the better one."""
     error = _errors(problem, min((a, b), key=lambda f: f.cost))
     return bool((np.abs(a.fitted - b.fitted) <= 0.5 * np.where(error > 0.0, error, np.inf)).all())
@@ -506,7 +506,7 @@ def _differential(members: _Members) -> tuple[Array, float]:
     def costs(points: Array, /) -> Any:  # one cost per member, which the stubs of scipy do not know of
         return members(np.atleast_2d(points.T))
 
-    found = differential_evolution(
+    result = differential_evolution(
         costs,
         Bounds(np.zeros(population.at.size), np.ones(population.at.size)),
         vectorized=True,
@@ -519,7 +519,7 @@ def _differential(members: _Members) -> tuple[Array, float]:
         rng=np.random.default_rng(1),
         x0=population.share(population.start),
     )
-    return np.asarray(found.x), float(found.fun)
+    return np.asarray(result.x), float(result.fun)
 
 
 def _adapted(members: _Members) -> tuple[Array, float]:
@@ -531,6 +531,6 @@ def _adapted(members: _Members) -> tuple[Array, float]:
     options = {"bounds": [0.0, 1.0], "seed": 1, "verbose": -9, "tolfun": 1e-3, "maxiter": GENERATIONS, "popsize": max(16, 4 * size)}
     strategy = cma.CMAEvolutionStrategy(np.full(size, 0.5), 0.5, options)
     while not strategy.stop():
-        asked = strategy.ask()
-        strategy.tell(asked, members(np.array(asked)).tolist())
+        points = strategy.ask()
+        strategy.tell(points, members(np.array(points)).tolist())
     return np.asarray(strategy.result.xbest), float(strategy.result.fbest)

@@ -43,10 +43,10 @@ def with_clocks(problem: Problem, loss: str, loss_scale: float, fitted: Array | 
     for i, experiment in enumerate(problem.experiments):
         if experiment.ticks is None:
             continue
-        found = [(_cost(problem, i, there, loss, loss_scale), there) for there in _grid(problem, i, at, experiment.ticks)]
+        costs = [(_cost(problem, i, there, loss, loss_scale), there) for there in _grid(problem, i, at, experiment.ticks)]
         if fitted is not None:
-            found.append((_cost(problem, i, at, loss, loss_scale), at))
-        cost, at = min(found, key=lambda pair: pair[0])
+            costs.append((_cost(problem, i, at, loss, loss_scale), at))
+        cost, at = min(costs, key=lambda pair: pair[0])
         if not np.isfinite(cost):
             raise IdentificationError(
                 "the model fails at every offset of the second clock in the given range. Widen the range of offsets.",
@@ -56,23 +56,23 @@ def with_clocks(problem: Problem, loss: str, loss_scale: float, fitted: Array | 
 
 
 def in_turns(
-    problem: Problem, found: Fit, loss: str, loss_scale: float, progress: Callable[[int, float], None] | None
+    problem: Problem, minimum: Fit, loss: str, loss_scale: float, progress: Callable[[int, float], None] | None
 ) -> tuple[Problem, Fit]:
     """Return the problem and the end of its fit after the grid was looked at again with the fitted values, as long as that gains."""
     for _ in range(ROUNDS):
-        moved = with_clocks(problem, loss, loss_scale, found.fitted)
-        at = found.fitted.copy()
+        moved = with_clocks(problem, loss, loss_scale, minimum.fitted)
+        at = minimum.fitted.copy()
         for i in range(len(problem.experiments)):
             for k, _name in moved.ticking(i):
                 at[k] = moved.unknowns[k].start
-        if np.array_equal(at, found.fitted):
-            return problem, found
+        if np.array_equal(at, minimum.fitted):
+            return problem, minimum
         again = minimise(moved, loss, loss_scale, at, progress)
-        again = replace(again, evaluations=found.evaluations + again.evaluations, search=found.search, remarks=found.remarks)
-        if again.cost >= found.cost:
-            return problem, found
-        problem, found = moved, again
-    return problem, found
+        again = replace(again, evaluations=minimum.evaluations + again.evaluations, search=minimum.search, remarks=minimum.remarks)
+        if again.cost >= minimum.cost:
+            return problem, minimum
+        problem, minimum = moved, again
+    return problem, minimum
 
 
 def at_clocks(problem: Problem, fitted: Array) -> Problem:
@@ -156,7 +156,7 @@ def _cost(problem: Problem, i: int, fitted: Array, loss: str, loss_scale: float)
     return float(loss_of(z**2, loss, loss_scale)[0].sum())
 
 
-KEPT = 8
+MAX_CACHED_OFFSETS = 8
 """Offsets and rates whose residuals are kept."""
 CHANGES = 20
 """The largest changes of a sampled power whose instants are followed; what small ones do is small."""
@@ -217,14 +217,14 @@ class Clocked:
         RecordError   When the logs do not overlap there.
         """
 
-        def made() -> Problem:
+        def make() -> Problem:
             record = self.first.joined(self.second, *at)
             specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in self.local.items()}
             request = Request(self.model, (record,), (), {"*": self.scenario} if self.scenario else {}, specs, fit_start=False)
             plain = build_problem(request)
             return replace(plain, noise=plain.noise | self.noise, experiments=(self._switched(plain, late),))
 
-        return self.memo.made((*at, late), made, KEPT)
+        return self.memo.value((*at, late), make, MAX_CACHED_OFFSETS)
 
     def _switched(self, problem: Problem, late: tuple[str, int, float] | None) -> Any:
         """Return the experiment with every change of a sampled power in the middle of the interval in which it happened."""
@@ -253,14 +253,14 @@ class Clocked:
         The latter are derivatives of the weighted residuals (samples,). [1/s]
         """
         bare = replace(self, first=_as_prompt(self.first), second=_as_prompt(self.second)).problem(at)
-        found = []
+        changes_of_power = []
         for _, path, table in self._sampled(bare):
-            found += [
+            changes_of_power += [
                 (abs(float(table.values[k] - table.values[k - 1])), path, k, float(table.times[k] - table.times[k - 1]))
                 for k in (1 + np.flatnonzero(np.diff(table.values))).tolist()
             ]
         out = []
-        for _, path, k, width in sorted(found, reverse=True)[:CHANGES]:
+        for _, path, k, width in sorted(changes_of_power, reverse=True)[:CHANGES]:
             sides = [self.weighted(self.problem(at, (path, k, side * width)), starting_point(bare.unknowns)) for side in (-0.25, 0.25)]
             out.append((width, (sides[1] - sides[0]) / (0.5 * width)))
         return out
@@ -289,8 +289,8 @@ class Clocked:
             low, high = max(at[k] - step, self.ranges[k][0]), min(at[k] + step, self.ranges[k][1])
             sides = [self.weighted(self.problem((v, at[1]) if k == 0 else (at[0], v)), rest) for v in (low, high)]
             columns.append((sides[1] - sides[0]) / (high - low))
-        own = self.problem(at)
-        return np.column_stack([*columns, own.jacobian(rest)] if rest.size else columns)
+        joined_problem = self.problem(at)
+        return np.column_stack([*columns, joined_problem.jacobian(rest)] if rest.size else columns)
 
     @property
     def samples(self) -> int:
@@ -317,18 +317,18 @@ class Clocked:
         values, slopes = self.problem(self.clock(fitted)).prior_rows(fitted[size:])
         return values, np.column_stack([np.zeros((values.size, size)), slopes])
 
-    def square(self, found: Compressed) -> float:
+    def square(self, compressed: Compressed) -> float:
         """Return the sum of the squares of the residuals in units of the noise."""
-        return found.chi_square
+        return compressed.chi_square
 
     def pieces(self, fitted: Array) -> dict[tuple[str, str], Binned]:
         """Return (record, sensor) -> its residuals in stretches of time, as `autocorrelation` looks at them."""
         slopes, at, out = self.slopes(fitted), 0, {}
         observations = self.problem(self.clock(fitted)).experiments[0].observations
         for block, o in zip(self.blocks(fitted), observations, strict=True):
-            own = slopes[at : at + block.times.size]
+            slopes_of_block = slopes[at : at + block.times.size]
             at += block.times.size
-            out[block.record, o.sensor] = trace_in_stretches(block.weighted, block.times, own, o.effective_share)
+            out[block.record, o.sensor] = trace_in_stretches(block.weighted, block.times, slopes_of_block, o.effective_share)
         return out
 
 
@@ -368,13 +368,13 @@ class Alignment:
 
     def __str__(self) -> str:
         """Return offset and rate with their errors."""
-        left = ", ".join(
+        residuals_text = ", ".join(
             f"{s} RMSE {v:.3g} K, largest {w:+.3g} K at {t:.0f} s" for s, v in self.rmse.items() for w, t in (self.largest[s],)
         )
         end = {name: ", the end of its range" for name in self.at_end}
         return (
             f"{self.record.name}: offset {self.offset:.2f} +- {self.offset_error:.2g} s{end.get('offset', '')}, "
-            f"rate {self.rate:.4f} +- {self.rate_error:.2g}{end.get('rate', '')}; left: {left}"
+            f"rate {self.rate:.4f} +- {self.rate_error:.2g}{end.get('rate', '')}; left: {residuals_text}"
         )
 
 
@@ -412,17 +412,17 @@ def align(
     starts, noise = _nearest(Clocked(model, first, second, scenario, dict(local or {}), (offset, rate)))
     if not starts[0].ticking:
         return _at(starts[0], starting_point(starts[0].unknowns), (0.0, 0.0))
-    ends = [(sides, minimise(sides, done=ROUGH)) for sides in (replace(each, noise=noise) for each in starts)]
-    sides, found = min(ends, key=lambda end: end[1].cost)
+    ends = [(sides, minimise(sides, done=ROUGH)) for sides in (replace(start, noise=noise) for start in starts)]
+    sides, minimum = min(ends, key=lambda end: end[1].cost)
     # the noise of sensors that state none is that of what is left at the end
-    sides = replace(sides, noise={s: _rms([b for b in sides.blocks(found.fitted) if b.sensor == s]) for s in noise})
-    found = minimise(sides, start=found.fitted)
+    sides = replace(sides, noise={s: _rms([b for b in sides.blocks(minimum.fitted) if b.sensor == s]) for s in noise})
+    minimum = minimise(sides, start=minimum.fitted)
     errors = [0.0, 0.0]
     for place, k in enumerate(sides.ticking):
-        errors[k] = float(_errors(sides, found)[place])
+        errors[k] = float(_errors(sides, minimum)[place])
     for k in sides.ticking:
-        _told(sides, k, errors[k])
-    return _at(sides, found.fitted, (errors[0], errors[1]))
+        _refuse_undetermined(sides, k, errors[k])
+    return _at(sides, minimum.fitted, (errors[0], errors[1]))
 
 
 def _nearest(sides: Clocked) -> tuple[list[Clocked], dict[str, float]]:
@@ -445,7 +445,7 @@ def _nearest(sides: Clocked) -> tuple[list[Clocked], dict[str, float]]:
         raise IdentificationError(
             "the model fails at every offset in the given range. Widen the range of offsets.", f"{sides.first.name}, {sides.second.name}"
         )
-    tried.sort(key=lambda each: each[0])
+    tried.sort(key=lambda place: place[0])
     taken: dict[tuple[int, int], Clocked] = {}
     for _, (i, j), here, _ in tried:
         if len(taken) < STARTS and not any(abs(i - k) <= 1 and abs(j - n) <= 1 for k, n in taken):
@@ -458,41 +458,41 @@ def _cost_of_joined(sides: Clocked) -> tuple[float, dict[str, float]]:
     at = starting_point(sides.unknowns)
     rest = at[len(sides.ticking) :]
     problem = sides.problem(sides.clock(at))
-    left = sides.weighted(problem, rest)
-    size = left.size
+    residuals = sides.weighted(problem, rest)
+    size = residuals.size
     if rest.size:
         priors, slopes = problem.prior_rows(rest)
-        whole, rows = np.concatenate([left, priors]), np.concatenate([problem.jacobian(rest), slopes])
+        whole, rows = np.concatenate([residuals, priors]), np.concatenate([problem.jacobian(rest), slopes])
         whole = whole - rows @ np.linalg.lstsq(rows, whole, rcond=None)[0]
-        left = whole[:size]
+        residuals = whole[:size]
         cost = float(whole @ whole)
     else:
-        cost = float(left @ left)
+        cost = float(residuals @ residuals)
     noise, begin = {}, 0
     for o in problem.observations():
-        part = left[begin : begin + o.index.size] * o.sigma(problem.noise)
+        part = residuals[begin : begin + o.index.size] * o.sigma(problem.noise)
         begin += part.size
         if o.noise is None:
             noise[o.sensor] = max(math.sqrt(float(np.mean(part**2))), 1e-6)
     return cost, noise
 
 
-def _errors(sides: Clocked, found: Fit) -> Array:
+def _errors(sides: Clocked, minimum: Fit) -> Array:
     """Return the standard errors of the unknowns: noise and wandering residuals, constant errors, instants of sampled changes."""
-    if not found.jacobian.any(axis=0).all():
-        return np.full(found.fitted.size, np.inf)  # nothing answers to one of them
-    spread = autocorrelation_of_traces(sides.pieces(found.fitted), found, sides.problem(sides.clock(found.fitted)).effective_samples)
-    total, _, weights = covariances(found, spread.variance_factor, spread.score_excess)
-    changes = sides.changes(sides.clock(found.fitted))
+    if not minimum.jacobian.any(axis=0).all():
+        return np.full(minimum.fitted.size, np.inf)  # nothing answers to one of them
+    spread = autocorrelation_of_traces(sides.pieces(minimum.fitted), minimum, sides.problem(sides.clock(minimum.fitted)).effective_samples)
+    total, _, weights = covariances(minimum, spread.variance_factor, spread.score_excess)
+    changes = sides.changes(sides.clock(minimum.fitted))
     if changes and np.isfinite(weights).all():
-        slopes = sides.slopes(found.fitted)
+        slopes = sides.slopes(minimum.fitted)
         for width, delayed in changes:
             moved = weights @ (slopes.T @ delayed) / spread.variance_factor
             total = total + width**2 / 12.0 * np.outer(moved, moved)
     return np.sqrt(np.diag(total))
 
 
-def _told(sides: Clocked, k: int, error: float) -> None:
+def _refuse_undetermined(sides: Clocked, k: int, error: float) -> None:
     """Refuse an offset or rate that the logs do not tell within its range."""
     (low, high), name, unit = sides.ranges[k], ("offset", "rate")[k], (" s", "")[k]
     if not error < high - low:

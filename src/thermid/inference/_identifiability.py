@@ -37,9 +37,9 @@ from thermid.model.tree import Model
 from thermid.simulation.network import compile_network
 from thermid.simulation.scenarios import Scenario
 
-KNOWN = 0.05
+EASY_PRIOR = 0.05
 """A prior that is easily had: 5 %."""
-MOST = 4
+MAX_CURES = 4
 HEATER = "heater_of_known_power"
 GAIN = 0.7
 """A cure is named when it leaves less than this part of the worst error."""
@@ -83,7 +83,7 @@ def cures(problem: Problem, info: Information, groups: Sequence[Group], doubtful
         touched = [j for j in wanted if j != k]
         if info.unknowns[k].kind != "parameter" or not touched:
             continue
-        fixed, loose = info.errors(held=[k]), info.errors(more=info.prior_row(k, KNOWN))
+        fixed, loose = info.errors(held=[k]), info.errors(more=info.prior_row(k, EASY_PRIOR))
         if _worst(loose, touched) < GAIN * _worst(before, touched):
             exact = ", ".join(percent(float(fixed[j])) for j in touched)
             cure = Cure(f"measure '{name}' to 5 % (if it were exact: {exact})", {names[j]: float(loose[j]) for j in touched})
@@ -92,10 +92,10 @@ def cures(problem: Problem, info: Information, groups: Sequence[Group], doubtful
     step = _known_step(problem, info)
     if step is not None:
         row, words = step
-        left = info.errors(more=row)
-        if _worst(left, wanted) < GAIN * _worst(before, wanted):
-            out.append((_worst(left, wanted), Cure(words, {names[j]: float(left[j]) for j in wanted})))
-    return tuple(cure for _, cure in sorted(out, key=lambda item: item[0])[:MOST])
+        errors_left = info.errors(more=row)
+        if _worst(errors_left, wanted) < GAIN * _worst(before, wanted):
+            out.append((_worst(errors_left, wanted), Cure(words, {names[j]: float(errors_left[j]) for j in wanted})))
+    return tuple(cure for _, cure in sorted(out, key=lambda item: item[0])[:MAX_CURES])
 
 
 def _worst(errors: Array, at: Sequence[int]) -> float:
@@ -110,10 +110,10 @@ def _pairs(info: Information, members: Sequence[str], wanted: Sequence[int]) -> 
     for n, i in enumerate(places):
         for j in places[n + 1 :]:
             touched = [k for k in wanted if k not in (i, j)]
-            left = info.errors(more=np.concatenate([info.prior_row(i, KNOWN), info.prior_row(j, KNOWN)]))
-            if touched and _worst(left, touched) < GAIN * _worst(before, touched):
+            errors_left = info.errors(more=np.concatenate([info.prior_row(i, EASY_PRIOR), info.prior_row(j, EASY_PRIOR)]))
+            if touched and _worst(errors_left, touched) < GAIN * _worst(before, touched):
                 action = f"measure both {listed([info.names[i], info.names[j]])} to 5 %"
-                out.append((_worst(left, touched), Cure(action, {info.names[k]: float(left[k]) for k in touched})))
+                out.append((_worst(errors_left, touched), Cure(action, {info.names[k]: float(errors_left[k]) for k in touched})))
     return out
 
 
@@ -121,14 +121,14 @@ def _known_step(problem: Problem, info: Information) -> tuple[Array, str] | None
     """Return the rows of the longest log made once more with a step of known power in its largest load, and what to do in words."""
     lengths = [e.scenario.seconds for e in problem.experiments]
     i = int(np.argmax(lengths))
-    found = _stepped(problem.experiments[i])
-    if found is None:
+    step = _stepped(problem.experiments[i])
+    if step is None:
         return None
-    experiment, load, watts = found
+    experiment, load, watts = step
     unknowns = tuple(replace(u, targets=tuple(replace(t, experiment=0) for t in u.targets if t.experiment == i)) for u in problem.unknowns)
     again = replace(problem, experiments=(experiment,), unknowns=unknowns)
     try:
-        rows = Information.of(again, info.at, exact=False).data
+        rows = Information.of_problem(again, info.at, exact=False).data
     except SolverError:
         return None
     hours = lengths[i] / 3600.0
@@ -251,9 +251,9 @@ class Identifiability(Result):
     def _split_by(self, group: Group) -> str:
         """Return which priors alone split a group."""
         info = self.information
-        own = [u.name for u in info.unknowns if u.prior is not None and u.kind == "parameter" and u.name in group.names]
-        if own:
-            return f" Only the prior of {listed(own)} separates them."
+        own_priors = [u.name for u in info.unknowns if u.prior is not None and u.kind == "parameter" and u.name in group.names]
+        if own_priors:
+            return f" Only the prior of {listed(own_priors)} separates them."
         handed = {info.names[k] for at, _, _ in self.problem.coupled for k in at} & set(group.names)
         return " Only the inherited values of a stage below separate them." if handed else ""
 
@@ -363,8 +363,8 @@ def identifiability_of(request: Request, stage: str = "before", tell: float = TE
     """Return what the records of a request tell, at the values where its fit would start; see `identifiability`."""
     problem = build_problem(request)
     start = starting_point(problem.unknowns)
-    found = _told(request.name or request.model.title, stage, problem, start, 1.0, tell)
-    return replace(found, inputs=InputTable() if stage == "planned" else inputs_of(request, problem.experiments, problem.unknowns))
+    result = _identifiability_at(request.name or request.model.title, stage, problem, start, 1.0, tell)
+    return replace(result, inputs=InputTable() if stage == "planned" else inputs_of(request, problem.experiments, problem.unknowns))
 
 
 def _after(fit: Calibration, tell: float) -> Identifiability:
@@ -372,33 +372,33 @@ def _after(fit: Calibration, tell: float) -> Identifiability:
     if fit.problem is None:
         raise IdentificationError("this calibration was not made by a fit in this session; repeat the fit.", fit.stage)
     at = np.array([fit.fitted[u.name] for u in fit.problem.unknowns])
-    found = _told(fit.stage, "after", fit.problem, at, max(1.0, fit.reduced_chi_square) ** 0.5, tell)
+    result = _identifiability_at(fit.stage, "after", fit.problem, at, max(1.0, fit.reduced_chi_square) ** 0.5, tell)
     # where residuals wander, the fit's own errors count it
-    grown = {p: fit.values[p].error / k.error if k.error > 0 else 1.0 for p, k in found.parameters.items()}
+    grown = {p: fit.values[p].error / k.error if k.error > 0 else 1.0 for p, k in result.parameters.items()}
     return replace(
-        found,
+        result,
         inputs=fit.inputs,
         parameters={
             p: replace(k, error=k.error * grown[p], relative=k.relative * grown[p], without=k.without * grown[p])
-            for p, k in found.parameters.items()
+            for p, k in result.parameters.items()
         },
     )
 
 
-def _told(title: str, stage: str, problem: Problem, at: Array, spread: float, tell: float) -> Identifiability:
-    info = Information.of(problem, at, spread)
+def _identifiability_at(title: str, stage: str, problem: Problem, at: Array, spread: float, tell: float) -> Identifiability:
+    info = Information.of_problem(problem, at, spread)
     if not info.parameters:
         raise IdentificationError("no parameter is free. Name the parameters to fit.", title)
     bound = structural_groups(info, elsewhere(problem, info, spread))
     # what a prior alone splits is said once
     groups = [*bound, *(g for g in practical_groups(info, tell) if not any(set(g.names) <= set(b.names) for b in bound))]
-    known = _known(info)
-    doubtful = [p for p, k in known.items() if not k.relative <= tell]
+    parameters = _known_parameters(info)
+    doubtful = [p for p, k in parameters.items() if not k.relative <= tell]
     helps = cures(problem, info, groups, doubtful) if doubtful else ()
-    return Identifiability(title, stage, problem.samples, info.rank(), known, tuple(groups), helps, info, problem)
+    return Identifiability(title, stage, problem.samples, info.rank(), parameters, tuple(groups), helps, info, problem)
 
 
-def _known(info: Information) -> dict[str, KnownParameter]:
+def _known_parameters(info: Information) -> dict[str, KnownParameter]:
     """Return path -> what is known, with the unknown that most of each error comes from."""
     covariance = info.covariance()
     variance = np.diag(covariance)

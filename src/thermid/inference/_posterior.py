@@ -20,7 +20,7 @@ from thermid.fit.calibration import Calibration, box_of
 from thermid.fit.problem import Compressed, Problem, Unknown, wanders
 from thermid.simulation.runs import Workers, in_tasks
 
-ENOUGH = 50
+MIN_LENGTH = 50
 """A chain is long enough when it holds this many of its autocorrelation times (Foreman-Mackey and others, PASP 125 (2013) 306)."""
 
 
@@ -118,11 +118,11 @@ def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: in
                           message names the direction along which they are slow.
     """
     emcee = optional("emcee", "a posterior")
-    density = _Density.of(fit).stretched(fit)
+    density = _Density.of_fit(fit).stretched(fit)
     size = len(density.at)
     count = walkers or max(12, 2 * size + 2)
     rng = np.random.default_rng(seed)
-    near = _Near.of(density.rest[density.at], density.widths(fit))
+    near = _FitProposals.of_covariance(density.rest[density.at], density.widths(fit))
     start = near.middle + rng.standard_normal((count, size)) @ near.root.T
     start = np.clip(start, density.box[:, 0], density.box[:, 1])
     moves = [(emcee.moves.MHMove(near), AT_ONCE), (emcee.moves.StretchMove(), 1.0 - AT_ONCE)]
@@ -131,9 +131,9 @@ def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: in
     names = [density.problem.unknowns[k] for k in density.at]
     chain, lag = _long_enough(sampler, start, steps, [u.name for u in names], fit.stage)
     draws = {u.name: np.array([u.to_value(x) for x in chain[:, n]]) for n, u in enumerate(names)}
-    known = {u.name: (fit[u.name].value, fit[u.name].error) for u in names}
+    fitted_values = {u.name: (fit[u.name].value, fit[u.name].error) for u in names}
     independent, taken = chain.shape[0] / max(lag, 1.0), float(np.mean(sampler.acceptance_fraction))
-    return Posterior(fit.stage, draws, independent, taken, density.count, known, density.remarks())
+    return Posterior(fit.stage, draws, independent, taken, density.count, fitted_values, density.remarks())
 
 
 def _long_enough(sampler: Any, start: Array, steps: int, names: Sequence[str], stage: str) -> tuple[Array, float]:
@@ -149,7 +149,7 @@ def _long_enough(sampler: Any, start: Array, steps: int, names: Sequence[str], s
         chain = sampler.get_chain(discard=done // 5)
         lags = _lags(chain)
         length = float(chain.shape[0] / lags.max())
-        if length > ENOUGH:
+        if length > MIN_LENGTH:
             return np.asarray(chain.reshape(-1, chain.shape[2])), float(lags.max())
         if done >= EXTENSION * steps:
             raise IdentificationError(_too_short(chain, names, done, length), stage, code="fit.chains-too-short")
@@ -170,14 +170,14 @@ def _too_short(chain: Array, names: Sequence[str], steps: int, length: float) ->
         f"'{names[k]}' {'up' if axis[k] > 0 else 'down'}" for k in np.argsort(-np.abs(axis)) if abs(axis[k]) > 0.3 * np.abs(axis).max()
     )
     return (
-        f"after {steps} steps the chains are {length:.0f} autocorrelation times long and {ENOUGH} are needed, so no interval is given. "
+        f"after {steps} steps the chains are {length:.0f} autocorrelation times long and {MIN_LENGTH} are needed, so no interval is given. "
         f"They move slowly along {along}. Give more steps, a prior of one of these, or a record in which they act differently; "
         "td.inference.profile follows each of them."
     )
 
 
 @dataclass(frozen=True, eq=False)
-class _Near:
+class _FitProposals:
     """Proposals by the covariance of a fit, whatever came before: Student's distribution, whose tails are wider than the posterior's.
 
     Parameters
@@ -190,7 +190,7 @@ class _Near:
     root: Array
 
     @classmethod
-    def of(cls, middle: Array, covariance: Array) -> _Near:
+    def of_covariance(cls, middle: Array, covariance: Array) -> _FitProposals:
         """Return it."""
         return cls(middle, np.asarray(np.linalg.cholesky(covariance), dtype=float))
 
@@ -264,7 +264,7 @@ def evidence(fit: Calibration, *, points: int = 100, seed: int = 1) -> Evidence:
                           a file.
     """
     dynesty = optional("dynesty", "evidence")
-    density = _Density.of(fit)
+    density = _Density.of_fit(fit)
     loose = sorted({o.sensor for o in density.problem.observations() if o.noise is None})
     if loose:
         raise IdentificationError(f"evidence needs the noise of every sensor. State noise = '... [K]' for '{loose[0]}'.", fit.stage)
@@ -278,10 +278,10 @@ def evidence(fit: Calibration, *, points: int = 100, seed: int = 1) -> Evidence:
         rstate=np.random.default_rng(seed),
     )
     sampler.run_nested(dlogz=0.1, print_progress=False)
-    found = sampler.results
+    results = sampler.results
     unknowns = [density.problem.unknowns[k] for k in density.at]
     box = {u.name: (u.to_value(a), u.to_value(b)) for u, (a, b) in zip(unknowns, density.box.tolist(), strict=True)}
-    return Evidence(fit.stage, float(found.logz[-1]), float(found.logzerr[-1]), density.count, box, density.doubts(fit))
+    return Evidence(fit.stage, float(results.logz[-1]), float(results.logzerr[-1]), density.count, box, density.doubts(fit))
 
 
 @dataclass(eq=False)
@@ -333,7 +333,7 @@ class _Density:
     stretch: Array | None = None
 
     @classmethod
-    def of(cls, fit: Calibration) -> _Density:
+    def of_fit(cls, fit: Calibration) -> _Density:
         problem = fit.problem
         if problem is None or fit.request is None:
             raise IdentificationError(
@@ -355,8 +355,8 @@ class _Density:
         names = [self.problem.unknowns[k].name for k in self.at]
         wanted = fit.store.covariance(names)
         variance_factor = fit.autocorrelation.variance_factor if fit.autocorrelation is not None else 1.0
-        found = self.problem.compressed(self.rest)
-        rows = np.concatenate([found.slopes / math.sqrt(variance_factor), self.problem.prior_rows(self.rest)[1]])
+        compressed = self.problem.compressed(self.rest)
+        rows = np.concatenate([compressed.slopes / math.sqrt(variance_factor), self.problem.prior_rows(self.rest)[1]])
         here = covariance(rows)[np.ix_(self.at, self.at)]
         if not (np.isfinite(here).all() and all(fit.store[n].known for n in names)):
             return replace(self, level=variance_factor)
@@ -411,17 +411,17 @@ class _Density:
         x[self.at] = point if self.stretch is None else np.clip(best + self.stretch @ (point - best), self.box[:, 0], self.box[:, 1])
         self.count += 1
         try:
-            found = self.problem.compressed(x)
+            compressed = self.problem.compressed(x)
         except SolverError:
             return -np.inf
-        return self._marginal(x, found)
+        return self._marginal(x, compressed)
 
-    def _marginal(self, x: Array, found: Compressed) -> float:
+    def _marginal(self, x: Array, compressed: Compressed) -> float:
         priors, prior_slopes = self.problem.prior_rows(x)
         scale = 1.0 / math.sqrt(self.level)
-        rows = np.concatenate([found.rows * scale, priors])
+        rows = np.concatenate([compressed.rows * scale, priors])
         others = np.setdiff1d(np.arange(x.size), self.at)
-        slopes = np.concatenate([found.slopes * scale, prior_slopes])[:, others]
+        slopes = np.concatenate([compressed.slopes * scale, prior_slopes])[:, others]
         # Laplace: the integral of exp(-|r + J d|^2 / 2) over the others is exp(-|r|^2 / 2 + |J d*|^2 / 2) (2 pi)^(m/2) / sqrt(det J'J), d*
         # the least-squares step (Tierney and Kadane, JASA 81 (1986) 82); `_width` has the factors of 2 pi and of the priors
         out = -0.5 * float(rows @ rows) - self._size()

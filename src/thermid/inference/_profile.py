@@ -40,11 +40,11 @@ class Held(Problem):
     spread: float = 1.0
 
     @classmethod
-    def of(cls, whole: Problem, values: Array, held: tuple[int, ...], spread: float) -> Held:
+    def with_fixed(cls, whole: Problem, values: Array, held: tuple[int, ...], spread: float) -> Held:
         """Return a problem with some unknowns held at their values."""
-        kept = np.array([k for k in range(len(whole.unknowns)) if k not in held], dtype=np.int64)
-        unknowns = tuple(whole.unknowns[k] for k in kept)
-        return cls(whole.experiments, unknowns, whole.noise, whole.options, whole=whole, values=values, kept=kept, spread=spread)
+        free_places = np.array([k for k in range(len(whole.unknowns)) if k not in held], dtype=np.int64)
+        unknowns = tuple(whole.unknowns[k] for k in free_places)
+        return cls(whole.experiments, unknowns, whole.noise, whole.options, whole=whole, values=values, kept=free_places, spread=spread)
 
     def full(self, fitted: Array) -> Array:
         """Return all unknowns."""
@@ -54,9 +54,9 @@ class Held(Problem):
 
     def compressed(self, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, meshes: object = ()) -> Compressed:
         """Return the residuals of the whole with the derivatives of what is looked for."""
-        found = self.whole.compressed(self.full(fitted), loss, loss_scale, meshes)  # type: ignore[arg-type]
-        rows, slopes = found.rows / self.spread, found.slopes[:, self.kept] / self.spread
-        return replace(found, rows=rows, slopes=slopes, chi_square=found.chi_square / self.spread**2)
+        whole_compressed = self.whole.compressed(self.full(fitted), loss, loss_scale, meshes)  # type: ignore[arg-type]
+        rows, slopes = whole_compressed.rows / self.spread, whole_compressed.slopes[:, self.kept] / self.spread
+        return replace(whole_compressed, rows=rows, slopes=slopes, chi_square=whole_compressed.chi_square / self.spread**2)
 
     def prior_rows(self, fitted: Array) -> tuple[Array, Array]:
         """Return the residuals of all priors with the derivatives of what is looked for."""
@@ -128,7 +128,7 @@ class Profile(Result):
         return (f"{self.path} [{self.unit}]", "growth of the weighted sum of squares [-]")
 
 
-def asked(fit: Calibration, path: str) -> tuple[Problem, int]:
+def problem_and_place(fit: Calibration, path: str) -> tuple[Problem, int]:
     """Return the problem of a fit and the position of an unknown."""
     if fit.problem is None:
         raise IdentificationError("this calibration was not made by a fit in this session; repeat the fit.", fit.stage)
@@ -183,7 +183,7 @@ def profile(fit: Calibration, path: str, level: float = 0.95, *, executor: Worke
 
     if not 0.0 < level < 1.0:
         raise IdentificationError(f"a level of {level:g} is not a probability. Give one between 0 and 1, such as 0.95.", "profile")
-    problem, k = asked(fit, path)
+    problem, k = problem_and_place(fit, path)
     threshold = float(2.0 * gammaincinv(0.5, level))
     at = np.array([fit.fitted[u.name] for u in problem.unknowns])
     u, value = problem.unknowns[k], fit.values[problem.unknowns[k].name]
@@ -209,7 +209,7 @@ class _Walk:
         request = fit.request
         self.loss, self.loss_scale = (request.loss, request.loss_scale) if request is not None else ("linear", 1.0)
         self.problem, self.k, self.spread, self.threshold = problem, k, spread, threshold
-        whole = minimise(Held.of(problem, at, (), spread), self.loss, self.loss_scale, at)
+        whole = minimise(Held.with_fixed(problem, at, (), spread), self.loss, self.loss_scale, at)
         self.at, self.cost, self.best = whole.fitted, whole.cost, float(whole.fitted[k])
         u: Unknown = problem.unknowns[k]
         self.step = fit.values[u.name].error / u.slope(self.best)
@@ -221,9 +221,9 @@ class _Walk:
         """Return how much the sum of squares grows with the parameter at a value, and where all unknowns are then."""
         values = start.copy()
         values[self.k] = x
-        held = Held.of(self.problem, values, (self.k,), self.spread)
-        found = minimise(held, self.loss, self.loss_scale, values[held.kept])
-        return max(0.0, 2.0 * (found.cost - self.cost)), held.full(found.fitted)
+        held = Held.with_fixed(self.problem, values, (self.k,), self.spread)
+        minimum = minimise(held, self.loss, self.loss_scale, values[held.kept])
+        return max(0.0, 2.0 * (minimum.cost - self.cost)), held.full(minimum.fitted)
 
     def side(self, sign: float) -> tuple[float, list[tuple[float, float]], bool]:
         """Return where a side ends, the points on it, and whether the readings end it."""
@@ -254,16 +254,16 @@ class _Walk:
         from scipy.optimize import brentq
 
         goal = self.threshold**0.5
-        known = {distance: rise**0.5 for distance, rise in ((abs(x - self.best), r) for x, r in points)}
+        rise_at = {distance: rise**0.5 for distance, rise in ((abs(x - self.best), r) for x, r in points)}
 
         def beyond(distance: float) -> float:
-            if distance not in known:
+            if distance not in rise_at:
                 rise, _ = self.rise(self.best + sign * distance, place)
                 points.append((self.best + sign * distance, rise))
-                known[distance] = rise**0.5
-            return float(known[distance] - goal)
+                rise_at[distance] = rise**0.5
+            return float(rise_at[distance] - goal)
 
-        known |= {low: known.get(low, 0.0), high: known[high]}
+        rise_at |= {low: rise_at.get(low, 0.0), high: rise_at[high]}
         at = float(brentq(beyond, low, high, xtol=0.01 * self.step, rtol=1e-3, maxiter=30, disp=False))
         return self.best + sign * at, points, True
 
@@ -330,7 +330,7 @@ def valley(source: Calibration | Identifiability, first: str, second: str, point
     if first == second:
         raise IdentificationError(f"a valley needs two different parameters; '{first}' was given twice.", "valley")
     if isinstance(source, Calibration):
-        (problem, i), (_, j) = asked(source, first), asked(source, second)
+        (problem, i), (_, j) = problem_and_place(source, first), problem_and_place(source, second)
         at = np.array([source.fitted[u.name] for u in problem.unknowns])
         error = np.array([source.values[problem.unknowns[k].name].error for k in (i, j)])
         error = error / np.array([problem.unknowns[k].slope(at[k]) for k in (i, j)])
@@ -341,7 +341,7 @@ def valley(source: Calibration | Identifiability, first: str, second: str, point
         error = np.sqrt(np.diag(source.information.covariance()))[[i, j]]
     pair = (problem.unknowns[i], problem.unknowns[j])
     axes = [_axis(u, float(at[k]), float(e), points) for u, k, e in zip(pair, (i, j), error, strict=True)]
-    held = Held.of(problem, at, (i, j), spread)
+    held = Held.with_fixed(problem, at, (i, j), spread)
     response = _response(problem, at, (i, j), held.kept)
     rise = np.full((points, points), np.nan)
     for m, y in enumerate(axes[1]):
@@ -375,11 +375,11 @@ def _axis(u: Unknown, at: float, error: float, points: int) -> Array:
     return np.linspace(max(at - wide, low), min(at + wide, high), points)
 
 
-def _response(problem: Problem, at: Array, pair: tuple[int, int], kept: NDArray[np.int64]) -> Array:
+def _response(problem: Problem, at: Array, pair: tuple[int, int], others: NDArray[np.int64]) -> Array:
     """Return how the others move (others, 2) when the pair is moved from the best."""
     rows = np.concatenate([problem.compressed(at).slopes, problem.prior_rows(at)[1]])
-    found: Array = np.linalg.lstsq(rows[:, kept], -rows[:, list(pair)], rcond=1e-10)[0]
-    return found
+    responses: Array = np.linalg.lstsq(rows[:, others], -rows[:, list(pair)], rcond=1e-10)[0]
+    return responses
 
 
 def _settled(held: Held, moved: Array) -> float:
@@ -387,11 +387,11 @@ def _settled(held: Held, moved: Array) -> float:
     here, square, at = replace(held, values=moved), np.nan, moved[held.kept]
     for last in (False, True):
         try:
-            found = here.compressed(at)
+            compressed = here.compressed(at)
         except SolverError:
             return square
         priors, slopes = here.prior_rows(at)
-        rows, jacobian = np.concatenate([found.rows, priors]), np.concatenate([found.slopes, slopes])
+        rows, jacobian = np.concatenate([compressed.rows, priors]), np.concatenate([compressed.slopes, slopes])
         step = np.linalg.lstsq(jacobian, -rows, rcond=1e-10)[0] if at.size else at
         square = float(np.sum((rows + jacobian @ step) ** 2))
         if last or not at.size:
@@ -407,7 +407,7 @@ def _lowest(values: Array, column: Array) -> float:
     k = int(np.nanargmin(column))
     if not 0 < k < values.size - 1:
         return float("nan")  # beyond the edge
-    left, middle, right = column[k - 1 : k + 2]
-    bend = left - 2.0 * middle + right
-    shift = 0.5 * (left - right) / bend if bend > 0 else 0.0
+    before, middle, right = column[k - 1 : k + 2]
+    bend = before - 2.0 * middle + right
+    shift = 0.5 * (before - right) / bend if bend > 0 else 0.0
     return float(np.interp(k + shift, np.arange(values.size), values))

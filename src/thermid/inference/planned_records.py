@@ -38,7 +38,7 @@ class Sensor:
     resolution: float | None = None
 
 
-def sensors_of(model: Model, scenario: Scenario, given: Mapping[str, Any]) -> tuple[Sensor, ...]:
+def sensors_of(model: Model, scenario: Scenario, stated: Mapping[str, Any]) -> tuple[Sensor, ...]:
     """Return sensors from a table: node, boundary or load -> noise as text, or ``{noise, accuracy, name}``.
 
     Raises
@@ -48,7 +48,7 @@ def sensors_of(model: Model, scenario: Scenario, given: Mapping[str, Any]) -> tu
     network = network_for(model, scenario)
     loads = [load.path for load in network.flat.loads]
     out = []
-    for raw, entry in given.items():
+    for raw, entry in stated.items():
         where = f"sensors.{raw}"
         table = dict(entry) if isinstance(entry, Mapping) else {"noise": entry}
         for key in set(table) - {"noise", "accuracy", "name"}:
@@ -89,6 +89,6 @@ def planned_record(model: Model, scenario: Scenario, sensors: Sequence[Sensor], 
     for s in sensors:
         values = np.asarray(powers[s.target]) if s.role == "load" else run[s.target].kelvin
         quantity, of = ("power", "W") if s.role == "load" else ("temperature", "K")
-        said = {"noise": s.noise, "accuracy": s.accuracy, "resolution": s.resolution}
-        channels[s.name] = Channel.of(s.name, values, unit=of, quantity=quantity, role=s.role, target=s.target, **said)
+        stated_errors = {"noise": s.noise, "accuracy": s.accuracy, "resolution": s.resolution}
+        channels[s.name] = Channel.from_array(s.name, values, unit=of, quantity=quantity, role=s.role, target=s.target, **stated_errors)
     return Record.from_arrays(name, times, channels)

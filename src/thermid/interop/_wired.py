@@ -254,7 +254,7 @@ def _sources(network: Network, wiring: Wiring, numbers: Numbers, writer: Writer)
         if load.node not in network.nodes or (load.form == "signal" and (signal == Constant(0.0) or float(power) == 0.0)):
             continue
         sensor = "" if load.form == "signal" else load.node
-        rest: Any = load.own[1:]
+        rest: Any = load.of_law[1:]
         settings: Any = load.settings
         watched = load.sensor if load.control else ""
         sources.append(
@@ -267,20 +267,20 @@ def _courses(wiring: Wiring) -> dict[str, Drawn]:
     """Return parameter path -> what it follows in time."""
     if wiring.schedule is None:
         return {}
-    return {path: given.drawn(wiring.scenario.seconds) for path, given in wiring.schedule.signals.items()}
+    return {path: signal.drawn(wiring.scenario.seconds) for path, signal in wiring.schedule.signals.items()}
 
 
 MOST_DEGREE: Final = 99
 """Degree of what is no polynomial."""
 
 
-def _degree(formula: Formula | float, known: Mapping[str, int]) -> int:
+def _degree(formula: Formula | float, degrees: Mapping[str, int]) -> int:
     """Return the degree of a formula in what changes in time, by the degrees of the names in it."""
     if not isinstance(formula, Formula) or formula.operator == "number":
         return 0
     if formula.operator == "name":
-        return known.get(formula.parts[0], 0)
-    several = [_degree(part, known) for part in formula.parts]
+        return degrees.get(formula.parts[0], 0)
+    several = [_degree(part, degrees) for part in formula.parts]
     if formula.operator in ("+", "-", "neg"):
         return max(several)
     if formula.operator == "*":
@@ -295,15 +295,15 @@ def _refuse_bent_courses(w: Wired, writer: Writer) -> None:
 
     A run joins the values of the coefficient, and a format those of the parameter, by straight lines; of held values both are equal.
     """
-    bent = [path for path, given in w.courses.items() if not given.held]
+    bent = [path for path, course in w.courses.items() if not course.held]
     if not bent:
         return
-    known = dict.fromkeys(bent, 1)
-    for each in w.parameters:
-        if each.formula is not None:
-            known[each.path] = _degree(each.formula, known)
+    degrees = dict.fromkeys(bent, 1)
+    for parameter in w.parameters:
+        if parameter.formula is not None:
+            degrees[parameter.path] = _degree(parameter.formula, degrees)
     for name, formulas in (*((label, row.coefficients) for label, row in w.conductors), *((s.load, s.coefficients) for s in w.sources)):
-        if any(_degree(f, known) > 1 for f in formulas):  # type: ignore[arg-type]
+        if any(_degree(f, degrees) > 1 for f in formulas):  # type: ignore[arg-type]
             raise ScenarioError(
                 f"'{name}' follows '{bent[0]}' otherwise than in proportion, and its schedule is made of straight lines, which is not "
                 f"written to {writer.name}. Give the schedule as steps: hold = true.",
@@ -456,7 +456,7 @@ Binary = Callable[["Formula", Any], "Formula"]
 
 def _operator(sign: str) -> tuple[Binary, Binary]:
     """Return the methods of a sign: the formula on its left, and on its right."""
-    return lambda own, other: _made(sign, own, other), lambda own, other: _made(sign, other, own)
+    return lambda formula, other: _operation(sign, formula, other), lambda formula, other: _operation(sign, other, formula)
 
 
 @dataclass(frozen=True, eq=False)
@@ -504,7 +504,7 @@ class Formula:
         if name == "neg":
             return -_formula(several[0])
         if name in _COMPUTE:
-            return _made(name, *several)
+            return _operation(name, *several)
         return NotImplemented
 
     def at(self, values: Mapping[str, Any]) -> float:
@@ -526,9 +526,9 @@ def _formula(x: Any) -> Formula:
     return x if isinstance(x, Formula) else Formula(float(x), "number")
 
 
-def _made(operator: str, left: Any, right: Any) -> Formula:
+def _operation(operator: str, lhs: Any, right: Any) -> Formula:
     """Return the formula of two operands; a plain number becomes a formula, and a factor of one goes."""
-    a, b = _formula(left), _formula(right)
+    a, b = _formula(lhs), _formula(right)
     if operator in "*/" and b.operator == "number" and b.value == 1.0:
         return a
     if operator == "*" and a.operator == "number" and a.value == 1.0:
@@ -565,27 +565,27 @@ class Text:
     number: Callable[[float], str] = field(default_factory=lambda: number_text)
     functions: Mapping[str, str] = field(default_factory=dict)
 
-    def of(self, formula: Formula | float, above: int = 0) -> str:
+    def text_of(self, formula: Formula | float, above: int = 0) -> str:
         """Return a formula as text, in parentheses where its surroundings bind as strongly as `above`."""
         if not isinstance(formula, Formula):
             return self.number(float(formula)) if formula >= 0 or not above else f"({self.number(float(formula))})"
         if formula.operator in FUNCTIONS or (formula.operator == "**" and self.power.isalpha()):
             called = self.power if formula.operator == "**" else self.functions.get(formula.operator, formula.operator)
-            return f"{called}({', '.join(self.of(part) for part in formula.parts)})"
+            return f"{called}({', '.join(self.text_of(part) for part in formula.parts)})"
         rank = _RANK[formula.operator]
         if formula.operator == "name":
             return self.name(formula.parts[0])
         if formula.operator == "number":
-            return self.of(formula.value, above)
+            return self.text_of(formula.value, above)
         if formula.operator == "neg":
-            text = f"-{self.of(formula.parts[0], rank)}"
+            text = f"-{self.text_of(formula.parts[0], rank)}"
         else:
-            left, right = formula.parts
+            lhs, right = formula.parts
             # equal ranks: a - (b - c) needs its parentheses, (a - b) - c does not; powers get them on both sides
             tight = formula.operator == "**"
             sign = self.power if tight else f" {formula.operator} " if rank == 1 else formula.operator
             firm = rank + (formula.operator in "-/" or tight)
-            text = f"{self.of(left, rank + tight)}{sign}{self.of(right, firm)}"
+            text = f"{self.text_of(lhs, rank + tight)}{sign}{self.text_of(right, firm)}"
         return f"({text})" if rank < above else text
 
 

@@ -49,8 +49,8 @@ LAWS = {
 OF_LOADS = {"signal": "SIGNAL", "polynomial": "POLYNOMIAL", "exponential": "EXPONENTIAL", "table": "TABLE_OF_TEMPERATURE"}
 OF_CONTROLS = {"": "ALWAYS", "thermostat": "THERMOSTAT", "proportional": "PROPORTIONAL"}
 CODES = ("DONE", "SINGULAR", "NOT_FINITE", "NOT_SETTLED", "OUTSIDE_A_TABLE", "CHATTER")
-_WIDE = 6
-FEWEST, MOST = 50, 20_000
+_ITEMS_A_LINE = 6
+FEWEST, MAX_STEPS = 50, 20_000
 """Steps of a run between which a length is looked for."""
 TIGHT = 1e-8
 """Error of the run beside which the steps are judged. [K]"""
@@ -58,7 +58,7 @@ STATED = 2.0
 """What is stated is the measured error times this: other readings fall between the measured ones."""
 MOMENT = 1e-3
 MOST_CUTS = 16
-NEAR = 1e-9
+SWITCHING_TOLERANCE = 1e-9
 """Switching temperatures are met to this. [K]"""
 STAGES = (
     (),
@@ -151,9 +151,9 @@ class _Header:
         self.order = (*w.massive, *w.massless)
         self.places = {n: k for k, n in enumerate((*self.order, *w.network.boundaries))}
         self.inputs = list(self._inputs())
-        fields = identifiers([each.path for each in w.parameters])
+        fields = identifiers([parameter.path for parameter in w.parameters])
         self.fields = {path: f"{word}_" if word in KEYWORDS else word for path, word in fields.items()}
-        self.derived = {each.path for each in w.parameters if each.formula is not None}
+        self.derived = {parameter.path for parameter in w.parameters if parameter.formula is not None}
         self.courses = dict(zip(w.courses, (f.name for f in self.inputs[-len(w.courses) :] if w.courses), strict=True))
         self.formulas = Text(self._name, power="pow", number=_number, functions={"min": "fmin", "max": "fmax"})
         self.curves: dict[tuple[Curve, ...], int] = {}
@@ -168,10 +168,10 @@ class _Header:
     def _inputs(self) -> Iterator[_Field]:
         """Yield the inputs: boundaries, loads, gases, scheduled parameters."""
         w, words = self.w, [*(f"T_{b}" for b in self.w.network.boundaries)]
-        loads, seen = [], {}  # type: list[str], dict[str, int]
+        loads, loads_seen = [], {}  # type: list[str], dict[str, int]
         for source in w.sources:
-            seen[source.load] = seen.get(source.load, 0) + 1
-            again = f"_{seen[source.load]}" if seen[source.load] > 1 else ""
+            loads_seen[source.load] = loads_seen.get(source.load, 0) + 1
+            again = f"_{loads_seen[source.load]}" if loads_seen[source.load] > 1 else ""
             loads.append(f"{'Q' if source.power == 1.0 else 'command'}_{source.load}{again}")
         gases = list(dict.fromkeys(row.signal for _, row in w.conductors if row.signal))
         words += [*loads, *(f"gas_{g.replace('*', 'any')}" for g in gases), *(f"at_{path}" for path in w.courses)]
@@ -229,19 +229,19 @@ class _Header:
         w, name = self.w, self.called
         yield "/* Values that may be changed. What follows from them is computed in every step. */"
         yield "typedef struct {"
-        free = [each for each in w.parameters if each.formula is None]
-        for each in free:
-            yield f"    double {self.fields[each.path]}; /* [{each.unit}] {_comment(f'{each.path} {each.note}')} */"
+        free = [parameter for parameter in w.parameters if parameter.formula is None]
+        for parameter in free:
+            yield f"    double {self.fields[parameter.path]}; /* [{parameter.unit}] {_comment(f'{parameter.path} {parameter.note}')} */"
         if not free:
             yield "    char none;"
         yield f"}} {name}_parameters;"
         yield from ("", "typedef struct {")
-        for given in self.inputs:
-            yield f"    double {given.name}; /* [{given.unit}] {_comment(given.what)} */"
+        for source in self.inputs:
+            yield f"    double {source.name}; /* [{source.unit}] {_comment(source.what)} */"
         yield f"}} {name}_inputs;"
         yield from ("", f"static inline void {name}_defaults({name}_parameters *p) {{")
-        for each in free:
-            yield f"    p->{self.fields[each.path]} = {_number(each.value)};"
+        for parameter in free:
+            yield f"    p->{self.fields[parameter.path]} = {_number(parameter.value)};"
         if not free:
             yield "    p->none = 0;"
         yield "}"
@@ -317,7 +317,7 @@ class _Header:
         return list(dict.fromkeys(s.load for s in self.w.sources if s.control == "thermostat"))
 
     def _add(self, formula: object, what: str, by: str = "") -> int:
-        text = self.formulas.of(formula, 2) if by else self.formulas.of(formula)  # type: ignore[arg-type]
+        text = self.formulas.text_of(formula, 2) if by else self.formulas.text_of(formula)  # type: ignore[arg-type]
         self.coefficients.append((f"{text}*{by}" if by and text != "1.0" else by or text, what))
         return len(self.coefficients) - 1
 
@@ -360,9 +360,9 @@ class _Header:
     def _coefficient_function(self) -> Iterator[str]:
         yield from ("", "/* All coefficients, from parameters and inputs. [SI] */")
         yield "static inline void @_coefficients(const @_parameters *p, const @_inputs *u, double *c) {"
-        for each in self.w.parameters:
-            if each.formula is not None:
-                yield f"    const double v_{self.fields[each.path]} = {self.formulas.of(each.formula)}; /* [{each.unit}] */"
+        for entry in self.w.parameters:
+            if entry.formula is not None:
+                yield f"    const double v_{self.fields[entry.path]} = {self.formulas.text_of(entry.formula)}; /* [{entry.unit}] */"
         for k, (text, what) in enumerate(self.coefficients):
             yield f"    c[{k}] = {text}; /* {_comment(what)} */"
         yield from ("    (void)p; (void)u; (void)c;", "}", "")
@@ -373,7 +373,9 @@ class _Header:
         yield from ("    (void)u; (void)T;", "}")
         yield from ("", "/* Inputs at a share of a step. */")
         yield "static inline void @_between(const @_inputs *u0, const @_inputs *u1, double share, @_inputs *u) {"
-        yield from (f"    u->{each.name} = u0->{each.name} + share * (u1->{each.name} - u0->{each.name});" for each in self.inputs)
+        yield from (
+            f"    u->{source.name} = u0->{source.name} + share * (u1->{source.name} - u0->{source.name});" for source in self.inputs
+        )
         yield "}"
 
     def _scenario(self) -> Iterator[str]:
@@ -396,29 +398,29 @@ class _Header:
         yield "}"
         yield from ("", "/* Inputs of the scenario of the export at a time, before a jump there or after it. */")
         yield "static inline void @_scenario(double t, int before, @_inputs *u) {"
-        for each in self.inputs:
-            yield from (f"    {line}" for line in _signal(each))
+        for source in self.inputs:
+            yield from (f"    {line}" for line in _signal(source))
         yield from ("    (void)t; (void)before;", "}", "")
 
 
-def _signal(each: _Field) -> Iterator[str]:
+def _signal(target: _Field) -> Iterator[str]:
     """Yield the statements that set one input."""
-    given = each.signal
-    if isinstance(given, Sine):
-        angle = f"{_number(2.0 * math.pi / given.period)} * t + {_number(given.phase)}"
-        yield f"u->{each.name} = {_number(given.mean)} + {_number(given.amplitude)} * sin({angle});"
-    elif isinstance(given, TableSignal) and given.times.size > 1:
+    course = target.signal
+    if isinstance(course, Sine):
+        angle = f"{_number(2.0 * math.pi / course.period)} * t + {_number(course.phase)}"
+        yield f"u->{target.name} = {_number(course.mean)} + {_number(course.amplitude)} * sin({angle});"
+    elif isinstance(course, TableSignal) and course.times.size > 1:
         yield "{"
-        yield from (f"    {line}" for line in _array("static const double x[]", [_number(t) for t in given.times.tolist()]))
-        yield from (f"    {line}" for line in _array("static const double y[]", [_number(v) for v in given.values.tolist()]))
-        yield f"    u->{each.name} = @_course(x, y, {given.times.size}, {int(given.hold)}, t, before);"
+        yield from (f"    {line}" for line in _array("static const double x[]", [_number(t) for t in course.times.tolist()]))
+        yield from (f"    {line}" for line in _array("static const double y[]", [_number(v) for v in course.values.tolist()]))
+        yield f"    u->{target.name} = @_course(x, y, {course.times.size}, {int(course.hold)}, t, before);"
         yield "}"
     else:
-        value = given.value if isinstance(given, Constant) else float(given.values[0])
-        yield f"u->{each.name} = {_number(value)};"
+        value = course.value if isinstance(course, Constant) else float(course.values[0])
+        yield f"u->{target.name} = {_number(value)};"
 
 
-def _array(head: str, items: Iterable[str], wide: int = _WIDE) -> Iterator[str]:
+def _array(head: str, items: Iterable[str], wide: int = _ITEMS_A_LINE) -> Iterator[str]:
     """Yield an array over as many lines as it needs."""
     words = list(items)
     if len(words) <= wide:
@@ -451,8 +453,8 @@ def step_grid(breaks: list[float], end: float, step: float) -> Array:
     times = [0.0]
     for until in (*breaks, end):
         while times[-1] < until - 1e-9 * step:
-            left = until - times[-1]
-            times.append(times[-1] + step if left > step * (1.0 + 1e-6) else until)
+            remaining = until - times[-1]
+            times.append(times[-1] + step if remaining > step * (1.0 + 1e-6) else until)
     return np.array(times)
 
 
@@ -463,7 +465,7 @@ def nice_steps(end: float) -> Iterator[float]:
         for digit in (5, 2, 1):
             step = float(f"{digit}e{power}")
             if step <= end / FEWEST:
-                if end / step > MOST:
+                if end / step > MAX_STEPS:
                     return
                 yield step
         power -= 1
@@ -488,8 +490,8 @@ def stated_error(w: Wired, step: float) -> float:
     """
     grid = step_grid(w.breaks(), w.scenario.seconds, step)
     with np.errstate(all="ignore"):
-        found = _Stepper(w, grid).temperatures()
-    error = STATED * float(np.abs(found - _reference(w, grid)).max())
+        temperatures = _Stepper(w, grid).temperatures()
+    error = STATED * float(np.abs(temperatures - _reference(w, grid)).max())
     if not np.isfinite(error):
         raise SolverError(f"fixed steps of {step:g} s have no finite answer. Give a shorter one: step = ...", w.network.title)
     # rounded up to two digits
@@ -511,9 +513,9 @@ class _Stepper:
 
     def __init__(self, w: Wired, grid: Array) -> None:
         wiring = Wiring(w.network, w.scenario)
-        for name, given in wiring.signals.items():
-            if isinstance(given, Sine):  # a step joins its inputs by a straight line
-                wiring.signals[name] = TableSignal(grid, given.at(grid), after="hold")
+        for name, course in wiring.signals.items():
+            if isinstance(course, Sine):  # a step joins its inputs by a straight line
+                wiring.signals[name] = TableSignal(grid, course.at(grid), after="hold")
         self.engine, self.grid = Engine(wiring), grid
         self.a = self.engine.started(wiring.assemble(gradients=False))
         self.massive = [self.engine.nodes.index(n) for n in w.massive]
@@ -575,7 +577,7 @@ class _Stepper:
                 else:
                     low, at_low, at_high, side = middle, gap, at_high * (0.5 if side == -1 else 1.0), -1
             there = begin + high * (end - begin)
-            state = self._switched(self._step(state, begin, there, min(there, last)), min(there, last), NEAR)
+            state = self._switched(self._step(state, begin, there, min(there, last)), min(there, last), SWITCHING_TOLERANCE)
             begin = there
             if end - begin < 1e-12 * self.grid[-1]:
                 break
@@ -608,9 +610,9 @@ class _Stepper:
     def _gaps(self, state: Array, time: float) -> list[float]:
         out = []
         for k, control in zip(self.places, self.controls, strict=True):
-            seen = self._sensor(control, state, time)
+            reading = self._sensor(control, state, time)
             low, high = (float(self.a.coefficients[p]) for p in control.places[:2])
-            out.append(seen - high if self.on[k] else low - seen)
+            out.append(reading - high if self.on[k] else low - reading)
         return out
 
     def _due(self, state: Array, time: float) -> float:

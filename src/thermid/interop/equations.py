@@ -96,10 +96,10 @@ class Equations:
                 self.title,
             )
         heat = [self.expanded(q) for q in self.heat]
-        found = sympy.solve(heat, self.states, dict=True)
-        if not found or set(found[0]) != set(self.states):
+        solutions = sympy.solve(heat, self.states, dict=True)
+        if not solutions or set(solutions[0]) != set(self.states):
             raise ThermidError("no steady state exists: a part has no path to a boundary. Connect it.", self.title)
-        return {t: sympy.factor(found[0][t]) for t in self.states}
+        return {t: sympy.factor(solutions[0][t]) for t in self.states}
 
     def expanded(self, expression: Expr) -> Expr:
         """Return an expression without abbreviations."""
@@ -133,7 +133,7 @@ class Equations:
 
         sides = [(rate(c, t), shown(q)) for t, c, q in zip(self.states, self.capacitances, self.heat, strict=True)]
         sides += [(shown(s), shown(e)) for s, e in (*self.auxiliaries.items(), *self.massless.items())]
-        return tuple(f'<math display="block"><mrow>{left}<mo>=</mo>{right}</mrow></math>' for left, right in sides)
+        return tuple(f'<math display="block"><mrow>{lhs}<mo>=</mo>{right}</mrow></math>' for lhs, right in sides)
 
     def python(self, name: str = "derivatives") -> str:
         """Return the state equations as a Python function of time, temperatures and a dictionary of values."""
@@ -209,17 +209,17 @@ class _Symbols:
         rows = [row.name for row in numbers.conductors]
         places = [*network.nodes, *network.boundaries]
         loads = [row.name for row in numbers.loads]
-        given = {}
+        names_stated = {}
         for raw, name in names.items():
             path = model.canonical(raw)
             refuse_unknown([path], (*rows, *places, *loads), model.title, f"no conductor, node or load '{raw}' to name.", NameNotFoundError)
             if not re.fullmatch(r"[A-Za-z]\w*", name):
                 raise ThermidError(f"'{name}' is not a valid symbol. Use letters, digits and _, beginning with a letter.", model.title)
-            given[path] = name
+            names_stated[path] = name
         short = identifiers(dict.fromkeys((*rows, *places, *loads)))
-        self.resistance = {r: given.get(r, f"R_{short[r]}") for r in rows}
-        self.temperature = {n: given.get(n, f"T_{short[n]}") for n in places}
-        self.power = {q: given.get(q, f"Q_{short[q]}") for q in loads}
+        self.resistance = {r: names_stated.get(r, f"R_{short[r]}") for r in rows}
+        self.temperature = {n: names_stated.get(n, f"T_{short[n]}") for n in places}
+        self.power = {q: names_stated.get(q, f"Q_{short[q]}") for q in loads}
         self.capacitance = {
             n: f"C_{re.sub(r'^T_?', '', t)}" for n, t in self.temperature.items() if numbers.capacitances.get(n) is not None
         }
@@ -276,7 +276,7 @@ class _Derivation:
             self._eliminate(node, len(massless) > 1)
         states = [n for n in self.network.nodes if n in self.c]
         heat = tuple(self._heat(n) for n in states)
-        known = {self.t[n]: e for n, e in reversed(self.recovered)}
+        recovered = {self.t[n]: e for n, e in reversed(self.recovered)}
         return Equations(
             self.network.title,
             tuple(self.t[n] for n in states),
@@ -284,18 +284,18 @@ class _Derivation:
             (*(self.t[b] for b in self.network.boundaries), *self.powers),
             heat,
             self.auxiliaries,
-            known,
+            recovered,
             self.symbols,
             self._values(),
         )
 
     def _values(self) -> dict[str, float]:
         """Return the numbers of capacitances and resistances."""
-        found = {str(self.c[n]): value_of(c) for n in self.c if (c := self.numbers.capacitances[n]) is not None}
+        numbers = {str(self.c[n]): value_of(c) for n in self.c if (c := self.numbers.capacitances[n]) is not None}
         for row in self.numbers.conductors:
             g = value_of(row.coefficients[0])
-            found[str(self.r[row.name])] = 1.0 / g if g else math.inf
-        return found
+            numbers[str(self.r[row.name])] = 1.0 / g if g else math.inf
+        return numbers
 
     def _eliminate(self, node: str, several: bool) -> None:
         """Replace a massless node by a mesh between its neighbours; its own heat goes to them by the same weights."""
@@ -318,13 +318,13 @@ class _Derivation:
         for pair, above in product.items():
             # R between two neighbours: Delta over the product of the other arms
             self.arms.setdefault(frozenset(pair), []).append(delta / above)
-        own = self.q.pop(node)
+        own_heat = self.q.pop(node)
         everything = sympy.Mul(*star.values())
         for end in ends:
             if end in self.q:
-                self.q[end] += own * single[end] / delta
+                self.q[end] += own_heat * single[end] / delta
         mean = sympy.Add(*(single[e] * self.t[e] for e in ends))
-        self.recovered.append((node, (mean + own * everything) / delta))
+        self.recovered.append((node, (mean + own_heat * everything) / delta))
 
     def _delta(self, node: str, expression: Expr, several: bool) -> Expr:
         word = re.sub(r"^T_?", "", self.names.temperature[node])

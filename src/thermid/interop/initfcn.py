@@ -61,9 +61,9 @@ class InitFcn:
     def table(self) -> dict[str, Any]:
         """Return the table ``[parameters]`` of a deck: name -> value, or value with note and basis."""
         out: dict[str, Any] = {}
-        for name, given in self.parameters.items():
-            more = {k: v for k in ("note", "basis") if (v := getattr(given, k))}
-            out[name] = {"value": given.text, **more} if more else given.text
+        for name, entry in self.parameters.items():
+            more = {k: v for k in ("note", "basis") if (v := getattr(entry, k))}
+            out[name] = {"value": entry.text, **more} if more else entry.text
         return out
 
     def deck(self, title: str) -> dict[str, Any]:
@@ -157,7 +157,7 @@ class _Reader:
         if not names:
             if of is None and not s.brackets:
                 self.remarks.append(
-                    f"line {s.line}: '{s.name}' has no unit in its comment{s.doubt or _asked(s.comment)}, so its value is taken as a plain "
+                    f"line {s.line}: '{s.name}' has no unit in its comment{s.doubt or _hint(s.comment)}, so its value is taken as a plain "
                     "number. Add the unit"
                 )
             return (s.text if of is None else f"{s.text} [{of}]"), ""
@@ -173,7 +173,7 @@ class _Reader:
             return plain, f"{s.written} in the script"
         wanted = unit(of)
         si = in_si(number, wanted)
-        if derived is not None and derived[0] == wanted.dimension and _close(derived[1], si):
+        if derived is not None and derived[0] == wanted.dimension and _is_same_number(derived[1], si):
             return s.text, ""
         if derived is not None and DIMENSIONLESS not in [self.dimensions[n] for n in names]:
             other = describe(derived[0]) if derived[0] != wanted.dimension else f"{derived[1]:.6g} in SI units, not {si:.6g}"
@@ -204,14 +204,14 @@ def _unit_text(bracket: str) -> str | None:
     return text
 
 
-def _asked(comment: str) -> str:
+def _hint(comment: str) -> str:
     """Return the question whether the last word of a comment, or what stands in parentheses, is a unit; empty where none is one."""
     words = [*re.findall(r"\((.*)\)", comment), *comment.rstrip(" .").replace(",", " ").split()[-1:]]
-    found = next((text for word in words if word.strip() and (text := _unit_text(word)) is not None), None)
-    return f" in brackets (is it [{found}]?)" if found is not None else ""
+    unit_text = next((text for word in words if word.strip() and (text := _unit_text(word)) is not None), None)
+    return f" in brackets (is it [{unit_text}]?)" if unit_text is not None else ""
 
 
-def _close(a: float, b: float) -> bool:
+def _is_same_number(a: float, b: float) -> bool:
     return a == b or abs(a - b) <= 1e-12 * max(abs(a), abs(b))
 
 
@@ -318,25 +318,29 @@ def statements(text: str, file: str, constants: Mapping[str, str], faults: list[
     ------
     ExpressionError   When a comment or a statement does not end.
     """
-    found: list[Statement] = []
+    assignments: list[Statement] = []
     vectors: set[str] = set()
     for number, code, comment in _joined(_without_line_numbers(text.splitlines()), file):
         parts = [p.strip() for p in re.split(r"[;,](?![^(\[]*[)\]])", code) if p.strip()]
-        made: list[list[Statement]] = []
+        assignments_of_part: list[list[Statement]] = []
         for part in parts:
             try:
                 if _NO_VALUE.match(part):
-                    if (found or made) and part.startswith("clear"):
+                    if (assignments or assignments_of_part) and part.startswith("clear"):
                         raise ExpressionError(f"'{part}' would remove the values above it. Put it first, or remove it.", f"{file}:{number}")
                     continue
-                made.append(_assignments(part, f"{file}:{number}", number, constants, vectors))
+                assignments_of_part.append(_assignments(part, f"{file}:{number}", number, constants, vectors))
             except ThermidError as error:
                 faults.append(error)
                 failed.update(m["name"] for m in [_HEAD.match(_FIELD.sub(r"\1_", part))] if m)
-        alone = len(parts) == 1 and bool(made)
-        found += [s for one in made[0] for s in _commented([one], comment)] if alone else _commented([s for m in made for s in m], comment)
-    for k, statement in enumerate(found):
-        yield replace(statement, later=tuple(s.name for s in found[k + 1 :]))
+        alone = len(parts) == 1 and bool(assignments_of_part)
+        assignments += (
+            [s for one in assignments_of_part[0] for s in _commented([one], comment)]
+            if alone
+            else _commented([s for m in assignments_of_part for s in m], comment)
+        )
+    for k, statement in enumerate(assignments):
+        yield replace(statement, later=tuple(s.name for s in assignments[k + 1 :]))
 
 
 def _without_line_numbers(lines: list[str]) -> list[str]:
@@ -357,9 +361,9 @@ def _joined(lines: list[str], file: str) -> Iterator[tuple[int, str, str]]:
         elif line.strip() in ("%}", "#}"):
             depth = max(depth - 1, 0)
         elif not depth:
-            here, said, goes_on = _cut(line)
+            here, comment_part, goes_on = _cut(line)
             start = start or number
-            code, comment = f"{code} {here}", f"{comment} {said}".strip() if code.strip() or here.strip() else ""
+            code, comment = f"{code} {here}", f"{comment} {comment_part}".strip() if code.strip() or here.strip() else ""
             if goes_on:
                 continue
             if code.strip():
@@ -404,12 +408,12 @@ def _assignments(part: str, where: str, number: int, constants: Mapping[str, str
 
 def _rooted(written: str) -> str:
     """Return an expression with ``sqrt(x)`` as a power of x."""
-    while (found := re.search(r"\bsqrt\s*\(", written)) is not None:
+    while (match := re.search(r"\bsqrt\s*\(", written)) is not None:
         depth = 1
-        for k in range(found.end(), len(written)):
+        for k in range(match.end(), len(written)):
             depth += (written[k] == "(") - (written[k] == ")")
             if depth == 0:
-                written = f"{written[: found.start()]}(({written[found.end() : k]})^0.5){written[k + 1 :]}"
+                written = f"{written[: match.start()]}(({written[match.end() : k]})^0.5){written[k + 1 :]}"
                 break
         else:
             return written
@@ -473,16 +477,16 @@ def _spaced(words: list[str]) -> str:
     return out
 
 
-def _commented(made: list[Statement], comment: str) -> list[Statement]:
+def _commented(assignments: list[Statement], comment: str) -> list[Statement]:
     """Give the comment's brackets to the statements of its line: one each, in order."""
-    found: tuple[str, ...] = tuple(_BRACKET.findall(comment))
+    brackets: tuple[str, ...] = tuple(_BRACKET.findall(comment))
     words = re.sub(r"\s+", " ", _BRACKET.sub("", comment)).strip(" .,;")
-    if len(made) == 1:
-        return [replace(made[0], comment=words, brackets=found)]
-    if len(found) == len(made):
-        return [replace(s, comment=words, brackets=(one,)) for s, one in zip(made, found, strict=True)]
-    doubt = f": {len(found)} in brackets for {len(made)} values of the line" if found else ""
-    return [replace(s, comment=comment, doubt=doubt) for s in made]
+    if len(assignments) == 1:
+        return [replace(assignments[0], comment=words, brackets=brackets)]
+    if len(brackets) == len(assignments):
+        return [replace(s, comment=words, brackets=(one,)) for s, one in zip(assignments, brackets, strict=True)]
+    doubt = f": {len(brackets)} in brackets for {len(assignments)} values of the line" if brackets else ""
+    return [replace(s, comment=comment, doubt=doubt) for s in assignments]
 
 
 def _shortened(text: str, most: int = 60) -> str:
@@ -503,17 +507,17 @@ def block(parameters: Mapping[str, Parameter], table: Mapping[str, Any], title: 
     DeckError   When none, or more than one, of the parameters has the unit of a role.
     """
     dimensions: dict[str, Dimension] = {}
-    for name, given in parameters.items():
-        dimensions[name] = given.expression.dimension(lambda n: dimensions[n])
-    found = {role: _one(role, text, parameters, dimensions, where) for role, text in ROLES.items()}
+    for name, entry in parameters.items():
+        dimensions[name] = entry.expression.dimension(lambda n: dimensions[n])
+    name_of_role = {role: _one(role, text, parameters, dimensions, where) for role, text in ROLES.items()}
     return {
         "title": title,
         "needs": ["air"],
         "offers": ["case", "skin"],
         "parameters": dict(table),
-        "nodes": {"case": {"mass": found["mass"], "specific_heat": found["specific_heat"]}},
-        "surfaces": {"skin": {"of": "case", "to": "air", "area": found["area"], "effective_htc": found["effective_htc"]}},
-        "loads": {"heater": {"into": "case", "power": found["power"]}},
+        "nodes": {"case": {"mass": name_of_role["mass"], "specific_heat": name_of_role["specific_heat"]}},
+        "surfaces": {"skin": {"of": "case", "to": "air", "area": name_of_role["area"], "effective_htc": name_of_role["effective_htc"]}},
+        "loads": {"heater": {"into": "case", "power": name_of_role["power"]}},
     }
 
 
@@ -521,18 +525,18 @@ def _one(role: str, text: str, parameters: Mapping[str, Parameter], dimensions: 
     """Return the one name in the unit of a role; a name that another such name is made of gives way to it."""
     named = [n for n, d in dimensions.items() if d == unit(text).dimension]
     used = {n for name in named for n in parameters[name].expression.names}
-    left = [n for n in named if n not in used]
-    if not left:
+    remaining = [n for n in named if n not in used]
+    if not remaining:
         raise DeckError(
             f"no value of the script has the unit [{text}], so the block has no {role}. Write the unit into the comment of its line, "
             "or import without the block and write the elements into the deck.",
             where,
         )
-    if len(left) > 1:
+    if len(remaining) > 1:
         raise DeckError(
-            f"{' and '.join(repr(n) for n in left)} both have the unit [{text}], so the block's {role} is ambiguous. Import without "
+            f"{' and '.join(repr(n) for n in remaining)} both have the unit [{text}], so the block's {role} is ambiguous. Import without "
             "the block and "
             "write the elements into the deck.",
             where,
         )
-    return left[0]
+    return remaining[0]

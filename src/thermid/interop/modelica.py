@@ -30,7 +30,7 @@ KEYWORDS = frozenset(
     "input loop model not operator or outer output package parameter partial protected public pure record redeclare replaceable return "
     "stream then true type when while within time abs sign sqrt exp log min max Real Integer Boolean String".split()
 )
-OWN = """\
+OWN_CONTROLS = """\
   package Library "What the network needs of Modelica.Thermal.HeatTransfer"
     package Interfaces
       connector HeatPort_a "Heat into the part is positive"
@@ -177,11 +177,11 @@ class _Package:
         self.node = {n: words[n] for n in places}
         self.row = {label: words[f"row_{label}"] for label, _ in w.conductors}
         self.names = {q.path: words[f"p_{q.path}"] for q in w.parameters} | {path: words[f"at_{path}"] for path in w.courses}
-        seen: dict[str, int] = {}
+        uses_of_load: dict[str, int] = {}
         self.load = []
-        for each in loads:
-            seen[each] = seen.get(each, 0) + 1
-            self.load.append(words[each] if seen[each] == 1 else f"{words[each]}__{seen[each]}")
+        for load in loads:
+            uses_of_load[load] = uses_of_load.get(load, 0) + 1
+            self.load.append(words[load] if uses_of_load[load] == 1 else f"{words[load]}__{uses_of_load[load]}")
         self.moving = set(w.courses)
         for q in w.parameters:
             if q.formula is not None and q.formula.paths() & self.moving:
@@ -191,10 +191,10 @@ class _Package:
     def lines(self) -> Iterator[str]:
         """Yield the lines of the package."""
         w = self.w
-        said = f"{w.network.title}, {w.scenario.title}; written by thermid {version('thermid')}"
-        yield f"package {self.called} {_quoted(said)}"
+        comment = f"{w.network.title}, {w.scenario.title}; written by thermid {version('thermid')}"
+        yield f"package {self.called} {_quoted(comment)}"
         if self.library == "Library":
-            yield OWN.rstrip()
+            yield OWN_CONTROLS.rstrip()
         yield LAWS.format(library=self.library, smoothing=_number(SMOOTHING**2)).rstrip()
         yield from self._network()
         yield from self._run()
@@ -205,7 +205,7 @@ class _Package:
         yield '  model Network "A HeatPort for each boundary, an input for each load and each parameter that follows time"'
         for q in w.parameters:
             kind = "Real" if q.path in self.moving else "parameter Real"
-            value = _number(q.value) if q.formula is None else self.text.of(q.formula)
+            value = _number(q.value) if q.formula is None else self.text.text_of(q.formula)
             yield f"    {kind} {self.names[q.path]} = {value} {_quoted(f'{q.path} [{q.unit}] {q.note}'.strip())};"
         for path in w.courses:
             yield f"    input Real {self.names[path]} {_quoted(f'{path}, SI')};"
@@ -215,7 +215,7 @@ class _Package:
             yield f"    {lib}.Interfaces.HeatPort_a {self.node[b]} {_quoted(b)};"
         for n in w.massive:
             start = f"T(start = {_number(w.initial[n])}, fixed = true)"
-            yield f"    {lib}.Components.HeatCapacitor {self.node[n]}(C = {self._of(w.capacitances[n])}, {start}) {_quoted(n)};"
+            yield f"    {lib}.Components.HeatCapacitor {self.node[n]}(C = {self._text_of(w.capacitances[n])}, {start}) {_quoted(n)};"
         for n in w.massless:
             yield f"    Laws.Junction {self.node[n]} {_quoted(n)};"
         equations = []
@@ -226,21 +226,21 @@ class _Package:
         for name, source in zip(self.load, w.sources, strict=True):
             yield f"    {lib}.Sources.PrescribedHeatFlow {name} {_quoted(source.load)};"
             if source.control == "thermostat":
-                low = self._of(source.settings[0])
-                yield f"    Boolean {name}_on(start = {str(self._on(source)).lower()}, fixed = true) {_quoted(f'below {low} K')};"
+                low = self._text_of(source.settings[0])
+                yield f"    Boolean {name}_on(start = {str(self._is_on(source)).lower()}, fixed = true) {_quoted(f'below {low} K')};"
         yield "  equation"
         for label, row in w.conductors:
             a, b = (self._port(end) for end in row.ends)
             yield f"    connect({a}, {self.row[label]}.port_a);"
             yield f"    connect({self.row[label]}.port_b, {b});"
-        yield from (f"    {each}" for each in equations)
+        yield from (f"    {line}" for line in equations)
         for name, source in zip(self.load, w.sources, strict=True):
-            yield from (f"    {each}" for each in self._load(name, source))
+            yield from (f"    {line}" for line in self._load(name, source))
         yield "  end Network;"
 
     def _conductor(self, label: str, row: ConductorRow) -> tuple[str, list[str]]:
         """Return the part of a conductor, and the equations of what follows temperature or time in it."""
-        name, lib, first = self.row[label], self.library, self._of(row.coefficients[0])
+        name, lib, first = self.row[label], self.library, self._text_of(row.coefficients[0])
         moves = any(isinstance(c, Formula) and c.paths() & self.moving for c in row.coefficients)
         if row.signal:
             raise DeckError(f"'{label}' changes with its gas in time, which is not written to Modelica.", self.w.network.title)
@@ -256,7 +256,7 @@ class _Package:
         if row.form == "radiation":
             return f"Laws.VariableFlow {name}", [f"{name}.heat = ({first})*({a}^4 - {b}^4);"]
         if row.form == "power" and not moves:
-            return f"Laws.PowerLaw {name}(G = {first}, n = {self._of(row.coefficients[1])})", []
+            return f"Laws.PowerLaw {name}(G = {first}, n = {self._text_of(row.coefficients[1])})", []
         if row.form == "table" and row.curve is not None:
             at = f"({a} - {b})" if row.curve.over == "difference" else f"({a} + {b})/2"
             return f"Laws.VariableConductor {name}", [f"{name}.G = ({first})*({self._lines(row.curve, at)});"]
@@ -267,8 +267,8 @@ class _Package:
 
     def _load(self, name: str, source: HeatSource) -> Iterator[str]:
         at = f"{self._port(source.sensor or source.node)}.T"
-        power = f"{self.text.of(source.power, 2)}*{name}_input"
-        rest = [self._of(c) for c in source.rest]
+        power = f"{self.text.text_of(source.power, 2)}*{name}_input"
+        rest = [self._text_of(c) for c in source.rest]
         if source.form == "polynomial":
             power = f"{power}*(1 + ({at} - {rest[2]})*({rest[0]} + {rest[1]}*({at} - {rest[2]})))"
         elif source.form == "exponential":
@@ -278,7 +278,7 @@ class _Package:
         if source.control == "proportional":
             raise DeckError(f"the proportional control of '{source.load}' is not written to Modelica.", self.w.network.title)
         if source.control == "thermostat":
-            watched, low, high = f"{self._port(source.watched)}.T", *(self._of(c) for c in source.settings)
+            watched, low, high = f"{self._port(source.watched)}.T", *(self._text_of(c) for c in source.settings)
             yield f"when {{{watched} <= {low}, {watched} >= {high}}} then"
             yield f"  {name}_on = {watched} <= {low};"
             yield "end when;"
@@ -286,7 +286,7 @@ class _Package:
         yield f"{name}.Q_flow = {power};"
         yield f"connect({name}.port, {self._port(source.node)});"
 
-    def _on(self, source: HeatSource) -> bool:
+    def _is_on(self, source: HeatSource) -> bool:
         """Return whether a thermostat is on at the start."""
         w = self.w
         if source.watched in w.initial:
@@ -314,8 +314,8 @@ class _Package:
         yield f"  annotation(experiment(StartTime = 0, StopTime = {_number(w.scenario.seconds)}, Tolerance = 1e-8));"
         yield "  end Run;"
 
-    def _of(self, formula: object) -> str:
-        return self.text.of(formula)  # type: ignore[arg-type]
+    def _text_of(self, formula: object) -> str:
+        return self.text.text_of(formula)  # type: ignore[arg-type]
 
     def _port(self, node: str) -> str:
         return self.node[node] if node in self.w.network.boundaries else f"{self.node[node]}.port"

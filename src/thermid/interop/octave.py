@@ -17,14 +17,14 @@ from thermid.physics.constants import ICE_POINT
 from thermid.simulation.network import ConductorRow
 from thermid.simulation.scenarios import Scenario
 
-OWN = ("parameters", "derived", "initial", "derivatives")
+FUNCTION_NAMES = ("parameters", "derived", "initial", "derivatives")
 """Names of the functions in the file."""
 KEYWORDS = frozenset(
     "break case catch classdef continue do else elseif end for function global if otherwise parfor persistent return spmd switch try "
     "until unwind_protect while end_try_catch endfor endfunction endif endswitch endwhile".split()
 )
 SAMPLES = 301
-_WIDE = 8
+_WORDS_A_LINE = 8
 
 
 @takes_objects
@@ -47,10 +47,10 @@ def to_octave(model: Model, scenario: Scenario, path: str | os.PathLike[str] | N
     """
     target = Path(path) if path is not None else None
     called = name or (target.stem if target is not None else re.sub(r"\W+", "_", model.title).strip("_"))
-    if not re.fullmatch(r"[A-Za-z]\w{0,62}", called) or called in KEYWORDS or called in OWN:
+    if not re.fullmatch(r"[A-Za-z]\w{0,62}", called) or called in KEYWORDS or called in FUNCTION_NAMES:
         raise DeckError(
             f"'{called}' is not a valid name of a function. Use letters, digits and _, beginning with a letter, and no reserved word "
-            f"of the language or of the file ({', '.join(OWN)}). "
+            f"of the language or of the file ({', '.join(FUNCTION_NAMES)}). "
             "Give another file name.",
             model.title,
         )
@@ -128,7 +128,7 @@ class _Writer:
 
     def __init__(self, w: Wired, called: str) -> None:
         self.w, self.called = w, called
-        short = identifiers(each.path for each in w.parameters)
+        short = identifiers(parameter.path for parameter in w.parameters)
         self.fields = {p: f"{n}_" if n in KEYWORDS else n for p, n in short.items()}
         self.nodes = identifiers((*w.network.nodes, *w.network.boundaries))
         self.rows = identifiers(label for label, _ in w.conductors)
@@ -166,16 +166,16 @@ class _Writer:
 
     def _parameters(self) -> Iterator[str]:
         yield from ("", "function p = parameters()", "  % Values. [SI]")
-        for each in self.w.parameters:
-            if each.formula is None:
-                yield f"  p.{self.fields[each.path]} = {number_text(each.value)};  % {one_line(f'[{each.unit}] {each.note}')}"
+        for entry in self.w.parameters:
+            if entry.formula is None:
+                yield f"  p.{self.fields[entry.path]} = {number_text(entry.value)};  % {one_line(f'[{entry.unit}] {entry.note}')}"
         yield "end"
 
     def _derived(self) -> Iterator[str]:
         yield from ("", "function p = derived(p)", "  % Values that follow from others. [SI]")
-        for each in self.w.parameters:
-            if each.formula is not None:
-                yield f"  p.{self.fields[each.path]} = {self.text.of(each.formula)};  % [{each.unit}]"
+        for entry in self.w.parameters:
+            if entry.formula is not None:
+                yield f"  p.{self.fields[entry.path]} = {self.text.text_of(entry.formula)};  % [{entry.unit}]"
         yield "end"
 
     def _initial(self) -> Iterator[str]:
@@ -194,7 +194,7 @@ class _Writer:
             yield f"  T_{name[boundary]} = boundary_{name[boundary]}(t);"
         heat: dict[str, list[str]] = {}
         for k, source in enumerate(w.sources, 1):
-            power = self.text.of(source.power, 2)
+            power = self.text.text_of(source.power, 2)
             if source.signal != Constant(1.0):
                 power = f"input_{k}(t)" if power == "1" else f"{power}*input_{k}(t)"
             if source.curve is not None:
@@ -219,12 +219,12 @@ class _Writer:
             yield f"  q_{self.rows[label]} = G_{self.rows[label]}*(T_{a} - T_{b});"
         yield "  % Differential equations. [K/s]"
         for node in w.massive:
-            yield f"  dT_{name[node]} = ({self._balance(node, heat)})/({self.text.of(w.capacitances[node] or 0.0)});"
+            yield f"  dT_{name[node]} = ({self._balance(node, heat)})/({self.text.text_of(w.capacitances[node] or 0.0)});"
         yield from _wrapped("  dTdt = [", [f"dT_{name[n]}" for n in w.massive], "; ", "];")
         yield "end"
 
     def _conductance(self, row: ConductorRow) -> str:
-        coefficients = [self.text.of(c, 2) for c in row.coefficients]  # type: ignore[arg-type]
+        coefficients = [self.text.text_of(c, 2) for c in row.coefficients]  # type: ignore[arg-type]
         a, b = (f"T_{self.nodes[end]}" for end in row.ends)
         text = conductance_text(row, coefficients, a, b, self._read)
         return f"{text}*{_gas(row.signal)}(t)" if row.signal else text
@@ -267,13 +267,13 @@ class _Writer:
         for group in _groups(self.w):
             terms = {node: self._mean(node, heat) for node in group}
             if len(group) == 1:
-                (total, given, _) = terms[group[0]]
-                yield f"  T_{self.nodes[group[0]]} = ({given})/({total});"
+                (total, known_heat, _) = terms[group[0]]
+                yield f"  T_{self.nodes[group[0]]} = ({known_heat})/({total});"
                 continue
             yield f"  M = zeros({len(group)}); r = zeros({len(group)}, 1);"
             for i, node in enumerate(group, 1):
-                total, given, others = terms[node]
-                yield f"  M({i}, {i}) = {total}; r({i}) = {given or '0'};"
+                total, known_heat, others = terms[node]
+                yield f"  M({i}, {i}) = {total}; r({i}) = {known_heat or '0'};"
                 for j, other in enumerate(group, 1):
                     if other in others:
                         yield f"  M({i}, {j}) = -({others[other]});"
@@ -283,7 +283,7 @@ class _Writer:
 
     def _mean(self, node: str, heat: dict[str, list[str]]) -> tuple[str, str, dict[str, str]]:
         """Return sum of conductances, given heat, and massless neighbour -> conductance."""
-        totals, given, others = [], list(heat.get(node, [])), {}  # type: list[str], list[str], dict[str, str]
+        totals, known_heat, others = [], list(heat.get(node, [])), {}  # type: list[str], list[str], dict[str, str]
         for label, row in self.w.conductors:
             if node not in row.ends or (row.form == "flow" and row.ends[0] == node):
                 continue
@@ -293,8 +293,8 @@ class _Writer:
             if other in self.w.massless:
                 others[other] = f"{others[other]} + {g}" if other in others else g
             else:
-                given.append(f"{g}*T_{self.nodes[other]}")
-        return " + ".join(totals), " + ".join(given), others
+                known_heat.append(f"{g}*T_{self.nodes[other]}")
+        return " + ".join(totals), " + ".join(known_heat), others
 
     def _signals(self) -> Iterator[tuple[str, Drawn, str]]:
         for boundary, signal in self.w.boundaries.items():
@@ -343,7 +343,7 @@ def _listed(start: str, numbers: Sequence[float], column: bool = False) -> Itera
 
 def _wrapped(start: str, words: Sequence[str], between: str, end: str) -> Iterator[str]:
     """Yield a list over as many lines as it needs."""
-    rows = [words[k : k + _WIDE] for k in range(0, len(words), _WIDE)]
+    rows = [words[k : k + _WORDS_A_LINE] for k in range(0, len(words), _WORDS_A_LINE)]
     for k, row in enumerate(rows):
         last = k == len(rows) - 1
         head = start if k == 0 else "    "

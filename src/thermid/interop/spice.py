@@ -11,7 +11,7 @@ from thermid.base.dual import value_of
 from thermid.base.errors import DeckError
 from thermid.base.files import EXPORT, write_text
 from thermid.interop._wired import HeatSource, Wired, conductance_text, identifiers, number_text, one_line, table_points, wired
-from thermid.model.laws import FAR, Constant, Curve, Drawn, Sine, TableSignal
+from thermid.model.laws import EXTENSION_REACH, Constant, Curve, Drawn, Sine, TableSignal
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.network import ConductorRow
@@ -119,7 +119,7 @@ class _Netlist:
                 "a table with outside = 'refuse' is not written to SPICE, which would extrapolate. Use outside = 'hold'.",
                 self.w.network.title,
             )
-        x, y = [x[0] - FAR, *x, x[-1] + FAR], [y[0], *y, y[-1]]
+        x, y = [x[0] - EXTENSION_REACH, *x, x[-1] + EXTENSION_REACH], [y[0], *y, y[-1]]
         return f"pwl({at}, {', '.join(f'{number_text(a)}, {number_text(b)}' for a, b in zip(x, y, strict=True))})"
 
     def _source(self, start: str, signal: Drawn, factor: float, zero: float) -> Iterator[str]:

@@ -11,12 +11,12 @@ from thermid.base.expression import si_value
 from thermid.base.units import format_value
 
 
-def amount(given: object, slot: str, what: str) -> float:
+def amount(written: object, slot: str, what: str) -> float:
     """Return an SI value for a slot.
 
     Parameters
     ----------
-    given : Any            Text with a unit, ``"0.3 [K]"``, another value with its unit, or a number in SI if it is no temperature.
+    written : Any          Text with a unit, ``"0.3 [K]"``, another value with its unit, or a number in SI if it is no temperature.
     slot : str             The unit that is needed, or `units.TEMPERATURE`.
     what : str             What the value is for, for the message.
 
@@ -26,24 +26,24 @@ def amount(given: object, slot: str, what: str) -> float:
     UnitError     When its unit has another dimension, or a temperature has none.
     """
     with errors_at(what):
-        value = si_value(given, slot)
+        value = si_value(written, slot)
     if value is None:
-        if isinstance(given, bool) or not isinstance(given, Real):
-            raise RecordError(f"{given!r} is neither a number nor a text with a unit, such as '4 [s]'.", what, code="value.not-an-amount")
-        value = float(given)
+        if isinstance(written, bool) or not isinstance(written, Real):
+            raise RecordError(f"{written!r} is neither a number nor a text with a unit, such as '4 [s]'.", what, code="value.not-an-amount")
+        value = float(written)
     if not isfinite(value):
-        raise RecordError(f"{given!r} is not finite.", what, code="value.outside-range")
+        raise RecordError(f"{written!r} is not finite.", what, code="value.outside-range")
     return value
 
 
-def positive_seconds(given: object, what: str) -> float:
+def positive_seconds(written: object, what: str) -> float:
     """Return a time above zero, such as a window [s].
 
     Raises
     ------
     RecordError   When it is zero or negative.
     """
-    value = amount(given, "s", what)
+    value = amount(written, "s", what)
     if value <= 0:
         raise RecordError(f"{format_value(value, 's')} is not above zero.", what, code="value.outside-range")
     return value

@@ -2,9 +2,9 @@
 
 from thermid.measure._record.steadiness import (
     CORRELATED as CORRELATED,
+    DOUBT_IN_ERRORS as DOUBT_IN_ERRORS,
     RULES as RULES,
     SHORTEST as SHORTEST,
-    SURE as SURE,
     TAU_ERROR as TAU_ERROR,
     ChannelStability as ChannelStability,
     StabilityRule as StabilityRule,

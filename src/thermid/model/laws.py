@@ -1,7 +1,7 @@
 """Signals over time, curves over temperature, and heat stores: what laws of elements are made of."""
 
 from thermid.model._laws.curves import (
-    FAR as FAR,
+    EXTENSION_REACH as EXTENSION_REACH,
     Curve as Curve,
     evaluate as evaluate,
     slopes as slopes,

@@ -32,7 +32,7 @@ BLEND: Final = 8
 """Exponent with which conduction and convection are joined: 1 % above the larger one at a ratio of 1.5. [-]"""
 SQUARE: Final = THINNEST / math.sqrt(2.0)
 """Nusselt number of gas at rest around a thin square plate, on its side; on area over perimeter a quarter of it. [-]"""
-LEAST: Final = 1e-10
+RAYLEIGH_AT_REST: Final = 1e-10
 """Rayleigh number that stands for gas at rest. [-]"""
 DEFAULTS: Final = {"vertical": "Nu_vertical_plate_Churchill", "up": "Nu_horizontal_plate_McAdams", "down": "Nu_horizontal_plate_McAdams"}
 
@@ -73,7 +73,7 @@ def _body(rayleigh: float, prandtl: float, away: bool) -> float:
 
 
 _CHURCHILL = "Churchill and Chu, Int. J. Heat Mass Transfer 18 (1975) 1323; Incropera, 6th ed., Eqs. 9.26 and 9.27"
-OWN: Final = {
+CORRELATIONS: Final = {
     c.name: c
     for c in (
         NusseltLaw(
@@ -106,7 +106,7 @@ def correlation(name: str, orientation: str = "vertical", where: str = "") -> Nu
     DeckError   When there is none of that name, its library is missing, or the orientation does not fit.
     """
     refuse_unknown([orientation], ORIENTATIONS, where, "the orientation '{}' is not one of {known}.", DeckError)
-    row = OWN.get(name or DEFAULTS[orientation]) or _of_library(name, where)
+    row = CORRELATIONS.get(name or DEFAULTS[orientation]) or _of_library(name, where)
     if "vertical_plate" in row.name and orientation != "vertical":
         raise DeckError(f"'{row.name}' is for vertical plates, but the orientation is '{orientation}'. Change one of them.", where)
     if row.facing and orientation == "vertical":
@@ -118,21 +118,25 @@ def correlation(name: str, orientation: str = "vertical", where: str = "") -> Nu
 
 def _of_library(name: str, where: str) -> NusseltLaw:
     """Return a function of `ht` as a correlation."""
-    hint = nearest(name, OWN)
+    hint = nearest(name, CORRELATIONS)
     if not name.startswith("Nu_"):
-        raise DeckError(f"unknown correlation '{name}'.{hint} There are {', '.join(OWN)}, and the functions of the library ht.", where)
+        raise DeckError(
+            f"unknown correlation '{name}'.{hint} There are {', '.join(CORRELATIONS)}, and the functions of the library ht.", where
+        )
     try:
         from ht import conv_free_immersed as library
     except ImportError:
         raise DeckError(
-            f"{missing(['ht'], f'the correlation {name!r}')}. Without it there are {', '.join(OWN)}.",
+            f"{missing(['ht'], f'the correlation {name!r}')}. Without it there are {', '.join(CORRELATIONS)}.",
             where,
         ) from None
     function: Any = getattr(library, name, None)
     if function is None:
         library_names = [n for n in library.__all__ if n.startswith("Nu_")]
         raise DeckError(
-            f"the library ht has no '{name}' for free convection.{nearest(name, [*OWN, *library_names])}", where, code="name.unknown"
+            f"the library ht has no '{name}' for free convection.{nearest(name, [*CORRELATIONS, *library_names])}",
+            where,
+            code="name.unknown",
         )
     from inspect import signature
 
@@ -189,10 +193,10 @@ def signed_nusselt(name: str, orientation: str, prandtl: float, forced: float = 
     law = correlation(name, orientation, where)
     root = np.geomspace(0.05, 3000.0, 280)
     sides = []
-    least = max(law.still, law.nusselt(LEAST, prandtl, True), law.nusselt(LEAST, prandtl, False))
+    least = max(law.still, law.nusselt(RAYLEIGH_AT_REST, prandtl, True), law.nusselt(RAYLEIGH_AT_REST, prandtl, False))
     for warm in (False, True):
         away = warm if orientation != "down" else not warm
-        still = law.nusselt(LEAST, prandtl, away)
+        still = law.nusselt(RAYLEIGH_AT_REST, prandtl, away)
         bare = np.array([law.nusselt(float(u) ** 4, prandtl, away) for u in root])
         joined = (np.maximum(bare, still) ** BLEND + least**BLEND - still**BLEND) ** (1.0 / BLEND)
         sides.append((joined**3 + forced**3) ** (1.0 / 3.0) - least)
@@ -202,7 +206,7 @@ def signed_nusselt(name: str, orientation: str, prandtl: float, forced: float = 
     return x, y, least
 
 
-WIDE: Final = 12.0
+WIDE_GAP_ASPECT: Final = 12.0
 """Height over thickness from which a gap is wide: Hollands' and ElSherbiny's measurements. [-]"""
 CRITICAL_ANGLES: Final = ((1.0, 25.0), (3.0, 53.0), (6.0, 60.0), (12.0, 67.0))
 """Height over thickness of a gap, and the tilt between both of Catton's forms. [-, deg]"""
@@ -226,17 +230,17 @@ class GapLaw:
     @property
     def name(self) -> str:
         """Whose correlation it is."""
-        return "Hollands, ElSherbiny, Raithby" if self.aspect >= WIDE else "Hollands, Catton"
+        return "Hollands, ElSherbiny, Raithby" if self.aspect >= WIDE_GAP_ASPECT else "Hollands, Catton"
 
     @property
     def high(self) -> float:
         """Largest Rayleigh number for which it was found. [-]"""
-        return 1e8 if self.tilt in (0.0, 180.0) else 2e7 if self.aspect >= WIDE or self.tilt == 90.0 else 1e7
+        return 1e8 if self.tilt in (0.0, 180.0) else 2e7 if self.aspect >= WIDE_GAP_ASPECT or self.tilt == 90.0 else 1e7
 
     @property
     def scatter(self) -> float:
         """How far measurements lie from it, as a share of Nu - 1. [-]"""
-        return SCATTER[self.aspect >= WIDE]
+        return SCATTER[self.aspect >= WIDE_GAP_ASPECT]
 
     def nusselt(self, rayleigh: float, prandtl: float, first_warm: bool = True) -> float:
         """Return the Nusselt number on the thickness; `first_warm` says which plate is warmer."""
@@ -271,7 +275,7 @@ def gap_nusselt(rayleigh: float, tilt: float, aspect: float, prandtl: float = 0.
     if tilt > 90.0:
         return 1.0 + (gap_nusselt(rayleigh, 90.0, aspect, prandtl) - 1.0) * math.sin(math.radians(tilt))
     upright = _upright_gap(rayleigh, aspect, prandtl)
-    if aspect >= WIDE:
+    if aspect >= WIDE_GAP_ASPECT:
         if tilt <= 60.0:
             return _lying_gap(rayleigh, tilt)
         return ((90.0 - tilt) * _lying_gap(rayleigh, 60.0) + (tilt - 60.0) * upright) / 30.0
@@ -294,7 +298,7 @@ def _lying_gap(rayleigh: float, tilt: float) -> float:
 
 def _upright_gap(rayleigh: float, aspect: float, prandtl: float) -> float:
     """ElSherbiny's law of a wide upright gap; Catton's of others."""
-    if aspect >= WIDE:
+    if aspect >= WIDE_GAP_ASPECT:
         turning = (1.0 + (0.104 * rayleigh**0.293 / (1.0 + (6310.0 / rayleigh) ** 1.36)) ** 3) ** (1.0 / 3.0)
         return float(max(0.0605 * rayleigh ** (1.0 / 3.0), turning, 0.242 * (rayleigh / aspect) ** 0.272, 1.0))
     driven = prandtl / (0.2 + prandtl) * rayleigh

@@ -69,10 +69,10 @@ def absorbing_areas(factors: Array, areas: Sequence[Number], absorptances: Seque
     size = np.array([value_of(a) for a in areas])
     spread = np.linalg.inv(np.eye(size.size) - factors * (1.0 - share))
     values = (share * size)[:, None] * spread
-    found: list[list[Number]] = [[float(v) for v in row] for row in values]
+    absorbing: list[list[Number]] = [[float(v) for v in row] for row in values]
     free = next((x.gradient.size for x in (*areas, *absorptances) if isinstance(x, Dual)), 0)
     if not free:
-        return found
+        return absorbing
     gradient = np.zeros((*values.shape, free))
     for k, (area, absorptance) in enumerate(zip(areas, absorptances, strict=True)):
         if isinstance(area, Dual):

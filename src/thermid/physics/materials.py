@@ -79,10 +79,10 @@ def material(name: str) -> Material:
     >>> material("aluminium 7075-T6").conductivity
     130
     """
-    known = materials()
-    if name not in known:
+    library = materials()
+    if name not in library:
         family = name.replace(",", " ").split(" ")[0].lower()
-        alike = [f"'{n}'" for n in known if n.lower().startswith(family)] if family else []
-        listed = f" There are {', '.join(alike)}." if alike else nearest(name, known)
+        alike = [f"'{n}'" for n in library if n.lower().startswith(family)] if family else []
+        listed = f" There are {', '.join(alike)}." if alike else nearest(name, library)
         raise NameNotFoundError(f"no material '{name}' in the table.{listed} 'thermid example --materials' lists all. Or give its values.")
-    return known[name]
+    return library[name]

@@ -20,7 +20,7 @@ from thermid.fit.error_model import ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES, E
 from thermid.inference.criticism import asks
 from thermid.model.parameters import UNJUDGED, Standing
 from thermid.model.tree import Model, parameter_table
-from thermid.prediction._known import Known, Rows, known_of, normal_sources, rows_of
+from thermid.prediction._known import Knowledge, Rows, known_of, normal_sources, rows_of
 from thermid.prediction._split import split_values
 from thermid.simulation.network import Network, compile_network
 from thermid.simulation.runs import Simulator, network_for, prepare
@@ -36,14 +36,14 @@ FURTHEST = 1e-7
 """Share of a law below which no member lies. [-]"""
 NEAR_ZERO = 0.01
 """Part of a value below which a law that reaches there is not taken by its logarithm. [-]"""
-SEEN = 0.8
+MAX_VARIANCE_LEFT = 0.8
 """Part of the variance of an assumed value that readings leave at most, where they count; its stated law stays as it is beyond. [-]"""
 TENTH = 0.1
 """Standard deviation of an assumed value whose deck gives no range: a tenth of it."""
 UNFITTED = "the model's own error, because no fit has measured it"
 SILENT = "how elements depart from their laws, because the fitted values do not include it"
 OFF = "(switched off)"
-FELT = 0.1
+MIN_SHARE_OF_BAND = 0.1
 """Share of a band from which what it does not count is named in the first line. [-]"""
 
 
@@ -97,7 +97,7 @@ class Spread:
 
     @classmethod
     @takes_objects
-    def of(cls, values: FittedValues, at: str = "", cause: str = "") -> Spread:
+    def of_fit(cls, values: FittedValues, at: str = "", cause: str = "") -> Spread:
         """Return what a fit leaves open, with its covariance.
 
         Parameters
@@ -106,54 +106,56 @@ class Spread:
         at : str                The submodel that the values belong to; empty for the model itself.
         cause : str             ``fit of <stage>`` by default.
         """
-        found = values.bare()
+        bare_values = values.bare()
         ahead = f"{at}." if at else ""
-        also = {ahead + p: tuple(ahead + q for q in v.also) for p, v in found.items() if v.also}
-        names, logs = tuple(ahead + p for p in found), tuple(v.log for v in found.values())
-        return cls(cause or f"fit of {values.stage}", names, found.covariance, logs, also)
+        also = {ahead + p: tuple(ahead + q for q in v.also) for p, v in bare_values.items() if v.also}
+        names, logs = tuple(ahead + p for p in bare_values), tuple(v.log for v in bare_values.values())
+        return cls(cause or f"fit of {values.stage}", names, bare_values.covariance, logs, also)
 
 
-def followed_by(kept: Sequence[Discrepancy]) -> dict[str, dict[str, float]]:
+def followed_by(discrepancies: Sequence[Discrepancy]) -> dict[str, dict[str, float]]:
     """Return assumed value -> fitted value -> what it moves by for one more of the assumed one's SI unit; of two fits the later's."""
     out: dict[str, dict[str, float]] = {}
-    for k in kept:
+    for k in discrepancies:
         for moved in out.values():
             for name in k.names:
                 moved.pop(name, None)  # what an earlier fit found of it was replaced
-        for path, own in k.assumed.items():
-            out.setdefault(path, {}).update(zip(k.names, own.tolist(), strict=True))
+        for path, moves in k.assumed.items():
+            out.setdefault(path, {}).update(zip(k.names, moves.tolist(), strict=True))
     return out
 
 
-def said_of_assumed(kept: Sequence[Discrepancy]) -> dict[str, tuple[float, float]]:
+def said_of_assumed(discrepancies: Sequence[Discrepancy]) -> dict[str, tuple[float, float]]:
     """Return assumed value -> variance that the readings of a fit leave it, and how far away they ask it to be; of two the later's. [SI]"""
-    return {p: said for k in kept for p, said in k.of_assumed.items()}
+    return {p: variance_and_shift for k in discrepancies for p, variance_and_shift in k.of_assumed.items()}
 
 
-def narrowed(law: Distribution, nominal: float, said: tuple[float, float] | None) -> Distribution:
+def narrowed(law: Distribution, nominal: float, variance_and_shift: tuple[float, float] | None) -> Distribution:
     """Return the law of an assumed value once the readings of a fit are counted beside it; `nominal` is the value that the fit took.
 
     With a variance v of the law and V of the readings, ``v V / (v + V)`` is left, and the value would move by ``v / (v + V)`` of what they
     ask for. The values of the fit stay those of the deck's, so both count as its error, which is never more than was stated.
     """
-    if said is None or not law.variance:
+    if variance_and_shift is None or not law.variance:
         return law
-    variance, shift = said
+    variance, shift = variance_and_shift
     share = law.variance / (law.variance + variance)
-    left = share * variance + (share * shift) ** 2
-    return Normal(nominal, left**0.5) if left < SEEN * law.variance else law
+    variance_left = share * variance + (share * shift) ** 2
+    return Normal(nominal, variance_left**0.5) if variance_left < MAX_VARIANCE_LEFT * law.variance else law
 
 
-def split_needed(model: Model, scenario: Scenario, known: Sequence[str]) -> list[str]:
+def split_needed(model: Model, scenario: Scenario, spread_names: Sequence[str]) -> list[str]:
     """Return the surfaces whose effective coefficient a scenario takes apart, and whose emissivity is not among the known values."""
     network = compile_network(model)
     media = scenario.media()
     roots = network.flat.parameters.literal_behind
     effective = [c for c in network.flat.conductors if c.kind == "effective" and c.emissivity and not media.as_printed]
-    return [c.path for c in effective if media.changed(c.gas) and not {roots(c.emissivity), c.emissivity} & {*known}]
+    return [c.path for c in effective if media.changed(c.gas) and not {roots(c.emissivity), c.emissivity} & {*spread_names}]
 
 
-def split_rows(known: Known, rows: Rows, scenario: Scenario, named: Sequence[str], lawful: Collection[str] = ()) -> tuple[Model, Rows]:
+def split_rows(
+    knowledge: Knowledge, rows: Rows, scenario: Scenario, named: Sequence[str], lawful: Collection[str] = ()
+) -> tuple[Model, Rows]:
     """Return the model and the rows with effective coefficients separated where the scenario thins their gas.
 
     Parameters
@@ -163,13 +165,13 @@ def split_rows(known: Known, rows: Rows, scenario: Scenario, named: Sequence[str
     named : sequence    Names whose spread is stated; an emissivity among them is known already.
     lawful : collection Surfaces whose radiation stands in a law of their own.
     """
-    values = known.placed[-1] if known.values else FittedValues(known.model.title, {}, np.zeros((0, 0)))
-    thin = split_needed(known.model, scenario, [*known.assigned, *map(known.model.canonical, named)])
-    surfaces = known.kept[-1].surfaces if known.kept else {}
+    values = knowledge.placed[-1] if knowledge.values else FittedValues(knowledge.model.title, {}, np.zeros((0, 0)))
+    thin = split_needed(knowledge.model, scenario, [*knowledge.assigned, *map(knowledge.model.canonical, named)])
+    surfaces = knowledge.discrepancies[-1].surfaces if knowledge.discrepancies else {}
     thin = [p for p in thin if p in surfaces and p not in lawful]
     if not thin:
-        return known.model, rows
-    apart = split_values(known.model, values.bare(), thin, surfaces)
+        return knowledge.model, rows
+    apart = split_values(knowledge.model, values.bare(), thin, surfaces)
     fresh = [p for p in apart.values if p not in values]
     names = [*values.bare(), *fresh]
     joint = apart.values.covariance
@@ -179,8 +181,8 @@ def split_rows(known: Known, rows: Rows, scenario: Scenario, named: Sequence[str
     place = {name: k for k, name in enumerate(rows.names)}
     upper = np.array([rows.matrix[place[p]] if p in place else np.zeros(len(rows.sources)) for p in names[:n]])
     upper = upper.reshape(n, len(rows.sources))
-    own = joint[n:, n:] - follows @ joint[:n, n:]
-    sources, matrix = normal_sources(f"split of '{values.stage}'", own, "structural")
+    conditional_covariance = joint[n:, n:] - follows @ joint[:n, n:]
+    sources, matrix = normal_sources(f"split of '{values.stage}'", conditional_covariance, "structural")
     whole = np.zeros((len(rows.names) + len(fresh), len(rows.sources) + len(sources)))
     whole[: len(rows.names), : len(rows.sources)] = rows.matrix
     whole[len(rows.names) :, : len(rows.sources)] = follows @ upper
@@ -192,18 +194,18 @@ def split_rows(known: Known, rows: Rows, scenario: Scenario, named: Sequence[str
     )
 
 
-def open_contacts(known: Known, rows: Rows, scenario: Scenario) -> tuple[dict[str, Source], str]:
+def open_contacts(knowledge: Knowledge, rows: Rows, scenario: Scenario) -> tuple[dict[str, Source], str]:
     """Return fitted contact conductance -> source of its relative change without gas, and a remark; none where no gas leaves.
 
     A contact fitted in air is the sum of touching spots and of gas between. Without gas it is anything from what is fitted less what gas
     can carry to all of it, each as likely. A joint with a `gap` in its deck, or a record at low pressure, separates both.
     """
-    network = compile_network(known.model)
-    seen = [p for k in known.kept for p in k.separated]
+    network = compile_network(knowledge.model)
+    separated = [p for k in knowledge.discrepancies for p in k.separated]
     fitted = {p: n for n in rows.names for p in (n, *rows.also.get(n, ()))}
     numbers = network.numbers().values
     out: dict[str, Source] = {}
-    for c in losing_gas(network, scenario.media(), seen):
+    for c in losing_gas(network, scenario.media(), separated):
         name = fitted.get(network.flat.parameters.literal_behind(c.fields["contact_conductance"]), "")
         if name and name not in out:
             value = float(value_of(numbers[name]))
@@ -239,15 +241,15 @@ def expanded(stated: Mapping[str, Any], model: Model) -> list[tuple[list[str], A
             continue
         same: dict[str, list[str]] = {}
         for path, entry in table.items():
-            given = entry.parameter
-            bounded = given.minimum is not None and given.maximum is not None and given.minimum < given.maximum
-            if given.is_literal and fnmatch.fnmatchcase(path, raw) and (how != "range" or bounded):
+            parameter = entry.parameter
+            bounded = parameter.minimum is not None and parameter.maximum is not None and parameter.minimum < parameter.maximum
+            if parameter.is_literal and fnmatch.fnmatchcase(path, raw) and (how != "range" or bounded):
                 same.setdefault(entry.where, []).append(path)
         if not same:
             raise NameNotFoundError(f"the pattern '{raw}' matches no number{' with min and max' if how == 'range' else ''}.", model.title)
         # what is named wins over a pattern that reaches it
-        left = ([p for p in paths if p not in taken] for paths in same.values())
-        out += [(paths, how) for paths in left if paths]
+        remaining = ([p for p in paths if p not in taken] for paths in same.values())
+        out += [(paths, how) for paths in remaining if paths]
     return out
 
 
@@ -383,17 +385,17 @@ class Budget:
     @property
     def names(self) -> tuple[str, ...]:
         """Names that differ from member to member, those that share a value among them, in the simulator's words."""
-        own = (n for t in self.targets if t.form in ("add", "log", "factor") for n in (t.name, *t.also))
-        return tuple(dict.fromkeys(own))
+        member_names = (n for t in self.targets if t.form in ("add", "log", "factor") for n in (t.name, *t.also))
+        return tuple(dict.fromkeys(member_names))
 
     @property
     def spread(self) -> set[str]:
         """Names that something spreads."""
-        own = (t for t, row in zip(self.targets, self.gain, strict=True) if row.any())
-        return {n for t in own for n in (t.name, *t.also)}
+        acting_targets = (t for t, row in zip(self.targets, self.gain, strict=True) if row.any())
+        return {n for t in acting_targets for n in (t.name, *t.also)}
 
     @property
-    def each(self) -> tuple[tuple[float, Budget], ...]:
+    def weighted_ways(self) -> tuple[tuple[float, Budget], ...]:
         """Probability and budget of each way in which the heat of surfaces may be carried."""
         if not self.ways:
             return ((1.0, self),)
@@ -406,11 +408,11 @@ class Budget:
 
     def chosen(self, sources: Array) -> Indices:
         """Return which way each member (members,) has, by the values (sources, members) of the sources."""
-        own = next((k for k, s in enumerate(self.sources) if s.name == AVERAGED), None)
-        if own is None:
+        place = next((k for k, s in enumerate(self.sources) if s.name == AVERAGED), None)
+        if place is None:
             return np.zeros(sources.shape[1], dtype=np.int64)
         ends = np.cumsum([w.weight for w in self.ways])
-        return np.asarray(np.minimum(np.searchsorted(ends, sources[own]), len(self.ways) - 1))
+        return np.asarray(np.minimum(np.searchsorted(ends, sources[place]), len(self.ways) - 1))
 
     @property
     def means(self) -> Array:
@@ -447,8 +449,8 @@ class Budget:
         sized = columns * self.sizes
         out = {}
         for cause in dict.fromkeys(self.causes):
-            own = [k for k, c in enumerate(self.causes) if c == cause]
-            out[cause] = quadratic_forms(sized[:, own], self.alike[np.ix_(own, own)])
+            columns_of_cause = [k for k, c in enumerate(self.causes) if c == cause]
+            out[cause] = quadratic_forms(sized[:, columns_of_cause], self.alike[np.ix_(columns_of_cause, columns_of_cause)])
         return out
 
     def shifts(self, columns: Array) -> dict[str, Array]:
@@ -478,11 +480,11 @@ class Budget:
 
     def below(self, errors: Sequence[ErrorModel]) -> Budget:
         """Return it with those sources alone that act on what fits held, and their values follow; the rest is in their models of error."""
-        own = {n for e in errors for n in e.seen}
-        held = [k for k, t in enumerate(self.targets) if t.name not in own]
-        kept = np.flatnonzero(self.gain[held].any(axis=0)).tolist()
-        sources, causes = tuple(self.sources[k] for k in kept), (VALUES,) * len(kept)
-        return replace(self, sources=sources, causes=causes, alike=np.eye(len(kept)), gain=self.gain[:, kept])
+        fitted_names = {n for e in errors for n in e.seen}
+        held = [k for k, t in enumerate(self.targets) if t.name not in fitted_names]
+        columns = np.flatnonzero(self.gain[held].any(axis=0)).tolist()
+        sources, causes = tuple(self.sources[k] for k in columns), (VALUES,) * len(columns)
+        return replace(self, sources=sources, causes=causes, alike=np.eye(len(columns)), gain=self.gain[:, columns])
 
     def with_elements(self, errors: Sequence[ErrorModel], network: Network, as_logged: bool) -> Budget:
         """Return it with what fits leave open of their values and of the elements of a network, whose noise is no source of its own then.
@@ -501,9 +503,9 @@ class Budget:
             columns = dict.fromkeys(c.name for w in e.ways for c in w.columns)
             out = out.beside(numbered[:size], VALUES)
             out = out.beside([*numbered[size:], sure], STRUCTURE, [Target(n, "heat") for n in columns])
-        known = {t.name for t in out.targets}
+        target_names = {t.name for t in out.targets}
         driven = {*self.scenario.boundaries, *(f"scale.{n}" for n in self.scenario.loads)} if as_logged else set()
-        acting = dict.fromkeys(n for e in errors for v in e.seen.values() for n, _ in v.acts if n in driven - known)
+        acting = dict.fromkeys(n for e in errors for v in e.seen.values() for n, _ in v.acts if n in driven - target_names)
         out = out.beside([], VALUES, [Target(n, "add") for n in acting], np.zeros((len(acting), 0)))
         for cause, name in _own_of_run(errors, network, self.scenario, as_logged):
             out = out.with_one(Source(name, "structural", Normal(), name), cause, Target(name, "heat"))
@@ -518,7 +520,7 @@ class Budget:
         ways = [out._way([(e, next((w for w in e.ways if w.name == name), e.ways[0])) for e in errors]) for name in names]
         whole = sum(w.weight for w in ways)
         ways = [replace(w, weight=w.weight / whole) for w in ways]
-        loose = {n: e.seen[n] for e in errors for n in e.open_values if n in known}
+        loose = {n: e.seen[n] for e in errors for n in e.open_values if n in target_names}
         return replace(out, ways=tuple(ways), gain=max(ways, key=lambda w: w.weight).gain.copy(), loose=loose)
 
     def _way(self, several: Sequence[tuple[ErrorModel, KeptWay]]) -> BudgetWay:
@@ -540,16 +542,16 @@ class Budget:
                     row[place[f"left over at {t.name}"]] = way.left_over
         return BudgetWay(float(np.prod([w.weight for _, w in several])), tuple(w for _, w in several), at, gain)
 
-    def with_stated(self, given: Sequence[Spread | Groups]) -> Budget:
+    def with_stated(self, spreads: Sequence[Spread | Groups]) -> Budget:
         """Return it with what is stated."""
-        names = [n for s in given for n in _names(s)]
+        names = [n for s in spreads for n in _names(s)]
         if not names:
             return self
         ready = prepare(self.model, lasting(self.scenario), tuple(dict.fromkeys(names)))
         check_moves(names, self.model, self.scenario)
         owners = {ready.canonical(n): cause for t, cause in self._owners().items() for n in (t.name, *t.also)}
         out = self
-        for s in given:
+        for s in spreads:
             cause = s.cause if isinstance(s, Spread) else "stated"
             for name in map(ready.canonical, _names(s)):
                 if name in owners:
@@ -560,8 +562,8 @@ class Budget:
 
     def _owners(self) -> dict[Target, str]:
         """Return parameter -> the cause that spreads it first."""
-        own = [(t, row) for t, row in zip(self.targets, self.gain, strict=True) if t.form in ("add", "log", "factor") and row.any()]
-        return {t: self.causes[int(np.flatnonzero(row)[0])] for t, row in own}
+        acting = [(t, row) for t, row in zip(self.targets, self.gain, strict=True) if t.form in ("add", "log", "factor") and row.any()]
+        return {t: self.causes[int(np.flatnonzero(row)[0])] for t, row in acting}
 
     def _single(self, groups: Groups, ready: Simulator) -> Budget:
         out = self
@@ -572,10 +574,10 @@ class Budget:
             again = [self.followed[n] for n in (first, *also) if n in self.followed]
             # by its logarithm, so that what the fit would have found with another value compensates all of it and not to first order
             positive = bool(again) and nominal > 0.0 and float(law.at(np.array([FURTHEST]))[0]) > NEAR_ZERO * nominal
-            own: Distribution = Logarithm(law, nominal) if positive else Shifted(law, -nominal)
+            spread_law: Distribution = Logarithm(law, nominal) if positive else Shifted(law, -nominal)
             target = Target(first, "log" if positive else "add", tuple(also))
-            out = out.with_one(Source(first, "stated", own, f"the stated spread of {first}"), "stated", target)
-            for fitted, moved in ((f, m) for known in again for f, m in known.items()):
+            out = out.with_one(Source(first, "stated", spread_law, f"the stated spread of {first}"), "stated", target)
+            for fitted, moved in ((f, m) for dependents in again for f, m in dependents.items()):
                 row = next((k for k, t in enumerate(out.targets) if t.name == fitted and t.form in ("add", "log")), None)
                 if row is not None:
                     out.gain[row, -1] += moved * (nominal if positive else 1.0)
@@ -591,16 +593,16 @@ class Budget:
 
     def without(self, names: Sequence[str]) -> Budget:
         """Return the budget without some sources, named by kind, cause or name."""
-        kept = [k for k, s in enumerate(self.sources) if not {s.kind, self.causes[k], s.name} & {*names}]
-        first = [k for k in kept if k < max((w.gain.shape[1] for w in self.ways), default=0)]
-        acting = [k for k, row in enumerate(self.gain[:, kept]) if row.any() or self.ways]
+        columns = [k for k, s in enumerate(self.sources) if not {s.kind, self.causes[k], s.name} & {*names}]
+        first = [k for k in columns if k < max((w.gain.shape[1] for w in self.ways), default=0)]
+        acting = [k for k, row in enumerate(self.gain[:, columns]) if row.any() or self.ways]
         return replace(
             self,
-            sources=tuple(self.sources[k] for k in kept),
-            causes=tuple(self.causes[k] for k in kept),
-            alike=self.alike[np.ix_(kept, kept)],
+            sources=tuple(self.sources[k] for k in columns),
+            causes=tuple(self.causes[k] for k in columns),
+            alike=self.alike[np.ix_(columns, columns)],
             targets=tuple(self.targets[k] for k in acting),
-            gain=self.gain[np.ix_(acting, kept)],
+            gain=self.gain[np.ix_(acting, columns)],
             ways=tuple(replace(w, gain=w.gain[:, first]) for w in self.ways),
         )
 
@@ -627,7 +629,7 @@ def combined(weights: Array, rows: Array) -> Array:
 
 @takes_objects
 def budget_of(
-    known: Model | Calibration | Known | FittedValues | Sequence[Any],
+    source_of_values: Model | Calibration | Knowledge | FittedValues | Sequence[Any],
     scenario: Scenario,
     stated: Stated | Sequence[Stated] = (),
     *,
@@ -640,7 +642,7 @@ def budget_of(
 
     Parameters
     ----------
-    known : Model, Calibration, Known, or fitted values     What is known.
+    source_of_values : Model, Calibration, Known, or fitted values  What is known.
     scenario : Scenario     What is done to the model.
     stated : dict, Spread, or several   What else is not known exactly: name or pattern of parameters -> spread as text; see `read_spread`.
     model : Model           What fitted values are laid over; a fit's own by default.
@@ -652,27 +654,27 @@ def budget_of(
     ------
     IdentificationError   When a value is spread twice, or has no finite error; when a coefficient that must be separated cannot be.
     """
-    source = known_of(known, model, at)
-    given = [stated] if isinstance(stated, Mapping | Spread) else list(stated)
-    plain: list[Spread | Groups] = [expanded(s, source.model) if isinstance(s, Mapping) else s for s in given]
+    source = known_of(source_of_values, model, at)
+    statements = [stated] if isinstance(stated, Mapping | Spread) else list(stated)
+    plain: list[Spread | Groups] = [expanded(s, source.model) if isinstance(s, Mapping) else s for s in statements]
     rows = rows_of(source)
     errors = source.errors if not {*ELEMENTS} & {*without} else ()
     lawful = {p for e in errors for w in e.ways for p in w.laws}  # what of such a surface is radiation stands in its law
-    own, rows = split_rows(source, rows, scenario, [n for s in plain for n in _names(s)], lawful)
-    make = Budget.of_rows(rows, own, scenario)
-    network = network_for(own, scenario if scenario.seconds else lasting(scenario))
+    split_model, rows = split_rows(source, rows, scenario, [n for s in plain for n in _names(s)], lawful)
+    make = Budget.of_rows(rows, split_model, scenario)
+    network = network_for(split_model, scenario if scenario.seconds else lasting(scenario))
     if errors:
         make = make.below(errors).with_elements(errors, network, as_logged)
     contacts, remark = open_contacts(source, rows, scenario)
     for path, gas in contacts.items():
         also = next((t.also for t in make.targets if t.name == path), ())
         make = make.with_one(gas, GAS_IN_JOINTS, Target(path, "factor", also))
-    make = replace(make, followed=followed_by(source.kept), said=said_of_assumed(source.kept)).with_stated(plain)
-    unseen = UNSEEN if own.runner is not None else ""
+    make = replace(make, followed=followed_by(source.discrepancies), said=said_of_assumed(source.discrepancies)).with_stated(plain)
+    unseen = UNSEEN if split_model.runner is not None else ""
     unsought = UNSOUGHT if source.fit is not None and asks(source.fit) else ""
     whole = replace(make, remarks=tuple(r for r in (unseen, unsought, remark) if r))
-    told = left_out_of(source, whole, errors, without)
-    return replace(whole.without(without), omitted=told, standing=source.standing)
+    omitted = left_out_of(source, whole, errors, without)
+    return replace(whole.without(without), omitted=omitted, standing=source.standing)
 
 
 def _names(stated: Spread | Groups) -> list[str]:
@@ -682,34 +684,34 @@ def _names(stated: Spread | Groups) -> list[str]:
     return [n for names, _ in stated for n in names]
 
 
-def left_out_of(known: Known, whole: Budget, errors: Sequence[ErrorModel], without: Sequence[str]) -> tuple[LeftOut, ...]:
+def left_out_of(knowledge: Knowledge, whole: Budget, errors: Sequence[ErrorModel], without: Sequence[str]) -> tuple[LeftOut, ...]:
     """Return what the budget of a question leaves out by what is known, and what the caller switched off."""
     out = []
     off = dict.fromkeys(c for s, c in zip(whole.sources, whole.causes, strict=True) if {s.kind, c, s.name} & {*without})
-    off |= {STRUCTURE: None} if {*ELEMENTS} & {*without} and known.values else {}
+    off |= {STRUCTURE: None} if {*ELEMENTS} & {*without} and knowledge.values else {}
     if off:
         out.append(LeftOut(f"{', '.join(off)} {OFF}"))
-    elif known.values and (not errors or any(e.why for e in errors)):
+    elif knowledge.values and (not errors or any(e.why for e in errors)):
         why = next((f"how elements depart from their laws, because {e.why.rstrip('.')}" for e in errors if e.why), SILENT)
         out.append(LeftOut(why))
     aside = max((w.departures.aside for e in errors for w in e.ways), default=0)
     out += [LeftOut(f"how {aside} elements with little heat depart from their laws", listed=True)] if aside else []
     against = (f"what is wrong where {e.contradiction}: {WRONG}" for e in errors if e.contradiction)
     out += [LeftOut(CodedText(words, CONTRADICTED)) for words in against]
-    out += [x for s in known.stores for x in s.left_out]
-    fitted = [s for store in known.stores for s in store.parameters.values() if s.origin.kind == "fit" and s.acts]
-    if not known.values:
+    out += [x for s in knowledge.stores for x in s.left_out]
+    fitted = [s for store in knowledge.stores for s in store.parameters.values() if s.origin.kind == "fit" and s.acts]
+    if not knowledge.values:
         out.append(LeftOut(UNFITTED))
     once = [s.acts[0] for s in fitted if len({r for o in (s.origin, *s.history) for r in o.records}) == 1]
     if once:
         out.append(LeftOut(f"how values fitted to one record differ from one test to the next ({listed(once)})", listed=True))
-    given = _given(whole)
-    if given:
-        out.append(LeftOut(f"inputs without a stated spread ({listed(given)})", listed=True))
+    inputs = _inputs_without_spread(whole)
+    if inputs:
+        out.append(LeftOut(f"inputs without a stated spread ({listed(inputs)})", listed=True))
     return tuple(out)
 
 
-def _given(budget: Budget) -> list[str]:
+def _inputs_without_spread(budget: Budget) -> list[str]:
     """Return what a scenario gives, boundaries, loads and the start, and nothing spreads."""
     spread = budget.spread
     find, scenario = budget.model.canonical, budget.scenario
@@ -778,18 +780,18 @@ def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tupl
         moved[place[a.path], k] += size
         for name, by in through.items():
             moved[place[name], k] += by.get(a.path, 0.0) * size
-    kept = nodes if nodes is not None else [n for n in slopes if n not in ready.wiring.network.boundaries]
-    each = {n: slopes[n] @ moved for n in kept if n in slopes}
-    effect = {n: float(np.linalg.norm(x)) for n, x in each.items()}
+    chosen_nodes = nodes if nodes is not None else [n for n in slopes if n not in ready.wiring.network.boundaries]
+    effects_of_node = {n: slopes[n] @ moved for n in chosen_nodes if n in slopes}
+    effect = {n: float(np.linalg.norm(x)) for n, x in effects_of_node.items()}
     worst = max(effect, key=effect.__getitem__, default="")
     if worst and effect[worst] > 0.0 and len(loose) > 1:
-        words += f"; {_costliest([a.path for a in loose], each[worst])}"
+        words += f"; {_costliest([a.path for a in loose], effects_of_node[worst])}"
     return ((LeftOut(words, max(effect.values(), default=0.0)), effect),)
 
 
 def _emissivities_of_laws(budget: Budget) -> set[str]:
     """Return the emissivities that laws of elements count, as the share of radiation in a coefficient."""
-    lawful = {p for way in budget.ways for kept in way.kept for p in kept.laws}
+    lawful = {p for way in budget.ways for kept_way in way.kept for p in kept_way.laws}
     flat = compile_network(budget.model).flat
     stated = [c.emissivity for c in flat.conductors if c.path in lawful and c.emissivity]
     return {name for e in stated for name in (e, flat.parameters.literal_behind(e))}
@@ -812,11 +814,11 @@ def _solved_again(budget: Budget, paths: Sequence[str]) -> dict[str, dict[str, f
 def _costliest(paths: Sequence[str], effects: Array) -> str:
     """Return which assumption costs most, and which are to be measured so that half of the effect is left."""
     order = np.argsort(-np.abs(effects))
-    left, named = float(effects @ effects), []
+    remaining, named = float(effects @ effects), []
     for k in order:
         named.append(f"'{paths[k]}'")
-        left -= float(effects[k] ** 2)
-        if left <= 0.25 * float(effects @ effects):
+        remaining -= float(effects[k] ** 2)
+        if remaining <= 0.25 * float(effects @ effects):
             break
     first = f"{named[0]} costs most ({abs(float(effects[order[0]])):.2g} K)"
     several = named[0] if len(named) == 1 else f"{', '.join(named[:-1])} and {named[-1]}"
@@ -831,8 +833,8 @@ def first_line(left_out: Sequence[LeftOut], error: float) -> str:
     left_out : sequence
     error : float   Standard error of the answer, the largest of several. [K]
     """
-    felt = [x for x in left_out if not x.listed and not x.kelvin <= FELT * 1.96 * error]
-    words = [f"{x.what}, up to {x.kelvin:.2g} K" if np.isfinite(x.kelvin) else x.what for x in felt]
+    relevant = [x for x in left_out if not x.listed and not x.kelvin <= MIN_SHARE_OF_BAND * 1.96 * error]
+    words = [f"{x.what}, up to {x.kelvin:.2g} K" if np.isfinite(x.kelvin) else x.what for x in relevant]
     return f"not counted: {'; '.join(words)}" if words else ""
 
 

@@ -53,14 +53,14 @@ def hand_values(path: Path, model: Model, stage: str, where: str) -> Store:
     key = hashlib.sha256(json.dumps([stage, data], sort_keys=True, default=str).encode()).hexdigest()
     with errors_at(f"{where}, {path.name}"):
         try:
-            tables = {k: _given(k, v, where) for k, v in rows.items()}
+            tables = {k: _as_table(k, v, where) for k, v in rows.items()}
         except DeckError:
             refuse_another_kind("values", data, Places(path.name))
             raise
         return _store(tables, model, ValueOrigin("hand", stage, (), key))
 
 
-def _given(name: str, row: Any, where: str) -> Mapping[str, Any]:
+def _as_table(name: str, row: Any, where: str) -> Mapping[str, Any]:
     """Return a row as a table of what it gives: value and spread."""
     table = {"value": row} if isinstance(row, str) else row
     if not isinstance(table, Mapping) or not ({"value"} <= set(table) or {"low", "high"} <= set(table)):
@@ -154,8 +154,8 @@ def filed(path: Path, model: Model, *, at: str = "", keep: bool = False) -> File
     store, stage = (hand_values(path, part, path.name, path.name), path.name) if by_hand else load_store(path)
     lacks = tuple(x.what for x in store.left_out if "(schema 1)" in x.what)
     store, of_logs = store.in_decks(part)
-    known = store if keep else store.matching(part)
-    gone = tuple(f"{d.path} = {d.text} of {d.origin} was ignored: {d.why}." for d in known.dropped[len(store.dropped) :])
-    placed, twins = graft(model, [(at, known)]) if at else (known, ())
-    laid = placed.on(model)
-    return Filed(laid, values_of(known, stage), lacks, gone, (*of_logs, *twins, *placed.acting_in(laid)[1]))
+    matching = store if keep else store.matching(part)
+    gone = tuple(f"{d.path} = {d.text} of {d.origin} was ignored: {d.why}." for d in matching.dropped[len(store.dropped) :])
+    placed, twins = graft(model, [(at, matching)]) if at else (matching, ())
+    model_with_values = placed.laid_over(model)
+    return Filed(model_with_values, values_of(matching, stage), lacks, gone, (*of_logs, *twins, *placed.acting_in(model_with_values)[1]))

@@ -1,4 +1,4 @@
-"""`Known`: a model with what is known of its values, and the rows that say how these respond to the sources of their errors."""
+"""`Knowledge`: a model with what is known of its values, and the rows that say how these respond to the sources of their errors."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from thermid.model.parameters import Standing, worst
 from thermid.model.tree import Model
 from thermid.values.fitted import FittedValue, FittedValues, as_store
 from thermid.values.store import (
-    KNOWN,
+    COVARIANCE_KINDS,
     Kind,
     LaterTable,
     Normal,
@@ -35,7 +35,7 @@ from thermid.values.store import (
 
 
 @dataclass(frozen=True, eq=False)
-class Known(Result):
+class Knowledge(Result):
     """A model with what is known of its values.
 
     Parameters
@@ -57,17 +57,17 @@ class Known(Result):
 
     @classmethod
     @takes_objects
-    def of(cls, source: Model | Calibration) -> Known:
+    def of_source(cls, source: Model | Calibration) -> Knowledge:
         """Return what a fit knows; of a model that nobody fitted, nothing but its values."""
         if isinstance(source, Model):
             return cls(source)
         return cls(source.fitted_model, (source.values,), source, source.synthetic)
 
-    def on(self, model: Model) -> Known:
+    def for_model(self, model: Model) -> Knowledge:
         """Return the same knowledge of another model that holds the fitted paths."""
         base = model
         for store in self.stores:
-            base = store.on(base)
+            base = store.laid_over(base)
         return replace(self, model=base)
 
     @property
@@ -78,8 +78,8 @@ class Known(Result):
     @property
     def stores(self) -> tuple[Store, ...]:
         """What is known at every depth behind each of `values`, by the paths of the model."""
-        own = [self.fit.store] if self.fit is not None else [v.store if v.store is not None else as_store(v) for v in self.values]
-        return tuple(graft(self.model, [(self.at, s)])[0] if self.at else s.in_decks(self.model)[0] for s in own)
+        stores = [self.fit.store] if self.fit is not None else [v.store if v.store is not None else as_store(v) for v in self.values]
+        return tuple(graft(self.model, [(self.at, s)])[0] if self.at else s.in_decks(self.model)[0] for s in stores)
 
     @property
     def placed(self) -> tuple[FittedValues, ...]:
@@ -91,24 +91,24 @@ class Known(Result):
     @property
     def provenances(self) -> tuple[Mapping[str, Any], ...]:
         """What is kept of every fit behind the values, the first one first, by the paths of the model."""
-        return tuple(known for s in self.stores for known in s.provenance.values())
+        return tuple(provenance for s in self.stores for provenance in s.provenance.values())
 
     @property
-    def kept(self) -> tuple[Discrepancy, ...]:
+    def discrepancies(self) -> tuple[Discrepancy, ...]:
         """What the fits leave open in the structure of their models, the first one first, as far as they say it."""
-        return tuple(k for known in self.provenances if (k := kept_in(known)) is not None)
+        return tuple(k for provenance in self.provenances if (k := kept_in(provenance)) is not None)
 
     @property
     def errors(self) -> tuple[ErrorModel, ...]:
         """The models of error that speak of the elements of the model, each element once, by the last stage that saw it."""
         out: list[ErrorModel] = []
         taken: list[str] = []
-        for own in (own for s in reversed(self.stores) for own in reversed([*s.provenance.values()]) if ERRORS in own):
-            kept = own[ERRORS]
-            at = kept.at if isinstance(kept, LaterTable) else kept["at"]
+        for of_fit in (of_fit for s in reversed(self.stores) for of_fit in reversed([*s.provenance.values()]) if ERRORS in of_fit):
+            error_table = of_fit[ERRORS]
+            at = error_table.at if isinstance(error_table, LaterTable) else error_table["at"]
             if not any(at.startswith(part) for part in taken):
                 taken.append(at)
-                out.append(ErrorModel.from_dict(error_table_of(own) or {}))
+                out.append(ErrorModel.from_dict(error_table_of(of_fit) or {}))
         return tuple(out)
 
     @property
@@ -142,15 +142,15 @@ def values_at(values: FittedValues, at: str) -> FittedValues:
     def moved(v: FittedValue) -> FittedValue:
         return replace(v, path=ahead + v.path, also=tuple(ahead + q for q in v.also)) if v.kind == "parameter" else v
 
-    own = values.provenance
+    provenance = values.provenance
     items = {v.path: v for v in map(moved, values.values())}
-    places = {n: {ahead + p: x for p, x in own[n].items()} for n in ("conditions", "misfit") if n in own}
-    kept = {KEY: structural_under(own[KEY], ahead)} if KEY in own else {}
-    kept |= {"errors": errors_under(own["errors"], ahead)} if "errors" in own else {}
-    return replace(values, items_=items, provenance={**own, **places, **kept}, store=None)
+    places = {n: {ahead + p: x for p, x in provenance[n].items()} for n in ("conditions", "misfit") if n in provenance}
+    structural = {KEY: structural_under(provenance[KEY], ahead)} if KEY in provenance else {}
+    structural |= {"errors": errors_under(provenance["errors"], ahead)} if "errors" in provenance else {}
+    return replace(values, items_=items, provenance={**provenance, **places, **structural}, store=None)
 
 
-def known_of(source: Known | Model | Calibration | FittedValues | Sequence[Any], model: Model | None = None, at: str = "") -> Known:
+def known_of(source: Knowledge | Model | Calibration | FittedValues | Sequence[Any], model: Model | None = None, at: str = "") -> Knowledge:
     """Return what is known, its values laid over the model.
 
     Parameters
@@ -159,18 +159,18 @@ def known_of(source: Known | Model | Calibration | FittedValues | Sequence[Any],
     model : Model       What values are laid over; a fit's own where it is not given.
     at : str            The submodel that the values belong to.
     """
-    if isinstance(source, Known):
-        return source.on(source.model) if source.fit is None else source
+    if isinstance(source, Knowledge):
+        return source.for_model(source.model) if source.fit is None else source
     if model is None and isinstance(source, Model | Calibration):
-        return Known.of(source)
+        return Knowledge.of_source(source)
     many = [source] if isinstance(source, Calibration | FittedValues) else [] if isinstance(source, Model) else list(source)
     base = model if model is not None else source
     assert isinstance(base, Model)
     if len(many) == 1 and isinstance(many[0], Calibration):
-        return Known(base, (many[0].values,), many[0], many[0].synthetic, at).on(base)
+        return Knowledge(base, (many[0].values,), many[0], many[0].synthetic, at).for_model(base)
     values = tuple(replace(v.values, store=v.store) if isinstance(v, Calibration) else v for v in many)
-    made = any(isinstance(v, Calibration) and v.synthetic for v in many)
-    return Known(base, values, None, made, at).on(base)
+    is_synthetic = any(isinstance(v, Calibration) and v.synthetic for v in many)
+    return Knowledge(base, values, None, is_synthetic, at).for_model(base)
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,9 +195,9 @@ class Rows:
     matrix: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @classmethod
-    def of(cls, store: Store, states: Mapping[str, State], cause: str) -> Rows:
+    def of_states(cls, store: Store, states: Mapping[str, State], cause: str) -> Rows:
         """Return the rows of some states of a store, by the names that they act under."""
-        matrix = store.rows([s.path for s in states.values()], KNOWN).reshape(len(states), len(store.sources))
+        matrix = store.rows([s.path for s in states.values()], COVARIANCE_KINDS).reshape(len(states), len(store.sources))
         used = np.flatnonzero(matrix.any(axis=0))
         also = {name: s.acts[1:] for name, s in states.items() if len(s.acts) > 1}
         sources = tuple(store.sources[k] for k in used)
@@ -221,29 +221,31 @@ class Rows:
         return Rows((*self.names, *other.names), (*self.log, *other.log), {**self.also, **other.also}, sources, causes, matrix)
 
 
-def rows_of(known: Known) -> Rows:
+def rows_of(knowledge: Knowledge) -> Rows:
     """Return how the fitted values of a model respond to the noise of the fits that found them.
 
     This is the one place that turns stored values into sources. A value that several fits hold is that of the last.
     """
     out, taken = Rows(), set[str]()
-    for store, values in zip(reversed(known.stores), reversed(known.values), strict=True):
+    for store, values in zip(reversed(knowledge.stores), reversed(knowledge.values), strict=True):
         acting = {p: s for p, s in store.parameters.items() if s.acts and not taken & {*s.acts}}
         taken |= {p for s in acting.values() for p in s.acts}
         loose = next((p for p, s in acting.items() if not s.known and s.origin.kind == "fit"), None)
         if loose is not None:
-            raise IdentificationError(f"'{loose}' has no finite error. Leave it out, or give it a spread of its own.", known.model.title)
+            raise IdentificationError(
+                f"'{loose}' has no finite error. Leave it out, or give it a spread of its own.", knowledge.model.title
+            )
         states = {s.acts[0]: s for p, s in acting.items() if s.known and store.error(p) > 0}
-        out = out.beside(Rows.of(store, states, "fit" if known.fit is not None else f"fit of {values.stage}"))
+        out = out.beside(Rows.of_states(store, states, "fit" if knowledge.fit is not None else f"fit of {values.stage}"))
     return out
 
 
-def instruments_of(known: Known) -> Rows:
+def instruments_of(knowledge: Knowledge) -> Rows:
     """Return how the constant errors of instruments respond to the sources of their fits; that of a later fit counts."""
     out = Rows()
-    for store in reversed(known.stores):
-        own = [s for s in store.states.values() if s.kind in ("sensor", "instrument", "shared") and s.path not in out.names]
-        out = out.beside(Rows.of(store, {s.path: s for s in own}, "instruments"))
+    for store in reversed(knowledge.stores):
+        new_states = [s for s in store.states.values() if s.kind in ("sensor", "instrument", "shared") and s.path not in out.names]
+        out = out.beside(Rows.of_states(store, {s.path: s for s in new_states}, "instruments"))
     return out
 
 

@@ -38,7 +38,7 @@ from thermid.prediction._budget import (
     in_order,
     listed,
 )
-from thermid.prediction._known import Known, Rows
+from thermid.prediction._known import Knowledge, Rows
 from thermid.prediction._setting import Drawn, Linear, Setting
 from thermid.simulation.runs import Solution, simulate
 from thermid.simulation.scenarios import Scenario
@@ -77,7 +77,7 @@ DRAWN = 2000
 """Members drawn where derivatives do not do."""
 MEAN_MISS, WIDTH_MISS = 0.1, 0.1
 """What the mean may be off by, in half-widths of the 95 % band, and its half-width, relative, before derivatives do not do."""
-SMALL = 0.05
+NEGLIGIBLE_HALF_WIDTH = 0.05
 """Half-width of the 95 % band below which nobody minds how it was computed. [K]"""
 NAMED_SHARE = 0.1
 """Part of that below which a cause of a shift is not named. [-]"""
@@ -346,11 +346,11 @@ def centre_words(moved: Mapping[str, Mapping[str, Array]], times: Array) -> str:
     """
     apart = {n: np.sum([np.zeros(times.size), *parts.values()], axis=0) for n, parts in moved.items()}
     node = max(apart, key=lambda n: float(np.abs(apart[n]).max(initial=0.0)), default="")
-    if not node or float(np.abs(apart[node]).max(initial=0.0)) < SMALL:
+    if not node or float(np.abs(apart[node]).max(initial=0.0)) < NEGLIGIBLE_HALF_WIDTH:
         return ""
     k = int(np.abs(apart[node]).argmax())
     named = sorted(((c, float(v[k])) for c, v in moved[node].items()), key=lambda item: -abs(item[1]))
-    why = ", ".join(f"{c} {v:+.2g} K" for c, v in named if abs(v) >= NAMED_SHARE * SMALL)
+    why = ", ".join(f"{c} {v:+.2g} K" for c, v in named if abs(v) >= NAMED_SHARE * NEGLIGIBLE_HALF_WIDTH)
     return (
         f"the centre of the band of '{node}' lies {float(apart[node][k]):+.2g} K from the run with the best values at "
         f"{duration_text(float(times[k]))} ({why}), those of other nodes by less; simulate and verdicts show that run"
@@ -365,7 +365,7 @@ def _why(e: Estimate) -> str:
 
 @takes_objects
 def predict(
-    fit: Calibration | Known,
+    fit: Calibration | Knowledge,
     scenario: Scenario,
     *,
     model: Model | None = None,
@@ -412,21 +412,21 @@ def predict(
     ------
     IdentificationError     When a value is spread twice, or has no finite error; when a coefficient that must be separated cannot be.
     """
-    known = fit if isinstance(fit, Known) else Known.of(fit)
+    knowledge = fit if isinstance(fit, Knowledge) else Knowledge.of_source(fit)
     if draws < 0:
-        raise IdentificationError(f"{draws} members are too few. Give 0 for derivatives alone, or some hundred.", known.model.title)
-    asked = Asked(scenario, spread, without, every, times, draws, seed, options, as_logged)
-    plain = asked.of(known.on(model) if model is not None else known, nodes)
-    if known.fit is None or model is not None or draws or DEFECTS in without:
+        raise IdentificationError(f"{draws} members are too few. Give 0 for derivatives alone, or some hundred.", knowledge.model.title)
+    request = PredictRequest(scenario, spread, without, every, times, draws, seed, options, as_logged)
+    plain = request.answer(knowledge.for_model(model) if model is not None else knowledge, nodes)
+    if knowledge.fit is None or model is not None or draws or DEFECTS in without:
         return plain
-    others = explained(known.fit)
-    told = [replace(asked, times=plain.times).of(Known.of(e.fit), list(plain.bands)) for e in others]
+    others = explained(knowledge.fit)
+    explained_predictions = [replace(request, times=plain.times).answer(Knowledge.of_source(e.fit), list(plain.bands)) for e in others]
     looked = replace(plain, warnings=tuple(w for w in plain.warnings if w != UNSOUGHT))
-    return averaged(plain, others, told, known.fit) if told else looked
+    return averaged(plain, others, explained_predictions, knowledge.fit) if explained_predictions else looked
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class PredictRequest:
     """What is asked of `predict`: arguments as there."""
 
     scenario: Scenario
@@ -439,9 +439,9 @@ class Asked:
     options: Options | None
     as_logged: bool
 
-    def of(self, known: Known, nodes: Sequence[str] | None) -> Prediction:
+    def answer(self, knowledge: Knowledge, nodes: Sequence[str] | None) -> Prediction:
         """Return the prediction by what is known."""
-        budget = budget_of(known, self.scenario, self.spread, without=self.without, as_logged=self.as_logged)
+        budget = budget_of(knowledge, self.scenario, self.spread, without=self.without, as_logged=self.as_logged)
         return predicted(budget, nodes, every=self.every, times=self.times, draws=self.draws, seed=self.seed, options=self.options)
 
 
@@ -450,11 +450,11 @@ def carrier_words(budget: Budget, bands: Mapping[str, Band]) -> list[str]:
     share = max((b.final.shares.get(AVERAGED, 0.0) for b in bands.values()), default=0.0)
     if len(budget.ways) < 2 or min(w.weight for w in budget.ways) < TELLING or share < TELLING:
         return []
-    found = ", ".join(f"{w.kept[0].name} {100 * w.weight:.0f} %" for w in budget.ways)
-    return [f"no deck states what carries the heat of its surfaces; the readings say {found}. State carried_by: the bands narrow"]
+    probabilities = ", ".join(f"{w.kept[0].name} {100 * w.weight:.0f} %" for w in budget.ways)
+    return [f"no deck states what carries the heat of its surfaces; the readings say {probabilities}. State carried_by: the bands narrow"]
 
 
-def averaged(plain: Prediction, others: Sequence[ExplainedFit], told: Sequence[Prediction], fit: Calibration) -> Prediction:
+def averaged(plain: Prediction, others: Sequence[ExplainedFit], explained: Sequence[Prediction], fit: Calibration) -> Prediction:
     """Return the prediction by fits with hidden defects in place of that by the deck: their mixture by its mean and variance.
 
     Parameters
@@ -464,19 +464,19 @@ def averaged(plain: Prediction, others: Sequence[ExplainedFit], told: Sequence[P
     fit : Calibration       The fit of the deck.
     """
     weights = np.array([e.weight for e in others])
-    bands = {n: _mixture([t.bands[n] for t in told], weights) for n in plain.bands}
-    settled = {n: _mixed([t.settled[n] for t in told], weights) for n in plain.settled if all(n in t.settled for t in told)}
-    causes = {c: w for t in reversed(told) for c, w in t.causes.items()}
-    causes |= {DEFECTS: "which defect the unit has, and where between two samples its powers changed"} if len(told) > 1 else {}
+    bands = {n: _mixture([t.bands[n] for t in explained], weights) for n in plain.bands}
+    settled = {n: _mixed([t.settled[n] for t in explained], weights) for n in plain.settled if all(n in t.settled for t in explained)}
+    causes = {c: w for t in reversed(explained) for c, w in t.causes.items()}
+    causes |= {DEFECTS: "which defect the unit has, and where between two samples its powers changed"} if len(explained) > 1 else {}
     words = (
         f"the deck leaves residuals of {short(float(np.sqrt(fit.reduced_chi_square)))} times the stated noise, and these are explained "
         f"by what it does not have: {'; or '.join(summary(tuple(others)))}. The prediction and its band are those of the fit with it. "
         "Correct the deck or the log."
     )
-    standing = worst([*(t.standing for t in told), *fit.rests.values(), *([fit.verdict] if fit.verdict is not None else [])])
-    warnings = tuple(dict.fromkeys(w for t in told for w in t.warnings))
+    standing = worst([*(t.standing for t in explained), *fit.rests.values(), *([fit.verdict] if fit.verdict is not None else [])])
+    warnings = tuple(dict.fromkeys(w for t in explained for w in t.warnings))
     out = replace(plain, bands=bands, settled=settled, causes=causes, warnings=warnings)
-    return replace(out, standing=standing, explanation=words, left_out=told[0].left_out, least=told[0].least)
+    return replace(out, standing=standing, explanation=words, left_out=explained[0].left_out, least=explained[0].least)
 
 
 def _mixture(bands: Sequence[Band], weights: Array) -> Band:
@@ -503,12 +503,12 @@ def _mixture(bands: Sequence[Band], weights: Array) -> Band:
 def _mixed(several: Sequence[Estimate], weights: Array) -> Estimate:
     """Return the mean and the error of a mixture of temperatures."""
     celsius = float(weights @ [e.celsius for e in several])
-    each = {c: float(weights @ [e.shares.get(c, 0.0) * e.error**2 for e in several]) for e in several for c in e.shares}
+    variances = {c: float(weights @ [e.shares.get(c, 0.0) * e.error**2 for e in several]) for e in several for c in e.shares}
     if len(several) > 1:
-        each[DEFECTS] = float(weights @ [(e.celsius - celsius) ** 2 for e in several])
-    error = float(np.sqrt(sum(each.values())))
+        variances[DEFECTS] = float(weights @ [(e.celsius - celsius) ** 2 for e in several])
+    error = float(np.sqrt(sum(variances.values())))
     wide = NormalDist().inv_cdf(0.975) * error
-    return Estimate(celsius, error, celsius - wide, celsius + wide, _shares(each))
+    return Estimate(celsius, error, celsius - wide, celsius + wide, _shares(variances))
 
 
 def predicted(
@@ -522,7 +522,7 @@ def predicted(
     options: Options | None = None,
 ) -> Prediction:
     """Return what a budget says of its scenario; arguments as in `predict`."""
-    ways = [WayAnswer.of(weight, own, nodes, every, times, options) for weight, own in budget.each]
+    ways = [WayAnswer.of_budget(weight, budget_of_way, nodes, every, times, options) for weight, budget_of_way in budget.weighted_ways]
     first = max(ways, key=lambda w: w.weight)
     times = first.setting.ready.times
     best = simulate(budget.model, budget.scenario, times=times, options=options) if budget.ways else first.linear.run
@@ -536,8 +536,8 @@ def predicted(
     for n in first.linear.columns:
         parts, shifts, centre, mixture = mixed_answer(ways, n, best[n].kelvin)
         now, moved = ({c: v[:-1] for c, v in several.items()} for several in (parts, shifts))
-        own, end = members.get(n, (None, None))
-        bands[n] = Band(n, times, best[n].kelvin, centre[:-1] - best[n].kelvin, now, own, moved, taken(mixture, slice(0, -1)))
+        members_of_node, end = members.get(n, (None, None))
+        bands[n] = Band(n, times, best[n].kelvin, centre[:-1] - best[n].kelvin, now, members_of_node, moved, taken(mixture, slice(0, -1)))
         if all(n in w.linear.settled for w in ways):
             last = {c: v[-1:] for c, v in parts.items()}
             drawn = end[None, :] if end is not None else None
@@ -550,10 +550,10 @@ def predicted(
         *undetermined_words(first, bands),
         *carrier_words(budget, bands),
     )
-    left, least = _left_out(budget, bands)
+    omitted, least = _left_out(budget, bands)
     widest = max((b.final for b in bands.values()), key=lambda e: e.error, default=None)
     words = meaning(widest.shares if widest is not None else {}, budget)
-    return Prediction(budget.model.title, budget.scenario.title, times, bands, rest, words, warnings, find, budget.standing, left, least)
+    return Prediction(budget.model.title, budget.scenario.title, times, bands, rest, words, warnings, find, budget.standing, omitted, least)
 
 
 def undetermined_words(answer: WayAnswer, bands: Mapping[str, Band]) -> list[str]:
@@ -570,7 +570,7 @@ def undetermined_words(answer: WayAnswer, bands: Mapping[str, Band]) -> list[str
             continue
         explained = {n: abs(float(answer.linear.columns[n][-2] @ shared)) / spread**0.5 for n in bands}
         whole = {n: sum(float(v[-1]) for v in b.parts.values()) for n, b in bands.items()}
-        most = [n for n, kelvin in explained.items() if kelvin**2 > MOSTLY * whole[n] and kelvin > SMALL]
+        most = [n for n, kelvin in explained.items() if kelvin**2 > MOSTLY * whole[n] and kelvin > NEGLIGIBLE_HALF_WIDTH]
         if most:
             out.append(
                 f"no reading determines '{t.name}': what was known of it before is most of the band of {listed(most)}. State a narrower "
@@ -588,7 +588,7 @@ class WayAnswer:
     linear: Linear
 
     @classmethod
-    def of(
+    def of_budget(
         cls,
         weight: float,
         budget: Budget,
@@ -599,7 +599,7 @@ class WayAnswer:
         scenario: Scenario | None = None,
     ) -> WayAnswer:
         """Return the answer of one way in the scenario of its budget, or in a variant of it."""
-        setting = Setting.of(budget, scenario=scenario, every=every, times=times, options=options)
+        setting = Setting.of_budget(budget, scenario=scenario, every=every, times=times, options=options)
         return cls(weight, setting, setting.linear(nodes))
 
     def kelvin(self, node: str) -> Array:
@@ -625,10 +625,10 @@ def mixed_answer(
     for way in ways:
         budget, columns = way.setting.budget, way.linear.columns[node]
         centres.append(way.kelvin(node) + columns @ budget.means)
-        each = budget.parts(columns)
-        variances.append(np.sum([np.zeros(len(columns)), *each.values()], axis=0))
-        for several, own in ((parts, each), (shifts, budget.shifts(columns))):
-            for cause, v in own.items():
+        variances_by_cause = budget.parts(columns)
+        variances.append(np.sum([np.zeros(len(columns)), *variances_by_cause.values()], axis=0))
+        for several, of_way in ((parts, variances_by_cause), (shifts, budget.shifts(columns))):
+            for cause, v in of_way.items():
                 several[cause] = several.get(cause, 0.0) + way.weight * v
     weights = np.array([w.weight for w in ways])
     centre = weights @ np.array(centres)
@@ -650,8 +650,8 @@ def meaning(shares: Mapping[str, float], budget: Budget) -> dict[str, str]:
     """
     largest, out = max(shares, key=shares.__getitem__, default=""), {}
     for cause in (c for c, share in shares.items() if share >= CAUSE_SHARE):
-        own = [k for k, c in enumerate(budget.causes) if c == cause]
-        names = [t.name for t, row in zip(budget.targets, budget.gain, strict=True) if row[own].any()]
+        columns = [k for k, c in enumerate(budget.causes) if c == cause]
+        names = [t.name for t, row in zip(budget.targets, budget.gain, strict=True) if row[columns].any()]
         out[cause] = MEANING.get(cause) or f"what is not known of {listed(names)}"
         if cause == largest and cause in NARROWS:
             out[cause] += f"; narrower by {NARROWS[cause]}"
@@ -674,21 +674,21 @@ def drawn_members(ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources:
     failed: dict[int, str] = {}
     out: dict[str, list[Members]] = {}
     for k, way in enumerate(ways):
-        own = sources[:, chosen == k]
-        if not own.shape[1]:
+        sources_of_way = sources[:, chosen == k]
+        if not sources_of_way.shape[1]:
             continue
         columns = way.linear.columns
         if straight:
-            kelvin = {n: way.linear.run[n].kelvin[:, None] + c[:-1] @ own for n, c in columns.items()}
+            kelvin = {n: way.linear.run[n].kelvin[:, None] + c[:-1] @ sources_of_way for n, c in columns.items()}
         else:
-            drawn = _bent(way.setting, way.linear, own, list(columns))
+            drawn = _bent(way.setting, way.linear, sources_of_way, list(columns))
             kelvin = dict(drawn.kelvin)
             failed |= drawn.runs.failed if drawn.runs is not None else {}
         for n, traces in kelvin.items():
-            kept = ~np.isnan(traces).any(axis=0)
+            complete = ~np.isnan(traces).any(axis=0)
             # from the end of each member to where it settles: as in the straight model
-            on = way.kelvin(n)[-1] - way.kelvin(n)[-2] + (columns[n][-1] - columns[n][-2]) @ own[:, kept]
-            out.setdefault(n, []).append((traces[:, kept], traces[-1, kept] + on))
+            on = way.kelvin(n)[-1] - way.kelvin(n)[-2] + (columns[n][-1] - columns[n][-2]) @ sources_of_way[:, complete]
+            out.setdefault(n, []).append((traces[:, complete], traces[-1, complete] + on))
     every = {n: (np.concatenate([a for a, _ in m], axis=1), np.concatenate([b for _, b in m])) for n, m in out.items()}
     why = next(iter(failed.values()), "")
     lost = f"{len(failed)} of {sources.shape[1]} members failed; the bands leave them out. One of them: {why}" if failed else ""
@@ -706,11 +706,11 @@ def _left_out(budget: Budget, bands: Mapping[str, Band]) -> tuple[tuple[LeftOut,
     """Return what is left out, and the standard error beside which that is to be seen: of the node where it weighs most. [K]"""
     errors = {n: float(b.error[-1]) for n, b in bands.items()}
     inner = {n: e for n, e in errors.items() if e > 0.0} or errors
-    found = assumed_left_out(budget, list(inner))
-    weighs = {n: effect / max(inner[n], 1e-12) for _, effects in found for n, effect in effects.items()}
+    assumptions = assumed_left_out(budget, list(inner))
+    weighs = {n: effect / max(inner[n], 1e-12) for _, effects in assumptions for n, effect in effects.items()}
     worst = max(weighs, key=weighs.__getitem__, default="")
-    own = tuple(replace(x, kelvin=effects.get(worst, x.kelvin)) if effects else x for x, effects in found)
-    return in_order((*budget.omitted, *own)), inner[worst] if worst else max(errors.values(), default=0.0)
+    with_effects = tuple(replace(x, kelvin=effects.get(worst, x.kelvin)) if effects else x for x, effects in assumptions)
+    return in_order((*budget.omitted, *with_effects)), inner[worst] if worst else max(errors.values(), default=0.0)
 
 
 @dataclass(frozen=True)
@@ -738,7 +738,7 @@ def missed(setting: Setting, linear: Linear) -> Missed:
     """
     budget = setting.budget
     size = {n: 1.96 * np.sqrt(np.sum([*budget.parts(c).values(), np.zeros(len(c))], axis=0)[:-1]) for n, c in linear.columns.items()}
-    size = {n: s for n, s in size.items() if s.max(initial=0.0) > SMALL}
+    size = {n: s for n, s in size.items() if s.max(initial=0.0) > NEGLIGIBLE_HALF_WIDTH}
     if not size:
         return Missed()
     shape = budget.drawn(budget.numbers(0, 0, SHAPE))
@@ -751,7 +751,7 @@ def missed(setting: Setting, linear: Linear) -> Missed:
     worst = Missed()
     for n, wide in size.items():
         for k in dict.fromkeys((int(wide.argmax()), wide.size - 1)):
-            if wide[k] > SMALL:
+            if wide[k] > NEGLIGIBLE_HALF_WIDTH:
                 column = linear.columns[n][k]
                 straight = np.quantile(column @ shape, [0.025, 0.975])
                 off = actual[n][k] - linear.run[n].kelvin[k] - column @ probe
@@ -770,9 +770,9 @@ def _missed_at(node: str, wide: float, ends: Array, straight: Array, off: Array)
     straight : array (members,) Deviations of the straight model. [K]
     off : array (members,)      What the members differ from it by. [K]
     """
-    own = straight - straight.mean()
-    slope = float(own @ off / max(own @ own, 1e-30))
-    bend = float(np.sqrt((1.0 + slope) ** 2 + np.var(off - slope * own) * (1.96 / wide) ** 2)) - 1.0
+    centred = straight - straight.mean()
+    slope = float(centred @ off / max(centred @ centred, 1e-30))
+    bend = float(np.sqrt((1.0 + slope) ** 2 + np.var(off - slope * centred) * (1.96 / wide) ** 2)) - 1.0
     shape = 0.5 * float(ends[1] - ends[0]) / wide - 1.0
     head = f"derivatives miss the band of '{node}'"
     return max(
@@ -827,7 +827,7 @@ class Foresight(Result):
 
 @takes_objects
 def foresee(
-    known: Known,
+    knowledge: Knowledge,
     scenario: Scenario,
     *,
     nodes: Sequence[str] = (),
@@ -840,7 +840,7 @@ def foresee(
 
     Parameters
     ----------
-    known : Known           The model and what is known of its values.
+    knowledge : Known       The model and what is known of its values.
     scenario : Scenario     The test.
     nodes : sequence        Nodes to predict; all by default.
     spread : dict           What else is not known exactly, as in `predict`.
@@ -848,24 +848,24 @@ def foresee(
     without : sequence      Sources that are not counted, as in `predict`.
     options : Options       The integrator's.
     """
-    budget = budget_of(known, scenario, spread, without=without)
+    budget = budget_of(knowledge, scenario, spread, without=without)
     solution = simulate(budget.model, scenario, times=times, options=options)
     wanted = list(nodes) or list(solution.nodes)
     solution = solution.refined(wanted, FURTHEST)
-    told = predicted(budget, wanted, times=solution.times, options=options)
-    return Foresight(scenario, solution, told, _before(budget, known, wanted, solution.times, options))
+    predicted_bands = predicted(budget, wanted, times=solution.times, options=options)
+    return Foresight(scenario, solution, predicted_bands, _before(budget, knowledge, wanted, solution.times, options))
 
 
-def _before(budget: Budget, known: Known, nodes: Sequence[str], times: Array, options: Options | None) -> dict[str, Array]:
+def _before(budget: Budget, knowledge: Knowledge, nodes: Sequence[str], times: Array, options: Options | None) -> dict[str, Array]:
     """Prior predictive error: node -> standard error (times,) with every value anywhere in its range before any fit. [K]"""
-    own = {s.acts[0]: s for store in known.stores for s in store.parameters.values() if s.acts}
-    sizes = {path: size for path, s in own.items() if (size := _size_before(s))}
+    states = {s.acts[0]: s for store in knowledge.stores for s in store.parameters.values() if s.acts}
+    sizes = {path: size for path, s in states.items() if (size := _size_before(s))}
     if not sizes:
         return {}
     sources = tuple(Source(path, "stated", Normal(), f"{path} before any fit") for path in sizes)
-    log, also = tuple(own[path].log for path in sizes), {path: own[path].acts[1:] for path in sizes}
+    log, also = tuple(states[path].log for path in sizes), {path: states[path].acts[1:] for path in sizes}
     rows = Rows(tuple(sizes), log, also, sources, ("before any fit",) * len(sizes), np.diag(list(sizes.values())))
-    setting = Setting.of(Budget.of_rows(rows, budget.model, budget.scenario), times=times, options=options)
+    setting = Setting.of_budget(Budget.of_rows(rows, budget.model, budget.scenario), times=times, options=options)
     return {n: np.linalg.norm(column[:-1], axis=1) for n, column in setting.linear(nodes).columns.items()}
 
 
@@ -883,7 +883,7 @@ def _size_before(v: State) -> float:
     return 0.0
 
 
-def widened(seen: Foresight, sizes: Mapping[str, float], cause: str, words: str) -> Foresight:
+def widened(foresight: Foresight, sizes: Mapping[str, float], cause: str, words: str) -> Foresight:
     """Return what is expected with a further standard deviation for what the model could not follow.
 
     Nodes without a reading of their own get the root mean square of those that have one; boundaries get none. What is counted of this
@@ -891,19 +891,19 @@ def widened(seen: Foresight, sizes: Mapping[str, float], cause: str, words: str)
 
     Parameters
     ----------
-    seen : Foresight
+    foresight : Foresight
     sizes : dict        Node -> standard deviation; empty for none. [K]
     cause, words : str  What it is called, and what it stands for.
     """
     if not any(sizes.values()):
-        return seen
+        return foresight
     other = float(np.sqrt(np.mean(np.square(list(sizes.values())))))
-    boundaries = seen.solution._run.network.boundaries
+    boundaries = foresight.solution._run.network.boundaries
     bands = {
-        path: _wider(b, 0.0 if path in boundaries else sizes.get(path, other) ** 2, cause) for path, b in seen.prediction.bands.items()
+        path: _wider(b, 0.0 if path in boundaries else sizes.get(path, other) ** 2, cause) for path, b in foresight.prediction.bands.items()
     }
-    told = replace(seen.prediction, bands=bands, causes={**seen.prediction.causes, cause: words})
-    return replace(seen, prediction=told)
+    wider_prediction = replace(foresight.prediction, bands=bands, causes={**foresight.prediction.causes, cause: words})
+    return replace(foresight, prediction=wider_prediction)
 
 
 def _wider(band: Band, variance: float, cause: str) -> Band:
@@ -917,5 +917,7 @@ def _wider(band: Band, variance: float, cause: str) -> Band:
         more = np.sqrt(variance - before[:, None]) * np.random.default_rng(0).standard_normal(members.shape[1])
         members = members + more
     parts = {c: v for c, v in band.parts.items() if c != UNEXPLAINED} | {cause: np.full(band.times.size, variance)}
-    own = band.mixture
-    return replace(band, parts=parts, members=members, mixture=own and replace(own, variances=own.variances + variance - before))
+    mixture = band.mixture
+    return replace(
+        band, parts=parts, members=members, mixture=mixture and replace(mixture, variances=mixture.variances + variance - before)
+    )

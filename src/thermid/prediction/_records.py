@@ -47,7 +47,7 @@ from thermid.measure.records import Record
 from thermid.model.laws import Constant, TableSignal, literal
 from thermid.model.parameters import UNJUDGED, Standing
 from thermid.prediction._budget import AVERAGED, Budget, budget_of, first_line, in_order
-from thermid.prediction._known import Known, rows_of
+from thermid.prediction._known import Knowledge, rows_of
 from thermid.simulation.scenarios import Scenario
 from thermid.values.store import LeftOut, error_table_of
 
@@ -55,13 +55,13 @@ POINTS = 300
 """Times of a record at which its band is computed; straight lines between."""
 SLICES = 120
 """Stretches of time between which residuals are looked at for what grows with a command."""
-SURE, STRONG = 3.0, 0.3
+CHANCE_DEVIATIONS, MIN_CORRELATION = 3.0, 0.3
 """Standard deviations of chance, and correlation, from which residuals are said to grow with a command. [-]"""
 WORST = 0.1
 """Length of the stretch that is named as the worst, in lengths of the record. [-]"""
-TOLD = 0.01
+MIN_CENTRE_DIFFERENCE = 0.01
 """Part of the error of a run from which that of the centre of its band is printed beside it."""
-SAME = 1e-6
+SAME_TEMPERATURE = 1e-6
 """Difference below which two given temperatures are one. [K]"""
 LEVELS = (0.5, 0.8, 0.9, 0.95, 0.99)
 """Nominal shares that are compared with those observed."""
@@ -151,13 +151,13 @@ class SensorBand:
         off, half = self.measured - self.predicted, self.half_width()
         span = max(WORST * float(self.times[-1] - self.times[0]), 0.0)
         edges = np.arange(float(self.times[0]), float(self.times[-1]) - 0.5 * span + 1e-9, 0.5 * span) if span > 0 else self.times[:1]
-        found = []
+        stretches = []
         for begin in edges:
             at = (self.times >= begin) & (self.times <= begin + span)
             if at.any():
                 share, size = float(np.mean(np.abs(off[at]) <= half[at])), float(np.sqrt(np.mean(off[at] ** 2)))
-                found.append(WorstStretch(self.sensor, float(begin), float(begin + span), share, size))
-        return min(found, key=lambda s: (s.inside, -s.rmse))
+                stretches.append(WorstStretch(self.sensor, float(begin), float(begin + span), share, size))
+        return min(stretches, key=lambda s: (s.inside, -s.rmse))
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,7 +238,9 @@ class RecordPrediction:
         for name, b in self.bands.items():
             causes = ", ".join(f"{c} {100 * s:.0f} %" for c, s in sorted(_shares(b).items(), key=lambda x: -x[1]) if s >= 0.05)
             errors = f"RMSE of the run {b.rmse_of_run:.3g} K"
-            errors += f", of the centre of its band {b.rmse:.3g} K" if abs(b.rmse - b.rmse_of_run) > TOLD * b.rmse_of_run else ""
+            errors += (
+                f", of the centre of its band {b.rmse:.3g} K" if abs(b.rmse - b.rmse_of_run) > MIN_CENTRE_DIFFERENCE * b.rmse_of_run else ""
+            )
             out.append(
                 f"{name:<{width}}  {errors}, {100 * b.inside():.0f} % of the readings inside the 95 % band of "
                 f"+- {float(b.half_width().mean()):.2g} K, from {causes}"
@@ -322,20 +324,20 @@ def record_bands(calibration: Calibration, shown: Calibration, without: Sequence
     """
     assert shown.problem is not None
     assert shown.request is not None
-    e, known = shown.problem.experiments[0], Known.of(calibration)
-    budget = budget_of(known, e.bare, without=without)
-    own, open_ = own_values(shown, e, own_values_kept(known.provenances))
+    e, knowledge = shown.problem.experiments[0], Knowledge.of_source(calibration)
+    budget = budget_of(knowledge, e.bare, without=without)
+    values_of_run, open_ = own_values(shown, e, own_values_kept(knowledge.provenances))
     local = {u.name: float(shown.fitted[u.name]) for u in shown.problem.unknowns}
-    below = Budget.of_rows(rows_of(known), known.model, e.bare).below(known.errors)
-    laws = {n: (mean, sd) for n, (mean, sd, _) in own.items()}
+    below = Budget.of_rows(rows_of(knowledge), knowledge.model, e.bare).below(knowledge.errors)
+    laws = {n: (mean, sd) for n, (mean, sd, _) in values_of_run.items()}
     bands = _banded(calibration, shown, local, laws, beside_rows(below), without)
     listed = (
         [LeftOut(f"the temperature of {', '.join(open_)}, which is assumed: no fit shows how it differs between runs")] if open_ else []
     )
-    left = in_order((*(x for x in budget.omitted if not x.listed), *listed))
+    omitted = in_order((*(x for x in budget.omitted if not x.listed), *listed))
     locally = tuple(dict.fromkeys(i.name for i in shown.local))
-    told = (*budget.remarks, *_follow_commands(bands, e.scenario))
-    return RecordPrediction(calibration.stage, e.record.name, bands, locally, told, left, calibration.standing)
+    remarks = (*budget.remarks, *_follow_commands(bands, e.scenario))
+    return RecordPrediction(calibration.stage, e.record.name, bands, locally, remarks, omitted, calibration.standing)
 
 
 def beside_rows(budget: Budget) -> dict[str, BesideRow]:
@@ -349,7 +351,7 @@ def _banded(
     calibration: Calibration,
     shown: Calibration,
     local: Mapping[str, float],
-    own: Mapping[str, tuple[float, float]],
+    values_of_run: Mapping[str, tuple[float, float]],
     below: Mapping[str, BesideRow],
     without: Sequence[str],
 ) -> dict[str, SensorBand]:
@@ -358,20 +360,23 @@ def _banded(
     Parameters
     ----------
     local : dict        What was fitted to the record, by the names of its unknowns -> its value. [K]
-    own : dict          Boundary or ``initial.<node>`` -> mean and standard deviation of what it is off by in a further run. [K]
+    values_of_run : dict  Boundary or ``initial.<node>`` -> mean and standard deviation of what it is off by in a further run. [K]
     below : dict        Value -> how it follows sources of unit variance that the fit does not know.
     """
     assert shown.request is not None
-    kept = error_table_of(calibration.values.provenance)
-    errors = ErrorModel.from_dict(kept) if kept is not None else errors_of_values(calibration)
-    problem = problem_of_record(calibration, shown.request, own, below)
-    known = shared_with(calibration, problem) & {*errors.seen}
-    ways = [(w, RecordRun.of(w, problem, known, local)) for w in errors.ways]
+    error_table = error_table_of(calibration.values.provenance)
+    errors = ErrorModel.from_dict(error_table) if error_table is not None else errors_of_values(calibration)
+    problem = problem_of_record(calibration, shown.request, values_of_run, below)
+    shared = shared_with(calibration, problem) & {*errors.seen}
+    ways = [(w, RecordRun.of_record(w, problem, shared, local)) for w in errors.ways]
     weights = np.array([w.weight for w, _ in ways])
-    found = [run.parts(w) for w, run in ways]
-    centres = np.array([centre for centre, _ in found])
-    told = {source: sum(w * parts.get(source, 0.0) for w, (_, parts) in zip(weights, found, strict=True)) for source in found[0][1]}
-    told[AVERAGED] = weights @ (centres - weights @ centres) ** 2
+    centres_and_parts = [run.parts(w) for w, run in ways]
+    centres = np.array([centre for centre, _ in centres_and_parts])
+    variances = {
+        source: sum(w * parts.get(source, 0.0) for w, (_, parts) in zip(weights, centres_and_parts, strict=True))
+        for source in centres_and_parts[0][1]
+    }
+    variances[AVERAGED] = weights @ (centres - weights @ centres) ** 2
     sensors = [run.centres(np.concatenate([np.zeros(len(w.values)), w.mean])) for w, run in ways]
     off = {
         READING,
@@ -383,7 +388,7 @@ def _banded(
     out = {}
     for i, o in enumerate(problem.experiments[0].observations):
         trace, rows = ways[0][1].traces[i], ways[0][1].means[i]
-        at = {s: np.interp(trace.times, rows.times, split(v, ways[0][1].means)[i]) for s, v in told.items() if s not in off}
+        at = {s: np.interp(trace.times, rows.times, split(v, ways[0][1].means)[i]) for s, v in variances.items() if s not in off}
         centre = o.measured + weights @ np.array([c[i] for c in sensors])
         parts = {s: v for s, v in at.items() if v.any()} | {READING: trace.noise**2}
         out[o.sensor] = SensorBand(o.sensor, o.seat, trace.times, o.measured, centre, parts, centre - predicted[o.sensor])
@@ -403,17 +408,17 @@ def _follow_commands(bands: Mapping[str, SensorBand], scenario: Scenario) -> lis
         place = np.clip(np.searchsorted(edges, b.times, side="right") - 1, 0, edges.size - 2)
         slope = np.diff(stretch_means(b.measured - b.predicted, place, edges.size - 1))
         middle = 0.5 * (edges[1:] + edges[:-1])
-        logged = {load: ("power", given) for load, given in scenario.loads.items() if isinstance(given, TableSignal)}
-        for load, (what, given) in {**logged, **{n: ("command", s) for n, s in scenario.commands.items()}}.items():
-            between = np.array([given.mean_over(x, y) for x, y in pairwise(middle)])
+        logged = {load: ("power", course) for load, course in scenario.loads.items() if isinstance(course, TableSignal)}
+        for load, (what, course) in {**logged, **{n: ("command", s) for n, s in scenario.commands.items()}}.items():
+            between = np.array([course.mean_over(x, y) for x, y in pairwise(middle)])
             if np.ptp(between) <= 0.0 or np.ptp(slope) <= 0.0:
                 continue
             first, second = slope - slope.mean(), between - between.mean()
-            found = float(first @ second / np.sqrt((first @ first) * (second @ second)))
+            correlation = float(first @ second / np.sqrt((first @ first) * (second @ second)))
             memory = [np.correlate(x, x, "full")[x.size :] / (x @ x) for x in (first, second)]
             spread = float(np.sqrt(max(1.0 + 2.0 * float(memory[0] @ memory[1]), 1.0) / slope.size))
-            if abs(found) > SURE * spread and abs(found) > STRONG:
-                chance = f"correlation {found:+.2f}, by chance +- {spread:.2f}"
+            if abs(correlation) > CHANCE_DEVIATIONS * spread and abs(correlation) > MIN_CORRELATION:
+                chance = f"correlation {correlation:+.2f}, by chance +- {spread:.2f}"
                 out.append(
                     f"what {name} misses grows with the {what} of '{load}' ({chance}): its power or its delay may be wrong. In "
                     "closed loop the controller also reacts to errors of the model"
@@ -421,7 +426,9 @@ def _follow_commands(bands: Mapping[str, SensorBand], scenario: Scenario) -> lis
     return out
 
 
-def own_values(shown: Calibration, e: Experiment, seen: Sequence[OwnValue]) -> tuple[dict[str, tuple[float, float, int]], list[str]]:
+def own_values(
+    shown: Calibration, e: Experiment, values_of_runs: Sequence[OwnValue]
+) -> tuple[dict[str, tuple[float, float, int]], list[str]]:
     """Return room or start of a run -> mean and sd of what it is off by [K], and from how many runs; and rooms of which no fit says it.
 
     Those that were fitted or logged are left out.
@@ -431,8 +438,8 @@ def own_values(shown: Calibration, e: Experiment, seen: Sequence[OwnValue]) -> t
     find = e.network.find
     taken = {i.name for i in shown.local} | {find(c.target or c.name) for c in e.record.channels.values() if c.role == "boundary"}
     rules = {wired(e, n): r for n, r in request.readings.items()}
-    given = request.scenario(e.record)
-    texts = {f"initial.{find(n)}": str(t) for n, t in given.initial.items() if isinstance(t, str)}
+    scenario = request.scenario(e.record)
+    texts = {f"initial.{find(n)}": str(t) for n, t in scenario.initial.items() if isinstance(t, str)}
     open_ = []
     out: dict[str, tuple[float, float, int]] = {}
     rooms = [b for b in e.scenario.boundaries if b in e.network.boundaries and isinstance(e.scenario.boundaries[b], Constant)]
@@ -440,23 +447,23 @@ def own_values(shown: Calibration, e: Experiment, seen: Sequence[OwnValue]) -> t
     first = {o.sensor: first_reading(e.record, o.sensor, request.window) for o in e.observations}
     for name in dict.fromkeys([*rooms, *(n for n in (*texts, *rules, *sorted(hidden)) if n.startswith("initial."))]):
         rule = rules.get(name)
-        start = rule.channel if rule is not None else texts.get(name, "") or _assumed(seen, name, e.scenario)
+        start = rule.channel if rule is not None else texts.get(name, "") or _assumed(values_of_runs, name, e.scenario)
         start = BALANCE if name in hidden else start
-        found = own_value(seen, name, start) if name not in taken else None
-        if found is None:
+        value_of_run = own_value(values_of_runs, name, start) if name not in taken else None
+        if value_of_run is None:
             if name in rooms and name not in taken:
                 open_.append(f"'{name}'")
             continue
         if rule is not None and rule.offset:  # how far the first reading stands from the room is known already
-            found = OwnValue(name, start, 0.0, found.sd, found.runs)
-        out[name] = (*found.expected_from(first), found.runs)
+            value_of_run = OwnValue(name, start, 0.0, value_of_run.sd, value_of_run.runs)
+        out[name] = (*value_of_run.expected_from(first), value_of_run.runs)
     return out, open_
 
 
-def _assumed(seen: Sequence[OwnValue], name: str, scenario: Scenario) -> str:
+def _assumed(values_of_runs: Sequence[OwnValue], name: str, scenario: Scenario) -> str:
     """Return the text of the temperature that a scenario gives a boundary, where the runs of a fit were assumed to have the same."""
-    given = scenario.boundaries.get(name)
-    for text in dict.fromkeys(o.start for o in seen if o.name == name and "[" in o.start):
-        if isinstance(given, Constant) and abs(literal(text, TEMPERATURE) - given.value) < SAME:
+    boundary = scenario.boundaries.get(name)
+    for text in dict.fromkeys(o.start for o in values_of_runs if o.name == name and "[" in o.start):
+        if isinstance(boundary, Constant) and abs(literal(text, TEMPERATURE) - boundary.value) < SAME_TEMPERATURE:
             return text
     return ""

@@ -82,44 +82,44 @@ class Setting:
     sizes: Mapping[Target, float] = field(default_factory=dict)
 
     @classmethod
-    def of(
+    def of_budget(
         cls, budget: Budget, *, scenario: Scenario | None = None, every: str | float | None = None, times: Any = None, options: Any = None
     ) -> Setting:
         """Return a budget of one way made ready for its scenario, or for a variant of it."""
-        asked = budget.scenario if scenario is None else scenario
-        ready = prepare(budget.model, asked, budget.names, every=every, times=times, options=options)
+        conditions = budget.scenario if scenario is None else scenario
+        ready = prepare(budget.model, conditions, budget.names, every=every, times=times, options=options)
         carriers = {t: tuple(dict.fromkeys(map(ready.canonical, (t.name, *t.also)))) for t in budget.targets if t.form in VALUES}
         if not budget.ways:
             return cls(budget, ready, carriers, {}, ready)
         (way,) = budget.ways
         plain = ready.wiring.network
-        laws = {p: law for kept in way.kept for p, law in kept.laws_in(plain).items()}
+        laws = {p: law for kept_way in way.kept for p, law in kept_way.laws_in(plain).items()}
         network = with_laws(plain, laws)
-        wiring = Wiring(network, asked, ready.free)
+        wiring = Wiring(network, conditions, ready.free)
         ready = replace(ready, _wiring=wiring, _engine=Engine(wiring))
-        own = {ready.canonical(n): x for n, x in way.at.items()}
-        at = {n: x + (ready.nominal[n] if n in network.boundaries else 0.0) for n, x in own.items() if n in ready.free}
+        values_of_way = {ready.canonical(n): x for n, x in way.at.items()}
+        at = {n: x + (ready.nominal[n] if n in network.boundaries else 0.0) for n, x in values_of_way.items() if n in ready.free}
         x = ready.vector(ready.with_units(at)) if ready.free else None
         try:
             rest = ready.settled(ready.with_units(at))[0]
         except SolverError:
             rest = None
-        if not any(kept.departures.smooth for kept in way.kept):
+        if not any(kept_way.departures.smooth for kept_way in way.kept):
             return cls(budget, ready, carriers, at, ready)
         course = course_of(wiring, ready.engine, x, ready.options, rest)
         wanted = {t.name: t for t in budget.targets if t.form == "heat"}
         heats: dict[str, DepartureHeat] = {}
         sizes: dict[Target, float] = {}
-        for kept in way.kept:
-            beyond = kept.departures.beyond(network, course)
-            alone = kept.departures.own(network, course)
-            for c, h in (*kept.departures.shared(network, course, kept.way, laws), *alone):
+        for kept_way in way.kept:
+            beyond = kept_way.departures.beyond(network, course)
+            alone = kept_way.departures.of_run(network, course)
+            for c, h in (*kept_way.departures.shared(network, course, kept_way.way, laws), *alone):
                 if h.name in wanted and h.name not in heats:
                     heats[h.name] = h
-                    sizes[wanted[h.name]] = deviation(c, kept.sizes, beyond) if any(h is other for _, other in alone) else 1.0
+                    sizes[wanted[h.name]] = deviation(c, kept_way.sizes, beyond) if any(h is other for _, other in alone) else 1.0
         carriers |= {wanted[n]: tuple(f"scale.{load}" for load in h.loads) for n, h in heats.items()}
         loads = tuple(f"scale.{n}" for h in heats.values() for n in h.loads)
-        wide = Wiring(*with_heats(network, asked, heats.values()), (*ready.free, *loads))
+        wide = Wiring(*with_heats(network, conditions, heats.values()), (*ready.free, *loads))
         return cls(budget, ready, carriers, at, replace(ready, _wiring=wide, _engine=Engine(wide)), sizes)
 
     @property
@@ -136,14 +136,14 @@ class Setting:
     def linear(self, nodes: Sequence[str] | None = None) -> Linear:
         """Return one run with its derivatives carried to the sources; of all nodes where none are named."""
         run = self._run
-        kept = list(dict.fromkeys(run[n].path for n in (nodes if nodes is not None else run.nodes)))
+        chosen = list(dict.fromkeys(run[n].path for n in (nodes if nodes is not None else run.nodes)))
         try:
             settled, moves = self.full.settled(self._still)
         except SolverError:
             settled, moves = {}, {}
         chain = self._chain()
         columns = {}
-        for n in kept:
+        for n in chosen:
             size = (self.ready.times.size, len(self.full.free))
             slopes = run.slopes(n) if self.full.free else np.zeros(size)
             rest = moves.get(n, np.full(size[1], np.nan)) if size[1] else np.zeros(0)
@@ -157,17 +157,17 @@ class Setting:
         from the straight model by is then the error of that line. Such a source leaves less than `TAKEN_BACK` of its effect alone.
         """
         budget = self.budget
-        own = np.array([[s.name in (t.name, *t.also) for s in budget.sources] for t in budget.targets], dtype=bool)
-        own = own.reshape(len(budget.targets), len(budget.sources))
-        many: Bools = own.any(axis=0) & (np.where(own, 0.0, budget.gain) != 0.0).any(axis=0)
+        is_own_source = np.array([[s.name in (t.name, *t.also) for s in budget.sources] for t in budget.targets], dtype=bool)
+        is_own_source = is_own_source.reshape(len(budget.targets), len(budget.sources))
+        many: Bools = is_own_source.any(axis=0) & (np.where(is_own_source, 0.0, budget.gain) != 0.0).any(axis=0)
         if not many.any() or not self.full.free:
             return many
-        chain = self._chain(np.where(own, budget.gain, 0.0))
-        alone, left = np.zeros(many.size), np.zeros(many.size)
+        chain = self._chain(np.where(is_own_source, budget.gain, 0.0))
+        alone, remaining = np.zeros(many.size), np.zeros(many.size)
         for n, columns in linear.columns.items():
             alone += np.sum((linear.run.slopes(n) @ chain) ** 2, axis=0)
-            left += np.sum(columns[:-1] ** 2, axis=0)
-        many &= left < TAKEN_BACK**2 * alone
+            remaining += np.sum(columns[:-1] ** 2, axis=0)
+        many &= remaining < TAKEN_BACK**2 * alone
         return many
 
     def _chain(self, gain: Array | None = None, forms: Sequence[str] = (*VALUES, "heat")) -> Array:
@@ -210,7 +210,7 @@ class Setting:
                         out[name] = base * (1.0 + row) if form == "factor" else base + row
         return out
 
-    def told(self, sources: Array) -> dict[str, Array]:
+    def member_values(self, sources: Array) -> dict[str, Array]:
         """Return name -> what every member has of it (members,): values, shifts of temperatures, and sources that are no values. [SI]"""
         out = {}
         boundaries = self.ready.wiring.network.boundaries
@@ -235,28 +235,28 @@ class Setting:
         ready = self.ready if extremes else replace(self.ready, options=replace(self.ready.options, extremes=False))
         values, members = self.values(sources), sources.shape[1]
         many: Ensemble | None = None
-        found: dict[str, Array] = {}
+        temperatures: dict[str, Array] = {}
         turnings: dict[str, MemberTurnings] = {}
         if values:
             many = ready.ensemble(ready.with_units(values), nodes=list(nodes), threads=threads)
             lost = len(many.failed) == members
             for n in nodes:
-                found[n] = np.full((self.ready.times.size, members), np.nan) if lost else many.temperatures(n)
-                own = None if lost else many.turnings(n)
-                if own is not None:
-                    turnings[n] = own
+                temperatures[n] = np.full((self.ready.times.size, members), np.nan) if lost else many.temperatures(n)
+                turnings_of_node = None if lost else many.turnings(n)
+                if turnings_of_node is not None:
+                    turnings[n] = turnings_of_node
         else:
             run = ready.run()
             for n in nodes:
                 trace = run[n]
-                found[n] = np.repeat(trace.kelvin[:, None], members, axis=1)
+                temperatures[n] = np.repeat(trace.kelvin[:, None], members, axis=1)
                 if trace.turnings is not None:
                     turnings[n] = MemberTurnings.alike(trace.turnings, np.zeros(members))
         after = {n: combined(self._after(n)[None, :], sources) for n in nodes}
         if self.sizes:
             chain = self._chain(forms=("heat",))
             after |= {n: combined(self._run.slopes(n) @ chain, sources) + after[n] for n in nodes}
-        kelvin = {n: traces + after[n] for n, traces in found.items()}
+        kelvin = {n: traces + after[n] for n, traces in temperatures.items()}
         return Drawn(kelvin, {n: _shifted(t, ready.times, after[n]) for n, t in turnings.items()}, many)
 
 

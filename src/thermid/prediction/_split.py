@@ -94,8 +94,10 @@ class SplitSurface:
 
     def __str__(self) -> str:
         """The parts in one line, the remark in a second."""
-        own = f"{self.effective:.3g} = {self.radiative:.2g} radiation + {self.convective:.2g} convection, +- {self.error:.2g} between them"
-        line = f"{self.path}: {own} [W/(m^2 K)]   emissivity {self.emissivity:.3g} +- {self.emissivity_error:.1g} ({self.prior})"
+        parts_text = (
+            f"{self.effective:.3g} = {self.radiative:.2g} radiation + {self.convective:.2g} convection, +- {self.error:.2g} between them"
+        )
+        line = f"{self.path}: {parts_text} [W/(m^2 K)]   emissivity {self.emissivity:.3g} +- {self.emissivity_error:.1g} ({self.prior})"
         return f"{line}\n  remark: {self.remark}" if self.remark else line
 
 
@@ -193,13 +195,13 @@ class Part:
             f" most {abs(self.rise) * share:.2g} K above the gas instead of {abs(self.rise):.3g} K: a hot spot?), or the finish."
         )
 
-    def conflict(self, left: float, spread: float) -> str:
+    def conflict(self, remainder: float, spread: float) -> str:
         """Return what it can mean that the correlation and what is left of the coefficient disagree."""
         head = (
-            f"beside the radiation {left:.2g} +- {spread:.2g} W/(m^2 K) remain for convection, but the correlation for a body of this "
+            f"beside the radiation {remainder:.2g} +- {spread:.2g} W/(m^2 K) remain for convection, but the correlation for a body of this "
             f"area gives {self.expected:.2g}. The correlation was not used. Possible causes:"
         )
-        if left < self.expected:
+        if remainder < self.expected:
             return f"{head} the area (faces counted twice or inside), the power, the position of the sensor, confined air"
         return f"{head} moving air, heat through mounts and leads (which remains in vacuum), the area, the power"
 
@@ -218,12 +220,12 @@ def parts_of(
     IdentificationError   When a surface has no effective coefficient, or nothing says what its emissivity may be.
     """
     network = compile_network(model)
-    known = {c.path: c for c in network.flat.conductors if c.kind == "effective"}
-    chosen = [model.canonical(w) for w in wanted] or list(known)
+    effective = {c.path: c for c in network.flat.conductors if c.kind == "effective"}
+    chosen = [model.canonical(w) for w in wanted] or list(effective)
     for path in chosen:
-        if path not in known:
+        if path not in effective:
             raise IdentificationError(
-                f"'{path}' is not a surface with an effective coefficient.{nearest(path, known)}", model.title, code="name.unknown"
+                f"'{path}' is not a surface with an effective coefficient.{nearest(path, effective)}", model.title, code="name.unknown"
             )
     if not chosen:
         raise IdentificationError("no surface has an effective coefficient, so there is nothing to separate.", model.title)
@@ -231,14 +233,14 @@ def parts_of(
         at = conditions
     else:
         rest = steady(model, conditions)
-        at = {p: (rest[known[p].ends[0]], rest[known[p].ends[1]]) for p in chosen}
+        at = {p: (rest[effective[p].ends[0]], rest[effective[p].ends[1]]) for p in chosen}
     if not at:
         raise IdentificationError(
             "the temperatures at which the coefficients were fitted are missing. Give a scenario that settles there, or a fit with "
             "its records.",
             network.title,
         )
-    return [_part(network, known[p], at.get(p, (math.nan, math.nan)), values, priors) for p in chosen]
+    return [_part(network, effective[p], at.get(p, (math.nan, math.nan)), values, priors) for p in chosen]
 
 
 def _part(network: Network, c: FlatConductor, at: tuple[float, float], fitted: FittedValues, priors: Mapping[str, Any]) -> Part:
@@ -289,7 +291,7 @@ def _prior(network: Network, c: FlatConductor, priors: Mapping[str, Any]) -> Emi
     """Return what is known of an emissivity: what the caller says, else the finish, else the bounds in the deck."""
     parameters = network.flat.parameters
     root = parameters.literal_behind(c.emissivity)
-    given = parameters.table[root].parameter
+    parameter = parameters.table[root].parameter
     value = float(value_of(network.numbers().values[root]))
     chosen = next((v for k, v in priors.items() if network.flat.names.model.canonical(k) in (root, c.emissivity)), None)
     if chosen is not None:
@@ -300,9 +302,14 @@ def _prior(network: Network, c: FlatConductor, priors: Mapping[str, Any]) -> Emi
     if not 0.0 < value <= 1.0:
         raise IdentificationError(f"an emissivity of {value:g} is not possible. Give 0 to 1.", c.where)
     if c.emissivity in network.flat.finishes:
-        found = finish(network.flat.finishes[c.emissivity], c.where)
-        return EmissivityPrior(value, found.log_sd, f"finish '{found.name}', {found.low:g} to {found.high:g}", found.name)
-    low, high = given.minimum, given.maximum
+        finish_of_surface = finish(network.flat.finishes[c.emissivity], c.where)
+        return EmissivityPrior(
+            value,
+            finish_of_surface.log_sd,
+            f"finish '{finish_of_surface.name}', {finish_of_surface.low:g} to {finish_of_surface.high:g}",
+            finish_of_surface.name,
+        )
+    low, high = parameter.minimum, parameter.maximum
     if low is not None and high is not None and 0.0 < low < high:
         return EmissivityPrior(value, math.log(high / low) / SPAN, f"an emissivity of {low:g} to {high:g}")
     return EmissivityPrior(value, 0.0, f"an emissivity of {value:.3g}, taken as exact")
@@ -349,8 +356,8 @@ def split(
     wanted = (paths,) if isinstance(paths, str) else tuple(paths)
     base = of.values.bare() if isinstance(of, Calibration) else FittedValues(of.title, {}, np.zeros((0, 0)))
     model = of.fitted_model if isinstance(of, Calibration) else of
-    kept = discrepancy_kept(of.values) if isinstance(of, Calibration) else None
-    surfaces = conditions if conditions is not None else kept.surfaces if kept is not None else {}
+    discrepancy = discrepancy_kept(of.values) if isinstance(of, Calibration) else None
+    surfaces = conditions if conditions is not None else discrepancy.surfaces if discrepancy is not None else {}
     return split_values(model, base, wanted, surfaces, priors or {})
 
 
@@ -376,9 +383,9 @@ def split_values(
     done = [joint.take(part) for part in parts]
     values = joint.values(worst([model_standing(model), *([base.standing] if base else [])]))
     fresh = {p: v for p, v in values.assignments.items() if v.origin.startswith("split")}
-    laid = model.with_values(fresh, f"split of '{values.stage}'")
+    split_model = model.with_values(fresh, f"split of '{values.stage}'")
     entries = tuple(joint.entry(p, used, remark) for p, (used, remark) in zip(parts, done, strict=True))
-    return Split(entries, values, laid, _caution(model, base, parts))
+    return Split(entries, values, split_model, _caution(model, base, parts))
 
 
 def _caution(model: Model, base: FittedValues, parts: Sequence[Part]) -> str:
@@ -438,24 +445,24 @@ class _Joint:
         """Let a surface have its say: whether the correlation was used, and what a reader must know of it."""
         if part.emissivity not in self.fresh:
             return False, ""  # fitted itself: two pressures, powers or orientations
-        left = part.effective - part.black * self.emissivity(part)
+        remainder = part.effective - part.black * self.emissivity(part)
         slope = self._slope(part)
         spread = math.sqrt(max(float(slope @ self.cov @ slope), 0.0))
-        self._room(part, left, spread)
+        self._room(part, remainder, spread)
         doubt = CORRELATION_SD * part.expected
-        agrees = abs(left - part.expected) <= CONFLICT * math.hypot(spread, doubt)
+        agrees = abs(remainder - part.expected) <= CONFLICT * math.hypot(spread, doubt)
         if agrees:
             self._learn(part, doubt)
         self._above_floor(part)
-        return agrees, "" if agrees else part.conflict(left, spread)
+        return agrees, "" if agrees else part.conflict(remainder, spread)
 
     def _learn(self, part: Part, doubt: float) -> None:
         """Let the correlation speak: Gauss-Newton to the maximum, since radiation bends with the logarithm, then the covariance there."""
         k, prior = self.at[part.emissivity], self.mean
         for _ in range(30):
             before, slope = self.mean, self._slope(part)
-            left = part.effective - part.black * self.emissivity(part) + slope[k] * (prior[k] - before[k])
-            self.mean = prior + self._gain(slope, doubt) * (part.expected - left)
+            remainder = part.effective - part.black * self.emissivity(part) + slope[k] * (prior[k] - before[k])
+            self.mean = prior + self._gain(slope, doubt) * (part.expected - remainder)
             if abs(self.mean[k] - before[k]) < 1e-10:
                 break
         gain, slope = self._gain(self._slope(part), doubt), self._slope(part)
@@ -473,7 +480,7 @@ class _Joint:
         room = max(part.effective - part.floor, 1e-3 * part.effective)
         return math.log(room / part.black), part.effective_error / room
 
-    def _room(self, part: Part, left: float, spread: float) -> None:
+    def _room(self, part: Part, remainder: float, spread: float) -> None:
         """Refuse a coefficient without room for its finish."""
         k = self.at[part.emissivity]
         top, loose = self._ceiling(part)

@@ -39,7 +39,7 @@ from thermid.model.parameters import Parameter
 from thermid.model.tree import Model
 from thermid.physics.finishes import finish
 from thermid.prediction._budget import AVERAGED, Budget, budget_of
-from thermid.prediction._known import Known, Rows, instruments_of, rows_of
+from thermid.prediction._known import Knowledge, Rows, instruments_of, rows_of
 from thermid.prediction._predict import WayAnswer, mixed_answer
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Workers, in_tasks, network_for
@@ -48,7 +48,7 @@ from thermid.values.store import Normal, Source
 
 CHAMBER_STEP = 20.0
 """Step of a chamber that costs little and is far from what most parts fear. [K]"""
-FELT = 0.1
+MIN_SHARE_OF_ERROR = 0.1
 """Part of the error now below which what else a prediction has is not spoken of."""
 WITHOUT_GAS = " without gas"
 """After the name of a value that is another one without gas."""
@@ -65,11 +65,11 @@ JOINT = 0.7
 than half of the heat between bare, lightly pressed faces (Yovanovich, IEEE Trans. CPT 28 (2005) 182); a filled joint loses nothing. [-]"""
 NAME = "next test"
 DURATIONS = 24
-SEEN = 1e-9
+MIN_SINGULAR_VALUE = 1e-9
 """Part of what readings see best from which they see a direction."""
 ALIKE, WORSE = 0.25, 1.1
 """Part of a step within which temperatures repeat a log's; how many times larger an error must be there to be spoken of."""
-ENOUGH = 0.9
+SHARE_OF_GAIN = 0.9
 """A test is long enough when it has brought nine tenths of what it could."""
 
 
@@ -124,8 +124,8 @@ def usual_actions(model: Model, scenario: Scenario, sensors: Sequence[Sensor]) -
     out = [Action("the same test again", scenario)]
     powers = {row.name: float(value_of(row.coefficients[0])) for row in network.numbers().loads if row.fixed}
     metered = {s.target for s in sensors if s.role == "load"} | set(scenario.loads)
-    for load, own in powers.items():
-        watts = _level(scenario.loads.get(load), own)
+    for load, deck_power in powers.items():
+        watts = _level(scenario.loads.get(load), deck_power)
         if watts > 0 and load not in scenario.commands:
             # a power that nobody meters is as unknown at twice its level as it is now: then the command changes, not the power
             table, unit = ("loads", watts) if load in metered else ("commands", 1.0)
@@ -140,8 +140,8 @@ def usual_actions(model: Model, scenario: Scenario, sensors: Sequence[Sensor]) -
         ramp = TableSignal(
             np.array([0.0, half, half + 600.0, max(2.0 * half, half + 601.0)]), level + np.array([0.0, 0.0, 1.0, 1.0]) * CHAMBER_STEP
         )
-        made = scenario.with_(boundaries={boundary: ramp})
-        out.append(Action(f"'{boundary}' {CHAMBER_STEP:g} K warmer after half the time", made))
+        variant = scenario.with_(boundaries={boundary: ramp})
+        out.append(Action(f"'{boundary}' {CHAMBER_STEP:g} K warmer after half the time", variant))
     seen = {s.target for s in sensors if s.role == "node"}
     noise = min((s.noise for s in sensors if s.role == "node" and s.noise), default=0.1)
     accuracy = next((s.accuracy for s in sensors if s.role == "node" and s.accuracy), None)
@@ -152,9 +152,9 @@ def usual_actions(model: Model, scenario: Scenario, sensors: Sequence[Sensor]) -
     return tuple(out)
 
 
-def _level(signal: Signal | None, own: float) -> float:
+def _level(signal: Signal | None, deck_level: float) -> float:
     """Return where a signal begins."""
-    return own if signal is None else float(signal.at(np.zeros(1))[0])
+    return deck_level if signal is None else float(signal.at(np.zeros(1))[0])
 
 
 @dataclass(frozen=True)
@@ -229,11 +229,11 @@ class Advice(Result):
             long = duration_text(3600 * o.longest)
             when = f"{what} {took} of {long}" if took else f"goal not within {long}"
             lines.append(f"  {o.name:<{width}}  +- {self._shown(o.error):<10} {gain:<20} {when}")
-        felt = {cause: error for cause, error in self.beside.items() if error >= FELT * self.now}
-        if felt:
-            named = ", ".join(f"{cause} +- {short(error)} K" for cause, error in felt.items())
+        relevant = {cause: error for cause, error in self.beside.items() if error >= MIN_SHARE_OF_ERROR * self.now}
+        if relevant:
+            named = ", ".join(f"{cause} +- {short(error)} K" for cause, error in relevant.items())
             nearer = f" No test is credited with what it tells of '{STRUCTURE}': one in the gas and near the state asked narrows it."
-            lines.append(f"  Not included in these figures: {named}.{nearer if STRUCTURE in felt else ''}")
+            lines.append(f"  Not included in these figures: {named}.{nearer if STRUCTURE in relevant else ''}")
         lines += [f"  {remark}" for remark in self.remarks]
         return "\n".join(lines)
 
@@ -277,8 +277,8 @@ class Before:
     @cached_property
     def place(self) -> dict[str, int]:
         """Source -> its column."""
-        own = [s.name for s, cause in zip(self.budget.sources, self.budget.causes, strict=True) if cause not in BESIDE]
-        return {name: k for k, name in enumerate(dict.fromkeys([*own, *(s.name for s in self.instruments.sources)]))}
+        names = [s.name for s, cause in zip(self.budget.sources, self.budget.causes, strict=True) if cause not in BESIDE]
+        return {name: k for k, name in enumerate(dict.fromkeys([*names, *(s.name for s in self.instruments.sources)]))}
 
     @property
     def information(self) -> Array:
@@ -305,9 +305,9 @@ class Before:
                 moved = (1.0 if t.form == "add" else self.values[t.name]) * self.placed(row)
                 out[t.name + WITHOUT_GAS if t.form == "factor" else t.name] = moved + (out[t.name] if t.form == "factor" else 0.0)
         for name, log, row in zip(self.instruments.names, self.instruments.log, self.instruments.matrix, strict=True):
-            own = np.zeros(len(self.place))
-            own[[self.place[s.name] for s in self.instruments.sources]] = row
-            out[name] = own * (self.values[name] if log else 1.0)
+            by_source = np.zeros(len(self.place))
+            by_source[[self.place[s.name] for s in self.instruments.sources]] = row
+            out[name] = by_source * (self.values[name] if log else 1.0)
         return out
 
     def placed(self, column: Array) -> Array:
@@ -320,7 +320,7 @@ class Before:
 
     def temperature(self, node: str, at: float) -> tuple[Array, float, dict[str, float]]:
         """Return how a temperature responds (sources,), its value, and cause -> error that no test takes away. [K]"""
-        ways = [WayAnswer.of(w, own, [node], None, [at], None) for w, own in self.budget.each]
+        ways = [WayAnswer.of_budget(w, budget_of_way, [node], None, [at], None) for w, budget_of_way in self.budget.weighted_ways]
         (columns,) = max(ways, key=lambda w: w.weight).linear.columns.values()
         parts, _, centre, _ = mixed_answer(ways, next(iter(ways[0].linear.columns)), np.zeros(1))
         beside = {cause: float(np.sqrt(v[0])) for cause, v in parts.items() if cause in (*BESIDE, AVERAGED)}
@@ -337,11 +337,11 @@ def before_fit(fit: Calibration, scenario: Scenario | None = None) -> Before:
     ------
     IdentificationError   When a coefficient that must be split cannot be.
     """
-    known = _opened(Known.of(fit))
-    rows = rows_of(known)
-    budget = budget_of(known, scenario) if scenario is not None else Budget.of_rows(rows, known.model)
+    knowledge = _opened(Knowledge.of_source(fit))
+    rows = rows_of(knowledge)
+    budget = budget_of(knowledge, scenario) if scenario is not None else Budget.of_rows(rows, knowledge.model)
     states = fit.store.states
-    instruments = _beside_values(instruments_of(known), budget)
+    instruments = _beside_values(instruments_of(knowledge), budget)
     return Before(
         budget,
         instruments,
@@ -352,7 +352,7 @@ def before_fit(fit: Calibration, scenario: Scenario | None = None) -> Before:
         {o.sensor: o.sigma(fit.problem.noise) for o in fit.problem.observations()} if fit.problem is not None else {},
         fit.request.untie if fit.request is not None else False,
         any(e.scenario.environment for e in fit.experiments),
-        _seen(fit),
+        _predicted_readings(fit),
         tuple(t.name for t in budget.targets if t.form == "log" and t.name not in rows.names),
     )
 
@@ -361,13 +361,15 @@ def _beside_values(instruments: Rows, budget: Budget) -> Rows:
     """Return constant errors of instruments by the sources of a budget, of those that it knows with its values."""
     if not budget.ways:
         return instruments
-    kept = max(budget.ways, key=lambda w: w.weight).kept[0]
-    place, size = kept.places, len(kept.values)
-    own = [k for k, cause in enumerate(budget.causes) if cause == VALUES and budget.sources[k].name.startswith("errors of ")][:size]
-    known = [n for n in instruments.names if n in place]
+    likeliest = max(budget.ways, key=lambda w: w.weight).kept[0]
+    place, size = likeliest.places, len(likeliest.values)
+    value_columns = [k for k, cause in enumerate(budget.causes) if cause == VALUES and budget.sources[k].name.startswith("errors of ")][
+        :size
+    ]
+    known_instruments = [n for n in instruments.names if n in place]
     log = tuple(x for n, x in zip(instruments.names, instruments.log, strict=True) if n in place)
-    matrix = np.array([kept.root[place[n], :size] for n in known]).reshape(len(known), size)
-    found = Rows(tuple(known), log, {}, tuple(budget.sources[k] for k in own), (VALUES,) * size, matrix)
+    matrix = np.array([likeliest.root[place[n], :size] for n in known_instruments]).reshape(len(known_instruments), size)
+    rows_of_values = Rows(tuple(known_instruments), log, {}, tuple(budget.sources[k] for k in value_columns), (VALUES,) * size, matrix)
     rest = [k for k, n in enumerate(instruments.names) if n not in place]
     others = replace(
         instruments,
@@ -375,10 +377,10 @@ def _beside_values(instruments: Rows, budget: Budget) -> Rows:
         log=tuple(instruments.log[k] for k in rest),
         matrix=instruments.matrix[rest],
     )
-    return found.beside(others)
+    return rows_of_values.beside(others)
 
 
-def _seen(fit: Calibration) -> dict[str, list[tuple[Array, Array]]]:
+def _predicted_readings(fit: Calibration) -> dict[str, list[tuple[Array, Array]]]:
     """Return sensor -> times from the start of each record [s] and what the fit says that it read. [K]"""
     out: dict[str, list[tuple[Array, Array]]] = {}
     for b in fit.blocks:
@@ -396,7 +398,7 @@ def before_model(model: Model, priors: Mapping[str, Any], scenario: Scenario | N
     if not priors:
         raise IdentificationError("a model alone has no uncertainties. Give priors, or a fit.", model.title)
     parameters = compile_network(model).flat.parameters
-    texts = {parameters.freeable(raw, model.canonical): given for raw, given in priors_of(model, priors, model.title).items()}
+    texts = {parameters.freeable(raw, model.canonical): spread for raw, spread in priors_of(model, priors, model.title).items()}
     unknowns = [unknown_of(model, p) for p in texts]
     spreads = np.array([prior_of(u, texts[u.name]).sd for u in unknowns])
     sources = tuple(Source(u.name, "stated", Normal(), f"the prior of {u.name}") for u in unknowns)
@@ -410,14 +412,14 @@ def unknown_of(model: Model, path: str) -> Unknown:
     return parameter_unknown(path, parameters.bounded(path), parameters.dimension(path), float(parameters.evaluate({})[path]), (), None)
 
 
-def _opened(known: Known) -> Known:
+def _opened(knowledge: Knowledge) -> Knowledge:
     """Return it with a source of its own for each value that its fit has no finite error of."""
-    fit = known.fit
+    fit = knowledge.fit
     assert fit is not None
     store = fit.store
     loose = [k for k, s in enumerate(store.states.values()) if not s.known and s.origin.kind == "fit"]
     if not loose:
-        return known
+        return knowledge
     names = [list(store.states)[k] for k in loose]
     sources = tuple(Source(n + OPEN, "data", Normal(), f"no uncertainty is known for {n}") for n in names)
     root = np.hstack([store.root, np.zeros((len(store.states), len(loose)))])
@@ -425,7 +427,7 @@ def _opened(known: Known) -> Known:
     states = {n: replace(s, known=True) if n in names else s for n, s in store.states.items()}
     whole = replace(store, states=states, sources=(*store.sources, *sources), root=root)
     values = fit.values.only([n for n in fit.values if n not in names])
-    return replace(known, fit=replace(fit, store=whole), values=(values,))
+    return replace(knowledge, fit=replace(fit, store=whole), values=(values,))
 
 
 def doubts_without_gas(model: Model, scenario: Scenario) -> dict[str, float]:
@@ -438,8 +440,8 @@ def doubts_without_gas(model: Model, scenario: Scenario) -> dict[str, float]:
 
     def doubt(path: str, size: float) -> None:
         root = parameters.literal_behind(path)
-        given: Parameter = parameters.table[root].parameter
-        if given.is_literal and parameters.evaluate({})[root] > 0:
+        parameter: Parameter = parameters.table[root].parameter
+        if parameter.is_literal and parameters.evaluate({})[root] > 0:
             out[root] = size
 
     finishes = {parameters.literal_behind(path): finish(named).log_sd for path, named in flat.finishes.items()}
@@ -501,22 +503,22 @@ def next_test(
     more, with the prior of its constant error; one that was there before brings none a second time.
     """
     aim = target.scenario if isinstance(target, Aim) else None
-    known = before_fit(source, aim) if isinstance(source, Calibration) else before_model(source, priors or {}, aim)
-    model = known.model
+    before = before_fit(source, aim) if isinstance(source, Calibration) else before_model(source, priors or {}, aim)
+    model = before.model
     if scenario is None and not actions:
         raise IdentificationError("no test is given to choose from. Give actions, or a scenario to vary.", model.title)
     base = scenario if scenario is not None else actions[0].scenario
-    given = sensors_of(model, base, sensors) if sensors else _sensors(source)
-    if not given:
+    instruments = sensors_of(model, base, sensors) if sensors else _sensors(source)
+    if not instruments:
         raise IdentificationError("no sensor is given, so a test would give no information. Name at least one.", model.title)
-    gradient, value, label, slot, beside = _gradient(known, target)
-    now = _error(np.diag(known.information), gradient)
+    gradient, value, label, slot, beside = _gradient(before, target)
+    now = _error(np.diag(before.information), gradient)
     wanted = _goal(goal, slot, value)
-    todo = tuple(actions) or usual_actions(model, base, given)
-    tasks = [(f"action '{a.name}'", (known, a, a.sensors or given, every, gradient, wanted)) for a in todo]
-    options = [option for _, option in sorted(in_tasks(_option, tasks, executor), key=lambda found: found[0])]
+    todo = tuple(actions) or usual_actions(model, base, instruments)
+    tasks = [(f"action '{a.name}'", (before, a, a.sensors or instruments, every, gradient, wanted)) for a in todo]
+    options = [option for _, option in sorted(in_tasks(_option, tasks, executor), key=lambda numbered: numbered[0])]
     ranked = sorted(options, key=lambda o: _rank(o, wanted))
-    return Advice(label, value, now, slot, wanted, tuple(ranked), beside, (*_remarks(known, given), *_alike(ranked, slot, value)))
+    return Advice(label, value, now, slot, wanted, tuple(ranked), beside, (*_remarks(before, instruments), *_alike(ranked, slot, value)))
 
 
 def _alike(options: Sequence[Option], slot: str, value: float) -> tuple[str, ...]:
@@ -553,8 +555,8 @@ def _sensors(source: Calibration | Model) -> tuple[Sensor, ...]:
                 out[name] = _thermometer(Sensor(name, path, role, c.noise, c.accuracy, step_of(c) or None), source.problem.noise.get(name))
             else:
                 noisy = experiment.noisy.get(path if role == "boundary" else SCALE + path)
-                found = (noisy.white or None, noisy.step or None) if noisy is not None else (c.noise, None)
-                out[name] = Sensor(name, path, role, found[0], c.accuracy, found[1])
+                noise_and_step = (noisy.white or None, noisy.step or None) if noisy is not None else (c.noise, None)
+                out[name] = Sensor(name, path, role, noise_and_step[0], c.accuracy, noise_and_step[1])
     return tuple(out.values())
 
 
@@ -566,9 +568,9 @@ def _thermometer(sensor: Sensor, scatter: float | None) -> Sensor:
     return replace(sensor, noise=math.sqrt(max(scatter**2 - rounding**2, (0.1 * scatter) ** 2)))
 
 
-def _remarks(known: Before, sensors: Sequence[Sensor]) -> tuple[str, ...]:
+def _remarks(before: Before, sensors: Sequence[Sensor]) -> tuple[str, ...]:
     """Return what the figures take for granted of the noise of planned readings."""
-    slow = [s.name for s in sensors if s.name in known.noise and known.noise[s.name].correlated_variance > 0.0]
+    slow = [s.name for s in sensors if s.name in before.noise and before.noise[s.name].correlated_variance > 0.0]
     if not slow:
         return ()
     return (
@@ -577,18 +579,18 @@ def _remarks(known: Before, sensors: Sequence[Sensor]) -> tuple[str, ...]:
     )
 
 
-def _gradient(known: Before, target: str | Aim) -> tuple[Array, float, str, str, Mapping[str, float]]:
+def _gradient(before: Before, target: str | Aim) -> tuple[Array, float, str, str, Mapping[str, float]]:
     """Return how the target responds to the sources, its value, its name, its unit, and what else makes it uncertain [K]."""
     if not isinstance(target, str):
         at = literal(target.at, "s", "at") if isinstance(target.at, str) and target.at else float(target.at or target.scenario.seconds)
-        gradient, value, beside = known.temperature(target.node, at)
+        gradient, value, beside = before.temperature(target.node, at)
         return gradient, value, str(target), "K", beside
-    path = known.model.canonical(target)
-    name = next((n for n, paths in known.free.items() if path in paths), None)
+    path = before.model.canonical(target)
+    name = next((n for n, paths in before.free.items() if path in paths), None)
     if name is None:
-        raise NameNotFoundError(f"'{target}' is not one of the free parameters.{nearest(path, known.free)}", known.model.title)
-    unit = unknown_of(known.model, name).unit
-    return known.responses[name], known.values[name], f"'{path}'", unit if unit != "K" else "1", {}
+        raise NameNotFoundError(f"'{target}' is not one of the free parameters.{nearest(path, before.free)}", before.model.title)
+    unit = unknown_of(before.model, name).unit
+    return before.responses[name], before.values[name], f"'{path}'", unit if unit != "K" else "1", {}
 
 
 def _goal(text: str, slot: str, value: float) -> float:
@@ -604,54 +606,54 @@ def _error(information: Array, gradient: Array) -> float:
     return float(np.sqrt(variance(information, gradient)))
 
 
-def _option(known: Before, action: Action, sensors: Sequence[Sensor], every: str | float, gradient: Array, goal: float) -> Option:
+def _option(before: Before, action: Action, sensors: Sequence[Sensor], every: str | float, gradient: Array, goal: float) -> Option:
     """Return what an action would be worth, over its duration."""
     longest = action.scenario.seconds / 3600.0
     try:
-        grown = [replace(s, noise=(s.noise or 0.0) * known.spread if s.role == "node" else s.noise) for s in sensors]
-        record = planned_record(known.model, action.scenario, grown, every, NAME)
-        doubts = {} if known.thin else doubts_without_gas(known.model, action.scenario)
-        doubts = {path: size for path, size in doubts.items() if path not in known.split}
-        free = (*known.free, *(p for p in doubts if p not in known.free))
-        request = Request(known.model, (record,), free, {"*": action.scenario}, untie=known.untie)
+        grown = [replace(s, noise=(s.noise or 0.0) * before.spread if s.role == "node" else s.noise) for s in sensors]
+        record = planned_record(before.model, action.scenario, grown, every, NAME)
+        doubts = {} if before.thin else doubts_without_gas(before.model, action.scenario)
+        doubts = {path: size for path, size in doubts.items() if path not in before.split}
+        free = (*before.free, *(p for p in doubts if p not in before.free))
+        request = Request(before.model, (record,), free, {"*": action.scenario}, untie=before.untie)
         problem = doubted(build_problem(request), doubts)
-        durations, matrices, alike = _growing(known, problem, doubts, _planned_noise(known, grown))
+        durations, matrices, alike = _growing(before, problem, doubts, _planned_noise(before, grown))
     except ThermidError as error:
         return Option(action.name, np.inf, np.inf, longest, np.zeros((0, 2)), error.message)
     full = np.zeros(len(matrices[0]))
     full[: gradient.size] = gradient
     errors = np.array([_error(m, full) for m in matrices])
-    now = _error(np.diag(known.information), gradient)
-    wanted = goal if np.isfinite(goal) else now - ENOUGH * (now - errors[-1]) if np.isfinite(now) else errors[-1] / ENOUGH
+    now = _error(np.diag(before.information), gradient)
+    wanted = goal if np.isfinite(goal) else now - SHARE_OF_GAIN * (now - errors[-1]) if np.isfinite(now) else errors[-1] / SHARE_OF_GAIN
     met = np.flatnonzero(errors <= wanted * (1 + 1e-9))
     hours = float(durations[met[0]]) / 3600.0 if met.size else np.inf
     table = np.column_stack([durations / 3600.0, errors])
-    same = _error(alike, full) if _rounds_alike(known, problem.experiments[0]) else float("nan")
+    same = _error(alike, full) if _rounds_alike(before, problem.experiments[0]) else float("nan")
     return Option(action.name, float(errors[-1]), hours, longest, table, alike=same)
 
 
-def _rounds_alike(known: Before, planned: Experiment) -> bool:
+def _rounds_alike(before: Before, planned: Experiment) -> bool:
     """Return whether a sensor with steps would read along the temperatures of a log, to a fraction of a step most of the time."""
     for o in planned.observations:
         times = planned.times[o.index]
-        for t, path in known.seen.get(o.sensor, ()) if o.step else ():
+        for t, path in before.seen.get(o.sensor, ()) if o.step else ():
             if np.median(np.abs(np.interp(times - times[0], t, path) - o.measured)) < ALIKE * o.step:
                 return True
     return False
 
 
-def _planned_noise(known: Before, sensors: Sequence[Sensor]) -> tuple[TraceNoise, ...]:
+def _planned_noise(before: Before, sensors: Sequence[Sensor]) -> tuple[TraceNoise, ...]:
     """Return how planned readings wander, in squares of their noise: as the residuals of each sensor did, a new one like the others."""
     out = []
-    size = {s.name: known.sizes.get(s.name, s.noise or 0.0) * known.spread for s in sensors if s.role == "node"}
-    slow = [known.noise[n] for n in size if n in known.noise and known.noise[n].correlated_variance > 0.0]
-    typical = float(np.median([t.correlated_variance * known.sizes[t.sensor] ** 2 for t in slow])) if slow else 0.0
+    size = {s.name: before.sizes.get(s.name, s.noise or 0.0) * before.spread for s in sensors if s.role == "node"}
+    slow = [before.noise[n] for n in size if n in before.noise and before.noise[n].correlated_variance > 0.0]
+    typical = float(np.median([t.correlated_variance * before.sizes[t.sensor] ** 2 for t in slow])) if slow else 0.0
     for name, noise in size.items():
-        t = known.noise.get(name)
+        t = before.noise.get(name)
         if t is None and slow and noise:
             out.append(TraceNoise(NAME, name, 0, 1.0, typical / noise**2, float(np.median([s.correlation_time for s in slow])), 0.0))
         elif t is not None and t.white_variance > 0.0:
-            white, correlated = (v / known.spread**2 for v in (t.white_variance, t.correlated_variance))
+            white, correlated = (v / before.spread**2 for v in (t.white_variance, t.correlated_variance))
             out.append(TraceNoise(NAME, name, 0, white, correlated, t.correlation_time, 0.0))
         else:
             out.append(TraceNoise(NAME, name, 0, 0.0, 0.0, 0.0, 0.0))
@@ -666,7 +668,7 @@ def _informed(rows: Array, excess: Array) -> Array:
     if not excess.any():
         return np.asarray(rows.T @ rows)
     _, s, turned = np.linalg.svd(np.linalg.qr(rows, mode="r"), full_matrices=False)
-    s, turned = s[s > SEEN * s[0]], turned[s > SEEN * s[0]]
+    s, turned = s[s > MIN_SINGULAR_VALUE * s[0]], turned[s > MIN_SINGULAR_VALUE * s[0]]
     back = turned / s[:, None]
     inner = np.linalg.inv(np.eye(s.size) + back @ excess @ back.T)
     ends = turned.T * s
@@ -679,34 +681,36 @@ def _informed_alike(rows: Array, excess: Array, rounding: Array) -> Array:
     With ``N = W + R``, R by rounding, one log says ``J'J N^-1 J'J`` and both say ``J'J (W / 2 + R)^-1 J'J``.
     """
     _, s, turned = np.linalg.svd(np.linalg.qr(rows, mode="r"), full_matrices=False)
-    s, turned = s[s > SEEN * s[0]], turned[s > SEEN * s[0]]
+    s, turned = s[s > MIN_SINGULAR_VALUE * s[0]], turned[s > MIN_SINGULAR_VALUE * s[0]]
     back = turned / s[:, None]
     whole, shared = np.eye(s.size) + back @ excess @ back.T, back @ rounding @ back.T
     sizes, vectors = np.linalg.eigh(whole - shared)
-    own = (vectors * np.maximum(sizes, 0.0)) @ vectors.T
-    both = np.linalg.inv(whole - 0.5 * own)
+    bounded = (vectors * np.maximum(sizes, 0.0)) @ vectors.T
+    both = np.linalg.inv(whole - 0.5 * bounded)
     ends = turned.T * s
     return np.asarray(ends @ (both - np.linalg.inv(whole)) @ ends.T)
 
 
-def _growing(known: Before, problem: Problem, doubts: Mapping[str, float], noise: Sequence[TraceNoise]) -> tuple[Array, list[Array], Array]:
+def _growing(
+    before: Before, problem: Problem, doubts: Mapping[str, float], noise: Sequence[TraceNoise]
+) -> tuple[Array, list[Array], Array]:
     """Return durations, at each the information of the sources (those known now, then the test's own), and at the end if rounded alike."""
-    leader = {q: name for name, paths in known.free.items() for q in paths}
+    leader = {q: name for name, paths in before.free.items() for q in paths}
     # what holds with gas says nothing of the same value without it
-    own = [leader.get(u.name, u.name) + (WITHOUT_GAS if u.name in doubts else "") for u in problem.unknowns]
-    fresh = [k for k, name in enumerate(own) if name not in known.responses]
-    size = len(known.place)
-    at = np.array([u.to_fitted(known.values.get(leader.get(u.name, u.name), u.start)) for u in problem.unknowns])
-    chain = np.zeros((len(own), size + len(fresh)))
-    base = np.diag(np.concatenate([known.information, np.zeros(len(fresh))]))
-    for k, (u, name) in enumerate(zip(problem.unknowns, own, strict=True)):
+    names = [leader.get(u.name, u.name) + (WITHOUT_GAS if u.name in doubts else "") for u in problem.unknowns]
+    fresh = [k for k, name in enumerate(names) if name not in before.responses]
+    size = len(before.place)
+    at = np.array([u.to_fitted(before.values.get(leader.get(u.name, u.name), u.start)) for u in problem.unknowns])
+    chain = np.zeros((len(names), size + len(fresh)))
+    base = np.diag(np.concatenate([before.information, np.zeros(len(fresh))]))
+    for k, (u, name) in enumerate(zip(problem.unknowns, names, strict=True)):
         if k in fresh:
             chain[k, size + fresh.index(k)] = 1.0
         else:
-            chain[k, :size] = known.responses[name] / u.slope(at[k])
+            chain[k, :size] = before.responses[name] / u.slope(at[k])
         if u.prior is not None and (k in fresh or u.kind != "parameter"):
             # a meter good to so many watts is known better as a share once it has read a larger power
-            base += max(0.0, u.prior.sd**-2 - known.held.get(u.name, 0.0)) * np.outer(chain[k], chain[k])
+            base += max(0.0, u.prior.sd**-2 - before.held.get(u.name, 0.0)) * np.outer(chain[k], chain[k])
     rows = problem.jacobian(at) @ chain
     times = np.concatenate([problem.experiments[0].times[o.index] for o in problem.experiments[0].observations])
     durations = np.linspace(0.0, float(times.max()), DURATIONS + 1)[1:]
@@ -719,5 +723,5 @@ def _growing(known: Before, problem: Problem, doubts: Mapping[str, float], noise
         excess = chain.T @ score_excess(part, noise, 1.0, causes) @ chain
         out.append(base + _informed(rows[times <= end], excess))
     moved = [b.slopes.T @ b.rounding for b in pieces.values() if b.shares_rounding]
-    rounding = chain.T @ sum((m @ m.T for m in moved), np.zeros((len(own),) * 2)) @ chain
+    rounding = chain.T @ sum((m @ m.T for m in moved), np.zeros((len(names),) * 2)) @ chain
     return durations, out, base + _informed_alike(rows, excess, rounding) if moved else out[-1]

@@ -2,7 +2,7 @@
 
 from thermid.prediction._budget import SILENT as SILENT, UNFITTED as UNFITTED, Spread as Spread, assumed_values as assumed_values
 from thermid.prediction._hand import Filed as Filed, filed as filed, hand_values as hand_values
-from thermid.prediction._known import Known as Known
+from thermid.prediction._known import Knowledge as Knowledge
 from thermid.prediction._predict import (
     IN_TESTS as IN_TESTS,
     Band as Band,

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, errors_at, nearest, refuse_unknown
 from thermid.base.extensions import by_grammar, refuse_another_kind
-from thermid.base.files import OWN, read_bytes, write_text
+from thermid.base.files import RESULTS_FILE, read_bytes, write_text
 from thermid.base.results import Result
 from thermid.base.toml_files import Places, project_root, read_json, read_toml, resolve_inside
 from thermid.base.units import TEMPERATURE, counted
@@ -25,7 +25,7 @@ from thermid.fit.uncertainty import listed
 from thermid.measure.steadiness import rule_of
 from thermid.model.deck import load_model
 from thermid.model.laws import literal
-from thermid.prediction.bands import Known, filed
+from thermid.prediction.bands import Knowledge, filed
 from thermid.prediction.reduction import macro_model
 
 if TYPE_CHECKING:
@@ -85,33 +85,33 @@ class Plan(Result):
         return hashlib.sha256(json.dumps(self.planned, sort_keys=True).encode()).hexdigest()
 
     @cached_property
-    def known(self) -> Known:
+    def knowledge(self) -> Knowledge:
         """The model with what is known of its values; a campaign is run when this is first asked for."""
         with errors_at(self.path.name, ", "):
-            return self._known()
+            return self._load_knowledge()
 
-    def _known(self) -> Known:
+    def _load_knowledge(self) -> Knowledge:
         source, folder = self.content.model, self.path.parent
         if source.campaign:
             file = resolve_inside(folder, source.campaign, "model.campaign")
             data = self.data or (resolve_inside(folder, source.data, "model.data") if source.data else None)
             campaign = run_stages(file, data=data, cache=file.parent / "results")
             refuse_unknown([source.stage], campaign.stages, "model.stage", "the campaign has no stage '{}'.", NameNotFoundError)
-            return Known.of(campaign[source.stage])
+            return Knowledge.of_source(campaign[source.stage])
         model = load_model(resolve_inside(folder, source.deck, "model.deck"))
         if not source.values:
-            return Known(model)
+            return Knowledge(model)
         values = filed(resolve_inside(folder, source.values, "model.values"), model)
         synthetic = bool(values.values.provenance.get("synthetic", False))
-        return Known(values.model, (values.values,), synthetic=synthetic, remarks=values.lines)
+        return Knowledge(values.model, (values.values,), synthetic=synthetic, remarks=values.lines)
 
-    def hosted(self, host: str) -> Known:
+    def hosted(self, host: str) -> Knowledge:
         """Return the model on a host of the plan, values under their paths there; the model itself where no host is named."""
         if not host:
-            return self.known
+            return self.knowledge
         table = self.content.hosts[host]
-        whole = macro_model(resolve_inside(self.path.parent, table.deck, f"hosts.{host}.deck"), unit=self.known.model)
-        return Known(whole, self.known.values, None, self.known.synthetic, at=table.unit)
+        whole = macro_model(resolve_inside(self.path.parent, table.deck, f"hosts.{host}.deck"), unit=self.knowledge.model)
+        return Knowledge(whole, self.knowledge.values, None, self.knowledge.synthetic, at=table.unit)
 
     def limits_on(self, host: str) -> tuple[Limits, ...]:
         """Return the limits under their paths on a host."""
@@ -174,9 +174,9 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
     for k, test in enumerate(content.tests):
         check_test(content, test, criteria, lambda key, k=k: where(f"tests.{k}.{key}"))  # type: ignore[misc]
     if content.margins.policy not in POLICIES:
-        known = "; ".join(POLICIES)
+        policies = "; ".join(POLICIES)
         raise NameNotFoundError(
-            f"no margin policy '{content.margins.policy}'; there are {known}.{nearest(content.margins.policy, POLICIES)}",
+            f"no margin policy '{content.margins.policy}'; there are {policies}.{nearest(content.margins.policy, POLICIES)}",
             where("margins.policy"),
         )
     logs = Path(data) if data is not None else None
@@ -236,19 +236,19 @@ def _name(file: Path, folder: Path, logs: Path | None) -> str:
     )
 
 
-def _with_named(file: Path, logs: Path | None, seen: set[Path]) -> Iterator[Path]:
+def _with_named(file: Path, logs: Path | None, visited: set[Path]) -> Iterator[Path]:
     """Yield a file, and every file that it names, at any depth.
 
     Every text in a TOML file that is the name of a file counts, whatever its key: a key that is new tomorrow is not forgotten then.
     """
-    if file in seen:
+    if file in visited:
         return
-    seen.add(file)
+    visited.add(file)
     yield file
     if file.suffix == ".toml":
         for key, text in _texts(read_toml(file)[0]):
-            for named in _found(key, text, file.parent, logs):
-                yield from _with_named(named, logs, seen)
+            for named in _files_named(key, text, file.parent, logs):
+                yield from _with_named(named, logs, visited)
 
 
 def _texts(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
@@ -263,7 +263,7 @@ def _texts(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
             yield from _texts(inner, key)
 
 
-def _found(key: str, text: str, folder: Path, logs: Path | None) -> list[Path]:
+def _files_named(key: str, text: str, folder: Path, logs: Path | None) -> list[Path]:
     """Return the files that a text names, in the folder of logs first; none where it names none, or one outside of the project."""
     if not text or len(text) > LONGEST or "\0" in text or "\n" in text:
         return []
@@ -323,9 +323,9 @@ def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, Criter
         refuse_unknown(getattr(test, key), content.sensors, where(key), "there is no sensor '{}'.", NameNotFoundError)
     have = f"there are no criteria '{{}}'; there are {listed(list(criteria))}."
     refuse_unknown(test.criteria, criteria, where("criteria"), have, NameNotFoundError)
-    for key, kind, given in (("scenario", "scenario", test.scenario), ("profile", PROFILE, test.profile)):
-        if isinstance(given, Mapping):
-            by_grammar(kind, given, lambda inner, key=key: where(f"{key}.{inner}".rstrip(".")))  # type: ignore[misc]
+    for key, kind, course in (("scenario", "scenario", test.scenario), ("profile", PROFILE, test.profile)):
+        if isinstance(course, Mapping):
+            by_grammar(kind, course, lambda inner, key=key: where(f"{key}.{inner}".rstrip(".")))  # type: ignore[misc]
     rule_of(test.stable)
     steady = [n for n in test.criteria if "steady" in criteria[n].kinds]
     if test.log is not None and steady and not test.steady and test.profile is None:
@@ -397,7 +397,7 @@ def _read(plan: Plan) -> dict[str, Any]:
 
 
 def _write(plan: Plan, data: dict[str, Any]) -> None:
-    write_text(_file(plan), json.dumps(data, indent=1, sort_keys=True), OWN)
+    write_text(_file(plan), json.dumps(data, indent=1, sort_keys=True), RESULTS_FILE)
 
 
 def _today() -> str:

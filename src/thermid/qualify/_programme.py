@@ -20,7 +20,7 @@ from thermid.base.units import counted
 from thermid.campaign.verdicts import Limits, Margin, margins
 from thermid.model.parameters import Standing
 from thermid.model.tree import parameter_table
-from thermid.prediction.bands import IN_TESTS, SILENT, UNFITTED, Foresight, Known, assumed_values, widened
+from thermid.prediction.bands import IN_TESTS, SILENT, UNFITTED, Foresight, Knowledge, assumed_values, widened
 from thermid.qualify._plan import LockStatus, Plan, load_plan, lock_status, note_look
 from thermid.qualify._trial import Trial, run_test
 from thermid.simulation.runs import prepare
@@ -86,14 +86,14 @@ class Qualification(Result):
         return tuple(service_of(self.trials))
 
     @property
-    def known(self) -> Known:
+    def knowledge(self) -> Knowledge:
         """The model with what is known of its values."""
-        return self.plan.known
+        return self.plan.knowledge
 
     @property
     def standing(self) -> Standing:
         """Of the values that every prediction rests on."""
-        return self.known.standing.accept(self.accepted)
+        return self.knowledge.standing.accept(self.accepted)
 
     @property
     def passed(self) -> bool | None:
@@ -122,7 +122,7 @@ class Qualification(Result):
         parts = []
         if self.assumptions:
             parts.append(f"{len(self.assumptions)} assumed parameters")
-        if self.known.synthetic or any(t.synthetic for t in self.trials):
+        if self.knowledge.synthetic or any(t.synthetic for t in self.trials):
             parts.append("synthetic data")
         return f"demonstration: {', '.join(parts)}" if parts else ""
 
@@ -149,7 +149,7 @@ class Qualification(Result):
             "open": list(self.open),
             "waived": list(self.waived),
             "demonstration": self.demonstration,
-            "remarks": list(self.known.remarks),
+            "remarks": list(self.knowledge.remarks),
             "plan": {"state": self.lock.state, "sha256": self.lock.sha256, "locked": self.lock.date, "changed": list(self.lock.changed)},
             "worst": None if worst is None else {"point": worst[0], "test": worst[1], "time_s": worst[2], "room_K": worst[3]},
             "tests": [t.to_dict() for t in self.trials],
@@ -171,7 +171,7 @@ class Qualification(Result):
         head = f"{self.plan.title}: {words[self.passed]}"
         head += f", {counted(len(self.waived), 'test')} waived: {', '.join(self.waived)}" if self.waived else ""
         lines = [head + (f"  ({self.demonstration})" if self.demonstration else ""), f"  {self.lock}"]
-        lines += [f"  values: {remark}" for remark in self.known.remarks]
+        lines += [f"  values: {remark}" for remark in self.knowledge.remarks]
         for t in self.trials:
             lines += [f"  {line}" for line in str(t).splitlines()]
         if self.worst is not None:
@@ -305,7 +305,7 @@ def _stated(t: Trial) -> list[str]:
 def _not_counted(t: Trial, m: Margin, moved: float) -> tuple[str, ...]:
     """Return in words what the uncertainty of a margin does not hold."""
     out = []
-    if m.given and m.error <= 0:
+    if m.is_start_value and m.error <= 0:
         out.append("the temperature of the start, which is given, not predicted")
     shown = (UNFITTED, SILENT) if IN_TESTS in m.shares else ()
     # assumed values follow with what they do to this point in this run
@@ -324,19 +324,19 @@ def ranked(effects_: Sequence[Assumption]) -> tuple[Assumption, ...]:
     return tuple(sorted(best.values(), key=lambda a: (a.fitted_around, -a.effect)))
 
 
-def effects(known: Known, name: str, run: Foresight, nodes: Mapping[str, str]) -> list[Assumption]:
+def effects(knowledge: Knowledge, name: str, run: Foresight, nodes: Mapping[str, str]) -> list[Assumption]:
     """Every assumed value at every reference point in one run; a value that a fit was made around moves less, for the fitted take up most.
 
     Parameters
     ----------
-    known : Known       The model.
+    knowledge : Known   The model.
     name : str          Of the run.
     run : Foresight     What is expected of it.
     nodes : dict        Node -> name of its reference point.
     """
-    model = known.model
-    ahead = f"{known.at}." if known.at else ""
-    fitted = {ahead + p for v in known.values for p in (*v, *(q for w in v.values() for q in w.also))}
+    model = knowledge.model
+    ahead = f"{knowledge.at}." if knowledge.at else ""
+    fitted = {ahead + p for v in knowledge.values for p in (*v, *(q for w in v.values() for q in w.also))}
     table = parameter_table(model)
     loose = assumed_values(model, run.scenario, fitted)
     if not loose:

@@ -38,7 +38,7 @@ from thermid.measure.steadiness import rule_of
 from thermid.model.laws import literal
 from thermid.model.tree import flatten
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
-from thermid.prediction.bands import Foresight, Known, foresee
+from thermid.prediction.bands import Foresight, Knowledge, foresee
 from thermid.qualify._plan import Plan
 from thermid.qualify._profile_runs.conduct import run_profile
 from thermid.qualify._profile_runs.profile_run import ProfileRun, in_short
@@ -97,7 +97,7 @@ class Trial:
     """
 
     test: TestTable
-    known: Known
+    known: Knowledge
     foresight: Foresight
     limits: tuple[Limits, ...]
     checks: tuple[LimitCheck, ...]
@@ -202,7 +202,7 @@ class Trial:
             lines.append(f"  nearest: {self.worst}")
         lines += [f"  {c}" for c in self.checks if c.crossings and c is not self.worst]
         for h in self.heaters:
-            lines.append(f"  heater {h.load}: duty {100 * h.duty:.0f} %, at most {100 * h.most:.0f} %: {VERDICTS[h.passed]}")
+            lines.append(f"  heater {h.load}: duty {100 * h.duty:.0f} %, at most {100 * h.max_duty:.0f} %: {VERDICTS[h.passed]}")
         lines += [f"  outside the calibration: {o}" for o in self.outside]
         if self.correlation is not None:
             for name, passed in self.correlation.verdicts.items():
@@ -217,18 +217,18 @@ class Trial:
 
 def run_test(plan: Plan, test: TestTable) -> Trial:
     """Return a test of a plan: predicted, held against limits, and judged where its log is there."""
-    known, limits = plan.hosted(test.host), plan.limits_on(test.host)
-    scenario, course = _course(plan, test, known)
+    knowledge, limits = plan.hosted(test.host), plan.limits_on(test.host)
+    scenario, course = _course(plan, test, knowledge)
     sensors = sensors_of(plan, test)
     # refuse sensors and reference points at nodes that the model does not have
-    nodes = [n.path for n in flatten(known.model).nodes]
+    nodes = [n.path for n in flatten(knowledge.model).nodes]
     places = [(f"limits.{x.point}.node", x.node) for x in limits] + [(f"sensors.{s}.node", n) for s, (n, _) in sensors.items()]
     for key, node in places:
-        refuse_unknown([known.model.canonical(node)], nodes, f"{plan.path.name}, {key}", f"no node '{node}'.", NameNotFoundError)
+        refuse_unknown([knowledge.model.canonical(node)], nodes, f"{plan.path.name}, {key}", f"no node '{node}'.", NameNotFoundError)
     points = list(dict.fromkeys([x.node for x in limits] + [n for n, _ in sensors.values()]))
     step = max(literal(test.every, "s", f"{test.name}, every"), scenario.seconds / STORED)
     times = np.linspace(0.0, scenario.seconds, int(np.ceil(scenario.seconds / step)) + 1)
-    foresight = foresee(known, scenario, nodes=points, spread=test.spread, times=times)
+    foresight = foresee(knowledge, scenario, nodes=points, spread=test.spread, times=times)
     checks = check_limits(foresight.solution, limits, state=_state(test))
     heaters = tuple(
         heater_duty(
@@ -236,14 +236,14 @@ def run_test(plan: Plan, test: TestTable) -> Trial:
         )
         for load, power in test.heaters.items()
     )
-    ahead = f"{known.at}." if known.at else ""
+    ahead = f"{knowledge.at}." if knowledge.at else ""
     outside = extrapolations(test, foresight, plan.content.validity, [x.node for x in limits], ahead)
     remarks = in_short(course) if course is not None else ()
-    trial = Trial(test, known, foresight, limits, checks, course, heaters, outside, remarks=remarks)
+    trial = Trial(test, knowledge, foresight, limits, checks, course, heaters, outside, remarks=remarks)
     return trial if test.log is None else _judged(plan, trial, scenario, sensors)
 
 
-def _course(plan: Plan, test: TestTable, known: Known) -> tuple[Scenario, ProfileRun | None]:
+def _course(plan: Plan, test: TestTable, knowledge: Knowledge) -> tuple[Scenario, ProfileRun | None]:
     """Return what is done to the model, and its phases where it follows a profile."""
     scenario: Scenario | None = None
     if isinstance(test.scenario, str):
@@ -252,13 +252,13 @@ def _course(plan: Plan, test: TestTable, known: Known) -> tuple[Scenario, Profil
         scenario = Scenario(**({"title": test.name} | dict(test.scenario or {})))
     if test.profile is not None:
         run = run_profile(
-            known.model,
+            knowledge.model,
             profile_from(test.profile, plan.path.name, test.name),
             chamber=test.chamber,
             base=test.base,
             watch=test.watch,
             equipment=test.equipment,
-            scenario=_beside(scenario, test, known),
+            scenario=_beside(scenario, test, knowledge),
             every=literal(test.every, "s", f"{test.name}, every"),
         )
         return replace(run.scenario, title=test.name), replace(run, cycles_beside=_cycles_beside(plan, test, run.profile))
@@ -266,7 +266,7 @@ def _course(plan: Plan, test: TestTable, known: Known) -> tuple[Scenario, Profil
     return scenario, None
 
 
-def _beside(scenario: Scenario | None, test: TestTable, known: Known) -> Scenario | None:
+def _beside(scenario: Scenario | None, test: TestTable, knowledge: Knowledge) -> Scenario | None:
     """Return what is done beside a profile: loads, commands, other boundaries.
 
     Raises
@@ -275,8 +275,8 @@ def _beside(scenario: Scenario | None, test: TestTable, known: Known) -> Scenari
     """
     if scenario is None:
         return None
-    chamber = {known.model.canonical(n) for n in ([test.chamber] if isinstance(test.chamber, str) else test.chamber)}
-    both = [n for n in scenario.boundaries if known.model.canonical(n) in chamber]
+    chamber = {knowledge.model.canonical(n) for n in ([test.chamber] if isinstance(test.chamber, str) else test.chamber)}
+    both = [n for n in scenario.boundaries if knowledge.model.canonical(n) in chamber]
     if both or scenario.seconds > 0.0:
         what = f"boundary '{both[0]}' is the chamber" if both else "its duration follows from the unit"
         raise ScenarioError(
@@ -318,23 +318,23 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
     comparison: Calibration | None = None
     if log.simulated:
         other = _record(plan, test, log.simulated, sensors, {}, {})
-        seen = paired(record, other, test.name)
+        overlaid = paired(record, other, test.name)
     else:
         base = replace(scenario, start=log.start) if log.start else scenario
         comparison = compare(trial.known.model, record, scenario=_without(base, log.boundaries.values(), log.loads.values()))
-        seen = overlays(comparison, test.name)
+        overlaid = overlays(comparison, test.name)
     excluded = plan.content.exclusions
-    left_out = Exclusions({s: r for s, r in excluded.reasons.items() if s in {o.sensor for o in seen}}, excluded.cap)
+    left_out = Exclusions({s: r for s, r in excluded.reasons.items() if s in {o.sensor for o in overlaid}}, excluded.cap)
     correlation = correlate(
-        seen,
+        overlaid,
         [plan.criteria[n] for n in test.criteria],
         steady={test.name: windows} if windows else None,
         weights=test.weights,
         exclusions=left_out,
         title=test.name,
     )
-    diagnosis = diagnose(comparison) if comparison is not None and correlation.failed and len({o.sensor for o in seen}) > 1 else None
-    counted = [o for o in seen if o.sensor not in left_out.reasons]
+    diagnosis = diagnose(comparison) if comparison is not None and correlation.failed and len({o.sensor for o in overlaid}) > 1 else None
+    counted = [o for o in overlaid if o.sensor not in left_out.reasons]
     settled, unsure = settled_by(trial, record, windows, [o.sensor for o in counted])
     steady = any("steady" in plan.criteria[n].kinds for n in test.criteria)
     origin = record.origin
@@ -386,11 +386,11 @@ def _doubts(trial: Trial, record: Record, counted: Sequence[Overlay], windows: S
 
 def _without(scenario: Scenario, boundaries: Any, loads: Any) -> Scenario:
     """Return a scenario without what the log gives itself."""
-    kept = {k: v for k, v in scenario.boundaries.items() if k not in set(boundaries)}
+    remaining = {k: v for k, v in scenario.boundaries.items() if k not in set(boundaries)}
     logged = set(loads)
     return replace(
         scenario,
-        boundaries=kept,
+        boundaries=remaining,
         loads={k: v for k, v in scenario.loads.items() if k not in logged},
         commands={k: v for k, v in scenario.commands.items() if k not in logged},
     )
@@ -473,17 +473,17 @@ def dwells(trial: Trial, nodes: Sequence[str], end: float) -> list[tuple[float, 
     return out
 
 
-def not_covered(seen: Sequence[Overlay], begin: float, end: float, windows: Sequence[Window] = ()) -> Iterator[str]:
+def not_covered(overlaid: Sequence[Overlay], begin: float, end: float, windows: Sequence[Window] = ()) -> Iterator[str]:
     """Yield which part of a test, or of a settled stretch of it, no valid reading covers; sensors with the same lack together.
 
     Parameters
     ----------
-    seen : sequence of Overlay  Readings that count.
+    overlaid : sequence of Overlay  Readings that count.
     begin, end : float          Of the test as it is simulated. [s]
     windows : sequence          Settled stretches. [s]
     """
     lacks: dict[str, list[str]] = {}
-    for o in seen:
+    for o in overlaid:
         missing, longest, start = _missing(o.times, begin, end)
         if missing > MISSING * (end - begin):
             text = f"for {duration_text(missing)} of {duration_text(end - begin)}; the longest gap, {duration_text(longest)}, is at "

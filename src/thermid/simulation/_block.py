@@ -188,10 +188,10 @@ class Again:
 
     def at(self, times: Array) -> Array:
         """Return what is watched (times, watched) [K] at increasing times (times,) [s]."""
-        fields: Array = self.memo.made(times.tobytes(), lambda: self._made(times), most=4)
+        fields: Array = self.memo.value(times.tobytes(), lambda: self._watched_at(times), most=4)
         return fields
 
-    def _made(self, times: Array) -> Array:
+    def _watched_at(self, times: Array) -> Array:
         none = np.zeros(0)
         return integrate(self.network, self.initial, self.end, times, self.watched, none, self.options, self.where, self.name).watched
 
@@ -249,14 +249,14 @@ def simulate_block(
     field_times = np.asarray(list(fields), dtype=float)
     if field_times.size and ((np.diff(field_times) <= 0).any() or field_times[0] < 0 or field_times[-1] > scenario.seconds):
         raise ScenarioError("times of fields must increase and lie within the duration.", where)
-    initial, statistics, said = _start(block, scenario, network, opts, where)
+    initial, statistics, start_remark = _start(block, scenario, network, opts, where)
     answer = integrate(network, initial, scenario.seconds, wanted, watched, field_times, opts, where, block.name, opts.extremes)
     grid = {"fields": answer.fields.reshape(-1, *block.cells), "final_field": answer.final.reshape(block.cells), "field_times": field_times}
     method = str(answer.statistics["method"]).removesuffix(" + CG")
     options = replace(opts, method=method, extremes=False)
     again = Again(network, initial, float(scenario.seconds), tuple(watched), options, where, block.name)
     statistics = {**answer.statistics, **({"start": statistics} if statistics else {})}
-    return _solution(block, scenario, network, names, wanted, answer.watched, statistics, grid, answer, again, said)
+    return _solution(block, scenario, network, names, wanted, answer.watched, statistics, grid, answer, again, start_remark)
 
 
 def steady_block(block: Block, scenario: Scenario, time: float = 0.0, kind: str = "") -> BlockSolution:
@@ -270,16 +270,16 @@ def steady_block(block: Block, scenario: Scenario, time: float = 0.0, kind: str 
     if kind == PERIODIC:
         whole = scenario.with_(start=PERIODIC, duration=cycle or scenario.seconds, initial={})
         return simulate_block(block, whole, watch=(*EXTREMES, *block.heaters, *FACES), fields=(0.0,))
-    network, said = compile_block(block, scenario), held_inputs(changing, time)
+    network, remark = compile_block(block, scenario), held_inputs(changing, time)
     if kind:
-        network, said = _stilled(network, mean_span(changing, cycle, scenario)), held_means(changing, cycle, scenario)[1]
+        network, remark = _stilled(network, mean_span(changing, cycle, scenario)), held_means(changing, cycle, scenario)[1]
     kelvin, statistics = settle_large(network, time, f"{block.title}, {scenario.title}")
     cells, times = kelvin.reshape(block.cells), np.array([float(time)])
     names = (*EXTREMES, *block.heaters, *FACES)
     means = [float(kelvin[_watched(block, n).nodes].mean()) for n in names[len(EXTREMES) :]]
     watched = np.array([[kelvin.mean(), kelvin.max(), kelvin.min(), *means]])
     grid = {"fields": cells[None], "final_field": cells, "field_times": times}
-    return _solution(block, scenario, network, names, times, watched, statistics, grid, None, said=said)
+    return _solution(block, scenario, network, names, times, watched, statistics, grid, None, start_remark=remark)
 
 
 def steady_levels_of_block(block: Block, scenario: Scenario, most: int) -> tuple[BlockSolution, ...]:
@@ -319,7 +319,7 @@ def _solution(
     grid: Mapping[str, Array],
     answer: LargeAnswer | None,
     again: Again | None = None,
-    said: str = "",
+    start_remark: str = "",
 ) -> BlockSolution:
     none: Any = None  # a block has no wiring of names
     more: dict[str, Any] = {
@@ -333,7 +333,7 @@ def _solution(
     }
     nodes = (*names, *network.boundaries)
     lost = "" if network.boundaries else "the block has no path to a boundary, so its temperature changes without limit when it is heated"
-    remarks = tuple(each for each in (lost, said) if each)
+    remarks = tuple(remark for remark in (lost, start_remark) if remark)
     return BlockSolution(block.title, scenario.title, times, nodes, (), "ok", statistics, remarks, none, **more)
 
 
@@ -399,8 +399,8 @@ def _check(block: Block, scenario: Scenario, where: str) -> None:
         ("heater", scenario.loads, block.heaters),
         ("heater", scenario.commands, block.heaters),
     )
-    for kind, table, known in tables:
-        refuse_unknown(table, known, where, f"the block has no {kind} '{{}}'.", ScenarioError)
+    for kind, table, allowed in tables:
+        refuse_unknown(table, allowed, where, f"the block has no {kind} '{{}}'.", ScenarioError)
     for name in block.boundaries:
         if name not in scenario.boundaries:
             raise ScenarioError(f"boundary '{name}' has no temperature. Give it one under boundaries of the scenario.", where)
@@ -426,11 +426,11 @@ def _rows(block: Block, exchange: Exchange, boundaries: tuple[str, ...]) -> list
 def _start(block: Block, scenario: Scenario, network: SparseNetwork, options: Options, where: str) -> tuple[Array, Mapping[str, Any], str]:
     """Return the initial temperatures (cells,) [K], how they were looked for, and what a reader must know of them."""
     start = scenario.start
-    asked = Start.of(start, where)
-    if asked is not None:
+    steady_start = Start.from_text(start, where)
+    if steady_start is not None:
         if scenario.initial:
             raise ScenarioError("a steady start gives the temperatures of all cells. Leave 'initial' out.", where)
-        return _settled(block, scenario, network, asked, options, where)
+        return _settled(block, scenario, network, steady_start, options, where)
     if start == "" and len(network.boundaries) != 1:
         raise ScenarioError("the start is missing. Give a temperature, the name of a boundary, or 'steady'.", where)
     initial = np.full(block.count, _temperature(start or network.boundaries[0], network, where))
@@ -440,16 +440,16 @@ def _start(block: Block, scenario: Scenario, network: SparseNetwork, options: Op
 
 
 def _settled(
-    block: Block, scenario: Scenario, network: SparseNetwork, asked: Start, options: Options, where: str
+    block: Block, scenario: Scenario, network: SparseNetwork, start: Start, options: Options, where: str
 ) -> tuple[Array, Mapping[str, Any], str]:
     """Return what `_start` does for a start that is looked for."""
     cycle, changing = _rhythm(block, scenario)
-    check_start(asked, cycle, changing, scenario)
-    if asked.kind == STEADY:
-        return *settle_large(network, asked.time, where), held_inputs(changing, asked.time)
+    check_start(start, cycle, changing, scenario)
+    if start.kind == STEADY:
+        return *settle_large(network, start.time, where), held_inputs(changing, start.time)
     still = _stilled(network, mean_span(changing, cycle, scenario))
     kelvin, statistics = settle_large(still, 0.0, where)
-    if asked.kind == MEAN:
+    if start.kind == MEAN:
         return kelvin, statistics, held_means(changing, cycle, scenario)[1]
     return *_periodic(network, still, kelvin, cycle or 0.0, options, where, block.name), ""
 
@@ -508,6 +508,6 @@ def _mixed(states: list[Array], steps: list[Array]) -> Array:
     """Return the next state: the combination of earlier ones whose steps cancel best, and its step."""
     if len(states) < 2:
         return np.asarray(states[-1] + steps[-1])
-    moved, changed = (np.column_stack([b - a for a, b in pairwise(each)]) for each in (states, steps))
+    moved, changed = (np.column_stack([b - a for a, b in pairwise(sequence)]) for sequence in (states, steps))
     share = np.linalg.lstsq(changed, steps[-1], rcond=1e-12)[0]
     return np.asarray(states[-1] + steps[-1] - (moved + changed) @ share)

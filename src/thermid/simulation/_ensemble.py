@@ -80,10 +80,10 @@ class Ensemble(Result):
         ScenarioError       When the node was not kept, or members were counted.
         """
         self._refuse_counted(node)
-        return self._traces(self._kept(node))
+        return self._traces(self._stored_node(node))
 
     def _refuse_counted(self, node: str) -> None:
-        self._kept(node)
+        self._stored_node(node)
         if self._counts:
             text = "members were counted, so what each did is not known. Leave 'quantiles' out to keep every trace, or ask for a quantile."
             raise ScenarioError(text, self.title)
@@ -94,7 +94,10 @@ class Ensemble(Result):
             raise ScenarioError(f"member {member} does not exist. Members are numbered from 0 to {self.members - 1}.", self.title)
         turnings = self.turnings(node)
         return Trace(
-            self._kept(node), self.times, self.temperatures(node)[:, member], turnings.of(member) if turnings is not None else None
+            self._stored_node(node),
+            self.times,
+            self.temperatures(node)[:, member],
+            turnings.of_member(member) if turnings is not None else None,
         )
 
     def turnings(self, node: str) -> MemberTurnings | None:
@@ -103,7 +106,7 @@ class Ensemble(Result):
         That is so with ``Options(extremes=False)``, where members were counted, and for a massless node that was eliminated: its weights
         differ from member to member.
         """
-        return self._turnings.get(self._kept(node))
+        return self._turnings.get(self._stored_node(node))
 
     def quantile(self, node: str, share: Any) -> Array:
         """Return the temperature below which a share of the members lies, (times,) or (shares, times). [K]
@@ -131,20 +134,20 @@ class Ensemble(Result):
     def _shared(self, node: str, share: Any) -> tuple[Array, Array]:
         """Return quantiles (..., times + 2) of a node that was counted, and by how much each may be wrong. [K]"""
         check_shares(np.atleast_1d(share), self.title)
-        return self._counts[self._kept(node)].read(share)
+        return self._counts[self._stored_node(node)].read(share)
 
     def _of_whole(self, node: str, share: Any) -> Array:
         check_shares(np.atleast_1d(share), self.title)
-        return np.asarray(np.quantile(self._whole(self._kept(node)), share, axis=1))
+        return np.asarray(np.quantile(self._whole(self._stored_node(node)), share, axis=1))
 
     def mean(self, node: str) -> Array:
         """Return the mean temperature (times,) over the members. [K]"""
-        path = self._kept(node)
+        path = self._stored_node(node)
         return self._counts[path].mean[:-2] if self._counts else self._whole(path).mean(axis=1)
 
     def sd(self, node: str) -> Array:
         """Return the standard deviation (times,) of the temperature over the members. [K]"""
-        path = self._kept(node)
+        path = self._stored_node(node)
         return self._counts[path].sd[:-2] if self._counts else spread_of(self._whole(path))
 
     def highest(self, node: str) -> Array:
@@ -160,7 +163,7 @@ class Ensemble(Result):
 
     def _furthest(self, node: str, sign: float) -> Array:
         self._refuse_counted(node)
-        path = self._kept(node)
+        path = self._stored_node(node)
         turnings = self._turnings.get(path) or MemberTurnings.joined([])
         return turnings.furthest(self._traces(path).T, sign) - ICE_POINT
 
@@ -173,14 +176,14 @@ class Ensemble(Result):
 
     def _whole_or_refuse(self, node: str) -> Array:
         self.temperatures(node)
-        return self._whole(self._kept(node))
+        return self._whole(self._stored_node(node))
 
     def _whole(self, path: str) -> Array:
         """Return the temperatures (times, members that reached the end). [K]"""
         traces = self._traces(path)
         return np.delete(traces, list(self.failed), axis=1) if self.failed else traces
 
-    def _kept(self, node: str) -> str:
+    def _stored_node(self, node: str) -> str:
         path = self._find(node)
         refuse_unknown([path], self.nodes, self.title, f"'{node}' was not stored. Name it in 'nodes'. Stored: {{known}}.", ScenarioError)
         if len(self.failed) == self.members:
@@ -254,7 +257,7 @@ def _all_alike(mask: Bools) -> bool:
     return False
 
 
-class Many(Dual):
+class MemberValues(Dual):
     """A number with one value per member.
 
     It passes for a number with derivatives, of which it has none, because that is what the model's code lets through untouched.
@@ -281,7 +284,7 @@ class Many(Dual):
 
     def __array_ufunc__(self, function: Callable[..., Any], method: str, *inputs: Any, **more: Any) -> Any:
         """Apply a function of numpy member by member."""
-        return Many(getattr(function, method)(*(_plain(x) for x in inputs), **more))
+        return MemberValues(getattr(function, method)(*(_plain(x) for x in inputs), **more))
 
     def __bool__(self) -> bool:
         """What a comparison says of all members."""
@@ -291,89 +294,89 @@ class Many(Dual):
         """The first member, for a message that is made anew for each."""
         return format(float(self.values[0]), how)
 
-    def __add__(self, other: Any) -> Many:
+    def __add__(self, other: Any) -> MemberValues:
         """Sum."""
-        return Many(self.values + _plain(other))
+        return MemberValues(self.values + _plain(other))
 
     __radd__ = __add__
 
-    def __neg__(self) -> Many:
+    def __neg__(self) -> MemberValues:
         """Negative."""
-        return Many(-self.values)
+        return MemberValues(-self.values)
 
-    def __pos__(self) -> Many:
+    def __pos__(self) -> MemberValues:
         """Itself."""
         return self
 
-    def __sub__(self, other: Any) -> Many:
+    def __sub__(self, other: Any) -> MemberValues:
         """Difference."""
-        return Many(self.values - _plain(other))
+        return MemberValues(self.values - _plain(other))
 
-    def __rsub__(self, other: Any) -> Many:
+    def __rsub__(self, other: Any) -> MemberValues:
         """Difference, number first."""
-        return Many(_plain(other) - self.values)
+        return MemberValues(_plain(other) - self.values)
 
-    def __mul__(self, other: Any) -> Many:
+    def __mul__(self, other: Any) -> MemberValues:
         """Product."""
-        return Many(self.values * _plain(other))
+        return MemberValues(self.values * _plain(other))
 
     __rmul__ = __mul__
 
-    def __truediv__(self, other: Any) -> Many:
+    def __truediv__(self, other: Any) -> MemberValues:
         """Quotient."""
         return _quotient(self.values, _plain(other))
 
-    def __rtruediv__(self, other: Any) -> Many:
+    def __rtruediv__(self, other: Any) -> MemberValues:
         """Quotient, number first."""
         return _quotient(_plain(other), self.values)
 
-    def __pow__(self, other: Any) -> Many:
+    def __pow__(self, other: Any) -> MemberValues:
         """Power."""
         return _power(self.values, _plain(other))
 
-    def __rpow__(self, other: Any) -> Many:
+    def __rpow__(self, other: Any) -> MemberValues:
         """Power, number first."""
         return _power(_plain(other), self.values)
 
-    def __lt__(self, other: Any) -> Many:
+    def __lt__(self, other: Any) -> MemberValues:
         """Where it is smaller."""
-        return Many(self.values < _plain(other))
+        return MemberValues(self.values < _plain(other))
 
-    def __le__(self, other: Any) -> Many:
+    def __le__(self, other: Any) -> MemberValues:
         """Where it is smaller or equal."""
-        return Many(self.values <= _plain(other))
+        return MemberValues(self.values <= _plain(other))
 
-    def __gt__(self, other: Any) -> Many:
+    def __gt__(self, other: Any) -> MemberValues:
         """Where it is larger."""
-        return Many(self.values > _plain(other))
+        return MemberValues(self.values > _plain(other))
 
-    def __ge__(self, other: Any) -> Many:
+    def __ge__(self, other: Any) -> MemberValues:
         """Where it is larger or equal."""
-        return Many(self.values >= _plain(other))
+        return MemberValues(self.values >= _plain(other))
 
     def __eq__(self, other: object) -> Any:
         """Where it is equal."""
-        return Many(self.values == _plain(other))
+        return MemberValues(self.values == _plain(other))
 
     def __ne__(self, other: object) -> Any:
         """Where it is not equal."""
-        return Many(self.values != _plain(other))
+        return MemberValues(self.values != _plain(other))
 
     __hash__ = None  # type: ignore[assignment]
 
 
 def _plain(x: Any) -> Any:
-    return x.values if isinstance(x, Many) else x
+    return x.values if isinstance(x, MemberValues) else x
 
 
-def _quotient(above: Any, below: Any) -> Many:
+def _quotient(above: Any, below: Any) -> MemberValues:
     """Return a quotient; division by zero is an error, as it is for one member."""
     if _all_alike(np.broadcast_to(np.asarray(below) == 0.0, np.broadcast_shapes(np.shape(above), np.shape(below)))):
         raise ZeroDivisionError("float division by zero")
-    return Many(above / below)
+    return MemberValues(above / below)
 
 
-def _power(base: Any, exponent: Any) -> Many:
+def _power(base: Any, exponent: Any) -> MemberValues:
     """Return a power, by the function that serves one member, so that not even the last bit differs."""
     bases, exponents = np.broadcast_arrays(np.asarray(base, dtype=float), np.asarray(exponent, dtype=float))
     out, wrong = np.empty(bases.shape), np.zeros(bases.shape, dtype=bool)
@@ -384,7 +387,7 @@ def _power(base: Any, exponent: Any) -> Many:
             wrong[k] = True
     if _all_alike(wrong):
         raise ArithmeticError("a power of a negative number or of zero has no value")
-    return Many(out)
+    return MemberValues(out)
 
 
 @dataclass(frozen=True, eq=False)
@@ -433,7 +436,7 @@ class _Collector:
             return
         try:
             with np.errstate(over="ignore", invalid="ignore"):
-                self._store(self.wiring.assembled_at({n: Many(v[share]) for n, v in self.values.items()}), share)
+                self._store(self.wiring.assembled_at({n: MemberValues(v[share]) for n, v in self.values.items()}), share)
         except _ApartError as apart:
             self.fill(share[apart.mask])
             self.fill(share[~apart.mask])
@@ -553,20 +556,20 @@ class _Runs:
         """Return the runs of members at values (members,)."""
         engine, members = self.engine, next(iter(values.values())).size
         numbers = _started(engine, assemble_members(engine.wiring, values, members))
-        kept, end = _needed(engine, self.wanted, numbers), engine.wiring.scenario.seconds
-        kernel = engine.members(numbers.coefficients, numbers.initial, self.times, kept, end, self.options, self.simd)
+        kept_nodes, end = _needed(engine, self.wanted, numbers), engine.wiring.scenario.seconds
+        kernel = engine.members(numbers.coefficients, numbers.initial, self.times, kept_nodes, end, self.options, self.simd)
         stored = kernel.advance(self.times.size, self.threads)
         failed = _failed(engine, kernel, numbers, self.options)
-        turnings = _turnings(engine, kernel, numbers, self.wanted, kept, failed, self.options)
-        return _GroupRun(_Recovery(engine, numbers, kept), stored, self.times, failed, turnings, _statistics(kernel))
+        turnings = _turnings(engine, kernel, numbers, self.wanted, kept_nodes, failed, self.options)
+        return _GroupRun(_Recovery(engine, numbers, kept_nodes), stored, self.times, failed, turnings, _statistics(kernel))
 
     def key(self, values: Mapping[str, Array]) -> str:
         """Return a hash of all that counts at values (members,) depend on."""
         from importlib.metadata import version
 
         network, scenario = self.engine.wiring.network, self.engine.wiring.scenario
-        own = (scenario, dict(values), self.times, self.wanted, self.options, self.simd, self.at_once, version("thermid"))
-        return digest((cast(Model, network.flat.names.model).identity(), *own))
+        run_settings = (scenario, dict(values), self.times, self.wanted, self.options, self.simd, self.at_once, version("thermid"))
+        return digest((cast(Model, network.flat.names.model).identity(), *run_settings))
 
     @property
     def at_once(self) -> int:
@@ -626,8 +629,8 @@ def run_members(
     runs = _Runs(engine, times, wanted, options, threads, simd)
     ensemble = partial(Ensemble, *titles, times, wanted, members, values)
     if shares:
-        found = _all_counted(runs, values, members, executor, job)
-        return ensemble(found.failed, found.statistics, network.find, _no_traces, found.tallies, {}, warnings)
+        counted = _all_counted(runs, values, members, executor, job)
+        return ensemble(counted.failed, counted.statistics, network.find, _no_traces, counted.tallies, {}, warnings)
     if job is not None:
         raise ScenarioError("a job keeps counts of members, not their traces. Give 'quantiles', or use td.qualify.uncertain_runs.", where)
     if executor is None:
@@ -655,7 +658,7 @@ def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executo
         at += pilots[-1][1].members
     ahead = (process_time() - begun) * (members - at) / at
     tasks = _tasks({n: v[at:] for n, v in values.items()}, members - at, runs.at_once)
-    folder = JobFolder.of(job, runs.key(values)) if job is not None else None
+    folder = JobFolder.below(job, runs.key(values)) if job is not None else None
     done = _left_in(folder, {at + first: v for first, v in tasks}, grids)
     open_ = [at + first for first, _ in tasks if at + first not in done]
     calls = [(f"members from {at + first} on", (runs, v, grids)) for first, v in tasks if at + first in open_]
@@ -722,7 +725,7 @@ def _one_by_one(
     titles = (wiring.network.title, wiring.scenario.title)
     if shares or set(values) != set(wiring.free):
         raise ScenarioError("runs of an FMU are kept whole, and one by one. Leave quantiles out.", ", ".join(titles))
-    kept = np.full((members, times.size, len(wanted)), np.nan)
+    temperatures = np.full((members, times.size, len(wanted)), np.nan)
     failed: dict[int, str] = {}
     end = max(wiring.scenario.seconds, float(times[-1]))
     for m in range(members):
@@ -732,11 +735,11 @@ def _one_by_one(
         except ThermidError as error:
             failed[m] = str(error)
             continue
-        kept[m] = answer.temperatures
+        temperatures[m] = answer.temperatures
     place = {n: k for k, n in enumerate(wanted)}
 
     def traces(node: str) -> Array:
-        return np.asarray(kept[:, :, place[node]].T)
+        return np.asarray(temperatures[:, :, place[node]].T)
 
     statistics = {"steps": 0, "rejected": 0, "one_by_one": members, "simd": "none"}
     return Ensemble(*titles, times, wanted, members, values, failed, statistics, wiring.network.find, traces, {}, {}, warnings)
@@ -788,8 +791,8 @@ def _failed(engine: Engine, kernel: Any, numbers: MembersNumbers, options: Optio
     for m in np.flatnonzero(status).tolist():
         last = kernel.ended(m)
         ended = _Ended(int(status[m]), int(node[m]), float(time[m]), last)
-        own = numbers.one(m, like) if like is not None and last.size and m not in out else None
-        out.setdefault(m, engine.message(ended, options, engine.wiring.scenario.seconds, own))
+        numbers_of_member = numbers.one(m, like) if like is not None and last.size and m not in out else None
+        out.setdefault(m, engine.message(ended, options, engine.wiring.scenario.seconds, numbers_of_member))
     return dict(sorted(out.items()))
 
 
@@ -798,7 +801,7 @@ def _turnings(
     kernel: Any,
     numbers: MembersNumbers,
     wanted: Sequence[str],
-    kept: Sequence[str],
+    kept_nodes: Sequence[str],
     failed: Mapping[int, str],
     options: Options,
 ) -> dict[str, MemberTurnings]:
@@ -806,9 +809,9 @@ def _turnings(
     if not options.extremes:
         return {}
     member, column, times, kelvin = kernel.turnings  # in order of columns, members and times
-    ends = np.searchsorted(column, np.arange(len(kept) + 1))
+    ends = np.searchsorted(column, np.arange(len(kept_nodes) + 1))
     member = member.astype(np.int64)
-    out = {n: MemberTurnings(member[i:j], times[i:j], kelvin[i:j]) for n, i, j in zip(kept, ends[:-1], ends[1:], strict=True)}
+    out = {n: MemberTurnings(member[i:j], times[i:j], kelvin[i:j]) for n, i, j in zip(kept_nodes, ends[:-1], ends[1:], strict=True)}
     wiring = engine.wiring
     for name in wanted:
         if name in numbers.offsets:

@@ -14,7 +14,7 @@ from thermid.base.errors import NameNotFoundError, nearest
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation._network.network import Network
 
-WIDE: Final = 9
+MAX_GROUPS_ON_SCREEN: Final = 9
 """Groups whose matrix fits a screen."""
 SHOWN: Final = 3
 """Neighbours that the line of a node names."""
@@ -81,7 +81,9 @@ class HeatMap:
     readings: Mapping[str, tuple[str, float]]
 
     @classmethod
-    def of(cls, network: Network, temperatures: Mapping[str, float], flows: Mapping[str, float], powers: Mapping[str, float]) -> HeatMap:
+    def of_network(
+        cls, network: Network, temperatures: Mapping[str, float], flows: Mapping[str, float], powers: Mapping[str, float]
+    ) -> HeatMap:
         """Return the map of a network at temperatures [K], with the heat of its conductors and loads [W]."""
         flat = network.flat
         paths = tuple(Path(c.path, c.kind, c.ends, flows[c.path]) for c in flat.conductors if c.path in flows)
@@ -120,24 +122,24 @@ class HeatMap:
         size = max([abs(p.heat) for p in self.paths] + [abs(w) for _, w in self.loads.values()], default=0.0) or 1.0
         return max((abs(b.residual) for b in self.balances() if not b.given), default=0.0) / size
 
-    def grouped(self, asked: Mapping[str, str] | None = None) -> dict[str, tuple[str, ...]]:
+    def grouped(self, patterns: Mapping[str, str] | None = None) -> dict[str, tuple[str, ...]]:
         """Return group -> nodes.
 
         Parameters
         ----------
-        asked : dict    Name -> pattern of nodes, ``*`` for any text; patterns are tried in order. A node of none is in the group of the
+        patterns : dict  Name -> pattern of nodes, ``*`` for any text; patterns are tried in order. A node of none is in the group of the
                         first step of its path: its part (parts of one kind of element together), or itself.
 
         Raises
         ------
         NameNotFoundError   When a pattern meets no node.
         """
-        out: dict[str, list[str]] = {name: [] for name in asked or {}}
+        out: dict[str, list[str]] = {name: [] for name in patterns or {}}
         for node in self.temperatures:
             head = node.partition(".")[0]
-            colour = next((name for name, pattern in (asked or {}).items() if _meets(node, pattern)), None)
+            colour = next((name for name, pattern in (patterns or {}).items() if _meets(node, pattern)), None)
             out.setdefault(colour or self.parts.get(head, head), []).append(node)
-        for name, pattern in (asked or {}).items():
+        for name, pattern in (patterns or {}).items():
             if not out[name]:
                 raise NameNotFoundError(f"no node matches '{pattern}'.{nearest(pattern, self.temperatures)}", f"--group {name}")
         return {name: tuple(nodes) for name, nodes in out.items()}
@@ -177,7 +179,7 @@ class HeatMap:
 
     def _matrix(self, groups: Mapping[str, Sequence[str]]) -> list[str]:
         heat, names = self.between(groups), list(groups)
-        if len(names) <= WIDE:
+        if len(names) <= MAX_GROUPS_ON_SCREEN:
             width = max(8, *map(len, names)) + 1
             rows = [
                 "heat from row to column, loads of a group on the diagonal [W]",
@@ -215,7 +217,7 @@ class HeatMap:
 
 
 def _meets(node: str, pattern: str) -> bool:
-    return any(fnmatchcase(node, each.strip()) for each in pattern.split(","))
+    return any(fnmatchcase(node, part.strip()) for part in pattern.split(","))
 
 
 def _watts(heat: float) -> str:
@@ -272,6 +274,6 @@ def margin_lines(rows: Sequence[NodeMargin]) -> list[str]:
     for m in rows:
         low = f"{m.lowest - ICE_POINT:9.3f} to" if moving else ""
         ends = " to ".join(f"{e - ICE_POINT:.6g}" if np.isfinite(e) else "-" for e in m.limits)
-        said = f"  margin {m.margin:8.3f} K of {ends}" if np.isfinite(m.margin) else ""
-        out.append(f"  {m.node:<{width}} {low}{m.highest - ICE_POINT:9.3f}{said}")
+        margin_text = f"  margin {m.margin:8.3f} K of {ends}" if np.isfinite(m.margin) else ""
+        out.append(f"  {m.node:<{width}} {low}{m.highest - ICE_POINT:9.3f}{margin_text}")
     return out

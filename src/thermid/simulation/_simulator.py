@@ -298,11 +298,11 @@ class Simulator:
         parameters = self._wiring.network.flat.parameters
         return domain(*self.bounds(name), name in self._wiring.parameters and parameters.dimension(name) == NUMBER)
 
-    def law(self, name: str, given: Any) -> Distribution:
+    def law(self, name: str, spread: Any) -> Distribution:
         """Return the law of the value of a free name that a written spread means; see `read_spread`. [SI]"""
         path = self.canonical(name)
         where = f"{self.title}, spread of '{path}'"
-        return read_spread(given, self.slots(path)[0], self.nominal[path], where, bounds=self.bounds(path))
+        return read_spread(spread, self.slots(path)[0], self.nominal[path], where, bounds=self.bounds(path))
 
     def with_units(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return values in SI by free name, or of many members, as `run` and `ensemble` take them: temperatures with their unit."""
@@ -322,15 +322,15 @@ class Simulator:
         )
         return {name: self._si(name, value) for name, value in named.items()}
 
-    def _si(self, name: str, given: Any) -> Any:
+    def _si(self, name: str, values_given: Any) -> Any:
         slot = self.slots(name)[0]
-        if slot != TEMPERATURE and isinstance(given, float | np.ndarray):
-            return given
+        if slot != TEMPERATURE and isinstance(values_given, float | np.ndarray):
+            return values_given
         with errors_at(f"{self.title}, {name}"):
-            value = si_values(given, slot)
+            value = si_values(values_given, slot)
             if value is not None and np.isnan(value).any():  # that would stand for a steady start
                 raise ScenarioError("nan is not a value.")
-        return given if value is None else value
+        return values_given if value is None else value
 
 
 @takes_objects
@@ -390,8 +390,8 @@ def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
         powers[load.path] = mean * (1.0 if f"watts {load.path}" in wiring.signals else value_of(first.coefficients[0]))
     out: list[str] = [f"INCOMPLETE: {what}" for what in wiring.network.flat.names.model.missing_parts()]
     out += [part.message() for part in unreached(wiring.network, numbers, powers)]
-    if wiring.start is not None and wiring.start.kind == STEADY and (said := wiring.held_at(wiring.start.time)):
-        out.append(CodedText(f"the start is {said}", "run.start-held"))
+    if wiring.start is not None and wiring.start.kind == STEADY and (held_text := wiring.held_at(wiring.start.time)):
+        out.append(CodedText(f"the start is {held_text}", "run.start-held"))
     out += sampled_logs(scenario)
     if scenario.as_printed:
         out.append(

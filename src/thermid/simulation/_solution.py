@@ -109,15 +109,15 @@ class Trace(Result):
         ------
         ScenarioError   When a time lies outside the run.
         """
-        asked = np.asarray(literal(time, "s", f"{self.path}, at") if isinstance(time, str) else time, dtype=float)
+        wanted_times = np.asarray(literal(time, "s", f"{self.path}, at") if isinstance(time, str) else time, dtype=float)
         first, last = float(self.times[0]), float(self.times[-1])
         near = 1e-9 * (last - first)
-        outside = [t for t in np.ravel(asked) if not first - near <= t <= last + near]
+        outside = [t for t in np.ravel(wanted_times) if not first - near <= t <= last + near]
         if outside:
             raise ScenarioError(
                 f"the run goes from {first:g} s to {last:g} s; it has no temperature at {outside[0]:g} s.", f"{self.path}, at"
             )
-        wanted = np.clip(asked, first, last)
+        wanted = np.clip(wanted_times, first, last)
         if self.dense is None or np.isin(wanted, self.times).all():
             return np.asarray(np.interp(wanted, self.times, self.celsius))
         unique, places = np.unique(wanted, return_inverse=True)
@@ -125,9 +125,9 @@ class Trace(Result):
 
     def __str__(self) -> str:
         """One line: end, span and how many times."""
-        known = "" if self.turnings is not None else ", between them unknown"
+        between_samples = "" if self.turnings is not None else ", between them unknown"
         span = f"{self.lowest:.3f} .. {self.highest:.3f} degC"
-        return f"{self.path}: {self.final:.3f} degC at {self.times[-1]:g} s, {span} at {self.times.size} times{known}"
+        return f"{self.path}: {self.final:.3f} degC at {self.times[-1]:g} s, {span} at {self.times.size} times{between_samples}"
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
         """Return the temperatures (times,). [degC]"""
@@ -145,8 +145,8 @@ class Trace(Result):
 
     def __getitem__(self, place: int | slice | Array) -> float | Array:
         """Return the temperature at one or more places of `times`. [degC]"""
-        found = self.celsius[place]
-        return float(found) if np.ndim(found) == 0 else np.asarray(found)
+        celsius = self.celsius[place]
+        return float(celsius) if np.ndim(celsius) == 0 else np.asarray(celsius)
 
     def _as_rows(self) -> list[Row]:
         """Return its last, highest and lowest temperature."""
@@ -217,7 +217,7 @@ class Run:
 
     def again(self, times: Array) -> Run:
         """Return the same run stored at other, increasing times (times,) [s], by the same method."""
-        return self.memo.made(times.tobytes(), lambda: self._again(times), most=4)
+        return self.memo.value(times.tobytes(), lambda: self._again(times), most=4)
 
     def _again(self, times: Array) -> Run:
         method = str(self.answer.statistics["method"]).removesuffix(" + CG")
@@ -279,9 +279,9 @@ class Run:
     def _shares(self, by_node: Mapping[str, Array], times: Array) -> dict[str, Array]:
         if not self.assembled.numbers.controls:
             return {}
-        known = {**by_node, **self._controllers(times)}
+        temperatures = {**by_node, **self._controllers(times)}
         modes = self.modes(times)
-        return self.wiring.shares(self.assembled.numbers, known.__getitem__, times, modes.__getitem__)
+        return self.wiring.shares(self.assembled.numbers, temperatures.__getitem__, times, modes.__getitem__)
 
     def _controllers(self, times: Array) -> dict[str, Array]:
         """Return state of a controller -> its course (times,). [K]"""
@@ -482,8 +482,8 @@ class Solution(Result):
         """
         run, first, last = self._run, float(self.times[0]), float(self.times[-1])
         turnings = [t for t in (run.turnings(run.network.find(n)) for n in nodes) if t is not None]
-        kept = [t.times if most is None or t.times.size <= 2 * most else t.furthest(most) for t in turnings]
-        more = np.unique(np.concatenate([np.zeros(0), *kept]))
+        turning_times = [t.times if most is None or t.times.size <= 2 * most else t.furthest(most) for t in turnings]
+        more = np.unique(np.concatenate([np.zeros(0), *turning_times]))
         switches = run.switches if most is None else np.intersect1d(run.switches, more)
         before = switches - np.maximum(JUST_BEFORE, 1e-12 * switches)
         more = np.concatenate([more, switches, before])
@@ -569,9 +569,9 @@ class Solution(Result):
         tables = {"heat_flow": ("conductor", flows, "W"), "power": ("load", powers, "W")}
         data: dict[str, Any] = {"temperature": (("time", "node"), self.temperatures, {"units": "K"})}
         coordinates: dict[str, Any] = {"time": ("time", self.times, {"units": "s"}), "node": list(self.nodes)}
-        found = [self[n] for n in self.nodes]
-        between = {"between_samples": "tracked" if all(t.turnings is not None for t in found) else "unknown"}
-        for word, ends in (("highest", [t.maximum for t in found]), ("lowest", [t.minimum for t in found])):
+        node_traces = [self[n] for n in self.nodes]
+        between = {"between_samples": "tracked" if all(t.turnings is not None for t in node_traces) else "unknown"}
+        for word, ends in (("highest", [t.maximum for t in node_traces]), ("lowest", [t.minimum for t in node_traces])):
             data[word] = ("node", np.array([e.kelvin for e in ends]), {"units": "K"} | between)
             data[f"{word}_time"] = ("node", np.array([e.time for e in ends]), {"units": "s"})
         for name, (axis, traces, units) in tables.items():

@@ -120,17 +120,17 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
     instant = 0.0 if kind else literal(time, "s", f"{scenario.title}, steady") if isinstance(time, str) else float(time)
     # a run sees what is before its end; the inputs of an instant are those from it on
     lasting = scenario.seconds if scenario.seconds > instant else instant * (1.0 + 1e-9)
-    asked = scenario.with_(duration=lasting, start=scenario.start or Kelvin(ICE_POINT))
+    held_scenario = scenario.with_(duration=lasting, start=scenario.start or Kelvin(ICE_POINT))
     if isinstance(model, Block):
-        return steady_block(model, asked, instant, kind)
+        return steady_block(model, held_scenario, instant, kind)
     # the start plays no part
-    asked = replace(asked, start=Kelvin(ICE_POINT), initial={})
-    wiring = Wiring(network_for(model, asked), asked)
-    if kind and wiring.cycle and wiring.cycle > asked.seconds:
-        asked = asked.with_(duration=wiring.cycle)
-        wiring = Wiring(network_for(model, asked), asked)
+    held_scenario = replace(held_scenario, start=Kelvin(ICE_POINT), initial={})
+    wiring = Wiring(network_for(model, held_scenario), held_scenario)
+    if kind and wiring.cycle and wiring.cycle > held_scenario.seconds:
+        held_scenario = held_scenario.with_(duration=wiring.cycle)
+        wiring = Wiring(network_for(model, held_scenario), held_scenario)
     if kind == PERIODIC:
-        return _over_a_period(model, asked, wiring.cycle)
+        return _over_a_period(model, held_scenario, wiring.cycle)
     problem = KernelProblem(wiring.stilled() if kind else wiring)
     a = wiring.assemble()
     state, _, on = at_rest(problem, a, instant)
@@ -138,12 +138,12 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
     temperatures = {n: float(traces.temperature(n)[0]) for n in (*wiring.network.boundaries, *wiring.network.nodes)}
     heat = _heat(problem, a, state, on, temperatures, instant)
     if kind:
-        span, said = held_means(wiring.changing, wiring.cycle, asked)
+        span, remark = held_means(wiring.changing, wiring.cycle, held_scenario)
         held = f"mean inputs over {span}"
     else:
-        held, said = f"inputs at {instant:g} s", wiring.held_at(instant)
+        held, remark = f"inputs at {instant:g} s", wiring.held_at(instant)
     missing = tuple(f"INCOMPLETE: {what}" for what in model.missing_parts())
-    return Steady(temperatures, held, (*missing, *((said,) if said else ())), heat=heat, names=wiring.network.flat.names)
+    return Steady(temperatures, held, (*missing, *((remark,) if remark else ())), heat=heat, names=wiring.network.flat.names)
 
 
 def _heat(
@@ -158,7 +158,9 @@ def _heat(
     # a store has a state of its own, its enthalpy, beside the temperatures
     columns = [*state.tolist(), *(temperatures[n] for n in wiring.network.boundaries)]
     powers = problem.powers(a, np.array([columns]), times, on[None, :] if (on >= 0).any() else None)
-    return HeatMap.of(wiring.network, temperatures, {n: float(w[0]) for n, w in flows.items()}, {n: float(w[0]) for n, w in powers.items()})
+    return HeatMap.of_network(
+        wiring.network, temperatures, {n: float(w[0]) for n, w in flows.items()}, {n: float(w[0]) for n, w in powers.items()}
+    )
 
 
 def _over_a_period(model: Model, scenario: Scenario, cycle: float | None) -> Steady:
@@ -167,11 +169,13 @@ def _over_a_period(model: Model, scenario: Scenario, cycle: float | None) -> Ste
     run = simulate(model, replace(scenario, start=PERIODIC, duration=length), times=np.linspace(0.0, length, PERIOD_SAMPLES))
     mean = {n: float(np.trapezoid(run[n].kelvin, run.times)) / length for n in run.nodes}
     low, high = ({n: float(pick(run[n].kelvin)) for n in run.nodes} for pick in (np.min, np.max))
-    flows, powers = ({n: float(np.trapezoid(w, run.times)) / length for n, w in each.items()} for each in (run.heat_flows, run.load_powers))
+    flows, powers = (
+        {n: float(np.trapezoid(w, run.times)) / length for n, w in traces.items()} for traces in (run.heat_flows, run.load_powers)
+    )
     network = network_for(model, scenario)
     missing = tuple(f"INCOMPLETE: {what}" for what in model.missing_parts())
     held = f"the mean over a period of {length:g} s of the periodic state"
-    return Steady(mean, held, missing, low, high, HeatMap.of(network, mean, flows, powers), network.flat.names)
+    return Steady(mean, held, missing, low, high, HeatMap.of_network(network, mean, flows, powers), network.flat.names)
 
 
 @overload
@@ -201,10 +205,10 @@ def steady_levels(model: Model | Block, scenario: Scenario) -> tuple[Steady, ...
     """
     if isinstance(model, Block):
         return steady_levels_of_block(model, scenario, MOST_LEVELS)
-    asked = replace(scenario, start=Kelvin(ICE_POINT), initial={})
-    wiring = Wiring(network_for(model, asked), asked)
-    length = max(asked.seconds, wiring.cycle or 0.0)
-    if length > asked.seconds:
-        asked = asked.with_(duration=length)
-        wiring = Wiring(network_for(model, asked), asked)
-    return tuple(steady(model, asked, t) for t in levels_of(wiring.signals, length, scenario.title, MOST_LEVELS))
+    plain_scenario = replace(scenario, start=Kelvin(ICE_POINT), initial={})
+    wiring = Wiring(network_for(model, plain_scenario), plain_scenario)
+    length = max(plain_scenario.seconds, wiring.cycle or 0.0)
+    if length > plain_scenario.seconds:
+        plain_scenario = plain_scenario.with_(duration=length)
+        wiring = Wiring(network_for(model, plain_scenario), plain_scenario)
+    return tuple(steady(model, plain_scenario, t) for t in levels_of(wiring.signals, length, scenario.title, MOST_LEVELS))

@@ -56,12 +56,12 @@ class Trajectory:
     def __post_init__(self) -> None:
         """Refuse columns that are no flight."""
         for name in UNITS:
-            given = getattr(self, name)
-            if given is None:
+            column = getattr(self, name)
+            if column is None:
                 continue
-            TableSignal(self.times, given)
-            if name != "altitude" and given.min() < 0.0:
-                raise ScenarioError(f"a {name} of {given.min():.4g} {UNITS[name]} does not exist.", "trajectory")
+            TableSignal(self.times, column)
+            if name != "altitude" and column.min() < 0.0:
+                raise ScenarioError(f"a {name} of {column.min():.4g} {UNITS[name]} does not exist.", "trajectory")
 
     def air(self, times: Array, upper: str = "") -> tuple[Array, Array]:
         """Return pressure [Pa] and density [kg/m^3] (times,) along the flight: the given ones, or those of the standard atmosphere.
@@ -107,8 +107,8 @@ class Trajectory:
         if self.pressure is not None and self.density is not None:
             return fine
         high = self.column(fine, "altitude") > (1e3 * UPPER[-1, 0] if upper else HIGHEST_ALTITUDE)
-        known = fine[: int(np.argmax(high))] if high.any() else fine
-        return np.union1d(known, fine[fine <= end])
+        in_known_air = fine[: int(np.argmax(high))] if high.any() else fine
+        return np.union1d(in_known_air, fine[fine <= end])
 
 
 @takes_objects
@@ -321,8 +321,8 @@ def ascent_checks(
     if pressure is None or pressure.cycle == 0.0:
         raise ScenarioError(f"the pressure of '{air}' is constant, so the scenario is not an ascent.", scenario.title)
     out = _decay(pressure, scenario.seconds, over, air, limits)
-    for surface, given in scenario.irradiation.items():
-        stream = getattr(given, "stream", None)
+    for surface, irradiation in scenario.irradiation.items():
+        stream = getattr(irradiation, "stream", None)
         if stream is not None:
             times = stream.knots(0.0, scenario.seconds)
             heat = stream.at(times)

@@ -308,8 +308,8 @@ def eclipse_signal(altitude: str | float, beta: float | str, duration: str | flo
     return orbits if first <= period - dark else joined(Constant(1.0), first, orbits)
 
 
-def _lit(given: Any) -> Signal:
-    lit = Constant(float(given)) if isinstance(given, int | float) else signal(given, "1", "orbit, lit")
+def _lit(written: Any) -> Signal:
+    lit = Constant(float(written)) if isinstance(written, int | float) else signal(written, "1", "orbit, lit")
     if not (lit.bounds[0] >= 0.0 and lit.bounds[1] <= 1.0):
         raise ScenarioError("give light from 0 in eclipse to 1 in the sun.", "orbit, lit")
     return lit

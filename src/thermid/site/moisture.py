@@ -26,7 +26,7 @@ from thermid.site.vapour import Followed, Volume, WaterBalance, follow
 SETTLED: Final = 1e-3
 """Change of every temperature between passes below which the latent heat is in balance with them. [K]"""
 PASSES: Final = 60
-KEPT: Final = 12
+MAX_MIXED_PASSES: Final = 12
 """Passes whose latent heats are combined to the next one. [-]"""
 
 
@@ -87,10 +87,10 @@ class Moisture(Result):
     warnings: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, solution: Solution, parts: Sequence[FlatConductor], followed: Followed) -> Moisture:
+    def of_run(cls, solution: Solution, parts: Sequence[FlatConductor], followed: Followed) -> Moisture:
         """Return what humidity does along a solution whose vapour was followed."""
-        each = zip(parts, followed.margin, followed.film, followed.latent, strict=True)
-        surfaces = {c.path: SurfaceMoisture(c.path, c.gas, solution.times, *traces) for c, *traces in each}
+        rows = zip(parts, followed.margin, followed.film, followed.latent, strict=True)
+        surfaces = {c.path: SurfaceMoisture(c.path, c.gas, solution.times, *traces) for c, *traces in rows}
         water = followed.water
         open_ = (
             ()
@@ -148,7 +148,7 @@ def moisture(
     volumes: Mapping[str, Volume] | None = None,
     *,
     every: str | float = 60.0,
-    told: Callable[[int, float], None] | None = None,
+    progress: Callable[[int, float], None] | None = None,
 ) -> Moisture:
     """Return a run with dew points, condensation margins, films and their latent heat.
 
@@ -162,7 +162,7 @@ def moisture(
     humidity : dict                     Boundary that is a gas -> its relative humidity over liquid water, a number or a signal. [-]
     volumes : dict                      Gas node with vapour of its own -> `Volume`.
     every : str or float                Time between outputs, on which latent heat is a polygon. [s]
-    told : callable                     Told after each pass its number and how far temperatures still moved [K]; what it raises ends it.
+    progress : callable                 Told after each pass its number and how far temperatures still moved [K]; what it raises ends it.
 
     Raises
     ------
@@ -172,17 +172,17 @@ def moisture(
         raise ScenarioError("give the humidity by gas: gas -> relative humidity, such as {'air': 0.6}.", scenario.title)
     flat = compile_network(model, media=scenario.media()).flat
     gases = list(dict.fromkeys(c.gas for c in _exchanging(flat)))
-    own = {flat.names.find(k): v for k, v in (volumes or {}).items()}
+    volumes_by_path = {flat.names.find(k): v for k, v in (volumes or {}).items()}
     open_air = {flat.names.find(k): signal(v, "1", f"humidity of {k}") for k, v in humidity.items()}
     for name, given_humidity in open_air.items():
         check_span(given_humidity, scenario.seconds, f"{scenario.title}, humidity of {name}")
-    for name, volume in own.items():
-        if volume.to and flat.names.find(volume.to) not in (*open_air, *own):
+    for name, volume in volumes_by_path.items():
+        if volume.to and flat.names.find(volume.to) not in (*open_air, *volumes_by_path):
             raise ScenarioError(f"'{name}' exchanges gas with '{volume.to}', whose humidity is not given.", scenario.title)
-    others = {flat.names.find(v.to) for v in own.values() if v.to}
+    others = {flat.names.find(v.to) for v in volumes_by_path.values() if v.to}
     no_surface = "no surface exchanges heat with '{}' by convection."
-    refuse_unknown((*own, *open_air), {*gases, *others}, scenario.title, no_surface, ScenarioError)
-    parts = [c for c in _exchanging(flat) if c.gas in (*open_air, *own)]
+    refuse_unknown((*volumes_by_path, *open_air), {*gases, *others}, scenario.title, no_surface, ScenarioError)
+    parts = [c for c in _exchanging(flat) if c.gas in (*open_air, *volumes_by_path)]
     wet, names = _with_latent(model, [c.path for c in parts])
     heats: dict[str, Signal] = {name: Constant(0.0) for name in names.values()}
     before: Array | None = None
@@ -190,14 +190,14 @@ def moisture(
     changes: list[Array] = []
     for count in range(1, PASSES + 1):
         solution = simulate(wet, scenario.with_(loads=heats), every=every)
-        followed = follow(solution, parts, open_air, own)
-        dry_heats = [*dry_heats, np.array([heats[names[c.path]].at(solution.times) for c in parts])][-KEPT:]
-        changes = [*changes, followed.latent - dry_heats[-1]][-KEPT:]
+        followed = follow(solution, parts, open_air, volumes_by_path)
+        dry_heats = [*dry_heats, np.array([heats[names[c.path]].at(solution.times) for c in parts])][-MAX_MIXED_PASSES:]
+        changes = [*changes, followed.latent - dry_heats[-1]][-MAX_MIXED_PASSES:]
         moved = np.inf if before is None else float(np.abs(solution.temperatures - before).max())
-        if told is not None:
-            told(count, moved)
+        if progress is not None:
+            progress(count, moved)
         if max(moved, _remaining(moved, dry_heats, changes)) < SETTLED:
-            return Moisture.of(solution, parts, followed)
+            return Moisture.of_run(solution, parts, followed)
         before = solution.temperatures
         heats = {
             names[c.path]: TableSignal(solution.times, heat, after="hold")
@@ -206,26 +206,26 @@ def moisture(
     raise ScenarioError(f"latent heat and temperatures did not converge in {PASSES} passes. Give a shorter `every`.", scenario.title)
 
 
-def _mixed(given: Sequence[Array], left: Sequence[Array]) -> Array:
+def _mixed(heats: Sequence[Array], residuals: Sequence[Array]) -> Array:
     """Return the next latent heat (surfaces, times) from those of the last passes and what was left of each, by Anderson's mixing. [W]
 
     Where vapour gives a surface more heat than air does, whole steps overshoot. The combination of the last passes whose linear forecast
     of what is left is smallest does not: Walker and Ni, SIAM J. Numer. Anal. 49 (2011) 1715, eq. 1.3.
     """
-    now, rest = given[-1], left[-1]
-    if len(given) == 1:
+    now, rest = heats[-1], residuals[-1]
+    if len(heats) == 1:
         return np.asarray(now + rest)
-    steps, falls = (np.array([(b - a).ravel() for a, b in pairwise(each)]).T for each in (given, left))
+    steps, falls = (np.array([(b - a).ravel() for a, b in pairwise(sequence)]).T for sequence in (heats, residuals))
     share = np.linalg.lstsq(falls, rest.ravel(), rcond=1e-10)[0]
     return np.asarray(now + rest - ((steps + falls) @ share).reshape(now.shape))
 
 
-def _remaining(moved: float, given: Sequence[Array], left: Sequence[Array]) -> float:
+def _remaining(moved: float, heats: Sequence[Array], residuals: Sequence[Array]) -> float:
     """Return how far temperatures would still move with what is left of the latent heat, as they moved with its last change. [K]"""
-    if not left[-1].any():
+    if not residuals[-1].any():
         return 0.0
-    change = float(np.abs(given[-1] - given[-2]).max()) if len(given) > 1 else 0.0
-    return moved * float(np.abs(left[-1]).max()) / change if change > 0.0 else np.inf
+    change = float(np.abs(heats[-1] - heats[-2]).max()) if len(heats) > 1 else 0.0
+    return moved * float(np.abs(residuals[-1]).max()) / change if change > 0.0 else np.inf
 
 
 def _exchanging(flat: Flat) -> list[FlatConductor]:
@@ -238,16 +238,16 @@ def _with_latent(model: Model, surfaces: list[str]) -> tuple[Model, dict[str, st
     names = {}
     for path in surfaces:
         *parts, surface = path.split(".")
-        model = _laid(model, parts, surface)
+        model = _with_film_load(model, parts, surface)
         names[path] = f"{path}_latent"
     return model, names
 
 
-def _laid(model: Model, parts: list[str], surface: str) -> Model:
+def _with_film_load(model: Model, parts: list[str], surface: str) -> Model:
     """Return a model with a load of nothing into the node of a surface, at any depth."""
     if parts:
         inner = model.submodels[parts[0]]
-        changed = replace(inner, model=_laid(inner.model, parts[1:], surface))
+        changed = replace(inner, model=_with_film_load(inner.model, parts[1:], surface))
         return replace(model, submodels={**model.submodels, parts[0]: changed})
     load = HeatLoad(model.surfaces[surface].of, {"power": parameter("0 [W]")})
     return replace(model, loads={**model.loads, f"{surface}_latent": load})
@@ -279,7 +279,7 @@ def humid(
     gases: tuple[str, ...],
     solution: Solution,
     every: float,
-    told: Callable[[int, float], None] | None = None,
+    progress: Callable[[int, float], None] | None = None,
 ) -> tuple[Moisture, str]:
     """Return what humidity does along a run, and a remark where its latent heat was left out.
 
@@ -290,7 +290,7 @@ def humid(
     gases : tuple of str                Boundaries that are the chamber.
     solution : Solution                 The same run without moisture.
     every : float                       Time between outputs. [s]
-    told : callable                     Told after each pass of the balance, as in `moisture`.
+    progress : callable                 Told after each pass of the balance, as in `moisture`.
 
     Raises
     ------
@@ -306,6 +306,6 @@ def humid(
         )
     air = {c.gas: humidity for c in parts}
     try:
-        return moisture(model, scenario, air, every=every, told=told), ""
+        return moisture(model, scenario, air, every=every, progress=progress), ""
     except (ScenarioError, SolverError):
-        return Moisture.of(solution, parts, follow(solution, parts, air, {})), LEFT_OUT
+        return Moisture.of_run(solution, parts, follow(solution, parts, air, {})), LEFT_OUT

@@ -91,7 +91,7 @@ def pad_scenario(
     downward = _downward(weather, temperature) if sky else None
     fields["boundaries"] = {air: temperature, **others.pop("boundaries", {})}
     if isinstance(sky, Mapping) and downward is not None:
-        fields["boundaries"] |= {name: _seen(downward, temperature, tilt, title) for name, tilt in sky.items()}
+        fields["boundaries"] |= {name: _surroundings_temperature(downward, temperature, tilt, title) for name, tilt in sky.items()}
         downward = None
     fields["environment"] = {air: _environment(place, weather, seconds), **others.pop("environment", {})}
     if sun or downward is not None:
@@ -106,8 +106,8 @@ def pad_scenario(
             raise ScenarioError(
                 "coefficients follow the wind, but the weather has no wind. Give a column of it, or fixed coefficients.", title
             )
-        made = {path: _coefficient(weather, table, place.pressure, f"{title}, wind.{path}") for path, table in wind.items()}
-        fields["schedule"] = {**made, **others.pop("schedule", {})}
+        coefficients = {path: _coefficient(weather, table, place.pressure, f"{title}, wind.{path}") for path, table in wind.items()}
+        fields["schedule"] = {**coefficients, **others.pop("schedule", {})}
     return Scenario(**fields, **others)
 
 
@@ -137,13 +137,13 @@ class Glow:
         return np.asarray(cloudless_sky(dew, cloud) * STEFAN_BOLTZMANN * kelvin**4)
 
 
-def _seen(downward: Signal, air: Signal, tilt: float, title: str) -> Signal:
+def _surroundings_temperature(downward: Signal, air: Signal, tilt: float, title: str) -> Signal:
     """Return the temperature of what a surface of some tilt sees, sky and ground as warm as the air. [K]"""
-    return Mixed(Seen(float(sky_share(Facing(degrees(tilt, f"{title}, sky")).tilt))), (downward, air))
+    return Mixed(SkyAndAir(float(sky_share(Facing(degrees(tilt, f"{title}, sky")).tilt))), (downward, air))
 
 
 @dataclass(frozen=True)
-class Seen:
+class SkyAndAir:
     """The temperature that a surface sees, a `share` of sky and the rest as warm as the air. [-]"""
 
     share: float

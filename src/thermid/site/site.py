@@ -101,10 +101,10 @@ class Site:
         ScenarioError   When the text is no instant.
         """
         try:
-            given = begin if isinstance(begin, datetime) else datetime.fromisoformat(begin)
+            instant = begin if isinstance(begin, datetime) else datetime.fromisoformat(begin)
         except ValueError:
             raise ScenarioError(f"'{begin}' is not a date and time. Write it as 2026-03-21 06:00.", self.name) from None
-        return given if given.tzinfo is not None else given.replace(tzinfo=self.zone)
+        return instant if instant.tzinfo is not None else instant.replace(tzinfo=self.zone)
 
     def sun(self, begin: str | datetime, times: Any) -> SunPath:
         """Return where the sun stands.
@@ -120,7 +120,7 @@ class Site:
         """
         pvlib = _pvlib()
         seconds = np.atleast_1d(np.asarray(times, dtype=float))
-        with quiet():
+        with ignore_future_warnings():
             position = pvlib.solarposition.get_solarposition(
                 self.instants(begin, seconds), self.latitude, self.longitude, altitude=self.altitude, method="nrel_numpy"
             )
@@ -143,7 +143,7 @@ class Site:
         index = self.instants(begin, np.atleast_1d(np.asarray(times, dtype=float)))
         options = {} if turbidity is None else {"linke_turbidity": turbidity}
         try:
-            with quiet():
+            with ignore_future_warnings():
                 sky = place.get_clearsky(index, **options)
         except ImportError:
             raise ScenarioError("the map of turbidity needs h5py; install it, or give turbidity = 3.", self.name) from None
@@ -162,7 +162,7 @@ class Site:
 
 
 @contextmanager
-def quiet() -> Iterator[None]:
+def ignore_future_warnings() -> Iterator[None]:
     """Keep to itself what pvlib should hear about the future of pandas: a user can do nothing about it."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)

@@ -16,7 +16,7 @@ from thermid.model.laws import Mixed, Signal, TableSignal
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.simulation.network import Sky
 from thermid.site.exposure import on_plane, sky_share
-from thermid.site.site import Site, quiet
+from thermid.site.site import Site, ignore_future_warnings
 from thermid.site.weather import Weather
 
 STEP = 600.0
@@ -186,7 +186,7 @@ def _radiation(weather: Weather, site: Site, begin: Any, times: Array, zenith: A
     if "global" in have:
         from pvlib import irradiance
 
-        with quiet():
+        with ignore_future_warnings():
             parts = irradiance.erbs(have["global"], zenith, site.instants(begin, times), max_zenith=LOW_SUN)
         return np.minimum(np.asarray(parts["dni"], dtype=float), BRIGHTEST), np.asarray(parts["dhi"], dtype=float), have["global"]
     raise ScenarioError(

@@ -20,14 +20,14 @@ from thermid.site.weather import read_weather
 TABLES = ("site", "weather", "sun", "wind", "ascent", "orbit")
 
 
-def surrounded(given: Mapping[str, Any], columns: LogColumns, file: str) -> Scenario:
+def surrounded(table: Mapping[str, Any], columns: LogColumns, file: str) -> Scenario:
     """Return the scenario of a file that has weather, sun or wind; what else it gives is laid over them.
 
     Raises
     ------
     ScenarioError   As `pad_scenario`.
     """
-    rest = dict(given)
+    rest = dict(table)
     tables = {name: rest.pop(name, {}) for name in TABLES}
     duration = rest.pop("duration", None)
     if isinstance(duration, str):
@@ -79,14 +79,14 @@ def _orbit(table: Mapping[str, Any], rest: dict[str, Any], duration: float | Non
         raise ScenarioError("the run lasts so many orbits or has a duration; give one of them.", where)
     with errors_at(where):
         flown = {k: v for k, v in table.items() if k not in ("planet", "faces", "orbits")}
-        found = orbit_fluxes(**flown, planet=_planet(table.get("planet", "earth"), where))
-        falling = found.irradiation(_faces(table["faces"], where) if "faces" in table else None)
+        fluxes = orbit_fluxes(**flown, planet=_planet(table.get("planet", "earth"), where))
+        falling = fluxes.irradiation(_faces(table["faces"], where) if "faces" in table else None)
     twice = sorted(set(falling) & set(rest.get("irradiation", {})))
     if twice:
         raise ScenarioError(f"what falls on '{twice[0]}' is given by orbit and by irradiation; give one of them.", where)
     environment = {"*": Environment(Constant(0.0)), **rest.pop("environment", {})}
     falls = {**falling, **rest.pop("irradiation", {})}
-    length = found.period * float(orbits) if orbits is not None else duration or 0.0
+    length = fluxes.period * float(orbits) if orbits is not None else duration or 0.0
     return Scenario(**rest, irradiation=falls, environment=environment, duration=length)
 
 

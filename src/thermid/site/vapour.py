@@ -43,7 +43,7 @@ BREATH: Final = 0.1
 """Change of the density of a volume's gas above which the vapour that its breathing carries is missed. [-]"""
 TOLERANCE: Final = 1e-6
 """Error of a step, of the vapour and of the films. [-]"""
-LEAST: Final = 1e-7
+SHORTEST_STEP: Final = 1e-7
 """Shortest step, as a share of the time between two outputs. [-]"""
 NOTHING: Final = 1e-12
 """Film over the size of vapour densities that counts as none [m], and the same of a rate [m/s]."""
@@ -197,7 +197,7 @@ def _speed(conductance: Array, skin: Array, air: Array, area: float, emissivity:
     return np.where(there, mass_transfer_coefficient(htc, mean, np.where(there, pressure, ATMOSPHERE)), 0.0)
 
 
-def follow(solution: Solution, parts: Sequence[FlatConductor], open_air: Mapping[str, Signal], own: Mapping[str, Volume]) -> Followed:
+def follow(solution: Solution, parts: Sequence[FlatConductor], open_air: Mapping[str, Signal], volumes: Mapping[str, Volume]) -> Followed:
     """Return what vapour does along a run: all volumes and their films together, films never below nothing.
 
     Parameters
@@ -205,18 +205,18 @@ def follow(solution: Solution, parts: Sequence[FlatConductor], open_air: Mapping
     solution : Solution         The run.
     parts : sequence            Surfaces that exchange with these gases.
     open_air : dict             Boundary that is a gas -> relative humidity. [-]
-    own : dict                  Gas node -> its volume.
+    volumes : dict              Gas node -> its volume.
 
     Raises
     ------
     ScenarioError   When a relative humidity is not one, two volumes give their exchange two sizes, or a gas is not air.
     """
     times = solution.times
-    gas = {g: solution[g].kelvin for g in (*open_air, *own)}
+    gas = {g: solution[g].kelvin for g in (*open_air, *volumes)}
     _check_air(solution, gas)
     surfaces = _surfaces(solution, parts)
-    density = {g: vapour_density(_pressure(solution, g, given), gas[g]) for g, given in open_air.items()}
-    for g, v in own.items():
+    density = {g: vapour_density(_pressure(solution, g, outdoor_humidity), gas[g]) for g, outdoor_humidity in open_air.items()}
+    for g, v in volumes.items():
         start = min(float(vapour_pressure(gas[g][0], v.humidity)), float(_whole(solution, g)[0]))
         density[g] = np.full(times.size, float(vapour_density(start, gas[g][0])))
     order = list(density)
@@ -226,15 +226,15 @@ def follow(solution: Solution, parts: Sequence[FlatConductor], open_air: Mapping
     outdoors = at < len(open_air)
     film[outdoors], mean[outdoors], moved[:, outdoors] = _open(times, held[at[outdoors]], surfaces, outdoors)
     exchanged = np.zeros(2)
-    if own:
-        system = _System.of(solution, order, own, surfaces, at, held)
+    if volumes:
+        system = _System.of_volumes(solution, order, volumes, surfaces, at, held)
         film[~outdoors], mean[~outdoors], moved[:, ~outdoors], exchanged = system.solve(held)
     dews = {g: dew_point(held[k] * VAPOUR_CONSTANT * gas[g]) for k, g in enumerate(order)}
     margin = surfaces.skin - np.array([dews[c.gas] for c in parts]).reshape(film.shape)
     latent = _rates(times, film, mean) * surfaces.area[:, None] * latent_heat(surfaces.skin)
-    water = _balance(order, own, held, film, moved, outdoors, exchanged, surfaces.area)
+    water = _balance(order, volumes, held, film, moved, outdoors, exchanged, surfaces.area)
     shown = np.maximum(film, 0.0)
-    return Followed(dews, margin, shown, latent, water, (*_left_out(solution, parts, order, held, shown, surfaces, own, gas),))
+    return Followed(dews, margin, shown, latent, water, (*_left_out(solution, parts, order, held, shown, surfaces, volumes, gas),))
 
 
 def _rates(times: Array, film: Array, mean: Array) -> Array:
@@ -315,23 +315,23 @@ class _System:
         return np.tile(self.size, 3)
 
     @classmethod
-    def of(
-        cls, solution: Solution, order: Sequence[str], own: Mapping[str, Volume], s: _Surfaces, at: NDArray[np.int_], held: Array
+    def of_volumes(
+        cls, solution: Solution, order: Sequence[str], volumes: Mapping[str, Volume], s: _Surfaces, at: NDArray[np.int_], held: Array
     ) -> _System:
-        """Return the equations of the volumes `own`, which come last in `order`."""
-        known = len(order) - len(own)
-        laplacian, fresh = np.zeros((len(own), len(own))), np.zeros((len(own), known))
-        for (a, b), flow in _exchanges(solution, order, own).items():
+        """Return the equations of the volumes `volumes`, which come last in `order`."""
+        first = len(order) - len(volumes)
+        laplacian, fresh = np.zeros((len(volumes), len(volumes))), np.zeros((len(volumes), first))
+        for (a, b), flow in _exchanges(solution, order, volumes).items():
             laplacian[a, a] += flow
             if b < 0:
-                fresh[a, b + known] += flow
+                fresh[a, b + first] += flow
             else:
                 laplacian[b, b] += flow
                 laplacian[[a, b], [b, a]] -= flow
-        inside = at >= known
-        size = np.array([float(v.volume) for v in own.values()])
+        inside = at >= first
+        size = np.array([float(v.volume) for v in volumes.values()])
         return cls(
-            solution.times, size, laplacian, fresh, held[:known], s.area[inside], at[inside] - known, s.speed[inside], s.settled[inside]
+            solution.times, size, laplacian, fresh, held[:first], s.area[inside], at[inside] - first, s.speed[inside], s.settled[inside]
         )
 
     def solve(self, held: Array) -> tuple[Array, Array, Array, Array]:
@@ -383,10 +383,10 @@ class _Interval:
         """Return the state after a step of a share of the interval, with these walls wet."""
         s, n, h = self.system, self.system.size.size, width * self.span
         at = share + width * RADAU_C
-        speed, wall, known = self._at(s.speed, at) * wet[:, None], self._at(s.wall, at), self._at(s.known, at)
+        speed, wall, known_density = self._at(s.speed, at) * wet[:, None], self._at(s.wall, at), self._at(s.known, at)
         rate = np.repeat(s.exchange[:, None, :], 3, axis=1)  # (volume, stage, volume)
         rate[np.arange(n), :, np.arange(n)] += s.faces @ speed
-        push, brought = s.faces @ (speed * wall), s.fresh @ known
+        push, brought = s.faces @ (speed * wall), s.fresh @ known_density
         matrix = (h * RADAU_A[:, None, :, None] * rate).reshape(3 * n, 3 * n)
         matrix[np.diag_indices(3 * n)] += s.tripled
         right = s.tripled * np.tile(state.vapour, 3) + h * (RADAU_A @ (push + brought).T).ravel()
@@ -405,14 +405,14 @@ class _Interval:
         wet = (state.film > 0.0) | (self.gain(state, 0.0) > 0.0)
         while share < 1.0:
             width = min(width, 1.0 - share)
-            if 1.0 - share - width < LEAST:
+            if 1.0 - share - width < SHORTEST_STEP:
                 width = 1.0 - share
             after, middle, error = self._doubled(state, share, width, wet)
-            if error > 1.0 and width > LEAST:
-                width = max(width * max(0.2, 0.9 * error ** (-1.0 / 6.0)), LEAST)
+            if error > 1.0 and width > SHORTEST_STEP:
+                width = max(width * max(0.2, 0.9 * error ** (-1.0 / 6.0)), SHORTEST_STEP)
                 continue
             crossed = self._crossed(after, share + width, wet) | self._crossed(middle, share + 0.5 * width, wet)
-            if crossed.any() and width > LEAST:
+            if crossed.any() and width > SHORTEST_STEP:
                 width = self._until(state, share, width, wet, middle)
                 after, middle, error = self._doubled(state, share, width, wet)
             yield state, after, width, middle
@@ -420,7 +420,7 @@ class _Interval:
             turned = self._turned(state, share, wet)
             wet = np.where(turned, ~wet, wet)
             width *= min(5.0, 0.9 * max(error, 1e-8) ** (-1.0 / 6.0)) if not crossed.any() else 1.0
-            width = max(width, LEAST)
+            width = max(width, SHORTEST_STEP)
 
     def _doubled(self, state: _Water, share: float, width: float, wet: Bools) -> tuple[_Water, _Water, float]:
         """Return the state after two half steps, that between them, and their distance from one step over what is allowed."""
@@ -450,7 +450,7 @@ class _Interval:
         """Return the share at whose end the first wall dries or passes the dew point, by bisection and the secant."""
         from scipy.optimize import brentq
 
-        low, high = LEAST, width
+        low, high = SHORTEST_STEP, width
         if self._crossed(middle, share + 0.5 * width, wet).any():
             high = 0.5 * width
 
@@ -459,10 +459,10 @@ class _Interval:
 
         if lowest(low) <= 0.0:
             return low
-        return max(float(brentq(lowest, low, high, xtol=LEAST, rtol=1e-12)), LEAST)
+        return max(float(brentq(lowest, low, high, xtol=SHORTEST_STEP, rtol=1e-12)), SHORTEST_STEP)
 
 
-def _exchanges(solution: Solution, order: Sequence[str], own: Mapping[str, Volume]) -> dict[tuple[int, int], float]:
+def _exchanges(solution: Solution, order: Sequence[str], volumes: Mapping[str, Volume]) -> dict[tuple[int, int], float]:
     """Return (volume, partner) -> exchange [m^3/s]; a known gas is counted from the end, below zero. What both write is one exchange.
 
     Raises
@@ -470,18 +470,18 @@ def _exchanges(solution: Solution, order: Sequence[str], own: Mapping[str, Volum
     ScenarioError   When two volumes give their exchange two sizes.
     """
     find = solution._run.network.find
-    known, out = len(order) - len(own), {}  # type: int, dict[tuple[int, int], float]
-    for name, v in own.items():
+    first, out = len(order) - len(volumes), {}  # type: int, dict[tuple[int, int], float]
+    for name, v in volumes.items():
         if not v.to:
             continue
-        a, b = order.index(name) - known, order.index(find(v.to)) - known
+        a, b = order.index(name) - first, order.index(find(v.to)) - first
         flow = float(v.exchange)
         if a == b:
             raise ScenarioError(f"'{name}' exchanges gas with itself; name another gas node.", solution.scenario)
         if b >= 0 and (b, a) in out:
             if abs(out[b, a] - flow) > 1e-9 * flow:
                 raise ScenarioError(
-                    f"'{name}' exchanges {flow:g} m^3/s with '{order[b + known]}', which exchanges {out[b, a]:g} m^3/s with '{name}'. "
+                    f"'{name}' exchanges {flow:g} m^3/s with '{order[b + first]}', which exchanges {out[b, a]:g} m^3/s with '{name}'. "
                     "Both must be equal. Give it once, or the same at both.",
                     solution.scenario,
                 )
@@ -492,7 +492,7 @@ def _exchanges(solution: Solution, order: Sequence[str], own: Mapping[str, Volum
 
 def _balance(
     order: Sequence[str],
-    own: Mapping[str, Volume],
+    volumes: Mapping[str, Volume],
     held: Array,
     film: Array,
     moved: Array,
@@ -501,14 +501,14 @@ def _balance(
     area: Array,
 ) -> WaterBalance:
     """Return where the water went. [kg]"""
-    size = np.array([float(v.volume) for v in own.values()])
-    inside = held[len(order) - len(own) :]
+    size = np.array([float(v.volume) for v in volumes.values()])
+    inside = held[len(order) - len(volumes) :]
     start, end = (float(size @ inside[:, k]) for k in (0, -1))
-    settled, dried = (float(area @ each) for each in moved)
+    settled, dried = (float(area @ change) for change in moved)
     open_air = float(area[outdoors] @ (moved[0] - moved[1])[outdoors])
     films = float(area @ film[:, -1])
-    brought, left = exchanged.tolist()
-    return WaterBalance(end - start, films, brought - left, open_air, settled, dried, start + brought + left + settled + dried)
+    brought, lost = exchanged.tolist()
+    return WaterBalance(end - start, films, brought - lost, open_air, settled, dried, start + brought + lost + settled + dried)
 
 
 def _left_out(
@@ -518,7 +518,7 @@ def _left_out(
     held: Array,
     film: Array,
     s: _Surfaces,
-    own: Mapping[str, Volume],
+    volumes: Mapping[str, Volume],
     gas: Mapping[str, Array],
 ) -> Iterator[str]:
     """Yield what the balance of vapour leaves out in this run."""
@@ -538,7 +538,7 @@ def _left_out(
                 f"vapour is up to {100 * min(share, 1.0):.0f} % of the gas in '{g}', but mass transfer is computed for dilute vapour. "
                 f"Real condensation and drying are faster by about {50 * min(share, 1.0):.0f} %" + (", or boils" if share >= 1.0 else "")
             )
-        if g in own:
+        if g in volumes:
             humid = held[order.index(g)] * VAPOUR_CONSTANT * gas[g] / saturation_pressure(gas[g])
             if humid.max() > FOG:
                 k = int(humid.argmax())
@@ -547,7 +547,7 @@ def _left_out(
                     "modelled; its water remains vapour"
                 )
             breath = float(np.ptp(whole / gas[g]) / (whole / gas[g]).max()) if whole.max() > 0.0 else 0.0
-            if own[g].to and breath > BREATH:
+            if volumes[g].to and breath > BREATH:
                 yield (
                     f"the gas of '{g}' changes its density by {100 * breath:.0f} %. The vapour carried by this expansion is not "
                     "included, only that of its exchange"

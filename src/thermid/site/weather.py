@@ -270,30 +270,32 @@ def read_weather(
         if not np.isfinite(values).any():
             notes.append(f"{name} is missing throughout")
             continue
-        known = _bridged(table, name, values, longest, target.name, filled)
-        checked = _existing(table, name, known, target.name)
+        series_of_column = _bridged(table, name, values, longest, target.name, filled)
+        checked = _existing(table, name, series_of_column, target.name)
         shift = 0.5 * table.step if name in RADIATION and (averaged or table.averaged) else 0.0
-        series[name] = WeatherSeries(known.times - shift, checked)
+        series[name] = WeatherSeries(series_of_column.times - shift, checked)
     if "dry_bulb" not in series and not (set(RADIATION) & set(series)):
         raise RecordError(f"it has no weather: none of {', '.join(QUANTITIES)} is a column. Name the columns with columns=.", target.name)
     return Weather(target.name, table.begin, series, table.place, tuple(filled), tuple(notes))
 
 
-def _bridged(given: Columns, name: str, values: FloatArray, longest: float, file: str, filled: list[str]) -> WeatherSeries:
+def _bridged(columns: Columns, name: str, values: FloatArray, longest: float, file: str, filled: list[str]) -> WeatherSeries:
     """Return the valid samples of a column, after its holes have been looked at."""
     valid = np.isfinite(values)
-    times = given.times[valid]
-    edges: Sequence[tuple[float, float]] = [(float(given.times[0]), float(times[0])), (float(times[-1]), float(given.times[-1]))]
+    times = columns.times[valid]
+    edges: Sequence[tuple[float, float]] = [(float(columns.times[0]), float(times[0])), (float(times[-1]), float(columns.times[-1]))]
     if edges[0][1] > edges[0][0] or edges[1][1] > edges[1][0]:
         at = edges[0] if edges[0][1] > edges[0][0] else edges[1]
         raise RecordError(
-            f"{name} is missing from {_stamp(given.begin, at[0])} to {_stamp(given.begin, at[1])}, at an end of the file, so it "
+            f"{name} is missing from {_stamp(columns.begin, at[0])} to {_stamp(columns.begin, at[1])}, at an end of the file, so it "
             "cannot be interpolated. Cut the file, or leave the column out.",
             file,
         )
     steps = np.diff(times)
-    for k in np.flatnonzero(steps > 1.5 * given.step):
-        hole = f"{name} has a gap of {steps[k] / 3600:.3g} h from {_stamp(given.begin, times[k])} to {_stamp(given.begin, times[k + 1])}"
+    for k in np.flatnonzero(steps > 1.5 * columns.step):
+        hole = (
+            f"{name} has a gap of {steps[k] / 3600:.3g} h from {_stamp(columns.begin, times[k])} to {_stamp(columns.begin, times[k + 1])}"
+        )
         if steps[k] > longest * (1 + 1e-9):
             say = "give max_gap = '6 [h]' or similar to interpolate gaps linearly" if longest == 0.0 else "it is longer than max_gap"
             raise RecordError(f"{hole}: {say}, or correct the file.", file)
@@ -306,17 +308,17 @@ def _shown(value: float, unit_text: str) -> str:
     return f"{from_si(float(value), '' if unit_text == 'degrees' else unit_text):.4g}"
 
 
-def _existing(given: Columns, name: str, known: WeatherSeries, file: str) -> FloatArray:
+def _existing(columns: Columns, name: str, series: WeatherSeries, file: str) -> FloatArray:
     """Return the values, radiation just below zero at night as zero; values that do not exist are refused."""
     low, high, unit_text = RANGES[name]
-    values = np.where((known.values < 0.0) & (known.values > NIGHT), 0.0, known.values) if name in RADIATION else known.values
+    values = np.where((series.values < 0.0) & (series.values > NIGHT), 0.0, series.values) if name in RADIATION else series.values
     slack = 1e-9 * max(abs(high), 1.0)
     wrong = np.flatnonzero((values < low - slack) | (values > high + slack))
     if wrong.size:
         k = int(wrong[0])
         shown = [_shown(v, unit_text) for v in (values[k], low, high)]
         raise RecordError(
-            f"{name} is {shown[0]} {unit_text} at {_stamp(given.begin, known.times[k])}, outside {shown[1]} .. {shown[2]} {unit_text}. "
+            f"{name} is {shown[0]} {unit_text} at {_stamp(columns.begin, series.times[k])}, outside {shown[1]} .. {shown[2]} {unit_text}. "
             "Check the column's unit, or leave the value empty.",
             file,
         )

@@ -31,14 +31,14 @@ def _law(table: Any) -> Distribution:
     if not isinstance(table, dict) or not isinstance(table.get("form"), str) or table["form"] not in DISTRIBUTIONS:
         raise DeckError(f"a law has the form {', '.join(DISTRIBUTIONS)}.")
     kind: Any = DISTRIBUTIONS[table["form"]]
-    wanted, given = set(kind.__dataclass_fields__), {k: v for k, v in table.items() if k != "form"}
-    if wanted != set(given):
+    wanted, numbers_of_table = set(kind.__dataclass_fields__), {k: v for k, v in table.items() if k != "form"}
+    if wanted != set(numbers_of_table):
         raise DeckError(f"a law of form {table['form']} has {', '.join(sorted(wanted)) or 'no numbers'}.")
-    numbers: dict[str, Any] = {k: _law(v) if k == "law" else v for k, v in given.items()}
+    numbers: dict[str, Any] = {k: _law(v) if k == "law" else v for k, v in numbers_of_table.items()}
     if any(isinstance(v, bool) or not isinstance(v, int | float) for k, v in numbers.items() if k != "law"):
         raise DeckError(f"a law of form {table['form']} is given by numbers.")
-    made: Distribution = kind(**numbers)
-    return made
+    law: Distribution = kind(**numbers)
+    return law
 
 
 class OriginTable(StrictTable):

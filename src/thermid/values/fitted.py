@@ -23,7 +23,7 @@ from thermid.base.toml_files import Places
 from thermid.base.units import counted, from_si, unit
 from thermid.model.identity import Dropped
 from thermid.model.parameters import UNJUDGED, Parameter, Standing, exact, worst
-from thermid.values.store import KNOWN, LeftOut, Normal, Source, State, Store, ValueOrigin, deviated, domain, error_table_of
+from thermid.values.store import COVARIANCE_KINDS, LeftOut, Normal, Source, State, Store, ValueOrigin, deviated, domain, error_table_of
 
 SCHEMA = 2
 AGREES = 1e-6
@@ -145,19 +145,19 @@ class FittedValues(Shown, Mapping[str, FittedValue]):
         """
         for path in paths:
             self[path]
-        kept = [k for k, (p, v) in enumerate(self.items_.items()) if v.kind != "parameter" or p in paths]
-        items = {p: v for k, (p, v) in enumerate(self.items_.items()) if k in kept}
-        return self._some(kept, items)
+        positions = [k for k, (p, v) in enumerate(self.items_.items()) if v.kind != "parameter" or p in paths]
+        items = {p: v for k, (p, v) in enumerate(self.items_.items()) if k in positions}
+        return self._some(positions, items)
 
     def bare(self) -> FittedValues:
         """Return the parameters without the constant errors of instruments, which are marginalised."""
-        kept = [k for k, v in enumerate(self.items_.values()) if v.kind == "parameter"]
-        return self._some(kept, self.parameters)
+        positions = [k for k, v in enumerate(self.items_.values()) if v.kind == "parameter"]
+        return self._some(positions, self.parameters)
 
-    def _some(self, kept: Sequence[int], items: Mapping[str, FittedValue]) -> FittedValues:
+    def _some(self, positions: Sequence[int], items: Mapping[str, FittedValue]) -> FittedValues:
         """Return the values at some positions."""
-        own = np.ix_(kept, kept)
-        return FittedValues(self.stage, items, self.covariance[own], self.provenance)
+        block = np.ix_(positions, positions)
+        return FittedValues(self.stage, items, self.covariance[block], self.provenance)
 
     def draws(self, members: int, seed: int) -> dict[str, Array]:
         """Return path -> value of every member (members,) for `ensemble`, normal in the fitted forms with their covariance.
@@ -169,17 +169,17 @@ class FittedValues(Shown, Mapping[str, FittedValue]):
         ------
         DeckError   When there is no member, or a value has no finite error.
         """
-        found = self.bare()
+        bare_values = self.bare()
         if members < 1:
             raise DeckError("an ensemble needs at least one member.", self.stage)
-        loose = [p for p, c in zip(found, np.diag(found.covariance), strict=True) if not np.isfinite(c)]
+        loose = [p for p, c in zip(bare_values, np.diag(bare_values.covariance), strict=True) if not np.isfinite(c)]
         if loose:
             raise DeckError(f"'{loose[0]}' has no finite error, so it cannot be drawn. Leave it out with only().", self.stage)
-        sizes, vectors = np.linalg.eigh(found.covariance)
+        sizes, vectors = np.linalg.eigh(bare_values.covariance)
         root = vectors * np.sqrt(np.clip(sizes, 0.0, None))
-        deviations = root @ np.random.default_rng(seed).standard_normal((len(found), members))
+        deviations = root @ np.random.default_rng(seed).standard_normal((len(bare_values), members))
         out: dict[str, Array] = {}
-        for row, (path, v) in zip(deviations, found.items(), strict=True):
+        for row, (path, v) in zip(deviations, bare_values.items(), strict=True):
             ends = domain(*v.bounds, v.unit == "1")
             values = deviated(v.value, v.value * np.expm1(row) if v.log else row, (-np.inf if v.log else ends[0], ends[1]))
             out |= dict.fromkeys((path, *v.also), values)
@@ -230,14 +230,14 @@ def as_store(values: FittedValues) -> Store:
             standing=v.standing, start=v.start, random=v.error_random, prior=v.prior, known=bool(np.isfinite(v.error)),
         )  # fmt: skip
     root, sources = rooted(values.covariance, values.stage, f"errors of stage '{values.stage}'")
-    seen = {sha: f"stage '{values.stage}' as '{name}'" for name, sha in records.items()}
-    return Store(states, sources, root, seen, {values.stage: values.provenance})
+    fitted_records = {sha: f"stage '{values.stage}' as '{name}'" for name, sha in records.items()}
+    return Store(states, sources, root, fitted_records, {values.stage: values.provenance})
 
 
 def view(store: Store, paths: Sequence[str], stage: str) -> FittedValues:
     """Return some states of a store as fitted values, with their covariance."""
     states = [store[p] for p in paths]
-    covariance = store.covariance(paths, KNOWN)
+    covariance = store.covariance(paths, COVARIANCE_KINDS)
     for k, s in enumerate(states):
         if not s.known:
             covariance[k, k] = np.inf
@@ -272,11 +272,11 @@ def load_values(path: str | os.PathLike[str]) -> FittedValues:
 def values_of(store: Store, stage: str) -> FittedValues:
     """Return all that a stage knew, at every depth, by its store."""
     paths = [p for p, x in store.states.items() if x.kind != "parameter" or x.acts]
-    found = view(store, paths, stage)
-    every = [known for known in store.provenance.values() if "conditions" in known]
-    conditions = {p: at for known in every for p, at in known["conditions"].items()}
-    provenance = {**found.provenance, **({"conditions": conditions} if conditions else {})}
-    return replace(found, provenance=provenance, store=store)
+    values = view(store, paths, stage)
+    every = [provenance_of_fit for provenance_of_fit in store.provenance.values() if "conditions" in provenance_of_fit]
+    conditions = {p: at for provenance_of_fit in every for p, at in provenance_of_fit["conditions"].items()}
+    provenance = {**values.provenance, **({"conditions": conditions} if conditions else {})}
+    return replace(values, provenance=provenance, store=store)
 
 
 def save_store(store: Store, path: str | os.PathLike[str], stage: str) -> None:
@@ -298,18 +298,18 @@ def save_store(store: Store, path: str | os.PathLike[str], stage: str) -> None:
     }
     lines = ["# Values with their errors and origins. Written by thermid; the decks stay as their authors wrote them."]
     lines += [f"{name} = {_toml(x)}" for name, x in head.items()]
-    for name, known in store.provenance.items():
-        table = {**known, "errors": error_table_of(known)} if "errors" in known else known
+    for name, provenance in store.provenance.items():
+        table = {**provenance, "errors": error_table_of(provenance)} if "errors" in provenance else provenance
         lines += ["", f"[provenance.{_toml(name)}]", *(f"{_toml(k)} = {_toml(v)}" for k, v in table.items())]
     for name, state in store.states.items():
-        lines += ["", f"[values.{_toml(name)}]", *(f"{k} = {_toml(v)}" for k, v in _kept(state, store).items())]
+        lines += ["", f"[values.{_toml(name)}]", *(f"{k} = {_toml(v)}" for k, v in _as_table(state, store).items())]
     for source in store.sources:
         lines += ["", "[[sources]]", f"name = {_toml(source.name)}", f"kind = {_toml(source.kind)}"]
         lines += [f"law = {_toml(_law_kept(source.law))}", f"words = {_toml(source.words)}"]
     for group in _groups(store):
         rows = {p: row for p, row in zip(store.states, store.root[:, group].tolist(), strict=True) if any(row)}
         lines += ["", "[[root]]", f"sources = {_toml(group)}", *(f"{_toml(p)} = {_toml(row)}" for p, row in rows.items())]
-    write_text(path, "\n".join([*lines, ""]), VALUES.of(stage))
+    write_text(path, "\n".join([*lines, ""]), VALUES.titled(stage))
 
 
 def _groups(store: Store) -> Iterable[list[int]]:
@@ -320,7 +320,7 @@ def _groups(store: Store) -> Iterable[list[int]]:
     return out.values()
 
 
-def _kept(state: State, store: Store) -> dict[str, Any]:
+def _as_table(state: State, store: Store) -> dict[str, Any]:
     """Return a state as the file holds it; text and error are for people."""
     out = {
         "value": state.value,
@@ -339,7 +339,7 @@ def _kept(state: State, store: Store) -> dict[str, Any]:
         "known": state.known,
         "origin": _plain(state.origin),
         "history": [_plain(o) for o in state.history],
-        "standing": state.standing.kept(),
+        "standing": state.standing.as_table(),
     }
     out |= {"of_logs": True} if state.of_logs else {}
     return out | ({"prior": list(state.prior)} if state.prior is not None else {})
@@ -351,8 +351,8 @@ def _plain(thing: Any) -> dict[str, Any]:
 
 
 def _law_kept(law: Any) -> dict[str, Any]:
-    own = {f.name: getattr(law, f.name) for f in fields(law)}
-    return {"form": type(law).__name__} | {n: _law_kept(x) if is_dataclass(x) else x for n, x in own.items()}
+    by_field = {f.name: getattr(law, f.name) for f in fields(law)}
+    return {"form": type(law).__name__} | {n: _law_kept(x) if is_dataclass(x) else x for n, x in by_field.items()}
 
 
 def _toml(value: Any) -> str:
@@ -406,20 +406,20 @@ def load_store(path: str | os.PathLike[str]) -> tuple[Store, str]:
     checked = by_grammar(kind, data, Places(target.name))
     store, stage = _read_old(data) if data["schema"] == 1 else _read(data, checked.sources), checked.stage
     for name, v in data["values"].items():
-        own, said = store.error(name), float(v["error"])
-        if data["schema"] != 1 and own != said and not math.isclose(own, said, rel_tol=AGREES):
+        from_row, in_table = store.error(name), float(v["error"])
+        if data["schema"] != 1 and from_row != in_table and not math.isclose(from_row, in_table, rel_tol=AGREES):
             raise DeckError(
-                f"the error of '{name}' is {said:g} in its table and {own:g} in its row, so the file was changed by hand. Run the "
+                f"the error of '{name}' is {in_table:g} in its table and {from_row:g} in its row, so the file was changed by hand. Run the "
                 "calibration again.",
                 target.name,
             )
     return store, stage
 
 
-def _read(data: Mapping[str, Any], given: Sequence[Any]) -> Store:
+def _read(data: Mapping[str, Any], source_rows: Sequence[Any]) -> Store:
     """Return the store of a checked file; the laws of its sources are read."""
     states = {name: _state(name, v) for name, v in data["values"].items()}
-    sources = tuple(Source(s.name, s.kind, s.law, s.words) for s in given)
+    sources = tuple(Source(s.name, s.kind, s.law, s.words) for s in source_rows)
     root, order = np.zeros((len(states), len(sources))), {name: k for k, name in enumerate(states)}
     for group in data.get("root", []):
         columns = group["sources"]
@@ -468,10 +468,10 @@ def _state(name: str, v: Mapping[str, Any]) -> State:
 
 def _read_old(data: Mapping[str, Any]) -> Store:
     """Return the store of a file of schema 1: one group of columns, and what it cannot say as left out."""
-    stage, made = data["stage"], data["provenance"]
+    stage, provenance = data["stage"], data["provenance"]
     standing = Standing.read(data["standing"]) if "standing" in data else UNJUDGED
-    records = made.get("records", {})
-    origin = ValueOrigin("fit", stage, tuple(records), "", str(made.get("date", "")))
+    records = provenance.get("records", {})
+    origin = ValueOrigin("fit", stage, tuple(records), "", str(provenance.get("date", "")))
     covariance = np.array(data["covariance"], dtype=float).reshape(len(data["values"]), len(data["values"]))
     states = {}
     for k, (name, v) in enumerate(data["values"].items()):
@@ -481,12 +481,12 @@ def _read_old(data: Mapping[str, Any]) -> Store:
         more = {"standing": standing, "start": float(v["start"]), "random": float(v["error_random"]), "prior": prior}
         states[name] = State(name, *numbers, origin, v["kind"], paths, known=bool(np.isfinite(covariance[k, k])), **more)  # type: ignore[arg-type]
     root, sources = rooted(covariance, f"file of {stage}", f"errors of stage '{stage}', from its values file")
-    seen = {sha: f"stage '{stage}' as '{name}'" for name, sha in records.items()}
-    return Store(states, sources, root, seen, {stage: made}, left_out=(LeftOut(OLD.format(stage=stage)),))
+    fitted_records = {sha: f"stage '{stage}' as '{name}'" for name, sha in records.items()}
+    return Store(states, sources, root, fitted_records, {stage: provenance}, left_out=(LeftOut(OLD.format(stage=stage)),))
 
 
 def rooted(covariance: Array, key: str, words: str) -> tuple[Array, tuple[Source, ...]]:
     """Return a root of a covariance and its columns as sources; a value without a finite error gets a row of zeros."""
-    known = np.isfinite(np.diag(covariance))
-    whole = np.where(np.outer(known, known) & np.isfinite(covariance), covariance, 0.0)
+    is_finite = np.isfinite(np.diag(covariance))
+    whole = np.where(np.outer(is_finite, is_finite) & np.isfinite(covariance), covariance, 0.0)
     return square_root(whole), tuple(Source(f"{key}:{k}", "data", Normal(), words) for k in range(len(whole)))

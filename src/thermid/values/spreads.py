@@ -13,7 +13,7 @@ from thermid.base.units import TEMPERATURE
 from thermid.model.laws import literal
 from thermid.values.store import Cut, Distribution, LogNormal, Normal, Uniform
 
-LEAST = 1e-3
+MIN_SHARE_IN_BOUNDS = 1e-3
 """Probability within a deck's bounds below which a spread does not fit them. [-]"""
 LARGEST_SHIFT = 100.0
 """Kelvin from which a temperature written in K is no shift but a slip: 293 K for 20 degC. [K]"""
@@ -25,12 +25,12 @@ FORMS: Mapping[str, frozenset[str]] = {
 """The key that names the form of a spread, and the keys of that form."""
 
 
-def read_spread(given: Any, slot: str, nominal: float, where: str, *, bounds: tuple[float, float] = (-np.inf, np.inf)) -> Distribution:
+def read_spread(written: Any, slot: str, nominal: float, where: str, *, bounds: tuple[float, float] = (-np.inf, np.inf)) -> Distribution:
     """Probability distribution that a written spread means.
 
     Parameters
     ----------
-    given : str, Quantity, dict    ``"0.5 [W]"`` or ``{"sd": "0.5 [W]"}``: normal, a standard deviation; ``"10 [%]"``: of the value;
+    written : str, Quantity, dict  ``"0.5 [W]"`` or ``{"sd": "0.5 [W]"}``: normal, a standard deviation; ``"10 [%]"``: of the value;
                             ``{"log_sd": 0.2}``: the logarithm normal; ``{"low": ..., "high": ...}``: uniform between, nothing beyond;
                             ``"range"``: uniform between the bounds of the deck. ``mean`` may stand beside ``sd`` and ``log_sd`` (there: the
                             median). Of a temperature K means a shift of what deck or scenario have, degC and degF the temperature itself.
@@ -44,11 +44,11 @@ def read_spread(given: Any, slot: str, nominal: float, where: str, *, bounds: tu
     ScenarioError   When it is none of these forms, or passes the bounds.
     UnitError       When a number has another dimension than the value.
     """
-    if given == "range":
+    if written == "range":
         if not np.isfinite(bounds).all():
             raise ScenarioError("'range' needs min and max of the value in its deck. Give them, or another spread.", where)
         return Uniform(*bounds)
-    table: Mapping[str, Any] = {"sd": given} if isinstance(given, str) or stated(given) is not None else given
+    table: Mapping[str, Any] = {"sd": written} if isinstance(written, str) or stated(written) is not None else written
     form = _form(table, where)
     if form == "low":
         return _uniform(table, slot, nominal, where, bounds)
@@ -122,8 +122,8 @@ def deviation(text: Any, slot: str, mean: float, where: str) -> float:
     ScenarioError   When per cent are of a temperature.
     UnitError       When it has another dimension.
     """
-    own = parse(text).literal if isinstance(text, str) else stated(text)
-    if own is None or own.unit.text != "%":
+    number = parse(text).literal if isinstance(text, str) else stated(text)
+    if number is None or number.unit.text != "%":
         return literal(text, "K" if slot == TEMPERATURE else slot, where)
     if slot in (TEMPERATURE, "K"):
         raise ScenarioError("per cent do not apply to a temperature. Give kelvin.", where)
@@ -146,7 +146,7 @@ def cut(law: Distribution, bounds: tuple[float, float], where: str) -> Distribut
     out = Cut(law, *bounds) if isinstance(law, Normal | LogNormal) else None
     if out is None or out.share == 1.0:
         return law
-    if not out.share > LEAST:
+    if not out.share > MIN_SHARE_IN_BOUNDS:
         raise ScenarioError(
             "almost all values of this spread lie outside its bounds. Choose a mean inside them, or a smaller spread.", where
         )

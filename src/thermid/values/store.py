@@ -26,7 +26,7 @@ from thermid.model.tree import SET, Entry, Model, deck_text, parameter_table
 Kind = Literal["data", "instrument", "stated", "structural", "misfit", "variant"]
 SHOWN = 8
 """Up to so many values that a remark is about are named one by one, more of them by their parts."""
-KNOWN: tuple[Kind, ...] = ("data", "instrument", "stated")
+COVARIANCE_KINDS: tuple[Kind, ...] = ("data", "instrument", "stated")
 """Kinds that a covariance of fitted values holds; structural ones enter budgets besides."""
 
 
@@ -412,7 +412,7 @@ class State:
         paths, hidden = (tuple(ahead + p for p in several) for several in (self.paths, self.hidden))
         return replace(self, path=ahead + self.path, at=ahead + self.at if self.at else part, paths=paths, hidden=hidden)
 
-    def same(self, other: State) -> bool:
+    def is_same(self, other: State) -> bool:
         """Whether both are one state: given by the same stage, with the same value."""
         return (self.origin, self.value, self.kind) == (other.origin, other.value, other.kind)
 
@@ -473,10 +473,10 @@ class Store(Shown):
         ------
         NameNotFoundError   With the nearest path.
         """
-        found = self.states.get(path) or next((s for s in self.states.values() if path in s.paths), None)
-        if found is None:
+        state = self.states.get(path) or next((s for s in self.states.values() if path in s.paths), None)
+        if state is None:
             raise NameNotFoundError(f"no fit or file gives '{path}'.{nearest(path, self.states)}")
-        return found
+        return state
 
     @property
     def parameters(self) -> dict[str, State]:
@@ -489,12 +489,12 @@ class Store(Shown):
         out = self.root[[order[self[p].path] for p in paths]]
         return out if kinds is None else out * np.array([s.kind in kinds for s in self.sources], dtype=float)
 
-    def covariance(self, paths: Iterable[str], kinds: Sequence[Kind] = KNOWN) -> Array:
+    def covariance(self, paths: Iterable[str], kinds: Sequence[Kind] = COVARIANCE_KINDS) -> Array:
         """Return the covariance of some values in the fitted form, by sources of some kinds."""
         rows = self.rows(paths, kinds)
         return np.asarray(rows @ rows.T)
 
-    def error(self, path: str, kinds: Sequence[Kind] = KNOWN) -> float:
+    def error(self, path: str, kinds: Sequence[Kind] = COVARIANCE_KINDS) -> float:
         """Return the standard error of a value. [SI]"""
         state = self[path]
         if not state.known:
@@ -504,13 +504,17 @@ class Store(Shown):
     def only(self, keep: Callable[[State], bool]) -> Store:
         """Return what it knows of some values; the others are marginalised."""
         chosen = [keep(s) for s in self.states.values()]
-        kept = [k for k, stays in enumerate(chosen) if stays]
+        positions = [k for k, stays in enumerate(chosen) if stays]
         names = list(self.states)
-        left = {names[k]: self.states[names[k]] for k in kept}
-        out = [s for s in self.states.values() if s.path not in left]
+        states = {names[k]: self.states[names[k]] for k in positions}
+        out = [s for s in self.states.values() if s.path not in states]
         gone, absent = ({n for s in several for n in (s.path, *s.paths)} for several in (out, [s for s in out if s.of_logs]))
-        told = {stage: _told(known, gone, absent) for stage, known in self.provenance.items()} if gone else self.provenance
-        return replace(self, states=left, root=self.root[kept], provenance=told).trimmed()
+        provenances = (
+            {stage: _provenance_without(provenance, gone, absent) for stage, provenance in self.provenance.items()}
+            if gone
+            else self.provenance
+        )
+        return replace(self, states=states, root=self.root[positions], provenance=provenances).trimmed()
 
     def in_decks(self, model: Model) -> tuple[Store, tuple[str, ...]]:
         """Return it without values of logs that a model has no place for, and a remark for each."""
@@ -523,13 +527,13 @@ class Store(Shown):
 
     def drop(self, place: str) -> Store:
         """Return it without what stands at a path or inside a part; twins keep what they shared with it, and instruments stay."""
-        left = self.only(lambda s: s.kind != "parameter" or not all(inside(p, place) for p in s.paths))
+        remaining = self.only(lambda s: s.kind != "parameter" or not all(inside(p, place) for p in s.paths))
 
         def outside(s: State) -> State:
             paths, hidden = (tuple(p for p in several if not inside(p, place)) for several in (s.paths, s.hidden))
             return s if paths == s.paths else replace(s, path=paths[0], paths=paths, hidden=hidden)
 
-        return replace(left, states={s.path: s for s in map(outside, left.states.values())})
+        return replace(remaining, states={s.path: s for s in map(outside, remaining.states.values())})
 
     def parted(self, apart: Collection[str]) -> Store:
         """Return it with the places of a value that are among some paths as a state of their own, where it acts elsewhere too."""
@@ -556,7 +560,7 @@ class Store(Shown):
         states = [moved(s) for s in inner.states.values()]
         return replace(inner, states={s.path: s for s in states})
 
-    def on(self, model: Model) -> Model:
+    def laid_over(self, model: Model) -> Model:
         """Return the model with every state laid over it, each over the deck that its stage was of: a [set] above still wins.
 
         At a twin elsewhere it is laid over the deck that writes the value in the model of that stage.
@@ -574,10 +578,10 @@ class Store(Shown):
             ahead = len(at) + 1 if at else 0
             inner = {p[ahead:]: s for p, s in values.items()}
             part = model.submodel(at) if at else model
-            known = parameter_table(part)
-            missing = next((p for p in inner if part.canonical(p) not in known), None)
+            table = parameter_table(part)
+            missing = next((p for p in inner if part.canonical(p) not in table), None)
             if missing is not None:
-                raise NameNotFoundError(f"{origin} gives '{missing}', which '{part.title}' does not have.{nearest(missing, known)}")
+                raise NameNotFoundError(f"{origin} gives '{missing}', which '{part.title}' does not have.{nearest(missing, table)}")
             model = model.with_values(inner, origin, at=at)
         return model
 
@@ -595,9 +599,9 @@ class Store(Shown):
                 )
         return replace(self.only(lambda s: s.path not in gone), dropped=(*self.dropped, *gone.values())) if gone else self
 
-    def acting_in(self, laid: Model) -> tuple[Store, tuple[str, ...]]:
-        """Return it with what a [set] hides marked, and a remark for each; `laid` is the model with the states over it."""
-        table = parameter_table(laid)
+    def acting_in(self, model: Model) -> tuple[Store, tuple[str, ...]]:
+        """Return it with what a [set] hides marked, and a remark for each; `model` is the model with the states over it."""
+        table = parameter_table(model)
         states, remarks = dict(self.states), []
         for name, s in self.parameters.items():
             hidden = tuple(p for p in s.paths if table[p].origin != str(s.origin))
@@ -623,9 +627,9 @@ def model_standing(model: Model) -> Standing:
     A deck from which parts are missing makes it incomplete. A value that was laid over the model carries its standing; one that a [set]
     hides does not act.
     """
-    laid = [s for e in parameter_table(model).values() if (s := e.parameter.standing) is not None]
-    laid += [Standing("incomplete", what) for what in model.missing_parts()]
-    return worst(laid) if laid else UNJUDGED
+    standings = [s for e in parameter_table(model).values() if (s := e.parameter.standing) is not None]
+    standings += [Standing("incomplete", what) for what in model.missing_parts()]
+    return worst(standings) if standings else UNJUDGED
 
 
 def _alike(one: str, other: str) -> bool:
@@ -662,12 +666,12 @@ def graft(model: Model, below: Sequence[tuple[str, Store]]) -> tuple[Store, tupl
     offered: dict[str, list[tuple[str, State, Array]]] = {}
     for part, store in sorted(parts, key=lambda item: (depth(item[0]), item[0])):
         columns = [place[s.name] for s in store.sources]
-        for state, own in zip(store.states.values(), store.root, strict=True):
+        for state, row_of_state in zip(store.states.values(), store.root, strict=True):
             row = np.zeros(len(sources))
-            row[columns] = own
+            row[columns] = row_of_state
             moved = state.under(part) if part else state
             offered.setdefault(moved.path, []).append((part, moved, row))
-    chosen, remarks = {}, [said for _, _, several in placed for said in several]
+    chosen, remarks = {}, [set_aside for _, _, several in placed for set_aside in several]
     for path, several in offered.items():
         state, row, remark = _chosen(path, several)
         chosen[path] = (state, row)
@@ -677,7 +681,7 @@ def graft(model: Model, below: Sequence[tuple[str, Store]]) -> tuple[Store, tupl
         sources,
         np.array([row for _, row in chosen.values()]).reshape(len(chosen), len(sources)),
         {sha: who for _, store in parts for sha, who in store.seen.items()},
-        {stage: _provenance(known, part) for part, store in parts for stage, known in store.provenance.items()},
+        {stage: _provenance(provenance, part) for part, store in parts for stage, provenance in store.provenance.items()},
         tuple(dict.fromkeys(_under(c, part) for part, store in parts for c in store.cuts)),
         tuple(dict.fromkeys(replace(d, path=_under(d.path, part)) for part, store in parts for d in store.dropped)),
         tuple(dict.fromkeys(x for _, store in parts for x in store.left_out)),
@@ -697,33 +701,33 @@ def _at_twins(model: Model, whole: Store) -> tuple[Store, list[str]]:
     places: dict[tuple[str, str], list[str]] = {}
     for path, one in local_identities(model).items():
         places.setdefault((one.owner, one.local), []).append(path)
-    states, said = dict(whole.states), _Said(decks)
-    given = {p for s in states.values() for p in s.paths}
+    states, remarks = dict(whole.states), _RemarksByPath(decks)
+    acting_paths = {p for s in states.values() for p in s.paths}
     for key, here in _by_identity(model, whole).items():
-        rest = tuple(p for p in places.get(key, ()) if p not in given)
+        rest = tuple(p for p in places.get(key, ()) if p not in acting_paths)
         first = next(iter(here.values()))
-        if not all(s.same(first) for s in here.values()):
-            who = " and ".join(dict.fromkeys(f"{s.origin} at {said.places([p])}" for p, s in here.items()))
-            said.add(rest, f"the value of the deck stays at {{}}: its twins have different results, of {who}.")
+        if not all(s.is_same(first) for s in here.values()):
+            who = " and ".join(dict.fromkeys(f"{s.origin} at {remarks.places([p])}" for p, s in here.items()))
+            remarks.add(rest, f"the value of the deck stays at {{}}: its twins have different results, of {who}.")
             tied = [p for p in here if p in places.get(key, ())]
-            said.add(
+            remarks.add(
                 tied if len(tied) > 1 else (), f"{{}} are one value of a deck, but have different results, of {who}. Each keeps its own."
             )
         elif rest and any(not s.at or inside(p, s.at) for p in rest for s in here.values()):
-            said.add(rest, f"the value of the deck stays at {{}}: {first.origin} fitted that of {said.places(here)} alone.")
+            remarks.add(rest, f"the value of the deck stays at {{}}: {first.origin} fitted that of {remarks.places(here)} alone.")
         else:
             states[first.path] = replace(states[first.path], paths=(*states[first.path].paths, *rest))
-    said.add_hidden(states.values(), parameter_table(model))
-    return replace(whole, states=states), said.remarks()
+    remarks.add_hidden(states.values(), parameter_table(model))
+    return replace(whole, states=states), remarks.remarks()
 
 
 def _by_identity(model: Model, whole: Store) -> dict[tuple[str, str], dict[str, State]]:
     """Return owner and local path of a value in the model of the stage that gave it -> path -> state."""
-    known = _Identities(model)
+    identities = _Identities(model)
     out: dict[tuple[str, str], dict[str, State]] = {}
     for s in whole.parameters.values():
         for path in s.paths:
-            one = known.of(path, s.at if inside(path, s.at) else "")
+            one = identities.identity(path, s.at if inside(path, s.at) else "")
             if one is not None:
                 out.setdefault((one.owner, one.local), {})[path] = s
     return out
@@ -731,14 +735,14 @@ def _by_identity(model: Model, whole: Store) -> dict[tuple[str, str], dict[str, 
 
 def _twins_places(model: Model, states: Iterable[State]) -> dict[str, str]:
     """Return path -> part over whose deck a state is laid, of the places outside of the model of its stage."""
-    known = _Identities(model)
+    decks_of_model = _Identities(model)
     out = {}
     for s in states:
         beyond = [p for p in s.paths if s.at and not inside(p, s.at)]
-        one = known.of(next((p for p in s.paths if inside(p, s.at)), s.path), s.at) if beyond else None
+        one = decks_of_model.identity(next((p for p in s.paths if inside(p, s.at)), s.path), s.at) if beyond else None
         for path in beyond:
-            parts = [path[:k] for k, c in enumerate(path) if c == "." and path[:k] in known.decks]
-            out[path] = next((p for p in parts if one is not None and known.decks[p] == one.owner), parts[-1] if parts else "")
+            parts = [path[:k] for k, c in enumerate(path) if c == "." and path[:k] in decks_of_model.decks]
+            out[path] = next((p for p in parts if one is not None and decks_of_model.decks[p] == one.owner), parts[-1] if parts else "")
     return out
 
 
@@ -750,14 +754,14 @@ class _Identities:
         self.decks = {prefix.removesuffix("."): definition for prefix, definition in instances(model)}
         self._known: dict[str, Mapping[str, Identity]] = {}
 
-    def of(self, path: str, at: str) -> Identity | None:
+    def identity(self, path: str, at: str) -> Identity | None:
         """Return the identity of a path in the model at a place; None where there is no such value."""
         if at not in self._known:
             self._known[at] = local_identities(self.model.submodel(at) if at else self.model, self.decks.get(at, ""))
         return self._known[at].get(path[len(at) + 1 :] if at else path)
 
 
-class _Said:
+class _RemarksByPath:
     """Paths of a model by what is said of them, with braces where they are named; `decks` as `rows_of_decks` has it."""
 
     def __init__(self, decks: Mapping[str, tuple[str, tuple[str, ...]]]) -> None:
@@ -766,8 +770,8 @@ class _Said:
 
     def add(self, paths: Iterable[str], words: str) -> None:
         """Say something of some paths, of each what is said first."""
-        known = {p for several in self._paths.values() for p in several}
-        self._paths.setdefault(words, {}).update(dict.fromkeys(p for p in paths if p not in known))
+        spoken_of = {p for several in self._paths.values() for p in several}
+        self._paths.setdefault(words, {}).update(dict.fromkeys(p for p in paths if p not in spoken_of))
 
     def add_hidden(self, states: Iterable[State], table: Mapping[str, Entry]) -> None:
         """Say which twins of states keep what a [set] or a cut gives them."""
@@ -792,25 +796,28 @@ class _Said:
 
 def _chosen(path: str, several: Sequence[tuple[str, State, Array]]) -> tuple[State, Array, list[str]]:
     """Return the state of a value of which several arrive, its row, and a remark where another was set aside."""
-    kept: list[tuple[str, State, Array]] = []
+    candidates: list[tuple[str, State, Array]] = []
     for part, state, row in several:
-        if any(s.same(state) or s.replaces(state) for _, s, _ in kept):
+        if any(s.is_same(state) or s.replaces(state) for _, s, _ in candidates):
             continue
-        kept = [k for k in kept if not state.replaces(k[1])] + [(part, state, row)]
-    if kept[0][1].kind != "parameter":
-        return *_combined([s for _, s, _ in kept], np.array([r for _, _, r in kept])), []
-    nearest_root = [k for k in kept if depth(k[0]) == depth(kept[0][0])]
+        candidates = [k for k in candidates if not state.replaces(k[1])] + [(part, state, row)]
+    if candidates[0][1].kind != "parameter":
+        return *_combined([s for _, s, _ in candidates], np.array([r for _, _, r in candidates])), []
+    nearest_root = [k for k in candidates if depth(k[0]) == depth(candidates[0][0])]
     if len(nearest_root) > 1:
         one, two = nearest_root[0][1].origin, nearest_root[1][1].origin
         raise DeckError(
             f"{one} and {two} both give '{path}' independently of each other. Inherit one of them, or leave the value out of one by "
             f'without = ["{path}"].'
         )
-    _, state, row = kept[0]
+    _, state, row = candidates[0]
     return (
         state,
         row,
-        [f"'{path}': the value of {state.origin} is used, not that of {s.origin}, which is deeper in the model." for _, s, _ in kept[1:]],
+        [
+            f"'{path}': the value of {state.origin} is used, not that of {s.origin}, which is deeper in the model."
+            for _, s, _ in candidates[1:]
+        ],
     )
 
 
@@ -863,50 +870,52 @@ class LaterTable:
         return self.table
 
 
-def error_table_of(known: Mapping[str, Any]) -> Mapping[str, Any] | None:
+def error_table_of(provenance: Mapping[str, Any]) -> Mapping[str, Any] | None:
     """Return what the provenance of a stage keeps of its model of error; None where it keeps nothing."""
-    kept = known.get("errors")
-    return kept.table if isinstance(kept, LaterTable) else kept
+    errors = provenance.get("errors")
+    return errors.table if isinstance(errors, LaterTable) else errors
 
 
-def errors_under(kept: Any, ahead: str) -> Any:
+def errors_under(errors: Any, ahead: str) -> Any:
     """Return what a fit keeps of its model of error, its places by their paths in the model above; `ahead` as in `structural_under`."""
-    return kept.under(ahead) if isinstance(kept, LaterTable) else {**kept, "at": f"{ahead}{kept['at']}"}
+    return errors.under(ahead) if isinstance(errors, LaterTable) else {**errors, "at": f"{ahead}{errors['at']}"}
 
 
-def _provenance(known: Mapping[str, Any], part: str) -> Mapping[str, Any]:
+def _provenance(provenance: Mapping[str, Any], part: str) -> Mapping[str, Any]:
     """Return what is known of a fit, its places by their paths in the model above."""
-    moved = {n: {_under(p, part): x for p, x in known[n].items()} for n in ("conditions", "misfit") if n in known}
-    structural = {"structural": structural_under(known["structural"], f"{part}.")} if part and "structural" in known else {}
-    errors = {"errors": errors_under(known["errors"], f"{part}.")} if part and "errors" in known else {}
-    return {**known, **moved, **structural, **errors}
+    moved = {n: {_under(p, part): x for p, x in provenance[n].items()} for n in ("conditions", "misfit") if n in provenance}
+    structural = {"structural": structural_under(provenance["structural"], f"{part}.")} if part and "structural" in provenance else {}
+    errors = {"errors": errors_under(provenance["errors"], f"{part}.")} if part and "errors" in provenance else {}
+    return {**provenance, **moved, **structural, **errors}
 
 
-def _told(known: Mapping[str, Any], gone: Collection[str], absent: Collection[str]) -> Mapping[str, Any]:
+def _provenance_without(provenance: Mapping[str, Any], gone: Collection[str], absent: Collection[str]) -> Mapping[str, Any]:
     """Return what is kept of a fit without what it says of some of its values, and without values that are in no deck."""
-    out = dict(known)
-    if "structural" in known:
-        kept = known["structural"]
-        at = [k for k, name in enumerate(kept["names"]) if name not in gone]
+    out = dict(provenance)
+    if "structural" in provenance:
+        structural = provenance["structural"]
+        at = [k for k, name in enumerate(structural["names"]) if name not in gone]
 
         def some(numbers: Sequence[float]) -> list[float]:
             return [numbers[k] for k in at]
 
-        assumed = {p: some(moved) for p, moved in kept.get("assumed", {}).items()}
-        out["structural"] = {**kept, "names": some(kept["names"]), "assumed": assumed}
+        assumed = {p: some(moved) for p, moved in structural.get("assumed", {}).items()}
+        out["structural"] = {**structural, "names": some(structural["names"]), "assumed": assumed}
     return out
 
 
-def structural_under(kept: Mapping[str, Any], ahead: str) -> dict[str, Any]:
+def structural_under(structural: Mapping[str, Any], ahead: str) -> dict[str, Any]:
     """Return what a fit keeps of structural errors (`Discrepancy.to_dict`), its places by their paths in the model above.
 
     Parameters
     ----------
-    kept : dict
+    structural : dict
     ahead : str     What paths begin with there, such as ``unit.``; names of instruments hold a space and stay.
     """
-    placed = {n: {ahead + p: x for p, x in kept[n].items()} for n in ("conditions", "surfaces")}
-    names = [n if " " in n else ahead + n for n in kept["names"]]
-    assumed, said = ({ahead + p: own for p, own in kept.get(key, {}).items()} for key in ("assumed", "of_assumed"))
-    separated = [ahead + p for p in kept["separated"]]
-    return {**kept, **placed, "names": names, "separated": separated, "assumed": assumed, "of_assumed": said}
+    placed = {n: {ahead + p: x for p, x in structural[n].items()} for n in ("conditions", "surfaces")}
+    names = [n if " " in n else ahead + n for n in structural["names"]]
+    assumed, of_assumed = (
+        {ahead + p: parameters for p, parameters in structural.get(key, {}).items()} for key in ("assumed", "of_assumed")
+    )
+    separated = [ahead + p for p in structural["separated"]]
+    return {**structural, **placed, "names": names, "separated": separated, "assumed": assumed, "of_assumed": of_assumed}

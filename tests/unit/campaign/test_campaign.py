@@ -68,6 +68,13 @@ def campaign(made: Path) -> Campaign:
     return run_stages(made)
 
 
+@pytest.fixture(scope="module")
+def results(made: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Campaign]:
+    """Finished stages of the project as it is, which no test writes to, and the campaign that left them."""
+    folder = tmp_path_factory.mktemp("results")
+    return folder, run_stages(made, cache=folder)
+
+
 class TestRun:
     def test_each_stage_finds_its_truth(self, campaign: Campaign) -> None:
         assert list(campaign) == ["box", "pair"]
@@ -517,9 +524,9 @@ class TestCache:
         ids=lambda c: c[1][:30].strip() if isinstance(c, tuple) else "",
     )
     def test_what_a_change_of_the_campaign_runs_again(
-        self, project: Path, tmp_path: Path, change: tuple[str, str], again: list[str]
+        self, project: Path, tmp_path: Path, results: tuple[Path, Campaign], change: tuple[str, str], again: list[str]
     ) -> None:
-        self.runs(project, tmp_path / "r")
+        shutil.copytree(results[0], tmp_path / "r")
         _, second = self.runs(changed(project, change), tmp_path / "r")
         assert second == again
 
@@ -532,8 +539,8 @@ class TestCache:
         assert second == ["pair"]
         assert prior["pair"][f"a.{HTC}"].error < fixed["pair"][f"a.{HTC}"].error
 
-    def test_a_changed_log_or_deck_runs_again(self, project: Path, tmp_path: Path) -> None:
-        self.runs(project, tmp_path / "r")
+    def test_a_changed_log_or_deck_runs_again(self, project: Path, tmp_path: Path, results: tuple[Path, Campaign]) -> None:
+        shutil.copytree(results[0], tmp_path / "r")
         file = project.parent / "logs" / "pair_one.csv"
         lines = file.read_text().splitlines()
         lines[50] = lines[50][:-1] + ("1" if lines[50][-1] != "1" else "2")
@@ -574,16 +581,18 @@ class TestCache:
         assert pages[0] == pages[1]
 
     @pytest.mark.parametrize("damage", [b"", b"{", b"[]", b"{}", b'{"key": 1}', b"\xff\xfe\x00", b'{"key": "x", "fitted": 3}', b"null"])
-    def test_a_damaged_file_is_as_good_as_none(self, project: Path, tmp_path: Path, damage: bytes) -> None:
-        one, _ = self.runs(project, tmp_path / "r")
+    def test_a_damaged_file_is_as_good_as_none(self, project: Path, tmp_path: Path, results: tuple[Path, Campaign], damage: bytes) -> None:
+        one = results[1]
+        shutil.copytree(results[0], tmp_path / "r")
         (file,) = (tmp_path / "r").glob("pair*.json")
         file.write_bytes(damage)
         two, second = self.runs(project, tmp_path / "r")
         assert second == ["pair"]
         assert self.numbers(one) == self.numbers(two)
 
-    def test_numbers_in_the_kept_file_that_are_none(self, project: Path, tmp_path: Path) -> None:
-        one, _ = self.runs(project, tmp_path / "r")
+    def test_numbers_in_the_kept_file_that_are_none(self, project: Path, tmp_path: Path, results: tuple[Path, Campaign]) -> None:
+        one = results[1]
+        shutil.copytree(results[0], tmp_path / "r")
         (file,) = (tmp_path / "r").glob("pair*.json")
         kept = json.loads(file.read_text())
         kept["fitted"][JOINT] = float("nan")

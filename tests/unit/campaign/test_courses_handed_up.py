@@ -27,7 +27,7 @@ def two_stages(folder: Path, inherit: str, course: str = COURSE, seed: int = 1) 
     write_decks(folder, UNIT)
     (folder / "logs").mkdir()
     gyro, unit = (load_model(folder / f"{p.definition}.toml") for p in (GYRO, UNIT))
-    more = PowerCourse("start_up", "n", "step", 1200.0, 1.5).on(gyro)
+    more = PowerCourse("start_up", "n", "step", 1200.0, 1.5).in_model(gyro)
     write_log(record_of(more, GYRO.values(), GYRO.nodes(), "gyro", seed, 0.02, {}), folder / "logs" / "gyro.csv")
     write_log(record_of(unit, UNIT.values(), UNIT.nodes(), "unit", seed + 1, 0.02, {}), folder / "logs" / "unit.csv")
     stages = [

@@ -43,7 +43,7 @@ def compare(seed: int, folder: Path) -> Compared:
         assert {q for k in found.known for q in k.paths} == {*every}, (seed, name)
         for k in found.known:
             state = every[k.paths[0]]
-            assert all(every[q].same(state) for q in k.paths), (seed, name, k.paths)
+            assert all(every[q].is_same(state) for q in k.paths), (seed, name, k.paths)
             assert state.origin.stage == k.stage, (seed, name, k.paths)
             values += 1
             apart = max(apart, abs(np.log(state.value) - k.value) / k.error)

@@ -74,8 +74,8 @@ def test_files_of_values_and_every_result_carry_it(bad: Campaign, folder: Path, 
     laid = load_model(folder / "whole.toml").with_values(values.assignments, "whole.values.toml")
     found = {
         "predict": td.predict(bad["whole"], scenario),
-        "foresee": td.design.foresee(td.design.Known.of(bad["whole"]), scenario),
-        "foresee, from a file": td.design.foresee(td.design.Known(laid, (values,)), scenario),
+        "foresee": td.design.foresee(td.design.Knowledge.of_source(bad["whole"]), scenario),
+        "foresee, from a file": td.design.foresee(td.design.Knowledge(laid, (values,)), scenario),
         "uncertain_runs": (runs := td.qualify.uncertain_runs(load_model(folder / "whole.toml"), scenario, values, n=24, nodes=["c.case"])),
         "hold": td.qualify.hold(runs, {"c.case": "60 [degC]"}, confidence=0.5),
         "correlate": td.qualify.correlate(
@@ -223,7 +223,7 @@ def test_what_rests_on_several_is_never_better_than_any(several: list[Standing],
     taken = whole.accept(accepted)
     assert taken.rank == whole.rank
     assert (taken.exit_code == 0) == all(c.accepted for c in taken.causes)
-    assert Standing.read(whole.kept()) == whole
+    assert Standing.read(whole.as_table()) == whole
     if any(not c.accepted and not c.usable for s in several for c in s.causes):
         assert whole.exit_code == 1
 

@@ -79,7 +79,7 @@ def test_four_levels_with_twins_at_three_heights(tmp_path: Path) -> None:
     room.save(file)
     back = load_store(file)[0]
     assert back == room.store
-    laid = back.on(load_model(tmp_path / "room.toml"))
+    laid = back.laid_over(load_model(tmp_path / "room.toml"))
     assert {laid.at(p).expression.literal.value for p in cells} == {acting(room, cells[0])}
 
 

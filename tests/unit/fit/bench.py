@@ -103,14 +103,14 @@ def log(
     channels = {}
     for sensor, node in nodes.items():
         reading = run[node].kelvin + (bias or {}).get(sensor, 0.0) + size * rng.standard_normal(samples)
-        channels[sensor] = Channel.of(
+        channels[sensor] = Channel.from_array(
             sensor, reading, unit="K", role="node", target=node, noise=(noise or 1e-3) if stated else None, accuracy=accuracy
         )
-    channels["ROOM"] = Channel.of("ROOM", air, unit="K", role="boundary", target=boundary)
+    channels["ROOM"] = Channel.from_array("ROOM", air, unit="K", role="boundary", target=boundary)
     return Record.from_arrays(name, times, channels)
 
 
 def metered(record: Record, load: str, watts: float | Sequence[float], accuracy: float | None = None, name: str = "METER") -> Record:
     """Return a record with a power meter."""
     values = np.broadcast_to(np.asarray(watts, dtype=float), record.times.shape)
-    return record.with_channels(Channel.of(name, values, quantity="power", role="load", target=load, accuracy=accuracy))
+    return record.with_channels(Channel.from_array(name, values, quantity="power", role="load", target=load, accuracy=accuracy))

@@ -55,8 +55,10 @@ def logs(offset: float, rate: float) -> tuple[td.Record, td.Record]:
     power = (np.concatenate([[0.0], there, [SLOW[-1]]]), np.concatenate([[0.0], POWER, [0.0]]))
     made = td.Scenario("s", {"air": "20 [degC]"}, {"heat": power}, start="20 [degC]", duration=float(SLOW[-1]))
     readings = td.simulate(BOX, made, times=SLOW)["case"].kelvin + 0.05 * np.random.default_rng(3).standard_normal(SLOW.size)
-    first = td.Record.from_arrays("bench", SLOW, {"T": td.Channel.of("T", readings, unit="K", role="node", target="case", noise=0.05)})
-    second = td.Record.from_arrays("meter", FAST, {"P": td.Channel.of("P", POWER, quantity="power", role="load", target="heat")})
+    first = td.Record.from_arrays(
+        "bench", SLOW, {"T": td.Channel.from_array("T", readings, unit="K", role="node", target="case", noise=0.05)}
+    )
+    second = td.Record.from_arrays("meter", FAST, {"P": td.Channel.from_array("P", POWER, quantity="power", role="load", target="heat")})
     return first, second
 
 
@@ -128,8 +130,10 @@ def test_both_logs_may_hold_compared_temperatures() -> None:
         node: td.simulate(pair, done, times=times)[node].kelvin + 0.05 * rng.standard_normal(times.size)
         for node, times in (("case", SLOW), ("lid", there))
     }
-    first = td.Record.from_arrays("bench", SLOW, {"T": td.Channel.of("T", noisy["case"], unit="K", role="node", target="case", noise=0.05)})
-    beside = td.Channel.of("S", noisy["lid"], unit="K", role="node", target="lid", noise=0.05)
+    first = td.Record.from_arrays(
+        "bench", SLOW, {"T": td.Channel.from_array("T", noisy["case"], unit="K", role="node", target="case", noise=0.05)}
+    )
+    beside = td.Channel.from_array("S", noisy["lid"], unit="K", role="node", target="lid", noise=0.05)
     found = td.inference.align(pair, first, second.with_channels(beside), offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
     assert abs(found.offset - 130.0) < 2.0 * found.offset_error
     assert abs(found.rate - 1.08) < 2.0 * found.rate_error
@@ -162,8 +166,10 @@ def stepped(
     meter = np.arange(0.0, 1201.0, GRID)
     meter = np.union1d(meter, when) if stated else meter
     power = np.array([0.0, *(w for _, w in SWITCHES)])[np.searchsorted(when, meter, side="right")]
-    first = td.Record.from_arrays("bench", SLOW, {"T": td.Channel.of("T", readings, unit="K", role="node", target="case", noise=0.05)})
-    of = td.Channel.of("P", power, quantity="power", role="load", target="heat", prompt=stated)
+    first = td.Record.from_arrays(
+        "bench", SLOW, {"T": td.Channel.from_array("T", readings, unit="K", role="node", target="case", noise=0.05)}
+    )
+    of = td.Channel.from_array("P", power, quantity="power", role="load", target="heat", prompt=stated)
     return first, td.Record.from_arrays("meter", meter, {"P": of})
 
 
@@ -271,7 +277,7 @@ def test_a_sampled_power_changed_somewhere_in_the_interval_before() -> None:
         made = td.Scenario("s", {"air": "20 [degC]"}, {"heat": power}, start="20 [degC]", duration=float(SLOW[-1]))
         read = td.simulate(BOX, made, times=SLOW)["case"].kelvin + 0.05 * rng.standard_normal(SLOW.size)
         coarse = np.arange(-140.0, 1700.0, 40.0)
-        meter = td.Channel.of("P", power.at(np.maximum(coarse + 130.0, 0.0)), quantity="power", role="load", target="heat")
+        meter = td.Channel.from_array("P", power.at(np.maximum(coarse + 130.0, 0.0)), quantity="power", role="load", target="heat")
         second = td.Record.from_arrays("meter", coarse, {"P": meter})
         joined = first.with_channels(replace(first["T"], values=read)).joined(second, (0.0, 300.0))
         (clock,) = td.calibrate(BOX, joined, FREE, scenario=AIR).local
@@ -324,7 +330,9 @@ def test_clocks_that_cannot_be_left_open() -> None:
         td.calibrate(BOX, second.joined(first, (-300.0, 0.0)), FREE, scenario=AIR)
     with pytest.raises(RecordError, match="must begin with the lower"):
         first.joined(second, (300.0, 0.0))
-    third = td.Record.from_arrays("third", FAST, {"Q": td.Channel.of("Q", 293.15 + 0 * FAST, unit="K", role="boundary", target="air")})
+    third = td.Record.from_arrays(
+        "third", FAST, {"Q": td.Channel.from_array("Q", 293.15 + 0 * FAST, unit="K", role="boundary", target="air")}
+    )
     with pytest.raises(
         RecordError, match=r"one of the logs has an unknown clock already\. Only one clock at a time may be left to the fit\."
     ):

@@ -49,7 +49,7 @@ def check(request: Request, loss: str = "linear", knee: float = 1.0, tolerance: 
     left = np.split(in_full(problem, at), ends)
     for block, o, e, (record, sensor, sums) in zip(problem.blocks(at), problem.observations(), left, few.sums, strict=True):
         assert (block.record, block.sensor) == (record, sensor)
-        told, whole = sums.statistics(0.1), Sums.of(e * o.sigma(problem.noise)).statistics(0.1)
+        told, whole = sums.statistics(0.1), Sums.of_residuals(e * o.sigma(problem.noise)).statistics(0.1)
         assert told.samples == whole.samples
         assert (told.rmse, told.mean, told.largest, told.lag_one) == pytest.approx(
             (whole.rmse, whole.mean, whole.largest, whole.lag_one), rel=1e-8, abs=1e-10
@@ -131,7 +131,7 @@ def test_as_many_rows_for_any_number_of_samples() -> None:
 def test_sums_add_up() -> None:
     rng = np.random.default_rng(1)
     parts = [300.0 + rng.standard_normal(n) for n in (7, 1, 100)]
-    together, whole = pooled([Sums.of(p) for p in parts]), Sums.of(np.concatenate(parts))
+    together, whole = pooled([Sums.of_residuals(p) for p in parts]), Sums.of_residuals(np.concatenate(parts))
     for name in ("count", "first", "last", "total", "squares", "lagged", "largest"):
         assert getattr(together, name) == pytest.approx(getattr(whole, name), rel=1e-10), name
     centred = np.concatenate(parts) - np.concatenate(parts).mean()

@@ -42,7 +42,7 @@ def log(values: dict[str, float], extra: float = 0.0, noise: float | None = NOIS
     run = td.simulate(chain(values), BENCH, times=TIMES)
     rng = np.random.default_rng(seed)
     channels = {
-        name: td.Channel.of(
+        name: td.Channel.from_array(
             name,
             run[name].kelvin + rng.normal(0.0, NOISE, TIMES.size) + extra * (name == "n2") * np.sin(TIMES / 400.0),
             unit="K",

@@ -71,8 +71,8 @@ class TestMoves:
         assert self.move(alone=2.31).verdict == "this log cannot decide"
 
     def test_ten_times_the_value_says_nothing(self) -> None:
-        assert self.move(detectable=19.6).told
-        assert not self.move(detectable=20.4).told
+        assert self.move(detectable=19.6).is_determined
+        assert not self.move(detectable=20.4).is_determined
 
     @pytest.mark.parametrize("tests", [1, 4])
     def test_the_detectable_shift_is_found_in_nine_of_ten_cases(self, tests: int) -> None:
@@ -119,7 +119,7 @@ class TestWhatIsQuestioned:
         """Three hundred times: between a slip of 1000 and what a load can differ from its deck by."""
 
         data = log(box(), {}, {"T": "case"})
-        power = td.Channel.of("P", np.full(data.times.size, watts), quantity="power", role="load", target="heat")
+        power = td.Channel.from_array("P", np.full(data.times.size, watts), quantity="power", role="load", target="heat")
         problem = build_problem(Request(box(), (data.with_channels(power),), (HTC,)))
         assert bool(strange_powers(problem)) is asked
 
@@ -164,10 +164,10 @@ class TestAdequacy:
         given = td.Scenario("r", boundaries={"air": (TIMES, td.quantity(room(TIMES), unit="K"))}, start="24 [degC]", duration=18000.0)
         wave = np.where(np.arange(301) % 2, 1.0, -1.0) * 0.1 * math.sqrt(times * 300.0 / 301.0)
         made = {
-            "T": td.Channel.of(
+            "T": td.Channel.from_array(
                 "T", td.simulate(box(), given, times=TIMES)["case"].kelvin + wave, unit="K", role="node", target="case", noise=0.1
             ),
-            "ROOM": td.Channel.of("ROOM", room(TIMES), unit="K", role="boundary", target="air"),
+            "ROOM": td.Channel.from_array("ROOM", room(TIMES), unit="K", role="boundary", target="air"),
         }
         data = td.Record.from_arrays("r", TIMES, made)
         found = td.calibrate(box(), data, [HTC])
@@ -211,7 +211,7 @@ def test_white_residuals_are_called_autocorrelated_in_a_few_cases_of_a_hundred()
     kelvin = td.simulate(box(), given, times=times)["case"].kelvin
     records = []
     for k in range(150):
-        case = td.Channel.of("T", kelvin + 0.1 * rng.standard_normal(times.size), unit="K", role="node", target="case", noise=0.1)
+        case = td.Channel.from_array("T", kelvin + 0.1 * rng.standard_normal(times.size), unit="K", role="node", target="case", noise=0.1)
         records.append(td.Record.from_arrays(f"r{k}", times, {"T": case}))
     found = td.calibrate(box(), records, [HTC], scenario=given)
     slow = sum(s.wanders for record in found.statistics.values() for s in record.values())
@@ -227,7 +227,7 @@ def test_elsewhere_lies_inside_the_bounds_by_half_of_the_room() -> None:
     """Bounds of 10 % leave less room than the usual shift, a tenth to a third of the value: half of the wider side is taken."""
     model = box({"surfaces/skin/effective_htc": {"value": "6 [W/(m^2 K)]", "min": 5.9, "max": 6.3}})
     problem = build_problem(Request(model, (log(model, {}, {"T": "case"}, samples=61),), (HTC,)))
-    info = Information.of(problem, np.array([u.to_fitted(u.start) for u in problem.unknowns]))
+    info = Information.of_problem(problem, np.array([u.to_fitted(u.start) for u in problem.unknowns]))
     there = elsewhere(problem, info)
     assert there is not None
     (k,) = info.parameters

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 import thermid as td
 from thermid.app.cli.app import app
-from thermid.fit._calibration import FAR, contradicted
+from thermid.fit._calibration import CONTRADICTION_DEVIATIONS, contradicted
 from thermid.values.fitted import FittedValue, FittedValues
 from unit.fit.bench import HTC, box, log
 from unit.fit.project import make_project, write_log
@@ -93,7 +93,7 @@ def test_what_would_have_to_be_wrong_is_said(value: FittedValue, words: str) -> 
     assert list(contradicted(FittedValues("s", {value.path: value}, np.eye(1))).values()) == [words]
     assert value.prior is not None
     mean, sd = value.prior
-    near = mean + 0.99 * FAR * sd
+    near = mean + 0.99 * CONTRADICTION_DEVIATIONS * sd
     calm = replace(value, value=float(np.exp(near)) if value.log else near)
     assert not contradicted(FittedValues("s", {value.path: calm}, np.eye(1)))
     assert not contradicted(FittedValues("s", {value.path: replace(value, prior=None)}, np.eye(1)))

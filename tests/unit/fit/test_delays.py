@@ -45,8 +45,8 @@ def late(delay: float, seed: int = 3) -> td.Record:
     made = td.Scenario("s", {"air": "20 [degC]"}, {"heat": act}, start="20 [degC]", duration=float(TIMES[-1]))
     readings = td.simulate(BOX, made, times=TIMES)["case"].kelvin + 0.05 * np.random.default_rng(seed).standard_normal(TIMES.size)
     channels = {
-        "T": td.Channel.of("T", readings, unit="K", role="node", target="case", noise=0.05),
-        "P": td.Channel.of("P", power(TIMES), quantity="power", role="load", target="heat"),
+        "T": td.Channel.from_array("T", readings, unit="K", role="node", target="case", noise=0.05),
+        "P": td.Channel.from_array("P", power(TIMES), quantity="power", role="load", target="heat"),
     }
     return td.Record.from_arrays("bench", TIMES, channels)
 
@@ -68,7 +68,9 @@ def test_a_delay_is_found(delay: float) -> None:
 def test_a_stated_delay_is_that_shift_of_the_power() -> None:
     record = late(10.0)
     same = td.Record.from_arrays(
-        "bench", TIMES, dict(record.channels) | {"P": td.Channel.of("P", power(TIMES - 10.0), quantity="power", role="load", target="heat")}
+        "bench",
+        TIMES,
+        dict(record.channels) | {"P": td.Channel.from_array("P", power(TIMES - 10.0), quantity="power", role="load", target="heat")},
     )
     one, other = (td.calibrate(BOX, r, FREE, scenario=AIR) for r in (record.delayed(10.0), same))
     for name in FREE:

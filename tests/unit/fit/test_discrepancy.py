@@ -36,8 +36,10 @@ def lawful(exponent: float = 0.25, emissivity: float = 0.0) -> Model:
 def bench(model: Model, noise: float = 0.0, seed: int = 0) -> Record:
     given = Scenario("bench", boundaries={"air": (TIMES, quantity(room(TIMES), unit="K"))}, start="24 [degC]", duration=18000.0)
     kelvin = simulate(model, given, times=TIMES)["case"].kelvin + noise * np.random.default_rng(seed).standard_normal(TIMES.size)
-    case = Channel.of("T", kelvin, unit="K", role="node", target="case", noise=0.05, accuracy=0.3)
-    return Record.from_arrays("bench", TIMES, {"T": case, "ROOM": Channel.of("ROOM", room(TIMES), unit="K", role="boundary", target="air")})
+    case = Channel.from_array("T", kelvin, unit="K", role="node", target="case", noise=0.05, accuracy=0.3)
+    return Record.from_arrays(
+        "bench", TIMES, {"T": case, "ROOM": Channel.from_array("ROOM", room(TIMES), unit="K", role="boundary", target="air")}
+    )
 
 
 def fitted(model: Model, **more: float) -> Calibration:

@@ -60,7 +60,7 @@ def fit() -> td.Calibration:
 
 @pytest.fixture(scope="module")
 def model(fit: td.Calibration) -> ErrorModel:
-    return ErrorModel.of(fit)
+    return ErrorModel.of_fit(fit)
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +95,7 @@ def test_bands_grow_with_distance(fit: td.Calibration) -> None:
 
 def test_readings_tell_free_air_from_a_fan(model: ErrorModel, blown: td.Calibration) -> None:
     assert model.carriers["free air"] > 0.6
-    assert ErrorModel.of(blown).carriers["fan"] > 0.8
+    assert ErrorModel.of_fit(blown).carriers["fan"] > 0.8
     assert sum(model.carriers.values()) == pytest.approx(1.0)
 
 
@@ -107,7 +107,7 @@ def test_band_of_a_blown_box_holds_its_truth(blown: td.Calibration) -> None:
 
 def test_a_deck_that_says_what_carries_the_heat_leaves_one_way(fit: td.Calibration) -> None:
     said = _fit("free air", "free air")
-    assert list(ErrorModel.of(said).carriers) == ["as the deck says"]
+    assert list(ErrorModel.of_fit(said).carriers) == ["as the deck says"]
     assert _band(said, 8.0).half_width[-1] < _band(fit, 8.0).half_width[-1]
 
 
@@ -149,7 +149,7 @@ def test_sizes_stay_near_their_priors_where_runs_say_little(model: ErrorModel) -
 
 def test_a_calibration_of_a_file_has_no_model_of_error(fit: td.Calibration) -> None:
     with pytest.raises(IdentificationError, match="does not hold what its fit was asked"):
-        ErrorModel.of(replace(fit, problem=None))
+        ErrorModel.of_fit(replace(fit, problem=None))
 
 
 def test_a_file_gives_back_what_was_kept(model: ErrorModel) -> None:

@@ -55,7 +55,7 @@ def test_posterior_and_evidence_are_those_of_dense_conditioning() -> None:
     for seed in (1, 2):
         times, rows, values, noise = _run(seed)
         white, log_det = innovations(times, np.column_stack([rows, values]), noise, wander)
-        runs.append(RunRows.of(white, SHARED, log_det))
+        runs.append(RunRows.of_rows(white, SHARED, log_det))
         dense_rows.append(rows)
         covariances.append(_dense(wander, times, noise))
         every.append(values)
@@ -168,7 +168,7 @@ def test_widths_of_a_bent_case_are_those_of_sampling() -> None:
     for _ in range(8):
         rows = slopes(z, levels)
         white = np.column_stack([rows, y - answer(z, levels)]) / 0.1
-        found = members_of([RunRows.of(white, 3, 2.0 * levels.size * np.log(0.1))], -z, prior[None, :], [np.zeros((1, 0))])
+        found = members_of([RunRows.of_rows(white, 3, 2.0 * levels.size * np.log(0.1))], -z, prior[None, :], [np.zeros((1, 0))])
         z = z + found.mean[0]
     asked = np.array([0.7, 1.5])
     straight = np.linalg.norm(slopes(z, asked) @ found.root[0], axis=1)

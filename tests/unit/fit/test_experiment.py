@@ -39,7 +39,7 @@ def bound(record: Record, **changes: str | None) -> Record:
 
 
 def test_automatic_roles_follow_what_the_target_is(model: Model, record: Record) -> None:
-    watts = Channel.of("P", np.full(31, 3.0), quantity="power", target="heat")
+    watts = Channel.from_array("P", np.full(31, 3.0), quantity="power", target="heat")
     found = bind(model, bound(record, T="case", ROOM="air").with_channels(watts))
     assert [(o.sensor, o.node) for o in found.observations] == [("T", "case")]
     assert isinstance(found.scenario.boundaries["air"], TableSignal)
@@ -63,7 +63,7 @@ def test_an_alias_leads_to_the_canonical_path() -> None:
 
 
 def test_command_and_gain_drive_a_load(model: Model, record: Record) -> None:
-    duty = Channel.of("Q", np.linspace(0, 1, 31), quantity="command", role="command", target="heat")
+    duty = Channel.from_array("Q", np.linspace(0, 1, 31), quantity="command", role="command", target="heat")
     plain = bind(model, record.with_channels(duty))
     assert plain.scenario.commands["heat"].hold
     assert plain.scenario.gains == {}
@@ -99,7 +99,7 @@ def test_a_record_must_observe_a_node(model: Model, record: Record) -> None:
 
 
 def test_a_power_is_no_temperature(model: Model, record: Record) -> None:
-    watts = Channel.of("P", np.full(31, 3.0), quantity="power", target="case")
+    watts = Channel.from_array("P", np.full(31, 3.0), quantity="power", target="case")
     with pytest.raises(RecordError, match=r"'case' is a node of Box, but the channel holds a power"):
         bind(model, record.select("ROOM").with_channels(watts))
 

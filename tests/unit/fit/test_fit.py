@@ -409,8 +409,8 @@ def test_fifty_values_of_a_row_are_refused_by_name_and_not_by_steps() -> None:
     free = [f"c{k}.conductance" for k in range(50)]
     run = td.simulate(chain(50).with_values(dict.fromkeys(free, "1 [W/K]")), room, every="1 [min]")
     reading = run["n0"].kelvin + np.random.default_rng(1).normal(0.0, 0.05, run.times.size)
-    channels = {"T": td.Channel.of("T", reading, unit="K", role="node", target="n0", noise=0.05)}
-    channels["air"] = td.Channel.of("air", run["air"].kelvin, unit="K")
+    channels = {"T": td.Channel.from_array("T", reading, unit="K", role="node", target="n0", noise=0.05)}
+    channels["air"] = td.Channel.from_array("air", run["air"].kelvin, unit="K")
     with pytest.raises(IdentificationError, match=r"'c0\.conductance', 'c1\.conductance'.*'c49\.conductance'"):
         td.calibrate(chain(50), td.Record.from_arrays("log", run.times, channels), free=free)
 

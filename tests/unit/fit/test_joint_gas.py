@@ -37,7 +37,9 @@ EMPTY = BENCH.vacuum().with_(title="pumped")
 def log_of(scenario: td.Scenario, seed: int) -> Record:
     run = td.simulate(stack(HALF), scenario, every=30.0)
     noisy = run["block"].kelvin + 0.05 * np.random.default_rng(seed).standard_normal(run.times.size)
-    return Record.from_arrays(scenario.title, run.times, {"T": Channel.of("T", noisy, unit="K", role="node", target="block", noise=0.05)})
+    return Record.from_arrays(
+        scenario.title, run.times, {"T": Channel.from_array("T", noisy, unit="K", role="node", target="block", noise=0.05)}
+    )
 
 
 def test_fitted_in_air_the_joint_is_doubtful_without() -> None:

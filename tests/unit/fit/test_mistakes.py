@@ -32,10 +32,12 @@ def log(factor: float = 1.0) -> td.Record:
     run = td.simulate(hidden, SCENARIO.with_(loads={"heat": TableSignal(TIMES, watts, hold=True)}, duration=float(TIMES[-1])), times=TIMES)
     rng = np.random.default_rng(1)
     channels = {
-        f"T{k}": td.Channel.of(f"T{k}", run[n].kelvin + 0.05 * rng.standard_normal(TIMES.size), unit="K", role="node", target=n, noise=0.05)
+        f"T{k}": td.Channel.from_array(
+            f"T{k}", run[n].kelvin + 0.05 * rng.standard_normal(TIMES.size), unit="K", role="node", target=n, noise=0.05
+        )
         for k, n in enumerate(("amp", "psu"))
     }
-    power = td.Channel.of("P", factor * watts, quantity="power", role="load", target="heat")
+    power = td.Channel.from_array("P", factor * watts, quantity="power", role="load", target="heat")
     return td.Record.from_arrays("bench", TIMES, channels | {"P": power})
 
 

@@ -58,7 +58,7 @@ def test_constant_errors_of_instruments_open_at_what_they_were_taken_as() -> Non
     request = Request(box(), (data,), ("power",), held_bias={"T": 0.2})
     found = fit(request)
     assert found.problem is not None
-    at = opened_at(request, found.problem, ended(found), [], instruments=True, known={"sensor T": 0.2})
+    at = opened_at(request, found.problem, ended(found), [], instruments=True, values_before={"sensor T": 0.2})
     assert at.names == ("sensor T",)
     assert at.problem.residuals(at.fitted) == pytest.approx(found.problem.residuals(ended(found)), abs=1e-9)
     loose = fit(replace(request, held_bias={}))

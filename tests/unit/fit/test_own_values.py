@@ -52,7 +52,7 @@ def test_rooms_differ_from_run_to_run_by_what_was_planted() -> None:
         )
         run = td.simulate(plate(), given, times=times)
         channels = {
-            s: Channel.of(s, run[n].kelvin + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.05)
+            s: Channel.from_array(s, run[n].kelvin + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.05)
             for s, n in (("T1", "plate"), ("T2", "box"))
         }
         records.append(Record.from_arrays(f"run {k}", times, channels, synthetic=False))
@@ -83,10 +83,10 @@ def warm_runs(count: int, step: float, past: float = 0.0, seed: int = 7) -> list
         )
         run = td.simulate(plate(), given, times=times)
         channels = {
-            s: Channel.of(s, run[n].kelvin + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.05)
+            s: Channel.from_array(s, run[n].kelvin + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.05)
             for s, n in (("T1", "plate"), ("T2", "box"))
         }
-        channels["P"] = Channel.of("P", np.full(times.size, 1.0 + step * k), quantity="power", role="load", target="heat")
+        channels["P"] = Channel.from_array("P", np.full(times.size, 1.0 + step * k), quantity="power", role="load", target="heat")
         records.append(Record.from_arrays(f"run {k}", times, channels, synthetic=False))
     return records
 
@@ -144,8 +144,8 @@ def hot_runs(count: int) -> list[Record]:
         )
         run = td.simulate(plate(), given, times=times)
         noisy = run["plate"].kelvin + 0.05 * rng.standard_normal(times.size)
-        channels = {"T1": Channel.of("T1", noisy, unit="K", role="node", target="plate", noise=0.05)}
-        channels["ROOM"] = Channel.of("ROOM", np.full(times.size, 293.15), unit="K", role="boundary", target="air")
+        channels = {"T1": Channel.from_array("T1", noisy, unit="K", role="node", target="plate", noise=0.05)}
+        channels["ROOM"] = Channel.from_array("ROOM", np.full(times.size, 293.15), unit="K", role="boundary", target="air")
         records.append(Record.from_arrays(f"down {k}", times, channels, synthetic=False))
     return records
 

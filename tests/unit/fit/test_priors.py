@@ -88,7 +88,7 @@ def test_a_known_power_is_one_thing_in_every_form() -> None:
 def test_a_spread_is_a_text_or_a_quantity() -> None:
     def ends(spread: Any) -> Any:
         runs = td.qualify.uncertain_runs(box(), BENCH, spread={MASS: spread, "air": Q(1, unit="K")}, n=8, seed=3)
-        return runs.of("case")[:, -1]
+        return runs.node_temperatures("case")[:, -1]
 
     assert ends(Q(2, unit="%")) == pytest.approx(ends("2 [%]"), rel=1e-12)
     assert ends(Q(30, unit="g")) == pytest.approx(ends({"sd": "30 [g]"}), rel=1e-12)

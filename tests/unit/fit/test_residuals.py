@@ -68,13 +68,13 @@ def test_errors_of_a_logged_room_and_of_a_meter() -> None:
 @pytest.mark.parametrize("role", ["load", "command"])
 def test_command_and_gain(role: str) -> None:
     model = box({"parameters/alpha": "3 [W]"})
-    duty = Channel.of("Q", (np.arange(41) % 20 < 10) * 0.8, quantity="command", role=role, target="heat", gain="alpha")
+    duty = Channel.from_array("Q", (np.arange(41) % 20 < 10) * 0.8, quantity="command", role=role, target="heat", gain="alpha")
     data = log(model, {}, {"T": "case"}, samples=41).with_channels(duty)
     check(Request(model, (data,), ("alpha", HTC)), {"alpha", HTC, "bench: initial.case"})
 
 
 def test_a_command_without_gain_scales_the_decks_power() -> None:
-    duty = Channel.of("Q", (np.arange(41) % 20 < 10) * 0.8, quantity="command", role="command", target="heat")
+    duty = Channel.from_array("Q", (np.arange(41) % 20 < 10) * 0.8, quantity="command", role="command", target="heat")
     data = log(box(), {}, {"T": "case"}, samples=41).with_channels(duty)
     check(Request(box(), (data,), ("power", HTC)), {"power", HTC, "bench: initial.case"})
 
@@ -182,7 +182,7 @@ def test_the_weight_of_a_loss_is_its_derivative(loss: str) -> None:
 def test_scattering_readings_hold_less_information_and_a_prior_is_relative_to_its_value() -> None:
     problem = build_problem(Request(box(), (log(box(), {}, {"T": "case"}),), (HTC, MASS)))
     at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
-    plain, wide = Information.of(problem, at), Information.of(problem, at, spread=2.0)
+    plain, wide = Information.of_problem(problem, at), Information.of_problem(problem, at, spread=2.0)
     assert wide.data.T @ wide.data == pytest.approx(plain.data.T @ plain.data / 4.0, rel=1e-9)
     one = Unknown("x", "parameter", (), 5.0)
     info = Information((one,), np.array([5.0]), np.zeros((0, 1)), np.zeros((0, 1)), np.zeros((0, 1)))

@@ -29,8 +29,8 @@ def averaged(samples: str) -> Record:
     air = swing.boundaries["air"]
     means = np.array([air.mean_over(t - STEP, t) for t in times])
     made = [
-        Channel.of("T", run["case"].kelvin, unit="K", target="case", role="node", noise=0.02),
-        Channel.of("ROOM", means, unit="K", target="air", role="boundary", samples=samples),
+        Channel.from_array("T", run["case"].kelvin, unit="K", target="case", role="node", noise=0.02),
+        Channel.from_array("ROOM", means, unit="K", target="air", role="boundary", samples=samples),
     ]
     return Record(
         "swing", times, {c.name: c for c in made}, td.Record.from_arrays("swing", times, {"T": run["case"].kelvin}, unit="K").origin

@@ -51,7 +51,9 @@ def case(near: float, far: float, second: bool = True, bounded: bool = True) -> 
 def log(near: float = 0.08, far: float = 1.5, noise: float | None = 0.05) -> td.Record:
     truth = td.simulate(case(near, far, bounded=False), BENCH, times=TIMES)
     readings = truth["case"].kelvin + 0.05 * np.random.default_rng(1).standard_normal(TIMES.size)
-    return td.Record.from_arrays("bench", TIMES, {"T": td.Channel.of("T", readings, unit="K", role="node", target="case", noise=noise)})
+    return td.Record.from_arrays(
+        "bench", TIMES, {"T": td.Channel.from_array("T", readings, unit="K", role="node", target="case", noise=noise)}
+    )
 
 
 def fitted(how: str, start: tuple[float, float] = (1.5, 0.08), **more: Any) -> td.Calibration:
@@ -103,7 +105,7 @@ class TestValleys:
         twin = case(0.3, 0.6).with_values({"two.capacitance": "400 [J/K]"})
         readings = td.simulate(twin, BENCH, times=TIMES)["case"].kelvin
         record = td.Record.from_arrays(
-            "bench", TIMES, {"T": td.Channel.of("T", readings, unit="K", role="node", target="case", noise=0.05)}
+            "bench", TIMES, {"T": td.Channel.from_array("T", readings, unit="K", role="node", target="case", noise=0.05)}
         )
         found = td.calibrate(twin, record, PATHS, scenario=BENCH, search="multistart")
         assert any("other values fit equally well:" in w for w in found.warnings)
@@ -133,7 +135,7 @@ class TestValleys:
 class TestPopulation:
     def population(self, loss: str = "linear", knee: float = 1.0) -> Population:
         problem = build_problem(Request(case(0.3, 0.9), (log(),), tuple(PATHS), {"*": BENCH}))
-        return Population.of(replace(problem, noise={"T": 0.05}), loss, knee)
+        return Population.of_problem(replace(problem, noise={"T": 0.05}), loss, knee)
 
     @pytest.mark.parametrize("loss", LOSSES)
     def test_costs_are_those_of_the_fit(self, loss: str) -> None:

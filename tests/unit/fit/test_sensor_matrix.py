@@ -193,14 +193,14 @@ def identified(c: Cell) -> None:
 
 def bounded(c: Cell) -> None:
     found = td.inference.discrepancy(c.fit)
-    finite(td.inference.ErrorModel.of(c.fit).covariance)
+    finite(td.inference.ErrorModel.of_fit(c.fit).covariance)
     assert set(found.conditions) == {"skin"}  # whatever its sensors add to the model
     assert "case" in str(td.inference.plausibility(c.fit))
 
 
 def foreseen(c: Cell) -> None:
     hot = td.Scenario("hot", boundaries={"air": "40 [degC]"}, start="air", duration=HOUR)
-    finite(td.design.foresee(td.design.Known.of(c.fit), hot).prediction["case"].final.error)
+    finite(td.design.foresee(td.design.Knowledge.of_source(c.fit), hot).prediction["case"].final.error)
     finite(td.qualify.uncertain_runs(c.fit.model, hot, c.fit, n=4, every=1800.0).temperatures)
 
 

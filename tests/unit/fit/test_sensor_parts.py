@@ -41,7 +41,7 @@ def test_it_is_attached_where_its_channel_says_at_any_depth() -> None:
     inner = box()
     outer = td.model_from_dict({"title": "outer", "needs": ["room"], "submodels": {"box": {"use": inner, "bind": {"air": "room"}}}})
     data = worn(lag="20 [s]", lead={"conductance": "1 [mW/K]", "to": "room"})
-    moved = data.with_channels(td.Channel.of("T", data["T"].values, unit="K", role="node", target="box.case", part=data["T"].part))
+    moved = data.with_channels(td.Channel.from_array("T", data["T"].values, unit="K", role="node", target="box.case", part=data["T"].part))
     whole, seats = attached(outer, moved)
     assert seats == {"T": Seat("box.case", "sensor_T.tip", "sensor_T.lag")}
     assert set(whole.submodels) == {"box", "sensor_T"}

@@ -35,9 +35,9 @@ def wandering(seed: int, slow: float = SLOW, samples: int = 301, gap: bool = Fal
     truth = simulate(hidden, given, times=times)["case"].kelvin
     root = np.linalg.cholesky(np.exp(-np.abs(times[:, None] - times) / TIME) + 1e-12 * np.eye(times.size))
     readings = truth + NOISE * rng.standard_normal(times.size) + slow * root @ rng.standard_normal(times.size)
-    case = Channel.of("T", readings, unit="K", role="node", target="case", noise=NOISE)
+    case = Channel.from_array("T", readings, unit="K", role="node", target="case", noise=NOISE)
     return Record.from_arrays(
-        f"r{seed}", times, {"T": case, "ROOM": Channel.of("ROOM", room(times), unit="K", role="boundary", target="air")}
+        f"r{seed}", times, {"T": case, "ROOM": Channel.from_array("ROOM", room(times), unit="K", role="boundary", target="air")}
     )
 
 
@@ -136,7 +136,7 @@ def test_a_massless_node_and_a_robust_loss_work_too() -> None:
     rng = np.random.default_rng(3)
     slow = 0.1 * np.cumsum(rng.standard_normal(201)) / 5.0
     channels = {
-        s: Channel.of(s, run[n].kelvin + 0.05 * rng.standard_normal(201) + slow, unit="K", role="node", target=n, noise=0.05)
+        s: Channel.from_array(s, run[n].kelvin + 0.05 * rng.standard_normal(201) + slow, unit="K", role="node", target=n, noise=0.05)
         for s, n in (("T1", "proc.case"), ("MID", "cd"))
     }
     data = Record.from_arrays("bench", times, channels)
@@ -215,7 +215,7 @@ def drifting(name: str, size: float, seed: int) -> td.Record:
     run = td.simulate(bar(), given, times=times)
     noisy = run["bar"].kelvin + 0.05 * rng.standard_normal(times.size)
     return td.Record.from_arrays(
-        name, times, {"T": td.Channel.of("T", noisy, unit="K", role="node", target="bar", noise=0.05)}, synthetic=True
+        name, times, {"T": td.Channel.from_array("T", noisy, unit="K", role="node", target="bar", noise=0.05)}, synthetic=True
     )
 
 
@@ -262,8 +262,10 @@ def lagging_box(noise: float | None) -> Record:
     )
     given = Scenario("bench", boundaries={"air": (times, td.quantity(room(times), unit="K"))}, start="24 [degC]", duration=18000.0)
     truth = simulate(hidden, given, times=times)["case"].kelvin
-    case = Channel.of("T", truth + 0.05 * np.random.default_rng(7).standard_normal(301), unit="K", role="node", target="case", noise=noise)
-    air = Channel.of("ROOM", room(times), unit="K", role="boundary", target="air")
+    case = Channel.from_array(
+        "T", truth + 0.05 * np.random.default_rng(7).standard_normal(301), unit="K", role="node", target="case", noise=noise
+    )
+    air = Channel.from_array("ROOM", room(times), unit="K", role="boundary", target="air")
     return Record.from_arrays("bench", times, {"T": case, "ROOM": air})
 
 

@@ -101,7 +101,7 @@ def record_of(
     )
     rng = np.random.default_rng(seed)
     seen = {f"T_{n.replace('.', '_')}": run[n].kelvin + noise * rng.standard_normal(times.size) for n in nodes} | {"AIR": air}
-    return Record.from_arrays(name, times, {c: Channel.of(c, values + bias.get(c, 0.0), unit="K") for c, values in seen.items()})
+    return Record.from_arrays(name, times, {c: Channel.from_array(c, values + bias.get(c, 0.0), unit="K") for c, values in seen.items()})
 
 
 def write_logs(folder: Path, tested: Sequence[Part], noise: float = 0.02, seed: int = 1, bias: Mapping[str, float] | None = None) -> None:

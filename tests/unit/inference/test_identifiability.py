@@ -82,7 +82,7 @@ class TestLaws:
 
 def _reading(model: td.Model, scenario: td.Scenario) -> tuple[np.ndarray, dict[str, td.Channel]]:
     run = td.simulate(model, scenario)
-    return run.times, {"T": td.Channel.of("T", run["case"].kelvin, unit="K", role="node", target="case", noise=0.1)}
+    return run.times, {"T": td.Channel.from_array("T", run["case"].kelvin, unit="K", role="node", target="case", noise=0.1)}
 
 
 class TestThisLog:

@@ -36,7 +36,7 @@ A, B = named("a", 2.5), named("b", -3.0)
     ],
 )
 def test_the_text_computes_to_the_value(formula: Formula, text: str) -> None:
-    written = Text(lambda path: path, "**").of(formula)
+    written = Text(lambda path: path, "**").text_of(formula)
     assert written == text
     assert eval(written, {"a": 2.5, "b": -3.0}) == pytest.approx(float(formula), rel=1e-15)
 

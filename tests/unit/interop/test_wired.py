@@ -65,12 +65,12 @@ def test_functions_stay_formulas() -> None:
     names: dict[str, Any] = {"exp": math.exp, "sqrt": math.sqrt, "log": math.log, "min": min, "max": max}
     for each in w.parameters:
         if each.formula is not None:
-            text = Text(lambda path: f"v[{path!r}]", "**").of(each.formula)
+            text = Text(lambda path: f"v[{path!r}]", "**").text_of(each.formula)
             assert eval(text, {**names, "v": values}) == pytest.approx(each.value, rel=1e-14)
     changed = {**values, **made_of}
     for each in w.parameters:
         if each.formula is not None:
-            changed[each.path] = eval(Text(lambda path: f"v[{path!r}]", "**").of(each.formula), {**names, "v": changed})
+            changed[each.path] = eval(Text(lambda path: f"v[{path!r}]", "**").text_of(each.formula), {**names, "v": changed})
     assert changed == pytest.approx({p: other[p] for p in changed}, rel=1e-14)
     wall = next(row for label, row in w.conductors if label == "wall")
     assert wall.coefficients[0].paths() >= {"wall.area", "wall.thickness"}  # type: ignore[union-attr]
@@ -80,7 +80,7 @@ def test_numpy_on_a_formula_makes_a_formula() -> None:
     a = named("a", 2.0)
     made = np.float64(3.0) * np.log(a) - np.maximum(a, 1.0) ** np.float64(0.5)
     assert isinstance(made, Formula)
-    assert Text(lambda path: path).of(made) == "3*log(a) - max(a, 1)^0.5"
+    assert Text(lambda path: path).text_of(made) == "3*log(a) - max(a, 1)^0.5"
     assert float(made) == pytest.approx(3.0 * np.log(2.0) - np.sqrt(2.0))
     with pytest.raises(TypeError):
         np.cos(a)

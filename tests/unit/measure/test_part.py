@@ -66,7 +66,7 @@ def test_half_a_statement_is_refused(table: dict[str, object], said: str) -> Non
     [(None, 0.4, 0.05), (0.05, 0.2, 0.05 / np.sqrt(2)), (0.5, 0.4 * 0.25 / 0.2525, 0.05 * np.sqrt(0.25 / 0.2525))],
 )
 def test_a_certificate_and_the_accuracy_of_the_type_say_it_together(accuracy: float | None, mean: float, sd: float) -> None:
-    channel = td.Channel.of("T", np.array([300.0, 301.0]), unit="K", accuracy=accuracy)
+    channel = td.Channel.from_array("T", np.array([300.0, 301.0]), unit="K", accuracy=accuracy)
     made, said = certified(channel, td.bench.SensorCertificate(0.4, 0.05))
     assert made.values == pytest.approx(channel.values - mean)
     assert made.accuracy == pytest.approx(sd)
@@ -92,6 +92,6 @@ def test_the_same_keys_serve_in_python() -> None:
     assert made["T"].flags == {"out of range": 1}
     with raises_code("name.unknown", RecordError, match="'lagg'.*'lag'"):
         record.with_sensor("T", lagg="20 [s]")
-    power = td.Record.from_arrays("r", np.arange(3.0), {"P": td.Channel.of("P", np.ones(3), quantity="power")})
+    power = td.Record.from_arrays("r", np.arange(3.0), {"P": td.Channel.from_array("P", np.ones(3), quantity="power")})
     with raises_code("record.does-not-apply", RecordError):
         power.with_sensor("P", lag="20 [s]")

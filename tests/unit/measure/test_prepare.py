@@ -19,7 +19,7 @@ def made(times, **channels) -> Record:
 
 def ramp(count=41, step=0.5) -> Record:
     times = step * np.arange(count)
-    power = Channel.of("heater", np.where(times < 5, 2.0, 0.0), quantity="power", role="load", target="heater")
+    power = Channel.from_array("heater", np.where(times < 5, 2.0, 0.0), quantity="power", role="load", target="heater")
     return made(times, case=300 + 0.1 * times, heater=power)
 
 
@@ -122,7 +122,7 @@ def test_median_removes_a_single_spike_and_keeps_a_slope():
     record = ramp()
     values = record["case"].values.copy()
     values[[0, 20, 40]] += [40, -30, 25]
-    smooth = record.with_channels(Channel.of("case", values, unit="K")).median("4 [s]")
+    smooth = record.with_channels(Channel.from_array("case", values, unit="K")).median("4 [s]")
     assert smooth["case"].values[4:-4] == pytest.approx(record["case"].values[4:-4], abs=0.05 + 1e-9)  # at most one sample of the slope
     # at the ends the window is cut to half: a quarter of the window times the slope, and the spike moves it by one sample of the slope
     assert abs(smooth["case"].values - record["case"].values).max() <= 0.1 * 4 / 4 + 0.1 * 0.5 + 1e-9
@@ -155,7 +155,7 @@ def test_median_leaves_masked_samples_out_and_masked():
 
 
 def test_powers_are_filtered_only_when_asked_and_commands_never():
-    record = ramp().with_channels(Channel.of("u", (np.arange(41) % 2).astype(float), quantity="command"))
+    record = ramp().with_channels(Channel.from_array("u", (np.arange(41) % 2).astype(float), quantity="command"))
     for name in ("median", "filter"):
         plain, asked = getattr(record, name)("4 [s]"), getattr(record, name)("4 [s]", powers=True)
         assert np.array_equal(plain["heater"].values, record["heater"].values)
@@ -206,7 +206,7 @@ def test_resample_holds_commands_and_joins_temperatures():
 
 def test_resample_does_not_cross_a_gap():
     times = np.array([0, 1, 2, 3, 4, 20, 21, 22, 23, 24, 25.0])
-    power = Channel.of("p", np.arange(11.0), quantity="power")
+    power = Channel.from_array("p", np.arange(11.0), quantity="power")
     record = made(times, case=300 + times, p=power).resample(1)
     inside = (record.times > 4) & (record.times < 20)
     assert (~record["case"].valid).tolist() == inside.tolist()
@@ -265,10 +265,10 @@ def test_spikes_further_than_a_difference():
 def test_a_quiet_channel_has_no_spike_of_one_level():
     values = np.full(100, 300.0)
     values[[20, 60]] += [0.0625, 0.5]
-    for channel in (values, Channel.of("case", values, unit="K", resolution=0.0625)):
+    for channel in (values, Channel.from_array("case", values, unit="K", resolution=0.0625)):
         flagged = made(np.arange(100.0), case=channel).flag_spikes(3, 20)
         assert np.flatnonzero(~flagged["case"].valid).tolist() == [60]
-    coarse = made(np.arange(100.0), case=Channel.of("case", values, unit="K", resolution=0.5)).flag_spikes(3, 20)
+    coarse = made(np.arange(100.0), case=Channel.from_array("case", values, unit="K", resolution=0.5)).flag_spikes(3, 20)
     assert coarse["case"].valid.all()
 
 

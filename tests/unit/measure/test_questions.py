@@ -198,10 +198,10 @@ def test_an_exchange_that_fitted_values_absorb_is_asked_about(heavy: str, asks: 
     truth = td.simulate(model, td.Scenario("s", boundaries={"air": "21 [degC]"}, start="air", duration=TIMES[-1]), times=TIMES)
     noise = 0.03 * np.random.default_rng(5).standard_normal((2, SIZE))
     channels = {
-        f"T{n}": td.Channel.of(f"T{n}", truth[m].celsius + noise[k], unit="degC", role="node", target=n, noise=0.03)
+        f"T{n}": td.Channel.from_array(f"T{n}", truth[m].celsius + noise[k], unit="degC", role="node", target=n, noise=0.03)
         for k, (n, m) in enumerate((("a", "b"), ("b", "a")))
     }
-    channels["ROOM"] = td.Channel.of("ROOM", np.full(SIZE, 21.0), unit="degC", role="boundary", target="air")
+    channels["ROOM"] = td.Channel.from_array("ROOM", np.full(SIZE, 21.0), unit="degC", role="boundary", target="air")
     record = td.Record.from_arrays("log", TIMES, channels)
     fit = td.calibrate(model, record, ["a.capacitance", "b.capacitance"], scenario=td.Scenario("s"))
     assert any("'Ta' and 'Tb' agree with each other's node" in w for w in fit.warnings) == asks

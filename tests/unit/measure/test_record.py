@@ -54,7 +54,7 @@ def test_channel_by_name():
 
 
 def test_with_channels_and_select():
-    record = made().with_channels(Channel.of("air", np.full(5, 295.0), unit="K", role="boundary", target="room"))
+    record = made().with_channels(Channel.from_array("air", np.full(5, 295.0), unit="K", role="boundary", target="room"))
     assert list(record.channels) == ["case", "air"]
     assert list(record.select("air").channels) == ["air"]
     assert record.origin == made().origin
@@ -76,23 +76,26 @@ def test_with_channels_and_select():
             "record 'r': its times have shape (2,); at least two finite times in one row are needed.",
         ),
         (lambda: Record.from_arrays("r", [0, 1], {"a": [1.0]}, unit="K"), "record 'r': channel 'a' has 1 samples for 2 times."),
-        (lambda: Record.from_arrays("r", [0], {"b": Channel.of("a", [1.0], unit="K")}), "record 'r': its times have shape (1,)"),
+        (lambda: Record.from_arrays("r", [0], {"b": Channel.from_array("a", [1.0], unit="K")}), "record 'r': its times have shape (1,)"),
         (
-            lambda: Record.from_arrays("r", [0, 1], {"b": Channel.of("a", [1.0, 2], unit="K")}),
+            lambda: Record.from_arrays("r", [0, 1], {"b": Channel.from_array("a", [1.0, 2], unit="K")}),
             "record 'r': channel 'a' is stored under another name, 'b'. Use one name.",
         ),
-        (lambda: Channel.of("a", [[1.0]], unit="K"), "channel 'a': values, valid and masks must be one-dimensional and of equal length."),
+        (
+            lambda: Channel.from_array("a", [[1.0]], unit="K"),
+            "channel 'a': values, valid and masks must be one-dimensional and of equal length.",
+        ),
         (
             lambda: Channel("a", np.ones(2), np.ones(3, bool)),
             "channel 'a': values, valid and masks must be one-dimensional and of equal length.",
         ),
         (lambda: Channel("a", np.array([1.0, np.nan]), np.ones(2, bool)), "channel 'a': a valid sample is not finite. Mask it."),
         (
-            lambda: Channel.of("a", [1.0], unit="K", role="nod"),
+            lambda: Channel.from_array("a", [1.0], unit="K", role="nod"),
             "channel 'a': no role 'nod'; it is one of auto, node, boundary, load, command, prescribed. Did you mean 'node'?",
         ),
         (
-            lambda: Channel.of("a", [1.0], unit="K", resolution=0.0),
+            lambda: Channel.from_array("a", [1.0], unit="K", resolution=0.0),
             "channel 'a': its resolution is 0; a finite number above zero is needed.",
         ),
     ],
@@ -111,7 +114,7 @@ def test_table_of_a_temperature_bridges_by_lines():
 
 
 def test_table_covers_the_whole_record():
-    channel = Channel.of("case", [np.nan, 301, 302, 303, np.nan], unit="K")
+    channel = Channel.from_array("case", [np.nan, 301, 302, 303, np.nan], unit="K")
     times, values, bridged = made(case=channel).table("case")
     assert times.tolist() == [0, 1, 2, 3, 4]
     assert values.tolist() == [301, 301, 302, 303, 303]
@@ -119,7 +122,7 @@ def test_table_covers_the_whole_record():
 
 
 def test_table_of_a_held_channel_and_of_a_gap():
-    power = Channel.of("p", [1.0, np.nan, 2, 3, 4], quantity="power")
+    power = Channel.from_array("p", [1.0, np.nan, 2, 3, 4], quantity="power")
     assert made(p=power).table("p").bridged == pytest.approx(0.25)
     assert made(p=power).table("p").times.tolist() == [0, 2, 3, 4]
     record = Record.from_arrays("gap", [0.0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 89, 90], {"case": np.arange(14.0) + 300}, unit="K")
@@ -128,7 +131,7 @@ def test_table_of_a_held_channel_and_of_a_gap():
 
 
 def test_summary():
-    power = Channel.of("p", np.ones(5), quantity="power", role="load", target="heater", noise=0.1, accuracy=0.05)
+    power = Channel.from_array("p", np.ones(5), quantity="power", role="load", target="heater", noise=0.1, accuracy=0.05)
     text = made(p=power).trim(0, 3).summary()
     sha = made(p=power).origin.sha256[:16]
     assert text.split("\n") == [
@@ -142,8 +145,8 @@ def test_summary():
 
 def test_xarray_has_units_and_masks_as_nan():
     pytest.importorskip("xarray")
-    power = Channel.of("p", np.ones(5), quantity="power", role="load", target="heater", noise=0.1)
-    heat = Channel.of("q", np.ones(5), quantity="heat flux", unit="W/m^2")
+    power = Channel.from_array("p", np.ones(5), quantity="power", role="load", target="heater", noise=0.1)
+    heat = Channel.from_array("q", np.ones(5), quantity="heat flux", unit="W/m^2")
     data = made(p=power, q=heat).mask("case", 0, 0).to_xarray()
     assert np.isnan(data["case"].values).tolist() == [True, False, True, False, False]
     assert data["case"].attrs["units"] == "K"
@@ -165,7 +168,7 @@ def test_a_record_can_go_to_another_process():
 def test_the_step_is_that_of_the_readings_whatever_lies_between_them(by: float | tuple[float, float]) -> None:
     """Delays and joined logs put the times of another clock between the readings; the readings come as often as before."""
     times = 10.0 * np.arange(40.0)
-    power = Channel.of("p", np.ones(40), quantity="power", role="load", target="heater")
+    power = Channel.from_array("p", np.ones(40), quantity="power", role="load", target="heater")
     record = Record.from_arrays("bench", times, {"case": 300.0 + np.sqrt(times), "p": power}, unit="K")
     slow = Record.from_arrays("room", 60.0 * np.arange(7.0), {"room": np.full(7, 295.0)}, unit="K")
     assert record.delayed(by).step == record.step == 10.0

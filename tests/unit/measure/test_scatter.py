@@ -14,24 +14,24 @@ SLOW = 300.0 + 8.0 * (1.0 - np.exp(-TIMES / 900.0))
 
 @pytest.mark.parametrize("step", [0.0625, 0.1, 1.0])
 def test_a_step_is_found(step: float) -> None:
-    assert step_of(Channel.of("T", 273.15 + step * np.round((SLOW - 273.15) / step), unit="K")) == pytest.approx(step)
+    assert step_of(Channel.from_array("T", 273.15 + step * np.round((SLOW - 273.15) / step), unit="K")) == pytest.approx(step)
 
 
 def test_a_step_that_is_none() -> None:
     rng = np.random.default_rng(3)
-    assert step_of(Channel.of("T", SLOW + 0.05 * rng.standard_normal(SLOW.size), unit="K")) == 0.0
+    assert step_of(Channel.from_array("T", SLOW + 0.05 * rng.standard_normal(SLOW.size), unit="K")) == 0.0
     uneven = np.array([300.0, 301.37, 302.1, 306.66])[rng.integers(0, 4, 400)]
-    assert step_of(Channel.of("T", uneven, unit="K")) == 0.0
+    assert step_of(Channel.from_array("T", uneven, unit="K")) == 0.0
 
 
 def test_a_reading_that_never_changes_has_the_step_of_its_last_digit() -> None:
-    assert step_of(Channel.of("T", np.full(60, 38.0), unit="degC")) == pytest.approx(1.0)
-    assert step_of(Channel.of("T", np.full(60, 38.25), unit="degC")) == pytest.approx(0.01)
-    assert step_of(Channel.of("P", np.full(60, 4.0), quantity="power")) == 0.0
+    assert step_of(Channel.from_array("T", np.full(60, 38.0), unit="degC")) == pytest.approx(1.0)
+    assert step_of(Channel.from_array("T", np.full(60, 38.25), unit="degC")) == pytest.approx(0.01)
+    assert step_of(Channel.from_array("P", np.full(60, 4.0), quantity="power")) == 0.0
 
 
 def test_the_mean_of_a_log_in_whole_degrees_is_not_exact() -> None:
-    channel = Channel.of("T", np.full(TIMES.size, 38.0), unit="degC", role="node", target="case")
+    channel = Channel.from_array("T", np.full(TIMES.size, 38.0), unit="degC", role="node", target="case")
     point = Record.from_arrays("coarse", TIMES, {"T": channel}).steady("10 [min]", "end")
     assert point["T"].error == pytest.approx(1.0 / 12**0.5, rel=0.05)
 
@@ -40,14 +40,14 @@ def test_the_mean_of_a_log_in_whole_degrees_is_not_exact() -> None:
 def test_noise_is_told_from_the_signal(signal: str) -> None:
     rng = np.random.default_rng(5)
     true = {"slow": SLOW, "jumps": SLOW + 4.0 * (TIMES % 900.0 > 450.0), "fast": 300.0 + np.sin(TIMES / 40.0)}[signal]
-    assert found_noise(Channel.of("T", true + 0.05 * rng.standard_normal(true.size), unit="K")) == pytest.approx(0.05, rel=0.3)
-    assert found_noise(Channel.of("T", true, unit="K")) < 0.002
+    assert found_noise(Channel.from_array("T", true + 0.05 * rng.standard_normal(true.size), unit="K")) == pytest.approx(0.05, rel=0.3)
+    assert found_noise(Channel.from_array("T", true, unit="K")) < 0.002
 
 
 def test_a_switched_power_has_no_noise() -> None:
-    assert found_noise(Channel.of("P", 5.0 * (np.arange(400) % 2), quantity="power")) == 0.0
+    assert found_noise(Channel.from_array("P", 5.0 * (np.arange(400) % 2), quantity="power")) == 0.0
     rng = np.random.default_rng(1)
-    noisy = Channel.of("P", 5.0 + 0.2 * rng.standard_normal(400), quantity="power")
+    noisy = Channel.from_array("P", 5.0 + 0.2 * rng.standard_normal(400), quantity="power")
     assert found_noise(noisy) == pytest.approx(0.2, rel=0.25)
 
 
@@ -67,7 +67,7 @@ def test_a_mean_of_a_few_correlation_times_has_the_error_of_repeats() -> None:
         for k in range(1, times.size):
             slow[k] = keep * slow[k - 1] + 0.1 * np.sqrt(1.0 - keep**2) * rng.standard_normal()
         values = 300.0 + slow + 0.05 * rng.standard_normal(times.size)
-        record = Record.from_arrays("r", times, {"T": Channel.of("T", values, unit="K", role="node", target="case")})
+        record = Record.from_arrays("r", times, {"T": Channel.from_array("T", values, unit="K", role="node", target="case")})
         point = record.steady("start", "end", limit="5 [K/h]", tau="0.1 [s]")
         scores.append((point["T"].value - 300.0) / point["T"].error)
     assert 0.5 < np.mean(np.square(scores)) < 1.5

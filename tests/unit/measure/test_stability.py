@@ -19,7 +19,7 @@ def record(rate, noise=0.05, step=0.0, span=4.0, every=10.0, seed=1, name="T"):
     values = 300.0 + rate / HOUR * times + noise * np.random.default_rng(seed).standard_normal(times.size)
     if step:
         values = np.round(values / step) * step
-    return td.Record.from_arrays("log", times, {name: Channel.of(name, values, unit="K", resolution=step or None)})
+    return td.Record.from_arrays("log", times, {name: Channel.from_array(name, values, unit="K", resolution=step or None)})
 
 
 @pytest.mark.parametrize(
@@ -86,9 +86,9 @@ def test_a_coarse_sensor_that_stands_still_is_not_called_stable():
 
 def test_the_step_of_a_sensor_is_seen_in_its_readings():
     r = record(1.0, noise=0.2, step=0.0625)
-    bare = Channel.of("T", r["T"].values, unit="K")
+    bare = Channel.from_array("T", r["T"].values, unit="K")
     assert step_of(bare) == pytest.approx(0.0625)
-    assert step_of(Channel.of("T", np.random.default_rng(1).standard_normal(100) + 300, unit="K")) == 0.0
+    assert step_of(Channel.from_array("T", np.random.default_rng(1).standard_normal(100) + 300, unit="K")) == 0.0
 
 
 def test_since_when_an_approach_is_stable():
@@ -103,6 +103,6 @@ def test_since_when_an_approach_is_stable():
 def test_a_window_longer_than_the_log_and_a_power_are_refused():
     with raises_code("record.too-short", RecordError, match="5"):
         channel_stability(record(0.0), "T", rule_of("0.2 C/h over 5 h"))
-    power = td.Record.from_arrays("log", np.arange(100.0), {"P": Channel.of("P", np.ones(100), quantity="power", role="load")})
+    power = td.Record.from_arrays("log", np.arange(100.0), {"P": Channel.from_array("P", np.ones(100), quantity="power", role="load")})
     with raises_code("record.does-not-apply", RecordError):
         channel_stability(power, "P", rule_of("3 C/h"))

@@ -27,9 +27,9 @@ def approach(hours: float = 8.0, noise: float = 0.05, seed: int = 1, drift: floa
         "bench",
         t,
         {
-            "T": Channel.of("T", case + noise * white, unit="K", role="node", target="case", noise=noise, accuracy=0.5),
-            "ROOM": Channel.of("ROOM", room, unit="K", role="boundary", target="air"),
-            "P": Channel.of("P", np.full(samples, 4.0), quantity="power", role="load", target="heat"),
+            "T": Channel.from_array("T", case + noise * white, unit="K", role="node", target="case", noise=noise, accuracy=0.5),
+            "ROOM": Channel.from_array("ROOM", room, unit="K", role="boundary", target="air"),
+            "P": Channel.from_array("P", np.full(samples, 4.0), quantity="power", role="load", target="heat"),
         },
     )
 
@@ -113,7 +113,7 @@ def test_correlation_of_white_and_of_constant_noise() -> None:
 def test_a_mean_power_has_the_error_of_its_scatter_alone() -> None:
     """No stored heat is taken off a power, so that its drift adds nothing."""
     rng, record = np.random.default_rng(5), approach()
-    noisy = Channel.of("P", 4.0 + 0.6 * rng.standard_normal(481), quantity="power", role="load", target="heat")
+    noisy = Channel.from_array("P", 4.0 + 0.6 * rng.standard_normal(481), quantity="power", role="load", target="heat")
     record = Record.from_arrays("bench", record.times, {**record.channels, "P": noisy}, unit="K")
     with_tau, without = (record.steady("6 [h]", "8 [h]", tau=tau)["P"] for tau in (TAU, None))
     assert with_tau.error == without.error
@@ -128,7 +128,7 @@ def test_noise_before_rounding_takes_the_error_of_steps_away_as_far_as_it_is_kno
     for level in 300.0 + rng.random(150):
         read = np.round(level + noise * rng.standard_normal(t.size))
         v = Record.from_arrays(
-            "r", t, {"T": Channel.of("T", read, unit="K", role="node", target="n", noise=noise, resolution=1.0)}
+            "r", t, {"T": Channel.from_array("T", read, unit="K", role="node", target="n", noise=noise, resolution=1.0)}
         ).steady()["T"]
         away.append(v.value - level)
         errors.append(v.error)

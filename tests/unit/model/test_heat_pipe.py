@@ -90,7 +90,9 @@ def test_a_fit_finds_the_temperature_and_both_conductances(seed: int) -> None:
     run = td.simulate(model(), WARM, times=times)
     rng = np.random.default_rng(seed)
     channels = {
-        name: td.Channel.of(name, run[node].kelvin + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target=node, noise=0.05)
+        name: td.Channel.from_array(
+            name, run[node].kelvin + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target=node, noise=0.05
+        )
         for name, node in (("T1", "source"), ("T2", "end"))
     }
     start = model(start_temperature="33 [degC]", on_conductance="3 [W/K]", off_conductance="0.35 [W/K]")

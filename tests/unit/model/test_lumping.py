@@ -55,7 +55,7 @@ def test_a_fit_that_finds_another_coefficient_remarks_on_it() -> None:
     bench = td.Scenario("b", {"air": "20 [degC]"}, start="20 [degC]", duration="3 [h]")
     true = td.simulate(wall(2.0, "40 [W/(m^2 K)]"), bench, times=np.arange(0.0, 10801.0, 60.0))
     data = td.Record.from_arrays(
-        "log", true.times, {"T": td.Channel.of("T", true["wall"].kelvin, unit="K", role="node", target="wall", noise=0.05)}
+        "log", true.times, {"T": td.Channel.from_array("T", true["wall"].kelvin, unit="K", role="node", target="wall", noise=0.05)}
     )
     first = wall(2.0, "10 [W/(m^2 K)]")
     assert found(first) == []

@@ -167,7 +167,7 @@ def test_results_are_read_by_every_alias(part: Build, pair: Build) -> None:
     for time in (0.0, "mean"):
         settled = td.steady(whole, bench, time)
         assert settled["hull"] == settled["first_case"] == settled["a.case"]
-    foreseen = td.design.foresee(td.design.Known(whole), bench).prediction
+    foreseen = td.design.foresee(td.design.Knowledge(whole), bench).prediction
     assert foreseen["hull"].final == foreseen["a.case"].final
     with pytest.raises(NameNotFoundError, match="no node 'nobody'"):
         td.steady(whole, bench)["nobody"]

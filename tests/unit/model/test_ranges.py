@@ -17,7 +17,7 @@ from thermid.model._parts.elements import LOAD_SLOTS, NODE_SLOTS
 from thermid.model._parts.kinds import KINDS
 from thermid.model._parts.ranges import RANGES, range_of
 from thermid.model._tree.flat import allows
-from thermid.simulation._ensemble import Many
+from thermid.simulation._ensemble import MemberValues
 from thermid.simulation.network import compile_network
 
 BOLTED = {
@@ -100,8 +100,8 @@ def test_bounds(field: str, allowed: tuple[float, ...], refused: tuple[float, ..
     row = RANGES[field]
     assert [v for v in allowed if not allows(row, v)] == []
     assert [v for v in refused if allows(row, v)] == []
-    assert allows(row, Many(np.array(allowed)))
-    assert not allows(row, Many(np.array(refused[:1])))
+    assert allows(row, MemberValues(np.array(allowed)))
+    assert not allows(row, MemberValues(np.array(refused[:1])))
     assert not allows(row, Dual(refused[0], np.ones(2)))
 
 

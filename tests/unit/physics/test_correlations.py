@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from thermid.physics.constants import ATMOSPHERE
-from thermid.physics.correlations import OWN, correlation, signed_nusselt
+from thermid.physics.correlations import CORRELATIONS, correlation, signed_nusselt
 from thermid.physics.gas import GASES, knudsen_number, mean_free_path
 
 REFERENCES = Path(__file__).parents[4] / "shared" / "data" / "reference_values"
@@ -24,19 +24,19 @@ SERVE = (
 
 def test_the_fire_screen_of_incropera() -> None:
     """Example 9.2, 6th ed., page 574: Ra 1.813e9, Nu 147."""
-    assert OWN["Nu_vertical_plate_Churchill"].nusselt(1.813e9, 0.690, True) == pytest.approx(147, abs=0.5)
+    assert CORRELATIONS["Nu_vertical_plate_Churchill"].nusselt(1.813e9, 0.690, True) == pytest.approx(147, abs=0.5)
 
 
 def test_the_plate_of_cengel() -> None:
     """Problem 9-41, 2nd ed.: Ra 411500, 13.68 on top and 6.838 below."""
-    plate = OWN["Nu_horizontal_plate_McAdams"].nusselt
+    plate = CORRELATIONS["Nu_horizontal_plate_McAdams"].nusselt
     assert plate(411500.0, 0.7268, True) == pytest.approx(13.68, abs=0.005)
     assert plate(411500.0, 0.7268, False) == pytest.approx(6.838, abs=0.0005)
 
 
 def test_a_sphere_in_gas_at_rest() -> None:
     """Nu_D = 2 exactly, which on the root of its area is 3.545; the law for bodies in general lies 2 % below."""
-    assert OWN["Nu_body"].nusselt(0.0, 0.71, True) == pytest.approx(2.0 * 3.14159265**0.5, rel=0.025)
+    assert CORRELATIONS["Nu_body"].nusselt(0.0, 0.71, True) == pytest.approx(2.0 * 3.14159265**0.5, rel=0.025)
 
 
 @pytest.mark.skipif(not TRUTHS.is_file(), reason="the reference values are not here")
@@ -62,10 +62,10 @@ def test_the_truths_of_the_library_by_its_own_names() -> None:
     assert found >= 10
 
 
-@pytest.mark.parametrize("name", OWN)
+@pytest.mark.parametrize("name", CORRELATIONS)
 def test_a_table_is_the_correlation_above_conduction(name: str) -> None:
     """Both signs, at the points and where conduction no longer counts."""
-    law = OWN[name]
+    law = CORRELATIONS[name]
     orientation = "up" if law.facing else "vertical"
     x, y, least = signed_nusselt(name, orientation, 0.71)
     for sign in (1.0, -1.0):

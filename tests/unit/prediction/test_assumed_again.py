@@ -11,7 +11,7 @@ import thermid as td
 from thermid.fit.calibration import Calibration
 from thermid.measure.records import Channel, Record
 from thermid.prediction._budget import followed_by
-from thermid.prediction._known import Known, known_of
+from thermid.prediction._known import Knowledge, known_of
 from thermid.values.fitted import load_values
 
 AREA = {"value": "0.05 [m^2]", "min": 0.03, "max": 0.07, "source": "assumed"}
@@ -41,7 +41,9 @@ def log(model: td.Model, synthetic: bool = True) -> Record:
     rng, times = np.random.default_rng(3), np.linspace(0.0, 7200.0, 241)
     given = td.Scenario("bench", boundaries={"air": "22 [degC]"}, start="22 [degC]", duration="2 [h]")
     run = td.simulate(model, given, times=times)
-    reading = Channel.of("T", run["case"].kelvin + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target="case", noise=0.05)
+    reading = Channel.from_array(
+        "T", run["case"].kelvin + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target="case", noise=0.05
+    )
     return Record.from_arrays("bench", times, {"T": reading}, synthetic=synthetic)
 
 
@@ -58,7 +60,7 @@ OWN = td.Scenario("own", boundaries={"air": "22 [degC]"}, start="22 [degC]", dur
 def test_in_the_conditions_of_the_fit_a_spread_of_an_assumed_area_widens_a_band_by_at_most_a_tenth(found: Calibration) -> None:
     bare, spread = (td.predict(found, OWN, spread=s)["case"].half_width.max() for s in ({}, {"skin.area": "0.006 [m^2]"}))
     assert spread <= 1.1 * bare
-    unsolved = td.predict(Known(found.fitted_model), OWN, spread={"skin.area": "0.006 [m^2]"})["case"].half_width.max()
+    unsolved = td.predict(Knowledge(found.fitted_model), OWN, spread={"skin.area": "0.006 [m^2]"})["case"].half_width.max()
     assert unsolved > 3.0 * bare  # without the fit it would be this
 
 
@@ -69,7 +71,7 @@ def test_where_the_fit_does_not_pin_the_answer_it_opens(found: Calibration) -> N
 
 
 def test_the_linear_answer_is_that_of_a_second_fit(found: Calibration) -> None:
-    moved = followed_by(Known.of(found).kept)["skin.area"]["skin.effective_htc"]
+    moved = followed_by(Knowledge.of_source(found).discrepancies)["skin.area"]["skin.effective_htc"]
     other = box().with_values({"skin.area": "0.0505 [m^2]"})
     scenario = td.Scenario("bench", boundaries={"air": "22 [degC]"}, start="22 [degC]")
     hidden = box().with_values({"skin.effective_htc": "7.5 [W/(m^2 K)]"})
@@ -83,7 +85,7 @@ def test_the_first_line_counts_what_is_left_and_names_the_costliest(found: Calib
     (words,) = [x for x in told.left_out if "assumed value" in x.what]
     assert "'seal.conductance' costs most" in words.what
     assert "than halve this uncertainty" in words.what
-    (alone,) = [x for x in td.predict(Known(found.fitted_model), OWN).left_out if "assumed value" in x.what]
+    (alone,) = [x for x in td.predict(Knowledge(found.fitted_model), OWN).left_out if "assumed value" in x.what]
     assert words.kelvin < alone.kelvin
 
 
@@ -138,13 +140,13 @@ def test_a_value_that_the_readings_determine_counts_as_if_it_had_been_fitted(sto
     fitted = td.predict(free, OWN)["case"].half_width.max()
     moved = abs(td.predict(free, OWN)["case"].kelvin - td.predict(held, OWN)["case"].kelvin).max()
     assert wide <= 1.1 * (fitted + 2.0 * moved)
-    (variance, shift) = Known.of(held).kept[-1].of_assumed[CAPACITANCE]
+    (variance, shift) = Knowledge.of_source(held).discrepancies[-1].of_assumed[CAPACITANCE]
     assert variance**0.5 == pytest.approx(free[CAPACITANCE].error, rel=0.1)
     assert shift == pytest.approx(abs(free[CAPACITANCE].value - 600.0), rel=0.1)
 
 
 def test_what_the_readings_cannot_separate_keeps_its_spread(found: Calibration) -> None:
-    assert "skin.area" not in Known.of(found).kept[-1].of_assumed
+    assert "skin.area" not in Knowledge.of_source(found).discrepancies[-1].of_assumed
 
 
 def test_what_readings_say_of_an_assumed_value_goes_with_the_file(stored: tuple[Calibration, Calibration], tmp_path: Path) -> None:

@@ -33,7 +33,7 @@ def budgets(seed: int) -> list[tuple[str, Budget]]:
             f"initial.{node}": {"low": f"{-rng.uniform(0, 4):.3f} [K]", "high": f"{rng.uniform(0, 4):.3f} [K]"},
         }
         for scenario in (case().inside, case().outside):
-            out += [(node, own) for _, own in budget_of(fit, scenario.with_(duration="40 [min]"), spread).each]
+            out += [(node, own) for _, own in budget_of(fit, scenario.with_(duration="40 [min]"), spread).weighted_ways]
     return out
 
 
@@ -42,7 +42,7 @@ def test_members_are_derivatives_once_all_sources_shrink(seed: int) -> None:
     """A tenth of every source: 300 members have the straight model's mean and width within what their number leaves open."""
     for node, full in budgets(seed):
         small = replace(full, gain=0.1 * full.gain)
-        setting = Setting.of(small, times=[1200.0, 2400.0])
+        setting = Setting.of_budget(small, times=[1200.0, 2400.0])
         linear = setting.linear([node])
         drawn = small.drawn(small.numbers(seed, 0, 300))
         actual = setting.temperatures(drawn, [node]).kelvin
@@ -57,12 +57,12 @@ def test_members_are_derivatives_once_all_sources_shrink(seed: int) -> None:
 @pytest.mark.parametrize("seed", [3])
 def test_removing_a_source_takes_its_column_away_and_nothing_else(seed: int) -> None:
     for node, full in budgets(seed):
-        setting = Setting.of(full, times=[2400.0])
+        setting = Setting.of_budget(full, times=[2400.0])
         columns = setting.linear([node]).columns[node]
         whole = sum(full.parts(columns).values())
         for k, source in list(enumerate(full.sources))[seed::9]:
             left = full.without([source.name])
-            again = Setting.of(left, times=[2400.0]).linear([node]).columns[node]
+            again = Setting.of_budget(left, times=[2400.0]).linear([node]).columns[node]
             others = (np.delete(np.arange(len(full.sources)), k), full.alike[k])
             own = (columns[:, k] * full.sizes[k]) ** 2
             shared = 2.0 * columns[:, k] * full.sizes[k] * ((columns * full.sizes)[:, others[0]] @ others[1][others[0]])
@@ -76,14 +76,14 @@ def test_a_source_that_is_left_out_is_gone_from_every_consumer(tmp_path: Path) -
     off = ("structural", "misfit")
     routes = {
         "predict": td.predict(fit, far, nodes=[node], without=off),
-        "foresee": foresee(td.design.Known.of(fit), far, nodes=[node], without=off).prediction,
+        "foresee": foresee(td.design.Knowledge.of_source(fit), far, nodes=[node], without=off).prediction,
     }
     runs = td.qualify.uncertain_runs(fit.model, far, fit, n=400, nodes=[node], without=off)
     for told in routes.values():
         assert told[node].error[-1] < 0.2 * wide.error[-1]
         assert any(x.what == "structure at this distance (switched off)" for x in told.left_out)
         assert str(told).splitlines()[0].startswith("not counted: structure at this distance (switched off)")
-        assert told[node].error[-1] == pytest.approx(runs.of(node)[:, -1].std(), rel=0.15)
+        assert told[node].error[-1] == pytest.approx(runs.node_temperatures(node)[:, -1].std(), rel=0.15)
     assert "not counted: structure at this distance (switched off)" in str(td.qualify.hold(runs, {node: "90 [degC]"}))
     assert [x.what for x in runs.left_out] == [x.what for x in routes["predict"].left_out]
 
@@ -91,7 +91,7 @@ def test_a_source_that_is_left_out_is_gone_from_every_consumer(tmp_path: Path) -
 def test_what_is_left_out_does_not_depend_on_the_route() -> None:
     assumed = {"value": "0.05 [m^2]", "min": 0.03, "max": 0.07, "source": "assumed"}
     model = plate({"htc": HTC, "area": assumed})
-    known = td.design.Known(model)
+    known = td.design.Knowledge(model)
     told = td.predict(known, BENCH, spread={"air": "0.1 [K]"})
     runs = td.qualify.uncertain_runs(model, BENCH, spread={"air": "0.1 [K]"}, n=50, nodes=["plate"])
     seen = foresee(known, BENCH, spread={"air": "0.1 [K]"}).prediction
@@ -132,19 +132,21 @@ def test_predict_draws_members_by_itself_where_derivatives_do_not_do() -> None:
     """A conductance known to a factor: the band is lopsided, and says so; where it is known well nothing is drawn."""
     model = plate({"htc": HTC})
     long = BENCH.with_(duration="20 [h]")
-    loose, tight = (td.predict(td.design.Known(model), long, spread={"skin.htc": {"log_sd": s}})["plate"] for s in (0.5, 0.02))
+    loose, tight = (td.predict(td.design.Knowledge(model), long, spread={"skin.htc": {"log_sd": s}})["plate"] for s in (0.5, 0.02))
     assert tight.members is None
     assert loose.members is not None
     end = loose.final
     assert end.high - end.celsius > 1.5 * (end.celsius - end.low)
-    assert any("members were drawn" in w for w in td.predict(td.design.Known(model), long, spread={"skin.htc": {"log_sd": 0.5}}).warnings)
+    assert any(
+        "members were drawn" in w for w in td.predict(td.design.Knowledge(model), long, spread={"skin.htc": {"log_sd": 0.5}}).warnings
+    )
     # the mean of 1/h with a log-normal h, in closed form
     assert end.celsius - 24.0 == pytest.approx(10.0 * np.exp(0.5 * 0.5**2), rel=0.06)
 
 
 def test_a_uniform_law_has_no_normal_tails() -> None:
     model = plate({"htc": HTC})
-    band = td.predict(td.design.Known(model), BENCH, spread={"air": {"low": "-3 [K]", "high": "3 [K]"}})["air"]
+    band = td.predict(td.design.Knowledge(model), BENCH, spread={"air": {"low": "-3 [K]", "high": "3 [K]"}})["air"]
     low, high = band.interval()
     assert (low[-1], high[-1]) == pytest.approx((24 - 2.85, 24 + 2.85), abs=0.1)
 
@@ -155,9 +157,9 @@ def test_a_uniform_law_has_no_normal_tails() -> None:
 def test_constants_that_decide_the_width_of_a_band() -> None:
     """Each with the decision note that gives its reason; a change is a decision, and not a slip."""
     assert discrepancy.MOST == pytest.approx(0.026 / 10e-6, rel=0.03)  # 054
-    assert (predict.MEAN_MISS, predict.WIDTH_MISS, predict.SMALL) == (0.1, 0.1, 0.05)
-    assert (budget.TENTH, budget.FELT) == (0.1, 0.1)
-    assert (spreads.LEAST, spreads.LARGEST_SHIFT) == (1e-3, 100.0)
+    assert (predict.MEAN_MISS, predict.WIDTH_MISS, predict.NEGLIGIBLE_HALF_WIDTH) == (0.1, 0.1, 0.05)
+    assert (budget.TENTH, budget.MIN_SHARE_OF_BAND) == (0.1, 0.1)
+    assert (spreads.MIN_SHARE_IN_BOUNDS, spreads.LARGEST_SHIFT) == (1e-3, 100.0)
 
 
 def test_a_member_depends_on_its_number_alone() -> None:

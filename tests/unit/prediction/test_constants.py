@@ -64,10 +64,10 @@ class TestBeforeAFit:
         model = plate(htc={"value": "5 [W/(m^2 K)]", **bounds})
         run = td.simulate(model, BENCH)
         data = td.Record.from_arrays(
-            "log", run.times, {"T": td.Channel.of("T", run["plate"].kelvin, unit="K", role="node", target="plate", noise=0.05)}
+            "log", run.times, {"T": td.Channel.from_array("T", run["plate"].kelvin, unit="K", role="node", target="plate", noise=0.05)}
         )
         fit = td.calibrate(model, data, ["skin.htc"], scenario=BENCH)
-        seen = foresee(td.design.Known.of(fit), BENCH)
+        seen = foresee(td.design.Knowledge.of_source(fit), BENCH)
         ends = [td.simulate(model.with_values({"skin.htc": f"{5 * f} [W/(m^2 K)]"}), BENCH)["plate"].kelvin[-1] for f in (1.001, 0.999)]
         assert seen.before["plate"][-1] == pytest.approx((ends[1] - ends[0]) / 0.002 * log_sd, rel=0.01)
 
@@ -196,7 +196,7 @@ def case() -> td.Calibration:
     model = plate(htc={"value": "5 [W/(m^2 K)]", "min": 1, "max": 30}, carried_by="free air")
     run = td.simulate(model, BENCH)
     data = td.Record.from_arrays(
-        "log", run.times, {"T": td.Channel.of("T", run["plate"].kelvin, unit="K", role="node", target="plate", noise=0.05)}
+        "log", run.times, {"T": td.Channel.from_array("T", run["plate"].kelvin, unit="K", role="node", target="plate", noise=0.05)}
     )
     return td.calibrate(model, data, ["skin.htc"], scenario=BENCH)
 

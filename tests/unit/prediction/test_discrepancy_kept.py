@@ -23,7 +23,7 @@ def fit() -> td.Calibration:
     run = td.simulate(unit(), soak(25.0), times=times)
     wave = 0.4 * np.sin(2 * np.pi * times / 5400.0)
     made = {
-        n: td.Channel.of(
+        n: td.Channel.from_array(
             n, run[n].kelvin + wave + 0.1 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.1, accuracy=0.3
         )
         for n in ("proc", "ele", "plate")
@@ -34,9 +34,9 @@ def fit() -> td.Calibration:
 def test_values_keep_it_and_predictions_from_them_count_it(fit: td.Calibration, tmp_path: Path) -> None:
     fit.values.save(tmp_path / "values.toml")
     values = load_values(tmp_path / "values.toml")
-    (errors,) = td.design.Known(fit.fitted_model, (values,)).errors
+    (errors,) = td.design.Knowledge(fit.fitted_model, (values,)).errors
     kept = sum(w.weight * w.left_over**2 for w in errors.ways)
-    seen = td.design.foresee(td.design.Known(fit.fitted_model, (values,)), soak(40.0))
+    seen = td.design.foresee(td.design.Knowledge(fit.fitted_model, (values,)), soak(40.0))
     assert seen.prediction["proc"].parts[UNEXPLAINED] == pytest.approx(kept, rel=1e-6)
     assert not seen.prediction["air"].parts[UNEXPLAINED].any()
     told = td.predict(fit, soak(40.0))
@@ -44,7 +44,7 @@ def test_values_keep_it_and_predictions_from_them_count_it(fit: td.Calibration, 
 
 
 def test_of_two_accounts_of_it_the_larger_counts(fit: td.Calibration) -> None:
-    seen = td.design.foresee(td.design.Known(fit.fitted_model, (fit.values,)), soak(40.0), nodes=["proc"])
+    seen = td.design.foresee(td.design.Knowledge(fit.fitted_model, (fit.values,)), soak(40.0), nodes=["proc"])
     for size, cause in ((2.0, IN_TESTS), (0.01, UNEXPLAINED)):
         wide = widened(seen, {"proc": size}, IN_TESTS, "x").prediction["proc"].parts
         assert {c for c in (UNEXPLAINED, IN_TESTS) if c in wide} == {cause}
@@ -56,7 +56,7 @@ def test_a_plan_counts_what_its_own_logs_show(tmp_path: Path) -> None:
 
     measured(tmp_path, offset=1.5)
     text = PLAN[: PLAN.index('\n[[tests]]\nname = "experiment')]
-    (before,) = {m.not_counted[0] for m in td.qualify.run_plan(project(tmp_path, text)).margins if not m.given}
+    (before,) = {m.not_counted[0] for m in td.qualify.run_plan(project(tmp_path, text)).margins if not m.is_start_value}
     assert before.startswith("the model's own error, because no fit has")
     found = td.qualify.run_plan(project(tmp_path, text + LOG))
     hot = next(m for m in found.margins if m.side == "hot")
@@ -79,7 +79,7 @@ def test_a_margin_counts_the_constant_coefficients_of_a_values_file_or_names_the
     run = td.simulate(model, soak(25.0, hours=4.0), times=times)
     rng = np.random.default_rng(2)
     made = {
-        n: td.Channel.of(n, run[n].kelvin + 0.1 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.1)
+        n: td.Channel.from_array(n, run[n].kelvin + 0.1 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.1)
         for n in ("proc", "ele")
     }
     fit = td.calibrate(model, td.Record.from_arrays("log", times, made), ["skin_proc.htc"], scenario=soak(25.0, hours=4.0))

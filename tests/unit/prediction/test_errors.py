@@ -110,7 +110,7 @@ def test_what_is_stated_counts_beside_it(fit: td.Calibration) -> None:
 def test_values_of_a_file_say_what_their_fit_says(fit: td.Calibration, tmp_path: Path) -> None:
     fit.save(tmp_path / "fit.values.toml")
     own = td.predict(fit, _asked(6.0))["case"]
-    read = td.predict(td.design.Known(fit.model, (td.load_values(tmp_path / "fit.values.toml"),)), _asked(6.0))["case"]
+    read = td.predict(td.design.Knowledge(fit.model, (td.load_values(tmp_path / "fit.values.toml"),)), _asked(6.0))["case"]
     assert read.kelvin == pytest.approx(own.kelvin, abs=1e-4)
     assert read.half_width == pytest.approx(own.half_width, rel=1e-4, abs=1e-6)
 

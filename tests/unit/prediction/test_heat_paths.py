@@ -67,11 +67,11 @@ HOT, COOL, COLD = at(1.6 * 8.0), at(0.5 * 8.0), at(0.8 * 8.0, -20.0)
 def bench(model: td.Model, rng: np.random.Generator) -> Record:
     run = td.simulate(model, at(8.0), times=TIMES)
     channels = {
-        n: Channel.of(n, run[n].kelvin + 0.1 * rng.standard_normal(TIMES.size), unit="K", role="node", target=n, noise=0.1)
+        n: Channel.from_array(n, run[n].kelvin + 0.1 * rng.standard_normal(TIMES.size), unit="K", role="node", target=n, noise=0.1)
         for n in ("board", "case")
     }
-    channels["air"] = Channel.of("air", np.full(TIMES.size, ICE_POINT + AIR), unit="K", role="boundary", target="air")
-    channels["P"] = Channel.of("P", np.full(TIMES.size, 8.0), quantity="power", role="load", target="heat")
+    channels["air"] = Channel.from_array("air", np.full(TIMES.size, ICE_POINT + AIR), unit="K", role="boundary", target="air")
+    channels["P"] = Channel.from_array("P", np.full(TIMES.size, 8.0), quantity="power", role="load", target="heat")
     return Record.from_arrays("bench", TIMES, channels)
 
 

@@ -45,9 +45,9 @@ def levels() -> Levels:
     model = pair(first=box(BLACK), second=box({**BLACK, "parameters/power/value": "2 [W]", "title": "Cool"}))
     logs = [record(model, k, start) for k, start in ((1, "24 [degC]"), (2, "30 [degC]"), (3, "36 [degC]"))]
     one = fit(Request(model, (logs[0],), (HTC,), name="one"))
-    two = fit(Request(one.store.on(model), (logs[1],), (WATTS,), store=one.store, name="two"))
+    two = fit(Request(one.store.laid_over(model), (logs[1],), (WATTS,), store=one.store, name="two"))
     loose = {JOINT: ("", "50 [%]")}
-    return Levels(model, one, fit(Request(two.store.on(model), (logs[2],), (JOINT,), store=two.store, priors=loose, name="three")))
+    return Levels(model, one, fit(Request(two.store.laid_over(model), (logs[2],), (JOINT,), store=two.store, priors=loose, name="three")))
 
 
 @pytest.mark.parametrize("scenario", [FAR, FAR.vacuum()], ids=["air", "no gas"])
@@ -70,7 +70,7 @@ def test_what_it_promises_of_any_level_is_what_a_fit_of_the_test_finds(levels: L
     found = levels.three
     advice = td.design.next_test(found, path, AGAIN)
     assert advice.now == pytest.approx(found.store.error(path), rel=1e-9)
-    laid = found.store.on(levels.model)
+    laid = found.store.laid_over(levels.model)
     done = fit(Request(laid, (record(laid, 4, samples=181, swing=0.0),), EVERY, {"*": BENCH}, store=found.store, prior=EVERY, name="four"))
     assert advice.best.error == pytest.approx(done[path].error, rel=0.02)
 

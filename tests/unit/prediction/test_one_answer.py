@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from thermid.campaign.verdicts import Limits
 from thermid.prediction._predict import foresee
-from thermid.prediction._records import TOLD, predict_record
+from thermid.prediction._records import MIN_CENTRE_DIFFERENCE, predict_record
 from unit.prediction.things import CASES, Case
 
 PLACES = ("inside", "outside")
@@ -29,7 +29,7 @@ def answers(case: Case, scenario: td.Scenario, file: Path, members: int) -> dict
     fit.save(file)
     values = td.load_values(file)
     out = {"predict": ends(td.predict(fit, scenario, nodes=[node])[node])}
-    for route, known in (("foresee", td.design.Known.of(fit)), ("foresee, file", td.design.Known(fit.model, (values,)))):
+    for route, known in (("foresee", td.design.Knowledge.of_source(fit)), ("foresee, file", td.design.Knowledge(fit.model, (values,)))):
         seen = foresee(known, scenario, nodes=[node])
         out[route] = ends(seen.prediction[node])
         limits = Limits("point", node, operating=td.quantity((-np.inf, 700.0), unit="K"))
@@ -38,7 +38,7 @@ def answers(case: Case, scenario: td.Scenario, file: Path, members: int) -> dict
             out[f"margin, {route}"] = (margin.predicted - 273.15, margin.uncertainty)
     for route, given in (("runs", fit), ("runs, file", values)):
         runs = td.qualify.uncertain_runs(fit.model, scenario, given, n=members, nodes=[node], seed=7)
-        end = runs.of(node)[:, -1] - 273.15
+        end = runs.node_temperatures(node)[:, -1] - 273.15
         low, high = np.quantile(end, [0.025, 0.975])
         out[route] = (float(end.mean()), float(high - low) / 2)
         out[f"hold, {route}"] = _by_hold(runs, node, end)
@@ -85,7 +85,10 @@ def test_a_file_gives_the_numbers_of_the_fit(name: str, tmp_path: Path) -> None:
     case.fit.save(tmp_path / "fit.values.toml")
     live, filed = (
         foresee(k, case.outside, nodes=[case.node]).prediction[case.node]
-        for k in (td.design.Known.of(case.fit), td.design.Known(case.fit.model, (td.load_values(tmp_path / "fit.values.toml"),)))
+        for k in (
+            td.design.Knowledge.of_source(case.fit),
+            td.design.Knowledge(case.fit.model, (td.load_values(tmp_path / "fit.values.toml"),)),
+        )
     )
     assert filed.kelvin == pytest.approx(live.kelvin, abs=1e-6)
     assert filed.error == pytest.approx(live.error, rel=1e-6, abs=1e-9)
@@ -107,7 +110,7 @@ def test_what_moves_the_centre_of_a_band_is_said_with_its_size(name: str, place:
     assert run + sum(band.moved.values(), np.zeros(run.size)) == pytest.approx(band.kelvin, abs=1e-3)
     drawn = td.qualify.uncertain_runs(case.fit.model, scenario, case.fit, n=400, nodes=[case.node], seed=7)
     middle = td.simulate(case.fit.fitted_model, scenario, times=drawn.times)[case.node].kelvin
-    off = np.abs(drawn.of(case.node).mean(axis=0) - middle).max()
+    off = np.abs(drawn.node_temperatures(case.node).mean(axis=0) - middle).max()
     for apart, said in ((np.abs(band.kelvin - run).max(), told.centre), (off, drawn.centre)):
         if apart > 0.1:
             assert f"the centre of the band of '{case.node}' lies" in said
@@ -127,7 +130,7 @@ def test_a_hold_out_record_has_one_run_and_what_moves_a_band_from_it_is_said(nam
     times = np.arange(0.0, scenario.seconds + 1.0, 60.0)
     seen = td.simulate(case.fit.fitted_model, scenario, times=times)[case.node].kelvin + 0.3
     seen += 0.1 * np.random.default_rng(5).standard_normal(times.size)
-    channel = td.Channel.of("T", seen, unit="K", role="node", target=case.node, noise=0.1, accuracy=0.2)
+    channel = td.Channel.from_array("T", seen, unit="K", role="node", target=case.node, noise=0.1, accuracy=0.2)
     record = td.Record.from_arrays("hold-out", times, {"T": channel})
     verdict = td.validate(case.fit, record, td.Criteria(rmse="5 [K]"), scenario=scenario)
     (judged,) = verdict.prediction.blocks
@@ -137,4 +140,4 @@ def test_a_hold_out_record_has_one_run_and_what_moves_a_band_from_it_is_said(nam
     assert band.predicted - shift == pytest.approx(judged.predicted, abs=2e-3)
     assert band.rmse_of_run == pytest.approx(float(np.sqrt(np.mean(judged.residuals**2))), abs=2e-3)
     far = abs(band.rmse - band.rmse_of_run) / band.rmse_of_run
-    assert (f"of the centre of its band {band.rmse:.3g} K" in str(told)) == (far > TOLD)
+    assert (f"of the centre of its band {band.rmse:.3g} K" in str(told)) == (far > MIN_CENTRE_DIFFERENCE)

@@ -116,7 +116,7 @@ def test_values_held_from_a_stage_below_are_not_exact(found: Calibration) -> Non
 
     whole = pair(second=box({"title": "Cool", "parameters/power/value": "1 [W]"}))
     store, _ = graft(whole, [("a", found.store)])
-    model = store.on(whole)
+    model = store.laid_over(whole)
     data = log(model, {}, {"A": "a.case", "B": "b.case"}, boundary="room", noise=0.05)
     above = fit(Request(model, (data,), ("stack.contact_conductance",), name="pair", store=store))
     scenario = Scenario("s", boundaries={"room": "24 [degC]"}, start="24 [degC]", duration="3 [h]")

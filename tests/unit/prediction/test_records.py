@@ -53,7 +53,7 @@ def log(
     )
     run = td.simulate(unit(0.31, 0.45, 950.0), given, times=times)
     channels = {
-        s: Channel.of(
+        s: Channel.from_array(
             s,
             run[n].kelvin + 0.1 * rng.standard_normal(times.size) + (bias if s == "T2" else 0.0),
             unit="K",
@@ -64,9 +64,9 @@ def log(
         )
         for s, n in SENSORS.items()
     }
-    channels["P"] = Channel.of("P", np.full(times.size, watts), quantity="power", role="load", target="part.heat")
+    channels["P"] = Channel.from_array("P", np.full(times.size, watts), quantity="power", role="load", target="part.heat")
     if logged:
-        channels["ROOM"] = Channel.of("ROOM", np.full(times.size, room + 273.15), unit="K", role="boundary", target="air")
+        channels["ROOM"] = Channel.from_array("ROOM", np.full(times.size, room + 273.15), unit="K", role="boundary", target="air")
     return Record.from_arrays(name, times, channels, synthetic=synthetic)
 
 
@@ -143,7 +143,7 @@ def test_the_worst_stretch_is_the_one_that_was_spoilt(found: Calibration) -> Non
     record = log("spoilt", 30, 7.0)
     t1 = record.channel("T1")
     hump = np.where((record.times > 7000.0) & (record.times < 8600.0), 2.0, 0.0)
-    spoilt = record.with_channels(Channel.of("T1", t1.values + hump, unit="K", role="node", target="part.case", noise=0.1))
+    spoilt = record.with_channels(Channel.from_array("T1", t1.values + hump, unit="K", role="node", target="part.case", noise=0.1))
     worst = predict_record(found, spoilt).worst
     assert worst.sensor == "T1"
     assert worst.inside < 0.2
@@ -174,7 +174,7 @@ def test_text_and_json_say_the_same(found: Calibration) -> None:
 def test_a_sensor_that_lags_is_predicted_at_its_tip(found: Calibration) -> None:
     record = log("lag", 35, 7.0)
     t1 = record.channel("T1")
-    lagging = Channel.of("T1", t1.values, unit="K", role="node", target="part.case", noise=0.1, part=td.bench.SensorPart(lag=120.0))
+    lagging = Channel.from_array("T1", t1.values, unit="K", role="node", target="part.case", noise=0.1, part=td.bench.SensorPart(lag=120.0))
     told = predict_record(found, record.with_channels(lagging))
     assert isinstance(told, RecordPrediction)
     assert set(told.bands) == set(SENSORS)
@@ -192,9 +192,9 @@ def commanded(levels: np.ndarray, hidden: float, seed: int) -> Record:
     given = td.Scenario("c", boundaries={"air": "21 [degC]"}, start="21 [degC]", duration="4 [h]", commands={"part.heat": (times, levels)})
     run = td.simulate(unit(0.31, 0.45, 950.0).with_values({"part.heat.power": f"{hidden} [W]"}), given, times=times)
     noise = {n: 0.05 * rng.standard_normal(481) for n in SENSORS.values()}
-    channels = {s: Channel.of(s, run[n].kelvin + noise[n], unit="K", role="node", target=n, noise=0.05) for s, n in SENSORS.items()}
-    channels["Q"] = Channel.of("Q", levels, quantity="command", role="command", target="part.heat")
-    channels["ROOM"] = Channel.of("ROOM", np.full(481, 294.15), unit="K", role="boundary", target="air")
+    channels = {s: Channel.from_array(s, run[n].kelvin + noise[n], unit="K", role="node", target=n, noise=0.05) for s, n in SENSORS.items()}
+    channels["Q"] = Channel.from_array("Q", levels, quantity="command", role="command", target="part.heat")
+    channels["ROOM"] = Channel.from_array("ROOM", np.full(481, 294.15), unit="K", role="boundary", target="air")
     return Record.from_arrays("commanded", times, channels)
 
 
@@ -212,7 +212,7 @@ def test_a_residual_that_grows_with_a_logged_power_is_named(found: Calibration) 
 
     def powered(hidden: float) -> Record:
         record = commanded(levels, hidden, 7)
-        watts = Channel.of("Q", 5.0 * levels, quantity="power", role="load", target="part.heat")
+        watts = Channel.from_array("Q", 5.0 * levels, quantity="power", role="load", target="part.heat")
         return record.with_channels(watts)
 
     wrong = predict_record(found, powered(8.0))

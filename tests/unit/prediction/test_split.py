@@ -42,7 +42,7 @@ def log_of(truth: td.Model, bench: td.Scenario, seed: int, sensor: float = 0.1, 
     seen = td.simulate(truth, bench, every="2 [min]")
     rng = np.random.default_rng(seed)
     readings = seen["case"].kelvin + 0.8 * sensor + noise * rng.standard_normal(seen.times.size)
-    channel = Channel.of("T", readings, unit="K", role="node", target="case", noise=noise, accuracy=sensor)
+    channel = Channel.from_array("T", readings, unit="K", role="node", target="case", noise=noise, accuracy=sensor)
     return Record.from_arrays(bench.title, seen.times, {"T": channel})
 
 

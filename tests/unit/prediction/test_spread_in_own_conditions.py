@@ -56,7 +56,7 @@ def fitted(deck: dict[str, Any], truth: dict[str, str], free: list[str], sensors
     run = td.simulate(model.with_values(truth), td.Scenario("bench", duration="3 [h]", **START), times=times)
     rng = np.random.default_rng(5)
     channels = {
-        n: Channel.of(n, run[n].kelvin + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.05)
+        n: Channel.from_array(n, run[n].kelvin + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.05)
         for n in sensors
     }
     return td.calibrate(model, Record.from_arrays("bench", times, channels, synthetic=True), free, scenario=td.Scenario("bench", **START))

@@ -75,10 +75,10 @@ def test_every_place_draws_the_same_numbers(model: td.Model, name: str, text: An
     question = td.qualify.load_hold(tmp_path / "hold.toml")
     assert question.spread == {name: text}
     # predictions, by derivatives or by members: those of the runs
-    runs_end = runs.of("body")[:, -1] - 273.15
-    told = td.predict(td.design.Known(model), SCENARIO, spread={name: text}, draws=MEMBERS, seed=SEED)["body"]
+    runs_end = runs.node_temperatures("body")[:, -1] - 273.15
+    told = td.predict(td.design.Knowledge(model), SCENARIO, spread={name: text}, draws=MEMBERS, seed=SEED)["body"]
     assert told.members[-1] - 273.15 == pytest.approx(runs_end, abs=1e-4)
-    band = foresee(td.design.Known(model), SCENARIO, spread={name: text}).prediction["body"]
+    band = foresee(td.design.Knowledge(model), SCENARIO, spread={name: text}).prediction["body"]
     noise = runs_end.std() / MEMBERS**0.5
     assert band.celsius[-1] == pytest.approx(runs_end.mean(), abs=4 * noise + 1e-4)
     assert band.error[-1] == pytest.approx(runs_end.std(), rel=0.15, abs=1e-4)
@@ -121,8 +121,8 @@ def test_every_place_refuses_the_same(model: td.Model, name: str, text: Any) -> 
     places = [
         lambda: td.simulation.draw(model, SCENARIO, {name: text}, 5, seed=1),
         lambda: td.qualify.uncertain_runs(model, SCENARIO, spread={name: text}, n=5),
-        lambda: td.predict(td.design.Known(model), SCENARIO, spread={name: text}),
-        lambda: foresee(td.design.Known(model), SCENARIO, spread={name: text}),
+        lambda: td.predict(td.design.Knowledge(model), SCENARIO, spread={name: text}),
+        lambda: foresee(td.design.Knowledge(model), SCENARIO, spread={name: text}),
     ]
     for place in places:
         with pytest.raises(ThermidError) as refused:

@@ -45,7 +45,7 @@ def _log(model: td.Model, scenario: td.Scenario, node: str, noise: float, seed: 
     times = np.arange(0.0, scenario.seconds + 1.0, 60.0)
     kelvin = td.simulate(model, scenario, times=times)[node].kelvin + noise * np.random.default_rng(seed).standard_normal(times.size)
     return td.Record.from_arrays(
-        "log", times, {"T": td.Channel.of("T", kelvin, unit="K", role="node", target=node, noise=noise, accuracy=0.2)}
+        "log", times, {"T": td.Channel.from_array("T", kelvin, unit="K", role="node", target=node, noise=noise, accuracy=0.2)}
     )
 
 

@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.campaign.verdicts import Overlay
-from thermid.prediction.bands import Known, foresee
+from thermid.prediction.bands import Knowledge, foresee
 from thermid.qualify._plan_schema import TestTable as Planned, ValidityTable
 from thermid.qualify._programme import uncounted
 from thermid.qualify._trial import dwells, exchanged, extrapolations, not_covered, not_reached
@@ -54,7 +54,7 @@ class TestLevels:
         times = np.arange(0.0, 3 * HOUR + 1.0, 10.0)
         planned = np.where((times > HOUR) & (times <= 2 * HOUR), 343.15, 293.15)
         shown = np.where((times > HOUR) & (times <= HOUR * (1.0 + share)), 343.15 + kelvin, 293.15)
-        record = td.Record.from_arrays("log", times, {"AIR": td.Channel.of("AIR", shown, unit="K", role="boundary", target="air")})
+        record = td.Record.from_arrays("log", times, {"AIR": td.Channel.from_array("AIR", shown, unit="K", role="boundary", target="air")})
         run = {"air": SimpleNamespace(times=times, kelvin=planned)}
         return [*not_reached(record, run, {"AIR": "air"})]  # type: ignore[arg-type]
 
@@ -86,12 +86,12 @@ class TestValidity:
     """Conditions of the calibration hold with what rounding needs: half a tenth of a kelvin, a thousandth of pressure and power."""
 
     def told(self, **validity: list[str]) -> str:
-        run = foresee(Known.of(unit()), soak(40.0))
+        run = foresee(Knowledge.of_source(unit()), soak(40.0))
         return "; ".join(extrapolations(Planned(name="hot", kind="other"), run, ValidityTable(**validity), ["proc"]))  # type: ignore[arg-type]
 
     @pytest.mark.parametrize(("beyond", "said"), [(0.047, False), (0.053, True)])
     def test_temperatures(self, beyond: float, said: bool) -> None:
-        seen = foresee(Known.of(unit()), soak(40.0)).prediction["proc"].celsius
+        seen = foresee(Knowledge.of_source(unit()), soak(40.0)).prediction["proc"].celsius
         for low, high in ((seen.min() + beyond, 90.0), (-10.0, seen.max() - beyond)):
             assert ("; temperature" in self.told(temperature=[f"{low:.6f} [degC]", f"{high:.6f} [degC]"])) is said
 

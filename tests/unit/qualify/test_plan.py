@@ -285,7 +285,7 @@ def test_errors_of_a_plan_s_limits_and_model_name_the_plan(tmp_path: Path) -> No
         td.qualify.load_plan(file)
     gone = project(tmp_path, PLAN.replace('deck = "unit.toml"', 'deck = "unit.toml"\nvalues = "none.toml"'))
     with pytest.raises(td.ThermidError, match=r"^plan.toml.*none.toml"):
-        assert td.qualify.load_plan(gone).known
+        assert td.qualify.load_plan(gone).knowledge
 
 
 def test_a_stage_that_a_campaign_does_not_have_is_named_with_the_plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -296,7 +296,7 @@ def test_a_stage_that_a_campaign_does_not_have_is_named_with_the_plan(tmp_path: 
     other = replace(plan, content=plan.content.model_copy(update={"model": source}))
     monkeypatch.setattr("thermid.qualify._plan.run_stages", lambda *a, **k: stages.Campaign("c", {"unit": None}, (), {}))  # type: ignore[dict-item]
     with pytest.raises(td.ThermidError, match=r"^plan.toml, model.stage: the campaign has no stage 'unti'. Did you mean 'unit'\?"):
-        assert other.known
+        assert other.knowledge
 
 
 def test_criteria_are_listed_in_quotes(tmp_path: Path) -> None:

@@ -203,7 +203,7 @@ def test_no_number_from_memory_decides_whatever_it_is(tmp_path: Path) -> None:
             assert check.passed is (None if mark == "memory" else kelvin > 350.0)
     for name, policy in POLICIES.items():
         for celsius in (10.0, 90.0):
-            seen_at = td.design.foresee(td.design.Known(unit()), soak(celsius), spread={"air": "1 [K]"})
+            seen_at = td.design.foresee(td.design.Knowledge(unit()), soak(celsius), spread={"air": "1 [K]"})
             hot = td.qualify.margins({"run": seen_at}, [Limits("p", "proc", td.quantity((200.0, 350.0), unit="K"))], name)[1]
             from_memory = "memory" in (policy.acceptance.mark, policy.qualification.mark)
             assert (hot.passed is None) is from_memory

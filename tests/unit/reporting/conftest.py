@@ -54,13 +54,13 @@ def record(name: str, model: td.Model, boundary: str, nodes: dict[str, str], pow
     )
     solution = td.simulate(model, bench, times=times)
     channels = {
-        s: td.Channel.of(
+        s: td.Channel.from_array(
             s, solution[n].kelvin + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.05, accuracy=0.2
         )
         for s, n in nodes.items()
     }
     for load, watts in powers.items():
-        channels[f"P {load}"] = td.Channel.of(f"P {load}", np.full(times.size, watts), quantity="power", role="load", target=load)
+        channels[f"P {load}"] = td.Channel.from_array(f"P {load}", np.full(times.size, watts), quantity="power", role="load", target=load)
     return td.Record.from_arrays(name, times, channels)
 
 

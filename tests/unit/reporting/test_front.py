@@ -16,7 +16,7 @@ from thermid.base.errors import ScenarioError
 from thermid.campaign.stages import Campaign
 from thermid.reporting._blocks.content import Cell, Head, Section, Table, folded
 from thermid.reporting._blocks.numbering import LONG, SHOWN, Sheets, csv_of, numbered
-from thermid.reporting._diagrams.heat import MOST, heat_map
+from thermid.reporting._diagrams.heat import MAX_CHIPS, heat_map
 from thermid.reporting._pages.campaign import report
 from thermid.reporting._pages.front import decisive, front
 from thermid.reporting._pictures import correlation
@@ -115,11 +115,11 @@ def test_a_reference_to_what_is_not_there_is_left_out() -> None:
 
 def test_a_long_table_is_a_file_too_and_its_page_says_where(tmp_path: Path) -> None:
     lines = [[Cell("part" if k % 2 == 0 else "", "", "same" if k % 2 else "main"), f"{k} [W]"] for k in range(40)]
-    table = Table.of([Head("what"), Head("power", True)], lines, title="Every value")
+    table = Table.of_rows([Head("what"), Head("power", True)], lines, title="Every value")
     for audience, shown in SHOWN.items():
         sheets = Sheets(tmp_path / f"{audience}.tables", audience)
-        assert sheets.of(table, "") == (min(shown, 40), f"{audience}.tables/every_value.csv")
-        assert sheets.of(replace(table, rows=table.rows[: LONG[audience] - 1]), "") == (LONG[audience] - 1, "")
+        assert sheets.place_of(table, "") == (min(shown, 40), f"{audience}.tables/every_value.csv")
+        assert sheets.place_of(replace(table, rows=table.rows[: LONG[audience] - 1]), "") == (LONG[audience] - 1, "")
         sheets.write()
         rows = list(csv.reader((tmp_path / f"{audience}.tables" / "every_value.csv").read_text(encoding="utf-8").splitlines()))
         assert rows[0] == ["what", "power"]
@@ -128,15 +128,15 @@ def test_a_long_table_is_a_file_too_and_its_page_says_where(tmp_path: Path) -> N
 
 
 def test_two_tables_of_one_name_are_two_files(tmp_path: Path) -> None:
-    one = Table.of([Head("a")], [["1"]], title="Values")
+    one = Table.of_rows([Head("a")], [["1"]], title="Values")
     sheets = Sheets(tmp_path / "x.tables")
-    names = [sheets.keep(t) for t in (one, Table.of([Head("a")], [["2"]], title="Values"), one)]
+    names = [sheets.keep(t) for t in (one, Table.of_rows([Head("a")], [["2"]], title="Values"), one)]
     assert names == ["x.tables/values.csv", "x.tables/values_2.csv", "x.tables/values.csv"]
     assert csv_of(one) == "a\n1\n"
 
 
 def test_what_opens_on_demand_is_in_files_alone_unless_everything_is_asked_for(tmp_path: Path) -> None:
-    section = Section.of("s", "Title", [folded("More", [Table.of([Head("a")], [["1"]])])])
+    section = Section.of_blocks("s", "Title", [folded("More", [Table.of_rows([Head("a")], [["1"]])])])
     whole, brief = Sheets(tmp_path, "all"), Sheets(tmp_path, "agency")
     assert whole.shortened([section]) == [section]
     assert brief.shortened([section])[0].blocks == ()
@@ -164,7 +164,7 @@ def _chain(count: int) -> td.Model:
     return td.model_from_dict({"title": "chain", "needs": ["air"], "nodes": nodes, "conductors": joints | out, "loads": heater})
 
 
-@pytest.mark.parametrize("count", [1, 2, 5, MOST, MOST + 5])
+@pytest.mark.parametrize("count", [1, 2, 5, MAX_CHIPS, MAX_CHIPS + 5])
 def test_the_coloured_network_says_temperatures_and_heat(count: int) -> None:
     model = _chain(count)
     temperatures = {f"n{k}": 300.0 + 2.0 * k for k in range(count)} | {"air": 298.0}

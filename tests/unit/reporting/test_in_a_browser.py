@@ -282,7 +282,7 @@ def test_each_reader_gets_a_pdf_of_the_promised_length(readers: dict[str, Path],
 
 def test_formulas_look_the_same_where_no_font_for_them_is_installed(browser: Page, tmp_path: Path) -> None:
     lines = ("<math><msub><mi>T</mi><mi>a</mi></msub><mo>=</mo><mfrac><mn>1</mn><mi>R</mi></mfrac></math>", "(1)")
-    section = Section.of("formulas", "Formulas", [Formulas((lines,))])
+    section = Section.of_blocks("formulas", "Formulas", [Formulas((lines,))])
     study = td.design.load_study(Path(__file__).parents[3] / "examples" / "sisnav" / "study.toml")
     page = td.reporting.study_report(study, Campaign("none", {}, (), {}), to=tmp_path / "page.html", sections=[section])
     open_at(browser, page.as_uri(), 1280)

@@ -47,9 +47,9 @@ def page(drawn: Plot, tmp_path_factory: pytest.TempPathFactory) -> str:
     blocks = [
         *(Words(EVIL), Heading("heading"), Notes((EVIL,), "note"), Facts((("name", "value"),)), Code("a = 1 < 2", "code")),
         *(Picture("<svg></svg>", "picture"), Formulas((("<math></math>", "(1)"),)), Figures((drawn,), drawn.drawn.legend)),
-        folded("more", [Table.of([Head("a")], [[EVIL]])]),
+        folded("more", [Table.of_rows([Head("a")], [[EVIL]])]),
     ]
-    section = Section.of("own", "What the author adds", blocks)
+    section = Section.of_blocks("own", "What the author adds", blocks)
     target = tmp_path_factory.mktemp("page") / "deep" / "page.html"
     empty = Campaign("nothing run", {}, (), {})
     made = td.reporting.study_report(td.design.load_study(STUDY), empty, to=target, sections=[section], watermark="A trial & no more")

@@ -183,4 +183,4 @@ def test_numbers_read_well() -> None:
 
 def test_a_crooked_table_is_refused() -> None:
     with pytest.raises(ValueError, match="as many cells"):
-        Table.of([Head("a"), Head("b")], [["1"]])
+        Table.of_rows([Head("a"), Head("b")], [["1"]])

@@ -115,7 +115,7 @@ def test_members_in_a_file_keep_their_pulses(tmp_path: Path) -> None:
 
 
 def test_margins_by_the_samples_missed_the_pulses() -> None:
-    seen = td.design.foresee(td.design.Known.of(pulsed()), day(), spread={"out.conductance": "2 [%]"})
+    seen = td.design.foresee(td.design.Knowledge.of_source(pulsed()), day(), spread={"out.conductance": "2 [%]"})
     hot = next(m for m in margins({"day": seen}, [LIMIT]) if m.side == "hot")
     assert hot.predicted - ICE_POINT == pytest.approx(PEAK, abs=0.01)
     assert hot.room < -9.9

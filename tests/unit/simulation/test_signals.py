@@ -205,7 +205,7 @@ def test_a_start_time_moves_wind_pressure_sun_and_schedules_too() -> None:
     runs = td.qualify.uncertain_runs(
         box(), scenario, spread={"start_time": {"low": "0 [h]", "high": "12 [h]", "step": "6 [h]"}}, n=12, nodes=["skin"]
     )
-    assert np.ptp(runs.of("skin")[:, -1]) > 10.0
+    assert np.ptp(runs.node_temperatures("skin")[:, -1]) > 10.0
 
 
 def test_what_stays_at_a_later_start_is_said() -> None:

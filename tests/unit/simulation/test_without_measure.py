@@ -38,7 +38,7 @@ def test_an_environment_is_no_dictionary() -> None:
 def test_a_prior_may_be_written_as_in_a_campaign() -> None:
     course = td.Scenario("cooling", boundaries={"air": "20 [degC]"}, start="25 [degC]", duration="10 [min]")
     run = td.simulate(plate(), course, times=np.arange(0.0, 601.0, 20.0))
-    channel = td.Channel.of("T", run["body"].kelvin, unit="K", role="node", target="body", noise=0.1)
+    channel = td.Channel.from_array("T", run["body"].kelvin, unit="K", role="node", target="body", noise=0.1)
     log = td.Record.from_arrays("log", run.times, {"T": channel})
     name = "lost.contact_conductance"
     tight = {"mean": "1.2 [W/(m^2 K)]", "sd": "0.001 [W/(m^2 K)]"}

@@ -90,8 +90,8 @@ def test_a_balance_that_does_not_close_stands_first() -> None:
     parts = [c for c in flat.conductors if c.path == "outer"]
     followed = follow(found.solution, parts, {"air": Constant(0.8)}, {})
     holed = replace(followed, water=replace(followed.water, films=followed.water.films - 1e-3 * followed.water.settled))
-    assert "water does not close" in str(Moisture.of(found.solution, parts, holed)).splitlines()[1]
-    assert "water does not close" not in str(Moisture.of(found.solution, parts, followed))
+    assert "water does not close" in str(Moisture.of_run(found.solution, parts, holed)).splitlines()[1]
+    assert "water does not close" not in str(Moisture.of_run(found.solution, parts, followed))
 
 
 def test_an_isothermal_wall_takes_vapour() -> None:

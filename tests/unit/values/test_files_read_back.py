@@ -175,7 +175,7 @@ def test_the_values_of_a_fit_are_read_back_by_every_reader(tmp_path: Path, name:
     times = np.linspace(0.0, 7200.0, 41)
     scenario = Scenario("s", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration=7200.0)
     seen = simulate(model.with_values({"strap.conductance": "0.25 [W/K]"}), scenario, times=times)["case"].kelvin
-    readings = Channel.of(
+    readings = Channel.from_array(
         "T", seen + 0.05 * np.random.default_rng(1).standard_normal(times.size), role="node", target="case", unit="K", noise=0.05
     )
     log = Record.from_arrays("log", times, {"T": readings})
@@ -190,7 +190,7 @@ def test_the_values_of_a_fit_are_read_back_by_every_reader(tmp_path: Path, name:
     assert laid.model.at("strap.conductance").expression.literal.value == value
     assert hand_values(file, model, "s", "here")["strap.conductance"].value == value
     known = known_of(load_values(file), model)
-    assert json.dumps([k.to_dict() for k in known.kept]) == json.dumps([k.to_dict() for k in known_of(fit).kept])
+    assert json.dumps([k.to_dict() for k in known.discrepancies]) == json.dumps([k.to_dict() for k in known_of(fit).discrepancies])
 
 
 def test_sensors_looks_and_kept_fits_with_every_key_are_read_back(tmp_path: Path) -> None:

@@ -74,12 +74,12 @@ def log(
     )
     if (identify or ice_point) and sensors is None:
         raise RecordError("the map that is to be written must be named: --sensors sensors.toml.", "--identify, --ice-point")
-    known = load_sensors(sensors) if sensors is not None and (sensors.exists() or not identify) else {}
+    sensor_map = load_sensors(sensors) if sensors is not None and (sensors.exists() or not identify) else {}
     steps = load_programme(programme) if programme is not None else None
     end = positive_seconds(duration, "--for") if duration is not None else None
     with ExitStack() as stack:
         # a question to the user is broken off by Ctrl-C itself; all else ends between two lines
-        asked = [] if identify or ice_point else stack.enter_context(_asked_to_end())
+        stop_signals = [] if identify or ice_point else stack.enter_context(_asked_to_end())
         find: Callable[[], str | BoardPort] = find_port
         clock, wall = time.monotonic, time.time
         if simulate:
@@ -90,14 +90,14 @@ def log(
             find = lambda: port  # noqa: E731
         else:
             check_port(find_port())
-        logger = Logger(file, find, known, settings, steps, clear_latch=clear_latch, clock=clock, wall=wall)
+        logger = Logger(file, find, sensor_map, settings, steps, clear_latch=clear_latch, clock=clock, wall=wall)
         if logger.store.session > 1:
             typer.echo(f"{file} is continued: start {logger.store.session} of it.", err=True)
         stack.callback(_closed, logger)
         if identify or ice_point:
             _guided(logger, sensors, identify)
         else:
-            _logged(logger, end, rule, asked)
+            _logged(logger, end, rule, stop_signals)
     marks = ", ".join(f"{word} {count}" for word, count in logger.marks.items() if word not in ("port", "wall", "end"))
     faulty = sum(logger.watch.counts.values())
     typer.echo(f"{file}: {logger.state.lines} lines, {logger.state.missing} missing, {faulty} faulty values. Marks: {marks or 'none'}.")
@@ -106,82 +106,82 @@ def log(
         raise RecordError(f"the disk is full: the last {logger.store.waiting / 1e3:.0f} kB {where}.", str(file))
 
 
-def _closed(made: Logger) -> None:
+def _closed(logger: Logger) -> None:
     """Close a log to its end, however often somebody asks: heaters are turned off there."""
     with _asked_to_end():
-        made.close()
+        logger.close()
 
 
-def _logged(made: Logger, end: float | None, rule: str, asked: Sequence[int]) -> None:
+def _logged(logger: Logger, end: float | None, rule: str, stop_signals: Sequence[int]) -> None:
     """Log until the end of the programme, the given time, or Ctrl-C."""
 
     def ended() -> bool:
-        return bool(asked) or made.done or (end is not None and made.state.seconds >= end)
+        return bool(stop_signals) or logger.done or (end is not None and logger.state.seconds >= end)
 
     console = Console()
-    with Judge(made, rule) as judge:
+    with Judge(logger, rule) as judge:
         if console.is_terminal and not console.is_dumb_terminal:
-            _shown(made, judge, console, ended)
+            _shown(logger, judge, console, ended)
         else:
-            _told(made, judge, ended)
-    if asked:
+            _log_in_lines(logger, judge, ended)
+    if stop_signals:
         typer.echo("stopped; heaters off")
 
 
 @contextmanager
 def _asked_to_end() -> Iterator[list[int]]:
     """Collect what asks the program to end, so that no line is lost between port and disk; what is ignored stays so (nohup)."""
-    asked: list[int] = []
+    signals: list[int] = []
     numbers = [signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else [])]
     before = {number: signal.getsignal(number) for number in numbers}
     for number, handler in before.items():
         if handler is not signal.SIG_IGN:
-            signal.signal(number, lambda number, _: asked.append(number))
+            signal.signal(number, lambda number, _: signals.append(number))
     try:
-        yield asked
+        yield signals
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
 
 
-def _shown(made: Logger, judge: Judge, console: Console, ended: Callable[[], bool]) -> None:
+def _shown(logger: Logger, judge: Judge, console: Console, ended: Callable[[], bool]) -> None:
     """Log, with the table in the terminal."""
 
     def table() -> Text:
-        return live_table(made, judge, console.width, console.height - 1)
+        return live_table(logger, judge, console.width, console.height - 1)
 
     with Live(table(), console=console, auto_refresh=False, vertical_overflow="crop") as live:
         last = 0.0
         while not ended():
-            made.step()
+            logger.step()
             if time.monotonic() - last > 0.5:
                 last = time.monotonic()
                 live.update(table(), refresh=True)
         live.update(table(), refresh=True)
 
 
-def _told(made: Logger, judge: Judge, ended: Callable[[], bool]) -> None:
+def _log_in_lines(logger: Logger, judge: Judge, ended: Callable[[], bool]) -> None:
     """Log, with a line a minute, and marks on standard error."""
-    shown, told = 0.0, ""
+    shown, last_mark = 0.0, ""
     while not ended():
-        made.step()
-        if made.last_mark != told:
-            told = made.last_mark
-            typer.echo(told, err=True)
-        if made.elapsed - shown > 60.0 and made.watch.values:
-            shown = made.elapsed
-            typer.echo(plain_line(made, judge))
-    typer.echo(plain_line(made, judge))
+        logger.step()
+        if logger.last_mark != last_mark:
+            last_mark = logger.last_mark
+            typer.echo(last_mark, err=True)
+        if logger.elapsed - shown > 60.0 and logger.watch.values:
+            shown = logger.elapsed
+            typer.echo(plain_line(logger, judge))
+    typer.echo(plain_line(logger, judge))
 
 
-def _guided(made: Logger, sensors: Path | None, identify: bool) -> None:
+def _guided(logger: Logger, sensors: Path | None, identify: bool) -> None:
     """Take the user through identify mode or the ice point."""
     assert sensors is not None
     try:
         if identify:
-            tell_apart(made, sensors, typer.echo, typer.prompt)
+            tell_apart(logger, sensors, typer.echo, typer.prompt)
         else:
-            guided_ice_point(made, sensors, typer.echo, typer.confirm)
+            guided_ice_point(logger, sensors, typer.echo, typer.confirm)
     except (KeyboardInterrupt, typer.Abort):
         typer.echo("stopped; what was written stays")
 
@@ -237,10 +237,10 @@ class Judge:
         self._done.set()
         self._thread.join(5.0)
 
-    def of(self, source: str) -> Outlook | None:
+    def outlook(self, source: str) -> Outlook | None:
         """Return what was found of a sensor under the present conditions, None before the first look."""
-        changed, found = self._seen.get(source, (-1.0, None))
-        return found if changed == self._log.state.changed else None
+        changed, outlook = self._seen.get(source, (-1.0, None))
+        return outlook if changed == self._log.state.changed else None
 
     def _run(self) -> None:
         """Go round: every drift, which is cheap, then one forecast."""
@@ -255,11 +255,11 @@ class Judge:
 
     def _look(self, source: str, ahead: bool) -> None:
         """Look at a sensor; keep the forecast of the time before, unless a new one is due or conditions have changed."""
-        changed, before = self._log.state.changed, self.of(source)
-        found = self.look(source, ahead)
+        changed, before = self._log.state.changed, self.outlook(source)
+        outlook = self.look(source, ahead)
         if not ahead and before is not None:
-            found = replace(found, forecast=before.forecast)
-        self._seen[source] = (changed, found)
+            outlook = replace(outlook, forecast=before.forecast)
+        self._seen[source] = (changed, outlook)
 
     def look(self, source: str, ahead: bool = True) -> Outlook:
         """Return what the readings of a sensor say now, with a forecast if asked."""
@@ -269,15 +269,15 @@ class Judge:
             return Outlook(None, None, "too early")
         offset = sensor.certificate.offset if sensor is not None and sensor.certificate is not None else 0.0
         step = 2.0 ** (8 - log.state.bits.get(source, log.settings.bits))
-        channel = Channel.of(source, celsius - offset, unit="degC", column=source, resolution=step)
+        channel = Channel.from_array(source, celsius - offset, unit="degC", column=source, resolution=step)
         record = Record.from_arrays(log.store.path.name, times, {source: channel}, synthetic=False)
         try:
-            found = channel_stability(record, source, self.rule)
+            stability = channel_stability(record, source, self.rule)
         except RecordError:  # the rule looks further back than the readings go
             return Outlook(None, None, "too early")
         enough = ahead and times.size >= FEWEST and times[-1] - times[0] >= SHORTEST
-        told = forecast(record, source, rule=self.rule) if enough else None
-        return Outlook(found.rate, found.error, found.verdict, told)
+        ahead_of_it = forecast(record, source, rule=self.rule) if enough else None
+        return Outlook(stability.rate, stability.error, stability.verdict, ahead_of_it)
 
 
 def live_table(log: Logger, judge: Judge, width: int, height: int) -> Text:
@@ -289,9 +289,9 @@ def live_table(log: Logger, judge: Judge, width: int, height: int) -> Text:
     rest = ""
     if len(rows) > room:
         rows.sort(key=lambda row: _WORST.index(row[0]))
-        left, rows = rows[room - 1 :], rows[: room - 1]
-        kinds = {word: sum(row[0] == word for row in left) for word in _WORST}
-        rest = f"... and {len(left)} more: " + ", ".join(f"{count} {word or 'silent'}" for word, count in kinds.items() if count)
+        cut_off, rows = rows[room - 1 :], rows[: room - 1]
+        kinds = {word: sum(row[0] == word for row in cut_off) for word in _WORST}
+        rest = f"... and {len(cut_off)} more: " + ", ".join(f"{count} {word or 'silent'}" for word, count in kinds.items() if count)
     out = Text(no_wrap=True, overflow="crop")
     for line in head:
         out.append(line[:width] + "\n", style="bold red" if "DISK FULL" in line else "")
@@ -358,36 +358,36 @@ def _cells(log: Logger, judge: Judge, source: str, narrow: bool) -> tuple[str, t
         return "fault", (name, "FAULT", "", fault, "")
     if value is None:
         return "", (name, "-", "", "", "")
-    sensor, found = log.sensors.get(source), judge.of(source)
+    sensor, outlook = log.sensors.get(source), judge.outlook(source)
     offset = sensor.certificate.offset if sensor is not None and sensor.certificate is not None else 0.0
     shown = f"{value - offset:.2f}"
-    if found is None:
+    if outlook is None:
         return "too early", (name, shown, "", "too early", "")
-    rate = "" if found.rate is None or found.error is None else f"{found.rate * HOUR:+.2f}"
+    rate = "" if outlook.rate is None or outlook.error is None else f"{outlook.rate * HOUR:+.2f}"
     if rate and not narrow:
-        rate += f" +- {(found.error or 0.0) * HOUR:.2f}"
-    return found.verdict, (name, shown, rate, _when(log, found), _end(found, narrow))
+        rate += f" +- {(outlook.error or 0.0) * HOUR:.2f}"
+    return outlook.verdict, (name, shown, rate, _when(log, outlook), _end(outlook, narrow))
 
 
-def _when(log: Logger, found: Outlook) -> str:
+def _when(log: Logger, outlook: Outlook) -> str:
     """Return the verdict of the rule, and when it will hold."""
-    holds = None if found.forecast is None else found.forecast.holds
+    holds = None if outlook.forecast is None else outlook.forecast.holds
     remaining = None if holds is None else holds - log.state.seconds
-    if found.verdict != "not stable" or remaining is None or remaining <= 0.0:
-        return found.verdict
+    if outlook.verdict != "not stable" or remaining is None or remaining <= 0.0:
+        return outlook.verdict
     for limit, size, unit in ((5400.0, HOUR, "h"), (90.0, 60.0, "min"), (0.0, 1.0, "s")):
         if remaining >= limit:
             return f"in {remaining / size:.2g} {unit}" if remaining / size < 10.0 else f"in {remaining / size:.0f} {unit}"
-    return found.verdict
+    return outlook.verdict
 
 
-def _end(found: Outlook, narrow: bool) -> str:
+def _end(outlook: Outlook, narrow: bool) -> str:
     """Return where a channel will end, or that nobody can say yet."""
-    if found.forecast is None:
+    if outlook.forecast is None:
         return ""
-    if found.forecast.declined:
+    if outlook.forecast.declined:
         return "open"
-    final = found.forecast.final
+    final = outlook.forecast.final
     return f"{final.value - ICE:.2f}" + ("" if narrow else f" +- {final.error:.2f}")
 
 
@@ -408,11 +408,11 @@ def _short(name: str, width: int) -> str:
 def plain_line(log: Logger, judge: Judge) -> str:
     """Return the table as one line, for an output that is no terminal."""
     cells = [_cells(log, judge, source, True)[1] for source in _sources(log)]
-    said = []
+    texts = []
     for name, value, rate, verdict, end in cells:
         text = f"{name} {value} degC" if value not in ("FAULT", "-") else f"{name} {value} {verdict}".rstrip()
         if rate:
             text += f" ({rate} K/h, {verdict}" + (f", will end at {end}" if end not in ("", "open") else "") + ")"
-        said.append(text)
+        texts.append(text)
     others = _others(log)
-    return f"{duration_text(log.state.seconds)}: " + ", ".join([*said, *([others] if others else [])])
+    return f"{duration_text(log.state.seconds)}: " + ", ".join([*texts, *([others] if others else [])])

@@ -214,8 +214,8 @@ def compare_versions(
 
     Each difference states what it alone does to a steady temperature; units, order and arithmetic of the files play no part.
     """
-    found = compare_models(load_model(old), load_model(new), [load_scenario(each) for each in scenario])
-    say(as_json, found.to_dict(), str(found))
+    changes = compare_models(load_model(old), load_model(new), [load_scenario(file) for file in scenario])
+    say(as_json, changes.to_dict(), str(changes))
 
 
 def size_value(
@@ -242,10 +242,10 @@ def size_value(
     model = fitted_model(deck, values, keep_values, param)
     standing = model_standing(model).accept(accept or ())
     ends = between.split("..") if between is not None else None
-    asked = (ends[0], ends[-1]) if ends is not None else None
-    scenarios = [load_scenario(each) for each in scenario]
-    found = size(model, value, _limits(limit), scenarios, between=asked, margin=margin, spread=pairs(spread, "--spread"))
-    say(as_json, found.to_dict() | {"standing": standing.to_dict()}, standing.over(str(found)))
+    window = (ends[0], ends[-1]) if ends is not None else None
+    scenarios = [load_scenario(file) for file in scenario]
+    sizing = size(model, value, _limits(limit), scenarios, between=window, margin=margin, spread=pairs(spread, "--spread"))
+    say(as_json, sizing.to_dict() | {"standing": standing.to_dict()}, standing.over(str(sizing)))
     leave(standing)
 
 

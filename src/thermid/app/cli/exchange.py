@@ -105,7 +105,7 @@ def import_file(
         prints = sinda_print(results)
         compared = agreement(network, prints)
         judged, more["off_rms_K"] = [str(compared)], float(compared.rms.max())
-        for settled in [each for each in prints if each.settled][-1:]:
+        for settled in [item for item in prints if item.settled][-1:]:
             closing = balance(network, settled)
             judged, more["not_closed_W"] = [*judged, str(closing)], closing.open()
     if to is not None:
@@ -118,10 +118,10 @@ def import_file(
         "loads": len(network.loads),
         "groups": network.groups(),
         "incomplete": network.incomplete,
-        "dropped": [str(each) for each in network.remarks if each.dropped],
-        "remarks": [str(each) for each in network.remarks if not each.dropped],
+        "dropped": [str(item) for item in network.remarks if item.dropped],
+        "remarks": [str(item) for item in network.remarks if not item.dropped],
     } | more
-    files = [f"written: {each}" for each in (to, case) if each is not None]
+    files = [f"written: {item}" for item in (to, case) if item is not None]
     say(as_json, shown, "\n".join([str(network), *judged, *files]))
     leave(model_standing(model))
 
@@ -145,7 +145,7 @@ def write_back(
     network = _network(file, units)
     model = fitted_model(deck, values, keep_values, param)
     standing = model_standing(model).accept(accept or ())
-    texts, left = network.written_back(model), network.not_written_back(model)
+    texts, rest = network.written_back(model), network.not_written_back(model)
     targets = {to / Path(name).name: text for name, text in texts.items()}
     if targets:
         to.mkdir(parents=True, exist_ok=True)
@@ -153,11 +153,11 @@ def write_back(
         write_bytes(target, text.encode("latin-1"), COPY)
     lines = [f"written: {target}" for target in targets]
     if not targets:
-        lines = ["no file was written" if left else "nothing differs from the deck: no file was written"]
-    if left:
-        what = f"INCOMPLETE: {counted(len(left), 'changed value')} without a number of its own in the deck, not written: {', '.join(left)}"
+        lines = ["no file was written" if rest else "nothing differs from the deck: no file was written"]
+    if rest:
+        what = f"INCOMPLETE: {counted(len(rest), 'changed value')} without a number of its own in the deck, not written: {', '.join(rest)}"
         lines.insert(0, what)
-    shown = {"files": [target.name for target in targets], "not_written": list(left), "standing": standing.to_dict()}
+    shown = {"files": [target.name for target in targets], "not_written": list(rest), "standing": standing.to_dict()}
     say(as_json, shown, "\n".join(lines))
     leave(standing)
 
@@ -177,7 +177,7 @@ def _import_script(script: Path, to: Path | None, block: bool, force: bool, as_j
     script_values = read_initfcn(script)
     title = (to or script).stem
     if to is not None:
-        may_write(to, DECK.of(title))
+        may_write(to, DECK.titled(title))
     deck = script_values.block(title) if block else script_values.deck(title)
     model = model_from_dict(deck)
     if to is not None and not force and to.is_file():

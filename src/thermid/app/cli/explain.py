@@ -49,12 +49,12 @@ def criticise(
     Missing elements are tried in refits where the residuals are more than noise.
     """
     fits = _fits(campaign, stage, data, results)
-    found = {}
+    criticisms = {}
     with working("") as progress:
         for k, (name, fit) in enumerate(fits.items()):
             progress.now(f"refits of stage {name}", k / len(fits))
-            found[name] = criticism.criticise(fit)
-    say(as_json, {"stages": {n: c.to_dict() for n, c in found.items()}}, "\n\n".join(map(str, found.values())), verbose)
+            criticisms[name] = criticism.criticise(fit)
+    say(as_json, {"stages": {n: c.to_dict() for n, c in criticisms.items()}}, "\n\n".join(map(str, criticisms.values())), verbose)
     leave(worst(f.standing for f in fits.values()))
 
 
@@ -78,6 +78,6 @@ def plausibility(
     """
     weights, powers = pairs(weight, "--weight"), pairs(delivered, "--delivered")
     fits = _fits(campaign, stage, data, results)
-    found = {name: ranges_of(fit, weights=weights, delivered=powers) for name, fit in fits.items()}
-    say(as_json, {"stages": {n: p.to_dict() for n, p in found.items()}}, "\n\n".join(map(str, found.values())), verbose)
-    leave(worst(f.standing for f in fits.values()), 0 if all(p.physical for p in found.values()) else 1)
+    checks = {name: ranges_of(fit, weights=weights, delivered=powers) for name, fit in fits.items()}
+    say(as_json, {"stages": {n: p.to_dict() for n, p in checks.items()}}, "\n\n".join(map(str, checks.values())), verbose)
+    leave(worst(f.standing for f in fits.values()), 0 if all(p.physical for p in checks.values()) else 1)

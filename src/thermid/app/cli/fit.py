@@ -73,7 +73,7 @@ def _run(
     """Run a campaign with progress, taking finished stages from the results folder."""
     folder = to if to is not None else path.parent / "results"
     for stage in read_campaign(path).content.stages if folder.is_dir() else ():
-        may_write(folder / f"{file_name(stage.name)}.values.toml", VALUES.of(stage.name))
+        may_write(folder / f"{file_name(stage.name)}.values.toml", VALUES.titled(stage.name))
     campaign = staged(path, data, folder, accept, fresh=fresh, executor=executor)
     return campaign, campaign.save(folder)
 
@@ -189,14 +189,14 @@ def estimate(
     conditions = load_scenario(scenario) if scenario is not None else None
     result = staged(campaign, data, results)
     request = result.requests[result[stage].stage if stage else list(result)[-1]]
-    found = estimated(replace(request, fit_start=False), pairs(noise, "--noise"), {}, with_unit(horizon, "s"))
-    said, lines = found.as_object(), [str(found)]
+    estimation = estimated(replace(request, fit_start=False), pairs(noise, "--noise"), {}, with_unit(horizon, "s"))
+    content, lines = estimation.as_object(), [str(estimation)]
     if conditions is not None:
-        runs = {e.name: found.predict(conditions, by=e.name) for e in (found.chosen, found.process, found.output)}
+        runs = {e.name: estimation.predict(conditions, by=e.name) for e in (estimation.chosen, estimation.process, estimation.output)}
         lines += [f"prediction by {n}:\n{run}" for n, run in runs.items()]
-        said |= {"predictions": {n: run.as_object() for n, run in runs.items()}}
-    say(as_json, said, "\n".join(lines), verbose)
-    raise SystemExit(0 if found.chosen.maximum.converged else 1)
+        content |= {"predictions": {n: run.as_object() for n, run in runs.items()}}
+    say(as_json, content, "\n".join(lines), verbose)
+    raise SystemExit(0 if estimation.chosen.maximum.converged else 1)
 
 
 def fleet(
@@ -346,10 +346,10 @@ def _predict_records(
     scores = []
     for run in source.pick(patterns, "--record"):
         verdict = next((v for v in source.content.verdicts if v.model == name and run in source.pick([v.record], "verdicts")), None)
-        own = {n: _as_table(s) for n, s in source.local_of_record(run).items()}
+        local_table = {n: _as_table(s) for n, s in source.local_of_record(run).items()}
         scenario = verdict.scenario if verdict is not None and verdict.scenario is not None else stage.scenario
         readings = verdict.readings if verdict is not None and verdict.readings is not None else stage.readings
-        local = local_of(verdict.local) if verdict is not None else local_of(stage.local) | own
+        local = local_of(verdict.local) if verdict is not None else local_of(stage.local) | local_table
         scores.append(
             predict_record(
                 fit,
@@ -365,8 +365,8 @@ def _predict_records(
         lines.append(
             f"{len(scores)} runs: {100 * sum(t.inside() for t in scores) / len(scores):.0f} % of the readings inside their 95 % bands"
         )
-    if seen := [t.record for t in scores if t.record in fit.records]:
-        lines.append(f"fitted by the stage itself: {', '.join(seen)}")
+    if fitted_records := [t.record for t in scores if t.record in fit.records]:
+        lines.append(f"fitted by the stage itself: {', '.join(fitted_records)}")
     say(as_json, {"stage": name, "records": [t.to_dict() for t in scores]}, "\n".join(lines), verbose)
     leave(fit.standing)
 
@@ -411,10 +411,10 @@ def hold(
     Runs are kept in a folder: an interrupted command goes on where it was.
     """
     writable((figure, PICTURE))
-    asked = load_hold(question)
+    hold_question = load_hold(question)
     folder = job if job is not None else question.parent / "results"
     if dry_run or math.isfinite(memory):
-        cost = asked.cost(n=members, folder=folder)
+        cost = hold_question.cost(n=members, folder=folder)
         if cost.size > 1e6 * memory:
             text = f"{cost}, more than {memory:g} MB. Ask for fewer reference points, or a longer interval: every = '30 [min]'."
             raise ScenarioError(text, question.name)
@@ -423,7 +423,7 @@ def hold(
         return
     with MemberProgress() as progress:
         try:
-            _, answer = asked.run(n=members, folder=folder, executor=executor_of(workers, cluster), progress=progress)
+            _, answer = hold_question.run(n=members, folder=folder, executor=executor_of(workers, cluster), progress=progress)
         except KeyboardInterrupt:
             done = f"interrupted with {progress.finished} of {progress.members} runs done"
             raise SolverError(f"{done}. The same command goes on from there.") from None

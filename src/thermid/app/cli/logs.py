@@ -44,17 +44,17 @@ def look(
         check_ending(to, DRAWING)
     given = {"separator": separator, "decimal": decimal, "clock": clock, "unit": unit}
     looks = [picture.look(log, time=time, **given) for log in logs]
-    if any(each.has(time) for each in looks):  # a log without that column has another clock, which may be told
-        looks = [each if each.has(time) else picture.look(each.path, **given) for each in looks]
+    if any(file_look.has(time) for file_look in looks):  # a log without that column has another clock, which may be told
+        looks = [file_look if file_look.has(time) else picture.look(file_look.path, **given) for file_look in looks]
     if to is not None:
         write_text(to, looks[0].svg() + "\n", DRAWING)
     width = shutil.get_terminal_size((110, 24)).columns
-    bad = any(each.problem for each in looks)
-    parts = ["\n".join(each.lines(width)) for each in looks]
+    bad = any(file_look.problem for file_look in looks)
+    parts = ["\n".join(file_look.lines(width)) for file_look in looks]
     parts += ["\n".join(lines)] if (lines := picture.clock_lines(looks)) else []
     text = "\n\n".join(parts) + (f"\npicture: {to}" if to is not None else "")
     clocks = {"clocks": picture.clocks_of(looks)} if len(looks) > 1 else {}
-    say(as_json, {"status": "error" if bad else "ok", "logs": [each.as_object() for each in looks], **clocks}, text)
+    say(as_json, {"status": "error" if bad else "ok", "logs": [file_look.as_object() for file_look in looks], **clocks}, text)
     raise SystemExit(2 if bad else 0)
 
 
@@ -87,13 +87,13 @@ def settle(
     record = _read(log, channel, reference, time)
     names = [n for n in record.channels if n != reference]
     begin, end = with_unit(since, "s"), with_unit(at, "s")
-    known = None if tau is None else with_unit(tau, "s")
+    time_constant = None if tau is None else with_unit(tau, "s")
     deck = None if model is None else load_model(model)
     conditions = None if scenario is None else load_scenario(scenario)
     run = None
     if deck is not None and conditions is not None and rule_of(rule).stored:
         run = simulate(deck, conditions)
-    stable = stability(record, rule, names, since=begin, at=end, tau=known, reference=reference, run=run)
+    stable = stability(record, rule, names, since=begin, at=end, tau=time_constant, reference=reference, run=run)
     ends: dict[str, Forecast | str] = {}
     for name in names:
         try:
@@ -144,7 +144,7 @@ def _read(log: Path, channel: list[str], reference: str, time: str | None) -> Re
     names = list(sits) or [n for n in temperature_columns(log) if n != reference]
     if not names:
         raise RecordError("no column looks like a temperature. Name them with --channel.", log.name)
-    asked: dict[str, str | dict[str, object]] = {n: {"node": sits.get(n, n)} for n in names}
+    bindings: dict[str, str | dict[str, object]] = {n: {"node": sits.get(n, n)} for n in names}
     if reference:
-        asked[reference] = {"boundary": reference}
-    return read_record(log, asked, time=time)
+        bindings[reference] = {"boundary": reference}
+    return read_record(log, bindings, time=time)

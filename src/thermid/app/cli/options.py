@@ -129,9 +129,9 @@ class CampaignProgress(Progress):
         if seconds >= WORTH_SAYING:
             self.say(f"{stage}: {words}, about {spoken(seconds)}. The interrupt key ends it with the best values so far.")
 
-    def left(self) -> str:
+    def time_left(self) -> str:
         """Return the time left in words: of what is being done, where that was priced, beside that of the whole."""
-        whole, now = super().left(), time.monotonic()
+        whole, now = super().time_left(), time.monotonic()
         if self._until is None or self._until - now < 1.0:
             return whole
         return f", about {spoken(self._until - now)} left of this stage" + whole.replace(" left", " of the campaign")
@@ -228,15 +228,15 @@ def fitted_model(deck: Path, values: Path | None, keep: bool = False, param: Seq
     """
     model = load_model(deck)
     if values is not None:
-        laid = filed(values, model, keep=keep)
-        say_first(laid, values)
-        model = laid.model
+        filled = filed(values, model, keep=keep)
+        say_first(filled, values)
+        model = filled.model
     return model.with_values(pairs(list(param), "--param"), "command line") if param else model
 
 
-def say_first(laid: Filed, file: Path) -> None:
+def say_first(filled: Filed, file: Path) -> None:
     """Tell what a values file lacks, what of it is left out, and what is hidden."""
-    for line in (*laid.lacks, *(f"{gone} --keep-values keeps it." for gone in laid.gone), *laid.hidden):
+    for line in (*filled.lacks, *(f"{gone} --keep-values keeps it." for gone in filled.gone), *filled.hidden):
         show(f"{file.name}: {line}", err=True)
 
 

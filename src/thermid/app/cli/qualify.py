@@ -65,7 +65,7 @@ def plan(
     With --lock, predictions and hash are written before any log is read.
     """
     planned = load_plan(file, data)
-    predictions, standing = pre_test(planned), planned.known.standing.accept(accept or ())
+    predictions, standing = pre_test(planned), planned.knowledge.standing.accept(accept or ())
     if lock:
         lock_plan(planned, clean(predictions))
     status = lock_status(planned)
@@ -188,10 +188,10 @@ def deliver(
         raise DeckError(f"'{at}' is the part that is reduced or has values; give --nodes, --within or --values with it.", "--at")
     model, values_laid = load_model(deck), []
     for file in values:
-        laid = filed(file, model, at=at, keep=keep_values)
-        say_first(laid, file)
-        model = laid.model
-        values_laid.append(laid.values)
+        filled = filed(file, model, at=at, keep=keep_values)
+        say_first(filled, file)
+        model = filled.model
+        values_laid.append(filled.values)
     standing = model_standing(model).accept(accept or ())
     target = write_delivery(model, scenario, to, values=values_laid, nodes=nodes or None, within=within or None, at=at)
     record = json.loads(target.read_text(encoding="utf-8"))
@@ -200,8 +200,8 @@ def deliver(
     lines = [standing.over(f"{to}: {record['title']} {record['model']['identity']}, {runs} met" + mark)]
     if "reduced" in record:
         small = record["reduced"]
-        (masses, left), (before, after) = small["masses"], small["nodes"]
-        lines.append(f"  {small['part']}: {left} masses of {masses}, {after} nodes of {before}")
+        (masses, masses_left), (before, after) = small["masses"], small["nodes"]
+        lines.append(f"  {small['part']}: {masses_left} masses of {masses}, {after} nodes of {before}")
         lines += [f"  {node}: {off:+.3f} K at most" for node, off in small["largest_K"].items()]
         lines += [f"  remark: {remark}" for remark in small["remarks"]]
     content = {"checks": str(target), **{k: v for k, v in record.items() if k != "schema"}, "standing": standing.to_dict()}
@@ -268,12 +268,12 @@ def profile(
 
 def _list(as_json: bool, verbose: bool) -> None:
     """Print the standards with their profiles and levels."""
-    known = profile_names()
+    profiles_by_standard = profile_names()
     lines = []
-    for standard, profiles in known.items():
+    for standard, profiles in profiles_by_standard.items():
         lines.append(standard)
         lines += [f"  {name}{': ' + ', '.join(levels) if levels else ''}" for name, levels in profiles.items()]
-    say(as_json, {"standards": known}, "\n".join(lines), verbose)
+    say(as_json, {"standards": profiles_by_standard}, "\n".join(lines), verbose)
 
 
 def _profile(standard: str, name: str, level: str, lowest: str | None, highest: str | None, change: list[str]) -> ThermalProfile:

@@ -76,13 +76,13 @@ def brief(lines: Sequence[str], most: int, columns: int) -> list[str]:
     rank = [loud.get(severity(line), 2) for line in lines]
     full = [k for k, line in enumerate(lines) if line.strip()]
     ends = {full[0], *(k for k in full[-1:] if depth[k] == 0)}
-    room, kept = most - 1, set()
+    room, shown = most - 1, set()
     for k in sorted(full, key=lambda k: (k not in ends, rank[k], depth[k], k)):
         rows = len(folded(lines[k], columns))
         if rows <= room:
             room -= rows
-            kept.add(k)
-    return [*(lines[k] for k in sorted(kept)), f"{len(full) - len(kept)} more lines: -v"]
+            shown.add(k)
+    return [*(lines[k] for k in sorted(shown)), f"{len(full) - len(shown)} more lines: -v"]
 
 
 def console(err: bool = False) -> Console:
@@ -153,9 +153,9 @@ class Progress:
     def line(self) -> str:
         """Return the line of a terminal: text, time spent, time left."""
         spent = spoken(time.monotonic() - self._begun)
-        return f"{self.text}: {spent}{self.left()}" if self.text else f"{spent}{self.left()}"
+        return f"{self.text}: {spent}{self.time_left()}" if self.text else f"{spent}{self.time_left()}"
 
-    def left(self) -> str:
+    def time_left(self) -> str:
         """Return the time left in words, with a comma before it; empty where nobody knows."""
         spent, share = time.monotonic() - self._begun, min(max(self.share(), 0.0), 1.0)
         return f", about {spoken(spent * (1.0 - share) / share)} left" if 0.0 < share < 1.0 else ""

@@ -51,11 +51,11 @@ def moisture(
     standing = model_standing(model).accept(accept or ())
     conditions = scenario_of(scenario, boundary, [], start, duration)
     written = read_toml(scenario)[0].get("environment", {}) if scenario is not None else {}
-    known: dict[str, Any] = {
+    humidities: dict[str, Any] = {
         gas: conditions.environment[gas].humidity for gas, table in written.items() if gas != "*" and "humidity" in table
     }
-    known |= {gas: literal(with_unit(text, "1"), "1", "--humidity") for gas, text in pairs(humidity, "--humidity").items()}
-    answer = moist_run(model, conditions, known, every=with_unit(every, "s"))
+    humidities |= {gas: literal(with_unit(text, "1"), "1", "--humidity") for gas, text in pairs(humidity, "--humidity").items()}
+    answer = moist_run(model, conditions, humidities, every=with_unit(every, "s"))
     say(as_json, {**_object(answer), "standing": standing.to_dict()}, standing.over(str(answer)))
     leave(standing)
 

@@ -83,37 +83,37 @@ def init(
         raise ScenarioError("a template is for a project without a log; give one of them.", "--template")
     scales, formulas = pairs(full_scale or [], "--full-scale"), pairs(formula or [], "--formula")
     roles = roles_of(logs[0], temperature or (), surroundings, power or (), scales, time, formulas)
-    roles = _asked(logs[0], roles, time, bool(temperature), bool(power)) if sys.stdin.isatty() and not as_json else roles
-    roles, known = _known(roles, accuracy, mass or [], material or [], path or [], deck)
+    roles = _ask_for_roles(logs[0], roles, time, bool(temperature), bool(power)) if sys.stdin.isatty() and not as_json else roles
+    roles, facts = _stated_facts(roles, accuracy, mass or [], material or [], path or [], deck)
     alike = pairs(same or [], "--same")
     read = [without_strays(read_as(roles, log, alike if k else {}, time)) for k, log in enumerate(logs)]
-    masked = [said for _, lines in read for said in lines]
-    fitted, kept = parted([record for record, _ in read])
+    masked = [remark for _, lines in read for remark in lines]
+    fitted, holdout = parted([record for record, _ in read])
     with working("searching for a structure"):
-        found = propose(roles, [thinned(r) for r in fitted], evaluations, known=known)
+        proposal = propose(roles, [thinned(r) for r in fitted], evaluations, facts=facts)
     source, title = ", ".join(log.name for log in logs), name or word(logs[0].name.partition(".")[0])
-    made = write_project(to, found, fitted, kept, source, title, masked)
+    project = write_project(to, proposal, fitted, holdout, source, title, masked)
     content = {
-        "masses": found.chosen.nodes,
-        "cannot_tell": sorted(found.search.orders) if len(found.search.orders) > 1 else [],
-        "changes": [c.name for c in found.chosen.changes],
-        "rmse_K": found.chosen.rmse,
-        "assumed": found.assumed,
+        "masses": proposal.chosen.nodes,
+        "cannot_tell": sorted(proposal.search.orders) if len(proposal.search.orders) > 1 else [],
+        "changes": [c.name for c in proposal.chosen.changes],
+        "rmse_K": proposal.chosen.rmse,
+        "assumed": proposal.assumed,
         "masked": masked,
-        "unexplained": found.unexplained,
-        "not_physical": [c.to_dict() for c in found.not_physical],
-        "depends_on_structure": [{"path": p, "low": low, "high": high} for p, (low, high) in found.depending.items()],
-        "offsets_K": {c: {"value": v, "error": e} for c, (v, e) in found.offsets.items()},
+        "unexplained": proposal.unexplained,
+        "not_physical": [c.to_dict() for c in proposal.not_physical],
+        "depends_on_structure": [{"path": p, "low": low, "high": high} for p, (low, high) in proposal.depending.items()],
+        "offsets_K": {c: {"value": v, "error": e} for c, (v, e) in proposal.offsets.items()},
         "questions": list(roles.questions),
-        **{"fixed": list(made.fixed), "left_out": list(made.left_out)},
-        "files": [str(f) for f in made.files],
+        **{"fixed": list(project.fixed), "left_out": list(project.left_out)},
+        "files": [str(f) for f in project.files],
     }
-    say(as_json, content, "\n".join([str(made), *(f"not used: {column}: {why}" for column, why in roles.ignored.items())]))
-    if not found.decided:
+    say(as_json, content, "\n".join([str(project), *(f"not used: {column}: {why}" for column, why in roles.ignored.items())]))
+    if not proposal.decided:
         raise SystemExit(IdentificationError.exit_code)
 
 
-def _known(
+def _stated_facts(
     roles: Roles, accuracy: str, masses: Sequence[str], materials: Sequence[str], paths: Sequence[str], deck: Path | None
 ) -> tuple[Roles, StatedFacts]:
     """Return the roles, seated in the deck where there is one, and what is known beside the log; a part may be named by its column."""
@@ -127,29 +127,29 @@ def _known(
         refuse_unknown(names, parts, option, "no part '{}'. Parts: {known}.")
     size = amount(accuracy, "K", "--accuracy") if accuracy else ACCURACY
     model = load_model(deck) if deck is not None else None
-    known = StatedFacts(size, known_masses(weights, made_of), joined, model)
-    return (roles if model is None else seated(roles, model)), known
+    facts = StatedFacts(size, known_masses(weights, made_of), joined, model)
+    return (roles if model is None else seated(roles, model)), facts
 
 
 def _from_template(name: str, to: Path, as_json: bool) -> None:
     """Write a project of a template."""
     if not name and sys.stdin.isatty() and not as_json:
-        for known, (words, _) in TEMPLATES.items():
-            typer.echo(f"  {known}: {words}", err=True)
+        for template, (words, _) in TEMPLATES.items():
+            typer.echo(f"  {template}: {words}", err=True)
         typer.echo("  tclab: two heaters on a board, real measurements", err=True)
         name = typer.prompt("1 of 1. Template", default="part", err=True)
     if not name:
         raise ScenarioError(f"give a log, or a template: --template {', '.join([*TEMPLATES, 'tclab'])}.", "init")
     if name == "tclab":
-        made = copy_example(name, to if to != Path() else None, copies(None))
-        say(as_json, {"files": [str(made.folder)], "next": made.example.first}, str(made))
+        copied = copy_example(name, to if to != Path() else None, copies(None))
+        say(as_json, {"files": [str(copied.folder)], "next": copied.example.first}, str(copied))
         return
     command, files = write_template(name, to)
     lines = [*(f"wrote {file}" for file in files), f"next: {command}"]
     say(as_json, {"files": [str(f) for f in files], "next": command}, "\n".join(lines))
 
 
-def _asked(log: Path, roles: Roles, time: str | None, temperatures: bool, powers: bool) -> Roles:
+def _ask_for_roles(log: Path, roles: Roles, time: str | None, temperatures: bool, powers: bool) -> Roles:
     """Return the roles after at most five questions; a question whose flag was given is not asked, an empty answer keeps what is shown."""
     typer.echo("Press return to keep what is shown.", err=True)
     parts = [f"{c}={n}" for c, n in roles.parts.items()]
@@ -189,17 +189,17 @@ def improve(
     Deck and campaign are written beside the old ones, with a comparison before and after.
     """
     with working("searching for a structure"):
-        made = improved.improve(campaign, stage, evaluations, data)
+        improved_model = improved.improve(campaign, stage, evaluations, data)
     content = {
-        "changes": list(made.changes),
-        "gain": made.search.likelihood(made.search.proposed),
-        "cannot_tell": [t.name for t in made.last.ties if t.nodes != made.last.proposed.nodes],
-        "sensors": made.rows(),
-        "delays": [d.to_dict() for d in made.delays],
-        "refused": made.refused,
-        "files": [str(f) for f in made.files],
+        "changes": list(improved_model.changes),
+        "gain": improved_model.search.likelihood(improved_model.search.proposed),
+        "cannot_tell": [t.name for t in improved_model.last.ties if t.nodes != improved_model.last.proposed.nodes],
+        "sensors": improved_model.rows(),
+        "delays": [d.to_dict() for d in improved_model.delays],
+        "refused": improved_model.refused,
+        "files": [str(f) for f in improved_model.files],
     }
-    say(as_json, content, str(made))
+    say(as_json, content, str(improved_model))
 
 
 def example(
@@ -228,22 +228,24 @@ def example(
         text = "\n".join(f"{r['name']:<{width}}  {r['shows']}" + (f"\n{'':<{width}}  {r['data']}" if r["data"] else "") for r in rows)
         say(as_json, {"examples": rows}, text)
         return
-    asked = example_named(name)
-    if run and not asked.campaign:
-        raise ScenarioError(f"example '{name}' has no campaign; its command is: {asked.first}", "--run")
-    if asked.data is not None and not as_json:
-        show(asked.data.words, err=True)
-    with working("making the synthetic logs" if asked.makes else ""):
-        made = copy_example(name, to, copies(originals), _told if asked.data is not None and sys.stderr.isatty() else None)
-    content = {"folder": str(made.folder), "logs": made.logs, "checked": made.checked, "next": asked.first}
+    chosen = example_named(name)
+    if run and not chosen.campaign:
+        raise ScenarioError(f"example '{name}' has no campaign; its command is: {chosen.first}", "--run")
+    if chosen.data is not None and not as_json:
+        show(chosen.data.words, err=True)
+    with working("making the synthetic logs" if chosen.makes else ""):
+        copied = copy_example(
+            name, to, copies(originals), _print_count_of_logs if chosen.data is not None and sys.stderr.isatty() else None
+        )
+    content = {"folder": str(copied.folder), "logs": copied.logs, "checked": copied.checked, "next": chosen.first}
     if not run:
-        say(as_json, content, str(made))
+        say(as_json, content, str(copied))
         return
     if not as_json:
-        show(str(made))
-    result = staged(made.folder / asked.campaign, None, made.folder / "results")
-    files = result.save(made.folder / "results")
-    where = page.report(result, to=made.folder / "report.html")
+        show(str(copied))
+    result = staged(copied.folder / chosen.campaign, None, copied.folder / "results")
+    files = result.save(copied.folder / "results")
+    where = page.report(result, to=copied.folder / "report.html")
     if as_json:
         say(True, {**content, "page": str(where), "passed": result.passed}, "")
     else:
@@ -257,7 +259,7 @@ def _parts_listed() -> tuple[dict[str, object], str]:
     rows, lines, open_values = [], [], 0
     for name, file in standard_parts().items():
         part = load_model(file)
-        values = [given for _, _, given in part.own_parameters() if given.basis]
+        values = [entry for _, _, entry in part.own_parameters() if entry.basis]
         unchecked = sum(NOT_CHECKED in p.basis for p in values)
         open_values += unchecked
         row = {"name": f"{STANDARD}{name}", "use": part.use, "needs": list(part.needs), "values": len(values), "not_checked": unchecked}
@@ -269,19 +271,22 @@ def _parts_listed() -> tuple[dict[str, object], str]:
 
 def _materials_listed() -> tuple[dict[str, object], str]:
     """Return materials and finishes, each with its figures and its source."""
-    known = materials()
-    rows = [{k: getattr(m, k) for k in ("name", "density", "specific_heat", "conductivity", "source", "read")} for m in known.values()]
+    library = materials()
+    rows = [{k: getattr(m, k) for k in ("name", "density", "specific_heat", "conductivity", "source", "read")} for m in library.values()]
     finishes = [{"name": f.name, "emissivity": f.typical, "low": f.low, "high": f.high, "basis": f.basis} for f in FINISHES.values()]
-    unread = sum(not m.read for m in known.values())
+    unread = sum(not m.read for m in library.values())
     lines = [
-        f"{len(known)} materials near 300 K, for material = NAME of nodes and conductors; {unread} {NOT_CHECKED}",
+        f"{len(library)} materials near 300 K, for material = NAME of nodes and conductors; {unread} {NOT_CHECKED}",
         f"{'':<34} {'kg/m3':>7} {'J/(kg K)':>9} {'W/(m K)':>9}",
-        *(f"{m.name:<34} {m.density:>7g} {m.specific_heat:>9g} {m.conductivity:>9g}  {m.basis.partition('; ')[2]}" for m in known.values()),
+        *(
+            f"{m.name:<34} {m.density:>7g} {m.specific_heat:>9g} {m.conductivity:>9g}  {m.basis.partition('; ')[2]}"
+            for m in library.values()
+        ),
         f"{len(finishes)} finishes, for finish = NAME of surfaces: emissivity, 95 % of parts",
         *(f"{f.name:<34} {f.typical:>7g} {f.low:>9g} {f.high:>9g}  {f.basis.partition(': ')[2]}" for f in FINISHES.values()),
     ]
     return {"materials": rows, "finishes": finishes}, "\n".join(lines)
 
 
-def _told(count: int, whole: int) -> None:
+def _print_count_of_logs(count: int, whole: int) -> None:
     typer.echo(f"\r\x1b[2K{count} of {whole} logs", nl=count == whole, err=True)

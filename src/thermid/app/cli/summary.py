@@ -39,19 +39,19 @@ class StageRows:
         return f"{self.name}: {self.state}; {shown}; {self.sensor}"
 
 
-def show_campaign(made: Campaign, files: Sequence[str]) -> None:
+def show_campaign(campaign: Campaign, files: Sequence[str]) -> None:
     """Print a campaign: summary first, then a table a stage.
 
     Parameters
     ----------
-    made : Campaign     What ran.
+    campaign : Campaign  What ran.
     files : sequence    Names of the values files that were written.
     """
     from rich.table import Table
 
     out = console()
-    top, blocks = list(_top(made)), [_block(made, name, fit) for name, fit in made.stages.items()]
-    below = [*map(_verdict_line, made.verdicts), *_last(made, files)]
+    top, blocks = list(_top(campaign)), [_block(campaign, name, fit) for name, fit in campaign.stages.items()]
+    below = [*map(_verdict_line, campaign.verdicts), *_last(campaign, files)]
     around = sum(map(_rows, (*top, *below))) + 2
     most = next((n for n in (12, 8, 6, 5, 4, 3, 2, 1) if around + sum(b.lines(n) for b in blocks) <= SCREEN), 0)
     show_lines(out, [*top, ""])
@@ -74,26 +74,28 @@ def _rows(line: str) -> int:
     return len(folded(line, width()))
 
 
-def _top(made: Campaign) -> Iterator[str]:
+def _top(campaign: Campaign) -> Iterator[str]:
     """Yield the answer: what must not be used, what passed, the worst sensor of the hold-out records, what would explain a bad fit."""
-    yield from _asked(made)
-    if line := made.standing.line(link="stage"):
+    yield from _questions_to_owner(campaign)
+    if line := campaign.standing.line(link="stage"):
         yield line
-    judged = [v for v in made.verdicts if v.passed is not None]
-    said = f", {sum(v.passed is True for v in judged)} of {counted(len(made.verdicts), 'verdict')} passed" if made.verdicts else ""
-    synthetic = ", synthetic data" if any(fit.synthetic for fit in made.stages.values()) else ""
-    yield f"{made.title}: {counted(len(made.stages), 'stage')}{said}{synthetic}"
+    judged = [v for v in campaign.verdicts if v.passed is not None]
+    passed_text = (
+        f", {sum(v.passed is True for v in judged)} of {counted(len(campaign.verdicts), 'verdict')} passed" if campaign.verdicts else ""
+    )
+    synthetic = ", synthetic data" if any(fit.synthetic for fit in campaign.stages.values()) else ""
+    yield f"{campaign.title}: {counted(len(campaign.stages), 'stage')}{passed_text}{synthetic}"
     checks = [(v, c) for v in judged for c in v.checks]
     if checks:
         v, c = max(checks, key=lambda pair: pair[1].used)
         yield f"worst hold-out sensor: {_check_text(c)}, in {v.record}"
-    for name, asked in made.mistakes.items():
-        yield from (f"{name}: {line}" for line in asked.lines())
+    for name, mistakes in campaign.mistakes.items():
+        yield from (f"{name}: {line}" for line in mistakes.lines())
 
 
-def _asked(made: Campaign) -> tuple[str, ...]:
+def _questions_to_owner(campaign: Campaign) -> tuple[str, ...]:
     """Return what the owner of the logs should answer first."""
-    records = [r for fit in made.stages.values() if fit.request is not None for r in fit.request.records]
+    records = [r for fit in campaign.stages.values() if fit.request is not None for r in fit.request.records]
     return tuple(f"{FIRST}{question}" for question in open_questions(records))
 
 
@@ -101,18 +103,18 @@ def _check_text(c: Check) -> str:
     return f"{c.sensor}, {c.title} {short(c.found, 3)} K, limit {short(c.limit, 3)} K".removeprefix(", ")
 
 
-def _block(made: Campaign, name: str, fit: Calibration) -> StageRows:
+def _block(campaign: Campaign, name: str, fit: Calibration) -> StageRows:
     """Return the table of a stage."""
     fitted = [v for v in fit.values.values() if v.kind in ("parameter", "level")]
     worst = max(fit.sensors.items(), key=lambda item: item[1].rmse, default=None)
     sensor = f"worst sensor {worst[0]}, RMSE {short(worst[1].rmse, 2)} K" if worst is not None else "tuned by hand"
     assumed = fit.inputs.assumed
-    notes = [f"{name}: {w}" for w in fit.warnings if w.startswith(FIRST) and w not in _asked(made)]
+    notes = [f"{name}: {w}" for w in fit.warnings if w.startswith(FIRST) and w not in _questions_to_owner(campaign)]
     for why, partly in (("neither log nor scenario gives it", False), ("its channel begins late or ends early", True)):
         inputs = ", ".join(dict.fromkeys(f"{i.name} ({i.kind})" for i in assumed if i.partly == partly))
         if inputs:
             notes.append(f"{name}: assumed{' where the log is silent' if partly else ''}, because {why}: {inputs}")
-    if command := next_command(made.file, fit, made.mistakes[name]):
+    if command := next_command(campaign.file, fit, campaign.mistakes[name]):
         notes.append(f"{name}: next: {command}")
     rows = sorted(fitted, key=lambda v: -abs(v.error / v.value) if v.value else 0.0)
     clocks = [i for i in fit.local if i.unit in ("s", "1")]
@@ -138,13 +140,13 @@ def _verdict_line(v: Verdict) -> str:
     return f"{v.head}{before}; {_check_text(c)}: {VERDICTS[c.passed]}{count}"
 
 
-def _last(made: Campaign, files: Sequence[str]) -> Iterator[str]:
+def _last(campaign: Campaign, files: Sequence[str]) -> Iterator[str]:
     """Yield what is not shown, and where the values are."""
-    warned = {name: n for name, fit in made.stages.items() if (n := sum(not w.startswith((LOUD, FIRST)) for w in fit.warnings))}
+    warned = {name: n for name, fit in campaign.stages.items() if (n := sum(not w.startswith((LOUD, FIRST)) for w in fit.warnings))}
     if warned:
         yield f"{counted(sum(warned.values()), 'warning')} in {counted(len(warned), 'stage')}; -v prints them with all details"
     again: dict[str, list[str]] = {}
-    for stage, changed in made.changed.items():
+    for stage, changed in campaign.changed.items():
         if changed:
             again.setdefault(", ".join(changed), []).append(stage)
     for what, stages_again in again.items():

@@ -116,18 +116,18 @@ def watch(
             "give a campaign with --record and --stage, or a deck with --model, --values, --channel and --full-scale.",
             "command line",
         )
-    given = bool(boundary or load or scenario is not None or start is not None)
-    said = scenario_of(scenario, boundary, load, start, None) if given else None
+    has_conditions = bool(boundary or load or scenario is not None or start is not None)
+    stated_scenario = scenario_of(scenario, boundary, load, start, None) if has_conditions else None
     stated = None if noise is None else with_unit(noise, "K")
     read = {"time": time, "separator": separator, "decimal": decimal, "clock": date}
     test = None if campaign is None else running_test(staged(campaign, data, results, accept), record, stage)
     if test is None:
         deck = None if model is None else fitted_model(model, values, keep)
-        columns = BoundColumns(_told(channel), pairs(full_scale, "--full-scale"), stated, deck, read)
+        columns = BoundColumns(_column_bindings(channel), pairs(full_scale, "--full-scale"), stated, deck, read)
     else:
         columns = _columns_of(test, stated, read)
     standing = UNJUDGED if columns.model is None else model_standing(columns.model).accept(accept or ())
-    request = _request(columns, test, said, required, rule, within, limit, slowest, since)
+    request = _request(columns, test, stated_scenario, required, rule, within, limit, slowest, since)
     with ExitStack() as open_:
         line = open_.enter_context(extension("serial_port", PORT, str(log))(log, capture)) if _is_port(log) else None
         path = log if line is None else line.path
@@ -147,7 +147,7 @@ def _columns_of(test: RunningTest, noise: str | None, read: dict[str, str | None
     return columns
 
 
-def _told(channel: list[str]) -> dict[str, str]:
+def _column_bindings(channel: list[str]) -> dict[str, str]:
     """Return column -> what it is bound to, of ``COLUMN`` and ``COLUMN=PATH``."""
     return {n.strip(): path.strip() or n.strip() for n, _, path in (text.partition("=") for text in channel)}
 
@@ -160,9 +160,9 @@ def _looks(records: Iterator[Record], request: WatchRequest, standing: Standing,
         first = watcher is None
         watcher = watcher or request.watcher(record)
         look = watcher.look(record)
-        text = str(look) if first or look.advice.word == "stop" else look.seen()
-        said = {"schema": 1, **look.as_object(), "standing": standing.to_dict()}
-        typer.echo(json.dumps(clean(add_codes(said))) if as_json else standing.over(text))
+        text = str(look) if first or look.advice.word == "stop" else look.without_inputs()
+        content = {"schema": 1, **look.as_object(), "standing": standing.to_dict()}
+        typer.echo(json.dumps(clean(add_codes(content))) if as_json else standing.over(text))
         if look.advice.word == "stop":
             break
     return look
@@ -171,7 +171,7 @@ def _looks(records: Iterator[Record], request: WatchRequest, standing: Standing,
 def _request(
     columns: BoundColumns,
     test: RunningTest | None,
-    said: Scenario | None,
+    stated: Scenario | None,
     required: bool,
     rule: str,
     within: str,
@@ -185,23 +185,23 @@ def _request(
     decided = tuple(TemperatureLimit(n, False, kelvin) for n, kelvin in limits.items())
     longest = None if slowest is None else with_unit(slowest, "s")
     conditions = None if test is None else test.conditions
-    return WatchRequest(columns, rule_of(rule), width, decided, required, longest, begin, said, conditions)
+    return WatchRequest(columns, rule_of(rule), width, decided, required, longest, begin, stated, conditions)
 
 
 def _growing(log: GrowingLog, step: float, since: str, line: PortCapture | None) -> Iterator[Record]:
     """Yield a log every time that something came. [s]"""
-    seen, came, silent = -1.0, clock.monotonic(), False
+    latest, came, silent = -1.0, clock.monotonic(), False
     while True:
         record = log.record()
-        if record is not None and record.times[-1] > seen:
-            seen, came, silent = float(record.times[-1]), clock.monotonic(), False
+        if record is not None and record.times[-1] > latest:
+            latest, came, silent = float(record.times[-1]), clock.monotonic(), False
             start = literal(with_unit(since, "s"), "s", "--since") if since != "start" else float(record.times[0])
             if np.count_nonzero(record.times >= start) > 1:
                 yield record.trim(start, "end")
         elif record is not None and not silent and clock.monotonic() - came > max(SILENT, 10.0 * record.step, 3.0 * step):
             silent = True
             waited = duration_text(round(clock.monotonic() - came))
-            typer.echo(f"ALARM logger: no new reading for {waited}. Check the logger; the last one was at {seen:.0f} s.", err=True)
+            typer.echo(f"ALARM logger: no new reading for {waited}. Check the logger; the last one was at {latest:.0f} s.", err=True)
         if line is None:
             clock.sleep(step)
         else:

@@ -16,7 +16,7 @@ from thermid.app.studio.orders import curves_object
 from thermid.app.studio.shapes import PALETTE, SOURCES, added, palette, removed, renamed, scheduled, schedules, sheets, stored, valued
 from thermid.app.studio.work import Jobs, JobState
 from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, ThermidError, refuse_unknown
-from thermid.base.files import OWN, read_bytes, write_bytes
+from thermid.base.files import RESULTS_FILE, read_bytes, write_bytes
 from thermid.base.toml_files import read_toml, resolve_inside
 from thermid.base.units import from_si
 from thermid.campaign.stages import request_of
@@ -117,8 +117,8 @@ class Building:
     def _logged(self, element: dict[str, Any], log: Mapping[str, Any] | None) -> dict[str, Any]:
         """Return an element as the page shows it: the power of a load that a column of the log gives is not missing."""
         channels = log["channels"] if log is not None else {}
-        given = [c for c, t in channels.items() if isinstance(t, Mapping) and t.get("load") == element["name"]]
-        if element["table"] != "loads" or not given:
+        columns = [c for c, t in channels.items() if isinstance(t, Mapping) and t.get("load") == element["name"]]
+        if element["table"] != "loads" or not columns:
             return element
         return {**element, "logged": "from the log", "fields": [f | {"missing": False} for f in element["fields"]]}
 
@@ -437,7 +437,7 @@ class Building:
             target = folder / (plain if k == 1 else f"{stem}_{k}{dot}{ending}")
             self._inside(f"logs/{target.name}")
             if not target.exists():
-                write_bytes(target, data, OWN)
+                write_bytes(target, data, RESULTS_FILE)
             if target.is_file() and read_bytes(target) == data:
                 return f"logs/{target.name}"
         raise DeckError("there are too many logs of this name.", "log")

@@ -17,7 +17,7 @@ from thermid.base.toml_files import project_root, read_toml
 from thermid.campaign.verdicts import LimitCheck, Limits, Margin, check_limits, margins, read_limits, spans
 from thermid.model.parameters import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
-from thermid.prediction.bands import Band, Known, foresee
+from thermid.prediction.bands import Band, Knowledge, foresee
 from thermid.qualify.plans import Qualification, Trial, load_plan, lock_status, run_plan
 from thermid.qualify.profiles import ProfileRun, ThermalProfile, load_profile, profile_names, profile_of, run_profile, typed
 from thermid.simulation.network import compile_network
@@ -59,7 +59,7 @@ class Shelf:
 
     def courses(self, desk: Desk) -> dict[str, Course]:
         """Return key -> what can be run on a desk's model, or on a plan's own."""
-        courses = [*_own(desk), *self._written(), *_standards()]
+        courses = [*_runs_of_desk(desk), *self._written(), *_standards()]
         return {c.key: c for c in courses}
 
     def course(self, desk: Desk, key: str) -> Course:
@@ -69,8 +69,8 @@ class Shelf:
         ------
         NameNotFoundError   When there is none of that key.
         """
-        known = self.courses(desk)
-        return look_up(key, known, "unknown run '{}'.", desk.title)
+        courses = self.courses(desk)
+        return look_up(key, courses, "unknown run '{}'.", desk.title)
 
     def limits(self, desk: Desk) -> tuple[tuple[Limits, ...], str]:
         """Return the limits beside the deck whose nodes its model has, and the files that hold them."""
@@ -104,7 +104,7 @@ class Shelf:
                         group = f"Plan {name}, on its own model"
                         yield Course(f"test {self._at(file)} {test['name']}", str(test["name"]), group, "test", (file, str(test["name"])))
 
-    def qualified(self, file: Path, told: Told) -> tuple[Qualification, tuple[str, ...]]:
+    def qualified(self, file: Path, progress: Told) -> tuple[Qualification, tuple[str, ...]]:
         """Return what `thermid qualify` says of a plan, worked out once, and a remark where its logs are not read.
 
         Reading them before the plan is locked would spoil the lock, so the tests are then as they were before their logs.
@@ -118,7 +118,7 @@ class Shelf:
 
             def notice(name: str) -> None:
                 nonlocal begun
-                told(begun, len(plan.tests), 0.0)
+                progress(begun, len(plan.tests), 0.0)
                 begun += 1
 
             words = "The logs of the plan are not read, because the plan is not locked. Lock it by thermid plan --lock."
@@ -129,23 +129,23 @@ class Shelf:
         return file.relative_to(project_root(self.folder)).as_posix() if file.is_relative_to(project_root(self.folder)) else file.name
 
 
-def profile_for(course: Course, asked: Mapping[str, Any]) -> ThermalProfile:
+def profile_for(course: Course, changes: Mapping[str, Any]) -> ThermalProfile:
     """Return a profile with what was changed on the page.
 
     Parameters
     ----------
     course : Course     Of kind 'profile'.
-    asked : dict        ``lowest`` and ``highest`` predicted [degC], ``numbers``: name -> text, in its usual unit where it has none.
+    changes : dict      ``lowest`` and ``highest`` predicted [degC], ``numbers``: name -> text, in its usual unit where it has none.
 
     Raises
     ------
     ScenarioError   When a number is none, or one of the two predicted temperatures is missing.
     """
     profile = load_profile(course.of[0]) if len(course.of) == 1 else profile_of(course.of[0], course.of[1], level=course.of[2])
-    ends = [asked.get("lowest"), asked.get("highest")]
+    ends = [changes.get("lowest"), changes.get("highest")]
     if (ends[0] is None) != (ends[1] is None):
         raise ScenarioError("give both the lowest and the highest predicted temperature, or neither.", course.title)
-    numbers = asked.get("numbers", {})
+    numbers = changes.get("numbers", {})
     if not isinstance(numbers, Mapping) or not all(isinstance(v, str) for v in numbers.values()):
         raise ScenarioError("give numbers as texts by name.", course.title)
     try:
@@ -156,20 +156,20 @@ def profile_for(course: Course, asked: Mapping[str, Any]) -> ThermalProfile:
     return profile.with_(predicted=predicted, **changed)
 
 
-def profile_object(found: ThermalProfile) -> dict[str, Any]:
+def profile_object(profile: ThermalProfile) -> dict[str, Any]:
     """Return a profile's numbers with clauses and marks, as a page lists them; those not known yet with the reason."""
     numbers: dict[str, dict[str, str]] = {}
     lacking = ""
     try:
-        numbers = {k: {"text": n.text, "mark": n.mark, "clause": n.clause, "note": n.note} for k, n in found.used.items()}
-        steps, remarks, trust = len(found.steps), list(found.check()), found.trust
+        numbers = {k: {"text": n.text, "mark": n.mark, "clause": n.clause, "note": n.note} for k, n in profile.used.items()}
+        steps, remarks, trust = len(profile.steps), list(profile.check()), profile.trust
     except ScenarioError as error:
         steps, remarks, trust, lacking = 0, [], "", error.message
-        numbers = {k: {"text": n.text, "mark": n.mark, "clause": n.clause, "note": n.note} for k, n in found.numbers.items()}
+        numbers = {k: {"text": n.text, "mark": n.mark, "clause": n.clause, "note": n.note} for k, n in profile.numbers.items()}
     return {
-        "title": found.title,
-        "kind": found.kind,
-        "note": found.note,
+        "title": profile.title,
+        "kind": profile.kind,
+        "note": profile.note,
         "numbers": numbers,
         "steps": steps,
         "remarks": remarks,
@@ -178,7 +178,7 @@ def profile_object(found: ThermalProfile) -> dict[str, Any]:
     }
 
 
-def _own(desk: Desk) -> Iterator[Course]:
+def _runs_of_desk(desk: Desk) -> Iterator[Course]:
     kind, group = ("record", "As in its logs") if desk.problem is not None else ("scenario", "Scenarios")
     for k, title in enumerate(desk.runs):
         yield Course(f"{kind} {k}", title, group, kind, (k,))
@@ -252,8 +252,8 @@ class Outcome:
     @property
     def passed(self) -> bool | None:
         """Whether limits and margins are met, and what a plan asks of its test; None where that is not decided, see `undecided`."""
-        said = [c.passed for c in self.checks] if self.trial is None else [self.trial.passed]
-        return weigh([*said, *(m.passed for m in self.margins), *([None] if self.undecided else [])])
+        decisions = [c.passed for c in self.checks] if self.trial is None else [self.trial.passed]
+        return weigh([*decisions, *(m.passed for m in self.margins), *([None] if self.undecided else [])])
 
     @property
     def undecided(self) -> tuple[str, ...]:
@@ -279,45 +279,47 @@ class Outcome:
         first += [one.node for one in self.limits]
         driven = set(course.chamber) if course is not None else set()
         swings = sorted((n for n in self.solution.nodes if n not in driven), key=lambda n: -float(np.ptp(self.solution[n].kelvin)))
-        kept = list(dict.fromkeys(self.solution[n].path for n in first))
-        return tuple(dict.fromkeys([*kept, *swings[: max(SHOWN - len(kept), 0)]]))
+        nodes = list(dict.fromkeys(self.solution[n].path for n in first))
+        return tuple(dict.fromkeys([*nodes, *swings[: max(SHOWN - len(nodes), 0)]]))
 
 
-def run_course(shelf: Shelf, desk: Desk, course: Course, values: Mapping[str, float], asked: Mapping[str, Any], told: Told) -> Outcome:
+def run_course(shelf: Shelf, desk: Desk, course: Course, values: Mapping[str, float], query: Mapping[str, Any], progress: Told) -> Outcome:
     """Return what a course comes to, with the sliders' values; a plan's test runs on the plan's own model.
 
     Parameters
     ----------
     shelf, desk, course     What is run, and on what.
     values : dict           Slider -> value in its unit.
-    asked : dict            Of a profile as in `profile_for`, ``chamber``, ``base``; of a scenario ``gas``; ``state``, ``uncertain``.
-    told : callable         Told how far it is; what it raises ends the run.
+    query : dict            Of a profile as in `profile_for`, ``chamber``, ``base``; of a scenario ``gas``; ``state``, ``uncertain``.
+    progress : callable     Told how far it is; what it raises ends the run.
 
     Raises
     ------
     ThermidError   When it cannot be run; the message says why.
     """
     if course.kind == "test":
-        return _tested(shelf, course, told)
-    state = str(asked.get("state") or "operating")
+        return _tested(shelf, course, progress)
+    state = str(query.get("state") or "operating")
     run: ProfileRun | None = None
     if course.kind == "profile":
-        chamber = list(texts_of(asked, "chamber") or desk.boundaries)
-        run = run_profile(desk.tuned(values), profile_for(course, asked), chamber=chamber, base=str(asked.get("base") or ""), told=told)
+        chamber = list(texts_of(query, "chamber") or desk.boundaries)
+        run = run_profile(
+            desk.tuned(values), profile_for(course, query), chamber=chamber, base=str(query.get("base") or ""), progress=progress
+        )
         solution, scenario = run.solution, run.scenario
     else:
-        model, given = desk.run_of(course.of[0], values, sensors=False)
-        scenario = _scenario(given, str(asked.get("gas") or "air"))
+        model, boundaries_model = desk.run_of(course.of[0], values, sensors=False)
+        scenario = _scenario(boundaries_model, str(query.get("gas") or "air"))
         solution = simulate(model, scenario, every=max(scenario.seconds / SAMPLES, 1e-3))
     limits, source = shelf.limits(desk)
     checks = check_limits(solution, limits, state=state)
-    told(1, 1, scenario.seconds)
+    progress(1, 1, scenario.seconds)
     rooms: tuple[Margin, ...] = ()
     bands: Mapping[str, Band] | None = None
-    if asked.get("uncertain") and limits:
+    if query.get("uncertain") and limits:
         if desk.calibration is None or values:
             raise ScenarioError("the uncertainty applies to fitted values only. Run the stage, and reset the sliders (Reset).", desk.title)
-        expected = foresee(Known.of(desk.calibration), scenario, nodes=[one.node for one in limits], times=solution.times)
+        expected = foresee(Knowledge.of_source(desk.calibration), scenario, nodes=[one.node for one in limits], times=solution.times)
         rooms, bands = margins({course.title: expected}, limits, states={course.title: state}), expected.prediction.bands
     remarks = run.remarks if run is not None else tuple(solution.warnings)
     title, fewer = f"{course.title} on {desk.title}", _fewer_cycles(course, run)
@@ -337,10 +339,10 @@ def _scenario(scenario: Scenario, gas: str) -> Scenario:
     return scenario if gas == "air" else scenario.vacuum(gas == "printed")
 
 
-def _tested(shelf: Shelf, course: Course, told: Told) -> Outcome:
+def _tested(shelf: Shelf, course: Course, progress: Told) -> Outcome:
     """Return a plan's test as the whole plan has it; no log is read before the plan is locked, or its logs were looked at."""
     file, name = course.of
-    done, unread = shelf.qualified(file, told)
+    done, unread = shelf.qualified(file, progress)
     trial = done[name]
     title = f"{name} on {trial.known.model.title}"
     remarks = (*(trial.course.remarks if trial.course is not None else ()), *trial.outside, *unread)
@@ -360,51 +362,51 @@ def _tested(shelf: Shelf, course: Course, told: Told) -> Outcome:
     )
 
 
-def outcome_object(found: Outcome, window: Window = None) -> dict[str, Any]:
+def outcome_object(outcome: Outcome, window: Window = None) -> dict[str, Any]:
     """Return a run for a page: curves thinned to a window, all else whole."""
-    run, solution = found.course, found.solution
+    run, solution = outcome.course, outcome.solution
     return {
-        "title": found.title,
+        "title": outcome.title,
         "duration": float(solution.times[-1]),
         "waited": None if run is None else run.waited,
         "trust": "" if run is None else run.trust,
         "decides": run is None or run.decides,
-        "standing": found.standing.to_dict(),
-        "verdict": _doubted(found, _verdict(found)),
-        "passed": found.passed,
-        "test": None if found.trial is None else found.trial.to_dict(),
-        "worst": _check(found.worst) if found.worst is not None else None,
+        "standing": outcome.standing.to_dict(),
+        "verdict": _doubted(outcome, _verdict(outcome)),
+        "passed": outcome.passed,
+        "test": None if outcome.trial is None else outcome.trial.to_dict(),
+        "worst": _check(outcome.worst) if outcome.worst is not None else None,
         "phases": [] if run is None else [_phase(p) for p in run.phases],
         "levels": [] if run is None else _levels(run),
         "nodes": len(solution.nodes),
-        "curves": [_curve(found, n, window) for n in found.shown],
-        "points": [_point(found, one) for one in found.limits],
-        "checks": [_check(c) for c in found.checks],
-        "margins": [_margin(m) for m in found.margins],
-        "source": found.source,
+        "curves": [_curve(outcome, n, window) for n in outcome.shown],
+        "points": [_point(outcome, one) for one in outcome.limits],
+        "checks": [_check(c) for c in outcome.checks],
+        "margins": [_margin(m) for m in outcome.margins],
+        "source": outcome.source,
         "moisture": _moisture(run, window),
-        "remarks": list(found.remarks),
+        "remarks": list(outcome.remarks),
     }
 
 
-def _doubted(found: Outcome, verdict: dict[str, str]) -> dict[str, str]:
+def _doubted(outcome: Outcome, verdict: dict[str, str]) -> dict[str, str]:
     """Return a verdict that decides nothing where the values of the run are not credible or failed."""
-    state, why = found.standing.state.upper(), found.standing.reason()
-    if found.standing.fair:
+    state, why = outcome.standing.state.upper(), outcome.standing.reason()
+    if outcome.standing.fair:
         return verdict
-    if found.standing.usable:
+    if outcome.standing.usable:
         return {**verdict, "text": f"The values are {state}: {why}. {verdict['text']}"}
     return {"word": "not decided", "text": f"The values are {state}, so do not use them: {why}. With them: {verdict['text']}"}
 
 
-def _verdict(found: Outcome) -> dict[str, str]:
+def _verdict(outcome: Outcome) -> dict[str, str]:
     """Return the worst part and time as a sentence, with a word that a mark can stand for."""
-    worst, run = found.worst, found.course
+    worst, run = outcome.worst, outcome.course
     if worst is None:
         driven = set(run.chamber) if run is not None else set()
-        nodes = [n for n in found.solution.nodes if n not in driven]
-        hot = max(nodes, key=lambda n: found.solution[n].highest)
-        trace = found.solution[hot].maximum
+        nodes = [n for n in outcome.solution.nodes if n not in driven]
+        hot = max(nodes, key=lambda n: outcome.solution[n].highest)
+        trace = outcome.solution[hot].maximum
         at = _hours(trace.time)
         why = "No limits are stored for the nodes of this deck"
         return {"word": "open", "text": f"{why}. The hottest part is {hot}: {trace.celsius:.1f} °C at {at}.{_settling(run)}"}
@@ -421,22 +423,22 @@ def _verdict(found: Outcome) -> dict[str, str]:
     else:
         text = f"All limits met. Smallest margin: {what}, {worst.room:.1f} K left to its {side} limit of {limit - ICE_POINT:.4g} °C."
         word = "kept"
-    kept, bad = word == "kept", min((m for m in found.margins if m.passed is False), key=lambda m: m.margin, default=None)
-    if kept and found.passed is False:
+    is_kept, bad = word == "kept", min((m for m in outcome.margins if m.passed is False), key=lambda m: m.margin, default=None)
+    if is_kept and outcome.passed is False:
         text = f"No limit is passed. Smallest room: {what}, {worst.room:.1f} K."
         word = "margin not met"
-    if kept and found.trial is not None and found.trial.passed is False:
-        word, text = "not met", f"{text} The test is not met: {_missed(found)}."
+    if is_kept and outcome.trial is not None and outcome.trial.passed is False:
+        word, text = "not met", f"{text} The test is not met: {_missed(outcome)}."
     if bad is not None:
         text = f"{text} Margin not met: {bad.point}, {bad.side}, {bad.margin:.1f} K, with uncertainty and what the policy adds."
-    if kept and found.passed is None:
-        word, text = "not decided", f"{text} Not decided: {'; '.join(found.undecided)}."
+    if is_kept and outcome.passed is None:
+        word, text = "not decided", f"{text} Not decided: {'; '.join(outcome.undecided)}."
     return {"word": word, "text": text + _settling(run)}
 
 
-def _missed(found: Outcome) -> str:
+def _missed(outcome: Outcome) -> str:
     """Return the criteria and heaters of a plan's test that are not met."""
-    trial = found.trial
+    trial = outcome.trial
     failed = [] if trial is None or trial.correlation is None else [str(g) for g in trial.correlation.failed]
     return "; ".join([*failed, *(f"heater {h.load}" for h in (trial.heaters if trial is not None else ()) if h.passed is False)])
 
@@ -479,20 +481,20 @@ def _check(c: LimitCheck) -> dict[str, Any]:
     return out | {"room": c.room, "value": temperature - ICE_POINT, "time": time, "crossings": crossings}
 
 
-def _point(found: Outcome, one: Limits) -> dict[str, Any]:
+def _point(outcome: Outcome, one: Limits) -> dict[str, Any]:
     """Return a reference point with its limits, and the stretches of time in which each of them holds."""
     drawn = [
         {"state": s.state, "from": s.start, "to": s.end, "limits": [s.limits[0] - ICE_POINT, s.limits[1] - ICE_POINT]}
-        for s in spans(found.solution, one, found.state)
+        for s in spans(outcome.solution, one, outcome.state)
     ]
-    return {"point": one.point, "node": found.solution[one.node].path, "spans": drawn, "mark": one.mark, "source": one.source}
+    return {"point": one.point, "node": outcome.solution[one.node].path, "spans": drawn, "mark": one.mark, "source": one.source}
 
 
-def _curve(found: Outcome, node: str, window: Window) -> dict[str, Any]:
-    trace, run = found.solution[node], found.course
+def _curve(outcome: Outcome, node: str, window: Window) -> dict[str, Any]:
+    trace, run = outcome.solution[node], outcome.course
     times, values = thinned_curve(trace.course[0], trace.course[1] - ICE_POINT, window)
     out: dict[str, Any] = {"name": node, "times": times, "values": values, "chamber": run is not None and node in run.chamber}
-    band = None if found.bands is None else found.bands.get(node)
+    band = None if outcome.bands is None else outcome.bands.get(node)
     if band is not None:
         at, error = thinned_curve(band.times, 1.96 * band.error, window, 200)
         out |= {"band_times": at, "band": error, "band_values": np.interp(at, trace.times, trace.celsius)}

@@ -78,57 +78,57 @@ def thinned_curve(times: Array, values: Array, window: Window = None, points: in
         times, values = times[first:last], values[first:last]
     if times.size <= points:
         return times, values
-    kept = thinned(values, points)
-    return times[kept], values[kept]
+    chosen = thinned(values, points)
+    return times[chosen], values[chosen]
 
 
-def texts_of(asked: Mapping[str, Any], key: str) -> tuple[str, ...]:
+def texts_of(query: Mapping[str, Any], key: str) -> tuple[str, ...]:
     """Return the texts of a list that a page gives.
 
     Raises
     ------
     DeckError   When it is no list of texts.
     """
-    several = asked.get(key) or ()
+    several = query.get(key) or ()
     if not isinstance(several, list | tuple) or not all(isinstance(one, str) for one in several):
         raise DeckError(f"'{key}' is no list of texts.", "studio")
     return tuple(several)
 
 
-def text_of(asked: Mapping[str, Any], key: str) -> str:
+def text_of(query: Mapping[str, Any], key: str) -> str:
     """Return a text that a page gives; empty without one.
 
     Raises
     ------
     DeckError   When it is no text.
     """
-    text = asked.get(key, "")
+    text = query.get(key, "")
     if not isinstance(text, str):
         raise DeckError(f"'{key}' is not a text.", "studio")
     return text
 
 
-def number_of(asked: Mapping[str, Any], key: str) -> float:
+def number_of(query: Mapping[str, Any], key: str) -> float:
     """Return a number that a page gives.
 
     Raises
     ------
     DeckError   When it is no number, or has no end.
     """
-    number = asked.get(key)
+    number = query.get(key)
     if not isinstance(number, int | float) or isinstance(number, bool) or not math.isfinite(number):
         raise DeckError(f"'{key}' is not a number.", "studio")
     return float(number)
 
 
-def window_of(asked: Mapping[str, Any]) -> Window:
+def window_of(query: Mapping[str, Any]) -> Window:
     """Return the stretch that a page shows, or None for all of it. [s]
 
     Raises
     ------
     DeckError   When it is no pair of times.
     """
-    window = asked.get("window")
+    window = query.get("window")
     if window is None:
         return None
     if not isinstance(window, list) or len(window) != 2 or not all(isinstance(v, int | float) for v in window) or not window[0] < window[1]:

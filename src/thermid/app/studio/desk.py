@@ -106,19 +106,19 @@ class Desk:
         ------
         NameNotFoundError   When there is neither such a slider nor anything else of that name that the stage looks for.
         """
-        known = {s.path: s for s in self.sliders}
+        sliders = {s.path: s for s in self.sliders}
         out: dict[str, float] = {}
         for path, value in values.items():
             if path in self.others:
                 continue
-            refuse_unknown([path], known, self.title, "no slider '{}'.", NameNotFoundError)
-            out |= dict.fromkeys((path, *known[path].also), in_si(value, known[path].unit))
+            refuse_unknown([path], sliders, self.title, "no slider '{}'.", NameNotFoundError)
+            out |= dict.fromkeys((path, *sliders[path].also), in_si(value, sliders[path].unit))
         return out
 
     def tuned(self, values: Mapping[str, float]) -> Model:
         """Return the model at values in the units of the sliders."""
         held = self.calibration.fitted_model if self.calibration is not None else self.model
-        return self._laid(held, {path: v for path, v in values.items() if path not in self.others})
+        return self._with_sliders(held, {path: v for path, v in values.items() if path not in self.others})
 
     def fixed_at(self, values: Mapping[str, float], free: Collection[str]) -> Model:
         """Return the model whose parameters stand where their sliders do, but for those that a fit is about to find.
@@ -129,9 +129,9 @@ class Desk:
         shown = {
             s.path: values.get(s.path, s.value) for s in self.sliders if s.path not in free and (s.path in values or s.path in fit_values)
         }
-        return self._laid(self.model, shown)
+        return self._with_sliders(self.model, shown)
 
-    def _laid(self, model: Model, values: Mapping[str, float]) -> Model:
+    def _with_sliders(self, model: Model, values: Mapping[str, float]) -> Model:
         """Return a model with values of sliders laid over it, in every instance that moves with them."""
         sliders = {s.path: s for s in self.sliders}
         refuse_unknown(values, sliders, self.title, "there is no slider '{}'.", NameNotFoundError)
@@ -248,11 +248,11 @@ class Desk:
     def _bench(self, run: int, fitted: Array) -> Bench:
         """Return the bench of a record, its second clock where the unknowns put it."""
         assert self.problem is not None
-        own = self.problem.bench(run, fitted)
-        kept = self._benches.get(run)
-        if kept is None or kept.experiment is not own.experiment:
-            kept = self._benches[run] = Bench.of(own.experiment, tuple(dict.fromkeys((*own.free, *self._names))))
-        return kept
+        in_problem = self.problem.bench(run, fitted)
+        cached = self._benches.get(run)
+        if cached is None or cached.experiment is not in_problem.experiment:
+            cached = self._benches[run] = Bench.of_experiment(in_problem.experiment, tuple(dict.fromkeys((*in_problem.free, *self._names))))
+        return cached
 
     def _fitted(self, values: Mapping[str, float]) -> Array:
         """Return the fitted forms (unknowns,): as moved or found since, else as the stage's fit found them, else where it would start."""
@@ -277,19 +277,19 @@ class Desk:
         values_si = {**self._starts, **self.si(values), **self._inputs(run, fitted)}
         columns, _ = bench.temperatures(np.array([values_si[n] for n in bench.free]), False, problem.options)
         # of the stage as it is, its own statistics: what every other door prints
-        known = None if values or self.calibration is None else self.calibration.statistics[bench.experiment.record.name]
+        statistics = None if values or self.calibration is None else self.calibration.statistics[bench.experiment.record.name]
         out = []
         for k, o in enumerate(bench.experiment.observations):
             predicted = columns[o.index, k] + _bias(problem, o.sensor, fitted)
             times = bench.experiment.times[o.index]
-            left = o.measured - predicted
-            s = Sums.of(left).statistics(0.0) if known is None else known[o.sensor]
-            (at, simulated), (seen, measured), (apart, rest) = (
-                thinned_curve(times, v, window, points) for v in (predicted - ICE, o.measured - ICE, left)
+            residuals = o.measured - predicted
+            s = Sums.of_residuals(residuals).statistics(0.0) if statistics is None else statistics[o.sensor]
+            (at, simulated), (measured_at, measured), (apart, rest) = (
+                thinned_curve(times, v, window, points) for v in (predicted - ICE, o.measured - ICE, residuals)
             )
             out.append(
                 ThinnedCurve(
-                    *(o.sensor, o.seat, at, simulated, seen, measured, apart, rest),
+                    *(o.sensor, o.seat, at, simulated, measured_at, measured, apart, rest),
                     *(s.rmse, s.mean, abs(s.largest), s.samples, o.sigma(problem.noise)),
                 )
             )
@@ -344,21 +344,21 @@ class Slider:
 
 def slider_of(path: str, entry: Entry, value: float, error: float | None, unknown: Unknown | None) -> Slider:
     """Return the slider of a parameter: its own bounds, or a factor of five either way where it has none."""
-    given = entry.parameter
-    of = unit(given.unit or "1")
-    low, high = (None if b is None else from_si(b, of) for b in (given.minimum, given.maximum))
+    parameter = entry.parameter
+    of = unit(parameter.unit or "1")
+    low, high = (None if b is None else from_si(b, of) for b in (parameter.minimum, parameter.maximum))
     at = from_si(value, of)
     log = at > 0 and not of.absolute and (low is None or low > 0)
     span = abs(at) if not of.absolute else 50.0
     low = low if low is not None else at / 5 if log else at - span
     high = high if high is not None else at * 5 if log else at + span
     shown = None if error is None or not math.isfinite(error) else error / float(of.factor)
-    note = "; ".join(t for t in (given.note, given.basis) if t)
+    note = "; ".join(t for t in (parameter.note, parameter.basis) if t)
     prior, also = None if unknown is None else unknown.prior, () if unknown is None else unknown.also
     ends = () if prior is None or unknown is None else tuple(from_si(unknown.to_value(prior.mean + k * prior.sd), of) for k in (-2.0, 2.0))
-    literal = given.expression.literal
+    literal = parameter.expression.literal
     deck = at if literal is None else from_si(literal.value, of)
-    where, free = given.source or entry.origin, unknown is not None
+    where, free = parameter.source or entry.origin, unknown is not None
     return Slider(path, of.text, at, min(low, at), max(high, at), log, free, shown, where, note, also, ends, deck)
 
 
@@ -367,14 +367,14 @@ INSTRUMENTS = ("sensor", "instrument", "shared")
 """Kinds of unknowns that a store keeps beside parameters; what belongs to one record alone stays with it."""
 
 
-def in_force(desk: Desk, values: Mapping[str, float], known: Store) -> Store:
+def in_force(desk: Desk, values: Mapping[str, float], store: Store) -> Store:
     """Return all values in force.
 
     Parameters
     ----------
     desk : Desk
     values : dict   As in `Desk.curves`.
-    known : Store   What the stage found and inherits.
+    store : Store   What the stage found and inherits.
 
     Raises
     ------
@@ -385,7 +385,7 @@ def in_force(desk: Desk, values: Mapping[str, float], known: Store) -> Store:
     moved = [_moved(s, values[s.path], deck_text(table[s.path]), origin) for s in desk.sliders if values.get(s.path, s.value) != s.value]
     moved += [_set(u, values[n], origin) for n, u in desk.others.items() if n in values and u.kind in INSTRUMENTS]
     left_out = tuple(LeftOut(WORDS.format(s.path)) for s in moved)
-    return in_place(known, Store({s.path: s for s in moved}, root=np.zeros((len(moved), 0)), left_out=left_out))
+    return in_place(store, Store({s.path: s for s in moved}, root=np.zeros((len(moved), 0)), left_out=left_out))
 
 
 def _moved(slider: Slider, value: float, deck: str, origin: ValueOrigin) -> State:

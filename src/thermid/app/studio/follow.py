@@ -34,7 +34,7 @@ BREAK = 5.0
 
 
 @dataclass
-class _Kept:
+class _CachedForecasts:
     """Forecasts, which take longer than all else, kept for a while."""
 
     of: tuple[Any, ...]
@@ -63,7 +63,7 @@ class Follower:
     def __init__(self, folder: Path, log: Path | None = None, live: LiveWatch | None = None) -> None:
         self.folder, self.log = folder, log
         self._live = live or LiveWatch(lambda: None)
-        self._kept: _Kept | None = None
+        self._kept: _CachedForecasts | None = None
 
     def offered(self) -> dict[str, Any]:
         """Return the logs that may be followed, newest first, and the rules that there are."""
@@ -74,44 +74,44 @@ class Follower:
         names = [f.relative_to(self.folder).as_posix() for f in inside[:OFFERED]]
         return {"given": None if self.log is None else self.log.name, "logs": names, "rules": rules}
 
-    def look(self, asked: Mapping[str, Any]) -> dict[str, Any]:
-        """Return how a log stands; ``{"same": ...}`` where nothing has come since `known`.
+    def look(self, query: Mapping[str, Any]) -> dict[str, Any]:
+        """Return how a log stands; ``{"same": ...}`` where nothing has come since `version`.
 
         Parameters
         ----------
-        asked : dict    ``file`` (empty for the one of the command line), ``rule``, ``since`` and ``slowest`` [h], ``reference``,
+        query : dict    ``file`` (empty for the one of the command line), ``rule``, ``since`` and ``slowest`` [h], ``reference``,
                         ``channel`` that is looked at, ``window`` [s], ``known``; and what `LiveWatch` takes.
 
         Raises
         ------
         ThermidError    When the file is none of the project's, or rule, channel or time make no sense.
         """
-        path, rule = self._path(str(asked.get("file") or "")), rule_of(str(asked.get("rule") or "3 C/h"))
+        path, rule = self._path(str(query.get("file") or "")), rule_of(str(query.get("rule") or "3 C/h"))
         try:
             stat = path.stat()
         except OSError:
             return {"waiting": f"The file '{path.name}' does not exist yet.", "known": ""}
-        known, age = f"{stat.st_mtime_ns} {stat.st_size}", max(time.time() - stat.st_mtime, 0.0)
+        version, age = f"{stat.st_mtime_ns} {stat.st_size}", max(time.time() - stat.st_mtime, 0.0)
         due = self._kept is None or self._kept.due
-        if asked.get("known") == known and not (due and self._kept is not None and self._kept.behind):
-            return {"same": True, "known": known, "age": age}
+        if query.get("known") == version and not (due and self._kept is not None and self._kept.behind):
+            return {"same": True, "known": version, "age": age}
         begun, before = time.monotonic(), self._kept
         try:
             columns = temperature_columns(path)
             if not columns:
                 return {
                     "waiting": "No column is recognised as a temperature. Give it a unit, such as T1 [degC].",
-                    "known": known,
+                    "known": version,
                     "age": age,
                 }
             record = read_whole_lines(path, lambda p: read_record(p, {n: {"node": n} for n in columns}))
         except (MissingDataError, RecordError) as error:
-            return {"waiting": f"Nothing to show yet: {error.message}", "known": known, "age": age}
-        out = self._told(record, rule, asked)
-        slowest, since = _hours(asked.get("slowest"), "slowest"), _hours(asked.get("since"), "since")
-        out["watch"] = self._live.look(path, rule, asked, slowest, since)
+            return {"waiting": f"Nothing to show yet: {error.message}", "known": version, "age": age}
+        out = self._curves_and_forecasts(record, rule, query)
+        slowest, since = _hours(query.get("slowest"), "slowest"), _hours(query.get("since"), "since")
+        out["watch"] = self._live.look(path, rule, query, slowest, since)
         spent = self._kept.took if self._kept is not None and self._kept is not before else 0.0
-        return out | {"file": path.name, "known": known, "age": age, "seconds": time.monotonic() - begun - spent}
+        return out | {"file": path.name, "known": version, "age": age, "seconds": time.monotonic() - begun - spent}
 
     def _path(self, name: str) -> Path:
         if not name:
@@ -120,10 +120,10 @@ class Follower:
             return self.log
         return resolve_inside(self.folder, name, "bench")
 
-    def _told(self, record: Record, rule: StabilityRule, asked: Mapping[str, Any]) -> dict[str, Any]:
+    def _curves_and_forecasts(self, record: Record, rule: StabilityRule, query: Mapping[str, Any]) -> dict[str, Any]:
         """Return curves, stability and forecasts of a log."""
-        window, reference = window_of(asked), str(asked.get("reference") or "")
-        since = _hours(asked.get("since"), "since")
+        window, reference = window_of(query), str(query.get("reference") or "")
+        since = _hours(query.get("since"), "since")
         names = [n for n in record.channels if n != reference]
         refuse_unknown([reference] if reference else (), record.channels, record.name, "unknown channel '{}'.")
         stabilities: dict[str, ChannelStability] = {}
@@ -136,18 +136,18 @@ class Follower:
                 why[n] = error.message
         when = {n: since_when(record, n, rule, first) if c.verdict == "stable" else None for n, c in stabilities.items()}
         whole = Stability(record.name, rule, float(record.times[-1]), stabilities, {}, when, None) if stabilities else None
-        focus = str(asked.get("channel") or "") or (whole.slowest if whole else names[0])
-        kept = self._forecasts(record, sorted(names, key=lambda n: n != focus), rule, asked)
+        focus = str(query.get("channel") or "") or (whole.slowest if whole else names[0])
+        cached = self._forecasts(record, sorted(names, key=lambda n: n != focus), rule, query)
         shown = [_channel(record.channels[n], record.times, window) | _words(n, stabilities, why, when) for n in record.channels]
         for c in shown:
-            c["forecast"] = kept.told.get(c["name"])
+            c["forecast"] = cached.told.get(c["name"])
         return {
             "rows": int(record.times.size),
             "begin": float(record.times[0]),
             "end": float(record.times[-1]),
             "step": record.step,
             "rule": {"name": rule.name, "source": rule.source, "mark": rule.mark},
-            "forecast_at": kept.end,
+            "forecast_at": cached.end,
             "slowest": whole.slowest if whole else None,
             "verdict": _verdict(whole, why, names),
             "channels": shown,
@@ -156,34 +156,34 @@ class Follower:
             "notes": list(record.steps),
         }
 
-    def _forecasts(self, record: Record, order: list[str], rule: StabilityRule, asked: Mapping[str, Any]) -> _Kept:
+    def _forecasts(self, record: Record, order: list[str], rule: StabilityRule, query: Mapping[str, Any]) -> _CachedForecasts:
         """Return where channels will end; what was worked out a moment ago where it is too soon to do so again."""
-        of = (record.origin.file, rule.name, order[0], *(asked.get(k) for k in ("since", "slowest", "reference", "channel")))
-        end, kept = float(record.times[-1]), self._kept
-        if kept is not None and kept.of == of and (not kept.due or kept.end == end):
-            kept.behind = kept.end != end
-            return kept
+        of = (record.origin.file, rule.name, order[0], *(query.get(k) for k in ("since", "slowest", "reference", "channel")))
+        end, cached = float(record.times[-1]), self._kept
+        if cached is not None and cached.of == of and (not cached.due or cached.end == end):
+            cached.behind = cached.end != end
+            return cached
         begun = time.monotonic()
-        forecasts = {n: _forecast(record, n, rule, asked, begun) for n in order}
-        self._kept = _Kept(of, forecasts, end, time.monotonic(), time.monotonic() - begun)
+        forecasts = {n: _forecast(record, n, rule, query, begun) for n in order}
+        self._kept = _CachedForecasts(of, forecasts, end, time.monotonic(), time.monotonic() - begun)
         return self._kept
 
 
-def _hours(given: Any, name: str) -> float | None:
+def _hours(value: Any, name: str) -> float | None:
     """Return a time from hours; None where none is given. [s]"""
-    if given is None or given == "":
+    if value is None or value == "":
         return None
-    if isinstance(given, bool) or not isinstance(given, int | float) or not math.isfinite(given):
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise RecordError(f"'{name}' is a number of hours.", "bench")
-    return 3600.0 * float(given)
+    return 3600.0 * float(value)
 
 
-def _forecast(record: Record, name: str, rule: StabilityRule, asked: Mapping[str, Any], begun: float) -> dict[str, Any]:
+def _forecast(record: Record, name: str, rule: StabilityRule, query: Mapping[str, Any], begun: float) -> dict[str, Any]:
     """Return where a channel will end, or why that is not said."""
     if time.monotonic() - begun > BUDGET:
         return {"declined": "Not computed, to save time. Choose this channel to compute it.", "final": None, "open": True}
-    since, slowest = _hours(asked.get("since"), "since"), _hours(asked.get("slowest"), "slowest")
-    reference = str(asked.get("reference") or "")
+    since, slowest = _hours(query.get("since"), "since"), _hours(query.get("slowest"), "slowest")
+    reference = str(query.get("reference") or "")
     try:
         outlook = forecast(record, name, since="start" if since is None else since, rule=rule, reference=reference, slowest=slowest)
     except ThermidError as error:
@@ -239,8 +239,10 @@ def _runs(mask: Bools) -> list[tuple[int, int]]:
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _words(name: str, found: Mapping[str, ChannelStability], why: Mapping[str, str], when: Mapping[str, float | None]) -> dict[str, Any]:
-    c = found.get(name)
+def _words(
+    name: str, stabilities: Mapping[str, ChannelStability], why: Mapping[str, str], when: Mapping[str, float | None]
+) -> dict[str, Any]:
+    c = stabilities.get(name)
     if c is None:
         return {
             "verdict": "too early" if name in why else "reference",

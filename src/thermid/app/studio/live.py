@@ -44,8 +44,8 @@ class LiveWatch:
     known : callable    Returns the model of the project, or its campaign once all stages are done; None where there is neither.
     """
 
-    def __init__(self, known: Callable[[], Model | Campaign | None]) -> None:
-        self._known = known
+    def __init__(self, subject: Callable[[], Model | Campaign | None]) -> None:
+        self._known = subject
         self._of: tuple[Any, ...] | None = None
         self._subject: Model | Campaign | None = None
         self._bound: _Bound
@@ -53,7 +53,7 @@ class LiveWatch:
         self._begin = self._end = 0.0
 
     def look(
-        self, path: Path, rule: StabilityRule, asked: Mapping[str, Any], slowest: float | None = None, since: float | None = None
+        self, path: Path, rule: StabilityRule, query: Mapping[str, Any], slowest: float | None = None, since: float | None = None
     ) -> dict[str, Any]:
         """Return what ``thermid watch --once --json`` prints of a log, and ``model``, ``like`` and ``unused``.
 
@@ -63,17 +63,17 @@ class LiveWatch:
         ----------
         path : Path         The log.
         rule : StabilityRule
-        asked : dict        ``boundaries`` and ``limits``, such as ``air=22`` in degC, and ``within`` [K].
+        query : dict        ``boundaries`` and ``limits``, such as ``air=22`` in degC, and ``within`` [K].
         slowest : float     Longest time constant, where no model is there. [s]
         since : float       When conditions last changed; the beginning where it is None. [s]
         """
         model, unused = None, ""
         try:
-            known = self._known()
-            of = (path, rule.name, slowest, since, *(asked.get(k) for k in ("boundaries", "within", "limits")))
-            if self._watcher is None or of != self._of or known is not self._subject:
-                self._watcher, bare = None, _bare(rule, asked, slowest, since)
-                self._bound, self._of, self._subject = _bound(path, known, asked, bare), of, known
+            subject = self._known()
+            of = (path, rule.name, slowest, since, *(query.get(k) for k in ("boundaries", "within", "limits")))
+            if self._watcher is None or of != self._of or subject is not self._subject:
+                self._watcher, bare = None, _bare(rule, query, slowest, since)
+                self._bound, self._of, self._subject = _bound(path, subject, query, bare), of, subject
             unused = self._bound.unused
             record = self._bound.request.read(path)
             begin, end = float(record.times[0]), float(record.times[-1])
@@ -86,12 +86,12 @@ class LiveWatch:
             out = {"advice": "declined", "because": error.message, "alarms": [], "nodes": {}, "assumed": []}
             return out | {"model": "", "like": "", "unused": unused}
         standing = UNJUDGED if model is None else model_standing(model)
-        said: dict[str, Any] = clean(add_codes({**look.as_object(), "standing": standing.to_dict()}))
-        return said | {"model": "" if model is None else model.title, "like": self._bound.like, "unused": unused}
+        content: dict[str, Any] = clean(add_codes({**look.as_object(), "standing": standing.to_dict()}))
+        return content | {"model": "" if model is None else model.title, "like": self._bound.like, "unused": unused}
 
 
-def _within(asked: Mapping[str, Any]) -> float:
-    within = asked.get("within") or WITHIN
+def _within(query: Mapping[str, Any]) -> float:
+    within = query.get("within") or WITHIN
     if isinstance(within, bool) or not isinstance(within, int | float) or not within > 0.0:
         raise RecordError("'within' is a number of kelvin above zero.", "bench")
     return float(within)
@@ -108,14 +108,14 @@ def _bare(rule: StabilityRule, body: Mapping[str, Any], slowest: float | None, s
     return WatchRequest(BoundColumns(), rule, _within(body), limits, slowest=slowest, since="start" if since is None else since)
 
 
-def _bound(path: Path, known: Model | Campaign | None, asked: Mapping[str, Any], bare: WatchRequest) -> _Bound:
+def _bound(path: Path, subject: Model | Campaign | None, query: Mapping[str, Any], bare: WatchRequest) -> _Bound:
     """Return what a log is watched by: the model where the log has its nodes and everything that it needs is known."""
-    given = _temperatures(asked, "boundaries")
-    said = Scenario(path.stem, boundaries=given) if given else None
-    if known is None:
+    boundaries = _temperatures(query, "boundaries")
+    stated = Scenario(path.stem, boundaries=boundaries) if boundaries else None
+    if subject is None:
         return _Bound(bare)
     try:
-        return _like_a_record(path, known, said, bare) if isinstance(known, Campaign) else _by_names(path, known, said, bare)
+        return _like_a_record(path, subject, stated, bare) if isinstance(subject, Campaign) else _by_names(path, subject, stated, bare)
     except ThermidError as error:
         return _without_model(bare, error.message)
 
@@ -125,21 +125,21 @@ def _without_model(bare: WatchRequest, why: str) -> _Bound:
     return _Bound(bare, unused=f"the model is not used: {why}")
 
 
-def _by_names(path: Path, model: Model, said: Scenario | None, bare: WatchRequest) -> _Bound:
+def _by_names(path: Path, model: Model, stated: Scenario | None, bare: WatchRequest) -> _Bound:
     """Return what a log is watched by where it has names of a deck."""
     network = compile_network(model)
     find = network.flat.names.model.canonical
-    known = {find(name_and_unit(cell)[0]) for cell in log_cells(path).header}
-    if not known & set(network.nodes):
+    names = {find(name_and_unit(cell)[0]) for cell in log_cells(path).header}
+    if not names & set(network.nodes):
         return _without_model(bare, "no channel of the log has the name of one of its nodes")
-    known |= {find(b) for b in said.boundaries} if said is not None else set()
-    missing = [b for b in network.boundaries if b not in known]
+    names |= {find(b) for b in stated.boundaries} if stated is not None else set()
+    missing = [b for b in network.boundaries if b not in names]
     if missing:
         return _without_model(bare, f"the temperature of '{missing[0]}' is not known. Give it as {missing[0]}=22")
-    return _Bound(replace(bare, columns=BoundColumns(model=model), scenario=said))
+    return _Bound(replace(bare, columns=BoundColumns(model=model), scenario=stated))
 
 
-def _like_a_record(path: Path, campaign: Campaign, said: Scenario | None, bare: WatchRequest) -> _Bound:
+def _like_a_record(path: Path, campaign: Campaign, stated: Scenario | None, bare: WatchRequest) -> _Bound:
     """Return what a log is watched by where it has the columns of a record of a campaign: their meaning, and the last stage's model."""
     header = {name_and_unit(cell)[0] for cell in log_cells(path).header}
     records = campaign.source.content.records if campaign.source is not None else {}
@@ -149,4 +149,4 @@ def _like_a_record(path: Path, campaign: Campaign, said: Scenario | None, bare: 
     test = running_test(campaign, alike[0])
     columns = BoundColumns(model=test.model, options=test.options, tables=dict(test.table.channels), bound=test.bound)
     columns.remarks = test.remarks
-    return _Bound(replace(bare, columns=columns, scenario=said, conditions=test.conditions), alike[0])
+    return _Bound(replace(bare, columns=columns, scenario=stated, conditions=test.conditions), alike[0])

@@ -122,10 +122,10 @@ def project_object(project: Project, job: Mapping[str, Any]) -> dict[str, Any]:
 
 def standing_object(project: Project) -> dict[str, Any]:
     """Return the standing of a campaign and whether it passed, as ``thermid calibrate --json`` does; nothing before all stages are done."""
-    made = project.campaign
-    if made is None or len(made.stages) < len(project.stages) or project.not_judged:
+    campaign = project.campaign
+    if campaign is None or len(campaign.stages) < len(project.stages) or project.not_judged:
         return {"standing": None, "passed": None}
-    return {"standing": campaign_standing(made), "passed": made.passed}
+    return {"standing": campaign_standing(campaign), "passed": campaign.passed}
 
 
 def desk_object(desk: Desk) -> dict[str, Any]:
@@ -181,11 +181,11 @@ def _run_of(desk: Desk, body: Mapping[str, Any]) -> int:
     return run
 
 
-def picture(desk: Desk, values: Mapping[str, float], asked: Mapping[str, Any]) -> dict[str, Any]:
+def picture(desk: Desk, values: Mapping[str, float], query: Mapping[str, Any]) -> dict[str, Any]:
     """Return the model as SVG and as a table, at a time of one of its runs, submodels folded as asked."""
-    folded = texts_of(asked, "folded")
+    folded = texts_of(query, "folded")
     refuse_unknown(folded, desk.parts, desk.title, "unknown part '{}'.", DeckError)
-    now = desk.moment(values, _run_of(desk, asked), number_of({"time": 0.0, **asked}, "time"))
+    now = desk.moment(values, _run_of(desk, query), number_of({"time": 0.0, **query}, "time"))
     table = {"temperatures": {n: v - ICE for n, v in now.temperatures.items()}, "flows": now.flows, "powers": now.powers}
     return {"svg": now.drawn(folded), "table": table}
 

@@ -93,8 +93,8 @@ class Project:
             self.broken = ""
         except ThermidError as error:
             self.broken = str(error)
-        for known in (self._requests, self._desks):
-            known.clear()
+        for cached in (self._requests, self._desks):
+            cached.clear()
         names = self.stages
         self.done = {n: c for n, c in self.done.items() if n in names}
         self.campaign = None
@@ -124,13 +124,13 @@ class Project:
             return ()
         direct = {s.name: {n for i in s.inherit.values() for n in i.stages} for s in self.source.content.stages}
         stages: set[str] = set()
-        waiting = set(direct[self.known(name)])
+        waiting = set(direct[self.checked_stage(name)])
         while waiting:
             stages |= waiting
             waiting = {n for w in waiting for n in direct[w]} - stages
         return tuple(s for s in self.stages if s in stages)
 
-    def known(self, name: str) -> str:
+    def checked_stage(self, name: str) -> str:
         """Return the name of a stage.
 
         Raises
@@ -148,7 +148,7 @@ class Project:
             return self._set(StageState(name, "deck", "a deck alone, without logs"))
         if name in self.done and name in self._requests:
             return self.states[name]
-        direct, before, found = self.below(name), self._keys.get(name), self.done.pop(name, None)
+        direct, before, fitted = self.below(name), self._keys.get(name), self.done.pop(name, None)
         self.campaign = None
         missing = [n for n in direct if self.states[n].state != "done"]
         if missing:
@@ -156,21 +156,21 @@ class Project:
             return self._set(StageState(name, "waiting", why, direct))
         try:
             request = self._request(name)
-            if found is not None and before == self._keys[name]:
-                return self._finish(name, found, unchanged=self.states[name].state == "done")
+            if fitted is not None and before == self._keys[name]:
+                return self._finish(name, fitted, unchanged=self.states[name].state == "done")
             if request.hand is not None:
                 return self._finish(name, fit(request))  # values tuned by hand: there is nothing to run
-            kept = recall(self.results, name, self._keys[name])
+            recalled = recall(self.results, name, self._keys[name])
         except ThermidError as error:
             return self._set(StageState(name, "failed", str(error), direct))
-        if kept is None:
-            ran = found is not None or (self.results / f"{file_name(name)}.fit.json").is_file()
+        if recalled is None:
+            ran = fitted is not None or (self.results / f"{file_name(name)}.fit.json").is_file()
             changed = ", ".join(changed_since(self.results, name, self._made_of[name]))
             why = f"changed since it was run: {changed}" if changed else "run it again" if ran else "never run"
             return self._set(StageState(name, "stale" if ran else "new", why, direct))
-        return self._finish(name, fit(request, None, kept))
+        return self._finish(name, fit(request, None, recalled))
 
-    def run(self, name: str, told: Told | None = None) -> StageState:
+    def run(self, name: str, progress: Told | None = None) -> StageState:
         """Run a stage again from what its files say; the ones below must be done.
 
         Raises
@@ -179,7 +179,7 @@ class Project:
         """
         if self.source is None:
             raise DeckError("a deck has no stages to run. Open a campaign.", self.path.name)
-        calibration = fit(self._request(name), told)
+        calibration = fit(self._request(name), progress)
         if calibration.converged:
             remember(self.results, name, self._keys[name], calibration.kept, self._made_of[name])
             calibration.save(self.results / f"{file_name(name)}.values.toml")
@@ -188,33 +188,33 @@ class Project:
                 self._forget(above)
         return self._finish(name, calibration)
 
-    def judge(self, told: Callable[[str], None] | None = None, write: bool = False) -> None:
+    def judge(self, progress: Callable[[str], None] | None = None, write: bool = False) -> None:
         """Judge the stages that are done on the campaign's hold-out records, as `thermid calibrate` does.
 
         A joint fit is made where `write`, or where the results folder has one; verdicts by it are open until then.
 
         Parameters
         ----------
-        told : callable     Called with the name of each record before it is judged.
+        progress : callable  Called with the name of each record before it is judged.
         write : bool        Whether to write the values files with what the verdicts make of them.
         """
         if self.source is None or self.broken or self.campaign is not None:
             return
-        made, self.not_judged = self._unjudged_campaign(), ""
-        notice = None if told is None else lambda name, count, rms: told(name)
-        whole = self.source.content.joint is not None and len(made.stages) == len(self.stages)
+        campaign, self.not_judged = self._unjudged_campaign(), ""
+        notice = None if progress is None else lambda name, count, rms: progress(name)
+        whole = self.source.content.joint is not None and len(campaign.stages) == len(self.stages)
         try:
             if whole and (write or (self.results / "joint.fit.json").is_file()):
-                made = replace(made, joint=joint(made, notice=notice, cache=self.results))
-            made = judge(made, self.results, notice)
+                campaign = replace(campaign, joint=joint(campaign, notice=notice, cache=self.results))
+            campaign = judge(campaign, self.results, notice)
         except ThermidError as error:
             self.not_judged = str(error)
-        self.campaign = made
+        self.campaign = campaign
         if write:
-            made.save(self.results)
+            campaign.save(self.results)
         self._desks.clear()
-        for name, found in made.stages.items():
-            self._set(self._state(name, found), self.states[name].edition)
+        for name, fitted in campaign.stages.items():
+            self._set(self._state(name, fitted), self.states[name].edition)
 
     def _unjudged_campaign(self) -> Campaign:
         """Return the stages that are done as a campaign that nobody has judged."""
@@ -226,7 +226,7 @@ class Project:
         """The stages that are done, with what verdicts made of them."""
         return self.done if self.campaign is None else self.campaign.stages
 
-    def fit(self, name: str, values: Mapping[str, float], free: tuple[str, ...], told: Told | None = None) -> Calibration:
+    def fit(self, name: str, values: Mapping[str, float], free: tuple[str, ...], progress: Told | None = None) -> Calibration:
         """Return a fit of chosen parameters that starts at values of the sliders; nothing is kept of it.
 
         Parameters
@@ -244,14 +244,14 @@ class Project:
         if not free:
             raise IdentificationError("no parameter is selected. Tick the parameters to fit.", name)
         desk, request = self.desk(name), self._request(name)
-        known = {k: v for k, v in request.priors.items() if ParameterSet(request.model).freeable(k, request.model.canonical) in free}
+        priors = {k: v for k, v in request.priors.items() if ParameterSet(request.model).freeable(k, request.model.canonical) in free}
         # what is fitted keeps the deck's value as the mean of its prior, wherever its slider stands; the search starts at the slider
         model = desk.fixed_at(values, free)
-        asked = replace(request, model=model, free=free, prior=tuple(p for p in request.prior if p in free), priors=known)
+        changed = replace(request, model=model, free=free, prior=tuple(p for p in request.prior if p in free), priors=priors)
         starts = desk.si({s.path: values.get(s.path, s.value) for s in desk.sliders if s.path in free})
-        problem = build_problem(asked)
+        problem = build_problem(changed)
         begun = tuple(replace(u, start=starts.get(u.name, u.start)) for u in problem.unknowns)
-        return fit_problem(asked, replace(problem, unknowns=begun), told, stoppable=True)
+        return fit_problem(changed, replace(problem, unknowns=begun), progress, stoppable=True)
 
     def desk(self, name: str) -> Desk:
         """Return a stage, ready for tuning.
@@ -260,7 +260,7 @@ class Project:
         ------
         ThermidError   When a stage below is not done, or a log is missing.
         """
-        self.known(name)
+        self.checked_stage(name)
         if name not in self._desks:
             self._desks[name] = self._desk(name)
         return self._desks[name]
@@ -283,15 +283,15 @@ class Project:
 
     def scenarios(self, model: Model) -> tuple[Scenario, ...]:
         """Return the scenarios that lie beside the file and fit a model of it, the plainest one where there is none."""
-        found = []
+        loaded = []
         boundaries = compile_network(model).boundaries
         for file in sorted(self.path.parent.glob("*.toml")):
             try:
                 if {"boundaries", "duration"} <= set(read_toml(file)[0]):
-                    found.append(load_scenario(file))
+                    loaded.append(load_scenario(file))
             except ThermidError:
                 continue  # no scenario, or one that does not read: `thermid simulate` says why
-        fitting = tuple(s for s in found if set(s.boundaries) <= set(boundaries))
+        fitting = tuple(s for s in loaded if set(s.boundaries) <= set(boundaries))
         plain = Scenario("24 °C, five hours", boundaries=dict.fromkeys(boundaries, "24 [degC]"), start="24 [degC]", duration="5 [h]")
         return fitting or (plain,)
 
@@ -428,7 +428,7 @@ class Project:
     def _request(self, name: str) -> Request:
         assert self.source is not None
         if name not in self._requests:
-            k = self.stages.index(self.known(name))
+            k = self.stages.index(self.checked_stage(name))
             stage = self.source.content.stages[k]
             missing = [n for i in stage.inherit.values() for n in i.stages if n not in self.done]
             if missing:
@@ -437,19 +437,21 @@ class Project:
             self._keys[name], self._requests[name] = request.key, request
         return self._requests[name]
 
-    def _finish(self, name: str, found: Calibration, unchanged: bool = False) -> StageState:
-        self.done[name] = found
+    def _finish(self, name: str, fitted: Calibration, unchanged: bool = False) -> StageState:
+        self.done[name] = fitted
         self.campaign = None
         self._desks.pop(name, None)
-        return self._set(self._state(name, found), self.states[name].edition if unchanged else self.edition)
+        return self._set(self._state(name, fitted), self.states[name].edition if unchanged else self.edition)
 
-    def _state(self, name: str, found: Calibration) -> StageState:
+    def _state(self, name: str, fitted: Calibration) -> StageState:
         """Return where a stage that is done stands, with the verdicts on it."""
-        told, sensors = found.standing, {n: s.rmse for n, s in found.sensors.items()}
-        state = StageState(name, "done", "", self.below(name), sensors, "" if told.fair else told.state, told.line(name), told.usable)
+        standing, sensors = fitted.standing, {n: s.rmse for n, s in fitted.sensors.items()}
+        state = StageState(
+            name, "done", "", self.below(name), sensors, "" if standing.fair else standing.state, standing.line(name), standing.usable
+        )
         verdicts = [] if self.campaign is None else [v for v in self.campaign.verdicts if v.model == name]
-        said = tuple({k: v for k, v in v.to_dict().items() if k != "bands"} | {"text": str(v)} for v in verdicts)
-        return replace(state, told=told.to_dict(name), verdicts=said, open=self._open(name, verdicts))
+        verdict_rows = tuple({k: v for k, v in v.to_dict().items() if k != "bands"} | {"text": str(v)} for v in verdicts)
+        return replace(state, told=standing.to_dict(name), verdicts=verdict_rows, open=self._open(name, verdicts))
 
     def _open(self, name: str, verdicts: Sequence[Verdict]) -> str:
         """Return why a stage is not judged though its campaign asks for it; empty where nothing is open."""
@@ -463,8 +465,8 @@ class Project:
 
     def _forget(self, name: str) -> None:
         """Drop what is known of a stage whose basis changed."""
-        for known in (self.done, self._requests, self._keys, self._desks):
-            known.pop(name, None)
+        for cached in (self.done, self._requests, self._keys, self._desks):
+            cached.pop(name, None)
         self.campaign = None
         self.states[name] = StageState(name, "stale", "a stage below was run again", self.below(name))
 
@@ -530,8 +532,8 @@ class Watch:
 
     def changed(self) -> frozenset[Path]:
         """Return the files that were written, made or deleted since this was last asked."""
-        known = {f: _stamp(f) for f in (*self._seen, *self._beside())}
-        changed = frozenset(f for f, stamp in known.items() if self._seen.get(f) != stamp)
+        stamps = {f: _stamp(f) for f in (*self._seen, *self._beside())}
+        changed = frozenset(f for f, stamp in stamps.items() if self._seen.get(f) != stamp)
         if changed:
             self._seen = self._stamps()
         return changed
@@ -569,10 +571,10 @@ class Watch:
 
 def _stamp(file: Path) -> Stamp:
     try:
-        found = file.stat()
+        status = file.stat()
     except OSError:
         return None
-    return found.st_mtime_ns, found.st_size, found.st_ino
+    return status.st_mtime_ns, status.st_size, status.st_ino
 
 
 def _texts(value: Any) -> Iterator[str]:

@@ -15,7 +15,7 @@ from thermid.app.studio.orders import orders, questions
 from thermid.app.studio.project import Project
 from thermid.app.studio.work import Work
 from thermid.base.errors import DeckError, ThermidError, refuse_unknown
-from thermid.base.files import OWN, command, read_text, state_folder, write_bytes
+from thermid.base.files import RESULTS_FILE, command, read_text, state_folder, write_bytes
 from thermid.base.toml_files import read_toml
 from thermid.campaign.start import EXAMPLES, copies, copy_example, word
 
@@ -188,7 +188,7 @@ class Room:
         try:
             _recents().parent.mkdir(parents=True, exist_ok=True)
             with command(force=True):
-                write_bytes(_recents(), json.dumps([str(f) for f in files]).encode(), OWN)
+                write_bytes(_recents(), json.dumps([str(f) for f in files]).encode(), RESULTS_FILE)
         except (OSError, ThermidError):
             return
 

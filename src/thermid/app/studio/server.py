@@ -206,7 +206,7 @@ class Guard:
         self.hosts = {f"{host}:{port}" for host in HOSTS}
         self.cookie, self.token = f"thermid-studio-{port}", token.encode()  # a browser keeps cookies by host alone
 
-    def _known(self, brought: str) -> bool:
+    def _is_token(self, brought: str) -> bool:
         return secrets.compare_digest(brought.encode(), self.token)
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
@@ -219,16 +219,16 @@ class Guard:
         if headers.get("host") not in self.hosts or (origin is not None and origin.removeprefix("http://") not in self.hosts):
             await _refused("this studio accepts requests of its own page only.", 403)(scope, receive, send)
             return
-        asked = any(map(self._known, parse_qs(scope["query_string"].decode("latin-1")).get("token", [])))
-        kept = [pair.strip().partition("=") for pair in headers.get("cookie", "").split(";")]
-        if not asked and not any(name == self.cookie and self._known(value) for name, _, value in kept):
+        in_address = any(map(self._is_token, parse_qs(scope["query_string"].decode("latin-1")).get("token", [])))
+        cookies = [pair.strip().partition("=") for pair in headers.get("cookie", "").split(";")]
+        if not in_address and not any(name == self.cookie and self._is_token(value) for name, _, value in cookies):
             await _refused(STRANGER, 403)(scope, receive, send)
             return
 
         async def guarded(message: Any) -> None:
             if message["type"] == "http.response.start":
                 extra = {"content-security-policy": POLICY, "x-content-type-options": "nosniff", "referrer-policy": "no-referrer"}
-                if asked:
+                if in_address:
                     extra["set-cookie"] = f"{self.cookie}={self.token.decode()}; Path=/; HttpOnly; SameSite=Strict"
                 message["headers"] = [*message["headers"], *((k.encode(), v.encode()) for k, v in extra.items())]
             await send(message)
@@ -243,11 +243,11 @@ def _answer(make: Callable[[], Any]) -> Response:
         return Response(as_json(make()), media_type="application/json")
     except ThermidError as error:
         # an answer in words is no failure of the transport, and a browser would note one as an error of the page
-        said = {"error": error.message, "where": error.where, "code": error.code}
+        problem = {"error": error.message, "where": error.where, "code": error.code}
     except OSError as error:
         name = Path(str(error.filename or "")).name
-        said = {"error": f"{error.strerror or error}.", "where": name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}..."}
-    return Response(as_json(said), media_type="application/json")
+        problem = {"error": f"{error.strerror or error}.", "where": name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}..."}
+    return Response(as_json(problem), media_type="application/json")
 
 
 async def _body(request: Request, most: float) -> bytes:

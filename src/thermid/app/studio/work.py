@@ -155,7 +155,7 @@ class Work(Jobs):
     def run(self, stage: str, below: bool) -> dict[str, Any]:
         """Begin to run a stage, with the ones below that are not done where `below`."""
         project = self._project
-        project.known(stage)
+        project.checked_stage(stage)
 
         def job(j: JobState) -> None:
             self._look_again(j)
@@ -174,19 +174,19 @@ class Work(Jobs):
         def job(j: JobState) -> None:
             j.result = fit_object(self._project.fit(stage, values, free, j.tell))
 
-        return self.start("fit", self._project.known(stage), job, keeps=True)
+        return self.start("fit", self._project.checked_stage(stage), job, keeps=True)
 
-    def scenario(self, stage: str, key: str, values: Mapping[str, float], asked: Mapping[str, Any]) -> dict[str, Any]:
+    def scenario(self, stage: str, key: str, values: Mapping[str, float], query: Mapping[str, Any]) -> dict[str, Any]:
         """Begin to run a profile, scenario or test on a stage at values of the sliders; `outcome` has it in the end."""
         desk = self._project.desk(stage)
         course = self.shelf.course(desk, key)
 
         def job(j: JobState) -> None:
-            def told(step: int, steps: int, reached: float) -> None:
+            def report_step(step: int, steps: int, reached: float) -> None:
                 j.going()
                 j.share, j.reached = step / steps, reached
 
-            outcome = run_course(self.shelf, desk, course, values, asked, told)
+            outcome = run_course(self.shelf, desk, course, values, query, report_step)
             j.going()
             fit = self._project.fits.get(stage)
             self.outcome = outcome if course.kind == "test" or fit is None else replace(outcome, standing=fit.standing)

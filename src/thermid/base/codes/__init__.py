@@ -36,9 +36,9 @@ class CodedText(str):
 
     def __new__(cls, text: str, code: str = "") -> CodedText:
         """Return the text with its code."""
-        made = super().__new__(cls, text)
-        made.code = code or code_of(text)
-        return made
+        coded = super().__new__(cls, text)
+        coded.code = code or code_of(text)
+        return coded
 
 
 def code_of(text: str) -> str:
@@ -60,8 +60,8 @@ def mark_codes(text: str, content: Mapping[str, Any]) -> str:
     >>> mark_codes("warning: it is late", {"warnings": [CodedText("it is late", "time.late")]})
     'warning: it is late [time.late]'
     """
-    codes = {str(each): each.code for each in _coded_texts(content)}
-    anyone = "|".join(re.escape(said) for said in sorted(codes, key=len, reverse=True))
+    codes = {str(coded): coded.code for coded in _coded_texts(content)}
+    anyone = "|".join(re.escape(text_of_code) for text_of_code in sorted(codes, key=len, reverse=True))
     return re.sub(anyone, lambda hit: f"{hit[0]} [{codes[hit[0]]}]", text) if codes else text
 
 

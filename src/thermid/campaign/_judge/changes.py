@@ -73,7 +73,7 @@ class Changes(Result):
         count = f"{len(self.changes)} difference{'' if len(self.changes) == 1 else 's'}"
         lines = [f"{self.old} -> {self.new}: {count if self.changes else 'no difference'}"]
         lines += [f"  {self.assumed}"] if self.assumed else []
-        lines += [f"  {each}" for each in self.changes]
+        lines += [f"  {change}" for change in self.changes]
         units = {"capacitance": "J/K", "area": "m^2", "power": "W"}
         lines += [
             f"  total {what}: {a:.6g} -> {b:.6g} {units[what]}"
@@ -88,12 +88,12 @@ class Changes(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return it for a file."""
-        rows = [asdict(each) | {"effect": each.effect if np.isfinite(each.effect) else None} for each in self.changes]
+        rows = [asdict(change) | {"effect": change.effect if np.isfinite(change.effect) else None} for change in self.changes]
         totals = {what: list(pair) for what, pair in self.totals.items()}
         return {"changes": rows, "totals": totals, "steady_K": {s: dict(apart) for s, apart in self.temperatures.items()}}
 
     def _as_rows(self) -> list[Mapping[str, object]]:
-        return [{"path": each.path, "what": each.what, "effect [K]": each.effect, "node": each.node} for each in self.changes]
+        return [{"path": change.path, "what": change.what, "effect [K]": change.effect, "node": change.node} for change in self.changes]
 
 
 @takes_objects
@@ -111,11 +111,11 @@ def compare_models(old: Model, new: Model, scenarios: Sequence[Scenario] = ()) -
     """
     common = "every boundary at 20 degC, loads as in the deck: no scenario was given"
     needs = {*old.needs, *new.needs}
-    asked = tuple(scenarios) or (Scenario("20 degC", boundaries=dict.fromkeys(sorted(needs), "20 [degC]")),)
-    before, after = ([_temperatures(model, each) for each in asked] for model in (old, new))
-    moved, changes = _values(old, new, asked, before)
+    conditions = tuple(scenarios) or (Scenario("20 degC", boundaries=dict.fromkeys(sorted(needs), "20 [degC]")),)
+    before, after = ([_temperatures(model, scenario) for scenario in conditions] for model in (old, new))
+    moved, changes = _values(old, new, conditions, before)
     changes = [*_parts(old, new), *_rest(moved, new), *changes]
-    apart = {s.title: {n: b[n] - a[n] for n in a if n in b} for s, a, b in zip(asked, before, after, strict=True)}
+    apart = {s.title: {n: b[n] - a[n] for n in a if n in b} for s, a, b in zip(conditions, before, after, strict=True)}
     ranked = sorted(changes, key=lambda c: -inf if np.isnan(c.effect) else -c.effect)
     totals = {what: (a, b) for (what, a), b in zip(_totals(old).items(), _totals(new).values(), strict=True)}
     return Changes(old.title, new.title, tuple(ranked), totals, apart, "" if scenarios else common)
@@ -132,7 +132,7 @@ def _temperatures(model: Model, scenario: Scenario) -> dict[str, float]:
 
 def _elements(model: Model) -> dict[tuple[str, str], Any]:
     """Return (group, path) -> element, of every part."""
-    return {(group, prefix + name): each for part, prefix in model.walk() for group, name, each in part.elements()}
+    return {(group, prefix + name): element for part, prefix in model.walk() for group, name, element in part.elements()}
 
 
 def _parts(old: Model, new: Model) -> Iterator[Change]:
@@ -142,7 +142,7 @@ def _parts(old: Model, new: Model) -> Iterator[Change]:
         yield from (Change(path, f"{group.removesuffix('s')} {word}") for group, path in one.keys() - other.keys())
 
 
-def _values(old: Model, new: Model, asked: Sequence[Scenario], before: Sequence[Mapping[str, float]]) -> tuple[Model, list[Change]]:
+def _values(old: Model, new: Model, scenarios: Sequence[Scenario], before: Sequence[Mapping[str, float]]) -> tuple[Model, list[Change]]:
     """Return the old model with every value of the new that it has, and the changed values with their effects.
 
     Plain numbers come first; what still differs after them is arithmetic that changed, or a number in its place.
@@ -156,26 +156,28 @@ def _values(old: Model, new: Model, asked: Sequence[Scenario], before: Sequence[
         now = values.evaluate({})
         for path in [p for p in now if p in wanted]:
             first = one[path].paths[0] if path in one else path  # a deck that is used twice writes it once, unless a use sets its own
-            twin = path != first and _same(wanted[path], wanted.get(first, wanted[path]))
-            if twin or _same(now[path], wanted[path]) or (plain and values.table[path].parameter.expression.names):
+            twin = path != first and _mean_the_same(wanted[path], wanted.get(first, wanted[path]))
+            if twin or _mean_the_same(now[path], wanted[path]) or (plain and values.table[path].parameter.expression.names):
                 continue
             unit = si_unit(values.dimension(path))
             number = {path: f"{float(wanted[path])!r} [{unit}]"}
             changes.append(
-                Change(path, f"{now[path]:.6g} -> {wanted[path]:.6g} {unit}".removesuffix(" 1"), *_effect(old, number, asked, before))
+                Change(path, f"{now[path]:.6g} -> {wanted[path]:.6g} {unit}".removesuffix(" 1"), *_effect(old, number, scenarios, before))
             )
             moved = moved.with_values(number)
     here = ParameterSet(old).table
     for path in here.keys() & target.table.keys():
         (low, high), (least, most) = ((p.minimum, p.maximum) for p in (here[path].parameter, target.table[path].parameter))
-        if not _same((low, high), (least, most)):
+        if not _mean_the_same((low, high), (least, most)):
             changes.append(Change(path, f"bounds {low} .. {high} -> {least} .. {most}", 0.0))
     return moved, changes
 
 
-def _effect(old: Model, number: Mapping[str, str], asked: Sequence[Scenario], before: Sequence[Mapping[str, float]]) -> tuple[float, str]:
+def _effect(
+    old: Model, number: Mapping[str, str], scenarios: Sequence[Scenario], before: Sequence[Mapping[str, float]]
+) -> tuple[float, str]:
     """Return the largest change of a steady temperature by one value, and its node. [K]"""
-    after = [_temperatures(old.with_values(number), scenario) for scenario in asked]
+    after = [_temperatures(old.with_values(number), scenario) for scenario in scenarios]
     apart = [(abs(b[n] - a[n]), n) for a, b in zip(before, after, strict=True) for n in a if n in b]
     largest = max(apart, default=(float("nan"), ""))
     return largest if largest[0] != 0.0 else (0.0, "")
@@ -192,7 +194,7 @@ def _rest(moved: Model, new: Model) -> Iterator[Change]:
         where = _apart(a[key], b[key])
         if shared and not where:
             continue
-        if group in ("nodes", "conductors") and where in ("", "kind") and _same(rows.get(path), others.get(path)):
+        if group in ("nodes", "conductors") and where in ("", "kind") and _mean_the_same(rows.get(path), others.get(path)):
             continue  # the same capacitance or law by other fields
         yield Change(path, f"{where or 'fields'} differ" if where else f"{sorted({*a[key].fields})} -> {sorted({*b[key].fields})}")
     if _apart(moved.made_in, new.made_in):
@@ -210,18 +212,18 @@ def _rows(numbers: Numbers) -> dict[str, Any]:
 def _apart(a: Any, b: Any) -> str:
     """Return the first field in which two elements differ; empty for none."""
     if not is_dataclass(a):
-        return "" if _same(a, b) else "content"
+        return "" if _mean_the_same(a, b) else "content"
     one_way = getattr(a, "kind", "") in ("flow", "stream")
-    for each in fields(a):
-        x, y = getattr(a, each.name), getattr(b, each.name, None)
-        if each.name == "between" and not one_way:
+    for attribute in fields(a):
+        x, y = getattr(a, attribute.name), getattr(b, attribute.name, None)
+        if attribute.name == "between" and not one_way:
             x, y = sorted(x), sorted(y or ())
-        if each.name not in _WORDS and not _same(x, y):
-            return each.name
+        if attribute.name not in _WORDS and not _mean_the_same(x, y):
+            return attribute.name
     return ""
 
 
-def _same(a: Any, b: Any) -> bool:
+def _mean_the_same(a: Any, b: Any) -> bool:
     """Return whether two values mean the same: numbers within `MAX_DIFFERENCE_OF_EQUALS`, and whatever holds them."""
     if isinstance(a, int | float) and isinstance(b, int | float):
         return isclose(a, b, rel_tol=MAX_DIFFERENCE_OF_EQUALS)
@@ -230,9 +232,9 @@ def _same(a: Any, b: Any) -> bool:
     if is_dataclass(a) and not isinstance(a, type):
         return type(a) is type(b) and not _apart(a, b)
     if isinstance(a, Mapping) and isinstance(b, Mapping):
-        return a.keys() == b.keys() and all(_same(a[key], b[key]) for key in a)
+        return a.keys() == b.keys() and all(_mean_the_same(a[key], b[key]) for key in a)
     if isinstance(a, list | tuple) and isinstance(b, list | tuple):
-        return len(a) == len(b) and all(_same(x, y) for x, y in zip(a, b, strict=True))
+        return len(a) == len(b) and all(_mean_the_same(x, y) for x, y in zip(a, b, strict=True))
     return bool(a == b)
 
 

@@ -305,7 +305,7 @@ def _deviation(o: Overlay, kind: str, window: Window, weight: float, reason: str
                 o.case,
             )
     case = o.case if kind == "transient" else f"{o.case}, {window[0] / 3600:.4g} .. {window[1] / 3600:.4g} h"
-    residuals = Residuals.of(o.times[inside], o.residuals[inside])
+    residuals = Residuals.equally_weighted(o.times[inside], o.residuals[inside])
     means = (float(o.measured[inside].mean()), float(o.simulated[inside].mean()))
     return Deviation(case, o.sensor, kind, residuals, *means, o.accuracy, weight, reason)
 

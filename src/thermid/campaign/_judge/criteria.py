@@ -19,7 +19,7 @@ from thermid.model.laws import literal
 from thermid.physics.constants import ICE_POINT
 
 KINDS = ("steady", "transient")
-EACH = {"steady": "mean", "transient": "largest"}
+METRIC_OF_EACH = {"steady": "mean", "transient": "largest"}
 """Kind of case -> the metric that ``each`` limits: the mean of a settled stretch, or every single reading."""
 PLAIN = ("share", "kinds", "mark", "source")
 
@@ -198,7 +198,7 @@ class Deviation:
 
     def __getitem__(self, key: str) -> float:
         """A metric of it. [K]"""
-        return metric(EACH[self.kind] if key == "each" else key).of(self.residuals)
+        return metric(METRIC_OF_EACH[self.kind] if key == "each" else key).of(self.residuals)
 
     def __str__(self) -> str:
         """Return it as a line."""

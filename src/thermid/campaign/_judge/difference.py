@@ -83,6 +83,8 @@ def difference(old: Model, new: Model, scenario: Scenario, *, nodes: Sequence[st
     for n in names:
         apart = after[n].kelvin - before[n].kelvin
         k = int(np.abs(apart).argmax())
-        apart_by_node[n] = Apart(float(apart[k]), float(before.times[k]), rmse(Residuals.of(before.times, apart)), float(apart[-1]))
+        apart_by_node[n] = Apart(
+            float(apart[k]), float(before.times[k]), rmse(Residuals.equally_weighted(before.times, apart)), float(apart[-1])
+        )
     gone, added = (tuple(n for n in a.nodes if n not in b.nodes) for a, b in ((before, after), (after, before)))
     return Difference(old.identity(), new.identity(), scenario.title, apart_by_node, gone, added)

@@ -186,14 +186,14 @@ class Margin(Result):
             return "a number quoted from memory"
         if self.margin < 0:
             return ""
-        if self.error <= 0 and not self.given:
+        if self.error <= 0 and not self.is_start_value:
             return "the model's error is not known. Fit the model, or state a spread"
         if self.with_assumed < 0:
             return f"assumed values alone may change it by {self.assumed:.1f} K. Measure them, or state their spread"
         return ""
 
     @property
-    def given(self) -> bool:
+    def is_start_value(self) -> bool:
         """Whether the temperature is the given one of a start, which the model says nothing about."""
         return self.time <= 0.0
 
@@ -297,7 +297,7 @@ class HeaterDuty:
     rule: Figure
 
     @property
-    def most(self) -> float:
+    def max_duty(self) -> float:
         """The largest duty that leaves the margin: 80 % for a margin of 25 %. [-]"""
         return 1.0 / (1.0 + self.rule.value)
 
@@ -309,7 +309,7 @@ class HeaterDuty:
     @property
     def passed(self) -> bool | None:
         """Whether the margin is left; None where the rule is from memory."""
-        return self.duty <= self.most + 1e-12 if self.rule.decides else None
+        return self.duty <= self.max_duty + 1e-12 if self.rule.decides else None
 
 
 @takes_objects

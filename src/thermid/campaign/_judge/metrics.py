@@ -34,7 +34,7 @@ class Residuals:
     weights: Array
 
     @classmethod
-    def of(cls, times: Array, kelvin: Array) -> Residuals:
+    def equally_weighted(cls, times: Array, kelvin: Array) -> Residuals:
         """Residuals of equal weight."""
         return cls(times, kelvin, np.full(kelvin.size, 1.0 / kelvin.size))
 

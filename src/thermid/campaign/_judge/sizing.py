@@ -16,7 +16,7 @@ from thermid.base.units import si_unit
 from thermid.campaign._judge.limits import STATES, Limits, text_of
 from thermid.measure.amounts import amount
 from thermid.model.tree import Model, ParameterSet
-from thermid.prediction.bands import Known, predict
+from thermid.prediction.bands import Knowledge, predict
 from thermid.simulation.runs import simulate, steady
 from thermid.simulation.scenarios import Scenario
 
@@ -100,7 +100,7 @@ class Sizing(Result):
 
 @takes_objects
 def size(
-    known: Known | Model,
+    knowledge: Knowledge | Model,
     path: str,
     limits: Sequence[Limits],
     scenarios: Sequence[Scenario] | Mapping[str, Sequence[Scenario]],
@@ -117,7 +117,7 @@ def size(
 
     Parameters
     ----------
-    known : Known or Model      The model; with `Known.of(fit)` the ends have errors.
+    knowledge : Known or Model  The model; with `Known.of(fit)` the ends have errors.
     path : str                  The value: an area, conductance, power, duty, emissivity or mass flow.
     limits : sequence           As from `load_limits`.
     scenarios : sequence        All of the state operating; or state -> scenarios: ``{"operating": [hot], "non-operating": [cold]}``.
@@ -130,7 +130,7 @@ def size(
     ScenarioError   Without a range, a limit or a scenario.
     SolverError     When a run does not come out.
     """
-    source = known if isinstance(known, Known) else Known.of(known)
+    source = knowledge if isinstance(knowledge, Knowledge) else Knowledge.of_source(knowledge)
     task = _Task(source.model, source.model.canonical(path), margin)
     low, high = task.searched(between)
     items = list(_items(task, limits, scenarios))
@@ -151,8 +151,10 @@ def size(
             windows.append([a, b])
     value, spare_there = _best(least, grid, spare.min(axis=0))
     worst = min(items, key=lambda item: item.spare(value))
-    made = tuple((task.bound(a, 1.0, source, spread, high - low), task.bound(b, -1.0, source, spread, high - low)) for a, b in windows)
-    return Sizing(task.path, task.unit, (low, high), made, (value, spare_there), str(worst))
+    windows_found = tuple(
+        (task.bound(a, 1.0, source, spread, high - low), task.bound(b, -1.0, source, spread, high - low)) for a, b in windows
+    )
+    return Sizing(task.path, task.unit, (low, high), windows_found, (value, spare_there), str(worst))
 
 
 def extremes(model: Model, scenario: Scenario) -> Mapping[str, tuple[float, float]]:
@@ -191,7 +193,7 @@ class _Task:
             self._kept[key] = extremes(self.at(x), scenario)
         return self._kept[key]
 
-    def bound(self, end: tuple[float, _LimitSide | None], inward: float, source: Known, spread: Any, width: float) -> Bound:
+    def bound(self, end: tuple[float, _LimitSide | None], inward: float, source: Knowledge, spread: Any, width: float) -> Bound:
         """Return an end of a window, with its error where something is not known exactly: that of the temperature over its slope."""
         x, item = end
         if item is None:

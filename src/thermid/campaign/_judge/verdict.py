@@ -14,7 +14,7 @@ from typing import Any
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, refuse_unknown
-from thermid.base.files import OWN, write_text
+from thermid.base.files import RESULTS_FILE, write_text
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.base.sourced import VERDICTS, weigh
 from thermid.base.toml_files import read_json
@@ -70,7 +70,7 @@ def look(folder: Path | None, record: str, sha256: str, stage: str, key: str, pa
     now = RecordedLook(record, sha256, stage, key, passed, datetime.now(UTC).date().isoformat())
     if all((one.sha256, one.key, one.passed) != (sha256, key, passed) for one in looks):
         folder.mkdir(parents=True, exist_ok=True)
-        write_text(folder / FILE, json.dumps([asdict(one) for one in (*looks, now)], indent=1), OWN)
+        write_text(folder / FILE, json.dumps([asdict(one) for one in (*looks, now)], indent=1), RESULTS_FILE)
     return earlier
 
 
@@ -254,7 +254,7 @@ def not_judged(calibration: Calibration, record: str, title: str = "") -> Verdic
 
 def _deviation(block: SensorTrace) -> Deviation:
     """Every reading of one sensor of a record, beside what the model says of it."""
-    residuals = Residuals.of(block.times, block.residuals)
+    residuals = Residuals.equally_weighted(block.times, block.residuals)
     means = (float(block.measured.mean()), float(block.predicted.mean()))
     return Deviation(block.record, block.sensor, "transient", residuals, *means)
 

@@ -16,7 +16,7 @@ from thermid.campaign._start.originals import MOTOR, TCLAB, DataSet, converted
 from thermid.campaign._start.schemas import head_copies
 
 ROOT_FILE: Final = "thermid.toml"
-_LEFT: Final = ("__pycache__", "results")
+_NOT_COPIED: Final = ("__pycache__", "results")
 _PLACES: Final = (Path(__file__).parents[2] / "_examples", Path(__file__).parents[4] / "examples")
 """In a wheel, and in the source tree."""
 
@@ -161,9 +161,9 @@ def copy_example(
     data = example.data
     with folder_replacing(folder) as half:
         write_bytes(half / ROOT_FILE, (source / ROOT_FILE).read_bytes(), COPY)
-        for own in (example.name, *example.needs):
-            for file, path in _files(source / own):
-                target = half / own / path if example.needs else half / path
+        for source_name in (example.name, *example.needs):
+            for file, path in _files(source / source_name):
+                target = half / source_name / path if example.needs else half / path
                 target.parent.mkdir(parents=True, exist_ok=True)
                 write_bytes(target, file.read_bytes(), COPY)
         for k, original in enumerate(data.files if data else ()):
@@ -191,7 +191,7 @@ def _files(folder: Path) -> Iterator[tuple[Path, Path]]:
     """Yield every file of an example with its path there."""
     for file in sorted(folder.rglob("*")):
         inside = file.relative_to(folder)
-        if file.is_file() and not set(inside.parts) & set(_LEFT):
+        if file.is_file() and not set(inside.parts) & set(_NOT_COPIED):
             yield file, inside
 
 

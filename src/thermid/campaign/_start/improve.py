@@ -60,14 +60,14 @@ class Delay:
 
     def to_dict(self) -> dict[str, Any]:
         """Return table, range [s], delays found [s] and who else takes its records."""
-        found = {n: {"delay_s": value, "error_s": error} for n, (value, error) in self.found.items()}
-        return {"records": self.table, "range_s": list(self.ends), "found": found, "also_in": list(self.others)}
+        delays = {n: {"delay_s": value, "error_s": error} for n, (value, error) in self.found.items()}
+        return {"records": self.table, "range_s": list(self.ends), "found": delays, "also_in": list(self.others)}
 
     def __str__(self) -> str:
         """Return what was found, where it is written, and for whom else it holds."""
-        found = ", ".join(f"{n} {short(value, 3)} +- {short(error, 2)} s" for n, (value, error) in self.found.items())
+        delays = ", ".join(f"{n} {short(value, 3)} +- {short(error, 2)} s" for n, (value, error) in self.found.items())
         also = f" It also applies in {', '.join(self.others)}." if self.others else ""
-        return f"delay: {found}; written into [records.{self.table}].{also}"
+        return f"delay: {delays}; written into [records.{self.table}].{also}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,8 +122,8 @@ class Improved:
         return "\n".join(lines)
 
 
-def _rmse(found: Calibration, sensor: str) -> float:
-    return float(np.median([table[sensor].rmse for table in found.statistics.values() if sensor in table]))
+def _rmse(fitted: Calibration, sensor: str) -> float:
+    return float(np.median([table[sensor].rmse for table in fitted.statistics.values() if sensor in table]))
 
 
 def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: Path | None = None) -> Improved:
@@ -152,10 +152,10 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
             f"stage '{name}' has values tuned by hand and fits nothing, so structures cannot be compared. Give a stage that fits records.",
             path.name,
         )
-    asked = before.request
-    refuse_unseen(asked.model, "a search for another structure")
-    may = _may_delay(source, asked)
-    first = search_structure(asked, changes=lambda seen: [c for c in changes_of(seen) if may or not c.delay], evaluations=evaluations)
+    request = before.request
+    refuse_unseen(request.model, "a search for another structure")
+    may = _may_delay(source, request)
+    first = search_structure(request, changes=lambda seen: [c for c in changes_of(seen) if may or not c.delay], evaluations=evaluations)
     if first.proposed is first.start:
         return Improved(first, before, before, ())
     longest = 2.0 * sum(c.delay for c in first.proposed.changes)
@@ -164,24 +164,28 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
             after = _full_fit(adopted(first.proposed), name, first.proposed.changes)
         except IdentificationError as error:
             return Improved(first, before, before, (), refused=error.message)
-        return Improved(first, before, after, tuple(_written(path, name, asked, adopted(first.proposed), ())))
+        return Improved(first, before, after, tuple(_written(path, name, request, adopted(first.proposed), ())))
     # a delay in whole samples leaves residuals that other changes would answer: they are asked again beside the delay that a fit finds
-    ranged = replace(asked, records=tuple(_ranged(r, longest) for r in asked.records))
-    found = _delays_of(_full_fit(ranged, name))
-    late = replace(asked, records=tuple(r.delayed(found[r.name][0], _driven(r)) if r.name in found else r for r in asked.records))
-    left = max(evaluations - first.evaluations, evaluations // 2)
-    then = search_structure(late, changes=lambda seen: [c for c in changes_of(seen) if _beside_a_delay(c, late.records)], evaluations=left)
-    new, longest = adopted(then.proposed), max(longest, float(f"{2.0 * max(value for value, _ in found.values()):.3g}"))
-    new = replace(new, records=tuple(_rebound(_ranged(old, longest), one) for old, one in zip(asked.records, new.records, strict=True)))
+    ranged = replace(request, records=tuple(_ranged(r, longest) for r in request.records))
+    delays_found = _delays_of(_full_fit(ranged, name))
+    late = replace(
+        request, records=tuple(r.delayed(delays_found[r.name][0], _driven(r)) if r.name in delays_found else r for r in request.records)
+    )
+    remaining = max(evaluations - first.evaluations, evaluations // 2)
+    then = search_structure(
+        late, changes=lambda seen: [c for c in changes_of(seen) if _beside_a_delay(c, late.records)], evaluations=remaining
+    )
+    new, longest = adopted(then.proposed), max(longest, float(f"{2.0 * max(value for value, _ in delays_found.values()):.3g}"))
+    new = replace(new, records=tuple(_rebound(_ranged(old, longest), one) for old, one in zip(request.records, new.records, strict=True)))
     try:
         after = _full_fit(new, name, then.proposed.changes)
     except IdentificationError as error:
         return Improved(first, before, before, (), then=then, refused=error.message)
-    delays = _said(source, name, asked, after, longest)
-    return Improved(first, before, after, tuple(_written(path, name, asked, new, delays)), delays, then)
+    delays = _delay_of_tables(source, name, request, after, longest)
+    return Improved(first, before, after, tuple(_written(path, name, request, new, delays)), delays, then)
 
 
-def _full_fit(asked: Request, stage: str, changes: Sequence[MissingElement] = ()) -> Calibration:
+def _full_fit(request: Request, stage: str, changes: Sequence[MissingElement] = ()) -> Calibration:
     """Return the full fit of a proposed structure.
 
     Raises
@@ -189,13 +193,13 @@ def _full_fit(asked: Request, stage: str, changes: Sequence[MissingElement] = ()
     IdentificationError   When it is refused, or ends where a change is not physically possible.
     """
     try:
-        found = fit(asked)
+        fitted = fit(request)
     except ThermidError as error:
         raise IdentificationError(error.message, stage, code=error.code) from None
-    for words, possible in (c.judge(found) for c in changes):
+    for words, possible in (c.judge(fitted) for c in changes):
         if not possible:
             raise IdentificationError(f"it finds {words}, which is not physically possible.", stage)
-    return found
+    return fitted
 
 
 def _driven(record: Record) -> list[str]:
@@ -203,15 +207,15 @@ def _driven(record: Record) -> list[str]:
     return [n for n, c in record.channels.items() if c.role in ("command", "load")]
 
 
-def _may_delay(source: CampaignSource, asked: Request) -> bool:
+def _may_delay(source: CampaignSource, request: Request) -> bool:
     """Return whether the campaign can say that powers and commands of the stage act late.
 
     It cannot where they come from a joined log, whose clock has an offset of its own, or where only the stage says that they are powers.
     A record whose clock the fit finds already has no second one.
     """
-    if any(r.second is not None for r in asked.records):
+    if any(r.second is not None for r in request.records):
         return False
-    for r in asked.records:
+    for r in request.records:
         if (driven := _driven(r)) and (
             r.name not in source.names() or source.names()[r.name][1].joined or not set(driven) <= set(_driven(source.record(r.name)))
         ):
@@ -243,11 +247,11 @@ def _delays_of(fit: Calibration) -> dict[str, tuple[float, float]]:
     return {v.record: (v.value, v.error) for v in fit.local if v.name == DELAY}
 
 
-def _said(source: CampaignSource, stage: str, asked: Request, after: Calibration, longest: float) -> tuple[Delay, ...]:
+def _delay_of_tables(source: CampaignSource, stage: str, request: Request, after: Calibration, longest: float) -> tuple[Delay, ...]:
     """Return what each record table of the campaign gets, what the fit found in its records, and who else takes them."""
     out: dict[str, Delay] = {}
-    found = _delays_of(after)
-    for r in (r for r in asked.records if r.name in found):
+    delays_of_record = _delays_of(after)
+    for r in (r for r in request.records if r.name in delays_of_record):
         table = source.names()[r.name][1]
         group = next(g for g, t in source.content.records.items() if t is table)
         if group not in out:
@@ -255,7 +259,7 @@ def _said(source: CampaignSource, stage: str, asked: Request, after: Calibration
             others += [f"the verdict on {v.record}" for v in source.content.verdicts if _takes(source, [v.record], table)]
             channels = () if _driven(r) == _driven(source.record(r.name)) else tuple(_driven(r))
             out[group] = Delay(group, (0.0, longest), channels, {}, tuple(dict.fromkeys(others)))
-        out[group] = replace(out[group], found={**out[group].found, r.name: found[r.name]})
+        out[group] = replace(out[group], found={**out[group].found, r.name: delays_of_record[r.name]})
     return tuple(out.values())
 
 
@@ -286,15 +290,15 @@ def _written(path: Path, stage: str, before: Request, after: Request, delays: Se
         table["bind"] = tomlkit.item({**dict(table.get("bind", {})), **moved})
     scenario, old = after.scenarios.get("*"), before.scenarios.get("*")
     if scenario is not None and old is not None and scenario.initial != old.initial:
-        own = dict(table.get("scenario", {}))
-        own["initial"] = {n: c if isinstance(c, str) else f"{c!r} [K]" for n, c in scenario.initial.items()}
-        table["scenario"] = tomlkit.item(own)
+        scenario_table = dict(table.get("scenario", {}))
+        scenario_table["initial"] = {n: c if isinstance(c, str) else f"{c!r} [K]" for n, c in scenario.initial.items()}
+        table["scenario"] = tomlkit.item(scenario_table)
     local = {n: _local(s) for n, s in after.local.items() if n not in before.local}
     if local:
         table["local"] = tomlkit.item({**dict(table.get("local", {})), **local})
     for delay in delays:
         with_step(document["records"][delay.table], delay)
-    kind = TEMPLATE.of(campaign.stem)
+    kind = TEMPLATE.titled(campaign.stem)
     may_write(campaign, kind)
     folder.mkdir(exist_ok=True)
     model = replace(after.model, title=f"{after.model.title} {NEXT}")

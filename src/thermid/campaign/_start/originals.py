@@ -194,9 +194,9 @@ MOTOR = DataSet(
 """Three runs of a brushless motor without load."""
 
 
-def copies(given: Path | None) -> Path | None:
+def copies(folder: Path | None) -> Path | None:
     """Return the folder with copies of published repositories, as given or of the environment; None for the public addresses."""
-    return given or (Path(os.environ[PUBLIC]) if os.environ.get(PUBLIC) else None)
+    return folder or (Path(os.environ[PUBLIC]) if os.environ.get(PUBLIC) else None)
 
 
 def taken(source: DataSet, file: Original, folder: Path | None) -> bytes:

@@ -100,16 +100,16 @@ def weights(model: Model, values: Mapping[str, float], roles: Roles, masses: Map
     held = {path.rpartition(".")[0]: value for path, value in values.items() if path.endswith(".capacitance")}
     inside = {part: 0.0 for part in masses if part in held}
     for node, capacity in held.items():
-        seat, seen = node, {node}
+        seat, visited = node, {node}
         while seat not in roles.parts.values():
             ties = {
                 n: values.get(f"{c}.conductance", 0.0) for c, law in model.conductors.items() if seat in law.between for n in law.between
             }
-            near = {n: tie for n, tie in ties.items() if n not in seen and n in held}
+            near = {n: tie for n, tie in ties.items() if n not in visited and n in held}
             if not near:
                 break
             seat = max(near, key=near.__getitem__)
-            seen.add(seat)
+            visited.add(seat)
         if seat in inside:
             inside[seat] += capacity
     meaning = "A power is missing or wrong, or an instrument has an offset"

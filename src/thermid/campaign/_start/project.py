@@ -26,7 +26,7 @@ from thermid.model.deck import model_text
 from thermid.model.parameters import parameter
 from thermid.model.tree import Model
 
-FITTED, KEPT = 0.7, "holdout"
+FITTED, HOLDOUT_NAME = 0.7, "holdout"
 """Part of a single log that is fitted; the rest judges."""
 SLIGHT = 0.02
 """A way of heat that carries less than this part of what leaves a part, and whose value the log does not tell, is left out. [-]"""
@@ -71,16 +71,16 @@ class Written:
 def parted(records: Sequence[Record]) -> tuple[list[Record], Record]:
     """Return what is fitted and what judges: of several logs the last one judges, of a single one its last three tenths."""
     if len(records) > 1:
-        return list(records[:-1]), replace(records[-1], name=KEPT)
+        return list(records[:-1]), replace(records[-1], name=HOLDOUT_NAME)
     (one,) = records
     edge = float(one.times[0]) + FITTED * one.duration
     last = float(one.times[one.times <= edge][-1])
     first = float(one.times[one.times > edge][0])
-    return [replace(one.trim("start", last), name="fit")], replace(one.trim(first, "end").shift_start(), name=KEPT)
+    return [replace(one.trim("start", last), name="fit")], replace(one.trim(first, "end").shift_start(), name=HOLDOUT_NAME)
 
 
 def write_project(
-    folder: Path, proposal: Proposal, fitted: Sequence[Record], kept: Record, source: str, title: str, masked: Sequence[str] = ()
+    folder: Path, proposal: Proposal, fitted: Sequence[Record], holdout: Record, source: str, title: str, masked: Sequence[str] = ()
 ) -> Written:
     """Write a proposal as a project that `check`, `calibrate` and `report` take as it is.
 
@@ -89,7 +89,7 @@ def write_project(
     folder : Path           Where; files that thermid did not write there are never replaced.
     proposal : Proposal
     fitted : sequence       The logs in full that are fitted.
-    kept : Record           The log that judges.
+    holdout : Record        The log that judges.
     source : str            Where they came from, in words.
     title : str             Of the model.
     masked : sequence       Readings that are no temperatures and are left out of the logs, in words.
@@ -99,12 +99,12 @@ def write_project(
     OutputError     When a file is there that thermid did not write.
     """
     request, fixed, left_out = settled(proposal.chosen, proposal.roles.boundary)
-    *fitted, kept = with_instants([*fitted, kept], proposal.instants)
+    *fitted, holdout = with_instants([*fitted, holdout], proposal.instants)
     deck = f"{title}.toml"
     texts = {
-        deck: (_deck(proposal, request, fixed, left_out, source, title), DECK.of(title)),
-        "scenario.toml": (_scenario(proposal, fitted), TEMPLATE.of("scenario")),
-        "campaign.toml": (_campaign(proposal, request, fitted, kept, deck, source, title, masked), TEMPLATE.of("campaign")),
+        deck: (_deck(proposal, request, fixed, left_out, source, title), DECK.titled(title)),
+        "scenario.toml": (_scenario(proposal, fitted), TEMPLATE.titled("scenario")),
+        "campaign.toml": (_campaign(proposal, request, fitted, holdout, deck, source, title, masked), TEMPLATE.titled("campaign")),
     }
     folder.mkdir(parents=True, exist_ok=True)
     logs = folder / "logs"
@@ -114,7 +114,7 @@ def write_project(
         may_write(path, kind)
     grammars = dict(zip(texts, ("deck", "scenario", "campaign"), strict=True))
     may_write_schemas(folder, grammars.values())
-    for record in (*fitted, kept):
+    for record in (*fitted, holdout):
         record.to_csv(logs / f"{record.name}.csv")
         files.append(logs / f"{record.name}.csv")
     for name, (text, kind) in texts.items():
@@ -122,7 +122,7 @@ def write_project(
     files += write_schemas(folder, grammars.values())
     marker = folder / "thermid.toml"
     if not marker.exists():
-        write_text(marker, ROOT, TEMPLATE.of("root"))
+        write_text(marker, ROOT, TEMPLATE.titled("root"))
         files.append(marker)
     return Written(folder, tuple(files), proposal, fixed, left_out, tuple(masked))
 
@@ -183,7 +183,7 @@ def _without(model: Model, names: Sequence[str]) -> Model:
     return replace(model, conductors={n: c for n, c in model.conductors.items() if n not in names})
 
 
-def _said(lines: Sequence[str]) -> str:
+def _as_comments(lines: Sequence[str]) -> str:
     return "".join(f"# {line}\n" for line in lines)
 
 
@@ -219,7 +219,7 @@ def _deck(proposal: Proposal, request: Request, fixed: Sequence[str], left_out: 
     head += [proposal.depending_text] if proposal.depending else []
     head += [f"Assumed: {proposal.assumed}"] if proposal.assumed else []
     head += [f"Left out, because the log does not determine them: {', '.join(left_out)}."] if left_out else []
-    return _said(head) + tomlkit.dumps(document)
+    return _as_comments(head) + tomlkit.dumps(document)
 
 
 def _scenario(proposal: Proposal, records: Sequence[Record]) -> str:
@@ -227,7 +227,12 @@ def _scenario(proposal: Proposal, records: Sequence[Record]) -> str:
     longest = max(records, key=lambda r: r.duration)
     around = _ambient(proposal, longest)
     lines = ["Scenario for thermid simulate. Change powers, surroundings and duration as needed."]
-    out = [_said(lines), f'duration = "{longest.duration / 3600.0:.3g} [h]"\n', f'start    = "{around:.4g} [degC]"\n', "\n[boundaries]\n"]
+    out = [
+        _as_comments(lines),
+        f'duration = "{longest.duration / 3600.0:.3g} [h]"\n',
+        f'start    = "{around:.4g} [degC]"\n',
+        "\n[boundaries]\n",
+    ]
     out.append(f'{proposal.roles.boundary} = "{around:.4g} [degC]"\n')
     powers = [p for p in proposal.roles.powers if not p.anchored]
     if powers:
@@ -257,7 +262,7 @@ def _campaign(
     proposal: Proposal,
     request: Request,
     fitted: Sequence[Record],
-    kept: Record,
+    holdout: Record,
     deck: str,
     source: str,
     title: str,
@@ -271,7 +276,7 @@ def _campaign(
     document.add("title", f"{title}: first fit and hold-out")
     document.add("note", f"Written by thermid init from {source}.")
     tables = tomlkit.table(is_super_table=True)
-    for record in (*fitted, kept):
+    for record in (*fitted, holdout):
         table = tomlkit.table()
         table.add("file", f"logs/{record.name}.csv")
         inside = tomlkit.table()
@@ -299,7 +304,7 @@ def _campaign(
     stages.append(stage)
     document.add("stages", stages)
     verdict = tomlkit.table()
-    verdict.update({"name": "hold-out", "model": "first fit", "record": KEPT})
+    verdict.update({"name": "hold-out", "model": "first fit", "record": HOLDOUT_NAME})
     verdict.add("criteria", tomlkit.item({"sensors": {c: {"rmse": f"{_limit(proposal, fitted, c):.2g} [K]"} for c in seats}}))
     unseen = {**{k: v for k, v in local.items() if not k.startswith("initial.")}, **_hidden_starts(request, fitted, seats)}
     if unseen:
@@ -315,9 +320,9 @@ def _campaign(
         "The noise is estimated from second differences of the readings.",
         proposal.offsets_text,
         *([instants_text(proposal.instants)] if proposal.instants else []),
-        *(f"{said}; empty in the logs beside this file." for said in masked),
+        *(f"{reason}; empty in the logs beside this file." for reason in masked),
     ]
-    return _said(head) + tomlkit.dumps(document)
+    return _as_comments(head) + tomlkit.dumps(document)
 
 
 def _channels(proposal: Proposal, seats: Mapping[str, str]) -> dict[str, dict[str, Any]]:
@@ -350,8 +355,8 @@ def _stage_scenario(proposal: Proposal, request: Request) -> dict[str, Any]:
     roles, out = proposal.roles, {}
     if roles.surroundings and not roles.logged:
         out["boundaries"] = {roles.boundary: roles.surroundings}
-    given = next(iter([*(request.scenarios.get(r.name) for r in request.records), request.scenarios.get("*")]), None)
-    initial = {n: c if isinstance(c, str) else f"{c!r} [K]" for n, c in (given.initial if given else {}).items()}
+    scenario_of_record = next(iter([*(request.scenarios.get(r.name) for r in request.records), request.scenarios.get("*")]), None)
+    initial = {n: c if isinstance(c, str) else f"{c!r} [K]" for n, c in (scenario_of_record.initial if scenario_of_record else {}).items()}
     return {**out, **({"initial": initial} if initial else {})}
 
 

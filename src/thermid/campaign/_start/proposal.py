@@ -119,13 +119,15 @@ class Proposal:
         readings = [o.measured for e in one.problem.experiments for o in e.observations]
         spread = float(np.sqrt(np.mean([np.var(values) for values in readings])))
         # the usual residual, which single readings that leap do not move
-        left = 1.4826 * max(float(np.median(np.abs(b.residuals))) for b in one.problem.blocks(one.end.fitted))
-        if left <= max(UNEXPLAINED * spread, NOISES * max(self.noise.values())):
+        remaining = 1.4826 * max(float(np.median(np.abs(b.residuals))) for b in one.problem.blocks(one.end.fitted))
+        if remaining <= max(UNEXPLAINED * spread, NOISES * max(self.noise.values())):
             return ""
-        found = f"No structure explains this log: its residuals are {100.0 * left / spread:.0f} % of the spread of the readings. "
+        problem_text = (
+            f"No structure explains this log: its residuals are {100.0 * remaining / spread:.0f} % of the spread of the readings. "
+        )
         if not self.roles.powers:
-            return f"{found}It has no power; log every power that heats a part."
-        return f"{found}Log every power that heats a part and the temperature of the surroundings, and check what each column is."
+            return f"{problem_text}It has no power; log every power that heats a part."
+        return f"{problem_text}Log every power that heats a part and the temperature of the surroundings, and check what each column is."
 
     @property
     def not_physical(self) -> tuple[RangeCheck, ...]:
@@ -143,8 +145,8 @@ class Proposal:
         parts = [f"{n}.capacitance" for n in self.roles.parts.values()]
         paths = [p for p in one.values if p in parts or p in self._between]
         alike = [s for s in self.search.structures if (s.possible or not s.changes) and s.rmse <= FITS_AS_WELL * one.rmse]
-        found = {p: [s.values[p] for s in (one, *alike) if p in s.values] for p in paths}
-        return {p: (min(v), max(v)) for p, v in found.items() if max(v) > THREEFOLD * min(v)}
+        values = {p: [s.values[p] for s in (one, *alike) if p in s.values] for p in paths}
+        return {p: (min(v), max(v)) for p, v in values.items() if max(v) > THREEFOLD * min(v)}
 
     @property
     def _between(self) -> list[str]:
@@ -155,12 +157,12 @@ class Proposal:
     @property
     def depending_text(self) -> str:
         """Which values depend on the structure; empty for none."""
-        each = [
+        ranges = [
             f"{path} {low:.4g} to {high:.4g} {'J/K' if path.endswith('.capacitance') else 'W/K'}"
             for path, (low, high) in self.depending.items()
         ]
-        found = f"Not determined, because structures that fit as well differ: {', '.join(each)}. "
-        return f"{found}State masses or paths that you know: --mass, --path." if each else ""
+        beginning = f"Not determined, because structures that fit as well differ: {', '.join(ranges)}. "
+        return f"{beginning}State masses or paths that you know: --mass, --path." if ranges else ""
 
     @property
     def decided(self) -> bool:
@@ -185,7 +187,7 @@ class Proposal:
     @property
     def offsets_text(self) -> str:
         """What is assumed of the thermometers and what the log says of their offsets."""
-        found = ", ".join(f"{c} {v:+.2f} +- {e:.2f} K" for c, (v, e) in self.offsets.items())
+        offsets = ", ".join(f"{c} {v:+.2f} +- {e:.2f} K" for c, (v, e) in self.offsets.items())
         against = f" against {self.roles.surroundings}" if self.roles.logged else ""
         rests = [at_rest(e.record, self.roles, self.noise) for e in self.chosen.problem.experiments]
         where = (
@@ -193,7 +195,7 @@ class Proposal:
             if max(rests) > 0.0
             else "The log does not begin at rest, so only the fit shows them: begin the next test with some minutes without power."
         )
-        return f"Offsets of thermometers, accuracy {self.known.accuracy:g} K assumed{against}: {found}. {where}"
+        return f"Offsets of thermometers, accuracy {self.known.accuracy:g} K assumed{against}: {offsets}. {where}"
 
     def __str__(self) -> str:
         """Return the answer first, then what was tried and what the log cannot tell."""
@@ -224,8 +226,8 @@ def at_rest(record: Record, roles: Roles, noise: Mapping[str, float]) -> float:
         watts = np.nan_to_num(record[p.column].values)
         off &= np.abs(watts) <= 0.01 * max(float(np.max(np.abs(watts))), 1e-12)
     size = int(np.argmin(off)) or (off.size if off.all() else 0)
-    seen = [record[c] for c in (*roles.parts, roles.surroundings) if c in record.channels]
-    for c in seen:
+    channels = [record[c] for c in (*roles.parts, roles.surroundings) if c in record.channels]
+    for c in channels:
         values = c.values[:size][c.valid[:size]]
         half = values.size // 2
         drift = abs(float(values[half:].mean() - values[:half].mean())) if half >= REST // 2 else np.inf
@@ -234,7 +236,7 @@ def at_rest(record: Record, roles: Roles, noise: Mapping[str, float]) -> float:
     return float(record.times[size - 1] - record.times[0]) if roles.powers and size >= REST else 0.0
 
 
-def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3, known: StatedFacts = StatedFacts()) -> dict[str, Any]:
+def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3, facts: StatedFacts = StatedFacts()) -> dict[str, Any]:
     """Return the deck of measured parts, each joined to all others and to the surroundings.
 
     Parameters
@@ -243,13 +245,13 @@ def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3, 
     capacity : float    Heat capacity that each begins with. [J/K]
     loss : float        Conductance to the surroundings that each begins with. [W/K]
     contact : float     Conductance between two parts that each begins with, over `loss`. [-]
-    known : StatedFacts       Masses and paths.
+    facts : StatedFacts       Masses and paths.
     """
     parts, out = list(roles.parts.values()), roles.boundary
-    pairs = known.paths or (itertools.combinations(parts, 2) if len(parts) <= COMPLETE else itertools.pairwise(parts))
+    pairs = facts.paths or (itertools.combinations(parts, 2) if len(parts) <= COMPLETE else itertools.pairwise(parts))
     links = {f"{a}_to_{b}": {"kind": "conduction", "between": [a, b], "conductance": f"{contact * loss!r} [W/K]"} for a, b in pairs}
     losses = {f"{p}_loss": {"kind": "conduction", "between": [p, out], "conductance": f"{loss!r} [W/K]"} for p in parts}
-    sizes = {p: known.masses[p].capacitance if p in known.masses else capacity for p in parts}
+    sizes = {p: facts.masses[p].capacitance if p in facts.masses else capacity for p in parts}
     return {
         "title": "Proposed",
         "needs": [out],
@@ -260,22 +262,22 @@ def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3, 
 
 
 def request_of(
-    roles: Roles, records: Sequence[Record], capacity: float, loss: float, contact: float = 0.3, known: StatedFacts = StatedFacts()
+    roles: Roles, records: Sequence[Record], capacity: float, loss: float, contact: float = 0.3, facts: StatedFacts = StatedFacts()
 ) -> Request:
     """Return the fit of the parts alone, or of the deck to begin with.
 
     Without a power in watts and without a known mass the first heat capacity is assumed and not fitted.
     """
-    if known.deck is not None:
+    if facts.deck is not None:
         # the values of a deck that a first fit looks for
-        values = ParameterSet(known.deck)
+        values = ParameterSet(facts.deck)
         roots = [values.literal_behind(p) for p in values.table if p.rpartition(".")[2] in FREE]
-        model, free = known.deck, [p for p in dict.fromkeys(roots) if p and values.table[p].parameter.source not in STATED]
+        model, free = facts.deck, [p for p in dict.fromkeys(roots) if p and values.table[p].parameter.source not in STATED]
     else:
-        deck = base_deck(roles, capacity, loss, contact, known)
+        deck = base_deck(roles, capacity, loss, contact, facts)
         free = [f"{n}.capacitance" for n in deck["nodes"]] + [f"{c}.conductance" for c in deck["conductors"]]
         free += [] if _in_watts(roles) else [f"{p.load}.power" for p in roles.powers]
-        if _ratios_only(roles, known):
+        if _ratios_only(roles, facts):
             first = next(iter(deck["nodes"]))
             deck["nodes"][first]["capacitance"] = f"{ASSUMED!r} [J/K]"
             free.remove(f"{first}.capacitance")
@@ -285,7 +287,7 @@ def request_of(
     if not roles.surroundings:
         lowest = min((first_reading(r, c), c) for r in records for c in roles.parts if c in r.channels)
         local = {roles.boundary: LocalSpec(lowest[1], LOOSE_AMBIENT)}
-    priors = {path: prior for path, prior in known.priors.items() if path in free}
+    priors = {path: prior for path, prior in facts.priors.items() if path in free}
     return Request(model, tuple(records), tuple(free), {"*": scenario}, local, priors=priors, name="proposed")
 
 
@@ -293,9 +295,9 @@ def _in_watts(roles: Roles) -> bool:
     return any(not p.anchored for p in roles.powers)
 
 
-def _ratios_only(roles: Roles, known: StatedFacts) -> bool:
+def _ratios_only(roles: Roles, facts: StatedFacts) -> bool:
     """Whether nothing gives a scale of heat: no power in watts, no mass from a scale, no deck."""
-    return not _in_watts(roles) and not known.masses and known.deck is None
+    return not _in_watts(roles) and not facts.masses and facts.deck is None
 
 
 def seated(roles: Roles, deck: Model) -> Roles:
@@ -338,7 +340,7 @@ def propose(
     records: Sequence[Record],
     evaluations: int = EVALUATIONS,
     noise: Mapping[str, float] | None = None,
-    known: StatedFacts = StatedFacts(),
+    facts: StatedFacts = StatedFacts(),
 ) -> Proposal:
     """Propose a structure for logs.
 
@@ -348,62 +350,62 @@ def propose(
     records : sequence      The logs, read with these roles.
     evaluations : int       Budget of the search.
     noise : dict            Column -> noise where it is known; from the log elsewhere. [K]
-    known : StatedFacts           Accuracy of thermometers, masses, paths, a deck to begin with.
+    facts : StatedFacts           Accuracy of thermometers, masses, paths, a deck to begin with.
 
     Raises
     ------
     IdentificationError     When nothing in the log moves: no part's temperature changes by more than its noise.
     """
-    made, sizes = [], dict(noise or {})
+    prepared, sizes = [], dict(noise or {})
     for record in records:
-        one, found = with_noise(record, sizes, known.accuracy)
-        made.append(one)
-        sizes = {**found, **sizes}
-    _refuse_still(made, roles, sizes)
-    roles = replace(roles, powers=tuple(_placed(p, roles, made) for p in roles.powers))
-    roles, begun = _begun(roles, made, known)
-    changes = _within(roles, known)
+        one, estimated_noise = with_noise(record, sizes, facts.accuracy)
+        prepared.append(one)
+        sizes = {**estimated_noise, **sizes}
+    _refuse_still(prepared, roles, sizes)
+    roles = replace(roles, powers=tuple(_placed(p, roles, prepared) for p in roles.powers))
+    roles, begun = _begun(roles, prepared, facts)
+    changes = _within(roles, facts)
     instants = found_instants(begun, changes)
     request = replace(begun.request, records=tuple(with_instants(begun.request.records, instants)))
     search = search_structure(request, changes=changes, evaluations=evaluations, begin=begun.fitted)
     assumed = ""
-    if _ratios_only(roles, known):
+    if _ratios_only(roles, facts):
         first = next(iter(roles.parts.values()))
         assumed = (
             f"{first}.capacitance = {ASSUMED:g} J/K, because no column gives a power in watts, so the log determines ratios to it "
             f"only. Give --full-scale COLUMN='... [W]', or a mass: --mass {first}='1.2 [kg]'."
         )
-    return Proposal(roles, search, sizes, assumed, known, instants)
+    return Proposal(roles, search, sizes, assumed, facts, instants)
 
 
-def _within(roles: Roles, known: StatedFacts) -> Any:
+def _within(roles: Roles, facts: StatedFacts) -> Any:
     """Return the changes of a fitted structure that keep it within the masses of a proposal, and weighed parts within their weight."""
     measured = set(roles.parts.values())
 
-    def changes(seen: Fitted) -> list[MissingElement]:
-        room = max(MOST_MASSES, len(measured) + 1) - len(seen.request.model.nodes)
-        lags = [f"a lag of the sensor at '{n}'" for n in seen.request.model.nodes] + ["a lag of every sensor"]
-        tips = [f"'{n}'" for n in seen.request.model.nodes if n not in measured and n.endswith("_sensor")]
+    def changes(structure: Fitted) -> list[MissingElement]:
+        room = max(MOST_MASSES, len(measured) + 1) - len(structure.request.model.nodes)
+        lags = [f"a lag of the sensor at '{n}'" for n in structure.request.model.nodes] + ["a lag of every sensor"]
+        tips = [f"'{n}'" for n in structure.request.model.nodes if n not in measured and n.endswith("_sensor")]
         barred = [*UNSAID, *tips]  # a sensor touches its part and nothing else
-        able = (c for c in changes_of(seen) if (c.nodes <= room or c.name in lags) and not any(w in c.name for w in barred))
-        return [_weighed(_fixed_sensors(c, seen) if c.name in lags else c, roles, known) for c in able]
+        able = (c for c in changes_of(structure) if (c.nodes <= room or c.name in lags) and not any(w in c.name for w in barred))
+        return [_weighed(_fixed_sensors(c, structure) if c.name in lags else c, roles, facts) for c in able]
 
     return changes
 
 
-def _fixed_sensors(lag: MissingElement, seen: Fitted) -> MissingElement:
+def _fixed_sensors(lag: MissingElement, structure: Fitted) -> MissingElement:
     """Return a lag that is possible only as long as sensors that are fixed to a part have one."""
-    tips = {n: node for n, node in lag.request.model.nodes.items() if n not in seen.request.model.nodes}
+    tips = {n: node for n, node in lag.request.model.nodes.items() if n not in structure.request.model.nodes}
     held = {f"{n}_fit.conductance": literal(node.fields["capacitance"].text, "J/K", n) for n, node in tips.items()}
 
-    def judge(found: Any) -> tuple[str, bool]:
-        text, possible = lag.judge(found)
-        return text, possible and all(c / found[path].value <= SLOWEST_SENSOR for path, c in held.items())
+    def judge(values: Any) -> tuple[str, bool]:
+        text, possible = lag.judge(values)
+        return text, possible and all(c / values[path].value <= SLOWEST_SENSOR for path, c in held.items())
 
     return replace(lag, judge=judge)
 
 
-def _weighed(change: MissingElement, roles: Roles, known: StatedFacts) -> MissingElement:
+def _weighed(change: MissingElement, roles: Roles, facts: StatedFacts) -> MissingElement:
     """Return a change that is possible only as long as every weighed part has a heat capacity that its weight allows.
 
     A mass without a sensor that it fixes to a weighed part begins with a prior: a delay of the power would be answered by any mass.
@@ -413,16 +415,16 @@ def _weighed(change: MissingElement, roles: Roles, known: StatedFacts) -> Missin
         priors = {}
         for n in (n for n in after.model.nodes if f"{n}.capacitance" in after.free and n not in roles.parts.values()):
             near = {m for law in after.model.conductors.values() if n in law.between for m in law.between} - {n, roles.boundary}
-            if len(near) == 1 and (part := near.pop()) in known.masses:
-                priors[f"{n}.capacitance"] = (f"{FIXED * known.masses[part].capacitance:.4g} [J/K]", FIXED_SD)
+            if len(near) == 1 and (part := near.pop()) in facts.masses:
+                priors[f"{n}.capacitance"] = (f"{FIXED * facts.masses[part].capacitance:.4g} [J/K]", FIXED_SD)
         return replace(after, priors={**priors, **after.priors})
 
-    def judge(found: Any) -> tuple[str, bool]:
-        text, possible = change.judge(found)
-        values = {path: found[path].value for path in found if path.rpartition(".")[2] in ("capacitance", "conductance")}
-        return text, possible and all(c.verdict == "possible" for c in weights(change.request.model, values, roles, known.masses))
+    def judge(fitted: Any) -> tuple[str, bool]:
+        text, possible = change.judge(fitted)
+        values = {path: fitted[path].value for path in fitted if path.rpartition(".")[2] in ("capacitance", "conductance")}
+        return text, possible and all(c.verdict == "possible" for c in weights(change.request.model, values, roles, facts.masses))
 
-    if not known.masses:
+    if not facts.masses:
         return change
     return replace(change, request=light(change.request), make=lambda request: light(change.make(request)), judge=judge)
 
@@ -467,7 +469,7 @@ def _answer(power: str, column: str, records: Sequence[Record]) -> float:
     return size
 
 
-def _begun(roles: Roles, records: Sequence[Record], known: StatedFacts) -> tuple[Roles, FittedStructure]:
+def _begun(roles: Roles, records: Sequence[Record], facts: StatedFacts) -> tuple[Roles, FittedStructure]:
     """Return the parts alone, fitted from several time constants, the best end; and what each power heats there.
 
     A power whose part nobody told is tried in every part.
@@ -477,11 +479,11 @@ def _begun(roles: Roles, records: Sequence[Record], known: StatedFacts) -> tuple
     refusal: ThermidError | None = None
     for placed in _placements(roles):
         starts = itertools.product(PACES, CONTACTS if len(roles.parts) > 1 else CONTACTS[:1])
-        for pace, contact in starts if known.deck is None else [(PACES[0], CONTACTS[0])]:
+        for pace, contact in starts if facts.deck is None else [(PACES[0], CONTACTS[0])]:
             loss = watts / max(rise, 1e-3) / len(roles.parts) if _in_watts(roles) else ASSUMED / (pace * span)
-            asked = request_of(placed, records, max(loss * pace * span, 1e-3), max(loss, 1e-6), contact, known)
+            request = request_of(placed, records, max(loss * pace * span, 1e-3), max(loss, 1e-6), contact, facts)
             try:
-                one = fitted_structure((), asked, {})
+                one = fitted_structure((), request, {})
             except ThermidError as error:
                 refusal = error
                 continue
@@ -498,8 +500,8 @@ def _placements(roles: Roles) -> list[Roles]:
     """Return the roles with each power that nobody placed in every part in turn; as it is where that would be too many."""
     parts = list(roles.parts.values())
     choices = [[p] if p.told else [replace(p, node=n) for n in parts] for p in roles.powers]
-    made = list(itertools.islice(itertools.product(*choices), MOST_PLACEMENTS + 1))
-    return [replace(roles, powers=powers) for powers in made] if len(made) <= MOST_PLACEMENTS else [roles]
+    placements = list(itertools.islice(itertools.product(*choices), MOST_PLACEMENTS + 1))
+    return [replace(roles, powers=powers) for powers in placements] if len(placements) <= MOST_PLACEMENTS else [roles]
 
 
 def _scales(roles: Roles, records: Sequence[Record]) -> tuple[float, float, float]:

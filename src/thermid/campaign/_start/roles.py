@@ -134,13 +134,13 @@ def read_as(roles: Roles, log: Path, same: Mapping[str, str], time: str | None =
     refuse_unknown(same, [*roles.channels(), *roles.ignored], "--same", "no column '{}' in the first log. Columns: {known}.")
     other = {column: there for column, there in same.items() if column not in here}
     refuse_unknown(other.values(), here, f"{log.name}, --same", "no column '{}'. Columns: {known}.")
-    asked: dict[str, Any] = {}
+    bindings: dict[str, Any] = {}
     for column, table in roles.channels().items():
         formula = table.get("power")
         for one, there in other.items():
             formula = re.sub(rf"(?<![\w`]){re.escape(one)}(?![\w`])", f"`{there}`", formula) if isinstance(formula, str) else formula
-        asked[other.get(column, column)] = table | ({"power": formula} if formula else {})
-    record = read_record(log, asked, time=time if time in here else None, name=name)
+        bindings[other.get(column, column)] = table | ({"power": formula} if formula else {})
+    record = read_record(log, bindings, time=time if time in here else None, name=name)
     names = {there: column for column, there in other.items()}
     channels = {names.get(c.name, c.name): replace(c, name=names.get(c.name, c.name), column="") for c in record.channels.values()}
     return replace(record, channels=channels) if other else record
@@ -226,19 +226,19 @@ def roles_of(
         raise RecordError("no column is recognised as the temperature of a part. Name them: --temperature COLUMN=PART.", path.name)
     scales = dict(full_scale or {})
     heated = [_pair(p, False) for p in powers] or [(n, "") for n in (*guessed["power"], *guessed["duty"]) if not _idle(columns[n].values)]
-    made = tuple(
+    logged_powers = tuple(
         Power(n, node, scales.get(n, ""), n in scales or columns[n].guess == "duty" or columns[n].unit == "%") for n, node in heated
     )
-    given = dict(formulas or {})
-    made = (*made, *(Power(name, formula=text, told=False) for name, text in given.items()))
-    taken = {*parts, around, *(p.column for p in made)}
+    formula_of_power = dict(formulas or {})
+    logged_powers = (*logged_powers, *(Power(name, formula=text, told=False) for name, text in formula_of_power.items()))
+    taken = {*parts, around, *(p.column for p in logged_powers)}
     units = {n: c.unit for n, c in columns.items() if n in taken and c.assumed and c.unit}
     rest = {n: "never on" if _idle(c.values) and c.guess in ("power", "duty") else c.why for n, c in columns.items() if n not in taken}
-    used = {n for text in given.values() for n in columns if re.search(rf"(?<!\w){re.escape(n)}(?!\w)", text)}
+    used = {n for text in formula_of_power.values() for n in columns if re.search(rf"(?<!\w){re.escape(n)}(?!\w)", text)}
     rest = {n: w for n, w in rest.items() if columns[n].guess != "time" and n not in used}
-    asked = (_power_question(columns[n]) for n in rest)
-    questions = tuple(q for q in asked if q)
-    return Roles(parts, around, made, units, time, {n: columns[n].why for n in taken if n in columns}, rest, questions=questions)
+    candidates = (_power_question(columns[n]) for n in rest)
+    questions = tuple(q for q in candidates if q)
+    return Roles(parts, around, logged_powers, units, time, {n: columns[n].why for n in taken if n in columns}, rest, questions=questions)
 
 
 def _power_question(column: Column) -> str:
@@ -271,8 +271,8 @@ def _pair(text: str, named: bool = True) -> tuple[str, str]:
 
 
 def _idle(values: FloatArray) -> bool:
-    known = values[np.isfinite(values)]
-    return not known.size or not np.any(known)
+    finite = values[np.isfinite(values)]
+    return not finite.size or not np.any(finite)
 
 
 def noise_of(channel: Channel) -> float:
@@ -291,9 +291,9 @@ def noise_of(channel: Channel) -> float:
     return float(max(size, step / 12.0**0.5, 1e-3))
 
 
-def with_noise(record: Record, known: Mapping[str, float] | None = None, accuracy: float = ACCURACY) -> tuple[Record, dict[str, float]]:
+def with_noise(record: Record, stated: Mapping[str, float] | None = None, accuracy: float = ACCURACY) -> tuple[Record, dict[str, float]]:
     """Return a record whose temperatures have a noise and the accuracy of their instruments, and the noise of parts by column. [K]"""
-    found = {n: (known or {}).get(n, noise_of(c)) for n, c in record.channels.items() if c.role == "node"}
+    noises = {n: (stated or {}).get(n, noise_of(c)) for n, c in record.channels.items() if c.role == "node"}
     around = [n for n, c in record.channels.items() if c.role == "boundary"]
-    made = [replace(record[n], noise=found.get(n, record[n].noise), accuracy=accuracy) for n in (*found, *around)]
-    return record.with_channels(*made), found
+    channels = [replace(record[n], noise=noises.get(n, record[n].noise), accuracy=accuracy) for n in (*noises, *around)]
+    return record.with_channels(*channels), noises

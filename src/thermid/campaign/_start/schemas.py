@@ -37,7 +37,7 @@ def may_write_schemas(folder: Path, kinds: Iterable[str]) -> None:
     OutputError   When a file is there that thermid did not write.
     """
     for kind in kinds if (folder / FOLDER).is_dir() else ():
-        may_write(folder / _place(kind), SCHEMA.of(kind))
+        may_write(folder / _place(kind), SCHEMA.titled(kind))
 
 
 def write_schemas(folder: Path, kinds: Iterable[str]) -> list[Path]:
@@ -48,7 +48,7 @@ def write_schemas(folder: Path, kinds: Iterable[str]) -> list[Path]:
     OutputError   When a file is there that thermid did not write.
     """
     (folder / FOLDER).mkdir(exist_ok=True)
-    return [write_text(folder / _place(k), json.dumps(json_schema(k), indent=2), SCHEMA.of(k)) for k in sorted(set(kinds))]
+    return [write_text(folder / _place(k), json.dumps(json_schema(k), indent=2), SCHEMA.titled(k)) for k in sorted(set(kinds))]
 
 
 def head_copies(folder: Path, files: Sequence[Path]) -> list[Path]:
@@ -63,11 +63,11 @@ def head_copies(folder: Path, files: Sequence[Path]) -> list[Path]:
     """
     locked = {file.parent for file in files if file.name.endswith(".lock.json")}
     texts = {f: read_text(f) for f in files if f.suffix == ".toml" and locked.isdisjoint(f.parents)}
-    found = {file: kind for file, text in texts.items() if (kind := kind_of(text))}
-    for file, kind in found.items():
+    kind_of_file = {file: kind for file, text in texts.items() if (kind := kind_of(text))}
+    for file, kind in kind_of_file.items():
         file.unlink()
         write_bytes(file, headed(texts[file], kind, len(file.relative_to(folder).parents) - 1).encode(), COPY)
-    return write_schemas(folder, found.values()) if found else []
+    return write_schemas(folder, kind_of_file.values()) if kind_of_file else []
 
 
 def kind_of(text: str) -> str:

@@ -79,10 +79,10 @@ class Instants:
         logged = np.isin(every, times)
         channels = []
         for name, c in record.channels.items():
-            at, seen = (source, c.valid[source]) if name in driven else (last, c.valid[last] & logged)
-            channels.append(replace(c, values=c.values[at], valid=seen, masks={}, prompt=c.prompt or name in driven))
-        said = f"powers change when temperatures say, {self.mean:+.3g} s from their samples on average"
-        return replace(record, times=every, channels={c.name: c for c in channels}, steps=(*record.steps, said))
+            at, valid = (source, c.valid[source]) if name in driven else (last, c.valid[last] & logged)
+            channels.append(replace(c, values=c.values[at], valid=valid, masks={}, prompt=c.prompt or name in driven))
+        remark = f"powers change when temperatures say, {self.mean:+.3g} s from their samples on average"
+        return replace(record, times=every, channels={c.name: c for c in channels}, steps=(*record.steps, remark))
 
     def _shift(self, time: float) -> float:
         near = np.flatnonzero(np.abs(self.logged - time) < 1e-6)
@@ -106,64 +106,66 @@ def found_instants(begun: FittedStructure, changes: Callable[[Fitted], Sequence[
     changes : callable          Changes of it that may be.
     """
     records = begun.request.records
-    asked = {
+    candidates = {
         r.name: Instants(r.times[edges], np.zeros(edges.size if edges.size <= MOST_INSTANTS else 1), r.step)
         for r in records
         if (edges := _edges(r, _driven(r))).size
     }
-    if not asked:
+    if not candidates:
         return {}
     rival = _with_a_mass(begun, changes)
-    (cost, found, at), other = (_settled(one, asked) for one in (begun, rival))
+    (cost, instants, at), other = (_settled(one, candidates) for one in (begun, rival))
     reduced = max(min(e.end.chi_square / max(e.problem.freedom, 1.0) for e in (at, other[2])), 1e-12)
     if other[0] < cost - PROVES_INSTANT * reduced:  # a mass beside the instants has to prove itself too: one for nothing would move them
-        cost, found, at = other
-    if any(float(np.ptp(f.shifts)) > 1.1 * f.step for f in found.values()):
+        cost, instants, at = other
+    if any(float(np.ptp(f.shifts)) > 1.1 * f.step for f in instants.values()):
         return {}  # each is in the interval before its sample, on one clock: what differs by more is no instant, but a mass
-    if all(float(np.max(np.abs(f.shifts))) < 0.2 * f.step for f in found.values()):
+    if all(float(np.max(np.abs(f.shifts))) < 0.2 * f.step for f in instants.values()):
         return {}  # they were logged when they changed
-    return found if rival.end.cost - cost > PROVES_INSTANT * reduced * sum(f.shifts.size for f in found.values()) else {}
+    return instants if rival.end.cost - cost > PROVES_INSTANT * reduced * sum(f.shifts.size for f in instants.values()) else {}
 
 
-def _settled(one: FittedStructure, asked: Mapping[str, Instants]) -> tuple[float, Mapping[str, Instants], FittedStructure]:
+def _settled(one: FittedStructure, begin: Mapping[str, Instants]) -> tuple[float, Mapping[str, Instants], FittedStructure]:
     """Return the least cost of a structure with instants of its own, these, and the structure fitted with them."""
-    ends, at, found, records = [], one, asked, one.request.records
+    ends, at, instants, records = [], one, begin, one.request.records
     for _ in range(ROUNDS):
         try:
-            found = _stepped(at, records, found)
-            at = fitted_structure(one.changes, replace(one.request, records=_records_at(records, found)), at.fitted)
+            instants = _stepped(at, records, instants)
+            at = fitted_structure(one.changes, replace(one.request, records=_records_at(records, instants)), at.fitted)
         except (ThermidError, np.linalg.LinAlgError):
             break
-        ends.append((at.end.cost + sum(f.penalty for f in found.values()), found, at))
+        ends.append((at.end.cost + sum(f.penalty for f in instants.values()), instants, at))
     return min(ends, key=lambda end: end[0], default=(np.inf, {}, one))
 
 
-def with_instants(records: Sequence[Record], found: Mapping[str, Instants]) -> list[Record]:
+def with_instants(records: Sequence[Record], instants: Mapping[str, Instants]) -> list[Record]:
     """Return records whose powers change at the instants that were found; a record without its own takes the mean of all."""
-    if not found:
+    if not instants:
         return list(records)
-    step = float(np.mean([f.step for f in found.values()]))
-    usual = Instants(np.zeros(0), np.array([np.mean([f.mean for f in found.values()])]), step)
-    return [found.get(r.name, usual).laid_over(r) for r in records]
+    step = float(np.mean([f.step for f in instants.values()]))
+    usual = Instants(np.zeros(0), np.array([np.mean([f.mean for f in instants.values()])]), step)
+    return [instants.get(r.name, usual).laid_over(r) for r in records]
 
 
-def instants_text(found: Mapping[str, Instants]) -> str:
+def instants_text(instants: Mapping[str, Instants]) -> str:
     """Return what was changed in logs and why; empty for nothing."""
-    if not found:
+    if not instants:
         return ""
-    each = [
-        f"{t:.0f} s {by:+.0f} s" for f in found.values() for t, by in zip(f.logged, np.broadcast_to(f.shifts, f.logged.shape), strict=True)
+    moves = [
+        f"{t:.0f} s {by:+.0f} s"
+        for f in instants.values()
+        for t, by in zip(f.logged, np.broadcast_to(f.shifts, f.logged.shape), strict=True)
     ]
-    shown = ", ".join(each[:MOST_INSTANTS])
+    shown = ", ".join(moves[:MOST_INSTANTS])
     return (
         f"Powers changed at other times than logged, by the temperatures: {shown}. The logs that init writes have these times; "
         "in the hold-out record every change is moved by their mean."
     )
 
 
-def _records_at(records: Sequence[Record], found: Mapping[str, Instants]) -> tuple[Record, ...]:
+def _records_at(records: Sequence[Record], instants: Mapping[str, Instants]) -> tuple[Record, ...]:
     """Return records, those with instants of their own at these."""
-    return tuple(found[r.name].laid_over(r) if r.name in found else r for r in records)
+    return tuple(instants[r.name].laid_over(r) if r.name in instants else r for r in records)
 
 
 def _driven(record: Record) -> list[str]:
@@ -182,45 +184,47 @@ def _edges(record: Record, driven: Sequence[str]) -> Indices:
 
 def _with_a_mass(one: FittedStructure, changes: Callable[[Fitted], Sequence[MissingElement]]) -> FittedStructure:
     """Return a structure with one mass more, that which fits the readings best; as it is where none does."""
-    made = [one]
+    structures = [one]
     every = changes(Fitted.of_problem(one.request, one.problem, one.end.fitted))
     for promised in promises(one, [c for c in every if c.nodes == 1], [])[:CHALLENGES]:
         try:
-            made.append(fitted_structure((promised.change,), promised.change.request, one.fitted, promised.start))
+            structures.append(fitted_structure((promised.change,), promised.change.request, one.fitted, promised.start))
         except (ThermidError, np.linalg.LinAlgError):
             continue
-    return min(made, key=lambda m: m.end.cost)
+    return min(structures, key=lambda m: m.end.cost)
 
 
-def _stepped(one: FittedStructure, records: Sequence[Record], found: Mapping[str, Instants]) -> dict[str, Instants]:
+def _stepped(one: FittedStructure, records: Sequence[Record], instants_of_record: Mapping[str, Instants]) -> dict[str, Instants]:
     """Return the instants after one step of Gauss and Newton of all unknowns; `records` are as they were logged."""
     from scipy.linalg import block_diag
 
     at = one.end.fitted
     priors, slopes = one.problem.prior_rows(at)
-    rows = _weighted(one, records, found)
+    rows = _weighted(one, records, instants_of_record)
     tables = [(one.problem.slopes(i, at), e.observations) for i, e in enumerate(one.problem.experiments)]
-    own = np.concatenate([table[o.index, k, :] for table, observed in tables for k, o in enumerate(observed)])
+    derivatives = np.concatenate([table[o.index, k, :] for table, observed in tables for k, o in enumerate(observed)])
     columns = []
-    for name, instants in found.items():
+    for name, instants in instants_of_record.items():
         by = 0.25 * instants.step
         for unit in np.eye(instants.shifts.size):
-            columns.append((_weighted(one, records, {**found, name: instants.stepped(by * unit)}) - rows) / by)
-    roots = block_diag(*(f.root for f in found.values()))
-    middles = np.concatenate([f.shifts + 0.5 * f.step for f in found.values()])
+            columns.append((_weighted(one, records, {**instants_of_record, name: instants.stepped(by * unit)}) - rows) / by)
+    roots = block_diag(*(f.root for f in instants_of_record.values()))
+    middles = np.concatenate([f.shifts + 0.5 * f.step for f in instants_of_record.values()])
     matrix = np.block(
         [
-            [own, np.column_stack(columns)],
+            [derivatives, np.column_stack(columns)],
             [slopes, np.zeros((priors.size, len(columns)))],
             [np.zeros((len(columns), at.size)), roots],
         ]
     )
-    left = np.concatenate([rows, priors, roots @ middles])
-    steps = np.split(np.linalg.lstsq(matrix, -left, rcond=None)[0][at.size :], np.cumsum([f.shifts.size for f in found.values()])[:-1])
-    return {name: f.stepped(step) for (name, f), step in zip(found.items(), steps, strict=True)}
+    residuals = np.concatenate([rows, priors, roots @ middles])
+    steps = np.split(
+        np.linalg.lstsq(matrix, -residuals, rcond=None)[0][at.size :], np.cumsum([f.shifts.size for f in instants_of_record.values()])[:-1]
+    )
+    return {name: f.stepped(step) for (name, f), step in zip(instants_of_record.items(), steps, strict=True)}
 
 
-def _weighted(one: FittedStructure, records: Sequence[Record], found: Mapping[str, Instants]) -> FloatArray:
+def _weighted(one: FittedStructure, records: Sequence[Record], instants: Mapping[str, Instants]) -> FloatArray:
     """Return the weighted residuals with powers that change at other instants, at the values of a fit."""
-    problem = build_problem(replace(one.request, records=_records_at(records, found)))
+    problem = build_problem(replace(one.request, records=_records_at(records, instants)))
     return np.concatenate([b.weighted for b in problem.blocks(one.end.fitted)])

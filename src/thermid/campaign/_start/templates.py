@@ -99,12 +99,12 @@ def write_template(name: str, folder: Path) -> tuple[str, list[Path]]:
     OutputError         When a file is there that thermid did not write.
     """
     if name not in TEMPLATES:
-        known = [*TEMPLATES, "tclab"]
-        raise NameNotFoundError(f"no template '{name}'; there are {', '.join(known)}.{nearest(name, known)}", "--template")
+        names = [*TEMPLATES, "tclab"]
+        raise NameNotFoundError(f"no template '{name}'; there are {', '.join(names)}.{nearest(name, names)}", "--template")
     files = dict(TEMPLATES[name][1])
     folder.mkdir(parents=True, exist_ok=True)
     deck = next(iter(files))
-    kinds = {file: DECK.of(Path(file).stem) if file == deck else TEMPLATE.of(Path(file).stem) for file in files}
+    kinds = {file: DECK.titled(Path(file).stem) if file == deck else TEMPLATE.titled(Path(file).stem) for file in files}
     grammars = {file: "deck" if file == deck else "scenario" for file in files}
     for file, kind in kinds.items():
         may_write(folder / file, kind)
@@ -112,5 +112,5 @@ def write_template(name: str, folder: Path) -> tuple[str, list[Path]]:
     written = [write_text(folder / file, headed(text, grammars[file]), kinds[file]) for file, text in files.items()]
     written += write_schemas(folder, grammars.values())
     if not (folder / "thermid.toml").exists():
-        written.append(write_text(folder / "thermid.toml", ROOT, TEMPLATE.of("root")))
+        written.append(write_text(folder / "thermid.toml", ROOT, TEMPLATE.titled("root")))
     return f"thermid simulate {folder / deck} --scenario {folder / 'scenario.toml'}", written

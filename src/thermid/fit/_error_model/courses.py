@@ -118,9 +118,9 @@ AFTER = 1e-3
 
 def _power_of(load: FlatLoad, wiring: Wiring, values: Mapping[str, Any]) -> Any:
     """Return the power of a load as its scenario gives it, else as its deck does; None where a temperature has a say in it."""
-    given = wiring.scenario.loads.get(load.path)
-    if given is not None:
-        return given
+    course = wiring.scenario.loads.get(load.path)
+    if course is not None:
+        return course
     if load.follows_temperature or "power" not in load.fields:
         return None
     return wiring.signals[f"load {load.path}"].scaled(float(value_of(values[load.fields["power"]])))

@@ -50,8 +50,8 @@ MOST: Final = float(GASES["air"].k(REFERENCE)) / THINNEST
 
 def bare_contacts(network: Network) -> list[FlatConductor]:
     """Return the contacts whose deck does not say what of them is gas: touching spots and gas between in one conductance."""
-    own = network.flat.conductors
-    return [c for c in own if c.kind == "contact" and "contact_conductance" in c.fields and "gap" not in c.fields]
+    conductors = network.flat.conductors
+    return [c for c in conductors if c.kind == "contact" and "contact_conductance" in c.fields and "gap" not in c.fields]
 
 
 def separated(network: Network, media: Sequence[Media]) -> tuple[str, ...]:
@@ -59,9 +59,9 @@ def separated(network: Network, media: Sequence[Media]) -> tuple[str, ...]:
     return tuple(c.path for c in bare_contacts(network) if any(m.changed(g) for m in media for g in _gases(network, c)))
 
 
-def losing_gas(network: Network, media: Media, seen: Sequence[str]) -> list[FlatConductor]:
-    """Return the contacts whose gas a scenario changes, less those (`seen`) whose parts a record had separated."""
-    return [c for c in bare_contacts(network) if c.path not in seen and any(media.changed(g) for g in _gases(network, c))]
+def losing_gas(network: Network, media: Media, separated: Sequence[str]) -> list[FlatConductor]:
+    """Return the contacts whose gas a scenario changes, less those (`separated`) whose parts a record had separated."""
+    return [c for c in bare_contacts(network) if c.path not in separated and any(media.changed(g) for g in _gases(network, c))]
 
 
 def _gases(network: Network, joint: FlatConductor) -> list[str]:
@@ -107,7 +107,7 @@ class Discrepancy(Result):
             "surfaces": {p: list(at) for p, at in self.surfaces.items()},
             "separated": list(self.separated),
             "assumed": {p: moved.tolist() for p, moved in self.assumed.items()},
-            "of_assumed": {p: list(said) for p, said in self.of_assumed.items()},
+            "of_assumed": {p: list(variance_and_shift) for p, variance_and_shift in self.of_assumed.items()},
         }
 
     @classmethod
@@ -135,10 +135,10 @@ def discrepancy(fit: Calibration) -> Discrepancy:
     ------
     IdentificationError   When the calibration does not hold what its fit left open.
     """
-    kept = discrepancy_kept(fit.values)
-    if kept is None:
+    discrepancy_of_fit = discrepancy_kept(fit.values)
+    if discrepancy_of_fit is None:
         raise IdentificationError("this calibration does not include the data on its model discrepancy. Run the fit again.", fit.stage)
-    return kept
+    return discrepancy_of_fit
 
 
 def discrepancy_kept(values: FittedValues) -> Discrepancy | None:
@@ -148,8 +148,8 @@ def discrepancy_kept(values: FittedValues) -> Discrepancy | None:
 
 def kept_in(provenance: Mapping[str, Any]) -> Discrepancy | None:
     """Return what the provenance of a stage keeps; None where it is of a file of before."""
-    kept = provenance.get(KEY)
-    return Discrepancy.from_dict(kept) if kept is not None else None
+    table = provenance.get(KEY)
+    return Discrepancy.from_dict(table) if table is not None else None
 
 
 def with_discrepancy(fit: Calibration) -> Calibration:
@@ -157,24 +157,26 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     problem = fit.problem
     assert problem is not None
     at = np.array(list(fit.fitted.values()))
-    own = [identity_of(e.model) == identity_of(fit.model) for e in problem.experiments]
-    seen = [course for course, here in zip(_courses(problem, at), own, strict=False) if here]
-    network = problem.experiments[own.index(True)].network if any(own) else problem.experiments[0].network
+    is_same_model = [identity_of(e.model) == identity_of(fit.model) for e in problem.experiments]
+    histories = [course for course, here in zip(_courses(problem, at), is_same_model, strict=False) if here]
+    network = problem.experiments[is_same_model.index(True)].network if any(is_same_model) else problem.experiments[0].network
     surfaces = _constant(network)
-    conditions = {p: found for p, c in surfaces.items() if (found := point_of(seen, c)) is not None}
+    conditions = {p: flow_histories for p, c in surfaces.items() if (flow_histories := point_of(histories, c)) is not None}
     decided = _decided(problem, list(fit.values.assignments))
     before = fit.request.store.provenance.values() if fit.request is not None else ()
-    conditions |= {p: c for known in before for p, c in operating_points(known).items() if p in conditions and p not in decided}
+    conditions |= {p: c for stage in before for p, c in operating_points(stage).items() if p in conditions and p not in decided}
     place = {u.name: k for k, u in enumerate(problem.unknowns)}
     names = tuple(fit.values)
     misfit = misfit_found(problem, fit.autocorrelation) if fit.autocorrelation is not None else {}
     joints = separated(problem.experiments[0].network, [e.scenario.media() for e in problem.experiments])
     rows = [place[n] for n in names]
-    moved, said = _moved_by_assumed(fit, problem, at)
-    kept = Discrepancy(conditions, names, _surfaces(seen, surfaces), joints, {p: each[rows] for p, each in moved.items()}, said)
+    moved, of_assumed = _moved_by_assumed(fit, problem, at)
+    result = Discrepancy(
+        conditions, names, _surfaces(histories, surfaces), joints, {p: moves[rows] for p, moves in moved.items()}, of_assumed
+    )
     alone = [o.to_dict() for o in own_values_of(fit)]
-    known = {p: [c.difference, c.level] for p, c in conditions.items() if p in decided}
-    provenance = {**fit.values.provenance, **({"conditions": known} if known else {}), "misfit": misfit, KEY: kept.to_dict()}
+    points = {p: [c.difference, c.level] for p, c in conditions.items() if p in decided}
+    provenance = {**fit.values.provenance, **({"conditions": points} if points else {}), "misfit": misfit, KEY: result.to_dict()}
     provenance |= {OWN_VALUES: alone} if alone else {}
     store = replace(fit.store, provenance={**fit.store.provenance, fit.values.stage: provenance})
     return replace(fit, values=replace(fit.values, provenance=provenance), store=store)
@@ -251,14 +253,14 @@ def _said_of(
     if noise is None:
         return {}
     level, size = noise.variance_factor, at.size
-    left, priors = problem.prior_rows(at)
+    prior_residuals, priors = problem.prior_rows(at)
     priors = np.concatenate([priors, np.zeros((priors.shape[0], len(paths)))], axis=1)
     rows = np.concatenate([*(np.sqrt(b.count / level)[:, None] * b.slopes for b in pieces.values()), priors])
-    known = pseudo_inverse(rows)  # whole: of what cannot be separated only the values that take no part in it are used below
+    inverse = pseudo_inverse(rows)  # whole: of what cannot be separated only the values that take no part in it are used below
     excess = score_excess(pieces, noise.traces, level, {})
-    variance = np.diag(covariance(rows) + sandwich(known, excess) / level**2)
-    score = sum((b.slopes.T @ (b.count * b.mean) for b in pieces.values()), np.zeros(rows.shape[1])) / level + priors.T @ left
-    step = np.abs(known @ score)
+    variance = np.diag(covariance(rows) + sandwich(inverse, excess) / level**2)
+    score = sum((b.slopes.T @ (b.count * b.mean) for b in pieces.values()), np.zeros(rows.shape[1])) / level + priors.T @ prior_residuals
+    step = np.abs(inverse @ score)
     return {p: (float(variance[k]), float(step[k])) for k, p in enumerate(paths, size) if np.isfinite(variance[k])}
 
 
@@ -266,11 +268,11 @@ def _moved_in(fit: Calibration, problem: Problem, at: Array, pieces: Mapping[tup
     """Return the same of residuals in stretches of time, with derivatives to all unknowns of the wide problem."""
     size = len(problem.unknowns)
     level = max(1.0, fit.reduced_chi_square)
-    known = finite(covariances(ended(problem, at[:size], fit.loss), level)[2])
+    covariance_known = finite(covariances(ended(problem, at[:size], fit.loss), level)[2])
     cross = np.zeros((size, at.size - size))
     for b in pieces.values():
         cross += b.slopes[:, :size].T @ (b.count[:, None] * b.slopes[:, size:])
-    return np.asarray(-known @ cross / level)
+    return np.asarray(-covariance_known @ cross / level)
 
 
 ROUNDING: Final = 1e-6

@@ -221,12 +221,12 @@ def with_laws(network: Network, laws: Mapping[str, ElementLaw]) -> Network:
     """Return a network whose elements follow laws in place of constant values."""
     # the radiation that an effective coefficient holds is a part of its law here
     held = {f"{path}.radiation" for path, law in laws.items() if isinstance(law, SurfaceLaw) and law.share}
-    own = tuple(
+    conductors = tuple(
         c if (law := laws.get(c.path)) is None else replace(c, recipe=law, curve=law.curve if isinstance(law, JointLaw) else c.curve)
         for c in network.flat.conductors
         if c.path not in held
     )
-    return replace(network, flat=replace(network.flat, conductors=own))
+    return replace(network, flat=replace(network.flat, conductors=conductors))
 
 
 @dataclass(frozen=True, eq=False)
@@ -295,8 +295,8 @@ def hidden_mass(name: str, course: ElementCourse, node: str, time: float) -> Dep
     capacitance = course.stores[node][1]
     behind, steps = np.empty_like(kelvin), np.exp(-np.diff(t) / time)
     behind[0] = kelvin[0]
-    for k, kept in enumerate(steps.tolist()):
-        behind[k + 1] = kept * behind[k] + (1.0 - kept) * 0.5 * (kelvin[k] + kelvin[k + 1])
+    for k, decay in enumerate(steps.tolist()):
+        behind[k + 1] = decay * behind[k] + (1.0 - decay) * 0.5 * (kelvin[k] + kelvin[k + 1])
     watts = -capacitance * (kelvin - behind) / time
     watts[-1] *= not course.settled
     return DepartureHeat(name, ((node, TableSignal(t, watts, False)),))

@@ -17,11 +17,12 @@ priors, ``M_o = I + A_o'A_o``, what the run says of the shared ones is ``A_s'(I 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, Indices, forward_substitution
 
 
 @dataclass(frozen=True)
@@ -58,15 +59,15 @@ def innovations(times: Array, columns: Array, noise: Array, wander: Wander) -> t
         return np.asarray(columns / noise[:, None]), 2.0 * float(np.log(noise).sum())
     memory = np.exp(-np.diff(times, prepend=times[0]) / wander.time)
     out, state, variance, log_det = np.empty_like(columns), np.zeros(columns.shape[1]), wander.size**2, 0.0
-    for k, (kept, own) in enumerate(zip(memory.tolist(), (noise**2).tolist(), strict=True)):
-        state = kept * state
-        variance = kept**2 * variance + wander.size**2 * (1.0 - kept**2)
-        total = variance + own
+    for k, (memory_of_step, white_variance) in enumerate(zip(memory.tolist(), (noise**2).tolist(), strict=True)):
+        state = memory_of_step * state
+        variance = memory_of_step**2 * variance + wander.size**2 * (1.0 - memory_of_step**2)
+        total = variance + white_variance
         apart = columns[k] - state
         out[k] = apart / total**0.5
         log_det += float(np.log(total))
         state = state + (variance / total) * apart
-        variance = variance * own / total
+        variance = variance * white_variance / total
     return out, log_det
 
 
@@ -217,7 +218,7 @@ def squared_exponential(first: Array, second: Array, lengths: Array) -> Array:
     return np.asarray(np.exp(-0.5 * np.sum(apart**2, axis=2)))
 
 
-def pivots(points: Array, lengths: Array, left: float, most: int) -> Array:
+def pivots(points: Array, lengths: Array, tolerance: float, most: int) -> Array:
     """Return the points (r, d) that a pivoted Cholesky factor of k takes until so much of the largest variance is left.
 
     Source: Harbrecht, Peters and Schneider, Appl. Numer. Math. 62 (2012) 428.
@@ -225,13 +226,13 @@ def pivots(points: Array, lengths: Array, left: float, most: int) -> Array:
     diagonal = np.ones(len(points))
     columns: list[Array] = []
     chosen: list[int] = []
-    while len(chosen) < min(most, len(points)) and diagonal.max() > left:
+    while len(chosen) < min(most, len(points)) and diagonal.max() > tolerance:
         k = int(diagonal.argmax())
-        own = squared_exponential(points, points[[k]], lengths)[:, 0]
-        own = (own - sum((c * c[k] for c in columns), np.zeros(len(points)))) / np.sqrt(diagonal[k])
-        columns.append(own)
+        column = squared_exponential(points, points[[k]], lengths)[:, 0]
+        column = (column - sum((c * c[k] for c in columns), np.zeros(len(points)))) / np.sqrt(diagonal[k])
+        columns.append(column)
         chosen.append(k)
-        diagonal = np.maximum(diagonal - own**2, 0.0)
+        diagonal = np.maximum(diagonal - column**2, 0.0)
     return points[chosen]
 
 
@@ -260,7 +261,7 @@ class RunRows:
     count: int
 
     @classmethod
-    def of(cls, rows: Array, shared: int, log_det: float) -> RunRows:
+    def of_rows(cls, rows: Array, shared: int, log_det: float) -> RunRows:
         """Return the products of white rows (m, s + o + 1), the readings last."""
         return cls(np.asarray(rows.T @ rows), shared, log_det, len(rows))
 
@@ -272,13 +273,13 @@ class RunRows:
         sizes : array (members, o)  Standard deviations of the run's own unknowns.
         """
         keep = [*range(self.shared), self.gram.shape[0] - 1]
-        own = slice(self.shared, self.gram.shape[0] - 1)
+        own_columns = slice(self.shared, self.gram.shape[0] - 1)
         base = np.broadcast_to(self.gram[np.ix_(keep, keep)], (len(sizes), len(keep), len(keep)))
         if not sizes.shape[1]:
             return base, np.zeros(len(sizes))
-        inner = np.eye(sizes.shape[1]) + sizes[:, :, None] * self.gram[own, own] * sizes[:, None, :]
+        inner = np.eye(sizes.shape[1]) + sizes[:, :, None] * self.gram[own_columns, own_columns] * sizes[:, None, :]
         lower = np.linalg.cholesky(inner)
-        across = np.linalg.solve(lower, sizes[:, :, None] * self.gram[own][:, keep])
+        across = np.linalg.solve(lower, sizes[:, :, None] * self.gram[own_columns][:, keep])
         grown = 2.0 * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
         return base - np.swapaxes(across, 1, 2) @ across, grown
 
@@ -290,36 +291,60 @@ class Members:
     Parameters
     ----------
     log_evidence : array (members,)
-    mean : array (members, s)
-    root : array (members, s, s)        Roots of the covariances, ``A A'``.
     square : array (members,)           ``y' S^-1 y`` of the readings over a reading, S their covariance before they were read; one is
                                         what it is where the model of error is right. [-]
+    centre : array (s,)                 Mean of the prior.
+    sizes : array (members, s)          Standard deviations D of the prior.
+    lower : array (members, s, s)       ``L L' = I + D A D``, A the information of the readings.
+    half : array (members, s)           ``L^-1 D b``, b what the readings say against the centre.
     """
 
     log_evidence: Array
-    mean: Array
-    root: Array
     square: Array
+    centre: Array
+    sizes: Array
+    lower: Array
+    half: Array
 
     @classmethod
     def joined(cls, parts: Sequence[Members]) -> Members:
-        """Return all members of several."""
-        return cls(*(np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(cls)))
+        """Return all members of several about one centre."""
+        each = ("log_evidence", "square", "sizes", "lower", "half")
+        return cls(centre=parts[0].centre, **{name: np.concatenate([getattr(p, name) for p in parts]) for name in each})
+
+    def at(self, places: Indices) -> Members:
+        """Return the members at some places."""
+        return Members(
+            self.log_evidence[places], self.square[places], self.centre, *(x[places] for x in (self.sizes, self.lower, self.half))
+        )
+
+    @cached_property
+    def root(self) -> Array:
+        """Roots (members, s, s) of the covariances, ``R R'``: ``D L'^-1``; asked of those alone that count, for it costs most."""
+        return np.asarray(
+            self.sizes[:, :, None]
+            * np.swapaxes(forward_substitution(self.lower, np.broadcast_to(np.eye(self.centre.size), self.lower.shape)), 1, 2)
+        )
+
+    @property
+    def mean(self) -> Array:
+        """Means (members, s)."""
+        return np.asarray(self.centre + (self.root @ self.half[:, :, None])[:, :, 0])
 
 
-def members_of(runs: Sequence[RunRows], centre: Array, sizes: Array, own: Sequence[Array]) -> Members:
+def members_of(runs: Sequence[RunRows], centre: Array, sizes: Array, own_sizes: Sequence[Array]) -> Members:
     """Return the posteriors of the shared unknowns at members of sizes.
 
     Parameters
     ----------
     centre : array (s,)                     Mean of their prior.
     sizes : array (members, s)              Standard deviations of their prior.
-    own : sequence of array (members, o)    The same of the unknowns of each run.
+    own_sizes : sequence of array (members, o)  The same of the unknowns of each run.
     """
     count, s = sizes.shape
     total, log_det, readings = np.zeros((count, s + 1, s + 1)), np.zeros(count), 0
-    for run, each in zip(runs, own, strict=True):
-        gram, grown = run.without_own(each)
+    for run, sizes_of_run in zip(runs, own_sizes, strict=True):
+        gram, grown = run.without_own(sizes_of_run)
         total = total + gram
         log_det += grown + run.log_det
         readings += run.count
@@ -327,12 +352,9 @@ def members_of(runs: Sequence[RunRows], centre: Array, sizes: Array, own: Sequen
     moved = inner @ centre
     square = square - (2.0 * cross - moved) @ centre
     cross = cross - moved
-    lower = np.linalg.cholesky(np.eye(s) + sizes[:, :, None] * inner * sizes[:, None, :])
-    half = np.linalg.solve(lower, (sizes * cross)[:, :, None])[:, :, 0]
-    inverse = np.linalg.inv(lower)
-    root = sizes[:, :, None] * np.swapaxes(inverse, 1, 2)
-    mean = centre + (root @ half[:, :, None])[:, :, 0]
+    lower: Array = np.linalg.cholesky(np.eye(s) + sizes[:, :, None] * inner * sizes[:, None, :]).astype(float, copy=False)
+    half = forward_substitution(lower, (sizes * cross)[:, :, None])[:, :, 0]
     log_det += 2.0 * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
     square = square - np.sum(half**2, axis=1)
     evidence = -0.5 * (square + log_det + readings * np.log(2.0 * np.pi))
-    return Members(evidence, mean, root, square / max(readings, 1))
+    return Members(evidence, square / max(readings, 1), centre, sizes, lower, half)

@@ -73,7 +73,7 @@ class SeenValue:
     high: float
 
     @classmethod
-    def of(cls, u: Unknown) -> SeenValue:
+    def of_unknown(cls, u: Unknown) -> SeenValue:
         """Return what an unknown of a fit is."""
         acts = tuple(dict.fromkeys((t.name, float(t.factor)) for t in u.targets)) if u.kind == "shared" else ()
         return cls(u.kind, u.log, acts, *map(float, before(u)), *map(float, u.fitted_bounds()))
@@ -121,8 +121,8 @@ class KeptWay:
     def way(self) -> Way:
         """What of its laws is not known."""
         kinds = (EXPONENT_OF, SHARE_OF, TREND_OF)
-        own = {(c.source, kind): (c.group, c.size) for c in self.columns for kind in kinds if c.name == f"{kind} of {c.source}"}
-        return Way(self.name, self.laws, own)
+        columns = {(c.source, kind): (c.group, c.size) for c in self.columns for kind in kinds if c.name == f"{kind} of {c.source}"}
+        return Way(self.name, self.laws, columns)
 
     @property
     def left_over(self) -> float:
@@ -131,32 +131,34 @@ class KeptWay:
 
     def laws_in(self, network: Network) -> dict[str, ElementLaw]:
         """Return conductor -> its law in a network, of those that it has."""
-        own = {c.path: c for c in network.flat.conductors}
-        return {p: replace(law, linear=linear_recipe(own[p])) for p, law in self.laws.items() if p in own}
+        conductors = {c.path: c for c in network.flat.conductors}
+        return {p: replace(law, linear=linear_recipe(conductors[p])) for p, law in self.laws.items() if p in conductors}
 
     def agrees(self, network: Network) -> bool:
         """Return whether it is what the deck of a network says of its surfaces, as far as that says anything."""
-        said = {c.path: c.words[CARRIED_BY] == FREE_AIR for c in network.flat.conductors if CARRIED_BY in c.words}
-        return all(said[p] == (law.exponent > 0.0) for p, law in self.laws.items() if p in said and isinstance(law, SurfaceLaw))
+        free_air = {c.path: c.words[CARRIED_BY] == FREE_AIR for c in network.flat.conductors if CARRIED_BY in c.words}
+        return all(free_air[p] == (law.exponent > 0.0) for p, law in self.laws.items() if p in free_air and isinstance(law, SurfaceLaw))
 
     @classmethod
-    def of(cls, way: FittedWay, shares: Array, bounds: Mapping[str, tuple[float, float]]) -> KeptWay:
+    def of_fitted(cls, way: FittedWay, shares: Array, bounds: Mapping[str, tuple[float, float]]) -> KeptWay:
         """Return a way by its members and their probabilities."""
         weight = float(shares.sum())
-        own, members, size = shares / weight, way.members, len(way.values)
-        mean = own @ members.mean
+        every = shares / weight
+        seen = np.flatnonzero(every > COUNTED / every.size)
+        weights, members, size = every[seen] / every[seen].sum(), way.members.at(seen), len(way.values)
+        mean = weights @ members.mean
         apart = members.mean - mean
         beside = np.concatenate(
-            list(np.sqrt(own)[:, None, None] * members.root), axis=1
+            list(np.sqrt(weights)[:, None, None] * members.root), axis=1
         )  # of all members side by side, so that one product sums them
-        covariance = beside @ beside.T + (own[:, None] * apart).T @ apart
+        covariance = beside @ beside.T + (weights[:, None] * apart).T @ apart
         at = np.array(list(way.values.values())) + mean[:size]
         low, high = np.array([bounds[n] for n in way.values]).reshape(size, 2).T
         values = dict(zip(way.values, np.clip(at, low, high).tolist(), strict=True))
-        sizes = dict(zip(GROUPS, np.sqrt(own @ way.sizes**2).tolist(), strict=True))
-        left = {pair: float(own[(way.left == pair).all(axis=1)].sum()) for pair in {(float(a), float(b)) for a, b in way.left}}
-        found = tuple((share, *pair) for pair, share in sorted(left.items()) if share > COUNTED)
-        return cls(way.way.name, weight, way.laws, values, way.departures, way.columns, mean[size:], _triangular(covariance), sizes, found)
+        sizes = dict(zip(GROUPS, np.sqrt(every @ way.sizes**2).tolist(), strict=True))
+        by_pair = {pair: float(every[(way.left == pair).all(axis=1)].sum()) for pair in {(float(a), float(b)) for a, b in way.left}}
+        rest = tuple((share, *pair) for pair, share in sorted(by_pair.items()) if share > COUNTED)
+        return cls(way.way.name, weight, way.laws, values, way.departures, way.columns, mean[size:], _triangular(covariance), sizes, rest)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and texts for a file."""
@@ -248,7 +250,7 @@ class ErrorModel(Result):
     gain: float = 0.0
 
     @classmethod
-    def of(cls, fit: Calibration) -> ErrorModel:
+    def of_fit(cls, fit: Calibration) -> ErrorModel:
         """Return the model of error of a fit.
 
         Raises
@@ -259,10 +261,10 @@ class ErrorModel(Result):
 
         problem = _problem_of(fit)
         with threadpool_limits(limits=1):  # matrices of some hundred rows, as in a fit
-            return cls._of(fit, problem)
+            return cls._of_problem(fit, problem)
 
     @classmethod
-    def _of(cls, fit: Calibration, problem: Problem) -> ErrorModel:
+    def _of_problem(cls, fit: Calibration, problem: Problem) -> ErrorModel:
         """Return the model of error of a fit that can be followed."""
         fitted = np.array(list(fit.fitted.values()))
         points = points_of(problem, fitted)
@@ -271,19 +273,19 @@ class ErrorModel(Result):
         surfaces = constant_coefficients(network)
         coefficients = {p: float(value_of(values[coefficient_path(c)])) for p, c in surfaces.items()}
         emissivities = {p: float(value_of(values[c.emissivity])) for p, c in surfaces.items() if c.emissivity}
-        found = [fitted_way(problem, fitted, w, points) for w in ways_of(network, points, coefficients, emissivities)]
-        every = weights_of(np.concatenate([w.members.log_evidence for w in found]))
-        shares = np.split(every, np.cumsum([len(w.left) for w in found])[:-1])
-        misfit = float(np.sqrt(sum(share @ w.members.square for w, share in zip(found, shares, strict=True))))
+        fitted_ways = [fitted_way(problem, fitted, w, points) for w in ways_of(network, points, coefficients, emissivities)]
+        every = weights_of(np.concatenate([w.members.log_evidence for w in fitted_ways]))
+        shares = np.split(every, np.cumsum([len(w.left) for w in fitted_ways])[:-1])
+        misfit = float(np.sqrt(sum(share @ w.members.square for w, share in zip(fitted_ways, shares, strict=True))))
         named = {u.name: u for u in problem.unknowns}
         ends = {n: u.fitted_bounds() for n, u in named.items()}
         bounds = {n: (float(low), float(high)) for n, (low, high) in ends.items()}
-        ways = [KeptWay.of(w, share, bounds) for w, share in zip(found, shares, strict=True) if share.sum() > COUNTED]
+        ways = [KeptWay.of_fitted(w, share, bounds) for w, share in zip(fitted_ways, shares, strict=True) if share.sum() > COUNTED]
         total = sum(w.weight for w in ways)
-        seen = {n: SeenValue.of(named[n]) for n in ways[0].values}
-        gain = log_sum(np.concatenate([w.members.log_evidence for w in found])) - float(np.log(len(found)))
+        fitted_values = {n: SeenValue.of_unknown(named[n]) for n in ways[0].values}
+        gain = log_sum(np.concatenate([w.members.log_evidence for w in fitted_ways])) - float(np.log(len(fitted_ways)))
         ways = [replace(w, weight=w.weight / total) for w in ways]
-        return cls(fit.stage, seen, tuple(ways), misfit, gain=gain - evidence_of_structure(problem, fitted))
+        return cls(fit.stage, fitted_values, tuple(ways), misfit, gain=gain - evidence_of_structure(problem, fitted))
 
     @property
     def carriers(self) -> dict[str, float]:
@@ -335,17 +337,17 @@ class ErrorModel(Result):
         numbers = generator.standard_normal((size, count))
         out = np.empty((size, count))
         for k, way in enumerate(self.ways):
-            own = which == k
-            out[:, own] = np.array(list(way.values.values()))[:, None] + way.root[:size, :size] @ numbers[:, own]
+            of_way = which == k
+            out[:, of_way] = np.array(list(way.values.values()))[:, None] + way.root[:size, :size] @ numbers[:, of_way]
         return out
 
     @property
     def open_values(self) -> list[str]:
         """Values whose posterior is nearly as wide as what was known before, and wider than elements depart by; the widest first."""
-        left = np.sqrt(np.diag(self.covariance)).tolist() if self.ways else []
+        posterior_sd = np.sqrt(np.diag(self.covariance)).tolist() if self.ways else []
         # a value that is stated better than a joint of known value departs from it is determined, by whoever stated it
         least = {n: SIZES["joint"].value if v.log else 0.0 for n, v in self.seen.items()}
-        wide = ((n, v, sd) for (n, v), sd in zip(self.seen.items(), left, strict=False) if v.kind == "parameter" and sd > least[n])
+        wide = ((n, v, sd) for (n, v), sd in zip(self.seen.items(), posterior_sd, strict=False) if v.kind == "parameter" and sd > least[n])
         parts = {n: sd / v.sd for n, v, sd in wide}
         return sorted((n for n, part in parts.items() if part > KEPT_OF_PRIOR), key=lambda n: -parts[n])
 
@@ -360,20 +362,20 @@ class ErrorModel(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and texts for a file."""
-        seen = {n: [v.kind, v.log, [list(a) for a in v.acts], v.mean, v.sd, v.low, v.high] for n, v in self.seen.items()}
+        fitted_values = {n: [v.kind, v.log, [list(a) for a in v.acts], v.mean, v.sd, v.low, v.high] for n, v in self.seen.items()}
         ways = [w.to_dict() for w in self.ways]
-        return {"at": "", "stage": self.stage, "seen": seen, "ways": ways, "misfit": self.misfit, "why": self.why}
+        return {"at": "", "stage": self.stage, "seen": fitted_values, "ways": ways, "misfit": self.misfit, "why": self.why}
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> ErrorModel:
         """Return what `to_dict` gave."""
         at = data["at"]
-        seen = {
+        fitted_values = {
             placed(n, at): SeenValue(kind, log, tuple((placed(a, at), float(f)) for a, f in acts), *map(float, rest))
             for n, (kind, log, acts, *rest) in data["seen"].items()
         }
         ways = tuple(KeptWay.from_dict(w, at) for w in data["ways"])
-        return cls(data["stage"], seen, ways, float(data["misfit"]), data["why"])
+        return cls(data["stage"], fitted_values, ways, float(data["misfit"]), data["why"])
 
 
 def deviation(c: UnknownColumn, sizes: Mapping[str, float], beyond: Mapping[str, tuple[str, float]]) -> float:
@@ -393,7 +395,7 @@ def deviation(c: UnknownColumn, sizes: Mapping[str, float], beyond: Mapping[str,
 def error_table(fit: Calibration) -> dict[str, Any]:
     """Return the model of error of a fit as plain numbers: of values and what is left over alone where elements cannot be followed."""
     try:
-        return ErrorModel.of(fit).to_dict()
+        return ErrorModel.of_fit(fit).to_dict()
     except (ThermidError, np.linalg.LinAlgError) as error:
         return errors_of_values(fit, getattr(error, "message", "its runs leave the sizes of departures open")).to_dict()
 
@@ -402,16 +404,16 @@ def errors_of_values(fit: Calibration, why: str = "") -> ErrorModel:
     """Return what is known where no element is followed: the errors of the fit's values, and what wanders in its residuals."""
     assert fit.problem is not None
     named = {u.name: u for u in fit.problem.unknowns if u.kind != "local" and u.name in fit.values}
-    seen = {n: SeenValue.of(u) for n, u in named.items()}
-    own = [list(fit.values).index(n) for n in named]
-    covariance = np.nan_to_num(fit.values.covariance[np.ix_(own, own)], nan=0.0, posinf=0.0, neginf=0.0)
+    fitted_values = {n: SeenValue.of_unknown(u) for n, u in named.items()}
+    positions = [list(fit.values).index(n) for n in named]
+    covariance = np.nan_to_num(fit.values.covariance[np.ix_(positions, positions)], nan=0.0, posinf=0.0, neginf=0.0)
     sizes = [size for size in fit.values.provenance.get("misfit", {}).values() if size]
-    left = float(np.sqrt(np.mean(np.square(sizes)))) if sizes else 0.0
+    rms = float(np.sqrt(np.mean(np.square(sizes)))) if sizes else 0.0
     at = {n: fit.fitted[n] for n in named}
     way = KeptWay(
-        "", 1.0, {}, at, Departures({}, ()), (), np.zeros(0), _triangular(covariance), dict.fromkeys(GROUPS, 0.0), ((1.0, left, 1.0 / 3.0),)
+        "", 1.0, {}, at, Departures({}, ()), (), np.zeros(0), _triangular(covariance), dict.fromkeys(GROUPS, 0.0), ((1.0, rms, 1.0 / 3.0),)
     )
-    return ErrorModel(fit.stage, seen, (way,), 1.0, why)
+    return ErrorModel(fit.stage, fitted_values, (way,), 1.0, why)
 
 
 def placed(name: str, at: str) -> str:
@@ -463,7 +465,7 @@ def with_structural_errors(fit: Calibration) -> tuple[Calibration, ErrorModel | 
     """
     asked = fit.request is not None and fit.request.structural_errors
     try:
-        errors = ErrorModel.of(fit)
+        errors = ErrorModel.of_fit(fit)
     except (ThermidError, np.linalg.LinAlgError) as error:
         why = getattr(error, "message", "the readings and the bounds together leave the sizes of departures open")
         words = f"the errors do not count what the structure may lack ({why.rstrip('.')}). Look for it with `thermid criticise`."

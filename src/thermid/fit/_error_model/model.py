@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -137,7 +138,7 @@ class RunsOfFit:
     spans: tuple[float, ...]
 
     @classmethod
-    def of(
+    def of_problem(
         cls,
         problem: Problem,
         fitted: Array,
@@ -150,11 +151,11 @@ class RunsOfFit:
         networks = [with_laws(e.network, laws) for e in problem.experiments]
         courses = [course_in_fit(problem, i, n, fitted) for i, n in enumerate(networks)]
         spans = tuple(float(c.times[-1]) for c in courses)
-        known = departures or departures_of(networks, courses, points, tuple(part * max(spans) for part in SHARES_OF_RUN))
-        parts = [(known.shared(n, c, way, laws), known.own(n, c)) for n, c in zip(networks, courses, strict=True)]
+        departures_used = departures or departures_of(networks, courses, points, tuple(part * max(spans) for part in SHARES_OF_RUN))
+        parts = [(departures_used.shared(n, c, way, laws), departures_used.of_run(n, c)) for n, c in zip(networks, courses, strict=True)]
         columns = {c.name: c for shared, _ in parts for c, _ in shared}
         alone = [alone_in(problem, i) for i in range(len(courses))]
-        values = [k for k in range(len(problem.unknowns)) if not any(k in own for own in alone)]
+        values = [k for k in range(len(problem.unknowns)) if not any(k in places for places in alone)]
         traces = []
         for i, (network, (shared, single)) in enumerate(zip(networks, parts, strict=True)):
             by_name = {c.name: h for c, h in shared}
@@ -164,19 +165,27 @@ class RunsOfFit:
             order = [*values, *range(size, size + len(columns)), *alone[i], *range(size + len(columns), size + len(heats))]
             far = np.array([prior_mean(problem.unknowns[k], fitted[k]) - fitted[k] for k in alone[i]])
             traces.append(tuple(t.averaged().about(alone[i], far).taken(order) for t in fitted_rows))
-        own = tuple((*own_columns(problem, i), *(c for c, _ in run)) for i, (_, run) in enumerate(parts))
-        return cls(problem, fitted, values, known, tuple(columns.values()), own, tuple(traces), spans)
+        own_columns_of_runs = tuple((*own_columns(problem, i), *(c for c, _ in run)) for i, (_, run) in enumerate(parts))
+        return cls(problem, fitted, values, departures_used, tuple(columns.values()), own_columns_of_runs, tuple(traces), spans)
 
-    def posterior(self, centre: Array, sizes: Array, left: tuple[float, float]) -> Members:
+    @cached_property
+    def _rows_by_remainder(self) -> dict[tuple[float, float], list[RunRows]]:
+        """Size and time of what no element explains -> what each run says; filled as they are asked about."""
+        return {}
+
+    def posterior(self, centre: Array, sizes: Array, remainder: tuple[float, float]) -> Members:
         """Return values and columns given the readings, at sizes (members, groups) and a size and time of what no element explains."""
         values = len(self.values)
         shared = values + len(self.columns)
-        size, part = SIZES["left"].value * left[0], left[1]
-        rows = [run_rows(t, Wander(size, part * span), shared) for t, span in zip(self.traces, self.spans, strict=True)]
+        rows = self._rows_by_remainder.get(remainder)
+        if rows is None:
+            size, part = SIZES["left"].value * remainder[0], remainder[1]
+            rows = [run_rows(t, Wander(size, part * span), shared) for t, span in zip(self.traces, self.spans, strict=True)]
+            self._rows_by_remainder[remainder] = rows
         wide = np.array([reach(self.problem.unknowns[k]) for k in self.values])
         every = np.column_stack([np.broadcast_to(wide, (len(sizes), values)), deviations(self.columns, sizes)])
-        own = [deviations(c, sizes) for c in self.own]
-        return members_of([self._priors(), *rows], centre, every, [np.zeros((len(sizes), 0)), *own])
+        own_deviations = [deviations(c, sizes) for c in self.own]
+        return members_of([self._priors(), *rows], centre, every, [np.zeros((len(sizes), 0)), *own_deviations])
 
     def likeliest(self, bent: Sequence[int], centre: Array) -> tuple[float, Array, Array]:
         """Return what the readings say against some unknowns here, the step to where they say least, and standard errors.
@@ -191,9 +200,9 @@ class RunsOfFit:
 
     def _priors(self) -> RunRows:
         """Return the priors of the fit as rows about its values."""
-        left, rows = prior_rows(self.problem.unknowns, self.problem.coupled, self.fitted)
-        kept = rows[:, self.values].any(axis=1)
-        joined = np.column_stack([rows[kept][:, self.values], np.zeros((int(kept.sum()), len(self.columns))), -left[kept]])
+        prior_residuals, rows = prior_rows(self.problem.unknowns, self.problem.coupled, self.fitted)
+        acting = rows[:, self.values].any(axis=1)
+        joined = np.column_stack([rows[acting][:, self.values], np.zeros((int(acting.sum()), len(self.columns))), -prior_residuals[acting]])
         return RunRows(joined.T @ joined, len(self.values) + len(self.columns), 0.0, 0)
 
 
@@ -234,8 +243,8 @@ def traces_of(problem: Problem, i: int, network: Network, heats: Sequence[Depart
 
 def noise_of(e: Experiment, o: Observation) -> float:
     """Return the noise of a reading: as stated, else as neighbouring readings scatter; whatever weight the fit gave them. [K]"""
-    seen = o.noise or noise_seen(e.record.channels[o.sensor])
-    return (seen if seen > LEAST_NOISE else USUAL_NOISE) / float(np.sqrt(o.effective_share))
+    noise = o.noise or noise_seen(e.record.channels[o.sensor])
+    return (noise if noise > LEAST_NOISE else USUAL_NOISE) / float(np.sqrt(o.effective_share))
 
 
 def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, OperatingPoint]) -> FittedWay:
@@ -247,7 +256,7 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
     bounds = np.array([u.fitted_bounds() for u in problem.unknowns]).reshape(fitted.size, 2)
     at, laws, departures, share, least = fitted.copy(), dict(way.laws), None, 1.0, np.inf
     for point in range(NEWTON_POINTS):
-        runs = RunsOfFit.of(problem, at, way, laws, points, departures)
+        runs = RunsOfFit.of_problem(problem, at, way, laws, points, departures)
         departures, values = runs.departures, runs.values
         place = {c.name: len(values) + k for k, c in enumerate(runs.columns)}
         shapes = {(p, w): place[n] for p, law in way.laws.items() for w in law.shape if (n := f"{w} of {p}") in place}
@@ -277,18 +286,21 @@ def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre:
     most = SETS_COST / (len(runs.values) + len(runs.columns)) ** 3
     sets = int(np.clip(most, FEWEST_SETS, SETS))
     prior, few = left_prior(), sizes_at(even_points(max(sets * FIRST_SETS // SETS, 1), len(GROUPS)))
-    first = {left: log + log_sum(runs.posterior(centre, few, left).log_evidence) - float(np.log(len(few))) for left, log in prior.items()}
-    likely = [left for left, share in zip(first, weights_of(list(first.values())), strict=True) if share > LIKELY]
+    first = {
+        remainder: log + log_sum(runs.posterior(centre, few, remainder).log_evidence) - float(np.log(len(few)))
+        for remainder, log in prior.items()
+    }
+    likely = [remainder for remainder, share in zip(first, weights_of(list(first.values())), strict=True) if share > LIKELY]
     parts, sizes = [], []
-    for left in likely:
+    for remainder in likely:
         made: list[Members] = []
 
-        def evidence(points: Array, left: tuple[float, float] = left, made: list[Members] = made) -> Array:
-            made.append(runs.posterior(centre, sizes_at(points), left))
+        def evidence(points: Array, remainder: tuple[float, float] = remainder, made: list[Members] = made) -> Array:
+            made.append(runs.posterior(centre, sizes_at(points), remainder))
             return made[-1].log_evidence
 
         points, logs = sampled(evidence, sets, len(GROUPS), max(min(ROUNDS, sets // (2 * len(GROUPS))), 1))
-        parts.append(replace(Members.joined(made), log_evidence=logs + prior[left] - float(np.log(sets))))
+        parts.append(replace(Members.joined(made), log_evidence=logs + prior[remainder] - float(np.log(sets))))
         sizes.append(sizes_at(points))
     sizes_left = np.repeat([(SIZES["left"].value * size, time) for size, time in likely], sets, axis=0)
     values = {runs.problem.unknowns[k].name: float(runs.fitted[k]) for k in runs.values}
@@ -297,7 +309,7 @@ def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre:
 
 def evidence_of_structure(problem: Problem, fitted: Array) -> float:
     """Return ln of the evidence of the readings where nothing departs from the structure of a fit, with what no element explains."""
-    runs, nothing = RunsOfFit.of(problem, fitted, Way(""), {}, {}, Departures({}, ())), np.zeros((1, len(GROUPS)))
+    runs, nothing = RunsOfFit.of_problem(problem, fitted, Way(""), {}, {}, Departures({}, ())), np.zeros((1, len(GROUPS)))
     centre = np.zeros(len(runs.values))
     return log_sum([runs.posterior(centre, nothing, left).log_evidence[0] + log for left, log in left_prior().items()])
 

@@ -99,26 +99,26 @@ def own_values_of(fit: Calibration) -> tuple[OwnValue, ...]:
     if fit.request is None:
         return ()
     errors = {(i.record, i.name): i.error for i in fit.local}
-    found: dict[tuple[str, str], list[FoundIn]] = {}
+    runs_of_value: dict[tuple[str, str], list[FoundIn]] = {}
     for e in fit.problem.experiments:
         first = {o.sensor: first_reading(e.record, o.sensor, fit.request.window) for o in e.observations}
         for key, off in _found_in(fit, fit.request, e).items():
-            found.setdefault(key, []).append((first, off, errors[e.record.name, key[0]]))
-    return tuple(_own_value(name, start, several) for (name, start), several in found.items() if len(several) > 1)
+            runs_of_value.setdefault(key, []).append((first, off, errors[e.record.name, key[0]]))
+    return tuple(_own_value(name, start, several) for (name, start), several in runs_of_value.items() if len(several) > 1)
 
 
 def own_values_kept(provenances: Sequence[Mapping[str, Any]]) -> tuple[OwnValue, ...]:
     """Return what stages keep of it, the first one first."""
-    return tuple(OwnValue.from_dict(o) for known in provenances for o in known.get(OWN_VALUES, ()))
+    return tuple(OwnValue.from_dict(o) for provenance in provenances for o in provenance.get(OWN_VALUES, ()))
 
 
-def own_value(kept: Sequence[OwnValue], name: str, start: str = "") -> OwnValue | None:
+def own_value(own_values: Sequence[OwnValue], name: str, start: str = "") -> OwnValue | None:
     """Return how far a room or start stands from where it is assumed, of the stage with most runs; None where none says it.
 
     With the same text of `start` the mean counts; else only how far runs differ, and their mean as an error. What runs say of a start
     that somebody gave says nothing of one at the balance of its neighbours.
     """
-    every = [o for o in kept if o.name == name]
+    every = [o for o in own_values if o.name == name]
     alike = [o for o in every if o.start == start]
     if alike:
         return max(alike, key=lambda o: o.runs)
@@ -147,7 +147,7 @@ def _own_value(name: str, start: str, several: Sequence[FoundIn]) -> OwnValue:
     Offsets are ``N(mean + X slopes, sd^2 + V)``; X is how far the first readings of other sensors stand from the one that the value
     stands on. The sd has the largest restricted likelihood (Patterson and Thompson, Biometrika 58 (1971) 545).
     """
-    off, known = np.array([o for _, o, _ in several]), np.array([error**2 for _, _, error in several])
+    off, error_variance = np.array([o for _, o, _ in several]), np.array([error**2 for _, _, error in several])
     others = [c for c in several[0][0] if c != start and all(c in first and start in first for first, _, _ in several)]
     apart = np.array([[first[c] - first[start] for c in others] for first, _, _ in several]).reshape(off.size, len(others))
     usual = apart.mean(axis=0)
@@ -155,14 +155,14 @@ def _own_value(name: str, start: str, several: Sequence[FoundIn]) -> OwnValue:
     prior = np.diag([0.0, *np.full(len(others), SLOPE**-2.0)])
     logs, ends, squares = np.zeros(ROOMS.size), np.zeros((ROOMS.size, rows.shape[1])), np.zeros((ROOMS.size, rows.shape[1]))
     for i, sd in enumerate(ROOMS):
-        variance = known + sd**2
+        variance = error_variance + sd**2
         weighed = rows / variance[:, None]
         spread = symmetric_inverse(weighed.T @ rows + prior)
         ends[i] = spread @ weighed.T @ off
-        left = off - rows @ ends[i]
+        residuals = off - rows @ ends[i]
         squares[i] = np.diag(spread) + ends[i] ** 2
         # the last term stands for the estimated mean and slopes
-        logs[i] = -0.5 * np.sum(np.log(variance) + left**2 / variance) - 0.5 * ends[i] @ prior @ ends[i]
+        logs[i] = -0.5 * np.sum(np.log(variance) + residuals**2 / variance) - 0.5 * ends[i] @ prior @ ends[i]
         logs[i] += 0.5 * np.linalg.slogdet(spread)[1]
     # ln sd because each size that is tried stands for an equal step of its logarithm, then the half-normal prior
     logs += np.log(ROOMS) - 0.5 * (ROOMS / ROOM) ** 2

@@ -44,7 +44,7 @@ class BesideRow:
 
 
 def problem_of_record(
-    fit: Calibration, request: Request, own: Mapping[str, tuple[float, float]], beside: Mapping[str, BesideRow]
+    fit: Calibration, request: Request, own_laws: Mapping[str, tuple[float, float]], beside: Mapping[str, BesideRow]
 ) -> Problem:
     """Return a record with everything that is not known of its run as unknowns.
 
@@ -52,7 +52,7 @@ def problem_of_record(
     ----------
     fit : Calibration
     request : Request   That runs the record at the values of the fit.
-    own : dict          Boundary or ``initial.<node>`` -> mean and standard deviation of what it is off by. [K]
+    own_laws : dict     Boundary or ``initial.<node>`` -> mean and standard deviation of what it is off by. [K]
     beside : dict       Value -> how it follows sources of unit variance that the fit does not know.
     """
     assert fit.problem is not None
@@ -61,19 +61,19 @@ def problem_of_record(
     (record,) = request.records  # a sensor of no stated accuracy is off by what the fit says of it
     held = {s: x for s, x in request.held_bias.items() if s not in record.channels or record.channels[s].accuracy is None}
     bare = replace(request, free=named, priors={}, prior=(), store=Store(), held_bias=held, held_errors=None, untie=untie)
-    made = build_problem(bare)
-    e = made.experiments[0]
+    bare_problem = build_problem(bare)
+    e = bare_problem.experiments[0]
     starts: dict[str, list[str]] = {}
     for node, sensor in [*e.readings.items(), *((o.seat, o.sensor) for o in e.observations if o.seat in e.loose)]:
         starts.setdefault(sensor, []).append(f"initial.{node}")
     sensors = {o.sensor: o for o in e.observations}
-    taken = {*own, *(f"{t.name}" for u in made.unknowns if u.kind == "local" for t in u.targets)}
-    more = [_shifted(made, name, [name], *law) for name, law in own.items()]
+    taken = {*own_laws, *(f"{t.name}" for u in bare_problem.unknowns if u.kind == "local" for t in u.targets)}
+    more = [_shifted(bare_problem, name, [name], *law) for name, law in own_laws.items()]
     for sensor, names in starts.items():
-        left = [n for n in names if n.startswith("initial.") and n not in taken]
-        if left and sensor in sensors:
-            more.append(_shifted(made, f"first reading of {sensor}", left, 0.0, noise_of(e, sensors[sensor])))
-    return replace(made, unknowns=(*made.unknowns, *more, *_beside(made, beside)))
+        unset_starts = [n for n in names if n.startswith("initial.") and n not in taken]
+        if unset_starts and sensor in sensors:
+            more.append(_shifted(bare_problem, f"first reading of {sensor}", unset_starts, 0.0, noise_of(e, sensors[sensor])))
+    return replace(bare_problem, unknowns=(*bare_problem.unknowns, *more, *_beside(bare_problem, beside)))
 
 
 def _beside(problem: Problem, beside: Mapping[str, BesideRow]) -> list[Unknown]:
@@ -96,14 +96,14 @@ def _beside(problem: Problem, beside: Mapping[str, BesideRow]) -> list[Unknown]:
 def shared_with(fit: Calibration, problem: Problem) -> set[str]:
     """Return the unknowns of a record that a fit knows: values, and instruments of the same accuracy; that of a power is relative."""
     assert fit.problem is not None
-    known = {u.name: u for u in fit.problem.unknowns if u.kind != "local"}
+    fitted_unknowns = {u.name: u for u in fit.problem.unknowns if u.kind != "local"}
 
     def alike(u: Unknown, of: Unknown) -> bool:
         if u.prior is None or of.prior is None or u.kind == "parameter" or any(t.name.startswith(SCALE) for t in u.targets):
             return True
         return math.isclose(u.prior.sd, of.prior.sd)
 
-    return {u.name for u in problem.unknowns if u.name in known and alike(u, known[u.name])}
+    return {u.name for u in problem.unknowns if u.name in fitted_unknowns and alike(u, fitted_unknowns[u.name])}
 
 
 def _shifted(problem: Problem, name: str, names: Sequence[str], mean: float, sd: float) -> Unknown:
@@ -119,8 +119,8 @@ def _nominal(scenario: Scenario, name: str) -> float:
     """Return the temperature of a boundary, or of a start, in a scenario; what is added where it changes with time. [K]"""
     if name.startswith("initial."):
         return float(scenario.initial[name.removeprefix("initial.")])
-    given = scenario.boundaries[name]
-    return given.value if isinstance(given, Constant) else 0.0
+    boundary = scenario.boundaries[name]
+    return boundary.value if isinstance(boundary, Constant) else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,36 +149,38 @@ class RecordRun:
     span: float
 
     @classmethod
-    def of(cls, way: KeptWay, problem: Problem, known: Collection[str], local: Mapping[str, float]) -> RecordRun:
+    def of_record(cls, way: KeptWay, problem: Problem, shared_names: Collection[str], local: Mapping[str, float]) -> RecordRun:
         """Return the run of a record where the heat is carried in one way.
 
         Parameters
         ----------
         problem : Problem   As `problem_of_record` returns it.
-        known : collection  Those of its unknowns that the fit knows, see `shared_with`.
+        shared_names : collection  Those of its unknowns that the fit knows, see `shared_with`.
         local : dict        What was fitted to the record -> its value.
         """
         size = len(way.places)
-        start = {u.name: way.values[u.name] if u.name in known else local.get(u.name, u.to_fitted(u.start)) for u in problem.unknowns}
+        start = {
+            u.name: way.values[u.name] if u.name in shared_names else local.get(u.name, u.to_fitted(u.start)) for u in problem.unknowns
+        }
         fitted = np.array(list(start.values()))
         plain = problem.experiments[0].network
         laws = way.laws_in(plain)
         network = with_laws(plain, laws)
         course = course_in_fit(problem, 0, network, fitted) if way.departures.smooth else None
         shared = way.departures.shared(network, course, way.way, laws) if course is not None else []
-        alone = way.departures.own(network, course) if course is not None else []
-        seen = {c.name: h for c, h in shared}
-        heats = [*(seen.get(c.name, DepartureHeat(c.name, ())) for c in way.columns), *(h for _, h in alone)]
+        alone = way.departures.of_run(network, course) if course is not None else []
+        heat_of_column = {c.name: h for c, h in shared}
+        heats = [*(heat_of_column.get(c.name, DepartureHeat(c.name, ())) for c in way.columns), *(h for _, h in alone)]
         rows = traces_of(problem, 0, network, heats, fitted)
         count = len(problem.unknowns)
         place = {u.name: k for k, u in enumerate(problem.unknowns)}
         answers = [place[n] for n in local]
-        mine = [k for n, k in place.items() if n not in known and n not in local]
+        mine = [k for n, k in place.items() if n not in shared_names and n not in local]
         zero = count + len(heats)  # a value of the fit that does not act in this run
-        order = [*(place[n] if n in known else zero for n in way.values), *range(count, count + len(way.columns)), *mine]
+        order = [*(place[n] if n in shared_names else zero for n in way.values), *range(count, count + len(way.columns)), *mine]
         order += [*range(count + len(way.columns), zero), *answers]
         wide = [replace(t, rows=np.column_stack([t.rows, np.zeros(t.times.size)])).taken(order) for t in rows]
-        own = tuple(_column(problem.experiments[0], problem.unknowns[k]) for k in mine)
+        columns_of_values = tuple(_column(problem.experiments[0], problem.unknowns[k]) for k in mine)
         ends = np.array([prior_mean(problem.unknowns[k], fitted[k]) - fitted[k] for k in [*mine, *answers]])
         far = np.zeros(len(order))
         far[[*range(size, size + len(mine)), *range(len(order) - len(answers), len(order))]] = ends
@@ -188,7 +190,7 @@ class RecordRun:
         return cls(
             tuple(wide),
             means,
-            (*own, *(c for c, _ in alone)),
+            (*columns_of_values, *(c for c, _ in alone)),
             far,
             inverse,
             size,
@@ -204,7 +206,7 @@ class RecordRun:
         weighed = slopes.T / np.concatenate([t.noise for t in self.means]) ** 2
         return np.asarray(symmetric_inverse(weighed @ slopes + self.known) @ weighed) if slopes.shape[1] else weighed
 
-    def left(self, moved: Array) -> Array:
+    def after_own_fit(self, moved: Array) -> Array:
         """Return what is left of changes (rows, columns) of the readings once the run's fitted values have answered. [K]"""
         first = self.shared + len(self.columns)
         return np.asarray(moved - np.concatenate([t.rows[:, first:] for t in self.means]) @ (self._answer @ moved))
@@ -230,16 +232,16 @@ class RecordRun:
     def responses(self) -> tuple[Array, Array]:
         """Return what is left of units of the way's unknowns (rows, unknowns) and of the run's (rows, columns). [K]"""
         first = self.shared + len(self.columns)
-        left = self.left(np.concatenate([t.rows[:, :first] for t in self.means]))
-        return left[:, : self.shared], left[:, self.shared :]
+        answered = self.after_own_fit(np.concatenate([t.rows[:, :first] for t in self.means]))
+        return answered[:, : self.shared], answered[:, self.shared :]
 
     def parts(self, way: KeptWay) -> tuple[Array, dict[str, Array]]:
         """Return the centre (rows,) of what is expected less what is read [K], and source -> variance (rows,). [K^2]"""
-        rows, own = self.responses()
+        rows, own_responses = self.responses()
         size = len(way.values)
         mean = np.concatenate([np.zeros(size), way.mean])
         parts = {VALUES: np.sum((rows @ way.root[:, :size]) ** 2, axis=1), STRUCTURE: np.sum((rows @ way.root[:, size:]) ** 2, axis=1)}
-        for c, column in zip(self.columns, own.T, strict=True):
+        for c, column in zip(self.columns, own_responses.T, strict=True):
             source = {"run": RUN, "room": ROOM, "unlogged": ROOM}.get(c.group, c.source)
             parts[source] = parts.get(source, 0.0) + (deviation(c, way.sizes, self.beyond) * column) ** 2
         parts[UNEXPLAINED] = sum((share * self.wandering(size, part) for share, size, part in way.left), np.zeros(rows.shape[0]))
@@ -254,10 +256,10 @@ class RecordRun:
             return np.full(rows, size**2)
         whole, begin = np.zeros((rows, rows)), 0
         for t in self.means:
-            own = slice(begin, begin + t.times.size)
-            whole[own, own] = Wander(size, part * self.span).covariance(t.times)
+            block = slice(begin, begin + t.times.size)
+            whole[block, block] = Wander(size, part * self.span).covariance(t.times)
             begin += t.times.size
-        return np.asarray(quadratic_forms(self.left(np.eye(rows)), whole))
+        return np.asarray(quadratic_forms(self.after_own_fit(np.eye(rows)), whole))
 
 
 def _column(e: Experiment, u: Unknown) -> UnknownColumn:

@@ -81,7 +81,7 @@ class Smooth:
     outside: float = 0.0
 
     @classmethod
-    def of(
+    def of_conductor(
         cls, c: FlatConductor, at: OperatingPoint, kind: str, several: Sequence[tuple[ElementCourse, bool]], columns: int = COLUMNS
     ) -> Smooth:
         """Return the smooth departure of a conductor over the runs of a fit, each with whether its gas is thinned.
@@ -91,16 +91,16 @@ class Smooth:
         runs = [(r, thin) for r, thin in several if c.path in r.flows]
         most = max(float(np.abs(r.flows[c.path]).max()) for r, _ in runs)
         aside = np.array(ASIDE) * np.array(LENGTHS)
-        found: list[Array] = []
+        pivots_of_gas: list[Array] = []
         gases: list[bool] = []
         for gas in dict.fromkeys(thin for _, thin in runs):
-            own = [places(r, c, at)[np.abs(r.flows[c.path]) > HEATED * most][::EVERY] for r, thin in runs if thin == gas]
-            every = np.concatenate(own)
+            places_of_runs = [places(r, c, at)[np.abs(r.flows[c.path]) > HEATED * most][::EVERY] for r, thin in runs if thin == gas]
+            every = np.concatenate(places_of_runs)
             if every.size:
                 wide = np.concatenate([every + aside * (i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)])
-                found.append(pivots(wide, np.array(LENGTHS), LEFT_OVER, columns))
-                gases += [gas] * len(found[-1])
-        bare = cls(at, kind, np.concatenate(found), np.zeros(len(gases)), tuple(gases))
+                pivots_of_gas.append(pivots(wide, np.array(LENGTHS), LEFT_OVER, columns))
+                gases += [gas] * len(pivots_of_gas[-1])
+        bare = cls(at, kind, np.concatenate(pivots_of_gas), np.zeros(len(gases)), tuple(gases))
         heat = np.concatenate([np.abs(r.flows[c.path]) for r, _ in runs])
         phi = np.concatenate([bare._features(c, r, thin) for r, thin in runs])
         outside = float(heat @ _outside(phi) / max(heat.sum(), 1e-300))
@@ -108,10 +108,10 @@ class Smooth:
 
     def _features(self, c: FlatConductor, course: ElementCourse, thinned: bool) -> Array:
         """Return the features along a run (times, r); those of another gas are zero."""
-        own = np.array(self.thinned) == thinned
-        out = np.zeros((course.flows[c.path].size, own.size))
-        if own.any():
-            out[:, own] = features(places(course, c, self.at), self.pivots[own], np.array(LENGTHS))
+        has_same_gas = np.array(self.thinned) == thinned
+        out = np.zeros((course.flows[c.path].size, has_same_gas.size))
+        if has_same_gas.any():
+            out[:, has_same_gas] = features(places(course, c, self.at), self.pivots[has_same_gas], np.array(LENGTHS))
         return out
 
     def along(self, c: FlatConductor, course: ElementCourse, thinned: bool) -> tuple[Array, float]:
@@ -154,29 +154,29 @@ class Departures:
         """Return what all runs share, with its heats along one."""
         out: list[tuple[UnknownColumn, DepartureHeat]] = []
         for path, c in conductors_of(network, course).items():
-            own = self.smooth.get(path)
-            if own is None:
+            smooth_departure = self.smooth.get(path)
+            if smooth_departure is None:
                 continue
             heat = course.flows[path]
 
             def add(name: str, group: str, size: float, watts: Array, c: FlatConductor = c) -> None:
-                told = f"{name} of {c.path}"
-                out.append((UnknownColumn(told, group, size, c.path), moved_heat(told, network, c.ends, course.times, watts)))
+                title = f"{name} of {c.path}"
+                out.append((UnknownColumn(title, group, size, c.path), moved_heat(title, network, c.ends, course.times, watts)))
 
             if path in laws:
                 for kind, watts in laws[path].heats(course, path, c.ends).items():
                     if (path, kind) in way.sizes:
                         add(kind, *way.sizes[path, kind], watts)
-            phi, _ = own.along(c, course, thinned(network, c))
+            phi, _ = smooth_departure.along(c, course, thinned(network, c))
             for k, column in enumerate(phi.T):
-                add(f"departure {k}", own.kind, 1.0, heat * column)
+                add(f"departure {k}", smooth_departure.kind, 1.0, heat * column)
         for node in (n for n in self.nodes if n in course.stores):
             for time in self.hidden:
                 name = f"mass ({time:.3g} s) of {node}"
                 out.append((UnknownColumn(name, "hidden", 1.0, node), hidden_mass(name, course, node, time)))
         return out
 
-    def own(self, network: Network, course: ElementCourse) -> list[tuple[UnknownColumn, DepartureHeat]]:
+    def of_run(self, network: Network, course: ElementCourse) -> list[tuple[UnknownColumn, DepartureHeat]]:
         """Return what each run has for itself, with its heats."""
         out: list[tuple[UnknownColumn, DepartureHeat]] = []
         for path, c in ((p, c) for p, c in conductors_of(network, course).items() if p in self.smooth):
@@ -223,16 +223,18 @@ def departures_of(
     smooth = {}
     for p, c in several.items():
         runs = [(course, thinned(n, c)) for n, course in zip(networks, courses, strict=True)]
-        smooth[p] = Smooth.of(c, points[p], class_of(c, network), runs, columns)
+        smooth[p] = Smooth.of_conductor(c, points[p], class_of(c, network), runs, columns)
     return Departures(smooth, hidden, nodes, len(heat) - len(several) + len(stored) - len(nodes))
 
 
 def widened(problem: Problem, i: int, network: Network, scenario: Any, heats: Sequence[DepartureHeat]) -> Problem:
     """Return a problem of one experiment, with heats as further unknowns."""
     experiment = replace(problem.experiments[i], network=network, scenario=scenario)
-    own = [replace(u, targets=tuple(replace(t, experiment=0) for t in u.targets if t.experiment == i)) for u in problem.unknowns]
+    unknowns_of_run = [
+        replace(u, targets=tuple(replace(t, experiment=0) for t in u.targets if t.experiment == i)) for u in problem.unknowns
+    ]
     more = [Unknown(h.name, "pattern", tuple(Influence(0, f"scale.{n}") for n in h.loads), 0.0) for h in heats]
-    return replace(problem, experiments=(experiment,), unknowns=(*own, *more), coupled=())
+    return replace(problem, experiments=(experiment,), unknowns=(*unknowns_of_run, *more), coupled=())
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,4 +281,4 @@ class SensorRows:
 def run_rows(traces: Sequence[SensorRows], wander: Wander, shared: int) -> RunRows:
     """Return what a run's sensors say of unknowns, the first of which other runs share."""
     parts = [t.white(wander) for t in traces]
-    return RunRows.of(np.concatenate([rows for rows, _ in parts]), shared, sum(log for _, log in parts))
+    return RunRows.of_rows(np.concatenate([rows for rows, _ in parts]), shared, sum(log for _, log in parts))

@@ -29,9 +29,9 @@ BENT: Final = 1e-4
 """What a step may miss because rates bend within it. [K]"""
 MOMENT: Final = 1e-9
 """Part of a step before its end at which inputs are taken that jump there."""
-WIDE: Final = 10.0
+UNKNOWN_START_SD: Final = 10.0
 """Standard deviation of the start of a node that its own sensor reads: as good as nothing is known before the first reading. [K]"""
-KEPT: Final = 8
+MAX_CACHED_COURSES: Final = 8
 """Courses of inputs that are kept."""
 BALANCES: Final = 30
 """Newton steps for the balance of massless nodes."""
@@ -135,7 +135,7 @@ class Dynamics:
                 "the offset of a second clock is not known, which is not supported with process noise. Call td.inference.align first.",
                 where,
             )
-        if self.engine.many:
+        if self.engine.is_large:
             raise IdentificationError(
                 f"the filter supports models of up to some hundred nodes, not {len(self.engine.nodes)}. Reduce the model.", where
             )
@@ -220,9 +220,9 @@ class Dynamics:
         moves = np.zeros((len(self.nodes), self.size))
         moves[self.massive, np.arange(count)] = 1.0
         if self.massless.size:
-            own = jacobian[np.ix_(self.massless, self.massless)]
+            massless_block = jacobian[np.ix_(self.massless, self.massless)]
             moves[self.massless] = -np.linalg.solve(
-                own, jacobian[np.ix_(self.massless, self.massive)] @ moves[self.massive] + into[self.massless]
+                massless_block, jacobian[np.ix_(self.massless, self.massive)] @ moves[self.massive] + into[self.massless]
             )
         rates, whole = np.zeros(self.size), np.zeros((self.size, self.size))
         rates[:count] = heat[self.massive] / at.capacity
@@ -236,8 +236,8 @@ class Dynamics:
     def rates(self, members: Sequence[At], states: Array, time: float) -> tuple[Array, Array]:
         """Return rates (members, states) and their Jacobians (members, states, states) as `local` does, of many members at once."""
         if self.massless.size:
-            found = [self.local(m, state, time) for m, state in zip(members, states, strict=True)]
-            return np.stack([one.rates for one in found]), np.stack([one.jacobian for one in found])
+            rates_of_members = [self.local(m, state, time) for m, state in zip(members, states, strict=True)]
+            return np.stack([one.rates for one in rates_of_members]), np.stack([one.jacobian for one in rates_of_members])
         count = self.massive.size
         rates, whole = np.zeros(states.shape), np.zeros((*states.shape, self.size))
         for k, (at, state) in enumerate(zip(members, states, strict=True)):
@@ -276,32 +276,32 @@ class Dynamics:
         a, here = at.assembled, self.local(at, about, 0.0)
         by_one_kelvin = _units(self.wiring.structure.offset, a.coefficients.size)
         by_boundary = self.problem.rhs(a.coefficients, here.temperatures, 0.0, by_one_kelvin)[2]  # heat (nodes, boundaries) [W/K]
-        heat = self._given(times, a) @ by_boundary.T + self._powered(times, a, here.temperatures)
+        heat = self._boundary_moves(times, a) @ by_boundary.T + self._powered(times, a, here.temperatures)
         inner = heat[:, self.massive]
         if self.massless.size:
             _, jacobian, _ = self.problem.rhs(a.coefficients, here.temperatures, 0.0, None)
-            own = jacobian[np.ix_(self.massless, self.massless)]
-            inner = inner - heat[:, self.massless] @ np.linalg.solve(own.T, jacobian[np.ix_(self.massive, self.massless)].T)
+            massless_block = jacobian[np.ix_(self.massless, self.massless)]
+            inner = inner - heat[:, self.massless] @ np.linalg.solve(massless_block.T, jacobian[np.ix_(self.massive, self.massless)].T)
         out = np.tile(here.rates, (times.size, 1))
         out[:, : self.massive.size] += inner / at.capacity
         return out
 
-    def _given(self, times: Array, a: Assembled) -> Array:
+    def _boundary_moves(self, times: Array, a: Assembled) -> Array:
         """Return how far boundaries are from where they begin (times, boundaries); the same for all values. [K]"""
 
-        def made() -> Array:
+        def make() -> Array:
             first = np.zeros(1)
             names = self.wiring.network.boundaries
             return np.column_stack([self.wiring.boundary(b, times, a.offsets) - self.wiring.boundary(b, first, a.offsets) for b in names])
 
-        return self.memo.made(("boundaries", times.tobytes()), made, KEPT)
+        return self.memo.value(("boundaries", times.tobytes()), make, MAX_CACHED_COURSES)
 
     def _powered(self, times: Array, a: Assembled, temperatures: Array) -> Array:
         """Return how far the heat of loads into every node is from where it begins (times, nodes). [W]"""
         loads = self.wiring.structure.loads
         places = [p for placed in loads for p in placed.places]
 
-        def made() -> Array:
+        def make() -> Array:
             row = np.resize(temperatures, len(self.nodes) + len(self.wiring.network.boundaries))
             powers = self.problem.load_powers(a.coefficients, np.tile(row, (times.size + 1, 1)), np.append(times, 0.0), None)
             heat = np.zeros((times.size, len(self.nodes)))
@@ -310,7 +310,7 @@ class Dynamics:
                     heat[:, placed.node] += powers[:-1, k] - powers[-1, k]
             return heat
 
-        return self.memo.made(("loads", times.tobytes(), a.coefficients[places].tobytes()), made, KEPT)
+        return self.memo.value(("loads", times.tobytes(), a.coefficients[places].tobytes()), make, MAX_CACHED_COURSES)
 
     def _balanced(self, coefficients: Array, temperatures: Array, outer: Array, time: float) -> tuple[Array, Array, Array | None]:
         """Return heat, Jacobian and slopes with the balance of massless nodes solved; their temperatures are put in place."""
@@ -376,8 +376,8 @@ class Dynamics:
 
     def level_sd(self, noise: ProcessNoise) -> float:
         """Return the standard deviation of where a random walk begins: unknown for a boundary that is not looked for itself. [K], [W]"""
-        known = noise.place != "boundary" or noise.target in self.bench.free
-        return self.start_sd.get(noise.target, 0.0 if known else WIDE)
+        is_known = noise.place != "boundary" or noise.target in self.bench.free
+        return self.start_sd.get(noise.target, 0.0 if is_known else UNKNOWN_START_SD)
 
     def _start_sd(self, node: str) -> float:
         """Return the standard deviation of a node's start. [K]"""
@@ -389,7 +389,7 @@ class Dynamics:
         if node in e.hidden:
             return e.hidden[node].sd
         if node in e.loose or node in e.readings or node in e.tips:
-            return WIDE
+            return UNKNOWN_START_SD
         stated = (
             node in e.scenario.initial or self.wiring.start is not None or (isinstance(e.scenario.start, str) and e.scenario.start != "")
         )

@@ -14,8 +14,8 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError
 from thermid.base.linear_algebra import Array, symmetric_inverse
 from thermid.fit._calibrate import differing
-from thermid.fit._estimation.dynamics import WIDE
-from thermid.fit._estimation.estimation import OUTPUT, PROCESS, Estimation, Estimator, Found, whiteness_of
+from thermid.fit._estimation.dynamics import UNKNOWN_START_SD
+from thermid.fit._estimation.estimation import OUTPUT, PROCESS, EstimatedNumber, Estimation, Estimator, whiteness_of
 from thermid.fit._estimation.likelihood import Likelihood, Maximum, likelihood_of
 from thermid.fit._estimation.outlook import OpenLoopScore, foresight, origins_of, outlooks, starts_sd
 from thermid.fit._estimation.process import ProcessNoise, read_process
@@ -30,9 +30,9 @@ from thermid.simulation.scenarios import Scenario
 from thermid.simulation.solver import refuse_unseen
 from thermid.values.fitted import FittedValue, FittedValues
 
-KEPT: Final = 0.6
+FITTED_SHARE: Final = 0.6
 """Part of every record that is fitted where the rest is left out to be foreseen."""
-LEAST: Final = 0.3
+MIN_FITTED_SHARE: Final = 0.3
 """The same at least, for a long horizon."""
 UNSEEN: Final = 3.0
 """Standard error of the logarithm of a size from which nothing of that noise is seen."""
@@ -80,8 +80,8 @@ def estimate(
     scenarios = dict(scenario) if isinstance(scenario, Mapping) else {"*": scenario} if scenario else {}
     specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
     wanted, _ = freed(model, free, (), title)
-    known = priors_of(model, priors or {}, title)
-    request = Request(model, many, tuple(wanted), scenarios, specs, priors=known, name=title, fit_start=False)
+    stated_priors = priors_of(model, priors or {}, title)
+    request = Request(model, many, tuple(wanted), scenarios, specs, priors=stated_priors, name=title, fit_start=False)
     return estimated(request, process_noise, start_sd or {}, horizon)
 
 
@@ -93,38 +93,40 @@ def estimated(request: Request, process_noise: Mapping[str, Any], start_sd: Mapp
         return _estimated(request, process_noise, start_sd, horizon)
 
 
-def _estimated(request: Request, given: Mapping[str, Any], start_sd: Mapping[str, str], horizon: str) -> Estimation:
+def _estimated(request: Request, noise_table: Mapping[str, Any], start_sd: Mapping[str, str], horizon: str) -> Estimation:
     refuse_unseen(request.model, "a filter")
     problem = build_problem(request)
-    noises = read_process(given, problem.experiments[0].network, request.name)
+    noises = read_process(noise_table, problem.experiments[0].network, request.name)
     starts = starts_sd(problem, start_sd, noises, request.name)
     spans = [float(e.times[-1]) for e in problem.experiments]
     ahead = literal(horizon, "s", f"{request.name}, horizon") if horizon else 0.2 * min(spans)
-    if not 0.0 < ahead <= (1.0 - LEAST) * min(spans):
+    if not 0.0 < ahead <= (1.0 - MIN_FITTED_SHARE) * min(spans):
         raise IdentificationError(
             f"a horizon of {duration_text(ahead)} leaves too little to fit: of the {duration_text(min(spans))} of the shortest record "
-            f"{100 * LEAST:.0f} % are fitted at least. Give a shorter horizon.",
+            f"{100 * MIN_FITTED_SHARE:.0f} % are fitted at least. Give a shorter horizon.",
             request.name,
         )
-    split = [min(KEPT * s, s - ahead) for s in spans]
+    split = [min(FITTED_SHARE * s, s - ahead) for s in spans]
     earlier = replace(request, records=tuple(_before(r, t) for r, t in zip(request.records, split, strict=True)))
     train = build_problem(earlier)
-    found = {}
+    estimators = {}
     # without its noise a walk is a constant that nobody knows: output error is process noise with every size at zero
     still = tuple(replace(p, size=0.0, free=False) for p in noises if p.walks)
-    for kind, own in ((OUTPUT, still), (PROCESS, noises)):
-        full = likelihood_of(problem, own, starts)
+    for kind, noises_of_kind in ((OUTPUT, still), (PROCESS, noises)):
+        full = likelihood_of(problem, noises_of_kind, starts)
         maximum = full.maximise(full.start)
-        part = likelihood_of(train, own, starts)
+        part = likelihood_of(train, noises_of_kind, starts)
         before = part.maximise(maximum.fitted, observed=False)
-        left = _foreseen(full, before, split, spans, ahead)
-        found[kind] = _estimator(kind, request, full, maximum, left)
+        score_ahead = _foreseen(full, before, split, spans, ahead)
+        estimators[kind] = _estimator(kind, request, full, maximum, score_ahead)
     levels = tuple(
-        f"what is added to {p.target} is unknown at the start to +- {WIDE:g} K, and stays constant in output error"
+        f"what is added to {p.target} is unknown at the start to +- {UNKNOWN_START_SD:g} K, and stays constant in output error"
         for p in still
         if p.target not in starts and any(d.level_sd(p) > 0.0 for d in full.dynamics)
     )
-    return _compared(request, found[PROCESS], found[OUTPUT], ahead, ((*levels, *_exact(problem, noises)), starts, differing(problem)))
+    return _compared(
+        request, estimators[PROCESS], estimators[OUTPUT], ahead, ((*levels, *_exact(problem, noises)), starts, differing(problem))
+    )
 
 
 def _exact(problem: Problem, noises: Sequence[ProcessNoise]) -> list[str]:
@@ -151,49 +153,49 @@ def _before(record: Record, seconds: float) -> Record:
 def _foreseen(full: Likelihood, maximum: Maximum, split: Sequence[float], spans: Sequence[float], ahead: float) -> OpenLoopScore:
     """Return how well the later part of every record is foreseen with values of the earlier one."""
     covariance = symmetric_inverse(maximum.information)
-    found = []
+    outlooks_of_records = []
     for i, (begin, end) in enumerate(zip(split, spans, strict=True)):
-        found += outlooks(full, i, maximum.fitted, covariance, origins_of(begin, end, ahead), ahead)
-    return foresight([several for several in found if several])
+        outlooks_of_records += outlooks(full, i, maximum.fitted, covariance, origins_of(begin, end, ahead), ahead)
+    return foresight([several for several in outlooks_of_records if several])
 
 
 def _whole(full: Likelihood, maximum: Maximum) -> float:
     """Return the RMSE of runs from the starts without any later reading. [K]"""
     none = np.zeros_like(maximum.information)
-    found = []
+    outlooks_of_records = []
     for i, d in enumerate(full.dynamics):
-        found += outlooks(full, i, maximum.fitted, none, np.zeros(1), float(d.grid[-1]))
-    return foresight(found).rmse
+        outlooks_of_records += outlooks(full, i, maximum.fitted, none, np.zeros(1), float(d.grid[-1]))
+    return foresight(outlooks_of_records).rmse
 
 
-def _estimator(name: str, request: Request, full: Likelihood, maximum: Maximum, left: OpenLoopScore) -> Estimator:
+def _estimator(name: str, request: Request, full: Likelihood, maximum: Maximum, score_ahead: OpenLoopScore) -> Estimator:
     white = whiteness_of(full, maximum.fitted)
     widened = max((w.widening for w in white), default=1.0)
     if widened > 1.0:
         maximum = _widened(full, maximum, widened)
     errors = maximum.errors()
-    found = {}
+    numbers = {}
     for u, fitted, error in zip(full.unknowns, maximum.fitted, errors, strict=True):
-        found[u.name] = Found(
+        numbers[u.name] = EstimatedNumber(
             u.name, u.to_value(float(fitted)), float(error) * u.slope(float(fitted)), "degC" if u.unit == "degC" else u.unit
         )
     values = _values(request, full, maximum, errors)
-    return Estimator(name, full, maximum, values, found, left, _whole(full, maximum), white, widened)
+    return Estimator(name, full, maximum, values, numbers, score_ahead, _whole(full, maximum), white, widened)
 
 
 def _widened(full: Likelihood, maximum: Maximum, factor: float) -> Maximum:
     """Return a maximum whose readings say less by the square of a factor; priors say what they said."""
     slopes = full.priors(maximum.fitted)[1]
-    known = slopes.T @ slopes
-    return replace(maximum, information=(maximum.information - known) / factor**2 + known)
+    prior_information = slopes.T @ slopes
+    return replace(maximum, information=(maximum.information - prior_information) / factor**2 + prior_information)
 
 
 def _values(request: Request, full: Likelihood, maximum: Maximum, errors: Array) -> FittedValues:
     """Return parameters and constant errors as a values file holds them."""
-    kept = [k for k, u in enumerate(full.unknowns) if u.kind not in ("local", "noise")]
+    positions = [k for k, u in enumerate(full.unknowns) if u.kind not in ("local", "noise")]
     covariance = symmetric_inverse(maximum.information)
     items = {}
-    for k in kept:
+    for k in positions:
         u, fitted = full.unknowns[k], float(maximum.fitted[k])
         error = float(errors[k]) * u.slope(fitted)
         prior = (u.prior.mean, u.prior.sd) if u.prior is not None else None
@@ -206,7 +208,7 @@ def _values(request: Request, full: Likelihood, maximum: Maximum, errors: Array)
         "version": version("thermid"),
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
     }
-    return FittedValues(request.name, items, covariance[np.ix_(kept, kept)], provenance)
+    return FittedValues(request.name, items, covariance[np.ix_(positions, positions)], provenance)
 
 
 def _compared(
@@ -214,7 +216,7 @@ def _compared(
     process: Estimator,
     output: Estimator,
     ahead: float,
-    given: tuple[tuple[str, ...], Mapping[str, float], list[str]],
+    notes: tuple[tuple[str, ...], Mapping[str, float], list[str]],
 ) -> Estimation:
     from scipy.special import gammaincc
 
@@ -234,7 +236,7 @@ def _compared(
     for k, u in enumerate(process.likelihood.unknowns):
         if u.kind != "noise" and abs(process.maximum.fitted[k] - output.maximum.fitted[place[u.name]]) > MOVED * errors[k]:
             moved.append(u.name)
-    assumed, starts, remarks = given
+    assumed, starts, remarks = notes
     warnings = (*_warnings(process, output, moved), *remarks)
     return Estimation(request.name, request.model, process, output, ahead, ratio, p, tuple(moved), warnings, assumed, request, starts)
 

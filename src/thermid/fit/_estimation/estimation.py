@@ -25,7 +25,7 @@ PROCESS, OUTPUT = "process noise", "output error"
 
 
 @dataclass(frozen=True)
-class Found:
+class EstimatedNumber:
     """One number that was looked for, and its standard error.
 
     Parameters
@@ -56,7 +56,7 @@ class Estimator:
     likelihood : Likelihood     Logs, model and noise.
     maximum : Maximum           Where its search ended.
     values : FittedValues       Parameters and constant errors, with their covariance.
-    found : dict                Every unknown -> `Found`: sizes of noises, noise of readings and values of single records too.
+    found : dict                Every unknown -> `EstimatedNumber`: sizes of noises, noise of readings and values of single records too.
     left_out : OpenLoopScore        How it foresaw readings that were not fitted, over the horizon.
     whole : float               RMSE of a run from the start of every record, without its later readings; in the fit's own logs. [K]
     white : tuple               Of each sensor of each record.
@@ -68,7 +68,7 @@ class Estimator:
     likelihood: Likelihood = field(repr=False)
     maximum: Maximum = field(repr=False)
     values: FittedValues
-    found: Mapping[str, Found]
+    found: Mapping[str, EstimatedNumber]
     left_out: OpenLoopScore | None
     whole: float
     white: tuple[Whiteness, ...]
@@ -197,19 +197,19 @@ class Estimation(Result):
         """
         likelihood, maximum = self.process.likelihood, self.process.maximum
         members, root = members_about(likelihood, maximum.fitted, symmetric_inverse(maximum.information))
-        kept = likelihood.passing(record, members).run(keep=True)
-        beliefs: list[Belief] = list(kept.beliefs)
+        filtered = likelihood.passing(record, members).run(keep=True)
+        beliefs: list[Belief] = list(filtered.beliefs)
         if smooth:
-            legs = [leg for way in kept.legs for leg in way]
-            ends = np.cumsum([0, *(len(way) for way in kept.legs)])
-            every = smoothed(kept.last, legs)
+            legs = [leg for way in filtered.legs for leg in way]
+            ends = np.cumsum([0, *(len(way) for way in filtered.legs)])
+            every = smoothed(filtered.last, legs)
             beliefs = [every[k] for k in ends]
         count = len(likelihood.unknowns)
         means = np.array([b.mean for b in beliefs])
         by_values = np.einsum("tus,uc->tsc", means[:, 1 : 1 + count] - means[:, 1 + count :], root)
         variance = np.array([b.variance[0] for b in beliefs]) + np.sum(by_values**2, axis=2)
         d = likelihood.dynamics[record]
-        return States(d.states, kept.times, means[:, 0], np.sqrt(variance), d.units)
+        return States(d.states, filtered.times, means[:, 0], np.sqrt(variance), d.units)
 
     def predict(
         self, scenario: Scenario, times: Sequence[float] | Array | None = None, *, start_sd: Mapping[str, str] | None = None, by: str = ""
@@ -231,14 +231,14 @@ class Estimation(Result):
         estimators = {e.name: e for e in (self.process, self.output)}
         refuse_unknown([by or self.chosen.name], estimators, self.title, "'{}' is not a way to look at the logs.", IdentificationError)
         e = estimators[by or self.chosen.name]
-        asked = np.unique(np.append(np.linspace(0.0, scenario.seconds, 201) if times is None else np.asarray(times, dtype=np.float64), 0.0))
+        grid = np.unique(np.append(np.linspace(0.0, scenario.seconds, 201) if times is None else np.asarray(times, dtype=np.float64), 0.0))
         assert self.request is not None
-        likelihood = unread(self.request, e.likelihood, scenario, asked, start_sd or {})
+        likelihood = unread(self.request, e.likelihood, scenario, grid, start_sd or {})
         place = {u.name: k for k, u in enumerate(e.likelihood.unknowns)}
         at = [place[u.name] for u in likelihood.unknowns]
-        mean, variance = course(likelihood, e.maximum.fitted[at], symmetric_inverse(e.maximum.information)[np.ix_(at, at)], asked)
+        mean, variance = course(likelihood, e.maximum.fitted[at], symmetric_inverse(e.maximum.information)[np.ix_(at, at)], grid)
         d = likelihood.dynamics[0]
-        return States(d.states, asked, mean, np.sqrt(variance), d.units)
+        return States(d.states, grid, mean, np.sqrt(variance), d.units)
 
     def as_object(self) -> dict[str, Any]:
         """Return it as JSON holds it."""
@@ -289,10 +289,10 @@ def whiteness_of(likelihood: Likelihood, fitted: Array) -> tuple[Whiteness, ...]
     """Return whether the innovations of every sensor of every record are white."""
     out = []
     for i, d in enumerate(likelihood.dynamics):
-        found = likelihood.passing(i, [fitted]).run().innovations
+        filter_innovations = likelihood.passing(i, [fitted]).run().innovations
         for k, o in enumerate(d.experiment.observations):
-            own = found.standard[found.sensors == k, 0]
-            if own.size > 10:
+            of_sensor = filter_innovations.standard[filter_innovations.sensors == k, 0]
+            if of_sensor.size > 10:
                 name = o.sensor if len(likelihood.dynamics) == 1 else f"{o.sensor} in {d.experiment.record.name}"
-                out.append(whiteness(name, own))
+                out.append(whiteness(name, of_sensor))
     return tuple(out)

@@ -82,11 +82,11 @@ class Gain(NamedTuple):
 
 def updated(belief: Belief, reading: ReadingRow) -> tuple[Belief, Array, Gain]:
     """Return a belief after a reading, the innovation (members,) [K], and what it did."""
-    seen = np.einsum("mij,mi->mj", belief.root, reading.row)
-    variance = np.einsum("mj,mj->m", seen, seen) + reading.noise**2
-    gain = np.einsum("mij,mj->mi", belief.root, seen) / variance[:, None]
+    spread_of_reading = np.einsum("mij,mi->mj", belief.root, reading.row)
+    variance = np.einsum("mj,mj->m", spread_of_reading, spread_of_reading) + reading.noise**2
+    gain = np.einsum("mij,mj->mi", belief.root, spread_of_reading) / variance[:, None]
     share = 1.0 / (1.0 + reading.noise / np.sqrt(variance))
-    root = belief.root - share[:, None, None] * gain[:, :, None] * seen[:, None, :]
+    root = belief.root - share[:, None, None] * gain[:, :, None] * spread_of_reading[:, None, :]
     did = Gain(gain, variance)
     mean, error = corrected(belief.mean, reading, did)
     return Belief(mean, root), error, did
@@ -174,8 +174,8 @@ class Whiteness:
     def __str__(self) -> str:
         """On one line."""
         word = "white" if self.white else "not white"
-        said = f"{self.sensor}: innovations {word} (lag one {self.lag_one:+.2f}, {chance(self.probability)} over {self.lags} lags)"
-        return f"{said}, {self.size:.3g} times the expected size"
+        text = f"{self.sensor}: innovations {word} (lag one {self.lag_one:+.2f}, {chance(self.probability)} over {self.lags} lags)"
+        return f"{text}, {self.size:.3g} times the expected size"
 
 
 def chance(probability: float) -> str:

@@ -96,14 +96,14 @@ class Likelihood:
 
     def at(self, i: int, fitted: Array) -> At:
         """Return the dynamics of a record at values of the unknowns."""
-        own = fitted[: len(self.problem.unknowns)]
-        x, _ = self.problem.inputs(i, own)
+        problem_values = fitted[: len(self.problem.unknowns)]
+        x, _ = self.problem.inputs(i, problem_values)
         named = {u.name: u.to_value(float(v)) for u, v in zip(self.unknowns, fitted, strict=True)}
         sizes = np.array([named.get(f"noise of {p.target}", p.size) for p in self.noises])
         times = np.array([named.get(f"noise time of {p.target}", p.time) for p in self.noises])
-        seen = self.problem.experiments[i].observations
-        sigma = np.array([o.sigma({o.sensor: named.get(READING + o.sensor, self.sigma.get(o.sensor, 1.0))}) for o in seen])
-        bias = np.array([named.get(f"sensor {o.sensor}", self.problem.fixed_bias.get(o.sensor, 0.0)) for o in seen])
+        observations = self.problem.experiments[i].observations
+        sigma = np.array([o.sigma({o.sensor: named.get(READING + o.sensor, self.sigma.get(o.sensor, 1.0))}) for o in observations])
+        bias = np.array([named.get(f"sensor {o.sensor}", self.problem.fixed_bias.get(o.sensor, 0.0)) for o in observations])
         return self.dynamics[i].at(x, sizes, times, sigma, bias)
 
     def passing(self, i: int, members: Sequence[Array]) -> Passing:
@@ -112,8 +112,8 @@ class Likelihood:
 
     def innovations(self, members: Sequence[Array]) -> tuple[Array, Array]:
         """Return innovations of all records (readings, members) [K] and their variances. [K^2]"""
-        found = [self.passing(i, members).run().innovations for i in range(len(self.dynamics))]
-        return np.concatenate([f.errors for f in found]), np.concatenate([f.variances for f in found])
+        innovations_of_records = [self.passing(i, members).run().innovations for i in range(len(self.dynamics))]
+        return np.concatenate([f.errors for f in innovations_of_records]), np.concatenate([f.variances for f in innovations_of_records])
 
     def priors(self, fitted: Array) -> tuple[Array, Array]:
         """Return the residuals of priors and their derivatives (residuals, unknowns). [-]"""
@@ -131,8 +131,8 @@ class Likelihood:
         errors, variances = self.innovations(members)
         out = []
         for n, fitted in enumerate(points):
-            own = slice(n * (2 * count + 1), (n + 1) * (2 * count + 1))
-            e, s = errors[:, own], variances[:, own]
+            columns_of_point = slice(n * (2 * count + 1), (n + 1) * (2 * count + 1))
+            e, s = errors[:, columns_of_point], variances[:, columns_of_point]
             de = (e[:, 1 : 1 + count] - e[:, 1 + count :]) / (2.0 * steps)
             ds = (s[:, 1 : 1 + count] - s[:, 1 + count :]) / (2.0 * steps)
             e, s = e[:, :1], s[:, :1]
@@ -172,28 +172,28 @@ class Likelihood:
         try:
             shifts = np.diag(steps)
             sides = self.scores([*(fitted + s for s in shifts), *(fitted - s for s in shifts)])
-            found = np.array([a.gradient - b.gradient for a, b in zip(sides[: steps.size], sides[steps.size :], strict=True)])
-            found = found / (2.0 * steps[:, None])
+            information = np.array([a.gradient - b.gradient for a, b in zip(sides[: steps.size], sides[steps.size :], strict=True)])
+            information = information / (2.0 * steps[:, None])
         except (SolverError, np.linalg.LinAlgError):
             return score.information, False
-        found = 0.5 * (found + found.T)
-        size = np.sqrt(np.maximum(np.diag(found), 1e-300))
-        positive = bool(np.isfinite(found).all()) and float(np.linalg.eigvalsh(found / np.outer(size, size)).min()) > 1e-6
-        return (found, True) if positive else (score.information, False)
+        information = 0.5 * (information + information.T)
+        size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+        positive = bool(np.isfinite(information).all()) and float(np.linalg.eigvalsh(information / np.outer(size, size)).min()) > 1e-6
+        return (information, True) if positive else (score.information, False)
 
 
 def likelihood_of(problem: Problem, noises: Sequence[ProcessNoise], start_sd: Mapping[str, float]) -> Likelihood:
     """Return the likelihood of a problem's records with noises on its model."""
     dynamics = tuple(Dynamics(b, noises, dict(start_sd)) for b in problem.benches())
-    seen = {o.sensor: o for e in problem.experiments for o in e.observations}
-    stated = {s: o.noise for s, o in seen.items() if o.noise is not None}
+    observation_of_sensor = {o.sensor: o for e in problem.experiments for o in e.observations}
+    stated = {s: o.noise for s, o in observation_of_sensor.items() if o.noise is not None}
     unknowns: list[Unknown] = list(problem.unknowns)
     for p in noises:
         if p.free:
             unknowns.append(_size(f"noise of {p.target}", p.size, p.unit))
         if p.free_time:
             unknowns.append(_size(f"noise time of {p.target}", p.time, "s"))
-    for sensor, o in seen.items():
+    for sensor, o in observation_of_sensor.items():
         if sensor not in stated:
             steps = np.diff(o.measured)
             guess = max(float(np.median(np.abs(steps))) if steps.size else 0.0, 1e-3)

@@ -74,8 +74,8 @@ class OpenLoopScore:
 def members_about(likelihood: Likelihood, fitted: Array, covariance: Array) -> tuple[list[Array], Array]:
     """Return values and their neighbours either way, and what turns differences of these into standard deviations (unknowns, columns)."""
     steps = DIFFERENCE * np.array([u.scale for u in likelihood.unknowns])
-    known = np.where(np.isfinite(covariance), covariance, 0.0)
-    sizes, vectors = np.linalg.eigh(known)
+    finite_covariance = np.where(np.isfinite(covariance), covariance, 0.0)
+    sizes, vectors = np.linalg.eigh(finite_covariance)
     root = vectors * np.sqrt(np.maximum(sizes, 0.0))
     shifts = np.diag(steps)
     return [fitted, *(fitted + s for s in shifts), *(fitted - s for s in shifts)], root / (2.0 * steps[:, None])
@@ -94,24 +94,26 @@ def outlooks(likelihood: Likelihood, i: int, fitted: Array, covariance: Array, o
     """
     members, root = members_about(likelihood, fitted, covariance)
     passing = likelihood.passing(i, members)
-    kept = passing.run(keep=True)
-    return [_by_sensor(likelihood, i, _rows_after(passing, kept, root, float(origin), horizon)) for origin in origins]
+    filtered = passing.run(keep=True)
+    return [_by_sensor(likelihood, i, _rows_after(passing, filtered, root, float(origin), horizon)) for origin in origins]
 
 
-def _rows_after(passing: Passing, kept: Pass, root: Array, origin: float, horizon: float) -> list[tuple[int, float, float, float]]:
+def _rows_after(passing: Passing, filtered: Pass, root: Array, origin: float, horizon: float) -> list[tuple[int, float, float, float]]:
     """Return sensor, time [s], foreseen less measured [K] and its standard deviation [K] of every reading after an origin."""
-    place = int(np.searchsorted(kept.times, origin * (1 + 1e-12), side="right")) - 1
-    belief, count = kept.beliefs[place], root.shape[0]
+    place = int(np.searchsorted(filtered.times, origin * (1 + 1e-12), side="right")) - 1
+    belief, count = filtered.beliefs[place], root.shape[0]
     rows: list[tuple[int, float, float, float]] = []
-    while place + 1 < kept.times.size and kept.times[place + 1] <= origin + horizon * (1 + 1e-12):
+    while place + 1 < filtered.times.size and filtered.times[place + 1] <= origin + horizon * (1 + 1e-12):
         belief, _ = passing.ahead(belief, place)
         place += 1
-        time = float(kept.times[place])
+        time = float(filtered.times[place])
         for r in passing.readings(belief, place, time):
             apart = np.einsum("mi,mi->m", r.row, belief.mean) - r.value
             slope = (apart[1 : 1 + count] - apart[1 + count :]) @ root
-            seen = belief.root[0].T @ r.row[0]
-            rows.append((r.sensor, time, float(apart[0]), float(np.sqrt(seen @ seen + slope @ slope + r.noise[0] ** 2))))
+            spread_of_reading = belief.root[0].T @ r.row[0]
+            rows.append(
+                (r.sensor, time, float(apart[0]), float(np.sqrt(spread_of_reading @ spread_of_reading + slope @ slope + r.noise[0] ** 2)))
+            )
     return rows
 
 
@@ -119,11 +121,13 @@ def _by_sensor(likelihood: Likelihood, i: int, rows: list[tuple[int, float, floa
     experiment = likelihood.problem.experiments[i]
     out = []
     for k, o in enumerate(experiment.observations):
-        own = np.array([r[1:] for r in rows if r[0] == k]).reshape(-1, 3)
-        if own.size:
-            times = own[:, 0]
+        rows_of_sensor = np.array([r[1:] for r in rows if r[0] == k]).reshape(-1, 3)
+        if rows_of_sensor.size:
+            times = rows_of_sensor[:, 0]
             measured = np.interp(times, experiment.times[o.index], o.measured)
-            out.append(OpenLoopTrace(experiment.record.name, o.sensor, times, measured, measured + own[:, 1], own[:, 2]))
+            out.append(
+                OpenLoopTrace(experiment.record.name, o.sensor, times, measured, measured + rows_of_sensor[:, 1], rows_of_sensor[:, 2])
+            )
     return out
 
 
@@ -147,23 +151,23 @@ def unread(request: Request, fitted: Likelihood, scenario: Scenario, times: Arra
         raise ScenarioError("a prediction needs times from zero on. Give times, or a scenario with a duration.", name)
     node = fitted.dynamics[0].states[0]
     # a record must read something; what it reads here is never taken
-    blank = Channel.of(node, np.full(times.size, 300.0), unit="K", role="node", target=node, noise=1.0)
+    blank = Channel.from_array(node, np.full(times.size, 300.0), unit="K", role="node", target=node, noise=1.0)
     record = Record.from_arrays(name, times, {node: blank})
-    asked = replace(
+    unread_request = replace(
         request, records=(record,), scenarios={"*": scenario}, local={}, record_local={}, readings={}, weights={}, held_errors={}, name=name
     )
-    problem = build_problem(asked)
+    problem = build_problem(unread_request)
     if problem.experiments[0].loose:
         raise ScenarioError("the scenario does not say at which temperature it starts. Add start, or initial temperatures.", name)
     walks = {p.target: 0.0 for p in fitted.noises if p.walks}
     return likelihood_of(problem, fitted.noises, walks | starts_sd(problem, start_sd, fitted.noises, name))
 
 
-def starts_sd(problem: Problem, given: Mapping[str, str], noises: Sequence[ProcessNoise], where: str) -> dict[str, float]:
+def starts_sd(problem: Problem, texts: Mapping[str, str], noises: Sequence[ProcessNoise], where: str) -> dict[str, float]:
     """Return node or boundary -> standard deviation of its start. [K]"""
     network, out = problem.experiments[0].network, {}
     walks = [p.target for p in noises if p.walks]
-    for raw, text in given.items():
+    for raw, text in texts.items():
         path = network.find(raw, f"{where}, start_sd")
         if path not in network.nodes and path not in walks:
             raise IdentificationError(
@@ -194,13 +198,13 @@ def course(likelihood: Likelihood, fitted: Array, covariance: Array, times: Arra
     return every[:, 0], np.array(variances)[at] + np.sum(by_values**2, axis=2)
 
 
-def foresight(found: list[list[OpenLoopTrace]]) -> OpenLoopScore:
+def foresight(outlooks_by_sensor: list[list[OpenLoopTrace]]) -> OpenLoopScore:
     """Return how well all of some outlooks met the readings."""
-    parts = [o for several in found for o in several]
+    parts = [o for several in outlooks_by_sensor for o in several]
     off = np.concatenate([o.measured - o.foreseen for o in parts])
     sd = np.concatenate([o.sd for o in parts])
     inside = float(np.mean(np.abs(off) <= HALF_WIDTH_95 * sd))
-    return OpenLoopScore(float(np.sqrt(np.mean(off**2))), inside, off.size, len(found))
+    return OpenLoopScore(float(np.sqrt(np.mean(off**2))), inside, off.size, len(outlooks_by_sensor))
 
 
 def origins_of(split: float, end: float, horizon: float) -> Array:

@@ -100,8 +100,8 @@ class Passing:
         change = np.einsum("mij,mj->mi", start, rates) + np.einsum("mij,mj->mi", slope, rise)
         mean = belief.mean + change
         foreseen = rates + rise + np.einsum("mij,mj->mi", jacobian, change)
-        found, _ = d.rates(self.members, mean, late)
-        missed = float(np.abs((found - foreseen)[:, : d.massive.size]).max()) * seconds / 3.0
+        rates_after, _ = d.rates(self.members, mean, late)
+        missed = float(np.abs((rates_after - foreseen)[:, : d.massive.size]).max()) * seconds / 3.0
         if not np.isfinite(missed) or (missed > BENT and halvings < HALVINGS):
             if halvings >= HALVINGS:
                 raise SolverError(f"the filter diverged at {begin:.6g} s. Look for a noise that is far too large.", d.engine.title)
@@ -110,7 +110,7 @@ class Passing:
             whole, more = self._bent_step(half, middle, end, halvings + 1)
             return whole, [*legs, *more]
         # the rates bend quadratically; two thirds of what was missed stands in the mean
-        mean = mean + np.einsum("mij,mj->mi", slope, found - foreseen) * (2.0 / 3.0)
+        mean = mean + np.einsum("mij,mj->mi", slope, rates_after - foreseen) * (2.0 / 3.0)
         root = step(0.5 * (jacobian + d.rates(self.members, mean, late)[1]), self.noise, seconds)
         return moved(belief, root.transition, mean, root.noise), [FilterStep(root.transition, root.noise, belief, mean)]
 
@@ -168,10 +168,10 @@ class Passing:
         while place < d.grid.size:
             time = float(d.grid[place])
             taken = time <= until
-            known = settled.get(d.step_to(place)) if ready and place and taken else None
-            if known is not None and known.holds(belief.root):
+            settled_step = settled.get(d.step_to(place)) if ready and place and taken else None
+            if settled_step is not None and settled_step.holds(belief.root):
                 end = min(d.alike[place], int(np.searchsorted(d.grid, until, side="right")))
-                belief = Belief(self._stretch(belief.mean, place, end, known, out), known.after)
+                belief = Belief(self._stretch(belief.mean, place, end, settled_step, out), settled_step.after)
                 place = end
                 continue
             before, gains = belief.root, []
@@ -190,7 +190,7 @@ class Passing:
             place += 1
         return Pass(out.innovations(len(self.members)), d.grid[max(first, 0) :], belief, tuple(out.beliefs), tuple(out.legs))
 
-    def _stretch(self, mean: Array, begin: int, end: int, known: _Settled, out: _Sheet) -> Array:
+    def _stretch(self, mean: Array, begin: int, end: int, settled_step: _Settled, out: _Sheet) -> Array:
         """Return the mean (members, states) after steps to times `begin` to before `end`, all alike and their gains settled.
 
         The recursion ``x_k = M x_(k-1) + c_k`` is then one product with a block of powers of M for every `BLOCK` steps.
@@ -202,15 +202,15 @@ class Passing:
         constant = self.read[:, sensors] - np.einsum("mki,mi->mk", rows, self.about) if sensors else np.zeros((len(self.members), 0))
         values = measured.reshape(end - begin, len(sensors))[None] - constant[:, None]
         keep, into = np.tile(np.eye(n), (len(self.members), 1, 1)), np.zeros((len(self.members), n, 0))
-        for k, did in enumerate(known.gains):
+        for k, did in enumerate(settled_step.gains):
             take = np.eye(n) - did.gain[:, :, None] * rows[:, k, None, :]
             keep, into = take @ keep, np.concatenate([take @ into, did.gain[:, :, None]], axis=2)
         move = self._steps[length].transition
         forced = self._forced[:, begin - 1 : end - 1] - np.einsum("mij,mj->mi", move, self.about)[:, None]
-        given = along(keep, forced) + along(into, values)
-        means = recursion(keep @ move, given, mean)
+        forcing = along(keep, forced) + along(into, values)
+        means = recursion(keep @ move, forcing, mean)
         foreseen = along(move, np.concatenate([mean[:, None], means[:, :-1]], axis=1)) + forced
-        for k, did in enumerate(known.gains):
+        for k, did in enumerate(settled_step.gains):
             errors = values[:, :, k] - (foreseen @ rows[:, k, :, None])[:, :, 0]
             foreseen = foreseen + did.gain[:, None] * errors[:, :, None]
             out.stretch(sensors[k], d.grid[begin:end], errors.T, did.variance)
@@ -225,9 +225,9 @@ def along(matrices: Array, vectors: Array) -> Array:
     return np.asarray(vectors @ np.swapaxes(matrices, 1, 2))
 
 
-def recursion(move: Array, given: Array, start: Array) -> Array:
+def recursion(move: Array, forcing: Array, start: Array) -> Array:
     """Return x_k = M x_(k-1) + c_k (members, steps, n) of M (members, n, n), c (members, steps, n) and x before the first (members, n)."""
-    members, steps, n = given.shape
+    members, steps, n = forcing.shape
     powers = [np.tile(np.eye(n), (members, 1, 1))]
     for _ in range(min(BLOCK, steps)):
         powers.append(powers[-1] @ move)
@@ -237,11 +237,11 @@ def recursion(move: Array, given: Array, start: Array) -> Array:
         for column in range(row + 1):
             triangle[:, row * n : (row + 1) * n, column * n : (column + 1) * n] = powers[row - column]
     first = np.concatenate(powers[1:], axis=1)
-    out = np.empty_like(given)
+    out = np.empty_like(forcing)
     for begin in range(0, steps, size):
         end = min(begin + size, steps)
-        own = (end - begin) * n
-        part = triangle[:, :own, :own] @ given[:, begin:end].reshape(members, own, 1) + first[:, :own] @ start[:, :, None]
+        rows = (end - begin) * n
+        part = triangle[:, :rows, :rows] @ forcing[:, begin:end].reshape(members, rows, 1) + first[:, :rows] @ start[:, :, None]
         out[:, begin:end] = part.reshape(members, end - begin, n)
         start = out[:, end - 1]
     return out

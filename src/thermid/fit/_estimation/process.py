@@ -74,12 +74,12 @@ class ProcessNoise:
         return (*out, f"noise time of {self.target}") if self.free_time else tuple(out)
 
 
-def read_process(given: Mapping[str, Any], network: Network, where: str) -> tuple[ProcessNoise, ...]:
+def read_process(process_noise: Mapping[str, Any], network: Network, where: str) -> tuple[ProcessNoise, ...]:
     """Return the noises that a table asks for.
 
     Parameters
     ----------
-    given : dict        Node, load or boundary -> ``"free"``, a size with its unit (held), either with ``over`` and a time or ``free``
+    process_noise : dict  Node, load or boundary -> ``"free"``, a size with its unit (held), either with ``over`` and a time or ``free``
                         after it (``"0.5 [W] over 20 [min]"``: it forgets after that time), or a table with `kind` (``wiener``,
                         ``gauss-markov``), `size`, `time` (``"free"`` or a value each) and `start` (of a free size).
     network : Network   The model's.
@@ -90,16 +90,16 @@ def read_process(given: Mapping[str, Any], network: Network, where: str) -> tupl
     IdentificationError   For what names nothing, a node without heat capacity, a key or kind that does not exist.
     UnitError             For a size in another unit than its kind has.
     """
-    out = [_one(raw, table, network, f"{where}, process_noise.{raw}") for raw, table in given.items()]
+    out = [_one(raw, table, network, f"{where}, process_noise.{raw}") for raw, table in process_noise.items()]
     twice = sorted({p.target for p in out if sum(q.target == p.target for q in out) > 1})
     if twice:
         raise IdentificationError(f"'{twice[0]}' has two process noises. Leave one out.", where)
     return tuple(out)
 
 
-def _one(raw: str, given: Any, network: Network, where: str) -> ProcessNoise:
-    first, over, after = ("", "", "") if isinstance(given, Mapping) else str(given).partition(" over ")  # a text: SIZE over TIME
-    table = dict(given) if isinstance(given, Mapping) else {"size": first.strip(), "time": after.strip()} if over else {"size": given}
+def _one(raw: str, written: Any, network: Network, where: str) -> ProcessNoise:
+    first, over, after = ("", "", "") if isinstance(written, Mapping) else str(written).partition(" over ")  # a text: SIZE over TIME
+    table = dict(written) if isinstance(written, Mapping) else {"size": first.strip(), "time": after.strip()} if over else {"size": written}
     unknown = [k for k in table if k not in KEYS]
     if unknown:
         raise IdentificationError(
@@ -123,12 +123,12 @@ def _one(raw: str, given: Any, network: Network, where: str) -> ProcessNoise:
     return ProcessNoise(target, place, kind, size, free, time, kind == MARKOV and late == FREE)
 
 
-def _positive(given: Any, unit: str, otherwise: float, where: str) -> float:
-    if given is None:
+def _positive(written: Any, unit: str, otherwise: float, where: str) -> float:
+    if written is None:
         return otherwise
-    value = literal(given, unit, where)
+    value = literal(written, unit, where)
     if not (math.isfinite(value) and value > 0):
-        raise IdentificationError(f"{given} must be above zero and finite. For no noise leave the entry out.", where)
+        raise IdentificationError(f"{written} must be above zero and finite. For no noise leave the entry out.", where)
     return float(value)
 
 

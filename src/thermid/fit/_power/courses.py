@@ -27,7 +27,7 @@ POINTS, FADED = 40, 7.0
 """Points of a decay in its table, and how many time constants they reach."""
 SHARP = 1e-3
 """Part of the time before a course begins in which it comes on. [-]"""
-GRID, TURNS = 9, 9
+GRID, NARROWINGS = 9, 9
 """Times that are tried at first, and how often the bracket about the best one is narrowed."""
 Shape = Callable[[float], tuple[Array, Array, bool]]
 
@@ -83,7 +83,7 @@ class PowerCourse:
         """Return it in words, with the power that was found. [W]"""
         return WORDS[self.shape].format(power=short(power, 3), time=duration_text(float(short(self.time, 3))))
 
-    def on(self, model: Model) -> Model:
+    def in_model(self, model: Model) -> Model:
         """Return a model with the load of this course."""
         times, shares, hold = SHAPES[self.shape](self.time)
         if self.begin > 0.0:
@@ -95,7 +95,7 @@ class PowerCourse:
     def within(self, request: Request) -> Request:
         """Return a request that looks for this course's power too."""
         power = f"{self.name}.power"
-        return replace(request, model=self.on(request.model), free=(*request.free, power), of_logs=(*request.of_logs, power))
+        return replace(request, model=self.in_model(request.model), free=(*request.free, power), of_logs=(*request.of_logs, power))
 
 
 def recovered(
@@ -119,7 +119,7 @@ def recovered(
     span = min(float(np.ptp(r.times)) for r in request.records)
     step = max(r.step for r in request.records)
     tried = [_profiled(request, PowerCourse(name, into, s, 0.1 * span, power, begin=begin), 3.0 * step, 0.5 * span) for s in shapes]
-    cost, course = min(tried, key=lambda each: each[0])
+    cost, course = min(tried, key=lambda attempt: attempt[0])
     if not np.isfinite(cost):
         raise IdentificationError(f"no course of a power at '{into}' can be run with these records.", request.name or request.model.title)
     return course
@@ -127,21 +127,23 @@ def recovered(
 
 def _profiled(request: Request, course: PowerCourse, low: float, high: float) -> tuple[float, PowerCourse]:
     """Return the least cost of a course over its time between two bounds [s], and the course there."""
-    known: dict[float, float] = {}
+    costs: dict[float, float] = {}
 
     def cost(log_time: float) -> float:
-        if log_time not in known:
+        if log_time not in costs:
             try:
-                found = minimise(build_problem(replace(course, time=math.exp(log_time)).within(request)), request.loss, request.loss_scale)
-                known[log_time] = found.cost
+                minimum = minimise(
+                    build_problem(replace(course, time=math.exp(log_time)).within(request)), request.loss, request.loss_scale
+                )
+                costs[log_time] = minimum.cost
             except ThermidError:
-                known[log_time] = math.inf
-        return known[log_time]
+                costs[log_time] = math.inf
+        return costs[log_time]
 
     grid = np.linspace(math.log(low), math.log(max(high, 2.0 * low)), GRID).tolist()
     best = min(grid, key=cost)
     width = 0.5 * (grid[1] - grid[0])
-    for _ in range(TURNS):
+    for _ in range(NARROWINGS):
         best = min((best, *(max(grid[0], min(grid[-1], best + d)) for d in (-width, width))), key=cost)
         width *= 0.6
     sides = [best - 0.1, best + 0.1]

@@ -185,8 +185,8 @@ class PowerLaw:
 
     def __str__(self) -> str:
         """Return the law on one line."""
-        left = ", ".join(f"{s} {v:.3g} K" for s, v in self.rmse.items())
-        return f"{self.name}: {self.formula}   left in the readings: {left}"
+        residuals_text = ", ".join(f"{s} {v:.3g} K" for s, v in self.rmse.items())
+        return f"{self.name}: {self.formula}   left in the readings: {residuals_text}"
 
 
 def with_load(model: Model, path: str, load: HeatLoad) -> Model:
@@ -260,19 +260,19 @@ def _best(h: PowerHistory, law: Formula, starts: list[list[float]]) -> tuple[Arr
             raise SolverError("the law gives no finite power.", h.load)
         return 0.5 * float(rows @ rows), rows, slopes
 
-    found = []
+    descents = []
     for start in starts:
         begin = np.array(start)
         try:
             size = np.linalg.norm(local(begin)[2], axis=0)
             scale = 1.0 / np.where(size > 0.0, size, 1.0)
             at_end = descend(local, begin, (begin - np.inf, begin + np.inf), scale).x
-            found.append((local(at_end), at_end))
+            descents.append((local(at_end), at_end))
         except SolverError:
             continue
-    if not found:
+    if not descents:
         return None
-    (cost, rows, slopes), b = min(found, key=lambda f: f[0][0])
+    (cost, rows, slopes), b = min(descents, key=lambda f: f[0][0])
     level = max(1.0, 2.0 * cost / max(rows.size - b.size, 1))
     # each mean by its own error, since a wrong law is wrong in all of them; that their errors hang together widens the result
     solver = np.linalg.pinv(slopes)
@@ -281,10 +281,10 @@ def _best(h: PowerHistory, law: Formula, starts: list[list[float]]) -> tuple[Arr
 
 
 def _law(h: PowerHistory, name: str, law: Formula, starts: list[list[float]], names: tuple[str, ...], write: Any) -> PowerLaw | None:
-    found = _best(h, law, starts)
-    if found is None:
+    best = _best(h, law, starts)
+    if best is None:
         return None
-    b, errors = found
+    b, errors = best
     formula, fields = write([float(v) for v in b])
     coefficients = {n: (float(v), float(e)) for n, v, e in zip(names, b, errors, strict=True)}
     return _fed_back(h, name, formula, coefficients, law(h.temperature - ICE_POINT, b), fields)
@@ -294,9 +294,9 @@ def _fed_back(
     h: PowerHistory, name: str, formula: str, coefficients: dict[str, tuple[float, float]], power: Array, fields: dict[str, Any]
 ) -> PowerLaw | None:
     """Return a law judged by the readings: what the model leaves of them with the law as its load."""
-    given = h.model.at(h.load)
-    assert isinstance(given, HeatLoad)
-    model = with_load(h.model, h.load, watts(given.into, **fields))
+    load = h.model.at(h.load)
+    assert isinstance(load, HeatLoad)
+    model = with_load(h.model, h.load, watts(load.into, **fields))
     try:
         rmse, square = _misses(h, model)
     except ThermidError:
@@ -370,8 +370,8 @@ def _proportional(h: PowerHistory) -> PowerLaw | None:
 
     starts = [[top / (wide * f), s, top] for f in (0.1, 0.3, 1.0) for s in np.linspace(low + 0.1 * wide, high + 0.5 * wide, STARTS)]
     names = ("gain", "setpoint", "power")
-    found = _law(h, "proportional", lambda t, b: np.clip(b[0] * (b[1] - t), 0.0, max(b[2], 0.0)), starts, names, write)
-    return found if found is not None and found.coefficients["gain"][0] > 0 else None
+    law_found = _law(h, "proportional", lambda t, b: np.clip(b[0] * (b[1] - t), 0.0, max(b[2], 0.0)), starts, names, write)
+    return law_found if law_found is not None and law_found.coefficients["gain"][0] > 0 else None
 
 
 def _thermostat(h: PowerHistory) -> PowerLaw | None:
@@ -387,16 +387,16 @@ def _thermostat(h: PowerHistory) -> PowerLaw | None:
     upper = float(np.median([at[k] for k in turns if on[k]])) if any(on[k] for k in turns) else float(at.max())
     if not lower < upper:
         return None
-    said = np.zeros(h.times.size)
+    powers = np.zeros(h.times.size)
     heating = bool(h.power[0] > middle)
     for k, t in enumerate(h.temperature - ICE_POINT):
         heating = t < upper if heating else t < lower
-        said[k] = full if heating else 0.0
+        powers[k] = full if heating else 0.0
     fields = {"power": f"{full!r} [W]", "thermostat": {"on_below": f"{lower!r} [degC]", "off_above": f"{upper!r} [degC]"}}
     none = float("nan")
     coefficients = {"power": (full, none), "on_below": (lower, none), "off_above": (upper, none)}
     formula = f"{full:.4g} W on below {lower:.4g}, off above {upper:.4g} degC"
-    return _fed_back(h, "thermostat", formula, coefficients, said, fields)
+    return _fed_back(h, "thermostat", formula, coefficients, powers, fields)
 
 
 PRIORS = ("auto", "walk", "integrated walk")
@@ -405,7 +405,7 @@ WIDER = 1.5
 """Times the default spacing from which knots are wide."""
 CLEAR = 3.0
 """Standard deviations of chance by which wide knots must leave more than narrow ones would."""
-WIDE = 30.0
+PRIOR_WIDTH = 30.0
 """The history is held to zero by this many times the power that the deck gives (1 W at least), so that every prior is a proper one."""
 ROUNDS = 12
 
@@ -467,29 +467,29 @@ def power_history(
     step = literal(every, "s", where) if every else usual
     knots, pins = _knots(record, step, known, accuracy, where)
     nominal = compile_network(model).flat.parameters.evaluate({}).get(f"{path}.power", 0.0)
-    base = WIDE * max(abs(float(nominal)), 1.0)
+    base = PRIOR_WIDTH * max(abs(float(nominal)), 1.0)
     kinds = PRIORS[1:] if prior == "auto" else (prior,)
 
-    def on(knots: Array, pins: Pins) -> tuple[Request, Problem, Solved]:
-        asked, basis = _asked(model, record, path, scenario, free, priors, knots)
-        problem = build_problem(asked)
+    def solve_on(knots: Array, pins: Pins) -> tuple[Request, Problem, Solved]:
+        request, basis = _request_of_knots(model, record, path, scenario, free, priors, knots)
+        problem = build_problem(request)
         hats = tuple(Unknown(n, "power", (Influence(0, f"scale.{n}"),), 0.0, unit="W") for n in basis)
         problem = replace(problem, unknowns=(*problem.unknowns, *hats), noise=dict(problem.noise))
-        return asked, problem, solved(problem, knots, pins, base, kinds)
+        return request, problem, solved(problem, knots, pins, base, kinds)
 
     try:
-        asked, problem, found = on(knots, pins)
+        request, problem, solution = solve_on(knots, pins)
     except np.linalg.LinAlgError:
         raise _undetermined(free, where) from None
     if step > WIDER * usual:
         finer = _knots(record, usual, known, accuracy, where)
-        narrow = _tried(on, *finer)
-        left = _left_by_wide_knots(problem, found, narrow)
-        if narrow is not None and left:
-            (knots, pins), (asked, problem, found) = finer, narrow
-            words = f"knots every {duration_text(step)} left {left}, so the history has knots every {duration_text(usual)}."
-            found = replace(found, remarks=(words, *found.remarks))
-    return _history(asked, problem, path, knots, pins, found)
+        narrow = _tried(solve_on, *finer)
+        left_by_wide_knots = _left_by_wide_knots(problem, solution, narrow)
+        if narrow is not None and left_by_wide_knots:
+            (knots, pins), (request, problem, solution) = finer, narrow
+            words = f"knots every {duration_text(step)} left {left_by_wide_knots}, so the history has knots every {duration_text(usual)}."
+            solution = replace(solution, remarks=(words, *solution.remarks))
+    return _history(request, problem, path, knots, pins, solution)
 
 
 def _tried(
@@ -502,28 +502,28 @@ def _tried(
         return None
 
 
-def _left_by_wide_knots(problem: Problem, found: Solved, narrow: tuple[Request, Problem, Solved] | None) -> str:
+def _left_by_wide_knots(problem: Problem, solution: Solved, narrow: tuple[Request, Problem, Solved] | None) -> str:
     """Return what wide knots left of the readings that they should not, in words; empty where nothing."""
     if narrow is None:
         return ""
-    if found.remarks:
+    if solution.remarks:
         return "autocorrelated residuals"
-    return "residuals beyond the noise" if _leaves_more(problem, found, *narrow[1:]) else ""
+    return "residuals beyond the noise" if _leaves_more(problem, solution, *narrow[1:]) else ""
 
 
-def _leaves_more(problem: Problem, found: Solved, closer: Problem, finest: Solved) -> bool:
+def _leaves_more(problem: Problem, solution: Solved, closer: Problem, finest: Solved) -> bool:
     """Return whether wide knots leave more of the readings than noise would, beside narrow ones whose noise counts.
 
     Where no noise is stated, what wide knots cannot follow would count as noise. Of right knots the sum of squares exceeds that of narrow
     ones by the freedom that these take more, give or take its chance.
     """
-    wide, narrow = problem.blocks(found.x), closer.blocks(finest.x)
+    wide, narrow = problem.blocks(solution.x), closer.blocks(finest.x)
     observations = closer.observations()
     sizes = [o.sigma(finest.noise) for o in observations]
     excess = sum(
         (float(a.residuals @ a.residuals) - float(b.residuals @ b.residuals)) / s**2 for a, b, s in zip(wide, narrow, sizes, strict=True)
     )
-    taken = max(float(np.trace(finest.covariance @ finest.seen)) - float(np.trace(found.covariance @ found.seen)), 1.0)
+    taken = max(float(np.trace(finest.covariance @ finest.seen)) - float(np.trace(solution.covariance @ solution.seen)), 1.0)
     return bool(excess > taken + CLEAR * np.sqrt(2.0 * taken))
 
 
@@ -540,21 +540,21 @@ def _undetermined(free: Sequence[str], where: str) -> IdentificationError:
 def _plain(model: Model, load: str) -> tuple[str, Model]:
     """Return the load's path, and the model in which it is a plain power."""
     path = model.canonical(load)
-    loads = {found.path: found for found in compile_network(model).flat.loads}
+    loads = {flat_load.path: flat_load for flat_load in compile_network(model).flat.loads}
     refuse_unknown([path], loads, model.title, f"no load '{load}' in {model.title}.", NameNotFoundError)
-    given = model.at(path)
-    assert isinstance(given, HeatLoad)
-    fields = {k: v for k, v in given.fields.items() if k == "power"}
-    plain = replace(given, fields=fields, sensor="", curve=None) if fields else watts(given.into, power="1 [W]")
+    heat_load = model.at(path)
+    assert isinstance(heat_load, HeatLoad)
+    fields = {k: v for k, v in heat_load.fields.items() if k == "power"}
+    plain = replace(heat_load, fields=fields, sensor="", curve=None) if fields else watts(heat_load.into, power="1 [W]")
     return path, with_load(model, path, plain)
 
 
-def _knots(record: Record, step: float, known: Sequence[tuple[Any, Any, Any]], accuracy: Any, where: str) -> tuple[Array, Pins]:
+def _knots(record: Record, step: float, known_powers: Sequence[tuple[Any, Any, Any]], accuracy: Any, where: str) -> tuple[Array, Pins]:
     """Return the times of the knots from the first sample [s], two close together where a stretch of known power begins or ends."""
     end = float(record.times[-1] - record.times[0])
     if not 0 < step <= end / 4:
         raise IdentificationError(f"knots every {step:g} s do not fit into a log of {end:g} s. Give at least four intervals.", where)
-    stretches = [(literal(a, "s", where), literal(b, "s", where), literal(p, "W", where)) for a, b, p in known]
+    stretches = [(literal(a, "s", where), literal(b, "s", where), literal(p, "W", where)) for a, b, p in known_powers]
     for first, last, _ in stretches:
         if not -1e-9 <= first < last <= end * (1 + 1e-9):
             raise IdentificationError(f"the power was known from {first:g} to {last:g} s, which is not within a log of {end:g} s.", where)
@@ -562,19 +562,19 @@ def _knots(record: Record, step: float, known: Sequence[tuple[Any, Any, Any]], a
     parts: list[Array] = []
     at: list[int] = []
     power: list[float] = []
-    for left, right in pairwise(cuts.tolist()):
-        part = np.linspace(left, right, max(2, round((right - left) / step) + 1))
+    for begin, right in pairwise(cuts.tolist()):
+        part = np.linspace(begin, right, max(2, round((right - begin) / step) + 1))
         part[0] += 1e-3 * step if parts else 0.0  # a jump
-        said = [p for a, b, p in stretches if a <= 0.5 * (left + right) <= b]
-        if said:
+        powers_stated = [p for a, b, p in stretches if a <= 0.5 * (begin + right) <= b]
+        if powers_stated:
             at += range(sum(map(len, parts)), sum(map(len, parts)) + part.size)
-            power += [said[-1]] * part.size
+            power += [powers_stated[-1]] * part.size
         parts.append(part)
     sd = np.array([deviation(accuracy, "W", size, where) for size in np.maximum(np.abs(power), 1e-3 * max([1.0, *np.abs(power)])).tolist()])
     return np.concatenate(parts), Pins(np.array(at, dtype=np.int64), np.array(power), sd, np.cumsum([0, *map(len, parts)]))
 
 
-def _asked(
+def _request_of_knots(
     model: Model,
     record: Record,
     path: str,
@@ -584,55 +584,57 @@ def _asked(
     knots: Array,
 ) -> tuple[Request, list[str]]:
     """Return the request in which each knot is a load of its own, and the names of these."""
-    given = model.at(path)
-    assert isinstance(given, HeatLoad)
+    heat_load = model.at(path)
+    assert isinstance(heat_load, HeatLoad)
     base = scenario or Scenario(record.name)
     loads, names = dict(base.loads), []
     for k in range(knots.size):
         name = f"{path}_at_{k}"
-        model = with_load(model, name, watts(given.into, power="1 [W]"))
+        model = with_load(model, name, watts(heat_load.into, power="1 [W]"))
         around = np.unique(np.clip([0, k - 1, k, k + 1, knots.size - 1], 0, knots.size - 1))
         loads[name] = TableSignal(knots[around], np.eye(knots.size)[k, around])
         names.append(name)
     loads[path] = Constant(0.0)
-    known = priors_of(model, priors or {}, f"power of {path}")
-    return Request(model, (record,), tuple(free), {"*": base.with_(loads=loads)}, priors=known, name=f"power of {path}"), names
+    stated_priors = priors_of(model, priors or {}, f"power of {path}")
+    return Request(model, (record,), tuple(free), {"*": base.with_(loads=loads)}, priors=stated_priors, name=f"power of {path}"), names
 
 
-def _history(asked: Request, problem: Problem, path: str, knots: Array, pins: Pins, found: Solved) -> PowerHistory:
+def _history(request: Request, problem: Problem, path: str, knots: Array, pins: Pins, solution: Solved) -> PowerHistory:
     """Return what a user sees of the end."""
     count = knots.size
-    first = found.x.size - count
-    power, covariance = found.x[first:], found.covariance[first:, first:]
-    kernel = (found.covariance @ found.seen)[first:, first:]
+    first = solution.x.size - count
+    power, covariance = solution.x[first:], solution.covariance[first:, first:]
+    kernel = (solution.covariance @ solution.seen)[first:, first:]
     open_ = np.setdiff1d(np.arange(count), pins.at)
     width = float(np.median([_half_width(kernel[k], k) for k in open_])) * float(np.median(np.diff(knots)))
     values = {
         u.name: (_shown(u, float(x)), u.slope(float(x)) * float(np.sqrt(v)) / float(unit(u.unit).factor), u.unit)
-        for u, x, v in zip(problem.unknowns[:first], found.x, np.diag(found.covariance), strict=False)
+        for u, x, v in zip(problem.unknowns[:first], solution.x, np.diag(solution.covariance), strict=False)
     }
-    flat = compile_network(asked.model).flat
-    node = next(found.node for found in flat.loads if found.path == path)
-    problem = replace(problem, noise=dict(found.noise))
-    blocks = tuple(problem.blocks(found.x))
+    flat = compile_network(request.model).flat
+    node = next(flat_load.node for flat_load in flat.loads if flat_load.path == path)
+    problem = replace(problem, noise=dict(solution.noise))
+    blocks = tuple(problem.blocks(solution.x))
     texts = {
         u.name: f"{u.to_value(float(x))!r} [{u.unit}]"
-        for u, x in zip(problem.unknowns[:first], found.x, strict=False)
+        for u, x in zip(problem.unknowns[:first], solution.x, strict=False)
         if u.kind == "parameter"
     }
-    bare = _without(asked.model, path).with_values(texts, f"power of {path}")
-    starts = {u.name.partition("initial.")[2]: Kelvin(x) for u, x in zip(problem.unknowns, found.x, strict=True) if ": initial." in u.name}
-    given = problem.experiments[0].bare
-    loads = {k: v for k, v in given.loads.items() if not k.startswith(f"{path}_at_")}
+    bare = _without(request.model, path).with_values(texts, f"power of {path}")
+    starts = {
+        u.name.partition("initial.")[2]: Kelvin(x) for u, x in zip(problem.unknowns, solution.x, strict=True) if ": initial." in u.name
+    }
+    bare_scenario = problem.experiments[0].bare
+    loads = {k: v for k, v in bare_scenario.loads.items() if not k.startswith(f"{path}_at_")}
     loads = {**loads, path: TableSignal(knots, power, False)}
-    scenario = replace(given, loads=loads, initial={**given.initial, **starts})
+    scenario = replace(bare_scenario, loads=loads, initial={**bare_scenario.initial, **starts})
     run = simulate(bare, scenario, times=knots)
-    known = np.zeros(count, dtype=bool)
-    known[pins.at] = True
-    unsettled = () if found.converged else (f"the history did not converge within {ROUNDS} iterations. Free fewer parameters.",)
-    notes = (*unsettled, *_at_bounds(problem, found.x), *found.remarks)
+    is_known = np.zeros(count, dtype=bool)
+    is_known[pins.at] = True
+    unsettled = () if solution.converged else (f"the history did not converge within {ROUNDS} iterations. Free fewer parameters.",)
+    notes = (*unsettled, *_at_bounds(problem, solution.x), *solution.remarks)
     return PowerHistory(
-        path, node, knots, power, covariance, run[node].kelvin, known, width, found.prior, values, blocks, bare, scenario, notes
+        path, node, knots, power, covariance, run[node].kelvin, is_known, width, solution.prior, values, blocks, bare, scenario, notes
     )
 
 
@@ -698,9 +700,9 @@ FINE = 200
 """Stretches of time at most in which readings with noise that is not white are weighed."""
 COLOURS, SIZES = 4, (0.1, 0.5, 2.0, 10.0, 50.0, 300.0, 2000.0)
 """Correlation times, and variances of autocorrelated noise in squares of the white noise, that are tried."""
-FELT = 0.05
+MIN_INPUT_NOISE_SHARE = 0.05
 """Part of the variance of a mean of readings from which noise of logged inputs counts."""
-SURE = 5.0
+MIN_LIKELIHOOD_GAIN = 5.0
 """Twice the logarithm of the likelihood ratio from which residuals are held to wander."""
 
 
@@ -712,7 +714,9 @@ class Colour:
     logdet: float
 
     @classmethod
-    def of(cls, pieces: Mapping[tuple[str, str], Binned], traces: Sequence[TraceNoise], inputs: Mapping[tuple[str, str], Array]) -> Colour:
+    def of_traces(
+        cls, pieces: Mapping[tuple[str, str], Binned], traces: Sequence[TraceNoise], inputs: Mapping[tuple[str, str], Array]
+    ) -> Colour:
         """Return it of traces in stretches of time."""
         root: Array = np.asarray(np.linalg.cholesky(covariance_of_means(pieces, traces, inputs)), dtype=float)
         return cls(root, 2.0 * float(np.log(np.diag(root)).sum()))
@@ -730,8 +734,8 @@ def _rows(problem: Problem, x: Array, colour: Colour | None) -> tuple[Array, Arr
     """Return derivatives and residuals of the data at some values."""
     if colour is not None:
         return colour.rows(binned(problem, x, bins=FINE))
-    found = problem.compressed(x)
-    return found.slopes, found.rows
+    compressed = problem.compressed(x)
+    return compressed.slopes, compressed.rows
 
 
 def solved(problem: Problem, knots: Array, pins: Pins, base: float, priors: Sequence[str]) -> Solved:
@@ -744,15 +748,15 @@ def solved(problem: Problem, knots: Array, pins: Pins, base: float, priors: Sequ
     ------
     IdentificationError   When the readings say nothing of an unknown.
     """
-    found = _in_rounds(problem, _with_heat(problem, knots, pins, base, priors[0]), knots, pins, base, priors, None)
+    solution = _in_rounds(problem, _with_heat(problem, knots, pins, base, priors[0]), knots, pins, base, priors, None)
     if not all(o.noise is not None for o in problem.observations()):
-        problem = replace(problem, noise=_left(problem, found))
-    pieces = binned(problem, found.x, bins=FINE)
-    inputs = answers_to_inputs(problem, found.x, pieces)
-    best, remarks = _colour(problem, found, knots, pins, base, pieces, inputs)
+        problem = replace(problem, noise=_residual_noise(problem, solution))
+    pieces = binned(problem, solution.x, bins=FINE)
+    inputs = answers_to_inputs(problem, solution.x, pieces)
+    best, remarks = _colour(problem, solution, knots, pins, base, pieces, inputs)
     if best is None:
-        return replace(found, noise=problem.noise)
-    again = _in_rounds(problem, found.x, knots, pins, base, priors, best)
+        return replace(solution, noise=problem.noise)
+    again = _in_rounds(problem, solution.x, knots, pins, base, priors, best)
     return replace(again, remarks=remarks, noise=problem.noise)
 
 
@@ -769,19 +773,19 @@ def _with_heat(problem: Problem, knots: Array, pins: Pins, base: float, prior: s
     return np.append(x[:first], _likeliest(sides, np.zeros(knots.size), knots, pins, base, prior)[2])
 
 
-def _left(problem: Problem, found: Solved) -> dict[str, float]:
+def _residual_noise(problem: Problem, solution: Solved) -> dict[str, float]:
     """Return sensor -> noise: as stated, or the scatter of its residuals, what the history took of their freedom given back. [K]"""
-    worth = float(np.trace(found.covariance @ found.seen))
+    worth = float(np.trace(solution.covariance @ solution.seen))
     grown = np.sqrt(problem.samples / max(problem.samples - worth, 1.0))
     sizes: dict[str, list[Array]] = {}
-    for b in problem.blocks(found.x):
+    for b in problem.blocks(solution.x):
         sizes.setdefault(b.sensor, []).append(b.residuals)
     return {s: max(float(grown * np.sqrt(np.mean(np.concatenate(r) ** 2))), 1e-6) for s, r in sizes.items()}
 
 
 def _colour(
     problem: Problem,
-    found: Solved,
+    solution: Solved,
     knots: Array,
     pins: Pins,
     base: float,
@@ -792,41 +796,41 @@ def _colour(
     spans = [b.times for b in pieces.values()]
     spacing, span = float(np.median(np.diff(spans[0]))), max(float(t[-1] - t[0]) for t in spans)
 
-    def made(time: float, size: float) -> Colour:
-        return Colour.of(pieces, tuple(TraceNoise(*key, 0, 1.0, size, time, 0.0) for key in pieces), inputs)
+    def make(time: float, size: float) -> Colour:
+        return Colour.of_traces(pieces, tuple(TraceNoise(*key, 0, 1.0, size, time, 0.0) for key in pieces), inputs)
 
     def likely(colour: Colour) -> float:
-        sides, force = _sides(problem, found.x, pins, *colour.rows(pieces)), np.zeros(found.x.size)
-        near = found.strength + np.arange(-6.0, 7.0, 1.5)
-        return _likeliest(sides, force, knots, pins, base, found.prior, near)[0] - 0.5 * colour.logdet
+        sides, force = _sides(problem, solution.x, pins, *colour.rows(pieces)), np.zeros(solution.x.size)
+        near = solution.strength + np.arange(-6.0, 7.0, 1.5)
+        return _likeliest(sides, force, knots, pins, base, solution.prior, near)[0] - 0.5 * colour.logdet
 
-    plain = made(spacing, 0.0)
+    plain = make(spacing, 0.0)
     tried = {(0.0, 0.0): likely(plain)}
     for time in np.geomspace(2.0 * spacing, 0.25 * span, COLOURS).tolist():
         for size in SIZES:
-            tried[time, size] = likely(made(time, size))
+            tried[time, size] = likely(make(time, size))
     (time, size), value = max(tried.items(), key=lambda item: item[1])
     # of the sum over a trace, how much more noise of inputs adds than the readings have by themselves
     shares = [float(np.sum((pieces[key].count @ h) ** 2) / pieces[key].count.sum()) for key, h in inputs.items()]
-    known = any(b.shares_rounding for b in pieces.values()) or max(shares, default=0.0) > FELT
-    if 2.0 * (value - tried[0.0, 0.0]) <= SURE:
-        return (plain if known else None), ()
-    finer = {(time, size * f): likely(made(time, size * f)) for f in (0.4, 0.63, 1.0, 1.6, 2.5)}
+    matters = any(b.shares_rounding for b in pieces.values()) or max(shares, default=0.0) > MIN_INPUT_NOISE_SHARE
+    if 2.0 * (value - tried[0.0, 0.0]) <= MIN_LIKELIHOOD_GAIN:
+        return (plain if matters else None), ()
+    finer = {(time, size * f): likely(make(time, size * f)) for f in (0.4, 0.63, 1.0, 1.6, 2.5)}
     time, size = max(finer, key=lambda key: finer[key])
     noise = max(o.sigma(problem.noise) for o in problem.observations())
     words = (
         f"the residuals of the history are autocorrelated, by {short(np.sqrt(size) * noise)} K over {duration_text(time)}. Possible "
         "causes: noise that is not white, knots too far apart, or missing physics. The band includes this as noise."
     )
-    return made(time, size), (words,)
+    return make(time, size), (words,)
 
 
 def _sides(problem: Problem, x: Array, pins: Pins, slopes: Array, rows: Array) -> list[tuple[Array, Array]]:
     """Return |A z - g|^2, linearised: of the data, of the priors of all other unknowns, and of the stretches of known power."""
-    own, prior = problem.prior_rows(x)
+    prior_residuals, prior = problem.prior_rows(x)
     pinned = np.zeros((pins.at.size, x.size))
     pinned[np.arange(pins.at.size), x.size - pins.sections[-1] + pins.at] = 1.0 / pins.sd
-    return [(slopes, slopes @ x - rows), (prior, prior @ x - own), (pinned, pins.power / pins.sd)]
+    return [(slopes, slopes @ x - rows), (prior, prior @ x - prior_residuals), (pinned, pins.power / pins.sd)]
 
 
 def _in_rounds(problem: Problem, x: Array, knots: Array, pins: Pins, base: float, priors: Sequence[str], colour: Colour | None) -> Solved:
@@ -841,15 +845,15 @@ def _in_rounds(problem: Problem, x: Array, knots: Array, pins: Pins, base: float
         level = 1.0
         for _ in range(4 if levelled else 1):
             scaled = [(a / np.sqrt(level), g / np.sqrt(level)) if k == 0 else (a, g) for k, (a, g) in enumerate(sides)]
-            _told(problem, scaled, knots.size)
+            _refuse_undetermined(problem, scaled, knots.size)
             best = max((_likeliest(scaled, force, knots, pins, base, p) for p in priors), key=lambda f: f[0])
             _, taken, z, covariance, strength = best
             if levelled:
-                left = sides[0][0] @ z - sides[0][1]
+                residuals = sides[0][0] @ z - sides[0][1]
                 data = scaled[0][0].T @ scaled[0][0]
                 # tr(H^-1 A'A): how many of the readings the unknowns take (effective parameters); the rest are degrees of freedom
                 worth = float(np.sum(covariance * data))
-                level = float(left @ left) / max(problem.samples - worth, 1.0)
+                level = float(residuals @ residuals) / max(problem.samples - worth, 1.0)
         z = np.clip(z, low, high)
         force = _margin(problem, x, slopes / np.sqrt(level), covariance, theta, level, colour)
         step, x = z - x, z
@@ -859,11 +863,11 @@ def _in_rounds(problem: Problem, x: Array, knots: Array, pins: Pins, base: float
             break
     else:
         converged = False
-    seen = np.asarray(scaled[0][0].T @ scaled[0][0])
-    return Solved(x, covariance, seen, taken, converged, strength)
+    information = np.asarray(scaled[0][0].T @ scaled[0][0])
+    return Solved(x, covariance, information, taken, converged, strength)
 
 
-def _told(problem: Problem, sides: Sequence[tuple[Array, Array]], count: int) -> None:
+def _refuse_undetermined(problem: Problem, sides: Sequence[tuple[Array, Array]], count: int) -> None:
     """Refuse unknowns beside the history of which readings, priors and known powers say nothing."""
     rows = np.concatenate([a for a, _ in sides])[:, :-count]
     if not rows.shape[1]:
@@ -888,10 +892,10 @@ def _margin(
     H the information on all else: the inverse of their covariance where the parameters are known.
     """
     out = np.zeros(x.size)
-    known = np.array(theta, dtype=np.int64)
-    others = np.setdiff1d(np.arange(x.size), known)
-    across = covariance[np.ix_(others, known)]
-    inverse = covariance[np.ix_(others, others)] - across @ np.linalg.solve(covariance[np.ix_(known, known)], across.T)
+    places = np.array(theta, dtype=np.int64)
+    others = np.setdiff1d(np.arange(x.size), places)
+    across = covariance[np.ix_(others, places)]
+    inverse = covariance[np.ix_(others, others)] - across @ np.linalg.solve(covariance[np.ix_(places, places)], across.T)
     here = slopes[:, others].T @ slopes[:, others]
     for k in theta:
         moved = x.copy()
@@ -926,12 +930,12 @@ def _likeliest(
         h = data.copy()
         h[first:, first:] += smooth
         # both are solved with ones on their diagonals: over twelve decades of strength the evidence would lose its digits
-        own, by = (1.0 / np.sqrt(np.maximum(np.diag(m), 1e-300)) for m in (smooth, h))
-        level, even = smooth * own * own[:, None], h * by * by[:, None]
+        smooth_scale, by = (1.0 / np.sqrt(np.maximum(np.diag(m), 1e-300)) for m in (smooth, h))
+        level, even = smooth * smooth_scale * smooth_scale[:, None], h * by * by[:, None]
         z = by * np.linalg.solve(even, by * right)
         # evidence of a linear model: 2 ln p = ln|S| - ln|H| - (|g|^2 - b'H^-1 b), S the prior's precision, H = A'A + S
         # (MacKay, Neural Computation 4 (1992) 415); a change of basis leaves the ratio of the determinants as it is
-        sizes = [float(np.linalg.slogdet(m)[1] - 2.0 * np.log(d).sum()) for m, d in ((level, own), (even, by))]
+        sizes = [float(np.linalg.slogdet(m)[1] - 2.0 * np.log(d).sum()) for m, d in ((level, smooth_scale), (even, by))]
         return 0.5 * (sizes[0] - sizes[1] - (square - float(right @ z))), np.asarray(z), even, by
 
     _, strength = max((at(s)[0], s) for s in (np.arange(-8.0, 8.01, 0.5) if strengths is None else strengths).tolist())

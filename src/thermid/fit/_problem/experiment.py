@@ -61,9 +61,9 @@ def on_the_clock_of(record: Record, scenario: Scenario) -> Scenario:
     RecordError   When the record's times are no longer those of its log.
     """
 
-    def moved(given: Any) -> Any:
-        if not isinstance(given, TableSignal) or given.log is None or given.log[0] != record.origin.sha256:
-            return given
+    def moved(course: Any) -> Any:
+        if not isinstance(course, TableSignal) or course.log is None or course.log[0] != record.origin.sha256:
+            return course
         again = next((step for step in record.steps if step.startswith(("shift_start", "steady point"))), "")
         if again:
             raise RecordError(
@@ -72,7 +72,7 @@ def on_the_clock_of(record: Record, scenario: Scenario) -> Scenario:
                 record.name,
             )
         zero = float(record.times[0])
-        return given.shifted(zero - given.log[1])
+        return course.shifted(zero - course.log[1])
 
     return scenario.mapped(moved)
 
@@ -84,20 +84,22 @@ def power_while_on(signal: Signal) -> float:
     return float(values @ values) / total if total > 0 else 0.0
 
 
-def corrected(scenario: Scenario, found: Mapping[str, float]) -> Scenario:
+def corrected(scenario: Scenario, fitted_values: Mapping[str, float]) -> Scenario:
     """Return the scenario of a record with the boundaries, starts and powers that a fit found.
 
     Parameters
     ----------
     scenario : Scenario     As the log gives it.
-    found : dict            Name in the wiring -> value: of a boundary its temperature, or what is added where it varies in time [K], of
+    fitted_values : dict    Name in the wiring -> value: of a boundary its temperature, or what is added where it varies in time [K], of
                             ``initial.<node>`` a temperature [K], of ``scale.<load>`` a factor on its power. Other names are ignored.
     """
     boundaries = {
-        b: Constant(found[b]) if isinstance(s, Constant) else s.raised(found[b]) for b, s in scenario.boundaries.items() if b in found
+        b: Constant(fitted_values[b]) if isinstance(s, Constant) else s.raised(fitted_values[b])
+        for b, s in scenario.boundaries.items()
+        if b in fitted_values
     }
-    loads = {p: s.scaled(found[f"scale.{p}"]) for p, s in scenario.loads.items() if f"scale.{p}" in found}
-    initial = {name.removeprefix("initial."): Kelvin(t) for name, t in found.items() if name.startswith("initial.")}
+    loads = {p: s.scaled(fitted_values[f"scale.{p}"]) for p, s in scenario.loads.items() if f"scale.{p}" in fitted_values}
+    initial = {name.removeprefix("initial."): Kelvin(t) for name, t in fitted_values.items() if name.startswith("initial.")}
     return scenario.with_(boundaries=boundaries, loads=loads, initial=initial)
 
 
@@ -191,8 +193,8 @@ def attached(model: Model, record: Record) -> tuple[Model, dict[str, Seat]]:
 def at_their_seats(record: Record) -> Record:
     """Return a record whose sensors read their nodes themselves, as they do once nothing changes: no lag, no heat capacity; leads stay."""
     parts = {c: c.part for c in record.channels.values() if c.part is not None}
-    made = [replace(c, part=replace(part, lag=0.0, lag_accuracy=0.0, capacitance=0.0)) for c, part in parts.items()]
-    return record.with_channels(*made) if made else record
+    bare_channels = [replace(c, part=replace(part, lag=0.0, lag_accuracy=0.0, capacitance=0.0)) for c, part in parts.items()]
+    return record.with_channels(*bare_channels) if bare_channels else record
 
 
 def _named(channel: Channel) -> str:
@@ -222,8 +224,8 @@ def _with_sensor(model: Model, names: Names, channel: Channel, node: str, where:
         head, _, rest = path.partition(".")
         if rest and head in inner and rest not in inner[head].model.offers:
             inner[head] = replace(inner[head], model=replace(inner[head].model, offers=(*inner[head].model.offers, rest)))
-    own = sensor_model(part)
-    return replace(model, submodels={**inner, _named(channel): Submodel(own, binding, own.identity())})
+    model_of_sensor = sensor_model(part)
+    return replace(model, submodels={**inner, _named(channel): Submodel(model_of_sensor, binding, model_of_sensor.identity())})
 
 
 def as_found(record: Record, values: Mapping[str, FittedValue], bias: Mapping[str, float]) -> Record:
@@ -235,7 +237,7 @@ def as_found(record: Record, values: Mapping[str, FittedValue], bias: Mapping[st
     values : dict       Name -> FittedValue, those of `gain_of` and `lag_of` among them.
     bias : dict         Sensor -> constant error. [K]
     """
-    made = []
+    channels = []
     for channel in record.channels.values():
         part, readings = channel.part, channel.values
         if part is None:
@@ -244,9 +246,9 @@ def as_found(record: Record, values: Mapping[str, FittedValue], bias: Mapping[st
             true = (readings - bias.get(channel.name, 0.0) + scale.value * part.gain_about) / (1.0 + scale.value)
             readings = readings - scale.value * (true - part.gain_about)
         lag = values.get(lag_of(channel.name))
-        known = replace(part, gain_accuracy=0.0, lag_accuracy=0.0, lag=part.lag if lag is None else lag.value)
-        made.append(replace(channel, values=readings, part=known))
-    return record.with_channels(*made) if made else record
+        exact_part = replace(part, gain_accuracy=0.0, lag_accuracy=0.0, lag=part.lag if lag is None else lag.value)
+        channels.append(replace(channel, values=readings, part=exact_part))
+    return record.with_channels(*channels) if channels else record
 
 
 MEASURED = "measured"
@@ -410,16 +412,16 @@ def _balanced(engine: Engine, loose: Sequence[int]) -> tuple[Array, Array]:
 def _groups(jacobian: Array, loose: Sequence[int]) -> list[list[int]]:
     """Return the loose nodes in groups that exchange heat among themselves."""
     linked = (jacobian != 0.0) | (jacobian.T != 0.0)
-    left, out = np.zeros(jacobian.shape[0], dtype=bool), []
-    left[list(loose)] = True
+    is_loose, out = np.zeros(jacobian.shape[0], dtype=bool), []
+    is_loose[list(loose)] = True
     for first in loose:
-        if not left[first]:
+        if not is_loose[first]:
             continue
-        left[first] = False
+        is_loose[first] = False
         group = [first]
         for k in group:  # grows as it is walked
-            beside = np.flatnonzero(linked[k] & left)
-            left[beside] = False
+            beside = np.flatnonzero(linked[k] & is_loose)
+            is_loose[beside] = False
             group += beside.tolist()
         out.append(group)
     return out
@@ -534,9 +536,9 @@ class Ticks:
             return signal
 
         def law(times: Array) -> Array:
-            own = (times + self.zero - self.at[0]) / self.at[1]
+            ticks = (times + self.zero - self.at[0]) / self.at[1]
             # to the nanosecond, so that rounding does not part an instant from the start of the run or from a reading
-            return np.round(at[0] + at[1] * own - self.zero, 9)
+            return np.round(at[0] + at[1] * ticks - self.zero, 9)
 
         return signal.retimed(law)
 
@@ -594,23 +596,23 @@ class Experiment:
     def _without_tips(self, scenario: Scenario) -> Scenario:
         return replace(scenario, initial={n: t for n, t in scenario.initial.items() if n not in self.tips})
 
-    def as_fitted(self, model: Model, found: Mapping[str, float], sensors: bool = True) -> tuple[Model, Scenario]:
+    def as_fitted(self, model: Model, fitted_values: Mapping[str, float], sensors: bool = True) -> tuple[Model, Scenario]:
         """Return a model and the scenario of this record as a fit ran them.
 
         Parameters
         ----------
         model : Model       Without the sensors of the log.
-        found : dict        Name in the wiring -> value, as in `corrected`, and the lags of sensors [s].
+        fitted_values : dict  Name in the wiring -> value, as in `corrected`, and the lags of sensors [s].
         sensors : bool      Whether sensors that touch the hardware are on the model, with their lags.
         """
-        scenario = corrected(self.scenario, found)
+        scenario = corrected(self.scenario, fitted_values)
         driven = [b for b in self.network.boundaries if b not in self.network.flat.names.boundaries]
         if driven:
-            kept = {b: s for b, s in scenario.boundaries.items() if b not in driven}
-            scenario = replace(scenario, boundaries=kept, prescribed={b: scenario.boundaries[b] for b in driven})
+            undriven = {b: s for b, s in scenario.boundaries.items() if b not in driven}
+            scenario = replace(scenario, boundaries=undriven, prescribed={b: scenario.boundaries[b] for b in driven})
         if not sensors:
             return model, self._without_tips(scenario)
-        lags = {o.lag: f"{found[o.lag]!r} [s]" for o in self.observations if o.lag in found}
+        lags = {o.lag: f"{fitted_values[o.lag]!r} [s]" for o in self.observations if o.lag in fitted_values}
         return attached(model, self.record)[0].with_values(lags, "found by the fit"), scenario
 
 
@@ -676,8 +678,8 @@ def bind(
     network = compile_network(whole, media=base.media(), prescribed=(*base.prescribed, *prescribed))
     second = record.second
     zero, last = (float(record.times[0]), float(record.times[-1])) if second is None else second.times
-    given = {network.find(k): v for k, v in base.boundaries.items()}
-    inputs = Inputs(given, dict(base.loads), dict(base.commands), dict(base.gains))
+    boundaries = {network.find(k): v for k, v in base.boundaries.items()}
+    inputs = Inputs(boundaries, dict(base.loads), dict(base.commands), dict(base.gains))
     observed: list[tuple[Channel, str]] = []
     driven: dict[str, str] = {}
     noisy: dict[str, InputNoise] = {}
@@ -710,7 +712,7 @@ def bind(
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
     duration = last - zero
     ticks = None if second is None else _ticks(record, second, zero, driven, inputs)
-    made = replace(
+    full = replace(
         base,
         title=record.name,
         boundaries=inputs.boundaries,
@@ -721,10 +723,10 @@ def bind(
         initial=initial,
         duration=duration,
     )
-    hidden = _hidden_starts(made, network, first, record, driven, observations, tips) if base.start == "" else {}
+    hidden = _hidden_starts(full, network, first, record, driven, observations, tips) if base.start == "" else {}
     if hidden:
-        made = replace(made, initial={**made.initial, **{n: Kelvin(h.mean) for n, h in hidden.items()}})
-    return Experiment(record, model, network, made, times, observations, inputs.shared, readings, loose, tips, ticks, noisy, means, hidden)
+        full = replace(full, initial={**full.initial, **{n: Kelvin(h.mean) for n, h in hidden.items()}})
+    return Experiment(record, model, network, full, times, observations, inputs.shared, readings, loose, tips, ticks, noisy, means, hidden)
 
 
 def _as_it_starts(model: Model, base: Scenario, first: Mapping[str, float]) -> Scenario:
@@ -743,7 +745,7 @@ def _first_readings(record: Record, observations: Sequence[Observation], window:
 
 
 def _hidden_starts(
-    made: Scenario,
+    bound_scenario: Scenario,
     network: Network,
     first: Mapping[str, float],
     record: Record,
@@ -755,7 +757,7 @@ def _hidden_starts(
     if network.flat.names.model.runner is not None:
         return {}
     by_place = {path: record.channels[name] for name, path in driven.items()} | {o.seat: record.channels[o.sensor] for o in observations}
-    return hidden_starts(made, network, first, by_place, tuple(tips))
+    return hidden_starts(bound_scenario, network, first, by_place, tuple(tips))
 
 
 def _ticks(record: Record, second: SecondClock, zero: float, driven: Mapping[str, str], inputs: Inputs) -> Ticks:
@@ -764,8 +766,8 @@ def _ticks(record: Record, second: SecondClock, zero: float, driven: Mapping[str
     followed = tuple((name, p) for c, p in driven.items() if c in second.channels for name, held in tables if p in held)
     sampled = []
     for channel, path in driven.items():
-        given = record.channels[channel]
-        for _, held in tables if channel in second.channels and given.held and not given.prompt else ():
+        driving_channel = record.channels[channel]
+        for _, held in tables if channel in second.channels and driving_channel.held and not driving_channel.prompt else ():
             if path in held and isinstance(held[path], TableSignal) and held[path].held:
                 held[path] = held[path].changed_within()
                 sampled.append(path)

@@ -18,7 +18,7 @@ from thermid.model.laws import Constant, TableSignal
 from thermid.physics.finishes import finish
 from thermid.values.spreads import read_spread
 
-MANY = 10
+MAX_SEPARATE_STARTS = 10
 """Nodes without a sensor in a record up to which each has a start of its own; of more, those with the same neighbours move together."""
 
 
@@ -117,8 +117,8 @@ def prior_of(unknown: Unknown, prior: tuple[Any, Any] | Mapping[str, Any]) -> Pr
     """Return a prior in the fitted form of an unknown: mean (none: the start) and deviation with units, or what `read_spread` takes."""
     where = f"priors.{unknown.name}"
     slot = TEMPERATURE if unknown.unit in ("degC", "degF") else unknown.unit
-    given = prior if isinstance(prior, Mapping) else ({"mean": prior[0]} if mean_of(prior) else {}) | {"sd": prior[1]}
-    law = read_spread(given, slot, unknown.start, where)
+    table = prior if isinstance(prior, Mapping) else ({"mean": prior[0]} if mean_of(prior) else {}) | {"sd": prior[1]}
+    law = read_spread(table, slot, unknown.start, where)
     if law.variance <= 0 or (unknown.log and law.mean <= 0):
         raise IdentificationError("a prior needs a standard deviation above zero, and a mean above zero for a positive quantity.", where)
     sd = math.sqrt(law.variance)
@@ -169,7 +169,7 @@ def _hidden(i: int, experiment: Experiment, named: Collection[str]) -> list[Unkn
     """
     starts = {n: h for n, h in experiment.hidden.items() if f"initial.{n}" not in named}
     record = experiment.record.name
-    if len(starts) <= MANY:
+    if len(starts) <= MAX_SEPARATE_STARTS:
         return [
             Unknown(f"{record}: initial.{n}", "local", (Influence(i, f"initial.{n}"),), h.mean, prior=Prior(h.mean, h.sd), unit="degC")
             for n, h in starts.items()
@@ -212,8 +212,8 @@ def _nuisances(request: Request, experiments: Sequence[Experiment]) -> list[Unkn
     for i, experiment in enumerate(experiments):
         sensors |= {o.sensor: o.accuracy for o in experiment.observations if o.accuracy and o.sensor not in request.held_bias}
         for sensor, (target, sd) in experiment.shared.items():
-            known, targets = shared.get(sensor, (math.inf, []))
-            shared[sensor] = (min(sd, known), [*targets, Influence(i, target)])
+            smallest_sd, targets = shared.get(sensor, (math.inf, []))
+            shared[sensor] = (min(sd, smallest_sd), [*targets, Influence(i, target)])
     out = []
     for sensor, sd in sensors.items():
         out.append(Unknown(f"sensor {sensor}", "sensor", (), 0.0, prior=Prior(0.0, sd), unit="K"))
@@ -236,18 +236,18 @@ class _Start:
 
 def _starts(request: Request, experiment: Experiment) -> dict[str, _Start]:
     """Return name in the wiring -> the first reading that stands there."""
-    found: dict[str, tuple[str, str]] = {f"initial.{node}": (sensor, "") for node, sensor in experiment.readings.items()}
+    readings: dict[str, tuple[str, str]] = {f"initial.{node}": (sensor, "") for node, sensor in experiment.readings.items()}
     if not request.fit_start:
-        own = {o.seat: o.sensor for o in experiment.observations}
-        found |= {f"initial.{node}": (own[node], "") for node in experiment.loose}
-    found |= {wired(experiment, raw): (r.channel, r.offset) for raw, r in request.readings.items()}
-    found |= {tip: found[name] for name in tuple(found) for tip in _tips(experiment, name)}
+        sensors = {o.seat: o.sensor for o in experiment.observations}
+        readings |= {f"initial.{node}": (sensors[node], "") for node in experiment.loose}
+    readings |= {wired(experiment, raw): (r.channel, r.offset) for raw, r in request.readings.items()}
+    readings |= {tip: readings[name] for name in tuple(readings) for tip in _tips(experiment, name)}
     for raw in request.locals_of(experiment.record):
         for name in (wired(experiment, raw), *_tips(experiment, wired(experiment, raw))):
-            found.pop(name, None)
+            readings.pop(name, None)
     out = {}
     parameters = experiment.network.flat.parameters
-    for name, (sensor, offset) in found.items():
+    for name, (sensor, offset) in readings.items():
         shift, path = 0.0, ""
         if offset:
             path = parameters.freeable(offset, request.model.canonical)
@@ -299,15 +299,15 @@ def instruments(experiments: Sequence[Experiment]) -> list[Unknown]:
     ----------
     experiments : sequence  The records, bound to the model.
     """
-    found: dict[str, tuple[SensorPart, list[Influence]]] = {}
+    parts: dict[str, tuple[SensorPart, list[Influence]]] = {}
     for i, experiment in enumerate(experiments):
         for o in experiment.observations:
             if o.part is not None and o.part.gain_accuracy:
-                found.setdefault(gain_of(o.sensor), (o.part, []))[1].append(Influence(i, f"reading.{o.sensor}"))
+                parts.setdefault(gain_of(o.sensor), (o.part, []))[1].append(Influence(i, f"reading.{o.sensor}"))
             if o.part is not None and o.part.lag_accuracy and o.lag:
-                found.setdefault(lag_of(o.sensor), (o.part, []))[1].append(Influence(i, o.lag))
+                parts.setdefault(lag_of(o.sensor), (o.part, []))[1].append(Influence(i, o.lag))
     out = []
-    for name, (part, targets) in found.items():
+    for name, (part, targets) in parts.items():
         scale = targets[0].name.startswith("reading.")
         mean, sd = (0.0, part.gain_accuracy) if scale else (part.lag, part.lag_accuracy)
         prior = Prior(mean, sd) if scale else Prior(math.log(mean), sd / mean)

@@ -47,9 +47,9 @@ class LocalSpec:
     sd: float = math.inf
 
     @classmethod
-    def read(cls, given: Any, where: str) -> LocalSpec:
+    def read(cls, written: Any, where: str) -> LocalSpec:
         """Return it from a temperature, the name of a channel, or a table with `start` and `sd`."""
-        table = given if isinstance(given, Mapping) else {"start": given}
+        table = written if isinstance(written, Mapping) else {"start": written}
         refuse_unknown(table, ("start", "sd"), where, "give a local value start and sd, not {}.", IdentificationError)
         if "start" not in table:
             raise IdentificationError("a local value needs a start.", where)
@@ -75,9 +75,9 @@ class Reading:
     offset: str = ""
 
     @classmethod
-    def read(cls, given: Any, where: str) -> Reading:
+    def read(cls, written: Any, where: str) -> Reading:
         """Return it from the name of a channel or a table with `channel` and `offset`."""
-        table = given if isinstance(given, Mapping) else {"channel": given}
+        table = written if isinstance(written, Mapping) else {"channel": written}
         unknown = set(table) - {"channel", "offset"}
         if unknown or "channel" not in table:
             raise IdentificationError("give a reading a channel, and an offset if needed.", where)
@@ -225,11 +225,11 @@ def matching(pattern: str, paths: Iterable[str], where: str) -> list[str]:
     ------
     NameNotFoundError   When it matches nothing, with the nearest path.
     """
-    known = list(paths)
-    hits = [p for p in known if fnmatchcase(p, pattern)]
+    names = list(paths)
+    hits = [p for p in names if fnmatchcase(p, pattern)]
     if not hits:
         bare = pattern.translate(str.maketrans("", "", "*?[]"))
-        raise NameNotFoundError(f"no parameter that can be fitted matches '{pattern}'.{nearest(bare, known)}", where)
+        raise NameNotFoundError(f"no parameter that can be fitted matches '{pattern}'.{nearest(bare, names)}", where)
     return hits
 
 
@@ -264,7 +264,7 @@ def freed(
     IdentificationError     When `freeze` takes nothing off.
     """
     free = [free] if isinstance(free, str) else free  # one name, and not its letters
-    if not isinstance(free, Iterable) or not all(isinstance(each, str) for each in free):
+    if not isinstance(free, Iterable) or not all(isinstance(raw_name, str) for raw_name in free):
         raise IdentificationError(f"what is to be fitted is a list of names, not {free!r}.", where)
     if not freeze and not any(map(is_glob, free)):
         return list(free), set()
@@ -299,7 +299,7 @@ def mean_of(prior: Any) -> str:
     return "" if mean is None else str(mean)
 
 
-def priors_of(model: Model, given: Mapping[str, Any], where: str) -> dict[str, tuple[Any, Any]]:
+def priors_of(model: Model, stated: Mapping[str, Any], where: str) -> dict[str, tuple[Any, Any]]:
     """Return path -> (mean, standard deviation) with their units, globs read and ranges turned into numbers.
 
     A range min..max of a data sheet is a rectangular distribution: its standard deviation is its half width over the square root of 3
@@ -310,18 +310,18 @@ def priors_of(model: Model, given: Mapping[str, Any], where: str) -> dict[str, t
     NameNotFoundError       When a glob matches nothing.
     IdentificationError     When a parameter has no range, or its range is not one of a data sheet.
     """
-    for name, one in given.items():
+    for name, one in stated.items():
         if not isinstance(one, Mapping) and not _is_range(one) and not (isinstance(one, list | tuple) and len(one) == 2):
             raise IdentificationError(
                 f"a prior is a pair (mean, standard deviation), a table such as {{'sd': '1 [K]'}}, or 'range', not {one!r}.",
                 f"{where}.priors.{name}",
             )
-    if not any(is_glob(name) or _is_range(one) for name, one in given.items()):
-        return dict(given)
+    if not any(is_glob(name) or _is_range(one) for name, one in stated.items()):
+        return dict(stated)
     values = ParameterSet(model)
     literals = [p for p, entry in values.table.items() if entry.parameter.is_literal]
     out: dict[str, tuple[Any, Any]] = {}
-    for name, one in given.items():
+    for name, one in stated.items():
         if not is_glob(name):
             paths = [values.freeable(name, model.canonical)]
         else:
@@ -338,17 +338,17 @@ def _is_range(prior: Any) -> bool:
 
 def _range(values: ParameterSet, path: str, where: str) -> tuple[str, str]:
     """Return mean and standard deviation of a parameter's range as texts."""
-    given = values.table[path].parameter
-    low, high = given.minimum, given.maximum
-    if given.source != "datasheet":
+    parameter = values.table[path].parameter
+    low, high = parameter.minimum, parameter.maximum
+    if parameter.source != "datasheet":
         raise IdentificationError(
-            f"the range of '{path}' is not a prior: its source is {given.source or 'not stated'}, so min and max only bound the "
+            f"the range of '{path}' is not a prior: its source is {parameter.source or 'not stated'}, so min and max only bound the "
             "search. If they are the tolerance of a data sheet, state source = 'datasheet'; otherwise give the prior a mean and sd.",
             where,
         )
     if low is None or high is None or not low < high:
         raise IdentificationError(f"'{path}' has no range: it needs both min and max. Give them, or a prior with mean and sd.", where)
-    of = unit(given.unit or "1")
+    of = unit(parameter.unit or "1")
     law = read_spread(RANGE, of.text, float("nan"), where, bounds=(low, high))
     mean, sd = law.mean, math.sqrt(law.variance)
     if low > 0:  # as it will be fitted, by its logarithm: see `parameter_unknown`
@@ -361,8 +361,8 @@ def _range(values: ParameterSet, path: str, where: str) -> tuple[str, str]:
 
 def _channel_key(c: Channel) -> list[Any]:
     """Return what a fit depends on of a channel beside its numbers in the file, whose hash is of them as they are written."""
-    known = [c.role, c.target, c.gain, c.unit, c.quantity, c.noise, c.accuracy, c.resolution, c.prompt, c.correction]
-    return [*known, c.samples + c.interpolation, *([repr(c.part)] if c.part else [])]
+    key = [c.role, c.target, c.gain, c.unit, c.quantity, c.noise, c.accuracy, c.resolution, c.prompt, c.correction]
+    return [*key, c.samples + c.interpolation, *([repr(c.part)] if c.part else [])]
 
 
 def _record_key(r: Record) -> list[Any]:
@@ -475,17 +475,17 @@ def known_before(request: Request, unknowns: Sequence[Unknown]) -> KnownBefore:
     """
     store = request.store
     moving = {q: store.states[p] for p in request.prior for q in store.states[p].acts}
-    known = [(k, u, state) for k, u in enumerate(unknowns) if (state := _state_of(store, moving, u)) is not None]
-    copies = [_copy(u.name, [v.name for _, v, other in known if other.same(state)]) for _, u, state in known]
+    inherited = [(k, u, state) for k, u in enumerate(unknowns) if (state := _state_of(store, moving, u)) is not None]
+    copies = [_copy(u.name, [v.name for _, v, other in inherited if other.is_same(state)]) for _, u, state in inherited]
     places = {"": 0} | {place: n for n, place in enumerate(dict.fromkeys(filter(None, copies)), 1)}
     sources = [replace(s, name=f"{s.name} at {place}") if place else s for place in places for s in store.sources]
     count = len(store.sources)
-    rows = np.zeros((len(known), len(sources)))
-    for i, ((_, u, state), place) in enumerate(zip(known, copies, strict=True)):
+    rows = np.zeros((len(inherited), len(sources)))
+    for i, ((_, u, state), place) in enumerate(zip(inherited, copies, strict=True)):
         first = places[place] * count
         rows[i, first : first + count] = store.rows([state.path])[0] * form(state, u)
-    at = np.array([k for k, _, _ in known], dtype=np.int64)
-    return KnownBefore(at, np.array([u.to_fitted(state.value) for _, u, state in known]), rows, tuple(sources))
+    at = np.array([k for k, _, _ in inherited], dtype=np.int64)
+    return KnownBefore(at, np.array([u.to_fitted(state.value) for _, u, state in inherited]), rows, tuple(sources))
 
 
 def _copy(path: str, twins: Sequence[str]) -> str:
@@ -506,7 +506,7 @@ def form(state: State, unknown: Unknown) -> float:
 def _state_of(store: Store, moving: Mapping[str, State], unknown: Unknown) -> State | None:
     """Return what is known of an unknown below; None for nothing, or where the fit is not to rest on it."""
     if unknown.kind == "parameter":
-        found = next((moving[n] for n in (unknown.name, *unknown.also) if n in moving), None)
+        state = next((moving[n] for n in (unknown.name, *unknown.also) if n in moving), None)
     else:
-        found = store.states.get(unknown.name)
-    return found if found is not None and found.known and store.rows([found.path]).any() else None
+        state = store.states.get(unknown.name)
+    return state if state is not None and state.known and store.rows([state.path]).any() else None

@@ -110,7 +110,7 @@ def starting_point(unknowns: Sequence[Unknown]) -> Array:
 
 
 def parameter_unknown(
-    path: str, given: Parameter, dimension: Dimension, value: float, targets: Sequence[Influence], prior: Prior | None
+    path: str, parameter: Parameter, dimension: Dimension, value: float, targets: Sequence[Influence], prior: Prior | None
 ) -> Unknown:
     """Return the unknown that a freed parameter is.
 
@@ -120,12 +120,12 @@ def parameter_unknown(
     ------
     DeckError   When the start lies outside its bounds.
     """
-    low = -math.inf if given.minimum is None else given.minimum
-    high = math.inf if given.maximum is None else given.maximum
+    low = -math.inf if parameter.minimum is None else parameter.minimum
+    high = math.inf if parameter.maximum is None else parameter.maximum
     if not low <= value <= high:
         raise DeckError(f"the start {value:g} of '{path}' lies outside its bounds {low:g} .. {high:g}.")
     positive = low > 0 or (dimension in POSITIVE and low != 0.0)
-    text = given.unit or "1"
+    text = parameter.unit or "1"
     return Unknown(path, "parameter", tuple(targets), value, positive and value > 0, low, high, prior, text)
 
 
@@ -195,7 +195,7 @@ class Sums:
     largest: float
 
     @classmethod
-    def of(cls, residuals: Array) -> Sums:
+    def of_residuals(cls, residuals: Array) -> Sums:
         """Return the sums of residuals (samples,). [K]"""
         more = residuals - residuals[0]
         largest = float(residuals[np.abs(residuals).argmax()])
@@ -304,7 +304,7 @@ class Compressed:
     meshes: tuple[Array, ...]
 
 
-KEPT = 32
+MAX_CACHED_BENCHES = 32
 """Benches of one experiment that are kept: a search for a second clock asks for many."""
 
 
@@ -319,15 +319,15 @@ class Bench:
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     @classmethod
-    def of(cls, experiment: Experiment, free: Sequence[str], at: tuple[float, float] | None = None) -> Bench:
+    def of_experiment(cls, experiment: Experiment, free: Sequence[str], at: tuple[float, float] | None = None) -> Bench:
         """Return the bench of an experiment, made once, with its second clock at an offset [s] and rate other than its own if asked."""
 
-        def made() -> Bench:
+        def make() -> Bench:
             moved = experiment if at is None or experiment.ticks is None else experiment.ticks.moved(experiment, at)
             wiring = Wiring(moved.network, moved.scenario, free)
             return cls(moved, tuple(free), wiring, Engine(wiring))
 
-        return experiment.memo.made((tuple(free), at), made, KEPT)
+        return experiment.memo.value((tuple(free), at), make, MAX_CACHED_BENCHES)
 
     def temperatures(
         self, x: Array, gradients: bool, options: Options, times: Array | None = None, *, from_rest: bool = False
@@ -341,11 +341,11 @@ class Bench:
         if from_rest:
             assembled = replace(assembled, initial_gradient=np.zeros_like(assembled.initial_gradient))
         nodes = tuple(o.node for o in self.experiment.observations)
-        kept = kept_for(assembled, nodes)
+        nodes_kept = kept_for(assembled, nodes)
         duration = max(self.experiment.scenario.seconds, float(self.experiment.times[-1]))
         stepped = replace(options, method="integrator")  # as least squares are, so that traces and statistics agree
-        answer = self.engine.integrate(assembled, wanted, kept, duration, stepped, gradients and bool(self.free))
-        traces = Traces(self.wiring, assembled, wanted, kept, answer.temperatures, answer.sensitivities)
+        answer = self.engine.integrate(assembled, wanted, nodes_kept, duration, stepped, gradients and bool(self.free))
+        traces = Traces(self.wiring, assembled, wanted, nodes_kept, answer.temperatures, answer.sensitivities)
         columns = np.column_stack([traces.temperature(n) for n in nodes])
         derivatives = np.stack([traces.slope(n) for n in nodes], axis=1) if gradients else np.zeros((0, 0, 0))
         for k, place, about in self.scales():
@@ -358,23 +358,23 @@ class Bench:
     def scales(self) -> list[tuple[int, int, float]]:
         """Return, of every sensor whose scale is looked for, its column, the place of its error in the free names, where it turns [K]."""
         place = {name: n for n, name in enumerate(self.free)}
-        seen = enumerate(self.experiment.observations)
-        return [(k, place[f"reading.{o.sensor}"], o.part.gain_about) for k, o in seen if o.part and f"reading.{o.sensor}" in place]
+        numbered = enumerate(self.experiment.observations)
+        return [(k, place[f"reading.{o.sensor}"], o.part.gain_about) for k, o in numbered if o.part and f"reading.{o.sensor}" in place]
 
     def squares(self, x: Array, gradients: bool, options: Options, weighing: Weighing, mesh: Array | None) -> Squares:
         """Return the least squares of all observations."""
         assembled = self.engine.started(self.wiring.assemble(x, gradients), gradients)
-        seen, times = self.experiment.observations, self.experiment.times
+        obs, times = self.experiment.observations, self.experiment.times
         recover = dict(assembled.reduced.recover)
-        parts = [_parts(o.node, recover) for o in seen]
+        parts = [_parts(o.node, recover) for o in obs]
         size = len(self.free) if gradients else 0
-        scaled = [False] * len(seen)
+        scaled = [False] * len(obs)
         for k, place, _ in self.scales():
             one = Dual(1.0 + x[place], np.eye(size)[place]) if gradients else 1.0 + x[place]
             parts[k], scaled[k] = {node: one * weight for node, weight in parts[k].items()}, True
-        readings = self.memo.made(
+        readings = self.memo.value(
             "readings",
-            lambda: self.engine.readings(times, [tuple(p) for p in parts], [o.index for o in seen], [o.measured for o in seen], scaled),
+            lambda: self.engine.readings(times, [tuple(p) for p in parts], [o.index for o in obs], [o.measured for o in obs], scaled),
         )
         numbers = [number for p in parts for number in p.values()]
         weights = np.array([value_of(n) for n in numbers]), np.array([gradient_of(n, size) for n in numbers]).reshape(len(numbers), size)
@@ -468,7 +468,7 @@ def as_triangle(
     rotated = basis.T @ (root * z)
     rest = float(size.sum() - rotated @ rotated)
     rows = np.concatenate([rotated, np.sqrt(np.maximum([rest], 0.0))])
-    sums = [(b.record, b.sensor, Sums.of(b.residuals)) for b in blocks]
+    sums = [(b.record, b.sensor, Sums.of_residuals(b.residuals)) for b in blocks]
     return rows, np.concatenate([triangle, np.zeros((1, triangle.shape[1]))]), float(weight @ z**2), sums
 
 
@@ -505,14 +505,14 @@ class Problem:
 
     def benches(self) -> tuple[Bench, ...]:
         """Return one bench per experiment, made once."""
-        return self.memo.made("benches", lambda: tuple(Bench.of(e, self._names(i)) for i, e in enumerate(self.experiments)))
+        return self.memo.value("benches", lambda: tuple(Bench.of_experiment(e, self._names(i)) for i, e in enumerate(self.experiments)))
 
     def bench(self, i: int, fitted: Array) -> Bench:
         """Return the bench of an experiment with its second clock where the unknowns put it."""
         experiment = self.experiments[i]
         if experiment.ticks is None or (at := clock_at(self, i, fitted)) == experiment.ticks.at:
             return self.benches()[i]
-        return Bench.of(experiment, self._names(i), at)
+        return Bench.of_experiment(experiment, self._names(i), at)
 
     def ticking(self, i: int) -> list[tuple[int, str]]:
         """Return position and name of the unknowns that are offset or rate of an experiment's second clock."""
@@ -576,24 +576,24 @@ class Problem:
         chi = 0.0
         for i, bench in enumerate(self.benches()):
             if bench.experiment.ticks is not None or bench.engine.runner is not None:
-                own, part, square, sizes = compressed_in_full(self, i, fitted, loss, loss_scale)
-                rows, slopes, chi, sums = [*rows, own], [*slopes, part], chi + square, [*sums, *sizes]
+                rows_of_record, part, square, sizes = compressed_in_full(self, i, fitted, loss, loss_scale)
+                rows, slopes, chi, sums = [*rows, rows_of_record], [*slopes, part], chi + square, [*sums, *sizes]
                 taken.append(np.zeros(0))
                 continue
             x, chain = self.inputs(i, fitted)
-            seen = bench.experiment.observations
+            obs = bench.experiment.observations
             bias, columns, shifts = self._shifts(bench, x, chain, fitted)
-            sigma = np.array([o.sigma(self.noise) for o in seen])
+            sigma = np.array([o.sigma(self.noise) for o in obs])
             weighing = Weighing(sigma, bias, columns, loss, loss_scale)
-            found = bench.squares(x, bool(self.unknowns), self.options, weighing, meshes[i] if meshes else None)
+            squares = bench.squares(x, bool(self.unknowns), self.options, weighing, meshes[i] if meshes else None)
             at = x.size
-            part = found.triangle[:, :at] @ chain + found.triangle[:, at:] @ shifts
-            rest = found.cost - float(found.rotated @ found.rotated)
-            rows += [found.rotated, np.sqrt(np.maximum([rest], 0.0))]
+            part = squares.triangle[:, :at] @ chain + squares.triangle[:, at:] @ shifts
+            rest = squares.cost - float(squares.rotated @ squares.rotated)
+            rows += [squares.rotated, np.sqrt(np.maximum([rest], 0.0))]
             slopes += [part, np.zeros((1, part.shape[1]))]
-            chi += found.chi_square
-            taken.append(found.mesh)
-            sums += [(bench.experiment.record.name, o.sensor, Sums(*line)) for o, line in zip(seen, found.sums.tolist(), strict=True)]
+            chi += squares.chi_square
+            taken.append(squares.mesh)
+            sums += [(bench.experiment.record.name, o.sensor, Sums(*line)) for o, line in zip(obs, squares.sums.tolist(), strict=True)]
         refuse_not_finite(chi, *rows, *slopes)
         return Compressed(np.concatenate(rows), np.concatenate(slopes), chi, tuple(sums), tuple(taken))
 
@@ -640,10 +640,10 @@ class Problem:
         """Independent samples less unknowns."""
         return self.effective_samples - len(self.unknowns)
 
-    def square(self, found: Compressed) -> float:
+    def square(self, compressed: Compressed) -> float:
         """Return the sum of the squares of the residuals in units of the noise, whatever the loss."""
         sigma = [o.sigma(self.noise) for o in self.observations()]
-        return sum(s.count * s.mean_square / size**2 for (_, _, s), size in zip(found.sums, sigma, strict=True))
+        return sum(s.count * s.mean_square / size**2 for (_, _, s), size in zip(compressed.sums, sigma, strict=True))
 
     def jacobian(self, fitted: Array) -> Array:
         """Return d residuals / d fitted (samples, unknowns) in full; what a fit needs of it is in `compressed`."""
@@ -659,8 +659,8 @@ class Problem:
         x, chain = self.inputs(i, fitted)
         columns, derivatives = bench.temperatures(x, bool(x.size), self.options, times)
         out = -(derivatives @ chain) if x.size else np.zeros((*columns.shape, len(self.unknowns)))
-        for at, own in slopes_of_clock(self, i, fitted, times).items():
-            out[:, :, at] -= own
+        for at, slope_of_clock in slopes_of_clock(self, i, fitted, times).items():
+            out[:, :, at] -= slope_of_clock
         for k, o in enumerate(bench.experiment.observations):
             _, position = self._bias(o.sensor, fitted)
             if position is not None:
@@ -719,7 +719,7 @@ class Predictions(Sequence[SensorTrace]):
         self.memo = Memo()
 
     def _blocks(self) -> tuple[SensorTrace, ...]:
-        return self.memo.made("blocks", lambda: tuple(self.problem.blocks(self.fitted)))
+        return self.memo.value("blocks", lambda: tuple(self.problem.blocks(self.fitted)))
 
     @overload
     def __getitem__(self, at: int) -> SensorTrace: ...

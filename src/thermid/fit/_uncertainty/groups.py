@@ -14,7 +14,7 @@ from thermid.base.units import NAMES, unit
 from thermid.fit._uncertainty.information import Information
 from thermid.measure.amounts import short
 
-SAME = 1e-3
+SAME_EXPONENT = 1e-3
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Group:
         if not (self.structural and self.form == "power law" and len(self.names) == 2):
             return ""
         first, second = (self.moves[0][n] for n in self.names)
-        return "product" if abs(first + second) < SAME else "ratio" if abs(first - second) < SAME else ""
+        return "product" if abs(first + second) < SAME_EXPONENT else "ratio" if abs(first - second) < SAME_EXPONENT else ""
 
     @property
     def acting(self) -> str:
@@ -86,15 +86,15 @@ class Group:
         """What cannot be told, and what is known instead, in words."""
         who = listed(self.names)
         if self.structural and self.acting:
-            told = f"{who} cannot be separated; {self.acting}"
+            text = f"{who} cannot be separated; {self.acting}"
         elif self.structural and self.form == "mixture":
             moves = " or ".join(_percents({n: 0.1 * w for n, w in m.items()}) for m in self.moves)
-            told = f"{who} cannot be separated: near these values, {moves} together changes no reading"
+            text = f"{who} cannot be separated: near these values, {moves} together changes no reading"
         elif self.structural:
-            told = f"{who} cannot be separated: {' or '.join(together(m, len(self.names)) for m in self.moves)} changes no reading"
+            text = f"{who} cannot be separated: {' or '.join(together(m, len(self.names)) for m in self.moves)} changes no reading"
         else:
-            told = f"{who} can hardly be separated: {' or '.join(_percents(m) for m in self.moves)} stays within the noise"
-        return told + (f". Known: {'; '.join(map(str, self.known))}" if self.known else "")
+            text = f"{who} can hardly be separated: {' or '.join(_percents(m) for m in self.moves)} stays within the noise"
+        return text + (f". Known: {'; '.join(map(str, self.known))}" if self.known else "")
 
 
 def listed(names: Sequence[str]) -> str:
@@ -240,9 +240,9 @@ def _few_terms(complement: Array, variance: Callable[[Array], float], inner: Seq
         if len(choices) > 1 and np.linalg.svd(block, compute_uv=False)[-1] < 1e-9:
             continue
         basis = np.linalg.solve(block.T, complement.T)
-        basis = np.where(np.abs(basis) < SAME, 0.0, basis)
-        basis = np.where(np.abs(basis - np.round(2 * basis) / 2) < SAME, np.round(2 * basis) / 2, basis)
-        odd = float(np.sum(np.abs(basis - np.round(basis)) > SAME))
+        basis = np.where(np.abs(basis) < SAME_EXPONENT, 0.0, basis)
+        basis = np.where(np.abs(basis - np.round(2 * basis) / 2) < SAME_EXPONENT, np.round(2 * basis) / 2, basis)
+        odd = float(np.sum(np.abs(basis - np.round(basis)) > SAME_EXPONENT))
         key = (float(len(set(pivots) & set(inner))), float(np.count_nonzero(basis)), odd, float(sum(variance(row) for row in basis)))
         if best is None or key < best[0]:
             best = key, np.asarray(basis, dtype=np.float64)
@@ -252,12 +252,12 @@ def _few_terms(complement: Array, variance: Callable[[Array], float], inner: Seq
 
 def _independent(complement: Array, count: int) -> list[int]:
     """Return rows of a basis that are independent, chosen by elimination."""
-    left, out = complement.copy(), list[int]()
+    remaining, out = complement.copy(), list[int]()
     for _ in range(count):
-        k = int(np.argmax(np.linalg.norm(left, axis=1)))
+        k = int(np.argmax(np.linalg.norm(remaining, axis=1)))
         out.append(k)
-        direction = left[k] / np.linalg.norm(left[k])
-        left = left - np.outer(left @ direction, direction)
+        direction = remaining[k] / np.linalg.norm(remaining[k])
+        remaining = remaining - np.outer(remaining @ direction, direction)
     return out
 
 
@@ -305,7 +305,7 @@ def _terms(parts: Sequence[tuple[str, float]]) -> str:
     text = ""
     for name, weight in parts:
         sign = " - " if weight < 0 else " + "
-        size = "" if abs(abs(weight) - 1.0) < SAME else f"{abs(weight):.3g}*"
+        size = "" if abs(abs(weight) - 1.0) < SAME_EXPONENT else f"{abs(weight):.3g}*"
         text += f"{sign}{size}{name}"
     return text.removeprefix(" + ").strip()
 
@@ -350,9 +350,9 @@ def _practical(info: Information, at: list[int], covariance: Array, tell: float)
         {n: float(w) for n, w in zip(names, v * s, strict=True)} for v, s in zip(vectors.T, np.sqrt(spread), strict=True) if s > tell
     )
     logs = all(info.unknowns[k].log for k in at)
-    known: tuple[Combination, ...] = ()
+    combinations: tuple[Combination, ...] = ()
     if logs and not weak.all() and moves:
         weights = _few_terms(vectors[:, ~weak], lambda w: float(w @ part @ w))
         weights = np.round(weights, 2)
-        known = tuple(_combination(info, at, w, "power law", float(w @ part @ w)) for w in weights)
-    return Group(names, False, "power law" if logs else "mixture", moves, known)
+        combinations = tuple(_combination(info, at, w, "power law", float(w @ part @ w)) for w in weights)
+    return Group(names, False, "power law" if logs else "mixture", moves, combinations)

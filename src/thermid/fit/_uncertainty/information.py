@@ -46,13 +46,13 @@ class Information:
     given: Array
 
     @classmethod
-    def of(cls, problem: Problem, fitted: Array, spread: float = 1.0, exact: bool = True) -> Information:
+    def of_problem(cls, problem: Problem, fitted: Array, spread: float = 1.0, exact: bool = True) -> Information:
         """Return what a problem holds at some values; readings scatter `spread` times as much as their noise says."""
         tight = replace(problem, options=EXACT) if exact else problem
         rows = problem.prior_rows(fitted)[1]
         kinds = [u.kind for u in problem.unknowns if u.prior is not None]
-        own = np.array([k == "parameter" for k in kinds] + [True] * (rows.shape[0] - len(kinds)), dtype=bool)
-        return cls(problem.unknowns, fitted, tight.compressed(fitted).slopes / spread, rows[~own], rows[own])
+        is_parameter_prior = np.array([k == "parameter" for k in kinds] + [True] * (rows.shape[0] - len(kinds)), dtype=bool)
+        return cls(problem.unknowns, fitted, tight.compressed(fitted).slopes / spread, rows[~is_parameter_prior], rows[is_parameter_prior])
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -100,9 +100,9 @@ class Information:
     def covariance(self, held: Sequence[int] = (), more: Array | None = None) -> Array:
         """Return the covariance of the fitted form, some unknowns held, with more rows if given; infinite where nothing is known."""
         rows = self.rows if more is None else np.concatenate([self.rows, more])
-        kept = [k for k in range(len(self.unknowns)) if k not in held]
+        free = [k for k in range(len(self.unknowns)) if k not in held]
         out = np.zeros((len(self.unknowns),) * 2)
-        out[np.ix_(kept, kept)] = covariance(rows[:, kept])
+        out[np.ix_(free, free)] = covariance(rows[:, free])
         return out
 
     def errors(self, held: Sequence[int] = (), more: Array | None = None) -> Array:
@@ -131,7 +131,7 @@ def elsewhere(problem: Problem, info: Information, spread: float = 1.0) -> Infor
         step = min(shift[k], 0.5 * max(high - info.at[k], info.at[k] - low))
         moved[k] += step if room else -step
     try:
-        return Information.of(problem, moved, spread)
+        return Information.of_problem(problem, moved, spread)
     except SolverError:
         return None
 
@@ -164,7 +164,7 @@ def opened_at(
     groups: Sequence[Sequence[str]],
     *,
     instruments: bool = False,
-    known: Mapping[str, float] | None = None,
+    values_before: Mapping[str, float] | None = None,
 ) -> Opened:
     """Return the residuals of a fit with some of its fixed values opened, at the values at which it ended.
 
@@ -176,23 +176,23 @@ def opened_at(
     groups : sequence       The fixed values, each as the paths where it acts; the first one names it. What is an unknown of the fit, or is
                             derived from others in its model, is left out: see `Opened.names`. A path with another value does not act.
     instruments : bool      Whether constant errors of instruments that the fit took as fixed are opened too.
-    known : dict            Name -> value [SI] of what is opened, where it is not the one in the model.
+    values_before : dict    Name -> value [SI] of what is opened, where it is not the one in the model.
     """
     experiments = problem.experiments
     if instruments:
         request = replace(request, held_bias={}, held_errors=None)
         experiments = build_problem(request).experiments
-    own = {u.name: k for k, u in enumerate(problem.unknowns)}
+    position = {u.name: k for k, u in enumerate(problem.unknowns)}
     acting = {p for u in problem.unknowns if u.kind == "parameter" for p in (u.name, *u.also)}
     parameters = experiments[0].network.flat.parameters
     free = [[p for p in group if p not in acting] for group in groups]
     chosen = [_alike(parameters, rest) for rest, group in zip(free, groups, strict=True) if rest[:1] == list(group[:1])]
     wider = problem_of(request, experiments, [group for group in chosen if group])
     of = {u.name: u for u in wider.unknowns}
-    unknowns = [*(of[name] for name in own), *(u for u in wider.unknowns if u.name not in own)]
-    more = [u.to_fitted((known or {}).get(u.name, u.start)) for u in unknowns[len(own) :]]
-    made = Problem(wider.experiments, tuple(unknowns), problem.noise, problem.options, wider.fixed_bias, problem.coupled)
-    return Opened(made, np.concatenate([fitted, more]), len(own))
+    unknowns = [*(of[name] for name in position), *(u for u in wider.unknowns if u.name not in position)]
+    more = [u.to_fitted((values_before or {}).get(u.name, u.start)) for u in unknowns[len(position) :]]
+    problem_opened = Problem(wider.experiments, tuple(unknowns), problem.noise, problem.options, wider.fixed_bias, problem.coupled)
+    return Opened(problem_opened, np.concatenate([fitted, more]), len(position))
 
 
 def _alike(parameters: ParameterSet, group: Sequence[str]) -> tuple[str, ...]:
@@ -243,13 +243,13 @@ class Responses:
         out[self.unlimited, self.unlimited] = np.inf
         return np.asarray(out)
 
-    def of(self, kept: list[int], key: str, words: str) -> tuple[Array, tuple[Source, ...]]:
+    def with_noise(self, positions: list[int], key: str, words: str) -> tuple[Array, tuple[Source, ...]]:
         """Return the rows of some unknowns with columns for their noise, named by the key of the stage and a number."""
-        own, sources = rooted(self.noise[np.ix_(kept, kept)], key, words)
-        return np.concatenate([self.rows[kept], own], axis=1), (*self.sources, *sources)
+        noise_columns, sources = rooted(self.noise[np.ix_(positions, positions)], key, words)
+        return np.concatenate([self.rows[positions], noise_columns], axis=1), (*self.sources, *sources)
 
 
-def responses(request: Request, problem: Problem, found: Fit, level: float, random: Array, weights: Array) -> Responses:
+def responses(request: Request, problem: Problem, minimum: Fit, level: float, random: Array, weights: Array) -> Responses:
     """Return what the errors of a fit come from.
 
     With A and B the derivatives of the weighted residuals with respect to what was looked for and what was fixed, P the covariance of the
@@ -274,14 +274,14 @@ def responses(request: Request, problem: Problem, found: Fit, level: float, rand
     for k, u in enumerate(unknowns):
         if u.prior is None or (k in below and u.kind != "parameter"):
             continue
-        own = gain[:, [k]] / u.prior.sd
+        prior_column = gain[:, [k]] / u.prior.sd
         if u.kind == "local":
-            noise = noise + own @ own.T
+            noise = noise + prior_column @ prior_column.T
         else:
-            table.add((_stated(request, u),), own)
+            table.add((_stated(request, u),), prior_column)
     held = _fixed(request, unknowns)
     if held and unknowns:
-        _consider(table, request, problem, found, held, gain / level)
+        _consider(table, request, problem, minimum, held, gain / level)
     rows = np.array(list(table.columns.values())).reshape(len(table.columns), len(unknowns)).T
     return Responses(rows, tuple(table.sources.values()), noise, unlimited)
 
@@ -323,15 +323,15 @@ def _fixed(request: Request, unknowns: tuple[Unknown, ...]) -> list[State]:
     ]
 
 
-def _consider(table: _Table, request: Request, problem: Problem, found: Fit, fixed: list[State], gain: Array) -> None:
+def _consider(table: _Table, request: Request, problem: Problem, minimum: Fit, fixed: list[State], gain: Array) -> None:
     """Add the responses to the errors of what was fixed; an instrument of which nothing is known counts with its accuracy."""
     here = covering(problem.unknowns)
     groups = {s.path: tuple(p for p in s.acts if p not in here) for s in fixed if s.kind == "parameter"}
     named = {group[0]: request.store[path] for path, group in groups.items()} | {s.path: s for s in fixed if s.kind != "parameter"}
     instruments = bool(request.held_bias) or request.held_errors is not None
-    opened = opened_at(request, problem, found.fitted, list(groups.values()), instruments=instruments)
-    own, other = opened_jacobian(opened, request.loss, request.loss_scale)
-    moves = -gain @ own.T @ other
+    opened = opened_at(request, problem, minimum.fitted, list(groups.values()), instruments=instruments)
+    own_jacobian, other = opened_jacobian(opened, request.loss, request.loss_scale)
+    moves = -gain @ own_jacobian.T @ other
     for k, u in enumerate(opened.problem.unknowns[opened.own :]):
         if u.name in named:
             row = request.store.rows([named[u.name].path])[0] * form(named[u.name], u)

@@ -72,7 +72,7 @@ class Test:
     root: Array
 
     @classmethod
-    def of(cls, data: Weighed, priors: Array, pulls: Array, known: Sequence[int], root: Array) -> Test:
+    def of_unknowns(cls, data: Weighed, priors: Array, pulls: Array, inherited: Sequence[int], root: Array) -> Test:
         """Return the test of some of the unknowns of a fit.
 
         Parameters
@@ -80,10 +80,10 @@ class Test:
         data : Weighed                          What the data say of all unknowns, where the known ones stand as they are known.
         priors : array (unknowns, unknowns)     Information that there is beside the data, of the other unknowns.
         pulls : array (unknowns,)               Its scores there.
-        known : sequence of int                 Positions of the known values among the unknowns.
+        inherited : sequence of int             Positions of the known values among the unknowns.
         root : array (known, sources)           Root of the covariance with which they are known.
         """
-        at = list(known)
+        at = list(inherited)
         rest = [k for k in range(priors.shape[0]) if k not in set(at)]
         whole, vector = data.information + priors, data.scores + pulls
         size = np.sqrt(np.maximum(np.diagonal(whole, axis1=1, axis2=2).max(axis=0), 1e-300))[rest]
@@ -108,29 +108,31 @@ def _opened(a: Test, chosen: Sequence[int], loose: Sequence[int]) -> tuple[Array
     known_with = np.zeros_like(a.root)
     known_with[others] = a.root[others]
     columns = np.concatenate([known_with, np.eye(len(a.root))[:, list(loose)]], axis=1)
-    known = np.diag([1.0] * sources + [0.0] * len(loose))
+    prior_information = np.diag([1.0] * sources + [0.0] * len(loose))
     # the others are root s, s standard normal: integrated out with the precision C'IC + 1; those in `loose` have none of their own
-    inner = columns.T @ a.information @ columns + known
-    inner = inner + 1e-12 * np.eye(len(known)) * np.trace(inner, axis1=1, axis2=2)[:, None, None]
+    inner = columns.T @ a.information @ columns + prior_information
+    inner = inner + 1e-12 * np.eye(len(prior_information)) * np.trace(inner, axis1=1, axis2=2)[:, None, None]
     across = columns.T @ a.information[:, :, inside]
     pushed = (a.scores @ columns)[..., None]
     solved = np.linalg.solve(inner, np.concatenate([across, pushed], axis=2))
     turned = np.swapaxes(across, 1, 2)
     information = a.information[:, inside][:, :, inside] - turned @ solved[..., :-1]
     scores = a.scores[:, inside] - (turned @ solved[..., -1:])[..., 0]
-    own = a.root[inside]
-    common = information @ own @ solved[:, :sources, :-1]
-    spread = information + information @ own @ own.T @ information + common + np.swapaxes(common, 1, 2)
+    root_inside = a.root[inside]
+    common = information @ root_inside @ solved[:, :sources, :-1]
+    spread = information + information @ root_inside @ root_inside.T @ information + common + np.swapaxes(common, 1, 2)
     return scores, information, spread
 
 
 def _one(a: Test, k: int, loose: Sequence[int]) -> tuple[Array, Array]:
     """Return the shift of one value and its standard error, by each noise model."""
     scores, information, spread = _opened(a, [k], loose)
-    seen = information[:, 0, 0]
-    told = seen > SILENT * np.maximum(a.information[:, k, k], 1e-300)
-    safe = np.where(told, seen, 1.0)
-    return np.where(told, scores[:, 0] / safe, 0.0), np.where(told, np.sqrt(np.maximum(spread[:, 0, 0], 0.0)) / safe, np.inf)
+    information_of_value = information[:, 0, 0]
+    is_determined = information_of_value > SILENT * np.maximum(a.information[:, k, k], 1e-300)
+    safe = np.where(is_determined, information_of_value, 1.0)
+    return np.where(is_determined, scores[:, 0] / safe, 0.0), np.where(
+        is_determined, np.sqrt(np.maximum(spread[:, 0, 0], 0.0)) / safe, np.inf
+    )
 
 
 def _chance(weights: Array, sizes: Array, errors: Array) -> float:
@@ -168,24 +170,24 @@ def holm(chances: Sequence[float]) -> list[float]:
     return out
 
 
-def shifts(a: Test, asked: Sequence[int]) -> list[Shift]:
-    """Return how far data move values that are known from elsewhere, one by one; `asked` are their positions in the test.
+def shifts(a: Test, positions: Sequence[int]) -> list[Shift]:
+    """Return how far data move values that are known from elsewhere, one by one; `positions` are their positions in the test.
 
     Each value is opened alone, and the other known values stand as known, with their covariance. Once a value has moved it is opened too,
     and the rest is asked again: else what it did would be found in its neighbours.
     """
-    left = list(asked)
-    count, moved = len(left), list[int]()
+    remaining = list(positions)
+    count, moved = len(remaining), list[int]()
     out: dict[int, Shift] = {}
-    while left:
-        found = {k: _one(a, k, moved) for k in left}
-        chances = {k: _chance(a.weights, *one) for k, one in found.items()}
-        corrected = dict(zip(left, holm(list(chances.values())), strict=True))
-        first = min(left, key=chances.__getitem__)
-        leave = [first] if corrected[first] < ALPHA else left
-        out |= {k: _shift(a.weights, *found[k], corrected[k], count) for k in leave}
-        moved, left = [*moved, first], [k for k in left if k not in leave]
-    return [out[k] for k in asked]
+    while remaining:
+        candidates = {k: _one(a, k, moved) for k in remaining}
+        chances = {k: _chance(a.weights, *one) for k, one in candidates.items()}
+        corrected = dict(zip(remaining, holm(list(chances.values())), strict=True))
+        first = min(remaining, key=chances.__getitem__)
+        leave = [first] if corrected[first] < ALPHA else remaining
+        out |= {k: _shift(a.weights, *candidates[k], corrected[k], count) for k in leave}
+        moved, remaining = [*moved, first], [k for k in remaining if k not in leave]
+    return [out[k] for k in positions]
 
 
 def _shift(weights: Array, sizes: Array, errors: Array, chance: float, tests: int) -> Shift:
@@ -196,12 +198,12 @@ def _shift(weights: Array, sizes: Array, errors: Array, chance: float, tests: in
     return Shift(size, float(np.sqrt(weights @ wide**2)), chance, _found_with(weights, wide, tests))
 
 
-def estimate(data: Weighed, priors: Array, pulls: Array, known: Sequence[int], root: Array, moved: Sequence[int]) -> Array:
+def estimate(data: Weighed, priors: Array, pulls: Array, inherited: Sequence[int], root: Array, moved: Sequence[int]) -> Array:
     """Return how far all unknowns are from where the data were taken, on average over the noise; values that `moved` are free."""
     held = np.zeros((priors.shape[0], root.shape[1]))
-    kept = [k for k in range(len(known)) if k not in moved]
-    held[[known[k] for k in kept]] = root[kept]
-    free = [k for k in range(priors.shape[0]) if k not in set(known)] + [known[k] for k in moved]
+    unmoved = [k for k in range(len(inherited)) if k not in moved]
+    held[[inherited[k] for k in unmoved]] = root[unmoved]
+    free = [k for k in range(priors.shape[0]) if k not in set(inherited)] + [inherited[k] for k in moved]
     columns = np.concatenate([held, np.eye(priors.shape[0])[:, free]], axis=1)
     whole = np.einsum("m,mij->ij", data.weights, data.information) + priors
     inner = columns.T @ whole @ columns + np.diag([1.0] * root.shape[1] + [0.0] * len(free))
@@ -211,11 +213,15 @@ def estimate(data: Weighed, priors: Array, pulls: Array, known: Sequence[int], r
 def normal_shifts(sizes: Array, errors: Array) -> list[Shift]:
     """Return the same of shifts whose standard errors are known already."""
     one = np.ones(1)
-    told = [math.isfinite(e) and e > 0 for e in errors]
-    chances = holm([_chance(one, np.array([d]), np.array([e])) if t else math.nan for d, e, t in zip(sizes, errors, told, strict=True)])
-    rows = zip(sizes, errors, chances, told, strict=True)
+    is_finite = [math.isfinite(e) and e > 0 for e in errors]
+    chances = holm(
+        [_chance(one, np.array([d]), np.array([e])) if t else math.nan for d, e, t in zip(sizes, errors, is_finite, strict=True)]
+    )
+    rows = zip(sizes, errors, chances, is_finite, strict=True)
     return [
-        Shift(float(d), float(e), p, _found_with(one, np.array([e]), len(told))) if t else Shift(math.nan, math.inf, math.nan, math.inf)
+        Shift(float(d), float(e), p, _found_with(one, np.array([e]), len(is_finite)))
+        if t
+        else Shift(math.nan, math.inf, math.nan, math.inf)
         for d, e, p, t in rows
     ]
 
@@ -236,12 +242,12 @@ def _chi_square(weights: Array, scores: Array, spread: Array) -> Together:
 
     size = np.sqrt(np.maximum(np.diagonal(spread, axis1=1, axis2=2), 1e-300))
     sizes, vectors = np.linalg.eigh(spread / size[:, :, None] / size[:, None, :])
-    kept = (sizes > RANK_TOLERANCE * sizes[:, -1:]) & (sizes > 0)
+    is_nonzero = (sizes > RANK_TOLERANCE * sizes[:, -1:]) & (sizes > 0)
     # T' V^+ T over the directions of V that count; chi-squared with as many degrees of freedom, averaged over the noise models
     along = np.einsum("mgr,mg->mr", vectors, scores / size) ** 2
-    square = np.sum(np.where(kept, along / np.where(kept, sizes, 1.0), 0.0), axis=1)
-    directions = int(np.median(kept.sum(axis=1)))
-    chance = float(weights @ chdtrc(kept.sum(axis=1), square))
+    square = np.sum(np.where(is_nonzero, along / np.where(is_nonzero, sizes, 1.0), 0.0), axis=1)
+    directions = int(np.median(is_nonzero.sum(axis=1)))
+    chance = float(weights @ chdtrc(is_nonzero.sum(axis=1), square))
     return Together(float(chdtri(directions, max(chance, 1e-300))), directions, chance)
 
 
@@ -290,7 +296,7 @@ class Move:
     @property
     def verdict(self) -> str:
         """Moved, not rejected, or this log cannot decide."""
-        if self.chance < ALPHA and self.told:
+        if self.chance < ALPHA and self.is_determined:
             return MOVED
         near = abs(self.alone - self.below) <= STATED * self.below_error
         return NOT_REJECTED if near and self.detectable_share <= FINE else UNDECIDED
@@ -319,7 +325,7 @@ class Move:
 
     def __str__(self) -> str:
         """Return one line."""
-        if not self.told:
+        if not self.is_determined:
             return f"{self.path}  {self.printed} {self.unit}: {self.verdict}; {self.power}"
         far = f"{abs(self.deviations):.1f} standard errors"
         if math.isnan(self.alone):
@@ -332,7 +338,7 @@ class Move:
         return f"{self.path}  {self.printed} -> {high:.4g} {self.unit}{share}: {self.verdict}, {far}; {self.power}"
 
     @property
-    def told(self) -> bool:
+    def is_determined(self) -> bool:
         """Whether the logs say anything of it that is worth a number."""
         return math.isfinite(self.deviations) and self.detectable_share <= NONSENSE
 
@@ -464,8 +470,8 @@ def _inherited(request: Request, opened: Opened, fixed: Mapping[tuple[str, ...],
     unknowns, store = opened.problem.unknowns, request.store
     before = known_before(request, unknowns[: opened.own])
     moving = {q: store.states[p] for p in request.prior for q in store.states[p].acts}
-    own = [unknowns[k] for k in before.at]
-    states = [next((moving[n] for n in (u.name, *u.also) if n in moving), None) if u.kind == "parameter" else None for u in own]
+    unknowns_before = [unknowns[k] for k in before.at]
+    states = [next((moving[n] for n in (u.name, *u.also) if n in moving), None) if u.kind == "parameter" else None for u in unknowns_before]
     named = {group[0]: s for group, s in fixed.items()}
     at, rows = [int(k) for k in before.at], list(before.rows)
     for k, u in enumerate(unknowns[opened.own :], start=opened.own):
@@ -477,7 +483,7 @@ def _inherited(request: Request, opened: Opened, fixed: Mapping[tuple[str, ...],
     return _Inherited(tuple(at), tuple(states), np.array(rows).reshape(len(at), before.rows.shape[1]))
 
 
-def moves_above(request: Request, problem: Problem, found: Fit, level: float = 1.0) -> Moves:
+def moves_above(request: Request, problem: Problem, minimum: Fit, level: float = 1.0) -> Moves:
     """Return what the logs of a fit say of the values that it inherited, fixed or as priors.
 
     Each value is opened without its prior in one step of Gauss and Newton from the end of the fit, by generalised least squares: traces
@@ -489,39 +495,39 @@ def moves_above(request: Request, problem: Problem, found: Fit, level: float = 1
     fixed = _fixed(request, problem)
     if not (fixed or request.prior):
         return Moves()
-    opened = opened_at(request, problem, found.fitted, list(fixed))
-    known = _inherited(request, opened, fixed)
-    first, ahead = _tested(request, opened, known, opened.fitted, level)
+    opened = opened_at(request, problem, minimum.fitted, list(fixed))
+    inherited = _inherited(request, opened, fixed)
+    first, ahead = _tested(request, opened, inherited, opened.fitted, level)
     if MOVED not in [m.verdict for m in first.values]:
         return first
     try:
-        return _tested(request, opened, known, ahead, level)[0]
+        return _tested(request, opened, inherited, ahead, level)[0]
     except (ScenarioError, SolverError):
         return first
 
 
-def _tested(request: Request, opened: Opened, known: _Inherited, at: Array, level: float) -> tuple[Moves, Array]:
+def _tested(request: Request, opened: Opened, inherited: _Inherited, at: Array, level: float) -> tuple[Moves, Array]:
     """Return what the logs say with the derivatives at some values of all unknowns, and where these lead with the moved values free."""
     unknowns = opened.problem.unknowns
     start = opened.fitted.copy()
-    for k, state in zip(known.at, known.states, strict=True):
+    for k, state in zip(inherited.at, inherited.states, strict=True):
         start[k] = unknowns[k].to_fitted(state.value if state is not None else request.store[unknowns[k].name].value)
     pieces = binned(opened.problem, at, request.loss, request.loss_scale, STRETCHES)
     here = [replace(b, mean=b.mean + b.slopes @ (start - at)) for b in pieces.values()]
-    priors, pulls = _beside(opened.problem, start, known.at)
+    priors, pulls = _beside(opened.problem, start, inherited.at)
     data = weighed(here, priors, pulls, level)
-    test = Test.of(data, priors, pulls, known.at, known.root)
-    asked = {k: s for k, s in enumerate(known.states) if s is not None}
+    test = Test.of_unknowns(data, priors, pulls, inherited.at, inherited.root)
+    state_of_position = {k: s for k, s in enumerate(inherited.states) if s is not None}
     values = []
-    for (k, state), s in zip(asked.items(), shifts(test, list(asked)), strict=True):
-        u, there = unknowns[known.at[k]], known.at[k]
+    for (k, state), s in zip(state_of_position.items(), shifts(test, list(state_of_position)), strict=True):
+        u, there = unknowns[inherited.at[k]], inherited.at[k]
         alone, used = _alone(u, float(at[there]), float(start[there] + s.size)), u.to_value(opened.fitted[there])
         below = (state.value, request.store.error(state.path), state.random)
         values.append(_move(u.name, part_of(request.model, u.name), state.origin.stage or state.origin.kind, below, alone, used, u, s))
-    rows = {m.path: k for m, k in zip(values, asked, strict=True)}
+    rows = {m.path: k for m, k in zip(values, state_of_position, strict=True)}
     far = [rows[m.path] for m in values if m.verdict == MOVED]
     groups = _groups(values, lambda several: together(test, [[rows[p] for p in g] for g in several], far))
-    step = estimate(data, priors, pulls, known.at, known.root, far)
+    step = estimate(data, priors, pulls, inherited.at, inherited.root, far)
     low, high = (np.array(b) for b in zip(*(u.fitted_bounds() for u in unknowns), strict=True))
     inside = np.array([FARTHEST if u.log else math.inf for u in unknowns])
     return Moves(tuple(values), groups), np.clip(start + np.clip(step, -inside, inside), low, high)
@@ -534,11 +540,11 @@ def _alone(u: Unknown, at: float, end: float) -> float:
     return u.to_value(end) if low <= end <= high and abs(end - at) <= reach else math.nan
 
 
-def _beside(problem: Problem, start: Array, known: Sequence[int]) -> tuple[Array, Array]:
+def _beside(problem: Problem, start: Array, inherited: Sequence[int]) -> tuple[Array, Array]:
     """Return information and scores of the priors of unknowns that no stage below found."""
     info, pulls = np.zeros((start.size, start.size)), np.zeros(start.size)
     for k, u in enumerate(problem.unknowns):
-        if u.prior is not None and k not in known:
+        if u.prior is not None and k not in inherited:
             info[k, k] = u.prior.sd**-2
             pulls[k] = (u.prior.mean - start[k]) * u.prior.sd**-2
     return info, pulls
@@ -554,41 +560,41 @@ def _move(
     return Move(path, part, stage, value, alone, here, of.unit, far, s.chance, detectable, error, random)
 
 
-def moves_from(staged: Sequence[tuple[FittedValues, Mapping[str, str]]], found: FittedValues, place: Callable[[str], str]) -> Moves:
+def moves_from(staged: Sequence[tuple[FittedValues, Mapping[str, str]]], joint_values: FittedValues, place: Callable[[str], str]) -> Moves:
     """Return how far a joint fit moved what the stages found.
 
     Parameters
     ----------
     staged : sequence       Per stage its values, and path there -> path in the joint fit.
-    found : FittedValues    The joint fit's.
+    joint_values : FittedValues  The joint fit's.
     place : callable        Path in the joint fit -> the part that it belongs to.
 
     The covariance of a shift is that of the stage less that of the joint fit, which holds the stage's data too (Hausman, as above). In
     directions where the joint fit knows little more than the stage (which took other values for exact, or met smaller residuals) the
     stage's own covariance is the measure.
     """
-    order = list(found)
+    order = list(joint_values)
     shift, spread = np.zeros(len(order)), np.zeros((len(order), len(order)))
     pairs = [(stage, stage[path], q) for stage, names in staged for path, q in names.items()]
     for stage, names in staged:
-        own = list(stage)
-        at, there = [own.index(p) for p in names], [order.index(q) for q in names.values()]
+        stage_paths = list(stage)
+        at, there = [stage_paths.index(p) for p in names], [order.index(q) for q in names.values()]
         below = stage.covariance[np.ix_(at, at)]
-        spread[np.ix_(there, there)] = _less(below, found.covariance[np.ix_(there, there)])
+        spread[np.ix_(there, there)] = _less(below, joint_values.covariance[np.ix_(there, there)])
     for _, before, q in pairs:
-        here = found[q]
+        here = joint_values[q]
         shift[order.index(q)] = math.log(here.value / before.value) if here.log else here.value - before.value
     rows = [order.index(q) for *_, q in pairs]
     values = []
     for (stage, before, q), s in zip(pairs, normal_shifts(shift[rows], np.sqrt(np.diag(spread))[rows]), strict=True):
-        known, here = (before.value, before.error, before.error_random), found[q]
-        values.append(_move(q, place(q), stage.stage, known, here.value, here.value, here, s))
+        before_and_errors, here = (before.value, before.error, before.error_random), joint_values[q]
+        values.append(_move(q, place(q), stage.stage, before_and_errors, here.value, here.value, here, s))
 
-    def asked(groups: Sequence[Sequence[str]]) -> list[Together]:
+    def together_of(groups: Sequence[Sequence[str]]) -> list[Together]:
         several = [[order.index(p) for p in g] for g in groups]
         return [normal_together(shift[r], spread[np.ix_(r, r)]) for r in several]
 
-    return Moves(tuple(values), _groups(values, asked), "the joint fit")
+    return Moves(tuple(values), _groups(values, together_of), "the joint fit")
 
 
 def _less(below: Array, here: Array) -> Array:
@@ -609,11 +615,11 @@ def _groups(values: Sequence[Move], test: Callable[[Sequence[Sequence[str]]], li
     several = {part: moves for part, moves in parts.items() if 1 < len(moves) < len(values)}
     named = [(f"part '{part}'" if part else "the model's own", moves) for part, moves in several.items()]
     every = [*named, *([("all together", list(values))] if len(values) > 1 else [])]
-    told = [[m.path for m in moves if math.isfinite(m.deviations)] for _, moves in every]
-    tests = iter(test([paths for paths in told if paths]))
-    found = [next(tests) if paths else Together(0.0, 0, math.nan) for paths in told]
-    chances = [*holm([t.chance for t in found[:-1]]), *(t.chance for t in found[-1:])]
+    determined = [[m.path for m in moves if math.isfinite(m.deviations)] for _, moves in every]
+    tests = iter(test([paths for paths in determined if paths]))
+    tests_of_groups = [next(tests) if paths else Together(0.0, 0, math.nan) for paths in determined]
+    chances = [*holm([t.chance for t in tests_of_groups[:-1]]), *(t.chance for t in tests_of_groups[-1:])]
     return tuple(
         MovedGroup(name, tuple(m.path for m in moves), t.chi_square, t.directions, p, all(m.verdict == NOT_REJECTED for m in moves))
-        for (name, moves), t, p in zip(every, found, chances, strict=True)
+        for (name, moves), t, p in zip(every, tests_of_groups, chances, strict=True)
     )

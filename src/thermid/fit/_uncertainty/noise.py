@@ -27,7 +27,7 @@ shows as a larger scatter of their means."""
 POINTS = 6
 """Times within a stretch at which the answer to a signal is taken, at most: a mean is not the value in the middle."""
 
-FELT = 0.02
+MIN_SHARED_ROUNDING = 0.02
 """Part of the variance of a reading from which rounding errors that neighbours share count."""
 
 
@@ -63,13 +63,15 @@ class Binned:
     @property
     def shares_rounding(self) -> bool:
         """Whether readings are rounded so that neighbours share an error worth counting."""
-        return self.rounded > FELT and self.rounding.size > 0
+        return self.rounded > MIN_SHARED_ROUNDING and self.rounding.size > 0
 
     def before(self, end: float) -> Binned:
         """Return the stretches up to a time [s]."""
-        kept = self.times <= end
-        cut = {name: values[kept] for name in ("rounding", "path") if (values := getattr(self, name)).size}
-        return replace(self, mean=self.mean[kept], count=self.count[kept], times=self.times[kept], slopes=self.slopes[kept], **cut)
+        is_before = self.times <= end
+        cut = {name: values[is_before] for name in ("rounding", "path") if (values := getattr(self, name)).size}
+        return replace(
+            self, mean=self.mean[is_before], count=self.count[is_before], times=self.times[is_before], slopes=self.slopes[is_before], **cut
+        )
 
 
 def stretch_means(values: Array, place: Indices, size: int) -> Array:
@@ -127,8 +129,8 @@ def rounding_of(block: SensorTrace, o: Observation, place: Indices, size: int) -
         return None
     path = block.predicted
     blur = o.blur if o.blur is not None else blur_of(path, block.measured, o.step)
-    columns, own = shared_rounding(path, o.step, blur, place, size)
-    return columns / block.noise, own / block.noise**2, stretch_means((path - path[0]) / o.step, place, size)
+    columns, own_variance = shared_rounding(path, o.step, blur, place, size)
+    return columns / block.noise, own_variance / block.noise**2, stretch_means((path - path[0]) / o.step, place, size)
 
 
 def binned(
@@ -139,9 +141,9 @@ def binned(
     blocks = iter(problem.blocks(fitted))
     for i, experiment in enumerate(problem.experiments):
         times = experiment.times
-        own, count = times.size <= 2 * BINS, min(bins, times.size // 2)
-        edges = times if own else np.linspace(times[0], times[-1], count + 1)[:-1]
-        centres = times if own else edges + 0.5 * (times[-1] - times[0]) / count
+        each_sample, count = times.size <= 2 * BINS, min(bins, times.size // 2)
+        edges = times if each_sample else np.linspace(times[0], times[-1], count + 1)[:-1]
+        centres = times if each_sample else edges + 0.5 * (times[-1] - times[0]) / count
         slopes = problem.slopes(i, fitted, centres)
         for k, o in enumerate(experiment.observations):
             block = next(blocks)
@@ -150,7 +152,7 @@ def binned(
             place = np.searchsorted(edges, times[o.index], side="right") - 1
             rounding = rounding_of(block, o, place, centres.size)
             trace = binned_trace(z, weighed, place, centres, slopes[:, k, :], o.effective_share, rounding)
-            out[block.record, o.sensor] = trace if own else replace(trace, width=float(times[-1] - times[0]) / count)
+            out[block.record, o.sensor] = trace if each_sample else replace(trace, width=float(times[-1] - times[0]) / count)
     return out
 
 
@@ -215,10 +217,10 @@ def _borders(times: Array, held: bool) -> Array:
     """Return the borders of stretches of a signal's samples (stretches + 1,): those that hold begin there, others lie amid them. [s]"""
     before, after = times[1] - times[0], times[-1] - times[-2]
     middles = np.concatenate([[times[0] - 0.5 * before], 0.5 * (times[1:] + times[:-1]), [times[-1] + 0.5 * after]])
-    each = np.append(times, times[-1] + after) if held else middles
+    borders = np.append(times, times[-1] + after) if held else middles
     if times.size <= STRETCHES:
-        return np.asarray(each)
-    return np.asarray(each[np.unique(np.linspace(0, times.size, STRETCHES + 1).round().astype(int))])
+        return np.asarray(borders)
+    return np.asarray(borders[np.unique(np.linspace(0, times.size, STRETCHES + 1).round().astype(int))])
 
 
 CHANGES = 20
@@ -247,7 +249,7 @@ def _instants(problem: Problem, i: int, fitted: Array) -> Iterator[Callable[[Arr
                 for side in (-0.2, 0.2):
                     changed = {name: {**getattr(experiment.scenario, name), path: table.delayed(k, side * width)}}
                     other = replace(experiment, scenario=experiment.scenario.with_(**changed))
-                    sides.append(Bench.of(other, bench.free).temperatures(values, False, problem.options, times)[0])
+                    sides.append(Bench.of_experiment(other, bench.free).temperatures(values, False, problem.options, times)[0])
                 return np.asarray((sides[1] - sides[0]) / (0.4 * np.sqrt(12.0)))
 
             yield answer
@@ -298,18 +300,18 @@ def _answers(
     problem: Problem, i: int, fitted: Array, paths: Sequence[str], centres: Sequence[Array]
 ) -> Iterator[tuple[str, TableSignal, list[_Step]]]:
     """Yield every signal by its path with the answer of each sensor to a step of it."""
-    given = problem.bench(i, fitted)
+    bench_of_fit = problem.bench(i, fitted)
     values, _ = problem.inputs(i, fitted)
-    experiment, named = _shifted(given.experiment, paths)
-    more = [p for p in named if p not in given.free]
-    bench = Bench.of(experiment, (*given.free, *more)) if more else given
+    experiment, named = _shifted(bench_of_fit.experiment, paths)
+    more = [p for p in named if p not in bench_of_fit.free]
+    bench = Bench.of_experiment(experiment, (*bench_of_fit.free, *more)) if more else bench_of_fit
     x = np.concatenate([values, np.zeros(len(more))])
     times = np.unique(np.concatenate(centres))
     _, slopes = bench.temperatures(x, True, problem.options, times, from_rest=True)
-    since = times - float(given.experiment.times[0])
+    since = times - float(bench_of_fit.experiment.times[0])
     late = since > 0.0
     for path, name in zip(paths, named, strict=True):
-        signal = _signal(given.experiment, path)
+        signal = _signal(bench_of_fit.experiment, path)
         assert isinstance(signal, TableSignal)
         place = bench.free.index(name)
         yield path, signal, [_Step(since[late], slopes[late, k, place]) for k in range(slopes.shape[1])]
@@ -325,17 +327,17 @@ def _shifted(experiment: Experiment, paths: Sequence[str]) -> tuple[Experiment, 
     loads = [FlatLoad(name, node := nodes[p.removeprefix(SCALE)], node, {}) for p, name in beside.items()]
     flat = replace(network.flat, loads=(*network.flat.loads, *loads))
     scenario = scenario.with_(loads=dict.fromkeys(beside.values(), Constant(1.0)))
-    made = replace(experiment, network=replace(network, flat=flat), scenario=scenario)
-    return made, [SCALE + beside[p] if p in beside else p for p in paths]
+    shifted_experiment = replace(experiment, network=replace(network, flat=flat), scenario=scenario)
+    return shifted_experiment, [SCALE + beside[p] if p in beside else p for p in paths]
 
 
 TIMES = 7
 """Correlation times that are tried, from one stretch to half the record."""
-SURE = 5.0
+MIN_LIKELIHOOD_GAIN = 5.0
 """Twice the logarithm of the likelihood ratio from which a trace is held to wander: a few white traces in a hundred would."""
-OWN = 0.5
+DECIDING_SHARE = 0.5
 """Share of what is known of a direction from which a trace is held to decide it alone."""
-PART, SEEN = 0.02, 1e-9
+PART, MIN_SINGULAR_VALUE = 0.02, 1e-9
 """Share from which a trace with noisy inputs has a part in a direction; singular value over the largest from which that is one at all."""
 EXPLAINED = 0.05
 """Part of the squares of a trace's residuals from which what noise of inputs makes of it is separated by whitening."""
@@ -390,7 +392,7 @@ class Autocorrelation:
         return {(t.record, t.sensor): t.effective_samples for t in self.traces}
 
 
-def autocorrelation(problem: Problem, found: Fit, loss: str = "linear", loss_scale: float = 1.0) -> Autocorrelation:
+def autocorrelation(problem: Problem, minimum: Fit, loss: str = "linear", loss_scale: float = 1.0) -> Autocorrelation:
     """Autocorrelation of the residuals of a fit by restricted likelihood, and what it adds to the covariance of J'r.
 
     Each trace is split into equal stretches of time. The means of its residuals there are held to be the sum of what the unknowns can
@@ -399,44 +401,44 @@ def autocorrelation(problem: Problem, found: Fit, loss: str = "linear", loss_sca
     along directions in which this trace alone decides, its residuals say nothing; where other records or priors decide they do.
     Gaps need no care, since the times of the stretches are what they are. A trace that wanders no more than chance would adds nothing.
     """
-    pieces = binned(problem, found.fitted, loss, loss_scale)
-    return autocorrelation_of_traces(pieces, found, problem.effective_samples, answers_to_inputs(problem, found.fitted, pieces))
+    pieces = binned(problem, minimum.fitted, loss, loss_scale)
+    return autocorrelation_of_traces(pieces, minimum, problem.effective_samples, answers_to_inputs(problem, minimum.fitted, pieces))
 
 
 def autocorrelation_of_traces(
-    pieces: Mapping[tuple[str, str], Binned], found: Fit, effective_samples: float, inputs: Mapping[tuple[str, str], Array] | None = None
+    pieces: Mapping[tuple[str, str], Binned], minimum: Fit, effective_samples: float, inputs: Mapping[tuple[str, str], Array] | None = None
 ) -> Autocorrelation:
     """Return the same of traces in stretches of time.
 
     Parameters
     ----------
     pieces : dict               (record, sensor) -> its residuals in stretches of time.
-    found : Fit
+    minimum : Fit
     effective_samples : float   Of all traces, by what is said of their noise.
     inputs : dict               What noise of logged signals does to each trace, see `answers_to_inputs`; none where nothing is given.
     """
     inputs = inputs or {}
-    weights = finite(covariances(found)[2])
+    weights = finite(covariances(minimum)[2])
     # directions without information count as decided by each trace alone
-    known = square_root(weights)
+    root_of_weights = square_root(weights)
     # what a prior has decided already takes no freedom from the residuals: E(r'r) = n - tr(C J'J)
-    taken = float(np.trace(weights @ found.jacobian.T @ found.jacobian))
+    taken = float(np.trace(weights @ minimum.jacobian.T @ minimum.jacobian))
     alike: dict[bytes, list[Array]] = {}  # sensors of one log share their stretches, and with them what is tried there
-    own = {key: _Calm.of(b, known, inputs.get(key)) for key, b in pieces.items()}
-    parts = {key: _parts(b, own[key], alike) for key, b in pieces.items()}
+    calm_of_trace = {key: _Calm.of_trace(b, root_of_weights, inputs.get(key)) for key, b in pieces.items()}
+    parts = {key: _parts(b, calm_of_trace[key], alike) for key, b in pieces.items()}
     calm = [key for key, (white, _, _) in parts.items() if white == 0.0]
     variance_factor = 1.0
     if calm:
         # of a trace with noisy inputs only what they do not explain
-        still = [key for key in calm if not (own[key].noisy and own[key].tells)]
+        still = [key for key in calm if not (calm_of_trace[key].noisy and calm_of_trace[key].tells)]
         squares, samples = (
             sum(pieces[k].squares for k in still),
             sum(float(pieces[k].count.sum()) * pieces[k].effective_share for k in still),
         )
         if len(still) == len(parts):
-            squares = found.chi_square
-        freedom = samples * (1.0 - taken / max(effective_samples, 1.0)) + sum(own[k].left.size for k in calm if k not in still)
-        squares += sum(float(own[k].left @ own[k].left) for k in calm if k not in still)
+            squares = minimum.chi_square
+        freedom = samples * (1.0 - taken / max(effective_samples, 1.0)) + sum(calm_of_trace[k].left.size for k in calm if k not in still)
+        squares += sum(float(calm_of_trace[k].left @ calm_of_trace[k].left) for k in calm if k not in still)
         squares -= sum(float(pieces[k].count @ np.sum(inputs[k] ** 2, axis=1)) for k in still if k in inputs)
         variance_factor = max(1.0, squares / max(freedom, 1.0))
     traces = tuple(_trace_noise(key, pieces[key], *part) for key, part in parts.items())
@@ -506,12 +508,12 @@ def covariance_of_means(
         b, here = pieces[t.record, t.sensor], slice(begin, begin + pieces[t.record, t.sensor].count.size)
         begin = here.stop
         white = t.white_variance or 1.0
-        own = np.diag((white - min(b.rounded, 0.95 * white) * b.shares_rounding) / b.count)
-        own += t.correlated_variance * correlation(b.times, t.correlation_time)
+        block = np.diag((white - min(b.rounded, 0.95 * white) * b.shares_rounding) / b.count)
+        block += t.correlated_variance * correlation(b.times, t.correlation_time)
         if b.shares_rounding:
             means = b.rounding / b.count[:, None]
-            own += means @ means.T * np.exp(-LOST * np.abs(b.path[:, None] - b.path))
-        out[here, here] = own
+            block += means @ means.T * np.exp(-LOST * np.abs(b.path[:, None] - b.path))
+        out[here, here] = block
         if (h := inputs.get((t.record, t.sensor))) is not None:
             causes.setdefault(t.record, np.zeros((size, h.shape[1])))[here] = h
     return sum((h @ h.T for h in causes.values()), out)
@@ -547,8 +549,8 @@ class _Calm:
     noisy: bool
 
     @classmethod
-    def of(cls, b: Binned, known: Array, inputs: Array | None = None) -> _Calm:
-        """Return it, `known` a root (unknowns, unknowns) of the covariance of the unknowns."""
+    def of_trace(cls, b: Binned, unknown_root: Array, inputs: Array | None = None) -> _Calm:
+        """Return it, `unknown_root` a root (unknowns, unknowns) of the covariance of the unknowns."""
         root = np.sqrt(b.count)
         weights, plain = np.diag(root), None
         if inputs is not None and inputs.size:
@@ -556,8 +558,8 @@ class _Calm:
             sizes, vectors = np.linalg.eigh(np.eye(root.size) + moved @ moved.T)
             weights = (vectors / np.sqrt(np.maximum(sizes, 1.0))) @ vectors.T * root
             if float(np.sum(moved**2)) > EXPLAINED * b.squares:
-                plain = root[:, None] * b.slopes @ known
-        decided, free = _beside(weights @ b.slopes @ known, plain)
+                plain = root[:, None] * b.slopes @ unknown_root
+        decided, free = _beside(weights @ b.slopes @ unknown_root, plain)
         return cls(weights, decided, free, free.T @ (weights @ b.mean), plain is not None)
 
     @property
@@ -595,7 +597,7 @@ def _parts(b: Binned, trace: _Calm, alike: dict[bytes, list[Array]]) -> tuple[fl
         at = best
     gain, white, correlated = tried.get(at, (0.0, 0.0, 0.0))
     time = float(times[at])
-    if gain <= SURE:
+    if gain <= MIN_LIKELIHOOD_GAIN:
         white, correlated, time = calm, 0.0, 0.0
     # a filter, or steps of the sensor, tie neighbours within a stretch together: the means of stretches then scatter more than they should
     if b.shares_rounding and correlated <= ROUNDED * b.rounded:
@@ -654,7 +656,7 @@ def _beside(slopes: Array, plain: Array | None = None) -> tuple[Array, Array]:
         if not slopes.shape[1]:
             return np.zeros((slopes.shape[0], 0)), np.eye(slopes.shape[0])
     basis, s, _ = np.linalg.svd(slopes, full_matrices=True)
-    count = int((s**2 > OWN).sum()) if plain is None else int((s > SEEN * s[0]).sum())
+    count = int((s**2 > DECIDING_SHARE).sum()) if plain is None else int((s > MIN_SINGULAR_VALUE * s[0]).sum())
     return np.asarray(basis[:, :count]), np.asarray(basis[:, count:])
 
 
@@ -666,7 +668,7 @@ FLAT = 1e-9
 """Information, in parts of what white noise would give, that stands for none."""
 DRAWS = 128
 """Noise models that are drawn where there are several traces."""
-NEGLIGIBLE, UNLIKELY, SMALL = 1e-3, 1e-5, 0.03
+NEGLIGIBLE, UNLIKELY, MIN_SHIFT = 1e-3, 1e-5, 0.03
 """Chance of a noise model, and of a node given the trace alone, beside the likeliest, and shift of readings in units of their white noise,
 below which they do not count."""
 
@@ -702,7 +704,7 @@ class _TraceBasis:
     acting: Indices
 
     @classmethod
-    def of(cls, b: Binned, scale: Array) -> _TraceBasis:
+    def of_trace(cls, b: Binned, scale: Array) -> _TraceBasis:
         root = np.sqrt(b.count)
         sizes, vectors = _bases(b.times.tobytes(), b.count.tobytes())
         turned = np.swapaxes(vectors, 1, 2)
@@ -722,12 +724,12 @@ class _Grid:
 
 
 @lru_cache(maxsize=8)
-def _bases(given: bytes, counts: bytes) -> tuple[Array, Array]:
+def _bases(time_bytes: bytes, counts: bytes) -> tuple[Array, Array]:
     """Return eigenvalues (times, stretches) and eigenvectors of the correlations of a trace, for every correlation time.
 
-    `given` are the times of its stretches and `counts` their samples: sensors of one log share them, and so do logs of one kind.
+    `time_bytes` are the times of its stretches and `counts` their samples: sensors of one log share them, and so do logs of one kind.
     """
-    times, count = np.frombuffer(given), np.frombuffer(counts)
+    times, count = np.frombuffer(time_bytes), np.frombuffer(counts)
     spacing, span = float(np.median(np.diff(times))), float(times[-1] - times[0])
     tried = np.geomspace(spacing, max(span, 2.0 * spacing), GRID_TIMES)
     typical = float(np.median(count))
@@ -772,16 +774,16 @@ def weighed(pieces: Sequence[Binned], priors: Array, pulls: Array, level: float 
     """
     scale = _scales(pieces, priors)
     long = [b for b in pieces if b.count.size >= FEWEST]
-    traces = [_TraceBasis.of(b, scale) for b in long]
-    known, start = priors * np.outer(scale, scale), pulls * scale
+    traces = [_TraceBasis.of_trace(b, scale) for b in long]
+    prior_information, start = priors * np.outer(scale, scale), pulls * scale
     for b in (b for b in pieces if b.count.size < FEWEST):
         turned = b.slopes * scale
-        known = known + turned.T @ (b.count[:, None] * turned) / level
+        prior_information = prior_information + turned.T @ (b.count[:, None] * turned) / level
         start = start - turned.T @ (b.count * b.mean) / level
     back = 1.0 / np.outer(scale, scale)
     if not traces:
-        return Weighed(np.ones(1), (known * back - priors)[None], (start / scale - pulls)[None])
-    weights, information, scores = _averaged(traces, known, start)
+        return Weighed(np.ones(1), (prior_information * back - priors)[None], (start / scale - pulls)[None])
+    weights, information, scores = _averaged(traces, prior_information, start)
     return Weighed(weights, information * back - priors, scores / scale - pulls)
 
 
@@ -801,21 +803,21 @@ def evidences(pieces: Sequence[Binned], priors: Array, pulls: Array) -> tuple[Ar
     calm = [replace(b, mean=b.mean / s, slopes=b.slopes / s) for b in pieces for s in [max(1.0, b.within) ** 0.5] if b.count.size >= FEWEST]
     count = priors.shape[-1]
     scale = _scales(calm, priors[0])
-    known = priors * np.outer(scale, scale) + FLAT * np.eye(count)
+    prior_information = priors * np.outer(scale, scale) + FLAT * np.eye(count)
     information, scores = np.zeros((GRID_TIMES, RATIOS, count, count)), np.zeros((GRID_TIMES, RATIOS, count))
     alone = np.zeros((GRID_TIMES, RATIOS))
-    for t in (_TraceBasis.of(b, scale) for b in calm):
+    for t in (_TraceBasis.of_trace(b, scale) for b in calm):
         taken = t.shrunk[..., None] * t.slopes[:, None]
         information[..., t.acting[:, None], t.acting] += np.swapaxes(taken, 2, 3) @ t.slopes[:, None]
         scores[..., t.acting] += (np.swapaxes(taken, 2, 3) @ t.residuals[:, None, :, None])[..., 0]
         alone += 0.5 * (np.log(t.shrunk).sum(axis=2) - np.sum(t.shrunk * t.residuals[:, None] ** 2, axis=2))
     logs, moves, errors = [], [], []
-    for own, pull in zip(known, pulls * scale, strict=True):
+    for prior_of_member, pull in zip(prior_information, pulls * scale, strict=True):
         # integral of a normal likelihood over normal unknowns: |P|^(1/2) |A|^(-1/2) exp(b'A^-1 b / 2)
-        covariances_of = np.linalg.inv(information + own)
+        covariances_of = np.linalg.inv(information + prior_of_member)
         move = (covariances_of @ (scores + pull)[..., None])[..., 0]
         whole = 0.5 * np.sum((scores + pull) * move, axis=-1) + 0.5 * np.linalg.slogdet(covariances_of)[1]
-        logs.append((alone + whole).ravel() + 0.5 * float(np.linalg.slogdet(own)[1]))
+        logs.append((alone + whole).ravel() + 0.5 * float(np.linalg.slogdet(prior_of_member)[1]))
         moves.append((scale * move).reshape(-1, count))
         errors.append((scale * np.sqrt(np.diagonal(covariances_of, axis1=-2, axis2=-1))).reshape(-1, count))
     return np.array(logs), np.array(moves), np.array(errors)
@@ -827,16 +829,16 @@ def _scales(pieces: Sequence[Binned], priors: Array) -> Array:
     return np.asarray(1.0 / np.sqrt(np.where(square > 0, square, 1.0)))
 
 
-def _averaged(traces: Sequence[_TraceBasis], known: Array, start: Array) -> tuple[Array, Array, Array]:
+def _averaged(traces: Sequence[_TraceBasis], prior_information: Array, start: Array) -> tuple[Array, Array, Array]:
     """Return weights, information and scores of noise models of several traces."""
-    grids = [_likely(t, known, start, np.arange(GRID_TIMES * RATIOS)) for t in traces]
+    grids = [_likely(t, prior_information, start, np.arange(GRID_TIMES * RATIOS)) for t in traces]
     if len(traces) == 1:
         chance = grids[0].chance.ravel()
-        kept = np.flatnonzero(chance > NEGLIGIBLE * chance.max())
-        information, scores = np.repeat(known[None], kept.size, axis=0), np.repeat(start[None], kept.size, axis=0)
-        _add(traces[0], information, scores, *_sums(traces[0], grids[0], kept))
-        return chance[kept] / chance[kept].sum(), information, scores
-    whole, vector = known.copy(), start.copy()
+        chosen = np.flatnonzero(chance > NEGLIGIBLE * chance.max())
+        information, scores = np.repeat(prior_information[None], chosen.size, axis=0), np.repeat(start[None], chosen.size, axis=0)
+        _add(traces[0], information, scores, *_sums(traces[0], grids[0], chosen))
+        return chance[chosen] / chance[chosen].sum(), information, scores
+    whole, vector = prior_information.copy(), start.copy()
     likeliest = [_sums(t, g, np.array([g.chance.argmax()])) for t, g in zip(traces, grids, strict=True)]
     for t, (m, v) in zip(traces, likeliest, strict=True):
         _add(t, whole, vector, m[0], v[0])
@@ -848,11 +850,11 @@ def _averaged(traces: Sequence[_TraceBasis], known: Array, start: Array) -> tupl
         m, v = _sums(t, grids[k], np.array([grids[k].chance.argmax()]))
         _add(t, whole, vector, m[0], v[0])
     rng = np.random.default_rng(17)
-    information, scores = np.repeat(known[None], DRAWS, axis=0), np.repeat(start[None], DRAWS, axis=0)
+    information, scores = np.repeat(prior_information[None], DRAWS, axis=0), np.repeat(start[None], DRAWS, axis=0)
     for t, g in zip(traces, grids, strict=True):
         drawn = np.searchsorted(np.cumsum(g.chance.ravel()), (rng.permutation(DRAWS) + 0.5) / DRAWS)
-        kept, place = np.unique(np.minimum(drawn, g.chance.size - 1), return_inverse=True)
-        m, v = _sums(t, g, kept)
+        chosen, place = np.unique(np.minimum(drawn, g.chance.size - 1), return_inverse=True)
+        m, v = _sums(t, g, chosen)
         _add(t, information, scores, m[place], v[place])
     return np.full(DRAWS, 1.0 / DRAWS), information, scores
 
@@ -889,7 +891,7 @@ def _likely(t: _TraceBasis, others: Array, vector: Array, nodes: Indices) -> _Gr
     of_time, of_ratio = np.divmod(nodes, RATIOS)
     shrunk = t.shrunk[of_time, of_ratio]
     z = (t.residuals - t.slopes @ middle)[of_time]
-    f = (t.slopes @ (root @ turn[s > SMALL].T))[of_time]
+    f = (t.slopes @ (root @ turn[s > MIN_SHIFT].T))[of_time]
     taken = shrunk[..., None] * f
     square = np.sum(shrunk * z**2, axis=1)
     spread, axes = np.linalg.eigh(np.swapaxes(f, 1, 2) @ taken)
@@ -899,8 +901,8 @@ def _likely(t: _TraceBasis, others: Array, vector: Array, nodes: Indices) -> _Gr
     variance = square / count
     for _ in range(6):  # the likeliest white variance of each node, by its own equation
         free = count - np.sum(spread / (spread + variance[:, None]), axis=1)
-        left = square - np.sum(part / (spread + variance[:, None]), axis=1)
-        variance = np.maximum(left, 1e-12 * square + 1e-300) / free
+        squares_left = square - np.sum(part / (spread + variance[:, None]), axis=1)
+        variance = np.maximum(squares_left, 1e-12 * square + 1e-300) / free
     width = np.sqrt(2.0 / max(float(free.mean()), 4.0))
     grid = variance[:, None] * np.exp(width * np.linspace(-2.4, 2.4, SIZES))
     beside = spread[:, None, :] + grid[..., None]

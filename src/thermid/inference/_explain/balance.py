@@ -169,7 +169,7 @@ class _Case:
         network, self.base = experiment.network, experiment.scenario
         self.prescribed: list[str] = []
         self.slots: list[tuple[str, str]] = []
-        given, errors = list[float](), list[float]()
+        values, errors = list[float](), list[float]()
         rates = list[tuple[str, float, float]]()
         read: dict[tuple[str, str], list[SteadyValue]] = {}
         for name, v in point.values.items():
@@ -179,7 +179,7 @@ class _Case:
         for (role, path), several in read.items():
             self.slots.append((role, path))
             value, error = _together([v.value for v in several], [float(np.hypot(v.error, v.accuracy or 0.0)) for v in several])
-            given.append(value)
+            values.append(value)
             errors.append(error)
             if role == "node":
                 rates.append((path, *_together([v.rate for v in several], [v.rate_error for v in several])))
@@ -191,9 +191,9 @@ class _Case:
         for path, rate, error in rates:
             if path in self.nodes:
                 self.slots.append(("rate", path))
-                given.append(rate)
+                values.append(rate)
                 errors.append(error)
-        self.given, self.errors = np.array(given), np.array(errors)
+        self.given, self.errors = np.array(values), np.array(errors)
         self.steps = np.array([1e-6 if role == "rate" else 1e-3 for role, _ in self.slots])
         self.calculated = tuple(n for n in network.nodes if n not in self.nodes)
         self.network = network
@@ -203,13 +203,13 @@ class _Case:
         by = {slot: float(value) for slot, value in zip(self.slots, x, strict=True)}
         boundaries = {p: Constant(v) for (role, p), v in by.items() if role == "boundary"}
         loads = {p: Constant(v) for (role, p), v in by.items() if role == "load"}
-        given = self.base.with_(boundaries=boundaries, loads=loads)
+        scenario = self.base.with_(boundaries=boundaries, loads=loads)
         measured = {n: by["node", n] for n in self.nodes}
         at = dict(measured)
         if self.calculated:
-            driven = replace(given, prescribed={n: Constant(v) for n, v in measured.items()}, initial={}, start=Kelvin(ICE_POINT + 20.0))
+            driven = replace(scenario, prescribed={n: Constant(v) for n, v in measured.items()}, initial={}, start=Kelvin(ICE_POINT + 20.0))
             at |= {n: t for n, t in steady(self.model, driven).items() if n in self.calculated}
-        wiring = Wiring(self.network, replace(given, initial={}, start=Kelvin(ICE_POINT + 20.0)))
+        wiring = Wiring(self.network, replace(scenario, initial={}, start=Kelvin(ICE_POINT + 20.0)))
         engine, a, zero = Engine(wiring), wiring.assemble(), np.zeros(1)
         at |= {b: float(wiring.boundary(b, zero, a.offsets)[0]) for b in self.network.boundaries}
         what = "an energy balance at one instant"
@@ -218,8 +218,8 @@ class _Case:
             raise DeckError(
                 f"{what} cannot know whether '{cools[0]}', which supercools, has crystals. Simulate, and read the run's balance."
             )
-        known = {n: np.array([t]) for n, t in at.items()}
-        flows = wiring.conductor_flows(a.numbers, known, zero, wiring.shares(a.numbers, known.__getitem__, zero))
+        temperatures = {n: np.array([t]) for n, t in at.items()}
+        flows = wiring.conductor_flows(a.numbers, temperatures, zero, wiring.shares(a.numbers, temperatures.__getitem__, zero))
         columns = np.array([[*a.reduced.states(at), *(at[b] for b in self.network.boundaries)]], dtype=float)
         powers = {name: float(p[0]) for name, p in engine.powers(a, columns, zero).items()}
         rows = {row.name: row for row in a.numbers.conductors}
@@ -228,13 +228,13 @@ class _Case:
         share = {n: float(stores[n].share(at[n])) if n in stores else 1.0 for n in self.nodes}
         capacity = {n: share[n] * value_of(a.numbers.capacitances[n] or 0.0) for n in self.nodes}
         stored = {n: capacity[n] * by["rate", n] for n in self.nodes}
-        left = []
+        residuals = []
         for n in self.nodes:
             out = sum(float(f[0]) * ((rows[name].ends[0] == n) - (rows[name].ends[1] == n)) for name, f in flows.items())
-            left.append(sum(p for name, p in powers.items() if into[name] == n) - out - stored[n])
+            residuals.append(sum(p for name, p in powers.items() if into[name] == n) - out - stored[n])
         leaving = {}
         for name, f in flows.items():
             first, second = (end in self.network.boundaries for end in rows[name].ends)
             if first != second:
                 leaving[name] = float(f[0]) * (1.0 if second else -1.0)
-        return _Parts(np.array(left), powers, leaving, stored, at)
+        return _Parts(np.array(residuals), powers, leaving, stored, at)

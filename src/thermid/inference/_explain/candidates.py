@@ -70,8 +70,8 @@ class Fault:
 def laid_open(model: Model) -> Model:
     """Return a model of which every node may be linked from outside."""
     parts = {name: replace(part, model=laid_open(part.model)) for name, part in model.submodels.items()}
-    own = [*model.nodes, *(f"{name}.{offered}" for name, part in parts.items() for offered in part.model.offers)]
-    return replace(model, submodels=parts, offers=tuple(dict.fromkeys([*model.offers, *own])))
+    own_nodes = [*model.nodes, *(f"{name}.{offered}" for name, part in parts.items() for offered in part.model.offers)]
+    return replace(model, submodels=parts, offers=tuple(dict.fromkeys([*model.offers, *own_nodes])))
 
 
 def faults_of(model: Model, sensors: Mapping[str, str]) -> tuple[Model, tuple[Fault, ...]]:
@@ -97,9 +97,9 @@ def faults_of(model: Model, sensors: Mapping[str, str]) -> tuple[Model, tuple[Fa
         name = f"{ADDED}{k}"
         links[name] = Conductor("conduction", (a, b), {"conductance": parameter("0 [W/K]", name)})
         size = SIZES["contact"].spread * min(strength.get(n, np.inf) for n in (a, b) if n in held)
-        known = frozenset((a, b)) in joined
-        text = f"link {a} - {b}" if known else f"missing link {a} - {b}"
-        out.append(Fault("link", text, f"{name}.conductance", size if np.isfinite(size) and size > 0 else 0.1, not known, "W/K"))
+        is_linked = frozenset((a, b)) in joined
+        text = f"link {a} - {b}" if is_linked else f"missing link {a} - {b}"
+        out.append(Fault("link", text, f"{name}.conductance", size if np.isfinite(size) and size > 0 else 0.1, not is_linked, "W/K"))
     out.append(Fault("boundary or reference", "all sensors", "", SIZES["boundary"].spread, unit="K"))
     out += [Fault("boundary or reference", f"boundary {b}", b, SIZES["boundary"].spread, unit="K") for b in network.boundaries]
     out += [Fault("power", f"power of {load.path}", f"scale.{load.path}", SIZES["power"].spread, start=1.0) for load in network.flat.loads]
@@ -130,12 +130,12 @@ def _joined(network: Network, ends: set[str]) -> set[frozenset[str]]:
         near.setdefault(b, set()).add(a)
     out = set()
     for begin in ends:
-        seen, todo = {begin}, [*near.get(begin, ())]
+        visited, todo = {begin}, [*near.get(begin, ())]
         while todo:
             n = todo.pop()
-            if n in seen:
+            if n in visited:
                 continue
-            seen.add(n)
+            visited.add(n)
             if n in ends:
                 out.add(frozenset((begin, n)))
             else:
@@ -147,14 +147,14 @@ def _masses(network: Network, held: Mapping[str, float]) -> Iterator[tuple[str, 
     """Yield node, path and value of a number that this node's capacitance, and no other one's, is proportional to."""
     table, values = network.flat.parameters, network.numbers().values
     fields = {n.path: [p for p in n.fields.values() if p] for n in network.flat.nodes}
-    for node, own in held.items():
+    for node, capacitance in held.items():
         wanted = set(fields[node])
         roots = [p for p in table.order if table.table[p].parameter.is_literal and wanted & set(table.downstream([p]))]
         for path in roots:
             value = float(value_of(values[path]))
             after = network.numbers({path: 1.01 * value}).capacitances
             moved = {n for n, c in held.items() if abs(float(value_of(after[n] or 0.0)) / c - 1.0) > 1e-9}
-            if moved == {node} and abs(float(value_of(after[node] or 0.0)) / own - 1.01) < 1e-9:
+            if moved == {node} and abs(float(value_of(after[node] or 0.0)) / capacitance - 1.01) < 1e-9:
                 yield node, path, value
                 break
 
@@ -195,9 +195,9 @@ class MissingElement:
     def beside(self, other: MissingElement) -> MissingElement:
         """Return both changes as one."""
 
-        def judge(found: Any) -> tuple[str, bool]:
-            said = [one.judge(found) for one in (self, other)]
-            return "; ".join(text for text, _ in said), all(possible for _, possible in said)
+        def judge(values: Any) -> tuple[str, bool]:
+            judgements = [one.judge(values) for one in (self, other)]
+            return "; ".join(text for text, _ in judgements), all(possible for _, possible in judgements)
 
         def make(request: Request) -> Request:
             return other.make(self.make(request))
@@ -255,7 +255,7 @@ class Fitted:
     rises: Mapping[str, float]
 
     @classmethod
-    def of(cls, fit: Calibration, request: Request) -> Fitted:
+    def of_calibration(cls, fit: Calibration, request: Request) -> Fitted:
         """Return that of a calibration."""
         values = {p: float(v.value) for p, v in fit.values.assignments.items()}
         rises = {b.node: float(b.predicted.max() - b.predicted.min()) for b in fit.blocks}
@@ -276,74 +276,74 @@ class Fitted:
 
 def missing_elements(fit: Calibration, request: Request) -> Iterator[MissingElement]:
     """Missing elements that are worth a refit, for every observed node with a heat capacity and every node behind a sensor."""
-    seen = Fitted.of(fit, request)
-    for place in _places(seen):
-        yield from _at_a_place(seen, place)
+    structure = Fitted.of_calibration(fit, request)
+    for place in _places(structure):
+        yield from _at_a_place(structure, place)
 
 
-def hidden_defects(seen: Fitted) -> Iterator[MissingElement]:
+def hidden_defects(structure: Fitted) -> Iterator[MissingElement]:
     """What a deck may not know of and residuals betray: sensors that lag, a mass behind an observed part, a leak past another part."""
-    places = _places(seen)
-    lags = [_lag(seen.request, p) for p in places if p.channels]
+    places = _places(structure)
+    lags = [_lag(structure.request, p) for p in places if p.channels]
     if lags:
         whole = lags[0]
         for lag in lags[1:]:
             whole = whole.beside(lag)
         yield whole if len(lags) == 1 else replace(whole, name="a lag of every sensor")
     for place in places:
-        yield _second(seen.request, place, "hidden_mass")
-    network = seen.experiments[0].network
+        yield _second(structure.request, place, "hidden_mass")
+    network = structure.experiments[0].network
     joined = _joined(network, {*(p.node for p in places), *network.boundaries})
     for place in places:
         for boundary in network.boundaries:
             if frozenset((place.node, boundary)) not in joined:
-                yield _linked(seen.request, place.node, boundary, BEGINS * (place.loss or 1.0))
+                yield _linked(structure.request, place.node, boundary, BEGINS * (place.loss or 1.0))
 
 
-def plain_lacks(seen: Fitted) -> Iterator[MissingElement]:
+def plain_lacks(structure: Fitted) -> Iterator[MissingElement]:
     """Yield what honest decks lack most often: a lag, a mass, a leak, or another law of surfaces and powers, at one place or at all."""
-    yield from hidden_defects(seen)
-    places = _places(seen)
+    yield from hidden_defects(structure)
+    places = _places(structure)
     for place in (p for p in places if p.boundary):
-        yield _steeper(seen.request, place)
-        yield _radiation(seen.request, place)
-    yield from _alike(seen, places)
+        yield _steeper(structure.request, place)
+        yield _radiation(structure.request, place)
+    yield from _alike(structure, places)
 
 
-def changes_of(seen: Fitted) -> Iterator[MissingElement]:
+def changes_of(structure: Fitted) -> Iterator[MissingElement]:
     """Changes of structure of a whole network: those at one place, between two, over all places alike, and of the commands' timing."""
-    places = _places(seen)
+    places = _places(structure)
     for place in places:
-        yield from _at_a_place(seen, place)
+        yield from _at_a_place(structure, place)
         if place.boundary:
-            shell = _shell(seen.request, place)
+            shell = _shell(structure.request, place)
             yield shell
-            if place.load in seen.request.model.loads:
-                yield _source(seen.request, place, shell, f"{shell.name} that takes the heat of '{place.load}'")
-            yield _one_way(seen.request, place, place.boundary, f"'{place.boundary}'")
-        yield from _settling(seen, place)
-    network = seen.experiments[0].network
+            if place.load in structure.request.model.loads:
+                yield _source(structure.request, place, shell, f"{shell.name} that takes the heat of '{place.load}'")
+            yield _one_way(structure.request, place, place.boundary, f"'{place.boundary}'")
+        yield from _settling(structure, place)
+    network = structure.experiments[0].network
     joined = _joined(network, {*(p.node for p in places), *network.boundaries})
     for a, b in itertools.combinations(places, 2):
         if frozenset((a.node, b.node)) not in joined:
-            yield _linked(seen.request, a.node, b.node, BEGINS * min(a.loss or 1.0, b.loss or 1.0))
+            yield _linked(structure.request, a.node, b.node, BEGINS * min(a.loss or 1.0, b.loss or 1.0))
         else:
-            yield _one_way(seen.request, a, b.node, f"'{b.node}'")
-    for place in _places(seen, hidden=True):
-        yield _second(seen.request, place, "hidden_mass")
-    yield from _of_hidden(seen, places)
-    yield from _alike(seen, places)
+            yield _one_way(structure.request, a, b.node, f"'{b.node}'")
+    for place in _places(structure, hidden=True):
+        yield _second(structure.request, place, "hidden_mass")
+    yield from _of_hidden(structure, places)
+    yield from _alike(structure, places)
     if len(places) > 1:
-        shared = _shared(seen.request, places)
+        shared = _shared(structure.request, places)
         yield shared
         for place in places:
-            if place.load in seen.request.model.loads:
-                yield _source(seen.request, place, shared, f"{shared.name} and that takes the heat of '{place.load}'")
-    yield from _late(seen.request)
+            if place.load in structure.request.model.loads:
+                yield _source(structure.request, place, shared, f"{shared.name} and that takes the heat of '{place.load}'")
+    yield from _late(structure.request)
 
 
-def _at_a_place(seen: Fitted, place: _Place) -> Iterator[MissingElement]:
-    request = seen.request
+def _at_a_place(structure: Fitted, place: _Place) -> Iterator[MissingElement]:
+    request = structure.request
     if place.channels:
         yield _lag(request, place)
     yield _second(request, place, "hidden_mass")
@@ -353,17 +353,21 @@ def _at_a_place(seen: Fitted, place: _Place) -> Iterator[MissingElement]:
         yield _steeper(request, place)
         yield _radiation(request, place)
     if place.load and _may_grow(request, place.load):
-        yield _growing(seen, place)
+        yield _growing(structure, place)
 
 
-def _alike(seen: Fitted, places: Sequence[_Place]) -> Iterator[MissingElement]:
+def _alike(structure: Fitted, places: Sequence[_Place]) -> Iterator[MissingElement]:
     """Yield one change at all places together: parts of one kind have sensors, surfaces and powers of one kind."""
-    request = seen.request
+    request = structure.request
     kinds: tuple[tuple[str, Callable[[Request, _Place], MissingElement], list[_Place]], ...] = (
         ("a lag of every sensor", _lag, [p for p in places if p.channels]),
         ("radiation of every part", _radiation, [p for p in places if p.boundary]),
         ("coefficients that grow with the difference (dT^(1/4)) at every part", _steeper, [p for p in places if p.boundary]),
-        ("powers that grow with temperature", lambda _, p: _growing(seen, p), [p for p in places if p.load and _may_grow(request, p.load)]),
+        (
+            "powers that grow with temperature",
+            lambda _, p: _growing(structure, p),
+            [p for p in places if p.load and _may_grow(request, p.load)],
+        ),
     )
     for name, change, at in kinds:
         if len(at) > 1:
@@ -373,17 +377,17 @@ def _alike(seen: Fitted, places: Sequence[_Place]) -> Iterator[MissingElement]:
             yield replace(whole, name=name)
 
 
-def _places(seen: Fitted, hidden: bool = False) -> list[_Place]:
+def _places(structure: Fitted, hidden: bool = False) -> list[_Place]:
     """Return observed masses, and those behind a sensor that is a node of its own in place of it; or the masses that nobody observes."""
-    experiments, flat = seen.experiments, seen.experiments[0].network.flat
+    experiments, flat = structure.experiments, structure.experiments[0].network.flat
     network = experiments[0].network
-    numbers = network.numbers({p: v for p, v in seen.values.items() if p in flat.parameters.table})
+    numbers = network.numbers({p: v for p, v in structure.values.items() if p in flat.parameters.table})
     held = {n: float(value_of(c)) for n, c in numbers.capacitances.items() if c is not None and value_of(c) > 0}
     channels: dict[str, list[str]] = {}
     for e in experiments:
         for o in e.observations:
-            known = channels.setdefault(o.seat, [])
-            known += [o.sensor] if o.sensor not in known else []
+            sensors_of_node = channels.setdefault(o.seat, [])
+            sensors_of_node += [o.sensor] if o.sensor not in sensors_of_node else []
     near: dict[str, list[str]] = {}
     for row in numbers.conductors:
         for a, b in (row.ends[:2], row.ends[1::-1]):
@@ -405,24 +409,24 @@ def _places(seen: Fitted, hidden: bool = False) -> list[_Place]:
         boundary = next((b for b in around if b in network.boundaries), "")
         area = sum(float(value_of(numbers.values[c.fields["area"]])) for c in skins if seat in c.ends)
         # a sensor that is a node of its own lags already
-        own, load = () if tip else tuple(channels.get(node, ())), loads.get(seat, "")
-        rise = max(seen.rises.get(node, 1.0), 1e-3)
-        out[seat] = _Place(seat, own, held[seat], strength.get(seat, 0.0), boundary, area, rise, load, watts.get(load, 0.0))
+        own_channels, load = () if tip else tuple(channels.get(node, ())), loads.get(seat, "")
+        rise = max(structure.rises.get(node, 1.0), 1e-3)
+        out[seat] = _Place(seat, own_channels, held[seat], strength.get(seat, 0.0), boundary, area, rise, load, watts.get(load, 0.0))
     return list(out.values())[:MOST_PLACES]
 
 
-def _of_hidden(seen: Fitted, places: Sequence[_Place]) -> Iterator[MissingElement]:
+def _of_hidden(structure: Fitted, places: Sequence[_Place]) -> Iterator[MissingElement]:
     """Yield contacts of masses that no sensor observes, and of sensors that are nodes, with the parts and with the surroundings."""
-    network = seen.experiments[0].network
-    numbers = network.numbers({p: v for p, v in seen.values.items() if p in network.flat.parameters.table})
+    network = structure.experiments[0].network
+    numbers = network.numbers({p: v for p, v in structure.values.items() if p in network.flat.parameters.table})
     strength = _strengths(numbers.conductors)
-    known = {p.node for p in places}
-    hidden = [n for n, c in numbers.capacitances.items() if c is not None and value_of(c) > 0 and n not in known]
+    observed = {p.node for p in places}
+    hidden = [n for n, c in numbers.capacitances.items() if c is not None and value_of(c) > 0 and n not in observed]
     joined = {frozenset(row.ends[:2]) for row in numbers.conductors}
     ends = [*(p.node for p in places), *network.boundaries, *hidden]
     for k, node in enumerate(hidden[:MOST_PLACES]):
         for other in (e for e in ends if e != node and e not in hidden[:k] and frozenset((node, e)) not in joined):
-            yield _linked(seen.request, node, other, BEGINS * (strength.get(node) or 1.0))
+            yield _linked(structure.request, node, other, BEGINS * (strength.get(node) or 1.0))
 
 
 def _strengths(rows: Sequence[Any]) -> dict[str, float]:
@@ -474,9 +478,9 @@ def _started(request: Request, node: str, channels: Sequence[str]) -> Request:
     for r in request.records:
         base = request.scenarios.get(r.name, request.scenarios.get("*"))
         base = base or Scenario(r.name)
-        own = next((c for c in channels if c in r.channels), "")
+        channel_of_record = next((c for c in channels if c in r.channels), "")
         if base.start in ("", MEASURED):
-            scenarios[r.name] = base.with_(initial={node: own}) if own and len(channels) == 1 else base
+            scenarios[r.name] = base.with_(initial={node: channel_of_record}) if channel_of_record and len(channels) == 1 else base
             continue
         first = [
             first_reading(r, c, request.window) for c in r.channels if r[c].role in ("auto", "node") and r[c].quantity == "temperature"
@@ -500,21 +504,21 @@ def _lag(request: Request, place: _Place) -> MissingElement:
     )
 
     def make(request: Request) -> Request:
-        made = grow(request)
+        grown = grow(request)
         records = tuple(
             r.with_channels(*(replace(c, target=name, role="node") for n, c in r.channels.items() if n in place.channels))
             for r in request.records
         )
-        made = replace(made, records=records)
+        grown = replace(grown, records=records)
         bases = (request.scenarios.get(r.name, request.scenarios.get("*")) for r in request.records)
         if all(base is None or base.start in ("", MEASURED) for base in bases):
-            return replace(made, local={**made.local, f"initial.{place.node}": LocalSpec(place.channels[0])})
-        own = {n: {**b.initial, name: b.initial[place.node]} for n, b in request.scenarios.items() if place.node in b.initial}
-        return replace(made, scenarios={n: b.with_(initial=own[n]) if n in own else b for n, b in request.scenarios.items()})
+            return replace(grown, local={**grown.local, f"initial.{place.node}": LocalSpec(place.channels[0])})
+        own_starts = {n: {**b.initial, name: b.initial[place.node]} for n, b in request.scenarios.items() if place.node in b.initial}
+        return replace(grown, scenarios={n: b.with_(initial=own_starts[n]) if n in own_starts else b for n, b in request.scenarios.items()})
 
-    def judge(found: Any) -> tuple[str, bool]:
-        tau = held / found[free].value
-        text = f"a time constant of {short(tau, 3)} s +- {short(100 * found[free].error / found[free].value)} %"
+    def judge(values: Any) -> tuple[str, bool]:
+        tau = held / values[free].value
+        text = f"a time constant of {short(tau, 3)} s +- {short(100 * values[free].error / values[free].value)} %"
         return text, SIZES["lag"].allows(tau)
 
     starts = tuple({free: held / tau} for tau in (3.0, 20.0, 120.0))
@@ -527,10 +531,10 @@ def _source(request: Request, place: _Place, mass: MissingElement, name: str) ->
     node = next(n for n in mass.request.model.nodes if n not in request.model.nodes)
 
     def make(request: Request) -> Request:
-        made = mass.make(request)
-        model = made.model
+        with_mass = mass.make(request)
+        model = with_mass.model
         moved = replace(model.loads[place.load], into=node)
-        return replace(made, model=replace(model, loads={**model.loads, place.load: moved}))
+        return replace(with_mass, model=replace(model, loads={**model.loads, place.load: moved}))
 
     return replace(mass, name=name, request=make(request), make=make)
 
@@ -551,8 +555,8 @@ def _second(request: Request, place: _Place, word: str) -> MissingElement:
     def make(request: Request) -> Request:
         return _started(grow(request), name, place.channels)
 
-    def judge(found: Any) -> tuple[str, bool]:
-        held, link = found[free[0]].value, found[free[1]].value
+    def judge(values: Any) -> tuple[str, bool]:
+        held, link = values[free[0]].value, values[free[1]].value
         text = f"{short(held, 3)} J/K behind {short(1 / link, 3)} K/W ({short(held / link, 3)} s), beside {short(place.capacity, 3)} J/K"
         return text, SIZES["mass"].allows(held / place.capacity) and held / link <= longest
 
@@ -581,8 +585,8 @@ def _shell(request: Request, place: _Place) -> MissingElement:
     def make(request: Request) -> Request:
         return _started(grow(request), name, ())
 
-    def judge(found: Any) -> tuple[str, bool]:
-        held, inner, outer = (found[p].value for p in free)
+    def judge(values: Any) -> tuple[str, bool]:
+        held, inner, outer = (values[p].value for p in free)
         text = f"{short(held, 3)} J/K, {short(inner, 3)} W/K to '{place.node}' and {short(outer, 3)} W/K to '{place.boundary}'"
         return text, SIZES["large mass"].allows(held / place.capacity)
 
@@ -609,9 +613,9 @@ def _shared(request: Request, places: Sequence[_Place]) -> MissingElement:
     def make(request: Request) -> Request:
         return _started(grow(request), name, [c for p in places for c in p.channels])
 
-    def judge(found: Any) -> tuple[str, bool]:
+    def judge(values: Any) -> tuple[str, bool]:
         most = sum(p.capacity for p in places)
-        return f"{short(found[free[0]].value, 3)} J/K", SIZES["large mass"].allows(found[free[0]].value / most)
+        return f"{short(values[free[0]].value, 3)} J/K", SIZES["large mass"].allows(values[free[0]].value / most)
 
     sizes = {free[0]: SIZES["large mass"].at(held / 3.0)}
     sizes |= {f"{link}.conductance": SIZES["path"].at(g) for link, (_, g) in links.items()}
@@ -626,8 +630,8 @@ def _linked(request: Request, a: str, b: str, size: float) -> MissingElement:
     free = f"{name}.conductance"
     make = _adding("a contact", (free,), conductors={name: Conductor("conduction", (a, b), {"conductance": _amount(size, "W/K", name)})})
 
-    def judge(found: Any) -> tuple[str, bool]:
-        return f"{short(found[free].value, 3)} W/K", True
+    def judge(values: Any) -> tuple[str, bool]:
+        return f"{short(values[free].value, 3)} W/K", True
 
     sizes = {free: SIZES["contact"].at(size / BEGINS)}
     return MissingElement(f"a contact between '{a}' and '{b}'", make(request), judge, make, sizes=sizes, additive=True)
@@ -646,8 +650,8 @@ def _one_way(request: Request, place: _Place, other: str, words: str) -> Missing
         conductors={name: Conductor("table", (place.node, other), {"scale": parameter({"value": size, "min": 1e-9}, name)}, curve=curve)},
     )
 
-    def judge(found: Any) -> tuple[str, bool]:
-        return f"{short(found[free].value, 3)} W/K more from '{place.node}' than towards it", True
+    def judge(values: Any) -> tuple[str, bool]:
+        return f"{short(values[free].value, 3)} W/K more from '{place.node}' than towards it", True
 
     name, sizes = f"a coupling of '{place.node}' and {words} that depends on direction", {free: SIZES["contact"].at(size / BEGINS)}
     return MissingElement(name, make(request), judge, make, sizes=sizes, additive=True)
@@ -662,7 +666,10 @@ def _late(request: Request) -> Iterator[MissingElement]:
 
     def later(delay: float) -> Callable[[Request], Request]:
         def make(request: Request) -> Request:
-            records = [r.delayed(delay, own) if (own := [n for n in driven if n in r.channels]) else r for r in request.records]
+            records = [
+                r.delayed(delay, driven_channels) if (driven_channels := [n for n in driven if n in r.channels]) else r
+                for r in request.records
+            ]
             return replace(request, records=tuple(records), name=f"{request.name or request.model.title} with a delay")
 
         return make
@@ -670,7 +677,7 @@ def _late(request: Request) -> Iterator[MissingElement]:
     for count in (1, 3, 8):
         make, delay = later(count * step), count * step
 
-        def judge(found: Any, delay: float = delay) -> tuple[str, bool]:
+        def judge(values: Any, delay: float = delay) -> tuple[str, bool]:
             line = f"prepare = [{{ delay = {{ by = ['0 [s]', '{short(2.0 * delay, 3)} [s]'] }} }}]"
             return f"{short(delay, 3)} s. To fit the delay, run `thermid improve`, or write into the record: {line}", True
 
@@ -688,8 +695,8 @@ def _steeper(request: Request, place: _Place) -> MissingElement:
     free = f"{name}.htc.coefficient"
     make = _adding("h that grows", (free,), conductors={name: Conductor("convection", (place.node, place.boundary), fields)})
 
-    def judge(found: Any) -> tuple[str, bool]:
-        c = found[free].value
+    def judge(values: Any) -> tuple[str, bool]:
+        c = values[free].value
         share = f"{short(c * area * place.rise**0.25, 3)} W/K of it at a rise of {short(place.rise, 3)} K"
         return f"{short(c, 3)} W/(m^2 K) (dT / 1 K)^(1/4), {share}", not place.area or SIZES["convection"].allows(c)
 
@@ -713,8 +720,8 @@ def _radiation(request: Request, place: _Place) -> MissingElement:
     free = f"{name}.exchange_factor"
     make = _adding("radiation", (free,), conductors={name: Conductor("radiation", (place.node, place.boundary), fields)})
 
-    def judge(found: Any) -> tuple[str, bool]:
-        e = found[free].value
+    def judge(values: Any) -> tuple[str, bool]:
+        e = values[free].value
         possible = SIZES["emissivity"].allows(e) if place.area else e > 0.0
         return f"an emissivity of {short(e)} over {short(1e4 * area, 3)} cm^2", possible
 
@@ -722,35 +729,35 @@ def _radiation(request: Request, place: _Place) -> MissingElement:
     return MissingElement(name, make(request), judge, make, sizes=sizes, additive=True, bends=True)
 
 
-def _settling(seen: Fitted, place: _Place) -> Iterator[MissingElement]:
+def _settling(structure: Fitted, place: _Place) -> Iterator[MissingElement]:
     """Yield a power that has more when it comes on and settles, at several time constants; none where records differ in when it does."""
-    found = first_step(seen.experiments, place.load) if place.load else None
-    if found is None or f"{_word(place.load)}_settling" in seen.request.model.loads:
+    step_on = first_step(structure.experiments, place.load) if place.load else None
+    if step_on is None or f"{_word(place.load)}_settling" in structure.request.model.loads:
         return
-    begin, power = found
-    name = _free_name(seen.request, f"{_word(place.load)}_settling")
-    rest = min(float(e.scenario.seconds) for e in seen.experiments) - begin
-    slow = SLOWEST_SAMPLES * max(r.step for r in seen.request.records)  # what is faster is the instant of a change between two samples
+    begin, power = step_on
+    name = _free_name(structure.request, f"{_word(place.load)}_settling")
+    rest = min(float(e.scenario.seconds) for e in structure.experiments) - begin
+    slow = SLOWEST_SAMPLES * max(r.step for r in structure.request.records)  # what is faster is the instant of a change between two samples
     for share in (s for s in SETTLING_PACES if s * rest >= slow):
         course = PowerCourse(name, place.node, "decay", share * rest, max(1e-3 * power, 1e-5), begin=begin)
 
         def make(request: Request, course: PowerCourse = course) -> Request:
             return course.within(replace(request, model=laid_open(request.model)))
 
-        def judge(found: Any, course: PowerCourse = course) -> tuple[str, bool]:
-            more = found[f"{course.name}.power"].value
+        def judge(values: Any, course: PowerCourse = course) -> tuple[str, bool]:
+            more = values[f"{course.name}.power"].value
             return f"{course.words(more)}, {short(100 * more / power)} % of its step", SIZES["settling"].allows(more / power)
 
         title, sizes = f"a power of '{place.load}' that settles", {f"{name}.power": SIZES["settling"].at(power)}
-        yield MissingElement(title, make(seen.request), judge, make, sizes=sizes, additive=True, chosen=1, of_power=True)
+        yield MissingElement(title, make(structure.request), judge, make, sizes=sizes, additive=True, chosen=1, of_power=True)
 
 
 def first_step(experiments: Sequence[Experiment], load: str) -> tuple[float, float] | None:
     """Return when a power comes on in all records [s], and its step [W]; None where it never does, or not at one time in all of them."""
-    found = [_comes_on(e, load) for e in experiments]
-    if any(f is None for f in found):
+    steps = [_comes_on(e, load) for e in experiments]
+    if any(f is None for f in steps):
         return None
-    begins, powers = zip(*(f for f in found if f is not None), strict=True)
+    begins, powers = zip(*(f for f in steps if f is not None), strict=True)
     if np.ptp(begins) > 2.0 * max(e.record.step for e in experiments):
         return None
     return float(np.median(begins)), float(np.median(powers))
@@ -763,17 +770,17 @@ def _may_grow(request: Request, load: str) -> bool:
 
 def _logged(request: Request, load: str) -> bool:
     """Whether every record logs a power that nothing else is said of, so that the log can stand for what it has when cold."""
-    given = request.model.loads.get(load)
-    if given is None or set(given.fields) != {"power"} or given.curve is not None or given.cycle is not None:
+    heat_load = request.model.loads.get(load)
+    if heat_load is None or set(heat_load.fields) != {"power"} or heat_load.curve is not None or heat_load.cycle is not None:
         return False
-    own = [[c for c in r.channels.values() if c.role == "load" and c.target == load] for r in request.records]
-    return all(len(several) == 1 and not (several[0].gain or several[0].accuracy or several[0].common) for several in own)
+    channels_of_records = [[c for c in r.channels.values() if c.role == "load" and c.target == load] for r in request.records]
+    return all(len(several) == 1 and not (several[0].gain or several[0].accuracy or several[0].common) for several in channels_of_records)
 
 
-def _growing_as_logged(seen: Fitted, place: _Place) -> MissingElement:
+def _growing_as_logged(structure: Fitted, place: _Place) -> MissingElement:
     """A power that is the logged one at the first reading, and more of it the warmer its node is."""
     load, free = place.load, f"{place.load}.temperature_coefficient"
-    first = [float(o.measured[0]) for e in seen.experiments for o in e.observations if o.measured.size and o.seat == place.node]
+    first = [float(o.measured[0]) for e in structure.experiments for o in e.observations if o.measured.size and o.seat == place.node]
     cold = float(np.mean(first)) if first else COLD
     fields = {
         "power": parameter("1 [W]", load),
@@ -790,16 +797,16 @@ def _growing_as_logged(seen: Fitted, place: _Place) -> MissingElement:
             r.with_channels(*(replace(c, role="command") for c in r.channels.values() if c.role == "load" and c.target == load))
             for r in request.records
         )
-        kept = tuple(p for p in request.free if request.model.canonical(p) != f"{load}.power")
+        free_before = tuple(p for p in request.free if request.model.canonical(p) != f"{load}.power")
         title = f"{request.name or model.title} with power that grows"
-        return replace(request, model=model, records=records, free=(*kept, free), name=title)
+        return replace(request, model=model, records=records, free=(*free_before, free), name=title)
 
-    def judge(found: Any) -> tuple[str, bool]:
-        growth = found[free].value
+    def judge(values: Any) -> tuple[str, bool]:
+        growth = values[free].value
         return f"{short(100 * growth)} % of the power per kelvin", SIZES["growth"].allows(growth)
 
     name, sizes = f"a power of '{load}' that grows with temperature", {free: SIZES["growth"].at()}
-    return MissingElement(name, make(seen.request), judge, make, sizes=sizes, additive=True, of_power=True)
+    return MissingElement(name, make(structure.request), judge, make, sizes=sizes, additive=True, of_power=True)
 
 
 def _comes_on(e: Experiment, load: str) -> tuple[float, float] | None:
@@ -807,20 +814,20 @@ def _comes_on(e: Experiment, load: str) -> tuple[float, float] | None:
     if load in e.scenario.gains:
         return None
     power = float(e.network.flat.parameters.evaluate({}).get(f"{load}.power", 0.0))
-    given, scale = e.scenario.loads.get(load), 1.0
+    course, scale = e.scenario.loads.get(load), 1.0
     if load in e.scenario.commands:
-        given, scale = e.scenario.commands[load], power
-    if given is None:
+        course, scale = e.scenario.commands[load], power
+    if course is None:
         return (0.0, power) if power > 0.0 else None
-    watts = scale * np.asarray(given.at(e.times))
+    watts = scale * np.asarray(course.at(e.times))
     high = float(watts.max())
     return (float(e.times[np.argmax(watts > 0.5 * high)]), high) if high > 0.0 else None
 
 
-def _growing(seen: Fitted, place: _Place) -> MissingElement:
-    if _logged(seen.request, place.load):
-        return _growing_as_logged(seen, place)
-    request = seen.request
+def _growing(structure: Fitted, place: _Place) -> MissingElement:
+    if _logged(structure.request, place.load):
+        return _growing_as_logged(structure, place)
+    request = structure.request
     name = _free_name(request, f"{place.word}_growing_power")
     start = max(1e-3 * abs(place.power), 1e-5)
     # P (1 + 1/K (T - T_ref)), with T_ref one kelvin above 20 degC, is P/K (T - 20 degC)
@@ -832,8 +839,8 @@ def _growing(seen: Fitted, place: _Place) -> MissingElement:
     free = f"{name}.power"
     make = _adding("power that grows", (free,), loads={name: HeatLoad(place.node, fields)})
 
-    def judge(found: Any) -> tuple[str, bool]:
-        growth = found[free].value
+    def judge(values: Any) -> tuple[str, bool]:
+        growth = values[free].value
         share = growth / abs(place.power) if place.power else float("inf")
         return f"{short(1e3 * growth, 3)} mW/K, {short(100 * share)} % of the power per kelvin", SIZES["growth"].allows(share)
 

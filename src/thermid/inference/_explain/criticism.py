@@ -103,7 +103,7 @@ class TraceCriticism:
         return bool(self.rmse**2 > self.noise**2 * (1.0 + 4.0 * (2.0 / self.residuals.size) ** 0.5))
 
     @property
-    def quiet(self) -> bool:
+    def is_noise(self) -> bool:
         """Whether they are independent noise of the size that was stated."""
         return self.white and not self.loud
 
@@ -211,7 +211,7 @@ class Criticism(Result):
 
     def __str__(self) -> str:
         """Return findings and suggestion as text."""
-        coloured = [t for t in self.traces if not t.quiet]
+        coloured = [t for t in self.traces if not t.is_noise]
         lines = [f"{self.title}: {len(self.traces) - len(coloured)} of {len(self.traces)} traces have white residuals"]
         lines += [f"  failed check: {check}" for check in self.checks]
         lines += [f"  {t}" for t in (coloured or self.traces)[:8]]
@@ -256,7 +256,7 @@ def criticise(fit: Calibration, elements: bool | None = None) -> Criticism:
     if fit.request is None or fit.problem is None:
         raise IdentificationError("this calibration was not made by a fit in this session; repeat the fit.", fit.stage)
     traces, checks = tuple(_traces(fit)), tuple(running_locals(fit))
-    wanted = (any(not t.quiet for t in traces) and fit.model.runner is None) if elements is None else elements
+    wanted = (any(not t.is_noise for t in traces) and fit.model.runner is None) if elements is None else elements
     if wanted:
         refuse_unseen(fit.model, "a search for missing elements")
     if not wanted:
@@ -278,17 +278,17 @@ def running_locals(fit: Calibration) -> list[str]:
     for local in dict.fromkeys(v.name for v in fit.local):
         if local.startswith("initial."):
             continue
-        own = {v.record: v.value for v in fit.local if v.name == local}
+        local_values = {v.record: v.value for v in fit.local if v.name == local}
         best = (1.0, "")
         for name in names:
-            pairs = np.array([(means[r][name], value) for r, value in own.items() if name in means[r]]).reshape(-1, 2)
+            pairs = np.array([(means[r][name], value) for r, value in local_values.items() if name in means[r]]).reshape(-1, 2)
             if len(pairs) < FEWEST_RECORDS or np.ptp(pairs[:, 0]) <= 0:
                 continue
             x, y = pairs[:, 0] - pairs[:, 0].mean(), pairs[:, 1] - pairs[:, 1].mean()
             design = np.column_stack([np.ones_like(x), x, x**2])
             fitted = design @ np.linalg.lstsq(design, y, rcond=None)[0]
-            left, gone = float(np.sum((y - fitted) ** 2)), float(np.sum(fitted**2))
-            ratio = 0.5 * gone / max(left / (len(x) - 3), 1e-300)
+            squares_left, gone = float(np.sum((y - fitted) ** 2)), float(np.sum(fitted**2))
+            ratio = 0.5 * gone / max(squares_left / (len(x) - 3), 1e-300)
             chance = float(fdtrc(2.0, len(x) - 3.0, ratio)) * len(names)
             words = (
                 f"'{local}' of {len(x)} records correlates with the mean of '{name}': {short(float(np.ptp(fitted)), 2)} K over its range"
@@ -323,9 +323,9 @@ def _traces(fit: Calibration) -> list[TraceCriticism]:
             square = float(spread @ spread)
             if square > 1e-9 * max(1.0, float(x @ x)) * 1e-3 and n > 3:
                 slope = float(spread @ z) / square
-                left = z - z.mean() - slope * spread
+                residuals = z - z.mean() - slope * spread
                 # standard error of a slope, widened by sqrt(n / n_eff) because neighbours repeat each other
-                slopes[name] = slope, float(np.sqrt(left @ left / max(n - 2, 1) / square * n / max(effective, 3.0)))
+                slopes[name] = slope, float(np.sqrt(residuals @ residuals / max(n - 2, 1) / square * n / max(effective, 3.0)))
         lag, chance = ljung_box(z)
         distance, band = periodogram(z)
         out.append(
@@ -356,16 +356,16 @@ def _tried(fit: Calibration, request: Request) -> list[Candidate]:
     with threadpool_limits(limits=1):
         base = fitted_structure((), request, fit.fitted)
         before, refused = base.rmse, list[tuple[str, str]]()
-        made: list[tuple[str, FittedStructure | None]] = []
+        tried_structures: list[tuple[str, FittedStructure | None]] = []
         for n, score in enumerate(promises(base, (*missing_elements(fit, request), *unlogged_powers(request)), refused)):
             try:
                 begun = (score.change.request, base.fitted, score.start)
-                made.append((score.change.name, fitted_structure((score.change,), *begun) if n < REFITTED else None))
+                tried_structures.append((score.change.name, fitted_structure((score.change,), *begun) if n < REFITTED else None))
             except (ThermidError, np.linalg.LinAlgError) as error:
                 refused.append((score.change.name, str(error)))
-    noise = noise_of([base.weighing, *(one.weighing for _, one in made if one is not None)])
+    noise = noise_of([base.weighing, *(one.weighing for _, one in tried_structures if one is not None)])
     out: list[tuple[Candidate, FittedStructure | None]] = []
-    for name, one in made:
+    for name, one in tried_structures:
         if one is None:
             out.append((Candidate(name, "", True, 0.0, (0.0, 0.0), (before, before)), None))
             continue
@@ -373,14 +373,14 @@ def _tried(fit: Calibration, request: Request) -> list[Candidate]:
         halved, _, doubled = 2.0 * (one.weighing.logs - base.weighing.logs)[:, noise]
         averaged = 2.0 * float(one.weighing.averaged[noise] - base.weighing.averaged[noise])
         out.append((Candidate(name, words, possible, averaged, (float(halved), float(doubled)), (before, one.rmse)), one))
-    out.sort(key=lambda each: -each[0].evidence)
+    out.sort(key=lambda row: -row[0].evidence)
     out += [(Candidate(name, "", False, -np.inf, (-np.inf, -np.inf), (before, before), refused=why), None) for name, why in refused]
     for n, (candidate, one) in enumerate(out):
         if one is not None and candidate.possible and candidate.evidence > VERY_STRONG:
             try:
-                found = refit(adopted(one))
-                words, possible = one.changes[0].judge(found)
-                out[n] = replace(candidate, found=words, possible=possible, fit=found), one
+                refitted = refit(adopted(one))
+                words, possible = one.changes[0].judge(refitted)
+                out[n] = replace(candidate, found=words, possible=possible, fit=refitted), one
             except ThermidError as error:
                 out[n] = replace(candidate, refused=error.message, found=""), None
             if out[n][0].fit is not None and out[n][0].possible:

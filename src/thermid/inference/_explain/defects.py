@@ -25,8 +25,8 @@ from thermid.inference._explain.causes import SizedValue
 from thermid.inference._explain.thresholds import (
     FAR_PART,
     FAR_STEPS,
-    LEAST,
     MIDDLE,
+    MIN_DEFECT_WEIGHT,
     MOST_CHANGES,
     MOST_NODES,
     MOST_RECORDS,
@@ -111,27 +111,27 @@ def asks(fit: Calibration) -> bool:
 
 
 def _explained(fit: Calibration, request: Request) -> tuple[ExplainedFit, ...]:
-    seen = Fitted.of(fit, request).request
+    open_request = Fitted.of_calibration(fit, request).request
     clock = _clock(fit)
-    every = [None, *hidden_defects(Fitted.of(fit, request))]
-    changes = [c for c in every if _promises(fit, seen, c, clock)]
-    found = [t for change in changes if (t := _tried(seen, change, MIDDLE, clock, _begun(seen, change))) is not None]
+    every = [None, *hidden_defects(Fitted.of_calibration(fit, request))]
+    changes = [c for c in every if _promises(fit, open_request, c, clock)]
+    attempts = [t for change in changes if (t := _tried(open_request, change, MIDDLE, clock, _begun(open_request, change))) is not None]
     for change in changes:  # a search that begins elsewhere, where nothing explains the residuals yet
         for start in change.starts if change is not None else ():
-            if min((t.fit.reduced_chi_square for t in found), default=np.inf) > NOISY:
-                found += [t for t in [_tried(seen, change, MIDDLE, clock, start)] if t is not None]
-    if not found or _unproved(fit, max(found, key=_likeliest)):
+            if min((t.fit.reduced_chi_square for t in attempts), default=np.inf) > NOISY:
+                attempts += [t for t in [_tried(open_request, change, MIDDLE, clock, start)] if t is not None]
+    if not attempts or _unproved(fit, max(attempts, key=_likeliest)):
         return ()
     if clock is not None and clock.sampled:
-        at, _ = _instant(seen, max(found, key=_likeliest), clock)
-        begun = {id(t.change): _values(t.fit) for t in found}
-        there = [t for c in changes if (t := _tried(seen, c, at, clock, begun.get(id(c), {}))) is not None]
-        found = [x for t in _near(there or found) for x in _over_instants(seen, t, clock)]
-    kept = _near(found)
-    weights = np.array([t.share for t in kept]) * shares([t.weighing for t in kept])
+        at, _ = _instant(open_request, max(attempts, key=_likeliest), clock)
+        begun = {id(t.change): _values(t.fit) for t in attempts}
+        there = [t for c in changes if (t := _tried(open_request, c, at, clock, begun.get(id(c), {}))) is not None]
+        attempts = [x for t in _nearly_as_likely(there or attempts) for x in _over_instants(open_request, t, clock)]
+    likely = _nearly_as_likely(attempts)
+    weights = np.array([t.share for t in likely]) * shares([t.weighing for t in likely])
     out = [
         ExplainedFit("" if t.change is None else t.change.name, _found_in(t), float(w), t.fit)
-        for t, w in zip(kept, weights / weights.sum(), strict=True)
+        for t, w in zip(likely, weights / weights.sum(), strict=True)
     ]
     return tuple(sorted(out, key=lambda e: -e.weight))
 
@@ -144,8 +144,8 @@ def _promises(fit: Calibration, request: Request, change: MissingElement | None,
     if change is None and clock is None:
         return False
     try:
-        made = request if change is None else change.make(request)
-        problem = build_problem(made if clock is None else clock.make(made, MIDDLE))
+        changed = request if change is None else change.make(request)
+        problem = build_problem(changed if clock is None else clock.make(changed, MIDDLE))
         end = fit.fitted
         at = np.array([end.get(u.name, x) for u, x in zip(problem.unknowns, starting_point(problem.unknowns), strict=True)])
         here = problem.compressed(at)
@@ -153,8 +153,8 @@ def _promises(fit: Calibration, request: Request, change: MissingElement | None,
         return True  # the refit says why
     priors, prior_slopes = problem.prior_rows(at)
     rows, slopes = np.concatenate([here.rows, priors]), np.concatenate([here.slopes, prior_slopes])
-    left = float(np.sum((rows + slopes @ np.linalg.lstsq(slopes, -rows, rcond=None)[0]) ** 2)) / max(problem.freedom, 1)
-    return left <= max(NOISY, (1.0 - TAKEN) * fit.reduced_chi_square)
+    chi_square_left = float(np.sum((rows + slopes @ np.linalg.lstsq(slopes, -rows, rcond=None)[0]) ** 2)) / max(problem.freedom, 1)
+    return chi_square_left <= max(NOISY, (1.0 - TAKEN) * fit.reduced_chi_square)
 
 
 def _likeliest(t: _Tried) -> float:
@@ -166,11 +166,11 @@ def _unproved(fit: Calibration, best: _Tried) -> bool:
     return best.fit.reduced_chi_square > NOISY or _over(best.weighing, _weighed(fit, None)) < 0.5 * VERY_STRONG
 
 
-def _near(found: Sequence[_Tried]) -> list[_Tried]:
+def _nearly_as_likely(attempts: Sequence[_Tried]) -> list[_Tried]:
     """Return those that are not much less likely than the best."""
-    noise = noise_of(t.weighing for t in found)
-    most = max(t.weighing.averaged[noise] for t in found)
-    return [t for t in found if t.weighing.averaged[noise] > most + np.log(LEAST)]
+    noise = noise_of(t.weighing for t in attempts)
+    most = max(t.weighing.averaged[noise] for t in attempts)
+    return [t for t in attempts if t.weighing.averaged[noise] > most + np.log(MIN_DEFECT_WEIGHT)]
 
 
 def _over(one: CauseScore, other: CauseScore) -> float:
@@ -200,8 +200,8 @@ def _instant(request: Request, near: _Tried, clock: _Clock) -> tuple[float, floa
     """
     begin = _values(near.fit)
     for step in (1.0 / 3.0, 1.0 / 6.0):
-        found = [_tried(request, near.change, f, clock, begin, False) for f in (MIDDLE - step, MIDDLE, MIDDLE + step)]
-        early, middle, late = (np.nan if t is None else t.fit.chi_square for t in found)
+        attempts = [_tried(request, near.change, f, clock, begin, False) for f in (MIDDLE - step, MIDDLE, MIDDLE + step)]
+        early, middle, late = (np.nan if t is None else t.fit.chi_square for t in attempts)
         curvature = (early - 2.0 * middle + late) / step**2
         if curvature > 0.0:
             level = max(1.0, near.fit.reduced_chi_square)
@@ -220,21 +220,21 @@ def _over_instants(request: Request, near: _Tried, clock: _Clock) -> list[_Tried
     points: tuple[tuple[float, float], ...] = ((1.0 / 6.0, 1.0 / 3.0), (0.5, 1.0 / 3.0), (5.0 / 6.0, 1.0 / 3.0))
     if not third:
         points = ((best, 2.0 / 3.0), *((float(np.clip(best + s * 3.0**0.5 * spread, 0.0, 1.0)), 1.0 / 6.0) for s in (-1.0, 1.0)))
-    found = [(share, _tried(request, near.change, f, clock, _values(near.fit), False)) for f, share in points]
-    out = [replace(t, share=share) for share, t in found if t is not None]
+    attempts = [(share, _tried(request, near.change, f, clock, _values(near.fit), False)) for f, share in points]
+    out = [replace(t, share=share) for share, t in attempts if t is not None]
     if len(out) < len(points):
         return [near, *(replace(t, share=1.0) for t in out)]
     likeliest = max(out, key=_likeliest).weighing
     return out if third else [replace(t, weighing=likeliest) for t in out]  # the likelihood of the instant is in the shares
 
 
-def _weighed(found: Calibration, change: MissingElement | None) -> CauseScore:
+def _weighed(fit: Calibration, change: MissingElement | None) -> CauseScore:
     """Return the score of a fit with a defect; a clock is evenly likely within its range."""
-    assert found.problem is not None
-    late = [u for u in found.problem.unknowns if u.kind == "local" and u.name.endswith(": delay")]
+    assert fit.problem is not None
+    late = [u for u in fit.problem.unknowns if u.kind == "local" and u.name.endswith(": delay")]
     sizes = {u.name: SizedValue(0.0, (u.high - u.low) / 12.0**0.5) for u in late}
-    at = np.array(list(found.fitted.values()))
-    return weighed_at(found.problem, at, {**sizes, **(change.sizes if change is not None else {})})
+    at = np.array(list(fit.fitted.values()))
+    return weighed_at(fit.problem, at, {**sizes, **(change.sizes if change is not None else {})})
 
 
 def _tried(
@@ -243,31 +243,31 @@ def _tried(
     instant: float,
     clock: _Clock | None,
     begin: Mapping[str, float],
-    asked: bool = True,
+    must_matter: bool = True,
 ) -> _Tried | None:
     """Return the refit with a defect and the clock from some values [SI]; nothing where it fails or, if asked, is not shown."""
     if change is None and clock is None:
         return None
-    made = request if change is None else change.make(request)
+    changed = request if change is None else change.make(request)
     if clock is not None:
-        made = clock.make(made, instant)
+        changed = clock.make(changed, instant)
     try:
-        found = _refit(replace(made, search="local"), begin, request.free)
-        shown = change is None or not asked or (change.judge(found)[1] and found.own.fair and _decided(request, found))
+        fit = _refit(replace(changed, search="local"), begin, request.free)
+        shown = change is None or not must_matter or (change.judge(fit)[1] and fit.own.fair and _decided(request, fit))
     except (ThermidError, np.linalg.LinAlgError):
         return None
-    return _Tried(change, instant, found, _weighed(found, change)) if shown and found.converged else None
+    return _Tried(change, instant, fit, _weighed(fit, change)) if shown and fit.converged else None
 
 
-def _refit(request: Request, begin: Mapping[str, float], known: Sequence[str]) -> Calibration:
-    """Return the fit of a request from some values [SI], those that are not of the deck (`known`) within `REACH` of where they begin.
+def _refit(request: Request, begin: Mapping[str, float], deck_values: Sequence[str]) -> Calibration:
+    """Return the fit of a request from some values [SI], those that are not of the deck (`deck_values`) within `REACH` of where they begin.
 
     It is given up where it takes long: nothing there is to be found.
     """
     problem = build_problem(request)
 
     def begun(u: Unknown) -> Unknown:
-        if u.kind == "parameter" and u.name not in known and u.start > 0.0:
+        if u.kind == "parameter" and u.name not in deck_values and u.start > 0.0:
             u = replace(u, low=u.start / REACH, high=u.start * REACH)
         inside = u.name in begin and u.low <= begin[u.name] <= u.high
         return replace(u, start=begin[u.name]) if inside else u
@@ -280,10 +280,10 @@ def _refit(request: Request, begin: Mapping[str, float], known: Sequence[str]) -
     return fit_problem(request, replace(problem, unknowns=tuple(begun(u) for u in problem.unknowns), options=options), watch)
 
 
-def _decided(request: Request, found: Calibration) -> bool:
+def _decided(request: Request, fit: Calibration) -> bool:
     """Whether the values that a defect adds have errors that are small beside them."""
-    own = [v for p, v in found.values.parameters.items() if p not in request.free]
-    return all(v.error < UNDETERMINED * abs(v.value) for v in own)
+    added_values = [v for p, v in fit.values.parameters.items() if p not in request.free]
+    return all(v.error < UNDETERMINED * abs(v.value) for v in added_values)
 
 
 def _found_in(tried: _Tried) -> str:
@@ -295,8 +295,8 @@ def _found_in(tried: _Tried) -> str:
         f"{'later' if value > 0 else 'earlier'} than logged"
         for record, value, error in delays
     ]
-    own = [f"{tried.change.name} ({tried.change.judge(tried.fit)[0]})"] if tried.change is not None else []
-    return ", with ".join([*own, " and ".join(late)] if late else own)
+    texts = [f"{tried.change.name} ({tried.change.judge(tried.fit)[0]})"] if tried.change is not None else []
+    return ", with ".join([*texts, " and ".join(late)] if late else texts)
 
 
 # ---- the clock of what drives the model
@@ -334,8 +334,8 @@ def _clock(fit: Calibration) -> _Clock | None:
             far = max(FAR_STEPS * r.step, FAR_PART * r.duration)
             names = [n for n, c in r.channels.items() if c.role in ("load", "command")]
             moving = driven.get(r.name) or names if room else driven.get(r.name, [])
-            made = _with_instants(r, names, instant, 1.25 * far if room else 0.0)
-            records.append(made.delayed((-far, far), moving) if moving and far < 0.5 * r.duration else r)
+            with_instants = _with_instants(r, names, instant, 1.25 * far if room else 0.0)
+            records.append(with_instants.delayed((-far, far), moving) if moving and far < 0.5 * r.duration else r)
             if room:
                 base = request.scenarios.get(r.name, request.scenarios.get("*")) or Scenario(r.name)
                 scenarios[r.name] = base.with_(start=room, initial={})
@@ -365,8 +365,8 @@ def _at_rest(e: Experiment, fit: Calibration) -> str:
     request = fit.request
     assert request is not None
     base = request.scenarios.get(e.record.name, request.scenarios.get("*"))
-    given = base is not None and (base.start not in ("", MEASURED) or base.initial)
-    if given or request.local or request.record_local or request.readings:
+    start_is_stated = base is not None and (base.start not in ("", MEASURED) or base.initial)
+    if start_is_stated or request.local or request.record_local or request.readings:
         return ""
     rooms = [c for c in e.record.channels.values() if c.role == "boundary" and c.valid.all()]
     if not rooms or len(rooms) != len(e.network.boundaries):
@@ -385,10 +385,12 @@ def _with_instants(record: Record, driven: list[str], instant: float, before: fl
     instant : float     Where in the interval between two samples. [-]
     before : float      Length of the rest; zero for none. [s]
     """
-    own = {n: _changes(record.channels[n]) for n in driven}
-    own = {n: places for n, places in own.items() if not record.channels[n].prompt and 0 < places.size <= MOST_CHANGES}
+    changes_of_channel = {n: _changes(record.channels[n]) for n in driven}
+    changes_of_channel = {
+        n: places for n, places in changes_of_channel.items() if not record.channels[n].prompt and 0 < places.size <= MOST_CHANGES
+    }
     times = record.times
-    rows = sorted({float(times[k - 1] + instant * (times[k] - times[k - 1])) for places in own.values() for k in places})
+    rows = sorted({float(times[k - 1] + instant * (times[k] - times[k - 1])) for places in changes_of_channel.values() for k in places})
     begin = float(times[0])
     rest = [begin - before, begin - min(1e-3, 1e-3 * before)] if before else []
     every = np.union1d(times, [*rest, *rows])
@@ -398,21 +400,23 @@ def _with_instants(record: Record, driven: list[str], instant: float, before: fl
     for n, c in record.channels.items():
         values, valid = c.values[last].copy(), c.valid[last] & (logged | (n in driven))
         if n in driven:
-            for k in own.get(n, ()):
+            for k in changes_of_channel.get(n, ()):
                 moved = (every >= times[k - 1] + instant * (times[k] - times[k - 1])) & (every < times[k])
                 values[moved] = c.values[k]
             values[every < begin] = 0.0
         elif c.role == "boundary":
             valid = valid | (every < begin)
-        channels.append(replace(c, values=values, valid=valid, masks={}, prompt=c.prompt or n in own or (bool(rest) and n in driven)))
+        channels.append(
+            replace(c, values=values, valid=valid, masks={}, prompt=c.prompt or n in changes_of_channel or (bool(rest) and n in driven))
+        )
     return replace(record, times=every, channels={c.name: c for c in channels})
 
 
-def summary(found: tuple[ExplainedFit, ...]) -> Iterator[str]:
+def summary(explained: tuple[ExplainedFit, ...]) -> Iterator[str]:
     """Yield what explains the residuals, one line for each defect, its weight with it where there are several."""
     weights: dict[str, float] = {}
     words: dict[str, str] = {}
-    for e in found:
+    for e in explained:
         weights[e.name] = weights.get(e.name, 0.0) + e.weight
         words.setdefault(e.name, e.words)
     for name, weight in sorted(weights.items(), key=lambda x: -x[1]):

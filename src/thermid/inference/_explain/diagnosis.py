@@ -75,8 +75,8 @@ class FaultBench:
             out[at : at + len(b), at : at + len(b)] = b
             at += len(b)
         same = np.array(owner)[:, None] == np.array(owner)[None, :]
-        own = np.array([accuracy.get(s, 0.0) for s in owner])
-        return np.asarray(out + same * own[:, None] * own[None, :])
+        accuracies = np.array([accuracy.get(s, 0.0) for s in owner])
+        return np.asarray(out + same * accuracies[:, None] * accuracies[None, :])
 
     @cached_property
     def root(self) -> Array:
@@ -96,8 +96,8 @@ class FaultBench:
                 factor = c.start if c.group == "capacitance" else 1.0
                 part = factor * slopes[case.ready.canonical(c.free)]
             else:
-                own = np.array([c.sensor in ("", s) for s in case.sensors])[:, None]
-                part = own * (np.ones_like(at) if c.unit == "K" else room[None, :] - at)
+                has_fault = np.array([c.sensor in ("", s) for s in case.sensors])[:, None]
+                part = has_fault * (np.ones_like(at) if c.unit == "K" else room[None, :] - at)
                 # what starts at a wrong reading runs on from there
                 for s, names in case.starts.items():
                     if c.sensor in ("", s):
@@ -120,16 +120,16 @@ class FaultBench:
         return np.concatenate(added), self.response(c, runs)
 
 
-def cases_of(told: Calibration, grown: Any, candidates: Sequence[Fault], extra: Sequence[str]) -> list[Case]:
+def cases_of(fit: Calibration, grown: Any, candidates: Sequence[Fault], extra: Sequence[str]) -> list[Case]:
     """Return the logs of a comparison, thinned, each with what simulates it and the unknowns of the candidates free."""
     out = []
-    for e in told.experiments:
-        own = [b for b in told.blocks if b.record == e.record.name]
-        begin, end = float(min(b.times[0] for b in own)), float(max(b.times[-1] for b in own))
+    for e in fit.experiments:
+        blocks_of_record = [b for b in fit.blocks if b.record == e.record.name]
+        begin, end = float(min(b.times[0] for b in blocks_of_record)), float(max(b.times[-1] for b in blocks_of_record))
         edges = np.linspace(begin, end, DIAGNOSED_STRETCHES + 1)
         centres = 0.5 * (edges[1:] + edges[:-1])
-        deviations, errors = np.zeros((len(own), DIAGNOSED_STRETCHES)), np.zeros((len(own), DIAGNOSED_STRETCHES))
-        for k, b in enumerate(own):
+        deviations, errors = np.zeros((len(blocks_of_record), DIAGNOSED_STRETCHES)), np.zeros((len(blocks_of_record), DIAGNOSED_STRETCHES))
+        for k, b in enumerate(blocks_of_record):
             place = np.clip(np.searchsorted(edges, b.times, side="right") - 1, 0, DIAGNOSED_STRETCHES - 1)
             count = np.bincount(place, minlength=DIAGNOSED_STRETCHES)
             sums = np.bincount(place, b.residuals, minlength=DIAGNOSED_STRETCHES)
@@ -145,7 +145,18 @@ def cases_of(told: Calibration, grown: Any, candidates: Sequence[Fault], extra: 
         free = tuple(dict.fromkeys([c.free for c in candidates if c.free] + list(extra) + initial))
         ready = prepare(grown, e.bare, free, times=np.linspace(0.0, e.bare.seconds, 4 * DIAGNOSED_STRETCHES + 1))
         room = ready.wiring.network.boundaries[0]
-        out.append(Case(ready, tuple(b.sensor for b in own), tuple(b.node for b in own), centres, deviations, errors, room, starts))
+        out.append(
+            Case(
+                ready,
+                tuple(b.sensor for b in blocks_of_record),
+                tuple(b.node for b in blocks_of_record),
+                centres,
+                deviations,
+                errors,
+                room,
+                starts,
+            )
+        )
     return out
 
 
@@ -220,7 +231,7 @@ class Diagnosis(Result):
 
 @takes_objects
 def diagnose(
-    told: Calibration | Sequence[Calibration],
+    fits: Calibration | Sequence[Calibration],
     *,
     spread: Mapping[str, Any] | None = None,
     accuracy: float = 0.3,
@@ -235,7 +246,7 @@ def diagnose(
 
     Parameters
     ----------
-    told : Calibration(s)   Results of `compare`, a record each or several.
+    fits : Calibration(s)   Results of `compare`, a record each or several.
     spread : dict           Fitted paths -> standard deviation, with a unit or SI: what the model's values leave open counts as expected.
     accuracy : float        Standard deviation of a sensor's constant error, where its channel states none. [K]
     floor : float           Standard deviation of what every model leaves, wandering over a fifth of a log. [K]
@@ -244,32 +255,35 @@ def diagnose(
     ------
     IdentificationError   Without readings of two sensors.
     """
-    several = [told] if isinstance(told, Calibration) else list(told)
+    several = [fits] if isinstance(fits, Calibration) else list(fits)
     noted = {o.sensor: o for t in several for e in t.experiments for o in e.observations}
     if len(noted) < 2:
         raise IdentificationError(
             f"a diagnosis needs at least two sensors, because it separates faults by their pattern over sensors; {len(noted)} is given.",
             several[0].stage if several else "diagnose",
         )
-    known = {s: accuracy if o.accuracy is None else o.accuracy for s, o in noted.items()}
+    accuracies = {s: accuracy if o.accuracy is None else o.accuracy for s, o in noted.items()}
     grown, candidates = faults_of(several[0].fitted_model, {s: o.seat for s, o in noted.items()})
     extra = list(spread or {})
     cases = [c for t in several for c in cases_of(t, grown, candidates, extra)]
-    bench = FaultBench(cases, candidates, floor, known)
+    bench = FaultBench(cases, candidates, floor, accuracies)
     if extra:
         columns = [
             np.concatenate(
-                [(run[1][c.ready.canonical(n)] * _sd(c.ready, n, given)).ravel() for c, run in zip(cases, bench.nominal, strict=True)]
+                [
+                    (run[1][c.ready.canonical(n)] * _sd(c.ready, n, spread_of_value)).ravel()
+                    for c, run in zip(cases, bench.nominal, strict=True)
+                ]
             )
-            for n, given in (spread or {}).items()
+            for n, spread_of_value in (spread or {}).items()
         ]
         bench.spread_over(np.column_stack(columns))
     return _weighed(bench)
 
 
-def _sd(ready: Simulator, path: str, given: Any) -> float:
+def _sd(ready: Simulator, path: str, written: Any) -> float:
     """Return the standard deviation of a value, from a number or from what `read_spread` takes. [SI]"""
-    return float(given) if isinstance(given, Real) else math.sqrt(ready.law(path, given).variance)
+    return float(written) if isinstance(written, Real) else math.sqrt(ready.law(path, written).variance)
 
 
 def _weighed(bench: FaultBench) -> Diagnosis:
@@ -288,13 +302,13 @@ def _weighed(bench: FaultBench) -> Diagnosis:
     top = max(logs.values())
     total = sum(np.exp(v - top) for v in logs.values())
     groups = {g: float(np.exp(v - top) / total) for g, v in sorted(logs.items(), key=lambda item: -item[1])}
-    found = []
+    suspects = []
     for k, c in enumerate(bench.candidates):
-        evidence, amount, error, left, rms = tried[k]
+        evidence, amount, error, squares_left, rms = tried[k]
         count = sum(o.group == c.group for o in bench.candidates)
         probability = float(np.exp(evidence - top) / total / count)
-        found.append(Suspect(c.group, c.name, amount, error, c.unit, c.words(amount), probability, 1.0 - left / whole, rms))
-    ranked_faults = sorted(found, key=lambda s: -s.probability)
+        suspects.append(Suspect(c.group, c.name, amount, error, c.unit, c.words(amount), probability, 1.0 - squares_left / whole, rms))
+    ranked_faults = sorted(suspects, key=lambda s: -s.probability)
     return Diagnosis(groups, tuple(ranked_faults[:20]), float(np.sqrt(np.mean(bench.d**2))))
 
 
@@ -312,9 +326,9 @@ def _refitted(bench: FaultBench, c: Fault, z: Array, begun: Tried) -> Tried:
             added, s = bench.moved(c, amount)
         except ThermidError:
             return best
-        w, left = bench.root @ s, bench.root @ (bench.d - added)
-        following, square = _best(c, float(w @ w), float(w @ (left + w * amount)))
-        best = _evidence(c, z, left, bench.d - added, amount, square)
+        w, residuals = bench.root @ s, bench.root @ (bench.d - added)
+        following, square = _best(c, float(w @ w), float(w @ (residuals + w * amount)))
+        best = _evidence(c, z, residuals, bench.d - added, amount, square)
         # half steps where it would leave what is possible
         floor = -0.9 if c.unit == "1" else -np.inf
         following = max(following, 0.5 * (amount + floor)) if np.isfinite(floor) else following
@@ -324,20 +338,20 @@ def _refitted(bench: FaultBench, c: Fault, z: Array, begun: Tried) -> Tried:
     return best
 
 
-def _best(c: Fault, own: float, cross: float) -> tuple[float, float]:
+def _best(c: Fault, curvature: float, cross: float) -> tuple[float, float]:
     """Return the likeliest amount, and its curvature."""
     # amount ~ N(0, size^2): the posterior's precision is own + 1 / size^2, its mean cross / precision
-    square = own + 1.0 / c.size**2
+    square = curvature + 1.0 / c.size**2
     amount = cross / square
     return (max(amount, 0.0) if c.one_sided else amount), square
 
 
-def _evidence(c: Fault, z: Array, left: Array, rest: Array, amount: float, square: float) -> Tried:
+def _evidence(c: Fault, z: Array, residuals: Array, rest: Array, amount: float, square: float) -> Tried:
     # ln of the Bayes factor by Laplace: half the fall of the squares, the prior's penalty with it, less half of ln(size^2 precision);
     # of a one-sided amount the prior is twice as dense
-    gain = 0.5 * (float(z @ z) - float(left @ left) - (amount / c.size) ** 2) - 0.5 * float(np.log(c.size**2 * square))
+    gain = 0.5 * (float(z @ z) - float(residuals @ residuals) - (amount / c.size) ** 2) - 0.5 * float(np.log(c.size**2 * square))
     gain += float(np.log(2.0)) if c.one_sided and amount > 0 else 0.0
-    return gain, amount, float(square**-0.5), float(left @ left), float(np.sqrt(np.mean(rest**2)))
+    return gain, amount, float(square**-0.5), float(residuals @ residuals), float(np.sqrt(np.mean(rest**2)))
 
 
 def _log_mean(values: Sequence[float]) -> float:

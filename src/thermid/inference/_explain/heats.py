@@ -17,7 +17,7 @@ from thermid.fit.problem import Experiment, Influence, Request, Unknown, build_p
 from thermid.inference._explain.candidates import MissingElement, first_step, laid_open
 from thermid.inference._explain.causes import SIZES, SizedValue
 from thermid.inference._explain.rough_fit import QUICK, ROUNDS, RoughEnd, RoughFit
-from thermid.inference._explain.thresholds import MANY_LOADS, MAX_HEATED_NODES, PULSES, TELLING_DIFFERENCE, TURNS
+from thermid.inference._explain.thresholds import MANY_LOADS, MAX_HEATED_NODES, MAX_WINDOW_SEARCHES, PULSES, TELLING_DIFFERENCE
 from thermid.measure.amounts import duration_text, short
 from thermid.model.elements import HeatLoad
 from thermid.model.laws import TableSignal
@@ -88,33 +88,33 @@ class Heat:
             return f"Fit that part alone: prepare = [{{ trim = ['{first:.0f} [s]', '{last:.0f} [s]'] }}], or log the air flow."
         return "Find the heater or unit that is on there and log its power; 'thermid criticise' proposes its course."
 
-    def fitted(self, fit: RoughFit, known: Mapping[str, float], rounds: int, fresh: bool = False) -> RoughEnd:
+    def fitted(self, fit: RoughFit, values_before: Mapping[str, float], rounds: int, fresh: bool = False) -> RoughEnd:
         """Return the end of the rough fit with this heat; `fresh` starts from the deck too."""
-        return self.rough(fit).best(*([None] if fresh else []), known, rounds=rounds)
+        return self.rough(fit).best(*([None] if fresh else []), values_before, rounds=rounds)
 
     def rough(self, fit: RoughFit) -> RoughFit:
         """Return the rough fit with this heat of an unknown amount; that of each surface may differ a little."""
-        given: tuple[Influence, ...] = (Influence(self.experiment, f"scale.{self.load}", 1.0),)
-        request, acts = (self.request, given) if self.load else self._request()
+        influences: tuple[Influence, ...] = (Influence(self.experiment, f"scale.{self.load}", 1.0),)
+        request, acts = (self.request, influences) if self.load else self._request()
         low = -1.0 if self.load or self.kind == "fan" else -np.inf
-        own = (
+        amounts = (
             [(Unknown(f"{PLACED}own_{t.name}", "power", (t,), 0.0), SIZES["surface"].spread) for t in acts]
             if self.kind == "fan" and len(acts) > 1
             else []
         )
-        return RoughFit.of(request, fit, [*own, (Unknown(f"{PLACED}amount", "power", acts, 0.0, low=low), self.sd)])
+        return RoughFit.of_request(request, fit, [*amounts, (Unknown(f"{PLACED}amount", "power", acts, 0.0, low=low), self.sd)])
 
     def placed(self, fit: RoughFit, base: RoughEnd) -> tuple[Heat, RoughEnd]:
         """Return this heat with the edges of its window where they fit best, and the end of the rough fit with it."""
         best, end = self, self.fitted(fit, fit.named(base), ROUNDS, fresh=True)
         if self.load:
             return best, end
-        for _ in range(TURNS):
-            known = best.rough(fit).named(end)
-            windows = Pulses.of(self.request, fit, self.experiment).windows(best, known)
+        for _ in range(MAX_WINDOW_SEARCHES):
+            values_before = best.rough(fit).named(end)
+            windows = Pulses.of_record(self.request, fit, self.experiment).windows(best, values_before)
             others = [replace(best, window=w) for w in windows if w != best.window]
-            tried = [(h, h.fitted(fit, known, ROUNDS)) for h in others]
-            better = min(tried, key=lambda each: each[1].cost, default=(best, end))
+            tried = [(h, h.fitted(fit, values_before, ROUNDS)) for h in others]
+            better = min(tried, key=lambda attempt: attempt[1].cost, default=(best, end))
             if better[1].cost > end.cost - 1.0:
                 break
             best, end = better
@@ -136,8 +136,8 @@ class Heat:
         """Return the request with a load for every node that the heat enters."""
         names = {node: f"{PLACED}{k}" for k, node in enumerate(self.flows)}
         tables = {names[node]: self._windowed(*self.flows[node]) for node in self.flows}
-        made = with_heats(self.request, self.experiment, {names[n]: n for n in self.flows}, tables)
-        return made, tuple(Influence(self.experiment, f"scale.{n}") for n in names.values())
+        with_loads = with_heats(self.request, self.experiment, {names[n]: n for n in self.flows}, tables)
+        return with_loads, tuple(Influence(self.experiment, f"scale.{n}") for n in names.values())
 
     def _windowed(self, times: Array, watts: Array) -> TableSignal:
         first, last = self.window
@@ -167,12 +167,12 @@ def air_flows(fit: RoughFit, end: RoughEnd, experiment: int, boundary: str) -> d
     e, times = fit.problem.experiments[experiment], fit.meshes[experiment][0]
     as_built, as_fitted = (_ran(fit, x, experiment) for x in (fit.start(), end.x))
     out: dict[str, tuple[Array, Array]] = {}
-    flows, seen = as_built.heat_flows, {t.node: t for t in fit.traces if t.experiment == experiment}
+    flows, trace_of_node = as_built.heat_flows, {t.node: t for t in fit.traces if t.experiment == experiment}
     air = as_built[boundary].kelvin
     for c in air_paths(e, boundary):
         node = c.ends[0] if c.ends[1] == boundary else c.ends[1]
         into = flows[c.path] * (-1.0 if c.ends[1] == boundary else 1.0)
-        trace = seen.get(node)
+        trace = trace_of_node.get(node)
         there = as_fitted[node].kelvin if trace is None else np.interp(times, trace.centres, trace.measured)
         simulated = as_built[node].kelvin - air
         into = into * np.clip((there - air) / np.where(np.abs(simulated) > TELLING_DIFFERENCE, simulated, np.inf), 0.0, 5.0)
@@ -182,10 +182,10 @@ def air_flows(fit: RoughFit, end: RoughEnd, experiment: int, boundary: str) -> d
 
 def _ran(fit: RoughFit, x: Array, experiment: int) -> Solution:
     """Return a run of a record with the parameters of a rough fit."""
-    e, found = fit.problem.experiments[experiment], zip(fit.problem.unknowns, x, strict=False)
-    values = {t.name: u.to_value(float(v)) for u, v in found for t in u.targets if t.experiment == experiment}
-    own = parameter_table(e.model)  # a sensor that lags has values of its own beside the model
-    named = {n: v for n, v in values.items() if n in own}
+    e, unknown_values = fit.problem.experiments[experiment], zip(fit.problem.unknowns, x, strict=False)
+    values = {t.name: u.to_value(float(v)) for u, v in unknown_values for t in u.targets if t.experiment == experiment}
+    parameters = parameter_table(e.model)  # a sensor that lags has values of its own beside the model
+    named = {n: v for n, v in values.items() if n in parameters}
     ready = prepare(e.model, e.bare, tuple(named), times=fit.meshes[experiment][0])
     return ready.run(ready.with_units(named))
 
@@ -210,8 +210,8 @@ def heats_of(request: Request, fit: RoughFit, base: RoughEnd, logged: Collection
 
 def _largest(fit: RoughFit) -> float:
     """Return the largest power that logs and scenarios give, 1 W at least. [W]"""
-    given = (s.bounds for e in fit.problem.experiments for s in e.scenario.loads.values())
-    return max([1.0, *(float(np.abs(w).max()) for w in given if np.size(w))])
+    bounds = (s.bounds for e in fit.problem.experiments for s in e.scenario.loads.values())
+    return max([1.0, *(float(np.abs(w).max()) for w in bounds if np.size(w))])
 
 
 def _misfit(fit: RoughFit, base: RoughEnd, experiment: int) -> float:
@@ -241,7 +241,7 @@ class Pulses:
     free: int
 
     @classmethod
-    def of(cls, request: Request, fit: RoughFit, experiment: int) -> Pulses:
+    def of_record(cls, request: Request, fit: RoughFit, experiment: int) -> Pulses:
         """Return the pulses of a record."""
         e = fit.problem.experiments[experiment]
         span = e.scenario.seconds
@@ -256,29 +256,29 @@ class Pulses:
             at = np.unique([0.0, edges[k], edges[k + 1], span])
             tables[name] = TableSignal(at, ((at >= edges[k]) & (at < edges[k + 1])).astype(float), hold=True, after="hold")
             amounts.append((Unknown(name, "power", (Influence(experiment, f"scale.{name}"),), 0.0), 1.0))
-        rough = RoughFit.of(with_heats(request, experiment, places, tables), fit, amounts)
+        rough = RoughFit.of_request(with_heats(request, experiment, places, tables), fit, amounts)
         return cls(rough, nodes, edges, len(fit.problem.unknowns))
 
-    def seen(self, known: Mapping[str, float], heat: Heat | None = None) -> tuple[Array, Array]:
+    def residuals_and_answers(self, values_before: Mapping[str, float], heat: Heat | None = None) -> tuple[Array, Array]:
         """Return what is left without a heat (rows,) and the answers (rows, pulses), less what the unknowns of the fit can compensate."""
-        given = np.zeros(len(self.nodes) * PULSES)
+        pulse_powers = np.zeros(len(self.nodes) * PULSES)
         if heat is not None:
-            amount = known.get(f"{PLACED}amount", 0.0)
+            amount = values_before.get(f"{PLACED}amount", 0.0)
             inside = np.clip(np.minimum(self.edges[1:], heat.window[1]) - np.maximum(self.edges[:-1], heat.window[0]), 0.0, None)
             share = inside / np.diff(self.edges)
             for node, (times, power) in heat.flows.items():
                 if node in self.nodes:
                     n = self.nodes.index(node)
-                    given[n * PULSES : (n + 1) * PULSES] = amount * share * np.interp(self.middles, times, power)
-        begun = {u.name: known[u.name] for u in self.rough.problem.unknowns[: self.free] if u.name in known}
+                    pulse_powers[n * PULSES : (n + 1) * PULSES] = amount * share * np.interp(self.middles, times, power)
+        begun = {u.name: values_before[u.name] for u in self.rough.problem.unknowns[: self.free] if u.name in values_before}
         x = self.rough.start(begun)
-        x[self.free :] = given
+        x[self.free :] = pulse_powers
         end = self.rough.at(x)
-        rows = end.rows.size - given.size  # without the priors of the pulses
-        own, pulses = end.slopes[:rows, : self.free], end.slopes[:rows, self.free :]
-        left = end.rows[:rows] - pulses @ given
-        basis = np.linalg.qr(own)[0]
-        return left - basis @ (basis.T @ left), pulses - basis @ (basis.T @ pulses)
+        rows = end.rows.size - pulse_powers.size  # without the priors of the pulses
+        slopes_of_fit, pulses = end.slopes[:rows, : self.free], end.slopes[:rows, self.free :]
+        residuals = end.rows[:rows] - pulses @ pulse_powers
+        basis = np.linalg.qr(slopes_of_fit)[0]
+        return residuals - basis @ (basis.T @ residuals), pulses - basis @ (basis.T @ pulses)
 
     @property
     def middles(self) -> Array:
@@ -294,46 +294,46 @@ class Pulses:
                 out += pulses[:, n * PULSES : (n + 1) * PULSES] * np.interp(self.middles, times, power)
         return out
 
-    def windows(self, heat: Heat, known: Mapping[str, float]) -> list[tuple[float, float]]:
+    def windows(self, heat: Heat, values_before: Mapping[str, float]) -> list[tuple[float, float]]:
         """Return the windows in which a heat would take most squares away, from where it led."""
-        left, pulses = self.seen(known, heat)
-        return best_windows(self.shape(pulses, heat.flows), left, heat.sd, self.edges)
+        residuals, pulses = self.residuals_and_answers(values_before, heat)
+        return best_windows(self.shape(pulses, heat.flows), residuals, heat.sd, self.edges)
 
 
 def _windows(request: Request, fit: RoughFit, base: RoughEnd, i: int) -> Iterator[Heat]:
     e = fit.problem.experiments[i]
     span = e.scenario.seconds
-    made = Pulses.of(request, fit, i)
-    left, pulses = made.seen(fit.named(base))
+    pulses_of_record = Pulses.of_record(request, fit, i)
+    residuals, pulses = pulses_of_record.residuals_and_answers(fit.named(base))
     power = _largest(fit)
     ends = np.array([0.0, span])
     tried: list[tuple[str, str, Mapping[str, tuple[Array, Array]], float]] = []
-    tried += [("load", node, {node: (ends, np.ones(2))}, SIZES["unlogged"].at(power).spread) for node in made.nodes]
+    tried += [("load", node, {node: (ends, np.ones(2))}, SIZES["unlogged"].at(power).spread) for node in pulses_of_record.nodes]
     tried += [("fan", b, air_flows(fit, base, i, b), SIZES["fan"].spread) for b in e.network.boundaries if air_paths(e, b)]
     for kind, name, flows, sd in tried:
-        for window in best_windows(made.shape(pulses, flows), left, sd, made.edges):
+        for window in best_windows(pulses_of_record.shape(pulses, flows), residuals, sd, pulses_of_record.edges):
             yield Heat(kind, name, request, i, flows, window, "", sd, span)
 
 
-def best_windows(block: Array, left: Array, sd: float, edges: Array) -> list[tuple[float, float]]:
+def best_windows(block: Array, residuals: Array, sd: float, edges: Array) -> list[tuple[float, float]]:
     """Return the windows whose stretches together take most squares away: the best one that lasts to the end, and the best one at all.
 
     Parameters
     ----------
     block : array (rows, stretches)     Answers to heat in each stretch.
-    left : array (rows,)                What is to be explained.
+    residuals : array (rows,)           What is to be explained.
     sd : float                          Standard deviation of the amount about zero.
     edges : array                       Of the stretches. [s]
     """
     count = block.shape[1]
     sums = np.concatenate([np.zeros((block.shape[0], 1)), np.cumsum(block, axis=1)], axis=1)
-    gram, cross = sums.T @ sums, sums.T @ left
-    found = []
+    gram, cross = sums.T @ sums, sums.T @ residuals
+    candidates = []
     for a in range(count):
         for b in range(a + 1, count + 1):
             square = gram[b, b] - 2.0 * gram[a, b] + gram[a, a] + 1.0 / sd**2
-            found.append(((cross[b] - cross[a]) ** 2 / square, a, b))
-    ends = [max(f for f in found if f[2] == count), max(found)]
+            candidates.append(((cross[b] - cross[a]) ** 2 / square, a, b))
+    ends = [max(f for f in candidates if f[2] == count), max(candidates)]
     return list(dict.fromkeys((float(edges[a]), float(edges[b])) for _, a, b in ends))
 
 
@@ -344,7 +344,7 @@ def unlogged_powers(request: Request) -> Iterator[MissingElement]:
     """
     request = replace(request, loss="linear")
     try:
-        fit = RoughFit.of(request)
+        fit = RoughFit.of_request(request)
         base = fit.solve(fit.start())
     except ThermidError:
         return
@@ -354,20 +354,20 @@ def unlogged_powers(request: Request) -> Iterator[MissingElement]:
     nodes = list(dict.fromkeys(loads.values())) or list(dict.fromkeys(t.node for t in fit.traces))
     started = [best for node in nodes[:MANY_LOADS] if (best := _start_up(request, fit, base, node, begins.get(node, 0.0))) is not None]
     if started:
-        yield min(started, key=lambda each: each[0])[1]
+        yield min(started, key=lambda attempt: attempt[0])[1]
     # what begins with the record is a start-up
     stretches = [h for h in heats_of(request, fit, base, ()) if h.kind == "load" and not h.load and h.window[0] > 0.0]
     ends = [(end.cost, h) for h in stretches if (end := _end(h.rough(fit), fit.named(base))) is not None]
     if ends:
-        yield _stretch(request, min(ends, key=lambda each: each[0])[1])
+        yield _stretch(request, min(ends, key=lambda attempt: attempt[0])[1])
     for load in [n for n in loads if n in request.model.loads][:MANY_LOADS]:
         if (regulated := _regulated(request, fit, base, load)) is not None:
             yield regulated
 
 
-def _end(rough: RoughFit, known: Mapping[str, float]) -> RoughEnd | None:
+def _end(rough: RoughFit, values_before: Mapping[str, float]) -> RoughEnd | None:
     try:
-        return rough.best(known, rounds=QUICK)
+        return rough.best(values_before, rounds=QUICK)
     except (ThermidError, np.linalg.LinAlgError):
         return None
 
@@ -377,7 +377,7 @@ def _start_up(request: Request, fit: RoughFit, base: RoughEnd, node: str, begin:
     span = min(float(np.ptp(r.times)) for r in request.records) - begin
 
     def cost(course: PowerCourse) -> float:
-        end = _end(RoughFit.of(course.within(request), fit), fit.named(base))
+        end = _end(RoughFit.of_request(course.within(request), fit), fit.named(base))
         return np.inf if end is None else end.cost
 
     times = np.geomspace(0.015, 0.4, 10) * span
@@ -386,19 +386,19 @@ def _start_up(request: Request, fit: RoughFit, base: RoughEnd, node: str, begin:
     width = 0.5 * float(np.log(times[1] / times[0]))
     while width > 0.01:
         others = [replace(best[2], time=best[2].time * float(np.exp(d))) for d in (-width, width)]
-        best = min(best, *((cost(c), k, c) for k, c in enumerate(others)), key=lambda each: each[0])
+        best = min(best, *((cost(c), k, c) for k, c in enumerate(others)), key=lambda attempt: attempt[0])
         width *= 0.6
     least, _, course = best
     if not np.isfinite(least):
         return None
 
-    def judge(told: Calibration) -> tuple[str, bool]:
-        power = told["start_up.power"].value
+    def judge(values: Calibration) -> tuple[str, bool]:
+        power = values["start_up.power"].value
         return course.words(power), power > 0.0
 
     after = f" and begin = '{short(begin, 6)} [s]'" if begin > 0.0 else ""
-    kept = f"; to include it write [stages.courses.start_up] with into = '{node}'{after}"
-    title, sizes = f"a start-up transient of the power at '{node}'{kept}", {"start_up.power": SIZES["course"].at(_largest(fit))}
+    remark = f"; to include it write [stages.courses.start_up] with into = '{node}'{after}"
+    title, sizes = f"a start-up transient of the power at '{node}'{remark}", {"start_up.power": SIZES["course"].at(_largest(fit))}
     return least, MissingElement(title, course.within(request), judge, course.within, sizes=sizes, additive=True, chosen=1)
 
 
@@ -410,8 +410,8 @@ def _stretch(request: Request, heat: Heat) -> MissingElement:
     def make(request: Request) -> Request:
         return replace(request, model=with_load(request.model, "unlogged", load), free=(*request.free, "unlogged.power"))
 
-    def judge(told: Calibration) -> tuple[str, bool]:
-        power = told["unlogged.power"].value
+    def judge(values: Calibration) -> tuple[str, bool]:
+        power = values["unlogged.power"].value
         return f"{short(abs(power), 3)} W {'more' if power > 0 else 'less'} {heat.when}", True
 
     title, sizes = f"a power at '{heat.name}' that no log gives, {heat.when}", {"unlogged.power": SizedValue(0.0, heat.sd)}
@@ -420,38 +420,40 @@ def _stretch(request: Request, heat: Heat) -> MissingElement:
 
 def _regulated(request: Request, fit: RoughFit, base: RoughEnd, load: str) -> MissingElement | None:
     """Return a load that follows the temperature of its node, as a proportional heater does; None where it cannot be run."""
-    given = request.model.loads[load]
-    seen = [t for t in fit.traces if t.node == given.into]
+    heat_load = request.model.loads[load]
+    traces = [t for t in fit.traces if t.node == heat_load.into]
     values = fit.problem.experiments[0].network.flat.parameters.evaluate({})
     power = float(values.get(f"{load}.power", 0.0))
-    if not seen or power <= 0.0 or set(given.fields) != {"power"}:
+    if not traces or power <= 0.0 or set(heat_load.fields) != {"power"}:
         return None
-    low, high = float(seen[0].measured.min()), float(seen[0].measured.max())
+    low, high = float(traces[0].measured.min()), float(traces[0].measured.max())
 
     def law(above: float) -> Callable[[Request], Request]:
         setpoint = high + above * (high - low)
         gain = power / max(setpoint - 0.5 * (low + high), 0.1)
         fields = {"gain": f"{gain!r} [W/K]", "setpoint": f"{setpoint - ICE_POINT!r} [degC]"}
-        heater = watts(given.into, power=f"{5.0 * power!r} [W]", proportional=fields)
-        own = (f"{load}.proportional.gain", f"{load}.proportional.setpoint")
+        heater = watts(heat_load.into, power=f"{5.0 * power!r} [W]", proportional=fields)
+        free_added = (f"{load}.proportional.gain", f"{load}.proportional.setpoint")
 
         def make(request: Request) -> Request:
-            kept = tuple(p for p in request.free if p != f"{load}.power")
-            return replace(request, model=with_load(request.model, load, heater), free=(*kept, *own))
+            free_before = tuple(p for p in request.free if p != f"{load}.power")
+            return replace(request, model=with_load(request.model, load, heater), free=(*free_before, *free_added))
 
         return make
 
     laws = [law(above) for above in (0.1, 0.5, 1.5)]
-    ends = [(end.cost, k) for k, make in enumerate(laws) if (end := _end(RoughFit.of(make(request), fit), fit.named(base))) is not None]
+    ends = [
+        (end.cost, k) for k, make in enumerate(laws) if (end := _end(RoughFit.of_request(make(request), fit), fit.named(base))) is not None
+    ]
     if not ends:
         return None
     make = laws[min(ends)[1]]
 
-    def judge(told: Calibration) -> tuple[str, bool]:
-        gain, setpoint = told[f"{load}.proportional.gain"].value, told[f"{load}.proportional.setpoint"].value
+    def judge(fitted: Calibration) -> tuple[str, bool]:
+        gain, setpoint = fitted[f"{load}.proportional.gain"].value, fitted[f"{load}.proportional.setpoint"].value
         return f"{short(gain, 3)} W/K below {format_value(setpoint, 'degC')}", gain > 0.0
 
-    name = f"a regulated load: the power of '{load}' follows the temperature of '{given.into}'"
+    name = f"a regulated load: the power of '{load}' follows the temperature of '{heat_load.into}'"
     begun = {u.name: u.start for u in build_problem(make(request)).unknowns if u.name.startswith(f"{load}.proportional.")}
     sizes = {n: SIZES["gain"].at(v) if n.endswith("gain") else SizedValue(v, SIZES["setpoint"].spread / v) for n, v in begun.items()}
     return MissingElement(name, make(request), judge, make, sizes=sizes)

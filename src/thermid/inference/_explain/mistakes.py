@@ -24,16 +24,16 @@ from thermid.inference._explain.heats import Heat, heats_of, stores_of
 from thermid.inference._explain.rough_fit import QUICK, ROUNDS, Extra, RoughEnd, RoughFit
 from thermid.inference._explain.thresholds import (
     ANY_NEW_VALUE,
+    CONTRADICTED_PRIOR,
     DEGREE,
-    FAR,
     FULL,
     LAGS,
-    LEFT,
     MAX_HEATED_NODES,
+    MAX_MISFIT_LEFT,
+    MAX_SQUARES_UNSEARCHED,
     MOST_RECORDS_SEARCHED,
     NAMED,
     OVER_STRUCTURE,
-    QUIET,
     SECOND,
     SHIFTS,
     USUAL_ROOM,
@@ -138,17 +138,17 @@ def find_mistakes(request: Request, stage: str = "") -> Mistakes:
     """
     name = stage or request.name or request.model.title
     try:
-        return _found(replace(request, loss="linear"), name)
+        return _mistakes_of(replace(request, loss="linear"), name)
     except ThermidError as error:  # a fit stands without its advice
         return Mistakes(name, failed=str(error))
 
 
-def _found(request: Request, name: str) -> Mistakes:
+def _mistakes_of(request: Request, name: str) -> Mistakes:
     """Return the mistakes of a request; see `find_mistakes`."""
-    fit = RoughFit.of(request)
+    fit = RoughFit.of_request(request)
     base = fit.solve(fit.start())
     free = sum(u.kind == "parameter" for u in fit.problem.unknowns)
-    bad = base.square > QUIET * fit.size or base.prior > FAR * max(free, 4)
+    bad = base.square > MAX_SQUARES_UNSEARCHED * fit.size or base.prior > CONTRADICTED_PRIOR * max(free, 4)
     if not bad:
         return Mistakes(name)
     stores = len(stores_of(fit.problem.experiments[0]))
@@ -156,42 +156,45 @@ def _found(request: Request, name: str) -> Mistakes:
         return Mistakes(name, bad=bad, failed=f"{stores} nodes store heat, and it takes networks of up to {MAX_HEATED_NODES}")
     if len(request.records) > MOST_RECORDS_SEARCHED:
         request = _worst(request, fit, base)
-        fit, before = RoughFit.of(request), fit.named(base)
+        fit, before = RoughFit.of_request(request), fit.named(base)
         base = fit.best(before, None)  # of fewer records an unknown of one may have another name
-    known = hypotheses(request, fit, base)
-    quick = [(h, _fitted(h, fit, base)) for h in known]
+    candidates = hypotheses(request, fit, base)
+    quick = [(h, _fitted(h, fit, base)) for h in candidates]
     ranked = sorted((f for f in quick if f[1] is not None), key=lambda f: -_gain(f[0], f[1], base))
-    found = sorted((f for h, _ in ranked[:SECOND] for f in _placed(h, fit, base)), key=lambda f: -_gain(f[0], f[1], base))
-    found = [f for f in found if _gain(f[0], f[1], base) >= NAMED and f[1].cost < LEFT * base.cost]
-    least = OVER_STRUCTURE + base.cost - _of_structure(request, fit, base) if found else NAMED
+    placed = sorted((f for h, _ in ranked[:SECOND] for f in _placed(h, fit, base)), key=lambda f: -_gain(f[0], f[1], base))
+    placed = [f for f in placed if _gain(f[0], f[1], base) >= NAMED and f[1].cost < MAX_MISFIT_LEFT * base.cost]
+    least = OVER_STRUCTURE + base.cost - _of_structure(request, fit, base) if placed else NAMED
     named: dict[tuple[str, str], Mistake] = {}
-    for h, end in found:
+    for h, end in placed:
         if _gain(h, end, base) >= least:
             amount = float(end.x[-1]) if h.heat is not None or h.extra is not None else 0.0
-            made = Mistake(h.kind, h.name, h.words(amount), _gain(h, end, base), (base.rms, end.rms), h.remedy(amount))
-            named.setdefault((h.kind, h.name), made)
-    return Mistakes(name, tuple(named.values()), bad, len(known), tuple(r.name for r in request.records))
+            mistake = Mistake(h.kind, h.name, h.words(amount), _gain(h, end, base), (base.rms, end.rms), h.remedy(amount))
+            named.setdefault((h.kind, h.name), mistake)
+    return Mistakes(name, tuple(named.values()), bad, len(candidates), tuple(r.name for r in request.records))
 
 
 def _of_structure(request: Request, fit: RoughFit, base: RoughEnd) -> float:
     """Return the least cost of the fit with one element that the model may lack: a lag, a mass, a link, another law of heat."""
-    known, seen = fit.named(base), Fitted.of_problem(request, fit.problem, base.x)
+    values_before, structure = fit.named(base), Fitted.of_problem(request, fit.problem, base.x)
     ends: list[tuple[RoughFit, RoughEnd]] = []
-    for element in plain_lacks(seen):
+    for element in plain_lacks(structure):
         with suppress(ThermidError, np.linalg.LinAlgError):
-            rough = _unheld(RoughFit.of(element.request, fit), known)
-            own = {u.name: u for u in rough.problem.unknowns}
-            starts = [known | {p: own[p].to_fitted(v) for p, v in start.items() if p in own} for start in element.starts or ({},)]
+            rough = _unheld(RoughFit.of_request(element.request, fit), values_before)
+            unknown_of_name = {u.name: u for u in rough.problem.unknowns}
+            starts = [
+                values_before | {p: unknown_of_name[p].to_fitted(v) for p, v in start.items() if p in unknown_of_name}
+                for start in element.starts or ({},)
+            ]
             ends.append((rough, rough.best(*starts, rounds=QUICK)))
-    ends.sort(key=lambda each: each[1].cost)
+    ends.sort(key=lambda attempt: attempt[1].cost)
     return min([base.cost, *(rough.solve(end.x).cost for rough, end in ends[:SECOND])])
 
 
-def _unheld(fit: RoughFit, known: Container[str]) -> RoughFit:
+def _unheld(fit: RoughFit, values_before: Container[str]) -> RoughFit:
     """Return a rough fit in which values that are not known by name may be any: nobody has stated what a missing element has."""
 
     def unheld(u: Unknown) -> Unknown:
-        new = u.kind == "parameter" and u.log and u.prior is not None and u.name not in known
+        new = u.kind == "parameter" and u.log and u.prior is not None and u.name not in values_before
         return replace(u, prior=Prior(u.to_fitted(u.start), ANY_NEW_VALUE)) if new else u
 
     return replace(fit, problem=replace(fit.problem, unknowns=tuple(map(unheld, fit.problem.unknowns))))
@@ -200,11 +203,11 @@ def _unheld(fit: RoughFit, known: Container[str]) -> RoughFit:
 def _worst(request: Request, fit: RoughFit, base: RoughEnd) -> Request:
     """Return a request of the records that are missed most."""
     missed: dict[str, float] = {}
-    for t, left in zip(fit.traces, base.left, strict=True):
-        missed[t.record] = max(missed.get(t.record, 0.0), float(np.mean((t.whiten @ left) ** 2)))
-    kept = sorted(missed, key=lambda r: -missed[r])[:MOST_RECORDS_SEARCHED]
-    scenarios = {n: s for n, s in request.scenarios.items() if n in ("*", *kept)}
-    return replace(request, records=tuple(r for r in request.records if r.name in kept), scenarios=scenarios)
+    for t, residuals in zip(fit.traces, base.left, strict=True):
+        missed[t.record] = max(missed.get(t.record, 0.0), float(np.mean((t.whiten @ residuals) ** 2)))
+    worst_records = sorted(missed, key=lambda r: -missed[r])[:MOST_RECORDS_SEARCHED]
+    scenarios = {n: s for n, s in request.scenarios.items() if n in ("*", *worst_records)}
+    return replace(request, records=tuple(r for r in request.records if r.name in worst_records), scenarios=scenarios)
 
 
 def _gain(h: Hypothesis, end: RoughEnd | None, base: RoughEnd) -> float:
@@ -217,7 +220,7 @@ def _fitted(h: Hypothesis, fit: RoughFit, base: RoughEnd, rounds: int = QUICK) -
     try:
         if h.heat is not None:
             return h.heat.fitted(fit, fit.named(base), rounds)
-        rough = replace(fit, extra=h.extra) if h.extra is not None else RoughFit.of(h.request, fit, read=h.read)
+        rough = replace(fit, extra=h.extra) if h.extra is not None else RoughFit.of_request(h.request, fit, read=h.read)
         return rough.best(None, fit.named(base), rounds=rounds)
     except (ThermidError, np.linalg.LinAlgError):
         return None
@@ -255,7 +258,7 @@ class Hypothesis:
     against : float             What it must gain beside its kind. [-]
     heat : Heat or None         Heat that acts, with an amount to be found.
     extra : Extra or None       What acts on one sensor, with an amount to be found.
-    read : dict                 Sensor -> whose readings it has, and by what factor, where these are others; see `RoughFit.of`.
+    read : dict                 Sensor -> whose readings it has, and by what factor, where these are others; see `RoughFit.of_request`.
     """
 
     kind: str
@@ -368,8 +371,8 @@ def _units(request: Request) -> Iterator[Hypothesis]:
         against = 4.0 if usual[0] >= usual[1] else -5.0  # the start of a log at 73 degC is seldom, at 23 degC it is a room
         words = f"{_listed(names)} {'is' if len(names) == 1 else 'are'} in degrees Fahrenheit but was read in degrees Celsius"
         other = _mapped(request, names, _from_fahrenheit)
-        made = _plain("unit", ", ".join(names), words, f'Write unit = "degF" for {_listed(names)}.', other, against)
-        yield replace(made, read={n: (n, 1.0 / DEGREE) for n in names})
+        hypothesis = _plain("unit", ", ".join(names), words, f'Write unit = "degF" for {_listed(names)}.', other, against)
+        yield replace(hypothesis, read={n: (n, 1.0 / DEGREE) for n in names})
     for factor, text in ((60.0, "minutes"), (3600.0, "hours"), (1e-3, "milliseconds")):
         if any(r.second is not None for r in request.records):
             break
@@ -389,15 +392,19 @@ def _listed(names: Iterable[str]) -> str:
 
 
 def _exchanges(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
-    seen = {t.sensor for t in fit.traces}
+    sensors = {t.sensor for t in fit.traces}
     for quantity in ("temperature", "power"):
         for a, b in combinations(_channels(request, quantity), 2):
             other = _with(request, partial(_exchanged, a, b))
             words = f"'{a}' and '{b}' are exchanged"
-            against = 0.0 if len({a, b} & seen) != 1 else _of_other_readings(fit, RoughFit.of(other, fit, read={a: (b, 1.0), b: (a, 1.0)}))
+            against = (
+                0.0
+                if len({a, b} & sensors) != 1
+                else _of_other_readings(fit, RoughFit.of_request(other, fit, read={a: (b, 1.0), b: (a, 1.0)}))
+            )
             remedy = "Exchange their names in the campaign, or their cables on the bench."
-            made = _plain("exchanged", f"{a}, {b}", words, remedy, other, against)
-            yield replace(made, read={a: (b, 1.0), b: (a, 1.0)})
+            hypothesis = _plain("exchanged", f"{a}, {b}", words, remedy, other, against)
+            yield replace(hypothesis, read={a: (b, 1.0), b: (a, 1.0)})
 
 
 def _of_other_readings(fit: RoughFit, other: RoughFit) -> float:
@@ -427,13 +434,13 @@ def _exchanged(a: str, b: str, record: Record) -> Record:
 
 def _nodes(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
     network = fit.problem.experiments[0].network
-    seen = {t.sensor: t.node for t in fit.traces}
-    heavy = [n.path for n in network.flat.nodes if n.fields and n.path not in seen.values()]
-    sensors = [s for s in seen if s in _channels(request, "temperature")]
+    node_of_sensor = {t.sensor: t.node for t in fit.traces}
+    heavy = [n.path for n in network.flat.nodes if n.fields and n.path not in node_of_sensor.values()]
+    sensors = [s for s in node_of_sensor if s in _channels(request, "temperature")]
     for s in sensors:
         for node in heavy:
             other = _with(request, partial(_moved, s, node))
-            words = f"'{s}' is on '{node}', not on '{seen[s]}'"
+            words = f"'{s}' is on '{node}', not on '{node_of_sensor[s]}'"
             yield _plain("node", s, words, f'Write node = "{node}" for {s}.', other)
 
 
@@ -446,8 +453,8 @@ def _moved(sensor: str, node: str, record: Record) -> Record:
 def _clocks(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
     """Yield shifts of what drives the model: its powers, and its boundaries where they change."""
     powers = [n for n, c in _channels(request, "power", "command").items() if np.ptp(c.values[c.valid]) > 0.0]
-    seen = {t.sensor for t in fit.traces}
-    walls = [n for n, c in _channels(request, "temperature").items() if n not in seen and np.ptp(c.values[c.valid]) > 3.0]
+    sensors = {t.sensor for t in fit.traces}
+    walls = [n for n, c in _channels(request, "temperature").items() if n not in sensors and np.ptp(c.values[c.valid]) > 3.0]
     for names in (powers, walls):
         if names and all(r.second is None for r in request.records):
             yield _shift(request, fit, names)
@@ -457,7 +464,7 @@ def _shift(request: Request, fit: RoughFit, names: list[str]) -> Hypothesis:
     span = min(float(np.ptp(r.times)) for r in request.records)
 
     def cost(shift: float, rounds: int) -> float:
-        rough = RoughFit.of(_shifted(request, names, shift), fit)
+        rough = RoughFit.of_request(_shifted(request, names, shift), fit)
         try:
             return rough.solve(rough.start(), rounds).cost
         except ThermidError:

@@ -96,10 +96,10 @@ class Plausibility(Result):
         ------
         NameNotFoundError   When there is none.
         """
-        found = {f.path: f for f in self.findings}
-        if path not in found:
-            raise NameNotFoundError(f"no finding for '{path}'.{nearest(path, found)}", self.title)
-        return found[path]
+        checks = {f.path: f for f in self.findings}
+        if path not in checks:
+            raise NameNotFoundError(f"no finding for '{path}'.{nearest(path, checks)}", self.title)
+        return checks[path]
 
     @property
     def physical(self) -> bool:
@@ -150,9 +150,9 @@ def plausibility(fit: Calibration, *, weights: Mapping[str, str] | None = None, 
     findings |= {f.path: f for f in _plain(network, owners)}
     findings |= {f.path: f for f in _weights(fit, network, owners, weights or {})}
     findings |= {f.path: f for f in _losses(fit, network, owners, delivered or {})}
-    kept = tuple(findings[p] for p in (*fitted, *(p for p in findings if p not in fitted)) if p in findings)
+    ordered = tuple(findings[p] for p in (*fitted, *(p for p in findings if p not in fitted)) if p in findings)
     open_ = tuple(_undecided(v) for v in fitted.values() if v.error > UNDETERMINED * abs(v.value))
-    return Plausibility(fit.stage, kept, tuple(p for p in fitted if p not in findings), open_)
+    return Plausibility(fit.stage, ordered, tuple(p for p in fitted if p not in findings), open_)
 
 
 def _undecided(v: FittedValue) -> str:
@@ -301,11 +301,11 @@ def _losses(fit: Calibration, network: Network, owners: Mapping[str, FittedValue
 def _power_given(fit: Calibration, network: Network, load: str) -> tuple[str, float, float]:
     """Return name, size and error [W] of a power that is not looked for: what the logs give, or the deck."""
     logged = [e.scenario.loads[load] for e in fit.experiments if load in e.scenario.loads]
-    found = fit.values.items_
+    fitted_values = fit.values.items_
     if logged:
         watts = max(power_while_on(s) for s in logged)
         channel = next((n for e in fit.experiments for n, (target, _) in e.shared.items() if target == f"scale.{load}"), "")
-        factor = found.get(f"{channel} error")
+        factor = fitted_values.get(f"{channel} error")
         return f"{load} as logged", watts * (factor.value if factor else 1.0), watts * factor.error if factor else 0.0
     numbers = network.numbers({p: v.value for p, v in fit.values.assignments.items()})
     return f"{load} by the deck", sum(float(value_of(r.coefficients[0])) for r in numbers.loads if r.name == load), 0.0

@@ -147,7 +147,7 @@ class RoughFit:
     extra: Extra | None = None
 
     @classmethod
-    def of(
+    def of_request(
         cls,
         request: Request,
         like: RoughFit | None = None,
@@ -164,9 +164,9 @@ class RoughFit:
         read : dict         Sensor whose readings are others than in `like` -> the sensor whose they are there, and by what factor they
                             are scaled. The errors go with the readings: a factor alone makes nothing likelier.
         """
-        made = build_problem(request)
-        unknowns = tuple(_held(request.model, u) for u in made.unknowns)
-        problem = replace(made, unknowns=(*unknowns, *(_about_zero(u, sd) for u, sd in amounts)))
+        full_problem = build_problem(request)
+        unknowns = tuple(_held(request.model, u) for u in full_problem.unknowns)
+        problem = replace(full_problem, unknowns=(*unknowns, *(_about_zero(u, sd) for u, sd in amounts)))
         errors = {(t.record, t.sensor): t for t in like.traces} if like is not None else {}
         traces, meshes, airs = [], [], []
         for i, e in enumerate(problem.experiments):
@@ -178,8 +178,8 @@ class RoughFit:
                 measured, counts = _means(e.times[o.index], o.measured, edges)
                 name = (e.record.name, o.sensor)
                 source, factor = (read or {}).get(o.sensor, (o.sensor, 1.0))
-                known = errors.get((e.record.name, source))
-                whiten = known.whiten / factor if known is not None else _whitener(o, centres, counts, edges)
+                error_of_trace = errors.get((e.record.name, source))
+                whiten = error_of_trace.whiten / factor if error_of_trace is not None else _whitener(o, centres, counts, edges)
                 if whiten.shape[0] != centres.size:
                     whiten = _whitener(o, centres, counts, edges)
                 traces.append(ThinTrace(i, k, *name, o.seat, centres, measured, whiten))
@@ -198,25 +198,25 @@ class RoughFit:
         SolverError   When a record cannot be run.
         """
         count = len(self.problem.unknowns)
-        seen = [self._seen(i, x[:count]) for i in range(len(self.problem.experiments))]
-        left, rows, slopes = [], [], []
+        simulated = [self._simulated_readings(i, x[:count]) for i in range(len(self.problem.experiments))]
+        residuals_of_trace, rows, slopes = [], [], []
         for n, t in enumerate(self.traces):
-            predicted, slope = seen[t.experiment][0][:, t.place], seen[t.experiment][1][:, t.place, :]
+            predicted, slope = simulated[t.experiment][0][:, t.place], simulated[t.experiment][1][:, t.place, :]
             if self.extra is not None:
                 predicted, slope = self._acted(n, predicted, slope, float(x[-1]))
-            left.append(t.measured - predicted)
-            rows.append(t.whiten @ left[-1])
+            residuals_of_trace.append(t.measured - predicted)
+            rows.append(t.whiten @ residuals_of_trace[-1])
             slopes.append(-(t.whiten @ slope))
         values, prior = self.problem.prior_rows(x[:count])
         if self.extra is not None:
             prior = np.column_stack([prior, np.zeros(values.size)])
-        found = np.concatenate(rows)
-        if not np.isfinite(found).all() or not np.isfinite(np.concatenate(slopes)).all():
+        residuals = np.concatenate(rows)
+        if not np.isfinite(residuals).all() or not np.isfinite(np.concatenate(slopes)).all():
             raise SolverError("the run gives numbers that are not finite.", "rough fit")
-        square, spent = float(found @ found), float(values @ values)
-        return RoughEnd(x, square, spent, tuple(left), np.concatenate([*slopes, prior]), np.concatenate([found, values]))
+        square, spent = float(residuals @ residuals), float(values @ values)
+        return RoughEnd(x, square, spent, tuple(residuals_of_trace), np.concatenate([*slopes, prior]), np.concatenate([residuals, values]))
 
-    def _seen(self, i: int, x: Array) -> tuple[Array, Array]:
+    def _simulated_readings(self, i: int, x: Array) -> tuple[Array, Array]:
         """Return what the sensors of an experiment would show in every stretch (bins, sensors) [K], and its slopes to the unknowns."""
         bench, (mesh, bins) = self.problem.bench(i, x), self.meshes[i]
         values, chain = self.problem.inputs(i, x)
@@ -241,15 +241,15 @@ class RoughFit:
             return predicted, np.column_stack([slope, np.zeros(predicted.size)])
         acts = self.extra.acting(self.traces[n].centres)
         shape = (self.airs[self.traces[n].experiment] - predicted if self.extra.loose else np.ones(predicted.size)) * acts
-        kept = 1.0 - amount * acts if self.extra.loose else np.ones(predicted.size)
-        return predicted + amount * shape, np.column_stack([slope * kept[:, None], shape])
+        scale = 1.0 - amount * acts if self.extra.loose else np.ones(predicted.size)
+        return predicted + amount * shape, np.column_stack([slope * scale[:, None], shape])
 
-    def start(self, known: Mapping[str, float] | None = None) -> Array:
+    def start(self, values_before: Mapping[str, float] | None = None) -> Array:
         """Return the starts, those of the same name taken from another end."""
-        begun = [(known or {}).get(u.name, u.to_fitted(u.start)) for u in self.problem.unknowns]
+        begun = [(values_before or {}).get(u.name, u.to_fitted(u.start)) for u in self.problem.unknowns]
         return np.array([*begun, *([0.0] if self.extra is not None else [])])
 
-    def best(self, *known: Mapping[str, float] | None, rounds: int = ROUNDS) -> RoughEnd:
+    def best(self, *starts: Mapping[str, float] | None, rounds: int = ROUNDS) -> RoughEnd:
         """Return the best end of descents from several starts: the deck's, or those of another end by name.
 
         Raises
@@ -257,7 +257,7 @@ class RoughFit:
         SolverError   When no start can be run.
         """
         ends, refused = [], None
-        for one in known:
+        for one in starts:
             try:
                 ends.append(self.solve(self.start(one), rounds))
             except SolverError as error:
@@ -278,7 +278,7 @@ class RoughFit:
         sizes = [t.measured.size for t in self.traces]
         first, size = sum(sizes[:trace]), sizes[trace]
         basis = np.linalg.qr(end.slopes)[0]
-        left = end.rows - basis @ (basis.T @ end.rows)
+        residuals = end.rows - basis @ (basis.T @ end.rows)
         t = self.traces[trace]
         predicted = t.measured - end.left[trace]
         shape = self.airs[t.experiment] - predicted if loose else np.ones(size)
@@ -286,7 +286,7 @@ class RoughFit:
         columns[first : first + size] = t.whiten @ (shape[:, None] * (np.arange(size)[:, None] >= np.arange(size - 2)[None, :]))
         columns -= basis @ (basis.T @ columns)
         # a further column c, cleared of what the slopes span, takes (c'r)^2 / (c'c + 1 / sd^2) off the squares
-        return int(np.argmax((columns.T @ left) ** 2 / (np.sum(columns**2, axis=0) + 1.0 / sd**2)))
+        return int(np.argmax((columns.T @ residuals) ** 2 / (np.sum(columns**2, axis=0) + 1.0 / sd**2)))
 
     def solve(self, start: Array, rounds: int = ROUNDS) -> RoughEnd:
         """Return the end of a descent of at most some steps.
@@ -332,7 +332,7 @@ def _stretches(times: Array) -> tuple[Array, Array]:
     else:
         place = np.searchsorted(np.linspace(times[0], times[-1], BINS + 1)[1:-1], times, side="right")
         parts = [times[place == k] for k in np.unique(place)]
-    between = [0.5 * (left[-1] + right[0]) for left, right in pairwise(parts)]
+    between = [0.5 * (before[-1] + right[0]) for before, right in pairwise(parts)]
     return np.array([p.mean() for p in parts]), np.array([times[0], *between, times[-1]])
 
 
@@ -363,6 +363,6 @@ def _whitener(o: Observation, centres: Array, counts: NDArray[np.int64], edges: 
     floor = max(FLOOR * spread, 0.5 * noise, 0.03)
     span = max(float(edges[-1] - edges[0]), 1e-9)
     wander = floor**2 * np.exp(-np.abs(centres[:, None] - centres[None, :]) / (0.2 * span))
-    own = np.where(counts > 0, noise / np.sqrt(np.maximum(counts, 1)), 10.0 * max(spread, 1.0))
+    own_noise = np.where(counts > 0, noise / np.sqrt(np.maximum(counts, 1)), 10.0 * max(spread, 1.0))
     # steps of powers inside a stretch: the mean of a stretch is known to a fraction of what changes in it
-    return np.asarray(np.linalg.inv(np.linalg.cholesky(np.diag(own**2 + (0.3 * floor) ** 2) + wander)))
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(np.diag(own_noise**2 + (0.3 * floor) ** 2) + wander)))

@@ -35,7 +35,7 @@ from thermid.inference._explain.thresholds import (
     SEARCHED,
     SHOWN,
     TIE,
-    WIDE,
+    WIDE_ERRORS,
 )
 from thermid.inference._explain.weighing import CauseScore, noise_of, weighed_at
 from thermid.measure.amounts import short
@@ -87,8 +87,8 @@ class FittedStructure:
         """Return what each change found, in words, and whether that is physically possible."""
         errors, pairs = self.errors(), zip(self.problem.unknowns, self.end.fitted, strict=True)
         slopes = {u.name: u.slope(float(x)) for u, x in pairs if u.kind == "parameter"}
-        found = {p: _Plain(v, float(slopes[p] * errors[p])) for p, v in self.values.items()}
-        return [c.judge(found) for c in self.changes]
+        values = {p: _Plain(v, float(slopes[p] * errors[p])) for p, v in self.values.items()}
+        return [c.judge(values) for c in self.changes]
 
     @property
     def possible(self) -> bool:
@@ -97,13 +97,13 @@ class FittedStructure:
 
     def errors(self, free: Sequence[str] | None = None) -> dict[str, float]:
         """Return path -> standard error of what was fitted, of its logarithm where it is one; with `free`, all other parameters fixed."""
-        kept = [k for k, u in enumerate(self.problem.unknowns) if u.kind != "parameter" or free is None or u.name in free]
-        rows = np.concatenate([self.end.jacobian, self.end.priors])[:, kept]
+        columns = [k for k, u in enumerate(self.problem.unknowns) if u.kind != "parameter" or free is None or u.name in free]
+        rows = np.concatenate([self.end.jacobian, self.end.priors])[:, columns]
         scale = np.linalg.norm(rows, axis=0)
         scale[scale == 0.0] = 1.0
         inverse = np.linalg.pinv((rows / scale).T @ (rows / scale), hermitian=True)
         sizes = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / scale
-        unknowns = [self.problem.unknowns[k] for k in kept]
+        unknowns = [self.problem.unknowns[k] for k in columns]
         return {u.name: float(s) for u, s in zip(unknowns, sizes, strict=True) if u.kind == "parameter"}
 
     @property
@@ -174,10 +174,10 @@ class StructureSearch:
 
         Of those with as many masses the likeliest stands for all.
         """
-        own = self.likelihood(self.proposed)
+        likelihood = self.likelihood(self.proposed)
         best: dict[int, FittedStructure] = {}
         for one in self.structures:
-            if one is self.proposed or not one.possible or self.likelihood(one) < own - TIE:
+            if one is self.proposed or not one.possible or self.likelihood(one) < likelihood - TIE:
                 continue
             if one.nodes not in best or self.likelihood(one) > self.likelihood(best[one.nodes]):
                 best[one.nodes] = one
@@ -240,7 +240,7 @@ def search_structure(
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):
-        return _Searching(request, changes or (lambda seen: list(changes_of(seen))), width, EvaluationBudget(evaluations)).run(
+        return _Searching(request, changes or (lambda structure: list(changes_of(structure))), width, EvaluationBudget(evaluations)).run(
             rounds, begin or {}
         )
 
@@ -288,11 +288,11 @@ class _Searching:
         for _ in range(rounds):
             if self.budget.over:
                 break
-            found = self._round(best)
-            if found is None:
+            better = self._round(best)
+            if better is None:
                 complete = not self.budget.over
                 break
-            best = found
+            best = better
         best = self._challenged(self._simplest(self._pruned(best)))
         self._straighten(best)
         return StructureSearch(
@@ -309,25 +309,25 @@ class _Searching:
         scores = self._scores(best)
         chosen = [s for s in scores[: self.width] if s.gain > 0.5]
         pairs = [_pair(a, b) for k, a in enumerate(scores[:3]) for b in scores[k + 1 : 3] if min(a.gain, b.gain) > TIE]
-        made = [self._refitted(best, score) for score in chosen]
-        single = max((self.log(m) for m in made if m is not None and m.possible), default=-np.inf)
+        refitted = [self._refitted(best, score) for score in chosen]
+        single = max((self.log(m) for m in refitted if m is not None and m.possible), default=-np.inf)
         # a pair is worth a refit where no single change is proved
         if single < self.log(best) + TIE:
-            made += [self._refitted(best, pair) for pair in pairs]
-        able = self._proved(made, best, len(scores))
+            refitted += [self._refitted(best, pair) for pair in pairs]
+        able = self._proved(refitted, best, len(scores))
         if not able:
             return None
         top = max(self.log(m) for m in able)
         return min((m for m in able if self.log(m) > top - TIE), key=self._rank)
 
-    def _proved(self, made: Sequence[FittedStructure | None], best: FittedStructure, tried: int) -> list[FittedStructure]:
+    def _proved(self, candidates: Sequence[FittedStructure | None], best: FittedStructure, tried: int) -> list[FittedStructure]:
         """Return the structures with which readings are likelier than with the best by more than chance among those tried gives.
 
         The best of many that do nothing gains about the logarithm of their number, and every mass more that one change brings, such as a
         lag of each sensor, gains by chance as a change of its own would.
         """
-        own = self.log(best) + math.log(max(tried, 1))
-        return [m for m in made if m and m.possible and self.log(m) > own + TIE * max(m.nodes - best.nodes, 1)]
+        threshold = self.log(best) + math.log(max(tried, 1))
+        return [m for m in candidates if m and m.possible and self.log(m) > threshold + TIE * max(m.nodes - best.nodes, 1)]
 
     def _challenged(self, best: FittedStructure) -> FittedStructure:
         """Return the best after the likeliest structures of one mass more were refitted.
@@ -355,18 +355,18 @@ class _Searching:
         if self.budget.over:
             return None
         try:
-            made = fitted_structure((*best.changes, score.change), score.change.request, best.fitted, score.start, self.budget)
+            structure = fitted_structure((*best.changes, score.change), score.change.request, best.fitted, score.start, self.budget)
         except (ThermidError, np.linalg.LinAlgError) as error:
             self.refused.append((score.change.name, str(error)))
             return None
-        self.done.append(made)
-        return made
+        self.done.append(structure)
+        return structure
 
     def _pruned(self, best: FittedStructure) -> FittedStructure:
         """Return the structure without changes that others have made superfluous."""
         while len(best.changes) > 1 and not self.budget.over:
-            made = [self._without(best, k) for k in range(len(best.changes) - 1)]  # the last one was just proved
-            fewer = [m for m in made if m and m.possible and self.log(m) > self.log(best) - TIE]
+            simpler = [self._without(best, k) for k in range(len(best.changes) - 1)]  # the last one was just proved
+            fewer = [m for m in simpler if m and m.possible and self.log(m) > self.log(best) - TIE]
             if not fewer:
                 return best
             best = max(fewer, key=lambda m: self.log(m))
@@ -374,16 +374,16 @@ class _Searching:
 
     def _without(self, best: FittedStructure, place: int) -> FittedStructure | None:
         """Return the structure without one of its changes, refitted; None where that is not possible."""
-        kept = (*best.changes[:place], *best.changes[place + 1 :])
+        remaining = (*best.changes[:place], *best.changes[place + 1 :])
         request = self.request
-        for change in kept:
+        for change in remaining:
             request = change.make(request)
         try:
-            made = fitted_structure(kept, request, best.fitted, budget=self.budget)
+            structure = fitted_structure(remaining, request, best.fitted, budget=self.budget)
         except (ThermidError, np.linalg.LinAlgError):
             return None
-        self.done.append(made)
-        return made
+        self.done.append(structure)
+        return structure
 
     def _straighten(self, best: FittedStructure) -> None:
         """Refit what a law that bends may stand for: a contact in its place, which of equals is the simpler one."""
@@ -406,8 +406,8 @@ class _Searching:
 
     def _simplest(self, best: FittedStructure) -> FittedStructure:
         """Return the simplest of the structures with which readings are as likely as with the best."""
-        own = self.log(best)
-        alike = [s for s in self.done if (s.possible or not s.changes) and self.log(s) > own - TIE * max(best.nodes - s.nodes, 1)]
+        likelihood = self.log(best)
+        alike = [s for s in self.done if (s.possible or not s.changes) and self.log(s) > likelihood - TIE * max(best.nodes - s.nodes, 1)]
         return min(alike, key=self._rank) if alike else best
 
 
@@ -418,12 +418,12 @@ def _pair(a: PromisedChange, b: PromisedChange) -> PromisedChange:
 def _from(problem: Problem, best: FittedStructure, start: Mapping[str, float]) -> Array:
     """Return where a refit begins: at the values of the fit before, new ones at their start."""
     at = starting_point(problem.unknowns)
-    known = best.fitted
+    values_before = best.fitted
     for k, u in enumerate(problem.unknowns):
         if u.name in start:
             at[k] = u.to_fitted(start[u.name])
-        elif u.name in known:
-            at[k] = known[u.name]
+        elif u.name in values_before:
+            at[k] = values_before[u.name]
     return at
 
 
@@ -433,8 +433,8 @@ def promises(best: FittedStructure, changes: Iterable[MissingElement], refused: 
     It says which changes are worth a refit, and no more: where a step leads too far, nothing of it may come true.
     """
     reduced = max(best.end.chi_square / max(best.problem.freedom, 1.0), 1e-12)
-    known = best.fitted
-    before = _promised(best.problem, best.end.fitted, known, False)[0]
+    values_before = best.fitted
+    before = _promised(best.problem, best.end.fitted, values_before, False)[0]
     out = []
     for change in changes:
         try:
@@ -442,29 +442,31 @@ def promises(best: FittedStructure, changes: Iterable[MissingElement], refused: 
         except ThermidError as error:
             refused.append((change.name, error.message))
             continue
-        own = []
+        promises_of_starts = []
         for start in change.starts or ({},):
             try:
-                after, larger = _promised(problem, _from(problem, best, start), known, change.additive)
-                own.append((before - after, {**start, **larger}))
+                after, larger = _promised(problem, _from(problem, best, start), values_before, change.additive)
+                promises_of_starts.append((before - after, {**start, **larger}))
             except ThermidError:
                 continue
-        out += [PromisedChange(change, start, gain / reduced) for gain, start in sorted(own, key=lambda each: -each[0])[:1]]
+        out += [
+            PromisedChange(change, start, gain / reduced) for gain, start in sorted(promises_of_starts, key=lambda promise: -promise[0])[:1]
+        ]
     return sorted(out, key=lambda s: -s.gain)
 
 
-def _promised(problem: Problem, at: Array, known: Mapping[str, float], additive: bool) -> tuple[float, dict[str, float]]:
+def _promised(problem: Problem, at: Array, values_before: Mapping[str, float], additive: bool) -> tuple[float, dict[str, float]]:
     """Return the cost that one step of Gauss and Newton promises, half a sum of squares whatever the loss, and what small values become.
 
     Parameters
     ----------
-    known : dict        Unknowns of the fit before.
+    values_before : dict  Unknowns of the fit before.
     additive : bool     Whether the others are small values whose effect is proportional to them; none of them may turn negative.
     """
-    found = problem.compressed(at)
+    compressed = problem.compressed(at)
     priors, slopes = problem.prior_rows(at)
-    rows, matrix = np.concatenate([found.rows, priors]), np.concatenate([found.slopes, slopes])
-    new = np.array([additive and u.name not in known for u in problem.unknowns], dtype=bool)
+    rows, matrix = np.concatenate([compressed.rows, priors]), np.concatenate([compressed.slopes, slopes])
+    new = np.array([additive and u.name not in values_before for u in problem.unknowns], dtype=bool)
     scale = np.array([PROMISED_STEP if u.log else PROMISED_STEP * u.scale for u in problem.unknowns]) * np.where(new, FREE_STEP, 1.0)
     for _ in range(2):
         wide = np.concatenate([matrix * scale, np.eye(scale.size)])
@@ -473,10 +475,10 @@ def _promised(problem: Problem, at: Array, known: Mapping[str, float], additive:
         if not backward.any():
             break
         scale = np.where(backward, 0.0, scale)
-    left = rows + matrix @ (scale * step)
+    residuals = rows + matrix @ (scale * step)
     moved = zip(problem.unknowns, at, new, scale * step, strict=True)
     larger = {u.name: u.to_value(float(x)) * float(np.clip(1.0 + s, 0.1, 100.0)) for u, x, grows, s in moved if grows and u.log}
-    return 0.5 * float(left @ left + step @ step), larger
+    return 0.5 * float(residuals @ residuals + step @ step), larger
 
 
 def sizes_of(changes: Sequence[MissingElement]) -> dict[str, SizedValue]:
@@ -487,7 +489,7 @@ def sizes_of(changes: Sequence[MissingElement]) -> dict[str, SizedValue]:
 def fitted_structure(
     changes: tuple[MissingElement, ...],
     request: Request,
-    known: Mapping[str, float],
+    values_before: Mapping[str, float],
     start: Mapping[str, float] | None = None,
     budget: EvaluationBudget | None = None,
 ) -> FittedStructure:
@@ -497,7 +499,7 @@ def fitted_structure(
     ----------
     changes : tuple     What was changed, for the result.
     request : Request   With the changes.
-    known : dict        Unknown -> value in the fitted form, from a fit before.
+    values_before : dict  Unknown -> value in the fitted form, from a fit before.
     start : dict        Path -> value of new unknowns. [SI]
     budget : EvaluationBudget     What its evaluations are taken from; it is given up where none is left.
 
@@ -512,8 +514,8 @@ def fitted_structure(
     for k, u in enumerate(problem.unknowns):
         if start and u.name in start:
             at[k] = u.to_fitted(start[u.name])
-        elif u.name in known:
-            at[k] = known[u.name]
+        elif u.name in values_before:
+            at[k] = values_before[u.name]
 
     end = minimise(problem, request.loss, request.loss_scale, at, (budget or EvaluationBudget()).watch(request.name), SEARCHED)
     if not np.isfinite(end.cost):
@@ -593,17 +595,17 @@ def _hours(seconds: float) -> str:
 def _apart(one: FittedStructure, other: FittedStructure, times: Array, loads: Mapping[str, TableSignal]) -> float:
     """Return half the squares of the difference of both at the sensors, in noises."""
     readings = []
-    for each in (one, other):
-        request = adopted(each)
-        base = each.problem.experiments[0]
+    for structure in (one, other):
+        request = adopted(structure)
+        base = structure.problem.experiments[0]
         rest = float(np.mean([o.measured[0] for o in base.observations]))
         boundaries = {b: Constant(rest) for b in base.network.boundaries}
         grown = {c.target or c.name for c in base.record.channels.values() if c.role == "command"}
-        given = {"commands": {n: w for n, w in loads.items() if n in grown}, "loads": {n: w for n, w in loads.items() if n not in grown}}
+        inputs = {"commands": {n: w for n, w in loads.items() if n in grown}, "loads": {n: w for n, w in loads.items() if n not in grown}}
         length = f"{float(times[-1])!r} [s]"
-        scenario = Scenario("test", boundaries=boundaries, start=f"{rest!r} [K]", duration=length).with_(**given)
+        scenario = Scenario("test", boundaries=boundaries, start=f"{rest!r} [K]", duration=length).with_(**inputs)
         run = simulate(request.model, scenario, times=times)
-        readings.append({o.sensor: run[o.node].kelvin / o.sigma(each.problem.noise) for o in base.observations})
+        readings.append({o.sensor: run[o.node].kelvin / o.sigma(structure.problem.noise) for o in base.observations})
     return 0.5 * sum(float(np.sum((readings[0][s] - readings[1][s]) ** 2)) for s in readings[0])
 
 
@@ -617,7 +619,7 @@ def adopted(one: FittedStructure) -> Request:
     texts = {n: exact(v, units[n]) for n, v in one.values.items()}
     model = one.request.model.with_values(texts, "structure search")
     wide = {u.name: _bounds_as_prior(u) for u in _undetermined(one)} if one.changes else {}
-    said = tuple(
+    judgements = tuple(
         f"in the proposed structure the readings hardly determine '{n}'. Its bounds stand as a prior: {mean} +- {sd}."
         for n, (mean, sd) in wide.items()
     )
@@ -626,7 +628,7 @@ def adopted(one: FittedStructure) -> Request:
         one.request,
         model=model,
         priors={**one.request.priors, **wide},
-        remarks=(*one.request.remarks, *said),
+        remarks=(*one.request.remarks, *judgements),
         search=how,
         structural_errors=bool(one.changes),
     )
@@ -635,11 +637,11 @@ def adopted(one: FittedStructure) -> Request:
 def _undetermined(one: FittedStructure) -> list[Unknown]:
     """Return the parameters without a prior whose errors are a good part of their bounds; a full fit refuses some of them."""
     errors, out = one.errors(), []
-    known = {one.request.model.canonical(p) for p in one.request.priors}
+    with_prior = {one.request.model.canonical(p) for p in one.request.priors}
     for u in one.problem.unknowns:
         low, high = u.fitted_bounds()
         bounded = np.isfinite(high - low) and (not u.log or u.low > 0.0)
-        if u.kind == "parameter" and bounded and u.name not in known and WIDE * errors[u.name] > high - low:
+        if u.kind == "parameter" and bounded and u.name not in with_prior and WIDE_ERRORS * errors[u.name] > high - low:
             out.append(u)
     return out
 
@@ -648,5 +650,5 @@ def _bounds_as_prior(u: Unknown) -> tuple[str, str]:
     """Return mean and standard deviation of a prior, as texts, whose 95 % are the bounds of an unknown."""
     low, high = u.fitted_bounds()
     mean, sd = from_si(u.to_value(0.5 * (low + high)), u.unit), 0.25 * (high - low)
-    own = f"{100.0 * sd:.3g} [%]" if u.log else f"{sd / float(unit(u.unit).factor):.4g} [{u.unit}]"
-    return f"{mean:.4g} [{u.unit}]", own
+    sd_text = f"{100.0 * sd:.3g} [%]" if u.log else f"{sd / float(unit(u.unit).factor):.4g} [{u.unit}]"
+    return f"{mean:.4g} [{u.unit}]", sd_text

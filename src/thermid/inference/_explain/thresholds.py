@@ -39,7 +39,7 @@ FEWEST_RECORDS: Final = 6
 
 NOISY: Final = 1.5
 """Chi-square per degree of freedom above which residuals ask for an explanation, and below which they have one. [-]"""
-LEAST: Final = 0.02
+MIN_DEFECT_WEIGHT: Final = 0.02
 """Weight beside the best below which a defect is left out. [-]"""
 TAKEN: Final = 0.25
 """Part of chi-square that a linearised step with a defect takes off, below which it is not worth its refits. [-]"""
@@ -77,7 +77,7 @@ MAX_HEATED_NODES: Final = 30
 """Nodes that store heat in which unlogged heat is looked for: each has `PULSES` derivatives of every node's temperature."""
 MANY_LOADS: Final = 3
 """Most nodes and loads at which a course of an unlogged power is tried."""
-TURNS: Final = 3
+MAX_WINDOW_SEARCHES: Final = 3
 """How often a window is looked for again, from where the last one led."""
 TELLING_DIFFERENCE: Final = 0.2
 """Difference below which a measured temperature says nothing of the heat that leaves by it. [K]"""
@@ -94,7 +94,7 @@ USUAL_ROOM: Final = (14.0, 34.0)
 """Readings at the start of a log that a room may have. [degC]"""
 NAMED: Final = 9.0
 """Least gain in the logarithm of the posterior's height from which a mistake is named; chance and the search among many are in it. [-]"""
-LEFT: Final = 0.4
+MAX_MISFIT_LEFT: Final = 0.4
 """Part of the misfit, of readings and deck together, that a named mistake may leave. [-]"""
 MOST_RECORDS_SEARCHED: Final = 4
 """Records that are looked at: the worst ones, where there are more."""
@@ -104,9 +104,9 @@ OVER_STRUCTURE: Final = 3.0
 """What a mistake must gain over an element that the model may lack: what that explains as well is not blamed on a mistake. [-]"""
 SECOND: Final = 6
 """How many of the best hypotheses are fitted to the end, once all were fitted roughly."""
-QUIET: Final = 0.8
+MAX_SQUARES_UNSEARCHED: Final = 0.8
 """Squares per thinned reading up to which nothing is looked for. [-]"""
-FAR: Final = 1.2
+CONTRADICTED_PRIOR: Final = 1.2
 """Squares of the weak priors per unknown from which the deck is thought contradicted. [-]"""
 LAGS: Final = (15.0, 40.0, 120.0)
 """Time constants with which a sensor that came loose goes to the temperature of its surroundings. [s]"""
@@ -144,7 +144,7 @@ ABOUT_START: Final = 5.0
 """Standard deviation of a start about its first reading, in noises; 1 K at least. [-]"""
 ANY_VALUE: Final = 5.0
 """Standard deviation of the logarithm of a parameter of which nothing is known. [-]"""
-WIDE: Final = 8.0
+WIDE_ERRORS: Final = 8.0
 """So many standard errors are wider than the bounds of a value that the readings hardly determine; a full fit refuses it at two."""
 EVALUATIONS: Final = 8000
 """Most evaluations of a search: runs of every record with derivatives. A count, so that a busy machine finds what an idle one finds. [-]"""

@@ -76,21 +76,21 @@ def weighed_at(
     from scipy.special import log_ndtr
 
     pieces = [*binned(problem, fitted, loss, loss_scale, STRETCHES).values()]
-    own = np.array([u.name in sizes for u in problem.unknowns], dtype=bool)
+    is_sized = np.array([u.name in sizes for u in problem.unknowns], dtype=bool)
     values, slopes = problem.prior_rows(fitted)
-    stated = ~slopes[:, own].any(axis=1) if values.size else np.zeros(0, dtype=bool)
+    stated = ~slopes[:, is_sized].any(axis=1) if values.size else np.zeros(0, dtype=bool)
     priors, pulls, spent = [], [], []
     for factor in WIDTHS:
-        left, matrix = values[stated], slopes[stated]
-        for k in np.flatnonzero(own):
+        stated_values, matrix = values[stated], slopes[stated]
+        for k in np.flatnonzero(is_sized):
             u = problem.unknowns[k]
             row, slope = sizes[u.name].row(u.to_value(float(fitted[k])), u.log, factor)
-            left, matrix = np.append(left, row), np.concatenate([matrix, slope * np.eye(own.size)[[k]]])
+            stated_values, matrix = np.append(stated_values, row), np.concatenate([matrix, slope * np.eye(is_sized.size)[[k]]])
         priors.append(matrix.T @ matrix)
-        pulls.append(-matrix.T @ left)
-        spent.append(0.5 * float(left @ left))
+        pulls.append(-matrix.T @ stated_values)
+        spent.append(0.5 * float(stated_values @ stated_values))
     logs, moves, errors = evidences(pieces, np.array(priors), np.array(pulls))
-    one_sided = [k for k in np.flatnonzero(own) if problem.unknowns[k].log and not sizes[problem.unknowns[k].name].middle]
+    one_sided = [k for k in np.flatnonzero(is_sized) if problem.unknowns[k].log and not sizes[problem.unknowns[k].name].middle]
     for k in one_sided:  # of a normal about nothing only the upper half is possible: twice the density, times what lies above
         logs = logs + np.log(2.0) + log_ndtr((1.0 + moves[..., k]) / errors[..., k])
     return CauseScore(logs - np.array(spent)[:, None])

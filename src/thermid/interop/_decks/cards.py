@@ -32,15 +32,15 @@ def card_blocks(lines: Iterator[Line]) -> Iterator[tuple[str, str, list[Line]]]:
     """Yield header, submodel and rows of each block, registers made of numbered constants as a block of their own."""
     header, rows, words = "", list[Line](), list[str]()
     shift, page, inside = 0, 0, False  # a listing has a blank before each card; its pages begin with three lines of their own
-    for each in lines:
-        if _SIGN.match(each.text):
+    for line in lines:
+        if _SIGN.match(line.text):
             shift, page = 1, 3
         page -= page > 0
-        mark = each.text[shift : shift + 1].upper()
+        mark = line.text[shift : shift + 1].upper()
         if page or mark in ("C", "*"):
-            words.append(each.text[shift + 1 :].strip())
+            words.append(line.text[shift + 1 :].strip())
             continue
-        row = each.text.split("$", 1)[0].rstrip()
+        row = line.text.split("$", 1)[0].rstrip()
         card, named = row.strip().upper(), _HEADER.match(row)
         if named:
             name = " ".join(named[1].upper().split())
@@ -48,7 +48,7 @@ def card_blocks(lines: Iterator[Line]) -> Iterator[tuple[str, str, list[Line]]]:
                 return
             header, rows, inside = _HEADERS.get(name, name), [], False
         elif mark in ("F", "M") and header.startswith(("OPERATION", "VARIABLES")):
-            rows.append(replace(each, text=row[:shift] + " " + row[shift + 1 :]))
+            rows.append(replace(line, text=row[:shift] + " " + row[shift + 1 :]))
         elif card == "END" and inside:
             inside = False
         elif card == "END" and header:
@@ -59,7 +59,7 @@ def card_blocks(lines: Iterator[Line]) -> Iterator[tuple[str, str, list[Line]]]:
                 row, inside = f"{begin[1]} = {row[begin.end() :]}", True
             if header == "ARRAY DATA" and inside and re.search(r"[,\s]END$", row, re.IGNORECASE):
                 row, inside = row[:-3].rstrip(" ,"), False
-            rows.append(replace(each, text=row, before=tuple(words)))
+            rows.append(replace(line, text=row, before=tuple(words)))
         words = []
     yield from _constants(header, rows)
 
@@ -75,6 +75,6 @@ def _constants(header: str, rows: list[Line]) -> Iterator[tuple[str, str, list[L
         yield header, SUBMODEL, rows
 
 
-def _register(found: re.Match[str]) -> str:
+def _register(match: re.Match[str]) -> str:
     """Return the name of a numbered constant in as many letters as its number had, so that its value stays where it stands."""
-    return f"{found[1]}K{found[2]}".ljust(len(found[0]) - 1) + "="
+    return f"{match[1]}K{match[2]}".ljust(len(match[0]) - 1) + "="

@@ -109,7 +109,7 @@ def read_emissivities(lines: Sequence[tuple[str, str]], properties: Mapping[str,
     for i, j in ends:
         shares = ((name, max(float(lost[name][i, j] / G[i, j]), floor[name])) for name in names)
         rows.append(tuple(FileEmissivity(name, properties[name], m) for name, m in shares if m))
-    counts = {name: sum(each == name for each in of.values()) for name in names}
+    counts = {name: sum(other_name == name for other_name in of.values()) for name in names}
     between = sum(abs(emissivity[node] - properties[of[node]]) > 1e-3 for node in of)
     return Emissivities({name: (properties[name], n) for name, n in counts.items() if n}, rows, between)
 

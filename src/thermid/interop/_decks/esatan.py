@@ -83,9 +83,9 @@ def _lines(deck: EsatanDeck, path: Path, text: str, inside: tuple[Path, ...]) ->
             comment = line.text.partition("#")[2].strip(" *")
             words = [comment] if comment else words
             continue
-        found = re.match(r"\s*\$INCLUDE\s+[\"']?([^\"';]+)[\"']?", row, re.IGNORECASE)
-        if found:
-            target = path.parent / found[1].strip().replace("\\", "/")
+        include = re.match(r"\s*\$INCLUDE\s+[\"']?([^\"';]+)[\"']?", row, re.IGNORECASE)
+        if include:
+            target = path.parent / include[1].strip().replace("\\", "/")
             yield from _lines(deck, target, deck.reading.open(target, (*inside, path), str(line.where)), (*inside, path))
         else:
             yield replace(line, text=row, before=tuple(words))
@@ -180,12 +180,12 @@ def _names(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> No
         if statement.text.strip().startswith("$"):
             kind = statement.text.strip()[1:].upper()
             continue
-        found = re.match(r"(\w+)\s*=\s*(.+)", statement.text, re.DOTALL)
-        if found is None or kind == "CHARACTER" or "'" in found[2] or (kind == "CONTROL" and found[1].upper() != "STEFAN"):
+        match = re.match(r"(\w+)\s*=\s*(.+)", statement.text, re.DOTALL)
+        if match is None or kind == "CHARACTER" or "'" in match[2] or (kind == "CONTROL" and match[1].upper() != "STEFAN"):
             continue
-        where = statement.part(found.start(2), found.end(2))
-        value = deck.reading.value(found[2], where)
-        name = deck.reading.name(found[1])
+        where = statement.part(match.start(2), match.end(2))
+        value = deck.reading.value(match[2], where)
+        name = deck.reading.name(match[1])
         deck.parameters[name] = (value, where)
         deck.numbers[name] = _number(deck, value)
 
@@ -198,30 +198,30 @@ def _number(deck: EsatanDeck, value: float | str) -> float:
 def _arrays(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> None:
     """Read $ARRAYS: name(size, ...) = numbers."""
     for statement in _statements(lines):
-        found = re.match(r"(\w+)\s*\(([^)]*)\)\s*=\s*(.+)", statement.text, re.DOTALL)
-        if not found:
+        match = re.match(r"(\w+)\s*\(([^)]*)\)\s*=\s*(.+)", statement.text, re.DOTALL)
+        if not match:
             continue
-        words = [word for word in re.split(r"[\s,]+", found[3].strip()) if word]
+        words = [word for word in re.split(r"[\s,]+", match[3].strip()) if word]
         try:
             values = np.array([_number(deck, deck.reading.value(word, statement.where)) for word in words])
         except ThermidError:
-            deck.reading.remark(statement.where, f"array {found[1]} is not of numbers")
+            deck.reading.remark(statement.where, f"array {match[1]} is not of numbers")
             continue
-        sizes = [int(size) for size in found[2].split(",") if size.strip().isdigit()]
+        sizes = [int(size) for size in match[2].split(",") if size.strip().isdigit()]
         if sizes and int(np.prod(sizes)) != values.size:
-            raise DeckError(f"array {found[1]}({found[2]}) has {counted(values.size, 'number')}.", str(statement.where))
-        scope.arrays[found[1].upper()] = values.reshape(sizes[::-1]) if len(sizes) > 1 else values
+            raise DeckError(f"array {match[1]}({match[2]}) has {counted(values.size, 'number')}.", str(statement.where))
+        scope.arrays[match[1].upper()] = values.reshape(sizes[::-1]) if len(sizes) > 1 else values
 
 
 def _nodes(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> None:
     """Read $NODES: D, B or X with number, label and values."""
     for statement in _statements(lines):
-        found = re.match(r"([DBX])(\d+)\s*=\s*('(?:[^']*)')?\s*,?\s*(.*)", statement.text, re.DOTALL | re.IGNORECASE)
-        if not found:
+        match = re.match(r"([DBX])(\d+)\s*=\s*('(?:[^']*)')?\s*,?\s*(.*)", statement.text, re.DOTALL | re.IGNORECASE)
+        if not match:
             deck.reading.remark(statement.where, f"'{statement.text[:60]}' is not a node")
             continue
-        kind, name, title = found[1].upper(), f"T{int(found[2])}", (found[3] or "").strip("' ")
-        body = Line(statement.text[found.start(4) :], statement.part(found.start(4), len(statement.text)))
+        kind, name, title = match[1].upper(), f"T{int(match[2])}", (match[3] or "").strip("' ")
+        body = Line(statement.text[match.start(4) :], statement.part(match.start(4), len(statement.text)))
         values: dict[str, tuple[float | str, TextSpan]] = {}
         for cell, where in fields(body):
             key, mark, word = cell.partition("=")
@@ -244,8 +244,8 @@ def _nodes(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> No
 
 def _node_of(scope: _Scope, owner: str, word: str) -> tuple[str, str]:
     """Return the node that a reference names: 10, or SUB:10, or SUB:SUB:10."""
-    *path, number = [each.strip() for each in word.split(":")]
-    return ("_".join([owner, *(each.upper() for each in path)]) if path else owner, f"T{int(number.lstrip('DBXdbx'))}")
+    *path, number = [part.strip() for part in word.split(":")]
+    return ("_".join([owner, *(part.upper() for part in path)]) if path else owner, f"T{int(number.lstrip('DBXdbx'))}")
 
 
 def _conductors(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> None:
@@ -253,28 +253,28 @@ def _conductors(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) 
     again: dict[str, int] = {}
     views: list[Line] = []
     for statement in _statements(lines):
-        found = re.match(r"(G[LRFV])\s*\(([^,()]+),([^,()]+)\)\s*=\s*(.+)", statement.text, re.DOTALL | re.IGNORECASE)
-        if found and found[1].upper() == "GV":
+        match = re.match(r"(G[LRFV])\s*\(([^,()]+),([^,()]+)\)\s*=\s*(.+)", statement.text, re.DOTALL | re.IGNORECASE)
+        if match and match[1].upper() == "GV":
             views.append(statement)
             continue
-        if not found:
+        if not match:
             deck.reading.remark(statement.where, f"'{statement.text[:60]}' is not a GL, GR or GF")
             continue
         try:
-            a, b = (_node_of(scope, owner, found[k]) for k in (2, 3))
+            a, b = (_node_of(scope, owner, match[k]) for k in (2, 3))
         except ThermidError:
             raise
         except ValueError:
             raise DeckError(f"'{statement.text[:60]}' does not name two nodes.", str(statement.where)) from None
         if deck.inactive & {a, b}:
             continue
-        where = statement.part(found.start(4), found.end(4))
-        value = deck.reading.value(found[4], where)
+        where = statement.part(match.start(4), match.end(4))
+        value = deck.reading.value(match[4], where)
         ends = "_".join(n if model == owner else f"{model.removeprefix(f'{owner}_')}_{n}" for model, n in (a, b))
-        name = f"{owner}_{found[1].upper()}_{ends}"
-        if found[1].upper() == "GL":
+        name = f"{owner}_{match[1].upper()}_{ends}"
+        if match[1].upper() == "GL":
             table: dict[str, object] = {"kind": "conduction", "conductance": with_unit(value, "W/K")}
-        elif found[1].upper() == "GF":
+        elif match[1].upper() == "GF":
             table = stream(value)
         else:
             ratio = deck.numbers.get(deck.reading.names.get("STEFAN", ""), STEFAN) / STEFAN_BOLTZMANN
@@ -301,46 +301,46 @@ def _variables(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -
         depth += bool(re.match(r"IF\b.*\bTHEN$", word))
         if _SILENT.match(word):
             continue
-        found = None if depth else _COURSE.match(line.text)
-        course = _course(deck, scope, found, line) if found else None
+        match = None if depth else _COURSE.match(line.text)
+        course = _course(deck, scope, match, line) if match else None
         depth -= bool(re.match(r"END ?IF$", word))
         if course is None and not depth and word not in ("ENDIF", "END IF") and _constant(deck, owner, line):
             continue
-        if found is None or course is None:
+        if match is None or course is None:
             deck.reading.remark(line.where, f"logic not taken over: '{line.text.strip()[:60]}'")
             continue
-        into = (owner, f"T{int(found[2])}")
-        factor = deck.reading.value(found[5], line.part(found.start(5), found.end(5))) if found[5] else 1.0
-        if found[1].upper() == "T":
+        into = (owner, f"T{int(match[2])}")
+        factor = deck.reading.value(match[5], line.part(match.start(5), match.end(5))) if match[5] else 1.0
+        if match[1].upper() == "T":
             deck.boundaries[f"{owner}_{into[1]}"] = replace(course, numbers=course.numbers * _number(deck, factor))
             continue
-        name = f"{owner}_{found[1].upper()}_{into[1]}"
+        name = f"{owner}_{match[1].upper()}_{into[1]}"
         deck.loads = [load for load in deck.loads if load.name != name]
         deck.loads.append(FileLoad(name, into, with_unit(factor, "W"), line.where, "", course, scales=True))
 
 
 def _constant(deck: EsatanDeck, owner: str, line: Line) -> bool:
     """Take a power that VARIABLES1 sets to arithmetic of names; whether it did."""
-    found = _CONSTANT.match(line.text)
-    if found is None:
+    match = _CONSTANT.match(line.text)
+    if match is None:
         return False
-    where = line.part(found.start(3), found.end(3))
+    where = line.part(match.start(3), match.end(3))
     try:
-        power = deck.reading.value(found[3], where)
+        power = deck.reading.value(match[3], where)
     except DeckError:
         return False
-    name = f"{owner}_{found[1].upper()}_T{int(found[2])}"
+    name = f"{owner}_{match[1].upper()}_T{int(match[2])}"
     deck.loads = [load for load in deck.loads if load.name != name]
-    deck.loads.append(FileLoad(name, (owner, f"T{int(found[2])}"), with_unit(power, "W"), where))
+    deck.loads.append(FileLoad(name, (owner, f"T{int(match[2])}"), with_unit(power, "W"), where))
     return True
 
 
-def _course(deck: EsatanDeck, scope: _Scope, found: re.Match[str], line: Line) -> FileCourse | None:
+def _course(deck: EsatanDeck, scope: _Scope, match: re.Match[str], line: Line) -> FileCourse | None:
     """Return the course of INTCYC(time, times, values, order, period, shift) or INTRP1(time, array of pairs, order)."""
-    words = [word.strip() for word in found[4].split(",")]
+    words = [word.strip() for word in match[4].split(",")]
     if words[0].upper() not in ("TIMEM", "TIMEN", "TIME"):
         return None
-    if found[3].upper() == "INTCYC":
+    if match[3].upper() == "INTCYC":
         times, values = (scope.arrays.get(word.upper()) for word in words[1:3])
         if times is None or values is None or len(words) < 5 or words[3] != "1":
             return None
@@ -356,12 +356,12 @@ def _course(deck: EsatanDeck, scope: _Scope, found: re.Match[str], line: Line) -
 def _execution(deck: EsatanDeck, lines: list[Line]) -> None:
     """Take the end of the transient from $EXECUTION."""
     for line in lines:
-        found = re.match(r"\s*TIMEND\s*=\s*(.+?)\s*$", line.text, re.IGNORECASE)
-        if found:
+        match = re.match(r"\s*TIMEND\s*=\s*(.+?)\s*$", line.text, re.IGNORECASE)
+        if match:
             try:
-                deck.duration = _number(deck, deck.reading.value(found[1], line.where))
+                deck.duration = _number(deck, deck.reading.value(match[1], line.where))
             except ThermidError:
-                deck.reading.remark(line.where, f"the end of the run, '{found[1]}', is not a number")
+                deck.reading.remark(line.where, f"the end of the run, '{match[1]}', is not a number")
 
 
 _READERS = {"LOCALS": _names, "CONSTANTS": _names, "ARRAYS": _arrays, "NODES": _nodes, "CONDUCTORS": _conductors}

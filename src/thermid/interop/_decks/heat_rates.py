@@ -55,7 +55,7 @@ class CommentedArrays:
 
 def owner_of(comments: Sequence[str]) -> tuple[str, str] | None:
     """Return the node that the last comment before an array names: `solar albedo planetshine - PLATE.4 Area = 0.0008`."""
-    match = next((match for each in reversed(comments) if (match := _OWNER.match(each))), None)
+    match = next((match for comment in reversed(comments) if (match := _OWNER.match(comment))), None)
     return (match[1].upper(), f"T{int(match[2])}") if match else None
 
 

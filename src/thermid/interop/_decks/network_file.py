@@ -99,8 +99,8 @@ class FileConductor:
     def factor(self) -> str:
         """Return what multiplies the conductor's value: the factor of its group and its change with emissivities."""
         up = [self.group] if self.group else []
-        up += [f"(1 + {each.text})" for each in self.follows if each.lost < 0.0]
-        down = [each.text for each in self.follows if each.lost > 0.0]
+        up += [f"(1 + {emissivity.text})" for emissivity in self.follows if emissivity.lost < 0.0]
+        down = [emissivity.text for emissivity in self.follows if emissivity.lost > 0.0]
         return "*".join(up or ["1"] if down else up) + (f"/(1 + {' + '.join(down)})" if down else "")
 
 
@@ -123,7 +123,7 @@ class FileLoad:
     stands: bool = True
 
 
-def _defined(at: Mapping[tuple[str, str], str], end: tuple[str, str], what: str, each: FileConductor | FileLoad) -> str:
+def _defined(at: Mapping[tuple[str, str], str], end: tuple[str, str], what: str, element: FileConductor | FileLoad) -> str:
     """Return the path of a node that a line of a deck names.
 
     Raises
@@ -131,7 +131,7 @@ def _defined(at: Mapping[tuple[str, str], str], end: tuple[str, str], what: str,
     DeckError   When the deck does not define it.
     """
     if end not in at:
-        raise DeckError(f"{what} {each.name} names node {'.'.join(end).strip('.')}, which the deck does not define.", str(each.where))
+        raise DeckError(f"{what} {element.name} names node {'.'.join(end).strip('.')}, which the deck does not define.", str(element.where))
     return at[end]
 
 
@@ -181,12 +181,12 @@ class NetworkFile:
         )
         if self.incomplete:
             head = f"INCOMPLETE: {self.incomplete}\n{head}"
-        return "\n".join([head, *(f"  {each}" for each in self.remarks)])
+        return "\n".join([head, *(f"  {remark}" for remark in self.remarks)])
 
     @property
     def incomplete(self) -> str:
         """What was not taken over, counted by kind; empty where nothing is missing."""
-        kinds = Counter(re.split(r":| \(", each.what, maxsplit=1)[0] for each in self.remarks if each.dropped)
+        kinds = Counter(re.split(r":| \(", remark.what, maxsplit=1)[0] for remark in self.remarks if remark.dropped)
         listed = ", ".join(f"{n} x {what}" if n > 1 else what for what, n in kinds.most_common(MOST_KINDS))
         more = f" and {len(kinds) - MOST_KINDS} more kinds" if len(kinds) > MOST_KINDS else ""
         return f"{counted(kinds.total(), 'statement')} of {self.tool} not taken over ({listed}{more})" if kinds else ""
@@ -198,9 +198,9 @@ class NetworkFile:
     def groups(self) -> dict[str, int]:
         """Return the groups of conductors and how many each has: one factor each in the model."""
         sizes: dict[str, int] = {}
-        for each in self.conductors:
-            if each.group:
-                sizes[each.group] = sizes.get(each.group, 0) + 1
+        for conductor in self.conductors:
+            if conductor.group:
+                sizes[conductor.group] = sizes.get(conductor.group, 0) + 1
         return sizes
 
     def model(self) -> Model:
@@ -215,10 +215,10 @@ class NetworkFile:
         settings: dict[str, Any] = {}
         for node in self.nodes:
             if not node.held:
-                inner.setdefault(node.submodel, {})[node.name] = made = _node(node)
+                inner.setdefault(node.submodel, {})[node.name] = node_table = _node(node)
                 if isinstance(node.capacitance, str) and parse(node.capacitance).names:  # names are known at the top only
-                    settings[f"{node.path}.capacitance"] = made.pop("capacitance")
-                    made["capacitance"] = "1 [J/K]"
+                    settings[f"{node.path}.capacitance"] = node_table.pop("capacitance")
+                    node_table["capacitance"] = "1 [J/K]"
         submodels = {
             name: {"use": model_from_dict({"title": name, "offers": list(nodes), "nodes": nodes})} for name, nodes in inner.items()
         }
@@ -235,25 +235,26 @@ class NetworkFile:
             "parameters": stated | groups | coatings,
             "submodels": submodels,
             "set": settings,
-            "conductors": {each.name: self._conductor(each, at) for each in self.conductors},
+            "conductors": {element.name: self._conductor(element, at) for element in self.conductors},
             "loads": {
-                each.name: {"into": _defined(at, each.into, "load", each), "power": _watts(each.power), **each.more} for each in self.loads
+                element.name: {"into": _defined(at, element.into, "load", element), "power": _watts(element.power), **element.more}
+                for element in self.loads
             },
         }
         return model_from_dict(deck)
 
-    def _conductor(self, each: FileConductor, at: Mapping[tuple[str, str], str]) -> dict[str, Any]:
+    def _conductor(self, conductor: FileConductor, at: Mapping[tuple[str, str], str]) -> dict[str, Any]:
         """Return the table of a conductor, times its factor."""
-        table = {"between": [_defined(at, end, "conductor", each) for end in each.ends], **each.table}
+        table = {"between": [_defined(at, end, "conductor", conductor) for end in conductor.ends], **conductor.table}
         key = SCALED[table["kind"]]
         value = table.get(key, "1")
-        factor = each.factor()
-        table[key] = {"value": f"{factor}*{value}" if factor else value, "source": "derived", "basis": str(each.where)}
+        factor = conductor.factor()
+        table[key] = {"value": f"{factor}*{value}" if factor else value, "source": "derived", "basis": str(conductor.where)}
         return table
 
     def case(self) -> dict[str, Any]:
         """Return the tables of a scenario file: boundaries and starts of the deck, courses of loads, its length."""
-        followed = [(each, each.course.beginning(self.begin)) for each in self.loads if each.course is not None]
+        followed = [(load, load.course.beginning(self.begin)) for load in self.loads if load.course is not None]
         held = [node for node in self.nodes if node.held]
         tables = {
             "boundaries": {
@@ -262,8 +263,8 @@ class NetworkFile:
                 else f"{node.celsius!r} [degC]"
                 for node in held
             },
-            "loads": {each.name: course.table("W", each.factor) for each, course in followed if not each.scales},
-            "commands": {each.name: course.table("") for each, course in followed if each.scales},
+            "loads": {load.name: course.table("W", load.factor) for load, course in followed if not load.scales},
+            "commands": {load.name: course.table("") for load, course in followed if load.scales},
             "initial": {node.path: f"{node.celsius!r} [degC]" for node in self.nodes if not node.held and node.capacitance is not None},
         }
         start = self.start
@@ -316,26 +317,26 @@ class NetworkFile:
         read = ParameterSet(self.model())
         before = read.evaluate(named)  # what the files state with the changed parameters and factors
         rows = read.evaluate({name: named[name] for name in numbers})  # what their rows state
-        changed = {p for p in before.keys() | now.keys() if not _same(now.get(p, math.nan), before.get(p, math.nan))}
-        out = {self.parameters[n][1]: f"{named[n]:.12g}" for n, value in numbers.items() if not _same(named[n], value)}
+        changed = {p for p in before.keys() | now.keys() if not _is_same_number(now.get(p, math.nan), before.get(p, math.nan))}
+        out = {self.parameters[n][1]: f"{named[n]:.12g}" for n, value in numbers.items() if not _is_same_number(named[n], value)}
         places: dict[TextSpan, dict[str, float]] = {}  # a row that makes several conductors has one number for all of them
         for path, span in self._places():
             places.setdefault(span, {})[path] = now.get(path, math.nan) / rows[path] if rows[path] else 1.0
         for span, ratios in places.items():
             ratio = next(iter(ratios.values()))
             text = self.texts[span.file][span.begin : span.end]
-            if all(_same(ratio, each) for each in ratios.values()) and _scales(text):
+            if all(_is_same_number(ratio, change_ratio) for change_ratio in ratios.values()) and _scales(text):
                 changed -= {p for p in ratios if rows[p]}
-                if not _same(ratio, 1.0):
+                if not _is_same_number(ratio, 1.0):
                     out[span] = _times(text, ratio)
             else:
-                changed |= {p for p, each in ratios.items() if not _same(each, 1.0)}
+                changed |= {p for p, change_ratio in ratios.items() if not _is_same_number(change_ratio, 1.0)}
         return out, tuple(sorted(changed))
 
     def _places(self) -> Iterator[tuple[str, TextSpan]]:
         """Yield the values that stand in the files as a number or expression: path, place."""
-        for each in self.conductors:
-            yield f"{each.name}.{SCALED[each.table['kind']]}", each.where
+        for conductor in self.conductors:
+            yield f"{conductor.name}.{SCALED[conductor.table['kind']]}", conductor.where
         for node in self.nodes:
             if isinstance(node.capacitance, float | str):
                 yield f"{node.path}.capacitance", node.where
@@ -344,7 +345,7 @@ class NetworkFile:
                 yield f"{load.name}.power", load.where
 
 
-def _same(a: float, b: float) -> bool:
+def _is_same_number(a: float, b: float) -> bool:
     """Return whether two values are one number written twice."""
     return math.isclose(a, b, rel_tol=1e-9)
 
@@ -442,6 +443,6 @@ class FileCourse:
                 t, v = np.append(t, t[0] + self.period), np.append(v, v[0])
             elif v[-1] != v[0]:  # the end of the cycle steps to its beginning
                 t, v = np.append(t[:-1], (t[0] + (1.0 - STEP) * self.period, t[0] + self.period)), np.append(v, v[0])
-        values = [f"{each!r} [{unit}]" if unit else each for each in v.tolist()]
-        table: dict[str, Any] = {"times": [f"{each!r} [s]" for each in t.tolist()], "values": values}
+        values = [f"{number!r} [{unit}]" if unit else number for number in v.tolist()]
+        table: dict[str, Any] = {"times": [f"{number!r} [s]" for number in t.tolist()], "values": values}
         return table | ({"after": "repeat"} if self.period and t.size > 1 else {"after": "hold", "before": "hold"})

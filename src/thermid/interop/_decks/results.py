@@ -39,7 +39,7 @@ class Balance:
     def open(self) -> dict[str, float]:
         """Return the nodes whose balance does not close within the rounding of the print, the largest first."""
         missed = {node: watts for node, watts in self.left.items() if abs(watts) > 2.0 * self.rounding[node]}
-        return dict(sorted(missed.items(), key=lambda each: -abs(each[1])))
+        return dict(sorted(missed.items(), key=lambda row: -abs(row[1])))
 
     def __str__(self) -> str:
         """Return how many nodes close, then those that do not."""
@@ -92,10 +92,10 @@ def sinda_print(path: str | Path) -> list[Printed]:
             headed = True
         elif headed and row.strip():
             routine, headed = row.strip(), False
-        elif found := _SUBMODEL.match(row):
-            submodel = found[1]
-        elif found := _TIME.search(row):
-            time, routine = float(found[1]), "TRANSIENT" if "DTIMEU" in row else routine
+        elif match := _SUBMODEL.match(row):
+            submodel = match[1]
+        elif match := _TIME.search(row):
+            time, routine = float(match[1]), "TRANSIENT" if "DTIMEU" in row else routine
         elif "OUTPUT TEMPERATURES" in row:  # SINDA/G has one submodel
             submodel = SUBMODEL
         for number, word in _PRINT.findall(row) if submodel else ():
@@ -165,13 +165,13 @@ def agreement(network: NetworkFile, prints: Sequence[Printed]) -> Agreement:
     SolverError     When a run does not come out.
     """
     paths = {f"{node.submodel}.{node.name}": node.path for node in network.nodes}
-    settled = [each for each in prints if each.settled][-1:]
-    moving = [each for each in prints if not each.settled]
-    nodes = tuple(name for name in paths if all(name in each.numbers for each in (*settled, *moving)))
+    settled = [output for output in prints if output.settled][-1:]
+    moving = [output for output in prints if not output.settled]
+    nodes = tuple(name for name in paths if all(name in output.numbers for output in (*settled, *moving)))
     if not nodes:
         raise DeckError("the print has none of the deck's nodes, so it is of another case.", network.title)
     model, scenario = network.model(), network.scenario()
-    times = [each.time * network.seconds - network.begin for each in moving]
+    times = [output.time * network.seconds - network.begin for output in moving]
     rows = []
     if settled:
         calm = steady(model, scenario, "mean" if network.start == "steady, mean" else 0.0)
@@ -179,9 +179,9 @@ def agreement(network: NetworkFile, prints: Sequence[Printed]) -> Agreement:
     if moving:
         run = simulate(model, scenario)
         rows.extend(np.column_stack([np.interp(times, run.times, run[paths[name]].kelvin) for name in nodes]))
-    printed = [network.celsius(each.numbers) for each in (*settled, *moving)]
-    off = np.array(rows) - ICE_POINT - np.array([[each[name] for name in nodes] for each in printed])
-    rounding = max(each.digits[name] for each in (*settled, *moving) for name in nodes) * network.zero_and_degree[1]
+    printed = [network.celsius(output.numbers) for output in (*settled, *moving)]
+    off = np.array(rows) - ICE_POINT - np.array([[output[name] for name in nodes] for output in printed])
+    rounding = max(output.digits[name] for output in (*settled, *moving) for name in nodes) * network.zero_and_degree[1]
     return Agreement(np.array([*[np.nan] * len(settled), *times]), nodes, off, rounding, tuple(paths.keys() - set(nodes)))
 
 
@@ -201,29 +201,29 @@ def balance(network: NetworkFile, printed: Printed) -> Balance:
     celsius = network.celsius(printed.numbers)
     t = np.array([celsius[name] for name in names]) + ICE_POINT
     half = np.array([printed.digits[name] for name in names]) * network.zero_and_degree[1]
-    left, rounding = np.zeros(t.size), np.zeros(t.size)
-    for each in network.conductors:
-        a, b = (at[".".join(end)] for end in each.ends)
-        if each.table["kind"] == "conduction":
-            g = float(values[f"{each.name}.conductance"])
+    residuals, rounding = np.zeros(t.size), np.zeros(t.size)
+    for element in network.conductors:
+        a, b = (at[".".join(end)] for end in element.ends)
+        if element.table["kind"] == "conduction":
+            g = float(values[f"{element.name}.conductance"])
             heat, steep = g * (t[a] - t[b]), (g, g)
-        elif each.table["kind"] == "radiation":
-            g = float(values[f"{each.name}.area"]) * float(each.table["exchange_factor"]) * STEFAN_BOLTZMANN
+        elif element.table["kind"] == "radiation":
+            g = float(values[f"{element.name}.area"]) * float(element.table["exchange_factor"]) * STEFAN_BOLTZMANN
             heat, steep = g * (t[a] ** 4 - t[b] ** 4), (4.0 * g * t[a] ** 3, 4.0 * g * t[b] ** 3)
-        elif each.table["kind"] == "flow":
-            g = float(values[f"{each.name}.mass_flow"])
-            left[b] += g * (t[a] - t[b])
+        elif element.table["kind"] == "flow":
+            g = float(values[f"{element.name}.mass_flow"])
+            residuals[b] += g * (t[a] - t[b])
             rounding[b] += g * (half[a] + half[b])
             continue
         else:
-            at_mean, conductance = np.array([[float(cell.split()[0]) for cell in pair] for pair in each.table["table"]["points"]]).T
-            g = float(values[f"{each.name}.scale"]) * float(np.interp(0.5 * (t[a] + t[b]) - ICE_POINT, at_mean, conductance))
+            at_mean, conductance = np.array([[float(cell.split()[0]) for cell in pair] for pair in element.table["table"]["points"]]).T
+            g = float(values[f"{element.name}.scale"]) * float(np.interp(0.5 * (t[a] + t[b]) - ICE_POINT, at_mean, conductance))
             heat, steep = g * (t[a] - t[b]), (g, g)
-        left[a] -= heat
-        left[b] += heat
+        residuals[a] -= heat
+        residuals[b] += heat
         rounding[[a, b]] += steep[0] * half[a] + steep[1] * half[b]  # both ends were rounded
     for load in network.loads:
         if not load.more:
-            left[at[".".join(load.into)]] += float(values[f"{load.name}.power"])
+            residuals[at[".".join(load.into)]] += float(values[f"{load.name}.power"])
     inner = [k for k, node in enumerate(network.nodes) if not node.held]
-    return Balance({names[k]: -float(left[k]) for k in inner}, {names[k]: float(rounding[k]) for k in inner})
+    return Balance({names[k]: -float(residuals[k]) for k in inner}, {names[k]: float(rounding[k]) for k in inner})

@@ -100,8 +100,8 @@ class Units:
             elif word in _LENGTH:
                 self.length = _LENGTH[word]
             else:
-                known = ", ".join(("W", *_ENERGY, *_TIME, *_LENGTH, *_ZERO))
-                raise DeckError(f"'{word}' is not a unit of a SINDA deck. There are {known}.", "units", code="value.wrong-kind")
+                names = ", ".join(("W", *_ENERGY, *_TIME, *_LENGTH, *_ZERO))
+                raise DeckError(f"'{word}' is not a unit of a SINDA deck. There are {names}.", "units", code="value.wrong-kind")
 
     def exchange_area(self) -> float:
         """Return the area that a radiation conductor of 1 exchanges over. [m^2]"""
@@ -215,15 +215,15 @@ def _blocks(deck: SindaDeck, path: Path, text: str, inside: tuple[Path, ...], at
         if not row.strip() or row.strip().upper() in ("PSTOP", "PSTART"):
             words = [] if not row else words
             continue
-        found = re.match(r"\s*HEADER\s+([A-Z]+(?:\s+(?:DATA|CALLS|\d))?)\s*,?\s*(\w*)", row, re.IGNORECASE)
+        match = re.match(r"\s*HEADER\s+([A-Z]+(?:\s+(?:DATA|CALLS|\d))?)\s*,?\s*(\w*)", row, re.IGNORECASE)
         inserted = re.match(r"\s*(?:INSERT|INCLUDE)\s+'?([^'\s]+)'?\s*$", row, re.IGNORECASE)
         if inserted:
             yield header, submodel, lines
             lines = []
             header, submodel = yield from _inserted(deck, path, inserted[1], line, (*inside, path), (header, submodel))
-        elif found:
+        elif match:
             yield header, submodel, lines
-            header, submodel, lines = " ".join(found[1].upper().split()), found[2].upper(), []
+            header, submodel, lines = " ".join(match[1].upper().split()), match[2].upper(), []
         else:
             lines.append(replace(line, text=row, before=tuple(words), note=note))
         words = []
@@ -250,10 +250,10 @@ def _inserted(deck: SindaDeck, path: Path, name: str, line: Line, inside: tuple[
 
 def _stated_unit(deck: SindaDeck, row: str) -> None:
     """Take the units that Thermal Desktop states in comments."""
-    found = re.match(r"C\s+TDUNITS,\s*(\w+)\s*=\s*(\S+)", row)
-    if not found:
+    match = re.match(r"C\s+TDUNITS,\s*(\w+)\s*=\s*(\S+)", row)
+    if not match:
         return
-    what, unit = found[1], found[2].upper()
+    what, unit = match[1], match[2].upper()
     if what == "Energy" and unit in _ENERGY:
         deck.units.take(unit)
     elif what == "Time" and unit in _TIME:
@@ -267,8 +267,8 @@ def _stated_unit(deck: SindaDeck, row: str) -> None:
 def _control(deck: SindaDeck, _: str, lines: list[Line]) -> None:
     """Read CONTROL DATA: absolute zero, Stefan-Boltzmann constant, unit system, end of the transient."""
     for line in lines:
-        for found in re.finditer(r"(\w+)\s*=\s*([^\s,]+)", line.text):
-            name, word = found[1].upper(), found[2]
+        for match in re.finditer(r"(\w+)\s*=\s*([^\s,]+)", line.text):
+            name, word = match[1].upper(), match[2]
             if name == "UID":
                 deck.units.power_stated = True
                 if word.upper().startswith("E"):
@@ -290,14 +290,14 @@ def _control(deck: SindaDeck, _: str, lines: list[Line]) -> None:
 def _registers(deck: SindaDeck, _: str, lines: list[Line]) -> None:
     """Read REGISTER DATA: name = number or arithmetic of earlier names."""
     for line in lines:
-        found = re.match(r"\s*(?:INT:|REAL:)?\s*(\w+)\s*=\s*(.+?)\s*$", line.text, re.IGNORECASE)
-        if not found:
+        match = re.match(r"\s*(?:INT:|REAL:)?\s*(\w+)\s*=\s*(.+?)\s*$", line.text, re.IGNORECASE)
+        if not match:
             deck.reading.remark(line.where, f"'{line.text.strip()}' is not a register")
             continue
-        where = line.part(found.start(2), found.end(2))
-        value = deck.reading.value(found[2], where)
-        deck.reading.name(found[1])
-        deck.registers[found[1].upper()] = (value, where)
+        where = line.part(match.start(2), match.end(2))
+        value = deck.reading.value(match[2], where)
+        deck.reading.name(match[1])
+        deck.registers[match[1].upper()] = (value, where)
 
 
 def _arrays(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
@@ -305,12 +305,12 @@ def _arrays(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     key = ""
     for line in lines:
         row = line.text
-        found = re.match(r"\s*(\d+)\s*=(\s*SPACE\s*,\s*\d+\s*$)?", row, re.IGNORECASE)
-        if found:
-            key, row = found[1], row[found.end() :]
+        match = re.match(r"\s*(\d+)\s*=(\s*SPACE\s*,\s*\d+\s*$)?", row, re.IGNORECASE)
+        if match:
+            key, row = match[1], row[match.end() :]
             if owner := owner_of(line.before):
                 deck.owners[submodel, key] = owner
-            deck.arrays[submodel, key] = [0.0] * int(found[2].rpartition(",")[2]) if found[2] else []
+            deck.arrays[submodel, key] = [0.0] * int(match[2].rpartition(",")[2]) if match[2] else []
         for word in re.split(r"[\s,]+", row.strip()):
             if not word or word.upper() == "END":
                 continue
@@ -324,8 +324,8 @@ def _carrays(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     """Read CARRAY DATA: number = words, over as many lines as they take, in the order of the numbers."""
     rows: list[tuple[int, str]] = []
     for line in lines:
-        found = re.match(r"\s*(\d+)\s*=", line.text)
-        rows.append((int(found[1]) if found else rows[-1][0] if rows else 0, line.text[found.end() :] if found else line.text))
+        match = re.match(r"\s*(\d+)\s*=", line.text)
+        rows.append((int(match[1]) if match else rows[-1][0] if rows else 0, line.text[match.end() :] if match else line.text))
     rows.sort(key=lambda row: row[0])
     deck.words.setdefault(submodel, []).extend(word for _, row in rows for word in re.split(r"[\s,]+", row.strip()) if word)
 
@@ -472,8 +472,8 @@ def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
 def _followed(deck: SindaDeck, lines: list[Line]) -> dict[TextSpan, tuple[FileEmissivity, ...]]:
     """Return place of a row -> the emissivities that it follows, and keep their values; empty where the files do not say them."""
     areas = Path(lines[0].where.file).with_suffix(".ar")
-    known = {f"emissivity_{identifier(name)}": e for name, e in optical_properties(lines[0].before).items()}
-    block = read_emissivities([(x.text, x.note) for x in lines], known, deck.reading.open(areas)) if areas.is_file() else None
+    emissivities = {f"emissivity_{identifier(name)}": e for name, e in optical_properties(lines[0].before).items()}
+    block = read_emissivities([(x.text, x.note) for x in lines], emissivities, deck.reading.open(areas)) if areas.is_file() else None
     if block is None:
         return {}
     for name, (value, nodes) in block.values.items():
@@ -502,15 +502,15 @@ class _Group:
     def __init__(self, block: str = "", followed: Mapping[TextSpan, tuple[FileEmissivity, ...]] = MappingProxyType({})) -> None:
         self.name, self.key, self.block, self.followed = "", ("", ""), block, followed
 
-    def of(self, line: Line, ends: tuple[tuple[str, str], tuple[str, str]]) -> str:
+    def name_for(self, line: Line, ends: tuple[tuple[str, str], tuple[str, str]]) -> str:
         (sub_a, a), (sub_b, b) = ends
         key = (sub_a, sub_b) if sub_a != sub_b else (sub_a, a)
-        made = [_contactor(each) for each in line.before if re.match(r"(?:Contact|Conductor) - ", each)]
-        if made:
-            self.name, self.key = "_and_".join(dict.fromkeys(made)), key
+        contactors = [_contactor(comment) for comment in line.before if re.match(r"(?:Contact|Conductor) - ", comment)]
+        if contactors:
+            self.name, self.key = "_and_".join(dict.fromkeys(contactors)), key
         elif key != self.key:
             self.name = ""
-        if not made and sub_a == sub_b and abs(int(b[1:]) - int(a[1:])) == INSULATION:
+        if not contactors and sub_a == sub_b and abs(int(b[1:]) - int(a[1:])) == INSULATION:
             return f"mli_{identifier(sub_a)}" + ("" if line.text.lstrip().startswith("-") else "_conduction")
         return self.name or self.block
 
@@ -547,10 +547,10 @@ def _row(deck: SindaDeck, submodel: str, kind: str, cells: Cells, group: _Group,
                 continue
             value = deck.reading.value(values[0][0], where)
             ends = (a, b) if minus_a else (b, a)
-            yield FileConductor(name, ends, stream(value, deck.units.power / deck.units.degree), where, group.of(line, (a, b)))
+            yield FileConductor(name, ends, stream(value, deck.units.power / deck.units.degree), where, group.name_for(line, (a, b)))
             continue
         law = _law(deck, submodel, kind, number, values, line)
-        yield FileConductor(name, (a, b), law, where, group.of(line, (a, b)), group.followed.get(line.where, ()))
+        yield FileConductor(name, (a, b), law, where, group.name_for(line, (a, b)), group.followed.get(line.where, ()))
 
 
 def _law(deck: SindaDeck, submodel: str, kind: str, number: int, values: Cells, line: Line) -> dict[str, object]:
@@ -587,11 +587,11 @@ def _sources(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     for line in lines:
         cells = fields(line)
         try:
-            if found := re.fullmatch(r"SIT\s+(\d+)", cells[0][0], re.IGNORECASE):
+            if match := re.fullmatch(r"SIT\s+(\d+)", cells[0][0], re.IGNORECASE):
                 course = _over_time(deck, submodel, cells[1][0], line)
                 watts = float(fortran(cells[2][0])) * deck.units.power
-                mean, into = float(np.mean(course.numbers)) * watts, (submodel, f"T{int(found[1])}")
-                deck.loads.append(FileLoad(f"{submodel}_Q{int(found[1])}", into, mean, line.where, "", course, factor=watts, stands=False))
+                mean, into = float(np.mean(course.numbers)) * watts, (submodel, f"T{int(match[1])}")
+                deck.loads.append(FileLoad(f"{submodel}_Q{int(match[1])}", into, mean, line.where, "", course, factor=watts, stands=False))
                 continue
             node, power = int(cells[0][0]), deck.reading.value(cells[1][0], cells[1][1])
         except ThermidError:
@@ -645,16 +645,16 @@ def _logic(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
             branch = "steady"
         elif branch and text.upper().replace(" ", "") == "ENDIF":
             branch = ""
-        elif found := CALL.match(line.text):
-            _absorbed(deck, (found[1] or found[2]).upper(), line)
-        elif found := _CYCLIC.match(line.text):
-            course = _cyclic(deck, submodel, found, line)
-        elif found := _PAIRED.match(line.text):
-            course = _paired(deck, submodel, found, line)
+        elif match := CALL.match(line.text):
+            _absorbed(deck, (match[1] or match[2]).upper(), line)
+        elif match := _CYCLIC.match(line.text):
+            course = _cyclic(deck, submodel, match, line)
+        elif match := _PAIRED.match(line.text):
+            course = _paired(deck, submodel, match, line)
         elif (
-            (found := _ADDED.match(line.text)) and (found[1] or submodel).upper() == (found[3] or submodel).upper() and found[2] == found[4]
+            (match := _ADDED.match(line.text)) and (match[1] or submodel).upper() == (match[3] or submodel).upper() and match[2] == match[4]
         ):
-            _power(deck, (found[1] or submodel).upper(), found, line, course, branch, label)
+            _power(deck, (match[1] or submodel).upper(), match, line, course, branch, label)
         else:
             unknown.append(line)
     for begin, end in _runs(unknown):
@@ -696,21 +696,21 @@ def _runs(lines: list[Line]) -> Iterator[tuple[Line, Line]]:
         yield first, last
 
 
-def _cyclic(deck: SindaDeck, submodel: str, found: re.Match[str], line: Line) -> _CourseVariable | None:
+def _cyclic(deck: SindaDeck, submodel: str, match: re.Match[str], line: Line) -> _CourseVariable | None:
     """Return the course of DA11MC(period, time, array of times, array of values, factor, result)."""
-    times, values = (_array(deck, submodel, found[k]) for k in (2, 3))
+    times, values = (_array(deck, submodel, match[k]) for k in (2, 3))
     if times is None or values is None or len(times) != len(values):
         deck.reading.remark(line.where, f"'{line.text.strip()}': its arrays are not in ARRAY DATA of {submodel}")
         return None
-    period, factor = float(fortran(found[1])), float(fortran(found[4]))
+    period, factor = float(fortran(match[1])), float(fortran(match[4]))
     unit = deck.units.time
-    return _CourseVariable(FileCourse(np.array(times) * unit, np.array(values) * factor, period * unit, str(line.where)), found[5].upper())
+    return _CourseVariable(FileCourse(np.array(times) * unit, np.array(values) * factor, period * unit, str(line.where)), match[5].upper())
 
 
-def _paired(deck: SindaDeck, submodel: str, found: re.Match[str], line: Line) -> _CourseVariable | None:
+def _paired(deck: SindaDeck, submodel: str, match: re.Match[str], line: Line) -> _CourseVariable | None:
     """Return the course of D11MCY(period, time, array of pairs, factor, result) or D1DEG1(time, array of pairs, result)."""
-    words = [word.strip() for word in found[2].split(",")]
-    cyclic = found[1].upper() == "D11MCY"
+    words = [word.strip() for word in match[2].split(",")]
+    cyclic = match[1].upper() == "D11MCY"
     at = 1 if cyclic else 0
     values = _array(deck, submodel, words[at + 1]) if len(words) > at + 1 else None
     if values is None or words[at].upper() not in ("TIMEM", "TIMEN") or len(values) % 2:
@@ -723,11 +723,11 @@ def _paired(deck: SindaDeck, submodel: str, found: re.Match[str], line: Line) ->
     return _CourseVariable(FileCourse(times, powers, 0.0, str(line.where)), words[-1].upper())
 
 
-def _power(deck: SindaDeck, owner: str, found: re.Match[str], line: Line, course: _CourseVariable | None, branch: str, label: str) -> None:
+def _power(deck: SindaDeck, owner: str, match: re.Match[str], line: Line, course: _CourseVariable | None, branch: str, label: str) -> None:
     """Add the power of one statement: a constant, or a course times constants."""
-    node, text = f"T{int(found[2])}", found[5]
-    where = line.part(found.start(5), found.end(5))
-    name = f"{owner}_Q{int(found[2])}" + (f"_{label}" if label else "")
+    node, text = f"T{int(match[2])}", match[5]
+    where = line.part(match.start(5), match.end(5))
+    name = f"{owner}_Q{int(match[2])}" + (f"_{label}" if label else "")
     if course is not None and course.variable in text.upper():
         rest = re.sub(re.escape(course.variable), "1.0", text, flags=re.IGNORECASE)
         factor = deck.reading.value(rest, where)
@@ -741,7 +741,7 @@ def _power(deck: SindaDeck, owner: str, found: re.Match[str], line: Line, course
     power = with_unit(deck.reading.value(text, where), "W", deck.units.power)
     if branch == "steady":
         k = next(
-            (k for k, each in enumerate(deck.loads) if each.course is not None and each.into == (owner, node) and each.group == label), None
+            (k for k, load in enumerate(deck.loads) if load.course is not None and load.into == (owner, node) and load.group == label), None
         )
         if k is not None:
             deck.loads[k] = replace(deck.loads[k], power=power)
@@ -772,7 +772,7 @@ def _heater(deck: SindaDeck, submodel: str, block: list[Line]) -> list[Line]:
     if not block or power is None or sensed is None or on is None or off is None:
         return block
     shares = dict.fromkeys(re.findall(rf"(\w+)\.Q(\d+)\s*=\s*\1\.Q\2\s*\+\s*PO{power[1]}\s*\*\s*([\d.]+)", text, re.IGNORECASE))
-    limits = [deck.units.celsius(float(fortran(each[1]))) for each in (on, off)]
+    limits = [deck.units.celsius(float(fortran(heater_line[1]))) for heater_line in (on, off)]
     sensor = f"{(sensed[1] or submodel).upper()}.T{int(sensed[2])}"
     for owner, node, share in shares:
         watts = float(fortran(power[2])) * float(share) * deck.units.power
@@ -784,10 +784,10 @@ def _heater(deck: SindaDeck, submodel: str, block: list[Line]) -> list[Line]:
 
 def _unique(loads: list[FileLoad]) -> Iterator[FileLoad]:
     """Yield loads with names of their own: a node may have several."""
-    seen: dict[str, int] = {}
+    uses_of_name: dict[str, int] = {}
     for load in loads:
-        seen[load.name] = seen.get(load.name, 0) + 1
-        yield load if seen[load.name] == 1 else replace(load, name=f"{load.name}_{seen[load.name]}")
+        uses_of_name[load.name] = uses_of_name.get(load.name, 0) + 1
+        yield load if uses_of_name[load.name] == 1 else replace(load, name=f"{load.name}_{uses_of_name[load.name]}")
 
 
 def _read_units(deck: SindaDeck, path: Path) -> None:
@@ -817,9 +817,9 @@ def _read_units(deck: SindaDeck, path: Path) -> None:
 
 def _name_what_is_left(deck: SindaDeck) -> None:
     """Name the blocks that were not read and are more than printing and solving."""
-    known = ("CONTROL", *_READERS)
+    headers_read = ("CONTROL", *_READERS)
     for header, submodel, lines in deck.steps:
-        if not lines or not header or header.startswith((*known, *_SILENT)):
+        if not lines or not header or header.startswith((*headers_read, *_SILENT)):
             continue
         what = "FLUINT (fluid submodels)" if header.startswith(("FLOW", "FPROP")) else f"HEADER {header} {submodel}".rstrip()
         deck.reading.remark(lines[0].where, f"{what}: {counted(len(lines), 'line')}")

@@ -36,7 +36,7 @@ class DeckReading:
     names: dict[str, str] = field(default_factory=dict)
     remarks: list[DeckRemark] = field(default_factory=list)
 
-    def open(self, path: Path, inside: tuple[Path, ...] = (), asked: str = "") -> str:
+    def open(self, path: Path, inside: tuple[Path, ...] = (), named_in: str = "") -> str:
         """Return the text of a file, byte for byte as Latin-1.
 
         Raises
@@ -44,11 +44,13 @@ class DeckReading:
         DeckError   When it is missing, too large, binary, or includes itself.
         """
         if not path.is_file():
-            raise DeckError(f"there is no file '{path.name}' in {path.parent.name or 'this folder'}.", asked or str(path))
+            raise DeckError(f"there is no file '{path.name}' in {path.parent.name or 'this folder'}.", named_in or str(path))
         if path in inside or len(inside) >= cap("includes"):
-            chain = " -> ".join(each.name for each in (*inside, path))
+            chain = " -> ".join(file.name for file in (*inside, path))
             raise DeckError(
-                f"files include each other endlessly: {chain}.{'' if path in inside else raising('includes')}", asked, code="cap.exceeded"
+                f"files include each other endlessly: {chain}.{'' if path in inside else raising('includes')}",
+                named_in,
+                code="cap.exceeded",
             )
         if path.stat().st_size > cap("deck"):
             raise DeckError(
@@ -78,7 +80,7 @@ class DeckReading:
             return float(words)
         except ValueError:
             pass
-        written = re.sub(r"(?<![\w.])[A-Za-z_]\w*", lambda found: self._name(found[0], where), words)
+        written = re.sub(r"(?<![\w.])[A-Za-z_]\w*", lambda match: self._name(match[0], where), words)
         try:
             expression = parse(written)
         except ThermidError as error:
@@ -89,21 +91,21 @@ class DeckReading:
 
     def _name(self, word: str, where: TextSpan) -> str:
         """Return what a name of the file is called in the model."""
-        known = self.names.get(word.upper())
-        if known is None:
+        name = self.names.get(word.upper())
+        if name is None:
             function = FUNCTIONS.get(word.upper())
             if function is None:
                 raise DeckError(f"'{word}' is not defined before it is used.", str(where))
             return function
-        return known
+        return name
 
     def name(self, word: str) -> str:
         """Return the name of a parameter for a name of the file, and remember it."""
-        made, n = identifier(word), 2
-        while made in {*self.names.values()} or made in RESERVED:
-            made, n = f"{identifier(word)}_{n}", n + 1
-        self.names[word.upper()] = made
-        return made
+        name, n = identifier(word), 2
+        while name in {*self.names.values()} or name in RESERVED:
+            name, n = f"{identifier(word)}_{n}", n + 1
+        self.names[word.upper()] = name
+        return name
 
 
 FUNCTIONS: Final[Mapping[str, str]] = {

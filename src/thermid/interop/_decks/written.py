@@ -77,9 +77,9 @@ class _Deck:
         taken: set[tuple[str, int]] = set()
         for node in (*w.network.nodes, *w.network.boundaries):
             # what an import named keeps its submodel and number; everything else is counted
-            found = re.fullmatch(r"(?:(\w+)[._])?T(\d+)", node)
-            owner = (found[1] if found and found[1] else self.main).upper()[:LONGEST]
-            number = int(found[2]) if found else 0
+            match = re.fullmatch(r"(?:(\w+)[._])?T(\d+)", node)
+            owner = (match[1] if match and match[1] else self.main).upper()[:LONGEST]
+            number = int(match[2]) if match else 0
             while number == 0 or (owner, number) in taken:
                 number = 1 + max((n for o, n in taken if o == owner), default=0)
             taken.add((owner, number))
@@ -206,11 +206,11 @@ class _Esatan(_Deck):
         self.main = re.sub(r"\W", "_", w.network.title).upper()[:LONGEST] or "MODEL"
         super().__init__(w)
         # one model: numbers must differ over all of it
-        seen: set[int] = set()
+        numbers: set[int] = set()
         for node, (_, number) in self.numbers.items():
-            while number in seen:
-                number = 1 + max(seen)
-            seen.add(number)
+            while number in numbers:
+                number = 1 + max(numbers)
+            numbers.add(number)
             self.numbers[node] = (self.main, number)
 
     def lines(self) -> Iterator[str]:

@@ -64,7 +64,7 @@ class FmuQuantity:
     plain: bool
     description: str = ""
 
-    def own(self, value: float) -> float:
+    def in_fmu_unit(self, value: float) -> float:
         """Return an SI value in the unit of the FMU."""
         return (value - self.offset) / self.factor
 
@@ -99,9 +99,9 @@ def fmu_model(path: str | Path, trust: bool = False) -> Model:
     ThermidError        When it cannot be read, or is not trusted.
     """
     file = FmuFile(Path(path), trust)
-    runner = FmuRunner.of(file)
-    made = model_from_dict(runner.deck(file.digest[:16]))
-    return replace(made, file=Path(path).name, runner=runner)
+    runner = FmuRunner.of_file(file)
+    model = model_from_dict(runner.deck(file.digest[:16]))
+    return replace(model, file=Path(path).name, runner=runner)
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,7 @@ class FmuRunner:
     memo: list[tuple[Wiring, tuple[Any, ...], int, tuple[Array, Array]]] = field(default_factory=list, repr=False)
 
     @classmethod
-    def of(cls, file: FmuFile) -> FmuRunner:
+    def of_file(cls, file: FmuFile) -> FmuRunner:
         """Return the runner of a file.
 
         Raises
@@ -137,7 +137,7 @@ class FmuRunner:
         nodes: dict[str, FmuQuantity] = {}
         boundaries: dict[str, FmuQuantity] = {}
         loads: dict[str, FmuQuantity] = {}
-        left: list[str] = []
+        undriven: list[str] = []
         for v in file.described.modelVariables:
             if v.type not in REALS or v.dimensions or v.alias is not None:
                 continue
@@ -147,7 +147,7 @@ class FmuRunner:
             elif v.causality == "input":
                 table = boundaries if dimension == _KELVIN else loads if dimension == _WATT or q.plain else None
                 if table is None:
-                    left.append(f"{q.raw} [{v.unit}]")
+                    undriven.append(f"{q.raw} [{v.unit}]")
                 else:
                     table[q.name] = q
             elif v.causality in ("output", "local") and v.variability in (None, "continuous") and v.derivative is None:
@@ -157,7 +157,7 @@ class FmuRunner:
             raise DeckError(
                 "no output or state of the FMU is in K or degC or without a unit, so no log can be compared with it.", str(file.path)
             )
-        return cls(file, parameters, nodes, boundaries, loads, tuple(_noted(nodes, loads, parameters, left)))
+        return cls(file, parameters, nodes, boundaries, loads, tuple(_noted(nodes, loads, parameters, undriven)))
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -203,9 +203,9 @@ class FmuRunner:
         size = len(wiring.free) if gradients else 0
         numbers = {n: a.numbers.values[n] for n in self.parameters}
         index = {n: k for k, n in enumerate(a.reduced.nodes)}
-        values = {q.reference: q.own(value_of(numbers[n])) for n, q in self.parameters.items()}
+        values = {q.reference: q.in_fmu_unit(value_of(numbers[n])) for n, q in self.parameters.items()}
         starts = self._starts(wiring, a, index)
-        values |= {q.reference: q.own(float(a.initial[index[n]])) for n, q in starts.items()}
+        values |= {q.reference: q.in_fmu_unit(float(a.initial[index[n]])) for n, q in starts.items()}
         inputs = {q.reference: _course(*self._boundary(wiring, a, n, q)) for n, q in self.boundaries.items()}
         inputs |= {q.reference: _course(*self._load(engine, a, n, q)) for n, q in self.loads.items()}
         setting, ways = FmuSetting(values, inputs), []
@@ -216,10 +216,12 @@ class FmuRunner:
         wanted = [self.nodes[n] for n in nodes]
         at = np.unique(np.append(times, end)) if end > 0 else np.unique(times)
         key = (tuple(values.items()), a.coefficients.tobytes(), a.initial.tobytes(), at.tobytes(), tuple(nodes))
-        found, slopes = self._found(wiring, key, size, lambda: self.file.with_slopes(setting, at, [q.reference for q in wanted], ways))
+        outputs, slopes = self._cached_run(
+            wiring, key, size, lambda: self.file.with_slopes(setting, at, [q.reference for q in wanted], ways)
+        )
         factor, offset = (np.array([getattr(q, key) for q in wanted]) for key in ("factor", "offset"))
         rows = np.searchsorted(at, times)
-        kelvin, moves = factor * found + offset, factor[:, None] * slopes
+        kelvin, moves = factor * outputs + offset, factor[:, None] * slopes
         last = dict(zip(nodes, kelvin[-1], strict=True))
         final = np.array([last.get(n, np.nan) for n in a.reduced.nodes])
         statistics = {"method": "FMU", "reason": self.file.derivatives, "steps": 0, "rejected": 0, "switchings": []}
@@ -227,14 +229,14 @@ class FmuRunner:
         flows = (np.zeros(len(engine.load_names)), np.zeros(len(wiring.network.boundaries)), none)
         return Answer(kelvin[rows], moves[rows], a.initial, final, *flows, end, statistics, np.zeros(0, dtype=np.int32))
 
-    def _found(self, wiring: Wiring, key: tuple[Any, ...], size: int, make: Callable[[], tuple[Array, Array]]) -> tuple[Array, Array]:
+    def _cached_run(self, wiring: Wiring, key: tuple[Any, ...], size: int, make: Callable[[], tuple[Array, Array]]) -> tuple[Array, Array]:
         """Return a run, or the latest one of the same wiring and numbers, where that has the derivatives that are asked for."""
-        for other, same, had, found in self.memo:
+        for other, same, had, result in self.memo:
             if other is wiring and same == key and had in (size, *([] if size else [len(wiring.free)])):
-                return found[0], found[1][..., :size]
-        made = make()
-        self.memo[:] = [*self.memo[-3:], (wiring, key, size, made)]
-        return made
+                return result[0], result[1][..., :size]
+        new_result = make()
+        self.memo[:] = [*self.memo[-3:], (wiring, key, size, new_result)]
+        return new_result
 
     def _check(self, wiring: Wiring, a: Assembled, nodes: Sequence[str]) -> None:
         """Refuse what an FMU cannot do."""
@@ -248,7 +250,7 @@ class FmuRunner:
 
     def _starts(self, wiring: Wiring, a: Assembled, index: Mapping[str, int]) -> dict[str, FmuQuantity]:
         """Return the nodes whose start is set: where the scenario gives one, or a fit looks for it."""
-        given = set(wiring.scenario.initial) | {n.partition(".")[2] for n in wiring.free if n.startswith("initial.")}
+        stated_starts = set(wiring.scenario.initial) | {n.partition(".")[2] for n in wiring.free if n.startswith("initial.")}
         whole = wiring.scenario.start != ""
         fixed = [n for n in wiring.free if n.startswith("initial.") and not self.nodes[n.partition(".")[2]].settable]
         if fixed:
@@ -256,7 +258,7 @@ class FmuRunner:
                 f"the start of '{fixed[0].partition('.')[2]}' follows from others in the FMU, so it cannot be looked for.",
                 str(self.file.path),
             )
-        return {n: q for n, q in self.nodes.items() if q.settable and (whole or n in given)}
+        return {n: q for n, q in self.nodes.items() if q.settable and (whole or n in stated_starts)}
 
     def _boundary(self, wiring: Wiring, a: Assembled, name: str, q: FmuQuantity) -> tuple[Drawn, float, float]:
         """Return signal, factor and offset of an input in kelvins, in the unit of the FMU."""
@@ -268,8 +270,8 @@ class FmuRunner:
     def _load(self, engine: Engine, a: Assembled, name: str, q: FmuQuantity) -> tuple[Drawn, float, float]:
         """Return signal, factor and offset of an input in watts or without a unit."""
         wiring = engine.wiring
-        given = name in wiring.scenario.loads or name in wiring.scenario.commands or f"scale.{name}" in wiring.free
-        if q.plain and not given:
+        is_driven = name in wiring.scenario.loads or name in wiring.scenario.commands or f"scale.{name}" in wiring.free
+        if q.plain and not is_driven:
             return Constant(q.start or 0.0), 1.0, 0.0
         place = self._place(wiring, name)
         return wiring.signals[f"load {name}"], float(a.coefficients[place]) / q.factor, 0.0
@@ -307,14 +309,14 @@ def _value(q: FmuQuantity) -> dict[str, Any]:
 
 
 def _noted(
-    nodes: Mapping[str, FmuQuantity], loads: Mapping[str, FmuQuantity], parameters: Mapping[str, FmuQuantity], left: Sequence[str]
+    nodes: Mapping[str, FmuQuantity], loads: Mapping[str, FmuQuantity], parameters: Mapping[str, FmuQuantity], undriven: Sequence[str]
 ) -> Iterator[str]:
     """Yield what a reader must know of an FMU."""
     plain = [q.raw for q in nodes.values() if q.plain]
     if plain:
         yield f"{_listed(plain)} of the FMU: no unit is given, so numbers count as degC, and their differences as K."
-    if left:
-        yield f"inputs {_listed(left)} of the FMU keep their starts: no log drives them."
+    if undriven:
+        yield f"inputs {_listed(undriven)} of the FMU keep their starts: no log drives them."
     unsaid = [q.raw for q in parameters.values() if q.plain]
     if unsaid:
         yield f"parameters {_listed(unsaid)} of the FMU have no unit that is known: they are plain numbers."
@@ -352,8 +354,8 @@ def _by_words(name: str) -> _Measure:
 def _quantity(v: Any, units: Mapping[str, _Measure], used: dict[str, str], file: FmuFile) -> tuple[FmuQuantity, Dimension]:
     """Return a variable with its name here, and its dimension."""
     kind = v.declaredType
-    given = {key: getattr(v, key) or (getattr(kind, key, None) if kind is not None else None) for key in ("unit", "min", "max")}
-    of = units.get(given["unit"] or "", _Measure())
+    attributes = {key: getattr(v, key) or (getattr(kind, key, None) if kind is not None else None) for key in ("unit", "min", "max")}
+    of = units.get(attributes["unit"] or "", _Measure())
     text = _SI.get(of.dimension) or " ".join(f"{b}^{e}" for b, e in zip(_BASES, of.dimension, strict=True) if e)
     name = re.sub(r"\W", "_", v.name)
     name = name if name[:1].isalpha() else f"v_{name}"
@@ -368,7 +370,7 @@ def _quantity(v: Any, units: Mapping[str, _Measure], used: dict[str, str], file:
     def si(number: Any) -> float | None:
         return None if number is None else of.factor * float(number) + offset
 
-    start, low, high = si(v.start), si(given["min"]), si(given["max"])
+    start, low, high = si(v.start), si(attributes["min"]), si(attributes["max"])
     if start is not None and not np.isfinite(start):
         raise DeckError(f"the start of '{v.name}' is not a finite number.", str(file.path), code="value.wrong-kind")
     # between equal bounds nothing can move, and a difference of units has no offset

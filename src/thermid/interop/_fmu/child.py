@@ -65,7 +65,7 @@ class UnpackedFmu(FmuDescribed):
         EventsFound     When there are ways, and an event.
         SolverError     When it cannot be run.
         """
-        return (_Exchange if self.exchange else _Steps)(self, setting, times, wanted, ways).made()
+        return (_Exchange if self.exchange else _Steps)(self, setting, times, wanted, ways).run()
 
 
 class _FmuRun(ABC):
@@ -81,26 +81,26 @@ class _FmuRun(ABC):
         self.stand: list[float] = []
         self.now = 0.0
 
-    def logged(self, *said: Any) -> None:
+    def logged(self, *arguments: Any) -> None:
         """Keep what the FMU says of a failure; its last argument is the message."""
-        text = said[-1]
+        text = arguments[-1]
         self.messages.append(text.decode("utf-8", "replace") if isinstance(text, bytes) else str(text))
 
-    def made(self) -> tuple[Array, Array]:
+    def run(self) -> tuple[Array, Array]:
         """Return outputs and slopes."""
         fmpy, form = self.file.fmpy, "ModelExchange" if self.file.exchange else "CoSimulation"
         self.fmu = fmpy.instantiate_fmu(self.file.folder, self.file.described, form, logger=self.logged)
         self.get, self.put = (self.fmu.getReal, self.fmu.setReal) if self.file.second else (self.fmu.getFloat64, self.fmu.setFloat64)
         try:
             self._begin()
-            found = self._go()
+            outputs_and_slopes = self._go()
             self.fmu.terminate()
-            return found
+            return outputs_and_slopes
         except (EventsFound, SolverError):
             raise
         except Exception as error:
-            said = next((m for m in reversed(self.messages) if m), "")
-            words = ": ".join(filter(None, (str(error), said)))
+            message = next((m for m in reversed(self.messages) if m), "")
+            words = ": ".join(filter(None, (str(error), message)))
             raise SolverError(f"the FMU could not be run at t = {self.now:g} s: {words}", str(self.file.path)) from error
         finally:
             self.fmu.freeInstance()
@@ -147,7 +147,7 @@ class _Seed:
     courses: tuple[tuple[int, InputCourse], ...]
 
     @classmethod
-    def of(cls, states: Sequence[int], way: FmuSetting) -> _Seed:
+    def of_direction(cls, states: Sequence[int], way: FmuSetting) -> _Seed:
         """Return the seed of a direction."""
         fixed = {r: d for r, d in way.values.items() if r not in states}
         every = [*states, *fixed, *way.inputs]
@@ -163,11 +163,11 @@ class _Exchange(_FmuRun):
     def _go(self) -> tuple[Array, Array]:
         self.n, self.since, self.events = len(self.file.states), 0.0, 0
         self.moves = self._first_moves()
-        self.seeds = [_Seed.of(self.file.states, way) for way in self.ways]
+        self.seeds = [_Seed.of_direction(self.file.states, way) for way in self.ways]
         due = self._settle_events()
         self._enter()
         solver = self._solver()
-        found, slopes = np.zeros((self.times.size, len(self.wanted))), np.zeros((self.times.size, len(self.wanted), len(self.ways)))
+        outputs, slopes = np.zeros((self.times.size, len(self.wanted))), np.zeros((self.times.size, len(self.wanted), len(self.ways)))
         stops = [(float(t), True) for t in self.times] + [(float(t), False) for t in self.jumps]
         place = 0
         for stop, wanted in sorted(stops):
@@ -184,11 +184,11 @@ class _Exchange(_FmuRun):
                 if self.now >= stop - NEAR * self.end:
                     break
             if wanted:
-                found[place] = self.get(self.wanted) if self.wanted else []
+                outputs[place] = self.get(self.wanted) if self.wanted else []
                 if self.ways:
                     slopes[place] = self._derived(self.wanted)
                 place += 1
-        return found, slopes
+        return outputs, slopes
 
     def _first_moves(self) -> Array:
         """Return the derivatives (states, ways) of the states as the run begins."""
@@ -302,11 +302,11 @@ class _Exchange(_FmuRun):
         at = self.now if time is None else time
         out = np.zeros((len(self.ways), len(unknowns)))
         which = (c_uint32 * len(unknowns))(*unknowns)
-        for k, (seed, own) in enumerate(zip(self.seeds, out, strict=True)):
+        for k, (seed, seed_values) in enumerate(zip(self.seeds, out, strict=True)):
             seed.put[: self.n] = self.moves[:, k]
             for place, course in seed.courses:
                 seed.put[place] = course.law(self.since if course.jumps.size else at)
-            answer = own.ctypes.data_as(_DOUBLES)
+            answer = seed_values.ctypes.data_as(_DOUBLES)
             sizes = (len(unknowns), seed.references, len(seed.references), seed.values)
             if self.file.second:
                 self.fmu.fmi2GetDirectionalDerivative(self.fmu.component, which, *sizes, answer)
@@ -338,11 +338,11 @@ class _Steps(_FmuRun):
         every: Array = np.unique(np.concatenate([[0.0, self.end], self.times, self.jumps]))
         every = every[np.concatenate([[True], np.diff(every) > NEAR * self.end])]
         form = self.file.described.coSimulation
-        own = getattr(form, "fixedInternalStepSize", None)
-        if form.canHandleVariableCommunicationStepSize and own is None:
+        fixed_step = getattr(form, "fixedInternalStepSize", None)
+        if form.canHandleVariableCommunicationStepSize and fixed_step is None:
             return np.asarray(every)
         # a fixed step of its own: communication points are multiples of it
-        step = float(own) if own is not None else float(np.median(np.diff(every)))
+        step = float(fixed_step) if fixed_step is not None else float(np.median(np.diff(every)))
         whole = max(1, round(float(np.median(np.diff(every))) / step)) * step
         count = int(np.ceil(self.end / whole - NEAR)) + 1
         return np.asarray(np.linspace(0.0, (count - 1) * whole, count))

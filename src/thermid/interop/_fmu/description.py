@@ -225,12 +225,12 @@ class _Second(_Description):
         self.experiment(root)
         table = Xml.SubElement(root, "ModelVariables")
         for k, v in enumerate(self.variables):
-            each = Xml.SubElement(table, "ScalarVariable", {**self.common(v), "valueReference": str(k)})
+            element = Xml.SubElement(table, "ScalarVariable", {**self.common(v), "valueReference": str(k)})
             if v.kind == MODE:
-                Xml.SubElement(each, "Integer")
+                Xml.SubElement(element, "Integer")
                 continue
             more = {"derivative": str(v.of + 1)} if v.kind == RATE else {}
-            Xml.SubElement(each, "Real", {**self.number(v), **more})
+            Xml.SubElement(element, "Real", {**self.number(v), **more})
         structure = Xml.SubElement(root, "ModelStructure")
         for tag, places in zip(("Outputs", "Derivatives", "InitialUnknowns"), self.unknowns(), strict=True):
             if places:

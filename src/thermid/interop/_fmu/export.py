@@ -52,7 +52,7 @@ def _wrote(path: Path) -> bool:
 FMU: Final = FileKind("FMU", _wrote)
 
 
-CLOSE = 1e-10
+MAX_FORMULA_DIFFERENCE = 1e-10
 """How far a formula's number may be from that of the network, as a share of it. [-]"""
 MOVES = (1.13, 0.83)
 """What values are multiplied by to see whether the formulas hold away from the model's own values. [-]"""
@@ -165,7 +165,7 @@ class _Draft:
         self.start = self.engine.started(formulas.assembled)
         self.arrays = still(self.engine.arrays())
         names = list(dict.fromkeys(self.engine.load_names))
-        self.powers = {n: [k for k, own in enumerate(self.engine.load_names) if own == n] for n in names}
+        self.powers = {n: [k for k, load_name in enumerate(self.engine.load_names) if load_name == n] for n in names}
         self.variables = tuple(self._variables())
         self.notes = tuple(self._notes())
 
@@ -201,9 +201,9 @@ class _Draft:
         """Return a parameter or an input."""
         parameters, signals = self.wiring.network.flat.parameters, self.wiring.signals
         if s.kind == "parameter":
-            given, dimension = parameters.table[s.path].parameter, parameters.dimension(s.path)
-            bounds = given.minimum, given.maximum
-            return FmuVariable(structured("p", s.path), told.VALUE, k, "parameter", dimension, s.start, bounds, given.note)
+            parameter, dimension = parameters.table[s.path].parameter, parameters.dimension(s.path)
+            bounds = parameter.minimum, parameter.maximum
+            return FmuVariable(structured("p", s.path), told.VALUE, k, "parameter", dimension, s.start, bounds, parameter.note)
         if s.kind == "boundary":
             what = f"temperature of boundary '{s.path}'"
             return FmuVariable(structured("T", s.path), told.VALUE, k, "input", _KELVIN, s.start, (0.0, None), what)
@@ -214,9 +214,9 @@ class _Draft:
 
     def _boundaries(self) -> list[FmuVariable]:
         """Return temperatures of boundaries that follow a course, and the heat into every one."""
-        boundaries, given = self.wiring.network.boundaries, {s.name for s in self.formulas.symbols}
+        boundaries, symbol_names = self.wiring.network.boundaries, {s.name for s in self.formulas.symbols}
         nodes = len(self.engine.nodes)
-        courses = [self._temperature(b, nodes + k, "boundary ") for k, b in enumerate(boundaries) if f"boundary {b}" not in given]
+        courses = [self._temperature(b, nodes + k, "boundary ") for k, b in enumerate(boundaries) if f"boundary {b}" not in symbol_names]
         return courses + [
             FmuVariable(structured("heat", b), told.HEAT, k, "output", _WATT, description=f"heat that flows into boundary '{b}'")
             for k, b in enumerate(boundaries)
@@ -228,15 +228,15 @@ class _Draft:
             FmuVariable(structured("power", load), told.POWER, k, "output", _WATT, description=f"power of load '{load}'")
             for k, load in enumerate(self.powers)
         ]
-        own = self.wiring.structure.controls
+        controls = self.wiring.structure.controls
         for k, name in enumerate(self.engine.control_names):
-            if k >= len(own):
+            if k >= len(controls):
                 out.append(FmuVariable(structured("mode", name), told.MODE, k, "output", description=f"mode of control '{name}'"))
-            elif own[k].kind == "thermostat":
+            elif controls[k].kind == "thermostat":
                 what = f"thermostat of '{name}': 1 on, 0 off"
                 out.append(FmuVariable(structured("mode", name), told.MODE, k, "output", description=what))
         follow = self.arrays["follow"]
-        guards = 2 * sum(c.kind == "thermostat" for c in own)  # the library watches two of each thermostat, then those of controls
+        guards = 2 * sum(c.kind == "thermostat" for c in controls)  # the library watches two of each thermostat, then those of controls
         guards += sum(g[-1] < 0 for g in follow["guards"]) if follow is not None else 0
         what = "event indicator of a control"
         return out + [FmuVariable(f"indicator.g{k + 1}", told.INDICATOR, k, "local", description=what) for k in range(guards)]
@@ -244,7 +244,7 @@ class _Draft:
     def _notes(self) -> list[str]:
         """Return what is fixed, assumed or not carried."""
         scenario, out = self.wiring.scenario, []
-        moving = [n.partition(" ") for n, given in self.wiring.signals.items() if not isinstance(given, Constant)]
+        moving = [n.partition(" ") for n, course in self.wiring.signals.items() if not isinstance(course, Constant)]
         courses = [path for kind, _, path in moving if kind in ("boundary", "load", "sine")]
         courses += list(self.wiring.schedule.signals) if self.wiring.schedule is not None else []
         if courses:
@@ -289,10 +289,10 @@ class _Draft:
 
 def _library() -> Path:
     """Return the library that runs models of FMUs on this platform."""
-    found = Path(_kernel.__file__).with_name("_fmu") / f"_kernel_fmu{_ENDING}"
-    if not found.is_file():
-        raise ThermidError(f"this installation has no library for FMUs: {found.name} is missing beside the kernel. Reinstall thermid.")
-    return found
+    library = Path(_kernel.__file__).with_name("_fmu") / f"_kernel_fmu{_ENDING}"
+    if not library.is_file():
+        raise ThermidError(f"this installation has no library for FMUs: {library.name} is missing beside the kernel. Reinstall thermid.")
+    return library
 
 
 def _sources() -> dict[str, bytes]:
@@ -311,8 +311,8 @@ def _sources() -> dict[str, bytes]:
 
 def _folder(version: str) -> str:
     """Return the folder of libraries for this platform, as the version names it."""
-    own = platform.machine()
-    machine = {"amd64": "x86_64", "x86_64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}.get(own.lower(), own)
+    machine_name = platform.machine()
+    machine = {"amd64": "x86_64", "x86_64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}.get(machine_name.lower(), machine_name)
     if version == "3.0":
         return f"{machine}-{ {'win32': 'windows'}.get(sys.platform, sys.platform) }"
     word = {"win32": "win", "darwin": "darwin"}.get(sys.platform, "linux")
@@ -398,26 +398,26 @@ def formulas_of(wiring: Wiring) -> OfferedFormulas:
     ----------
     wiring : Wiring     Without eliminated nodes, its parameters free.
     """
-    own = wiring.assemble(gradients=False)
-    values = {f"parameter {p}": value_of(own.numbers.values[p]) for p in wiring.parameters}
+    assembled = wiring.assemble(gradients=False)
+    values = {f"parameter {p}": value_of(assembled.numbers.values[p]) for p in wiring.parameters}
     constant = [b for b in wiring.network.boundaries if isinstance(wiring.signals[f"boundary {b}"], Constant)]
-    values |= {f"boundary {b}": value_of(own.offsets[b]) for b in constant}
+    values |= {f"boundary {b}": value_of(assembled.offsets[b]) for b in constant}
     offered, refused = dict(values), {}
-    if not _holds(wiring, own, values, offered, tuple(values)):
+    if not _holds(wiring, assembled, values, offered, tuple(values)):
         offered = {}
         for name in values:
-            if _holds(wiring, own, values, {**offered, name: values[name]}, (name,)):
+            if _holds(wiring, assembled, values, {**offered, name: values[name]}, (name,)):
                 offered[name] = values[name]
-            elif _acts(wiring, own, values, name):
+            elif _acts(wiring, assembled, values, name):
                 refused[name] = "tables or branches follow it"
-    coefficients = _made(wiring, own, offered)
+    coefficients = _coefficient_formulas(wiring, assembled, offered)
     used = {path for c in coefficients if isinstance(c, Formula) for path in c.paths()}
     symbols = [Symbol(name, start) for name, start in offered.items() if name in used]
     loads = {n.removeprefix("load "): s.value for n, s in wiring.signals.items() if n.startswith("load ") and isinstance(s, Constant)}
     coefficients = _with_loads(wiring, coefficients, loads)
     used = {path for c in coefficients if isinstance(c, Formula) for path in c.paths()}
     symbols += [Symbol(f"load {path}", start) for path, start in loads.items() if f"load {path}" in used]
-    return OfferedFormulas(own, tuple(symbols), tuple(coefficients), refused)
+    return OfferedFormulas(assembled, tuple(symbols), tuple(coefficients), refused)
 
 
 def _plain(name: str) -> str:
@@ -425,50 +425,54 @@ def _plain(name: str) -> str:
     return name.partition(" ")[2]
 
 
-def _made(wiring: Wiring, own: Assembled, offered: Mapping[str, float]) -> list[Formula | float]:
+def _coefficient_formulas(wiring: Wiring, assembled: Assembled, offered: Mapping[str, float]) -> list[Formula | float]:
     """Return the coefficients with a formula over every symbol that is offered."""
-    given: dict[str, Any] = {_plain(n): named(n, v) for n, v in offered.items()}
-    return [c if isinstance(c, Formula) else value_of(c) for c in wiring.every(wiring.assembled_at(given), given)]
+    symbols: dict[str, Any] = {_plain(n): named(n, v) for n, v in offered.items()}
+    return [c if isinstance(c, Formula) else value_of(c) for c in wiring.every(wiring.assembled_at(symbols), symbols)]
 
 
-def _holds(wiring: Wiring, own: Assembled, values: Mapping[str, float], offered: Mapping[str, float], moved: Sequence[str]) -> bool:
+def _holds(wiring: Wiring, assembled: Assembled, values: Mapping[str, float], offered: Mapping[str, float], moved: Sequence[str]) -> bool:
     """Return whether formulas over `offered` give the network's own numbers at values that are `moved`, and tables stay."""
     try:
-        coefficients = _made(wiring, own, offered)
+        coefficients = _coefficient_formulas(wiring, assembled, offered)
     except (ThermidError, ArithmeticError, TypeError, ValueError):
         return False
-    seen = False
+    was_checked = False
     for by in MOVES:
         at = {**values, **{n: _moved(wiring, n, values[n], by) for n in moved}}
-        found = _network(wiring, {n: at[n] for n in moved})
-        if found is None:
+        network_numbers = _network(wiring, {n: at[n] for n in moved})
+        if network_numbers is None:
             continue
-        seen = True
+        was_checked = True
         line = StraightLine(coefficients)
         ours = line.values(at)
-        theirs = np.array(found.coefficients)
+        theirs = np.array(network_numbers.coefficients)
         if (
             ours.shape != theirs.shape
-            or not np.allclose(ours, theirs, rtol=CLOSE, atol=0.0)
-            or not _same_tables(own.numbers, found.numbers)
+            or not np.allclose(ours, theirs, rtol=MAX_FORMULA_DIFFERENCE, atol=0.0)
+            or not _same_tables(assembled.numbers, network_numbers.numbers)
         ):
             return False
-    return seen
+    return was_checked
 
 
-def _acts(wiring: Wiring, own: Assembled, values: Mapping[str, float], name: str) -> bool:
+def _acts(wiring: Wiring, assembled: Assembled, values: Mapping[str, float], name: str) -> bool:
     """Return whether a symbol changes anything at all, or cannot be changed."""
     for by in MOVES:
-        found = _network(wiring, {name: _moved(wiring, name, values[name], by)})
-        if found is None or not np.array_equal(found.coefficients, own.coefficients) or not _same_tables(own.numbers, found.numbers):
+        network_numbers = _network(wiring, {name: _moved(wiring, name, values[name], by)})
+        if (
+            network_numbers is None
+            or not np.array_equal(network_numbers.coefficients, assembled.coefficients)
+            or not _same_tables(assembled.numbers, network_numbers.numbers)
+        ):
             return True
     return False
 
 
-def _network(wiring: Wiring, given: Mapping[str, float]) -> Assembled | None:
+def _network(wiring: Wiring, values: Mapping[str, float]) -> Assembled | None:
     """Return the numbers at some values; None where there are none."""
     try:
-        return wiring.assembled_at({_plain(n): v for n, v in given.items()})
+        return wiring.assembled_at({_plain(n): v for n, v in values.items()})
     except (ThermidError, ArithmeticError, ValueError):
         return None
 
@@ -477,11 +481,11 @@ def _moved(wiring: Wiring, name: str, value: float, by: float) -> float:
     """Return another value of a symbol, within the bounds that its author gives."""
     if name.startswith("boundary "):
         return value + 20.0 * (by - 1.0)
-    given = wiring.network.flat.parameters.table[_plain(name)].parameter
+    parameter = wiring.network.flat.parameters.table[_plain(name)].parameter
     moved = value * by if value else 0.1 * by
-    if given.maximum is not None:
-        moved = min(moved, given.maximum)
-    return moved if given.minimum is None else max(moved, given.minimum)
+    if parameter.maximum is not None:
+        moved = min(moved, parameter.maximum)
+    return moved if parameter.minimum is None else max(moved, parameter.minimum)
 
 
 def _curves(numbers: Numbers) -> list[Curve | None]:
@@ -531,9 +535,9 @@ class StraightLine:
         self._known: dict[tuple[int, int, int], int] = {}
         self._made: dict[int, int] = {}
         self._kept = list(formulas)  # identities stay those of these objects
-        self.results = [self._of(f) for f in self._kept]
+        self.results = [self._place_of(f) for f in self._kept]
 
-    def _of(self, formula: Formula | float) -> int:
+    def _place_of(self, formula: Formula | float) -> int:
         if not isinstance(formula, Formula):
             return self._step(OPERATIONS.index("number"), self.numbers.setdefault(float(formula), len(self.numbers)), 0)
         if id(formula) in self._made:
@@ -541,9 +545,9 @@ class StraightLine:
         if formula.operator == "name":
             at = self._step(OPERATIONS.index("name"), self.names.setdefault(formula.parts[0], len(self.names)), 0)
         elif formula.operator == "number":
-            at = self._of(formula.value)
+            at = self._place_of(formula.value)
         else:
-            parts = [self._of(part) for part in formula.parts]
+            parts = [self._place_of(part) for part in formula.parts]
             at = self._step(OPERATIONS.index(formula.operator), parts[0], parts[1] if len(parts) > 1 else 0)
         self._made[id(formula)] = at
         return at

@@ -27,7 +27,7 @@ from thermid.interop._fmu.process import ConfinedProgram
 
 STEP: Final = 4e-3
 """Part of a value by which it is moved for a difference. [-]"""
-WIDE: Final = 240
+MAX_STATES_WITH_SENSITIVITIES: Final = 240
 """States and sensitivities together, up to which they are integrated; differences of runs cost less beyond."""
 AGREE: Final = 5e-3
 """Part of the largest derivative of an output by which directional derivatives may differ from differences of runs. [-]"""
@@ -89,8 +89,8 @@ class FmuSetting:
         values = {**self.values, **{k: self.values[k] + by * d for k, d in way.values.items()}}
         inputs = dict(self.inputs)
         for k, d in way.inputs.items():
-            own = inputs[k]
-            inputs[k] = own.raised(d, by)
+            course = inputs[k]
+            inputs[k] = course.raised(d, by)
         return FmuSetting(values, inputs)
 
 
@@ -222,10 +222,10 @@ class FmuFile(FmuDescribed):
         ------
         SolverError     As in `outputs`.
         """
-        if self.directional and len(self.states) * (1 + len(ways)) <= WIDE:
-            found = self._by_directions(setting, times, wanted, ways)
-            if found is not None:
-                return found
+        if self.directional and len(self.states) * (1 + len(ways)) <= MAX_STATES_WITH_SENSITIVITIES:
+            outputs_and_slopes = self._by_directions(setting, times, wanted, ways)
+            if outputs_and_slopes is not None:
+                return outputs_and_slopes
         base = self.outputs(setting, times, wanted)
         slopes = [self._difference(setting, times, wanted, way, base) for way in ways]
         return base, np.stack(slopes, axis=-1) if slopes else np.zeros((*base.shape, 0))

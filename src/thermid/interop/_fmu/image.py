@@ -76,7 +76,7 @@ ROWS: Final = (
 def still(arrays: Mapping[str, Any]) -> dict[str, Any]:
     """Return the arrays without inputs that are constant; what they multiply must be multiplied by them."""
     inputs, follow = arrays["inputs"], arrays["follow"]
-    moving = [k for k, given in enumerate(inputs) if given[0] != _kernel.CONSTANT]
+    moving = [k for k, source in enumerate(inputs) if source[0] != _kernel.CONSTANT]
     place = {-1: -1, **{k: -1 for k in range(len(inputs))}, **{k: m for m, k in enumerate(moving)}}
     followers = follow["followers"] if follow is not None else []
     place |= {len(inputs) + k: len(moving) + k for k in range(len(followers))}
@@ -94,7 +94,7 @@ def write_problem(to: ImageWriter, arrays: Mapping[str, Any]) -> None:
     for table in arrays["tables"]:
         for column in table:
             to.reals(column)
-    to.ints([given[0] for given in arrays["inputs"]])
+    to.ints([source[0] for source in arrays["inputs"]])
     for _, a, b in arrays["inputs"]:
         to.reals(a)
         to.reals(b)
@@ -151,8 +151,8 @@ def image(
     to.ints(steps)
     to.reals(numbers)
     to.ints(results)
-    for each in values:
-        to.reals(each)
+    for some_values in values:
+        to.reals(some_values)
     to.ints(variables)
     to.ints(np.cumsum([0, *(len(rows) for rows in powers)]))
     to.ints([row for rows in powers for row in rows])

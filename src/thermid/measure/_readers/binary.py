@@ -67,7 +67,7 @@ def to_json(data: bytes, reader: str, file: str, separator: str | None) -> dict[
     return vars(cells) | {"prompt": sorted(cells.prompt), "layout": vars(cells.layout)}
 
 
-def _small(size: float, file: str) -> None:
+def _check_unpacked_size(size: float, file: str) -> None:
     """Refuse what unpacks to more than a machine should have to hold.
 
     Raises
@@ -131,13 +131,13 @@ def _moment(value: Any) -> datetime:
 
 
 def _tdms_series(group: str, channels: Mapping[str, Any], begun: datetime | None, file: str) -> list[ChannelSeries]:
-    own = next((n for n, c in channels.items() if np.issubdtype(c.dtype, np.datetime64)), None)
-    own = own or next((n for n in channels if n.lower().partition(" ")[0].partition("[")[0] in _TIMES), None)
+    time_channel = next((n for n, c in channels.items() if np.issubdtype(c.dtype, np.datetime64)), None)
+    time_channel = time_channel or next((n for n in channels if n.lower().partition(" ")[0].partition("[")[0] in _TIMES), None)
     out = []
     for name, channel in channels.items():
-        if name == own:
+        if name == time_channel:
             continue
-        times = _tdms_times(channel, channels.get(own) if own else None, begun)
+        times = _tdms_times(channel, channels.get(time_channel) if time_channel else None, begun)
         if times is None or len(times) != len(channel):
             raise RecordError(
                 f"channel '{name}' has no times: neither wf_increment nor a time channel of as many samples in its group.",
@@ -182,7 +182,7 @@ def matlab(data: bytes, file: str, separator: str | None) -> Cells:
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadWarning
 
-    _small(_matlab_size(data), file)
+    _check_unpacked_size(_matlab_size(data), file)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", MatReadWarning)  # objects have no names there; `objects_of` reads them
         held = loadmat(cast("Any", io.BytesIO(data)), squeeze_me=True, struct_as_record=True)
@@ -257,10 +257,10 @@ def _flattened(name: str, value: Any) -> Vectors:
                 inner = label or ("" if field in ("values", "signals") else field)
                 out |= _flattened(f"{name}.{inner}" if inner and not label else label or name, fields[field])
             return out
-        made: Vectors = {}
+        vectors: Vectors = {}
         for k, row in enumerate(value.reshape(-1)):
-            made |= _flattened(f"{name}.{k + 1}", np.array(row, dtype=value.dtype))
-        return made
+            vectors |= _flattened(f"{name}.{k + 1}", np.array(row, dtype=value.dtype))
+        return vectors
     if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiub" or value.size < 2:
         return {}
     if value.ndim == 1:
@@ -297,7 +297,7 @@ def _of_vectors(vectors: Vectors, file: str, kind: str) -> Cells:
             code="record.time-unclear",
         )
     times, unit = vectors.pop(clock)
-    alike = {name: each for name, each in vectors.items() if len(each[0]) == len(times)}
+    alike = {name: vector for name, vector in vectors.items() if len(vector[0]) == len(times)}
     other = [name for name in vectors if name not in alike]
     if not alike:
         raise RecordError(
@@ -367,7 +367,7 @@ def hdf5(data: bytes, file: str, separator: str | None) -> Cells:
                 code="record.values-elsewhere",
             )
         unpacked += item.size * item.dtype.itemsize
-        _small(unpacked, file)
+        _check_unpacked_size(unpacked, file)
         values = np.squeeze(item[()])
         unit = next((_plain(item.attrs[key]) for key in ("units", "unit", "Units", "Unit") if key in item.attrs), "")
         if item.dtype.names:
@@ -416,7 +416,9 @@ def workbook(data: bytes, file: str, separator: str | None) -> Cells:
     RecordError   When no sheet has samples, or the file is damaged.
     """
     try:
-        _small(sum(part.file_size for part in zipfile.ZipFile(io.BytesIO(data)).infolist()) if data[:2] == b"PK" else 0.0, file)
+        _check_unpacked_size(
+            sum(part.file_size for part in zipfile.ZipFile(io.BytesIO(data)).infolist()) if data[:2] == b"PK" else 0.0, file
+        )
     except zipfile.BadZipFile:
         raise RecordError(
             "this is a binary file, not a text log (a workbook or archive). Export it as CSV.", file, code="record.damaged"

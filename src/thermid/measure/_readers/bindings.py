@@ -57,7 +57,7 @@ def bindings(channels: Mapping[str, object], extra: Mapping[str, Mapping[str, st
     """
     if not channels:
         raise RecordError("no channel is requested. Give channels={'node': 'column'}.", where, code="value.incomplete")
-    out = {key: _one(key, given, f"{where}, channels.{key}") for key, given in channels.items()}
+    out = {key: _one(key, written, f"{where}, channels.{key}") for key, written in channels.items()}
     for word, values in extra.items():
         for name, value in values.items():
             refuse_unknown(
@@ -74,64 +74,64 @@ def bindings(channels: Mapping[str, object], extra: Mapping[str, Mapping[str, st
     return list(out.values())
 
 
-def _one(key: str, given: object, where: str) -> Binding:
+def _one(key: str, written: object, where: str) -> Binding:
     """Return one binding, from a column name or a table."""
-    if isinstance(given, str):
-        return Binding(key, given, target=key)
-    if not isinstance(given, Mapping):
+    if isinstance(written, str):
+        return Binding(key, written, target=key)
+    if not isinstance(written, Mapping):
         raise RecordError(
-            f"{given!r} is neither the name of a column nor a table. Write 'column' or {{ column = 'column' }}.",
+            f"{written!r} is neither the name of a column nor a table. Write 'column' or {{ column = 'column' }}.",
             where,
             code="value.wrong-kind",
         )
-    refuse_unknown(given, _KEYS, where)
+    refuse_unknown(written, _KEYS, where)
     for word in (*_ROLE_KEYS, "gain", "unit"):
-        if word in given and not (isinstance(given[word], str) and given[word].strip()):
-            raise RecordError(f"{word} = {given[word]!r} is not a text.", where, code="value.wrong-kind")
+        if word in written and not (isinstance(written[word], str) and written[word].strip()):
+            raise RecordError(f"{word} = {written[word]!r} is not a text.", where, code="value.wrong-kind")
     for word in ("full_scale", "noise", "accuracy", "resolution"):
-        if word in given and (isinstance(given[word], bool) or not isinstance(given[word], str | int | float)):
-            raise RecordError(f"{word} = {given[word]!r} is neither a text with a unit nor a number.", where, code="value.wrong-kind")
-    roles = [word for word in _ROLE_KEYS if word in given]
+        if word in written and (isinstance(written[word], bool) or not isinstance(written[word], str | int | float)):
+            raise RecordError(f"{word} = {written[word]!r} is neither a text with a unit nor a number.", where, code="value.wrong-kind")
+    roles = [word for word in _ROLE_KEYS if word in written]
     if len(roles) > 1:
         raise RecordError(f"it has the roles {' and '.join(roles)}. Give a channel one role.", where, code="value.incomplete")
     role = roles[0] if roles else "auto"
-    if "gain" in given and role not in ("load", "command"):
+    if "gain" in written and role not in ("load", "command"):
         raise RecordError(
             "a gain converts a command into a power, so it needs load = '...' or command = '...' too.", where, code="value.incomplete"
         )
-    if "full_scale" in given and (role != "load" or "gain" in given):
+    if "full_scale" in written and (role != "load" or "gain" in written):
         raise RecordError(
             "full_scale is the power of a load at 100 %, so it needs load = '...' too, and no gain.", where, code="value.incomplete"
         )
-    if "power" in given and (role != "load" or "full_scale" in given):
+    if "power" in written and (role != "load" or "full_scale" in written):
         raise RecordError(
             "power is a formula of columns in watts, so it needs load = '...' too, and no full_scale.",
             where,
             code="value.incomplete",
         )
-    if not isinstance(given.get("prompt", False), bool):
-        raise RecordError(f"prompt = {given['prompt']!r} is neither true nor false.", where, code="value.wrong-kind")
-    if given.get("prompt") and role not in ("load", "command"):
+    if not isinstance(written.get("prompt", False), bool):
+        raise RecordError(f"prompt = {written['prompt']!r} is neither true nor false.", where, code="value.wrong-kind")
+    if written.get("prompt") and role not in ("load", "command"):
         raise RecordError(
             "prompt states that a power or command was logged at every change, so it applies to a load or command only.",
             where,
             code="record.does-not-apply",
         )
-    refuse_unknown([given.get("samples", "instant")], SAMPLES, where, "samples = '{}' is neither 'instant' nor 'average'.")
-    between = given.get("interpolation", INTERPOLATIONS[0])
+    refuse_unknown([written.get("samples", "instant")], SAMPLES, where, "samples = '{}' is neither 'instant' nor 'average'.")
+    between = written.get("interpolation", INTERPOLATIONS[0])
     refuse_unknown([between], INTERPOLATIONS, where, "interpolation = '{}' is neither 'linear' nor 'previous'.")
     for word in ("samples", "interpolation"):
-        if word in given and role in ("auto", "node"):
+        if word in written and role in ("auto", "node"):
             raise RecordError(
                 f"{word} applies to inputs of the model only: a boundary, load, command or prescribed node.",
                 where,
                 code="record.does-not-apply",
             )
-    if given.get("samples") == "average" and "interpolation" in given:
+    if written.get("samples") == "average" and "interpolation" in written:
         raise RecordError("averages are steps over their intervals. Give samples or interpolation.", where, code="value.incomplete")
-    rest = {word: given[word] for word in ("gain", "full_scale", *_OF_SAMPLES) if word in given}
-    certificate = SensorCertificate.read(given["certificate"], f"{where}, certificate") if "certificate" in given else None
-    return Binding(key, key, role, given[role] if roles else None, **rest, part=SensorPart.read(given, where), certificate=certificate)
+    rest = {word: written[word] for word in ("gain", "full_scale", *_OF_SAMPLES) if word in written}
+    certificate = SensorCertificate.read(written["certificate"], f"{where}, certificate") if "certificate" in written else None
+    return Binding(key, key, role, written[role] if roles else None, **rest, part=SensorPart.read(written, where), certificate=certificate)
 
 
 def unit_and_quantity(binding: Binding, header_unit: str | None, where: str) -> tuple[str, str]:
@@ -153,7 +153,7 @@ def unit_and_quantity(binding: Binding, header_unit: str | None, where: str) -> 
         of = unit(text)
         if binding.role == "load" and not drives and of.dimension == DIMENSIONLESS:
             raise RecordError(_PER_CENT.format(f"it is in {text}"), code="record.unit-unclear")
-        if binding.unit and header_unit and _known(header_unit) and unit(header_unit) != replace(of, text=unit(header_unit).text):
+        if binding.unit and header_unit and _is_unit(header_unit) and unit(header_unit) != replace(of, text=unit(header_unit).text):
             raise RecordError(
                 f"its header has the unit [{header_unit}], but its unit is given as '{binding.unit}'. Correct one of them.",
                 code="record.unit-contradicts",
@@ -168,8 +168,8 @@ def unit_and_quantity(binding: Binding, header_unit: str | None, where: str) -> 
             )
     if drives:
         return text, "command"
-    for quantity, known in (("temperature", "K"), ("power", "W"), ("command", "1")):
-        if of.dimension == unit(known).dimension:
+    for quantity, si_unit in (("temperature", "K"), ("power", "W"), ("command", "1")):
+        if of.dimension == unit(si_unit).dimension:
             return text, quantity
     return text, describe(of.dimension).removeprefix("an ").removeprefix("a ")
 
@@ -210,7 +210,7 @@ def full_scale(binding: Binding, where: str) -> float | None:
     return watts
 
 
-def _known(text: str) -> bool:
+def _is_unit(text: str) -> bool:
     """Whether a text is a unit."""
     try:
         unit(text)
@@ -237,5 +237,5 @@ def channel_schema() -> dict[str, Any]:
         "range": {"type": "array", "items": amount_, "minItems": 2, "maxItems": 2},
     }
     plain = (*_ROLE_KEYS, "gain", "unit")
-    own = {key: nested.get(key) or (text if key in plain else amount_) for key in _KEYS}
-    return {"type": "object", "properties": own, "additionalProperties": False}
+    properties = {key: nested.get(key) or (text if key in plain else amount_) for key in _KEYS}
+    return {"type": "object", "properties": properties, "additionalProperties": False}

@@ -45,35 +45,35 @@ def find_column(header: tuple[str, ...], wanted: str, where: str) -> int:
     return hits[0]
 
 
-def decimal_sign(cells: Cells, given: str | None) -> str:
+def decimal_sign(cells: Cells, wanted: str | None) -> str:
     """Return '.' or ',': as given, or the one that the numbers of the file use.
 
     Raises
     ------
     RecordError   When the file has numbers with a comma and numbers with a point.
     """
-    if given is not None:
-        if given not in (".", ","):
-            raise RecordError(f"decimal={given!r} is neither '.' nor ','.", cells.file, code="value.wrong-kind")
-        return given
+    if wanted is not None:
+        if wanted not in (".", ","):
+            raise RecordError(f"decimal={wanted!r} is neither '.' nor ','.", cells.file, code="value.wrong-kind")
+        return wanted
     texts = [column for column in cells.columns if not isinstance(column, NumberColumn)]
     if not cells.commas or not any("," in "".join(column) for column in texts):
         return "."
-    seen: dict[str, tuple[str, int]] = {}
+    first_of_sign: dict[str, tuple[str, int]] = {}
     for column in cells.columns:
-        for sign in {",", "."} - set(seen):
+        for sign in {",", "."} - set(first_of_sign):
             hits = ((cell, cells.lines[row]) for row, cell in enumerate(column) if sign in cell and _FRACTION.match(cell))
             first = next(hits, None)
             if first is not None:
-                seen[sign] = first
-    if len(seen) == 2:
-        (comma, one), (point, other) = seen[","], seen["."]
+                first_of_sign[sign] = first
+    if len(first_of_sign) == 2:
+        (comma, one), (point, other) = first_of_sign[","], first_of_sign["."]
         raise RecordError(
             f"the decimal sign is ambiguous: '{comma}' (line {one}) and '{point}' (line {other}). Give decimal=',' or decimal='.'.",
             cells.file,
             code="record.number-unclear",
         )
-    return next(iter(seen), ".")
+    return next(iter(first_of_sign), ".")
 
 
 def numbers(cells: Sequence[str], decimal: str) -> FloatArray | int:
@@ -156,43 +156,43 @@ def _long_table(text: str, file: str, separator: str | None, notes: Sequence[str
     ends = np.flatnonzero(np.frombuffer(text.encode("ascii"), np.uint8) == ord("\n")) + 1
     starts = np.concatenate([[0], ends, [] if text.endswith("\n") else [len(text) + 1]]).astype(int)
     try:
-        known = cells_of_text(text[: starts[LINES_AT_ONCE]] + text[starts[-3] :], file, separator, notes)
+        first_rows = cells_of_text(text[: starts[LINES_AT_ONCE]] + text[starts[-3] :], file, separator, notes)
     except ThermidError:  # told again below, with the line where it stands
         return None
-    marks = [mark for mark, word in SEPARATORS.items() if word == known.layout.separator]
-    if len(known.lines) < LOOKED_AT or not marks:
+    marks = [mark for mark, word in SEPARATORS.items() if word == first_rows.layout.separator]
+    if len(first_rows.lines) < LOOKED_AT or not marks:
         return None
-    cut = [note.endswith(UNFINISHED) for note in known.notes]
-    said = [f"line {starts.size - 1}, the last one, {UNFINISHED}" if c else note for c, note in zip(cut, known.notes, strict=True)]
-    columns = _columns(known, text, starts[known.lines[0] - 1 : starts.size - sum(cut)], marks[0])
-    lines = range(known.lines[0], starts.size - sum(cut))
-    return None if columns is None else replace(known, columns=columns, lines=lines, notes=tuple(said))
+    cut = [note.endswith(UNFINISHED) for note in first_rows.notes]
+    remarks = [f"line {starts.size - 1}, the last one, {UNFINISHED}" if c else note for c, note in zip(cut, first_rows.notes, strict=True)]
+    columns = _columns(first_rows, text, starts[first_rows.lines[0] - 1 : starts.size - sum(cut)], marks[0])
+    lines = range(first_rows.lines[0], starts.size - sum(cut))
+    return None if columns is None else replace(first_rows, columns=columns, lines=lines, notes=tuple(remarks))
 
 
-def _columns(known: Cells, text: str, starts: Any, mark: str) -> list[Sequence[str]] | None:
+def _columns(first_rows: Cells, text: str, starts: Any, mark: str) -> list[Sequence[str]] | None:
     """Return the columns of all rows, numbers and texts as in those that are known; None where a row is not as these."""
-    width = len(known.columns)
-    plain = [k for k, column in enumerate(known.columns) if not isinstance(numbers(column, "."), int)]
+    width = len(first_rows.columns)
+    plain = [k for k, column in enumerate(first_rows.columns) if not isinstance(numbers(column, "."), int)]
     values = np.empty((len(plain), starts.size - 1))
     texts: dict[int, list[str]] = {k: [] for k in range(width) if k not in plain}
     for first in range(0, starts.size - 1, LINES_AT_ONCE):
         last = min(first + LINES_AT_ONCE, starts.size - 1)
         lines = text[starts[first] : starts[last] - 1].split("\n")
-        found = _numbers_of_lines(lines, mark, plain) if {line.count(mark) for line in lines} == {width - 1} else None
-        if found is None or not ({line[:1] for line in lines}.isdisjoint(LEAD) or all(map(holds_cells, lines))):
+        parsed = _numbers_of_lines(lines, mark, plain) if {line.count(mark) for line in lines} == {width - 1} else None
+        if parsed is None or not ({line[:1] for line in lines}.isdisjoint(LEAD) or all(map(holds_cells, lines))):
             return None
-        values[:, first:last] = found
-        for k, kept in texts.items():
-            kept += [line.split(mark, k + 1)[k] for line in lines]
-    made = {k: NumberColumn(row, text, starts, mark, k) for k, row in zip(plain, values, strict=True)}
-    return [made[k] if k in made else texts[k] for k in range(width)]
+        values[:, first:last] = parsed
+        for k, texts_of_column in texts.items():
+            texts_of_column += [line.split(mark, k + 1)[k] for line in lines]
+    number_columns = {k: NumberColumn(row, text, starts, mark, k) for k, row in zip(plain, values, strict=True)}
+    return [number_columns[k] if k in number_columns else texts[k] for k in range(width)]
 
 
 def _numbers_of_lines(lines: list[str], mark: str, plain: list[int]) -> FloatArray | None:
     """Return the numbers of some columns of lines (columns, lines), NaN where one is missing; None where a cell is text."""
     try:
-        found = np.loadtxt(lines, delimiter=mark, comments=None, ndmin=2, usecols=plain).T
+        columns = np.loadtxt(lines, delimiter=mark, comments=None, ndmin=2, usecols=plain).T
     except ValueError:  # some cell is empty, or text
         parsed = [numbers([line.split(mark)[k] for line in lines], ".") for k in plain]
-        return None if any(isinstance(each, int) for each in parsed) else np.array(parsed)
-    return found if found.shape[1] == len(lines) else None
+        return None if any(isinstance(column, int) for column in parsed) else np.array(parsed)
+    return columns if columns.shape[1] == len(lines) else None

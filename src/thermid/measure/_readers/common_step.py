@@ -28,7 +28,7 @@ FINER = 3
 """How often offsets are tried again, eight times as close about the best."""
 
 
-MOST = 20000
+MAX_POINTS = 20000
 """Points of a response, at most."""
 Made = tuple[FloatArray, FloatArray]
 """Times (points,) of the second log, and what explains the first one there (points, columns)."""
@@ -66,8 +66,8 @@ class LogCourse:
         held = self.values[np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, self.times.size - 1)] - self.values[0]
         out = []
         for constant in np.geomspace(4.0 * fine, times[-1], count):
-            kept = float(np.exp(-fine / constant))
-            out.append(lfilter([0.0, 1.0 - kept], [1.0, -kept], held))  # the value of an interval acts at its end
+            decay = float(np.exp(-fine / constant))
+            out.append(lfilter([0.0, 1.0 - decay], [1.0, -decay], held))  # the value of an interval acts at its end
         return times, np.column_stack(out)
 
 
@@ -96,16 +96,16 @@ def common_step(first: Sequence[LogCourse], second: Sequence[LogCourse]) -> Comm
     An error above a tenth of the shorter log is no step either. Temperatures of two places follow a step at different times: what the
     pairs of places disagree by is an error of an offset that two of them show.
     """
-    found, places = [], []
+    offsets, places = [], []
     for a, b in ((a, b) for a in first for b in second if a.moves and b.moves):
         if (one := _compared(a, b)) is not None:
-            found.append(one)
+            offsets.append(one)
             places += [one] if a.heated and b.heated and not a.power and not b.power else []
     length = min((c.times[-1] for c in (*first, *second) if c.moves), default=0.0)
     if places:
         spread = float(np.std([f.offset for f in places]))
-        found = [replace(f, error=float(np.hypot(f.error, spread))) if f in places else f for f in found]
-    best = min(found, key=lambda f: f.error, default=None)
+        offsets = [replace(f, error=float(np.hypot(f.error, spread))) if f in places else f for f in offsets]
+    best = min(offsets, key=lambda f: f.error, default=None)
     return best if best is not None and best.error <= VAGUE * length else None
 
 
@@ -114,64 +114,68 @@ def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
     if not (a.heated and b.heated) and (a.power != b.power or a.heated != b.heated):
         return None  # no power and no heated part acts on the surroundings
     forward = a.power <= b.power  # what explains is the power, or the second of a kind
-    seen, cause, sign = (a, b, 1.0) if forward else (b, a, -1.0)
+    effect, cause, sign = (a, b, 1.0) if forward else (b, a, -1.0)
     shorter = SHARED * min(a.times[-1], b.times[-1])
-    low, high = shorter - cause.times[-1], seen.times[-1] - shorter
+    low, high = shorter - cause.times[-1], effect.times[-1] - shorter
     step = max(float(np.median(np.diff(a.times))), float(np.median(np.diff(b.times))))
     offsets, spacing = np.linspace(low, high, OFFSETS + 1), (high - low) / OFFSETS
-    ways = _ways(seen, cause)
-    first = _lowest(seen, ways[0], offsets)
-    if not 1.0 - _left(seen, ways[0], first) >= EXPLAINED:
+    ways = _ways(effect, cause)
+    first = _lowest(effect, ways[0], offsets)
+    if not 1.0 - _part_unexplained(effect, ways[0], first) >= EXPLAINED:
         return None
-    found = [_close(seen, made, first, spacing, step) for made in ways]
-    error = max(_error(seen, made, offset, step) for made, offset in zip(ways, found, strict=True))
+    refined = [_refined_offset(effect, responses, first, spacing, step) for responses in ways]
+    error = max(_error(effect, responses, offset, step) for responses, offset in zip(ways, refined, strict=True))
     return CommonStep(
-        sign * float(np.median(found)), float(np.hypot(error, np.std(found))), a.name, b.name, 1.0 - _left(seen, ways[0], found[0])
+        sign * float(np.median(refined)),
+        float(np.hypot(error, np.std(refined))),
+        a.name,
+        b.name,
+        1.0 - _part_unexplained(effect, ways[0], refined[0]),
     )
 
 
-def _ways(seen: LogCourse, cause: LogCourse) -> list[Made]:
+def _ways(effect: LogCourse, cause: LogCourse) -> list[Made]:
     """Return how one course may act on another: several sets of responses where a power acts on a temperature, else as it is."""
-    if cause.power == seen.power:
+    if cause.power == effect.power:
         return [(cause.times, cause.values[:, None])]
-    fine = max(float(np.median(np.diff(cause.times))), cause.times[-1] / MOST)
+    fine = max(float(np.median(np.diff(cause.times))), cause.times[-1] / MAX_POINTS)
     return [cause.responses(fine, count) for count in RESPONSES]
 
 
-def _lowest(seen: LogCourse, made: Made, offsets: FloatArray) -> float:
-    return float(offsets[int(np.argmin([_left(seen, made, o) for o in offsets]))])
+def _lowest(effect: LogCourse, responses: Made, offsets: FloatArray) -> float:
+    return float(offsets[int(np.argmin([_part_unexplained(effect, responses, o) for o in offsets]))])
 
 
-def _close(seen: LogCourse, made: Made, best: float, spacing: float, step: float) -> float:
+def _refined_offset(effect: LogCourse, responses: Made, best: float, spacing: float, step: float) -> float:
     """Return the offset that leaves least, near one of a spacing. [s]"""
     for _ in range(FINER):
-        best = _lowest(seen, made, best + np.linspace(-4.0, 4.0, 33) * spacing)
+        best = _lowest(effect, responses, best + np.linspace(-4.0, 4.0, 33) * spacing)
         spacing /= 8.0
         if spacing < 0.05 * step:
             break
     return best
 
 
-def _left(seen: LogCourse, made: Made, offset: float) -> float:
+def _part_unexplained(effect: LogCourse, responses: Made, offset: float) -> float:
     """Return the part of the squares of one course that the other one, later by an offset, leaves; 1 where it explains nothing."""
-    rows, target = _rows(seen, made, offset)
+    rows, target = _rows(effect, responses, offset)
     if target.size < 4 * rows.shape[1] or float(np.ptp(rows[:, 2])) == 0.0:
         return 1.0
     (without, _), (left, shares) = _solved(rows[:, :1], target), _solved(rows, target)
-    if without <= 0.0 or (made[1].shape[1] == 1 and shares[-1] <= 0.0):  # of one kind: what warms one place does not cool the other
+    if without <= 0.0 or (responses[1].shape[1] == 1 and shares[-1] <= 0.0):  # of one kind: what warms one place does not cool the other
         return 1.0
     return left / without
 
 
-def _rows(seen: LogCourse, made: Made, offset: float) -> tuple[FloatArray, FloatArray]:
+def _rows(effect: LogCourse, responses: Made, offset: float) -> tuple[FloatArray, FloatArray]:
     """Return the rows of the linear model (readings, unknowns), constant and drift first, and the readings that they explain."""
-    at, values = made
-    thin = slice(None, None, max(1, seen.times.size // POINTS))
-    times, target = seen.times[thin], seen.values[thin]
+    at, values = responses
+    thin = slice(None, None, max(1, effect.times.size // POINTS))
+    times, target = effect.times[thin], effect.values[thin]
     inside = (times >= offset) & (times <= offset + at[-1])
     times, target = times[inside], target[inside]
     moved = [np.interp(times - offset, at, column) for column in values.T]
-    return np.column_stack([np.ones(times.size), times / max(seen.times[-1], 1e-9), *moved]), target
+    return np.column_stack([np.ones(times.size), times / max(effect.times[-1], 1e-9), *moved]), target
 
 
 def _solved(rows: FloatArray, target: FloatArray) -> tuple[float, FloatArray]:
@@ -183,21 +187,21 @@ def _solved(rows: FloatArray, target: FloatArray) -> tuple[float, FloatArray]:
     return float(left @ left), shares
 
 
-def _error(seen: LogCourse, made: Made, best: float, step: float) -> float:
+def _error(effect: LogCourse, responses: Made, best: float, step: float) -> float:
     """Return the standard error of an offset: where the logarithm of the squares rises by one over the independent points.
 
     Points of residuals that wander are not independent: as many count as there are changes of sign, at least four. [s]
     """
-    rows, target = _rows(seen, made, best)
+    rows, target = _rows(effect, responses, best)
     scale = np.linalg.norm(rows, axis=0)
-    left = target - rows @ (np.linalg.lstsq(rows / scale, target, rcond=None)[0] / scale)
-    count = max(int(np.count_nonzero(np.diff(np.sign(left)))), 4)
-    base = max(_left(seen, made, best), 1e-12)
-    for width in _widths(step, float(seen.times[-1])):
-        rise = min(_left(seen, made, best - width), _left(seen, made, best + width)) / base
+    residuals = target - rows @ (np.linalg.lstsq(rows / scale, target, rcond=None)[0] / scale)
+    count = max(int(np.count_nonzero(np.diff(np.sign(residuals)))), 4)
+    base = max(_part_unexplained(effect, responses, best), 1e-12)
+    for width in _widths(step, float(effect.times[-1])):
+        rise = min(_part_unexplained(effect, responses, best - width), _part_unexplained(effect, responses, best + width)) / base
         if np.log(rise) > 1.0 / count:
             return float(max(width, step / 12.0**0.5))
-    return float(seen.times[-1])
+    return float(effect.times[-1])
 
 
 def _widths(step: float, length: float) -> Iterator[float]:

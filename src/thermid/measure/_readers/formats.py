@@ -168,13 +168,13 @@ def labview(text: str, file: str) -> Cells:
             )
         header, first = names, first or begun
         shift = (begun - first).total_seconds() if begun and first else 0.0
-        made, kept = _samples(at_rows, segment, x_columns, len(names), file)
-        said = segment.get("Samples", [""])[0].strip()
-        if said.isdigit() and 0 < int(said) < len(kept) and x_columns == "No":
-            notes.append(f"{len(kept)} samples are present, but the header states {said}: read as consecutive, without a pause")
-        times += [shift + t for t in made]
-        rows += [row for _, row in kept]
-        numbers += [number for number, _ in kept]
+        sample_times, samples = _samples(at_rows, segment, x_columns, len(names), file)
+        stated_count = segment.get("Samples", [""])[0].strip()
+        if stated_count.isdigit() and 0 < int(stated_count) < len(samples) and x_columns == "No":
+            notes.append(f"{len(samples)} samples are present, but the header states {stated_count}: read as consecutive, without a pause")
+        times += [shift + t for t in sample_times]
+        rows += [row for _, row in samples]
+        numbers += [number for number, _ in samples]
         at = stop
     if not rows:
         raise RecordError(
@@ -236,8 +236,8 @@ def _segment(
     units = segment.get("Y_Unit_Label", [])
     keep = [k for k in range(1, width) if names[k] != "X_Value"]
     named = tuple(_named(names[k], units[k - 1].strip() if k - 1 < len(units) else "") for k in keep)
-    kept = [(number, [row[0], *(row[k].strip() if k < len(row) else "" for k in keep)]) for number, row in rows]
-    return named, _stamp(segment), kept, stop
+    samples = [(number, [row[0], *(row[k].strip() if k < len(row) else "" for k in keep)]) for number, row in rows]
+    return named, _stamp(segment), samples, stop
 
 
 def _named(name: str, unit: str) -> str:
@@ -351,8 +351,8 @@ def pivoted(cells: Cells) -> Cells:
     common = name_and_unit(cells.header[values[0]])[1]
     named = {}
     for name, held in series.items():
-        said = of_unit.get(name) or common
-        named[f"{name} [{said}]" if said else name] = held
+        unit_text = of_unit.get(name) or common
+        named[f"{name} [{unit_text}]" if unit_text else name] = held
     layout = replace(cells.layout, format="long table")
     out = _as_cells(named, cells.file, cells.header[times[0]], layout)
     return replace(out, notes=(*cells.notes, *out.notes), synthetic=cells.synthetic, commas=cells.commas)
@@ -368,8 +368,8 @@ def _remarked(cells: Cells, names: Sequence[str]) -> Cells:
     for at, name in enumerate(names):
         if name in _KEYS and _is_key(cells.columns[at]) and len(kinds := list(dict.fromkeys(cells.columns[at]))) > 1:
             of = f"'{cells.header[at]}' distinguishes rows of {len(kinds)} sources ({', '.join(kinds[:4])})"
-            said = f"{of}: each column mixes their readings"
-            return replace(cells, notes=(*cells.notes, said))
+            remark = f"{of}: each column mixes their readings"
+            return replace(cells, notes=(*cells.notes, remark))
     return cells
 
 
@@ -384,18 +384,18 @@ def _as_cells(series: dict[str, tuple[list[str], list[str], list[int]]], file: s
     axis = stamp_seconds(every, file)
     begin = 0
     for name, (texts, stamps, lines) in series.items():
-        own = axis[begin : begin + len(stamps)].tolist()
+        times = axis[begin : begin + len(stamps)].tolist()
         begin += len(stamps)
-        seen: dict[float, str] = {}
-        for t, text, line in zip(own, texts, lines, strict=True):
-            if seen.setdefault(t, text) != text:
+        reading_at: dict[float, str] = {}
+        for t, text, line in zip(times, texts, lines, strict=True):
+            if reading_at.setdefault(t, text) != text:
                 raise RecordError(
-                    f"'{name}' has two readings at {stamps[own.index(t)]}, {seen[t]} and {text}. Give the rows different names, or "
+                    f"'{name}' has two readings at {stamps[times.index(t)]}, {reading_at[t]} and {text}. Give the rows different names, or "
                     "remove one.",
                     f"{file}:{line}",
                     code="record.two-readings-at-one-time",
                 )
-        out.append(ChannelSeries(name, texts, own, stamps, lines))
+        out.append(ChannelSeries(name, texts, times, stamps, lines))
     notes = (f"a long table with {len(every)} rows of {len(out)} series: read as one column for each",)
     cells = merged(out, file, time, notes, layout)
     return with_units_of_cells(cells)
@@ -416,9 +416,9 @@ def with_units_of_cells(cells: Cells) -> Cells:
         first = next((cell.strip() for cell in column if cell.strip().lower() not in MISSING), "")
         if is_number(first) or not _WITH_UNIT.match(first) or name_and_unit(cells.header[at])[1]:
             continue
-        made = _without_units(cells, at)
-        if made is not None:
-            header[at], columns[at] = made
+        without_units = _without_units(cells, at)
+        if without_units is not None:
+            header[at], columns[at] = without_units
     return cells if header == list(cells.header) else replace(cells, header=tuple(header), columns=columns)
 
 
@@ -438,22 +438,22 @@ def _without_units(cells: Cells, at: int) -> tuple[str, tuple[str, ...]] | None:
             raise RecordError(
                 f"'{plain}' has no unit; the cells above are in {text}.", cells.where(row, name), code="record.unit-contradicts"
             )
-        own = spelt(match["unit"])
+        unit_text = spelt(match["unit"])
         try:
-            known = unit(own)
-            text = text or own
+            unit_of_cell = unit(unit_text)
+            text = text or unit_text
             first = unit(text)
         except ThermidError as error:
             if not text:
                 return None
             raise error.located(cells.where(row, name)) from None
-        if own == text:
+        if unit_text == text:
             out.append(match["number"])
-        elif known.dimension == first.dimension and known.offset == first.offset == 0:
-            out.append(repr(float(match["number"].replace(",", ".")) * float(known.factor / first.factor)))
+        elif unit_of_cell.dimension == first.dimension and unit_of_cell.offset == first.offset == 0:
+            out.append(repr(float(match["number"].replace(",", ".")) * float(unit_of_cell.factor / first.factor)))
         else:
             raise RecordError(
-                f"'{plain}' is in {own}; the cells above are in {text}.", cells.where(row, name), code="record.unit-contradicts"
+                f"'{plain}' is in {unit_text}; the cells above are in {text}.", cells.where(row, name), code="record.unit-contradicts"
             )
     return (f"{name} [{text}]", tuple(out)) if text else None
 
@@ -484,8 +484,8 @@ def _text(read: Callable[[str, str], Cells]) -> Callable[[bytes, str, str | None
     def of_bytes(data: bytes, file: str, separator: str | None) -> Cells:
         text, notes = decoded(data, file)
         cells = read(text, file)
-        made = any("SYNTHETIC" in line for line in text.split("\n", 20)[:20])
-        return replace(cells, notes=(*notes, *cells.notes), synthetic=cells.synthetic or made)
+        is_synthetic = any("SYNTHETIC" in line for line in text.split("\n", 20)[:20])
+        return replace(cells, notes=(*notes, *cells.notes), synthetic=cells.synthetic or is_synthetic)
 
     return of_bytes
 
@@ -568,7 +568,7 @@ def log_cells(path: Path, separator: str | None = None) -> Cells:
     """
     data = read_bytes(path)
     name = path.name
-    of = next(each for each in FORMATS if each.recognised(data[:_HEAD]))
+    of = next(log_format for log_format in FORMATS if log_format.recognised(data[:_HEAD]))
     try:
         cells = of.read(data, name, separator)
     except EndedError as error:

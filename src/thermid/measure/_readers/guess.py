@@ -15,7 +15,7 @@ from thermid.measure._readers.columns import kelvin_sized, numbers
 from thermid.measure._readers.headers import name_and_unit
 from thermid.measure._readers.questions import begins_again, counts_time
 from thermid.measure._readers.textfile import Cells
-from thermid.measure._record.channel import KNOWN, OVERLOAD, BoolArray, FloatArray, codes_of
+from thermid.measure._record.channel import OVERLOAD, SENSOR_FAULT_CODES, BoolArray, FloatArray, codes_of
 
 _SURROUNDINGS: Final = re.compile(
     r"room|amb|air\b|_air|luft|raum|umgebung|sala|ambiente|\bar\b|shroud|bath|coolant|water|chamber|outdoor|outside|inlet|sky|"
@@ -106,11 +106,11 @@ def _is_sink(column: Column) -> bool:
 
 def _guess(name: str, text: str | None, values: FloatArray) -> tuple[str, str, str]:
     """Return the guess, the unit and the reason."""
-    known = values[np.isfinite(values)]
-    if not known.size:
+    finite = values[np.isfinite(values)]
+    if not finite.size:
         return "ignored", text or "", "empty"
     if text is None:
-        return _by_name(name, known)
+        return _by_name(name, finite)
     try:
         dimension = unit(text).dimension
     except ThermidError:
@@ -130,12 +130,12 @@ def _temperature(name: str, text: str, why: str) -> tuple[str, str, str]:
     return "temperature", text, why
 
 
-def _by_name(name: str, known: FloatArray) -> tuple[str, str, str]:
+def _by_name(name: str, finite: FloatArray) -> tuple[str, str, str]:
     """Return the guess for a column without a unit."""
-    if _STATE.search(name) or (known.size > 2 and np.all(np.diff(known) == 1) and not _TEMPERATURE.match(name)):
+    if _STATE.search(name) or (finite.size > 2 and np.all(np.diff(finite) == 1) and not _TEMPERATURE.match(name)):
         return "ignored", "", "counts rows or states"
-    if counts_time(known):
-        again = np.flatnonzero(begins_again(known))
+    if counts_time(finite):
+        again = np.flatnonzero(begins_again(finite))
         return "ignored", "", "counts milliseconds" + (f", and begins again {counted(again.size, 'time')}" if again.size else "")
     letter = re.match(r".*[a-z0-9]_([CFK])\Z", name)
     if letter:
@@ -150,10 +150,10 @@ def _by_name(name: str, known: FloatArray) -> tuple[str, str, str]:
     if _DUTY.search(name):
         return "duty", "%", "by its name"
     if _TEMPERATURE.match(name) or _SURROUNDINGS.search(name):
-        hot = kelvin_sized(known)
+        hot = kelvin_sized(finite)
         return _temperature(name, "K" if hot else "degC", "by its name" + (" and size" if hot else ""))
-    if min(KNOWN) in codes_of(known):
-        return _temperature(name, "degC", f"by the {min(KNOWN):g} of a lost sensor")
+    if min(SENSOR_FAULT_CODES) in codes_of(finite):
+        return _temperature(name, "degC", f"by the {min(SENSOR_FAULT_CODES):g} of a lost sensor")
     return "ignored", "", "no unit, and its name gives none"
 
 

@@ -133,13 +133,13 @@ def name_and_unit(header: str) -> tuple[str, str | None]:
         return (f"{match['name']} {match['label'].strip()}" if match["label"] else match["name"]), spelt(match["unit"])
     if match := _NAMED.match(text) or _CHANNEL.match(text):
         return match["name"], spelt(match["unit"])
-    for left, right in _BRACKETS:
-        if text.endswith(right) and left in text[1:]:
-            name, _, inner = text[: -len(right)].rpartition(left)
+    for opening, right in _BRACKETS:
+        if text.endswith(right) and opening in text[1:]:
+            name, _, inner = text[: -len(right)].rpartition(opening)
             if right not in inner and name.strip():
                 return name.strip(" ,/"), spelt(inner)
-    for left, right in _BRACKETS[:2]:
-        name, _, rest = text.partition(left)
+    for opening, right in _BRACKETS[:2]:
+        name, _, rest = text.partition(opening)
         inner, closed, tail = rest.partition(right)
         if closed and name.strip() and tail.strip() and spelt(inner) in _PLAIN:
             return f"{name.strip()} {tail.strip()}", spelt(inner)
@@ -233,7 +233,7 @@ def may_name(row: Sequence[str], width: int) -> bool:
     return (
         len(row) == width
         and len(texts) > 1
-        and all(any(each.isalpha() for each in text) or text == "#" for text in texts)
+        and all(any(character.isalpha() for character in text) or text == "#" for text in texts)
         and not any(text.lower() in MISSING or is_number(text) or TIMELY.search(text) or _DATED_WORDS.search(text) for text in texts)
     )
 
@@ -301,7 +301,7 @@ def one_line_of_names(rows: Lines, numbers: Sequence[int]) -> tuple[list[str], s
                     names, used = other, taken
                     break
     full = [f"{name} [{unit}]" if unit and not _unit_of(name) else name for name, unit in zip(names, units, strict=True)]
-    return full, _said(cells, numbers, used, names)
+    return full, _names_assumed(cells, numbers, used, names)
 
 
 def _counts_channels(cells: Sequence[str]) -> bool:
@@ -316,8 +316,8 @@ def _bare_name(cell: str) -> str:
 
 def _unit_of(cell: str) -> str:
     """Return the unit of a name where it is one that loggers write, else nothing."""
-    found = name_and_unit(cell)[1] if cell else None
-    return found if found in _PLAIN else ""
+    unit_text = name_and_unit(cell)[1] if cell else None
+    return unit_text if unit_text in _PLAIN else ""
 
 
 def _common_unit(column: Sequence[str], numbers: Sequence[int]) -> str:
@@ -347,7 +347,7 @@ def _filled(cells: Lines, line: int) -> list[str]:
     out = []
     for at, cell in enumerate(cells[line]):
         held = [row[at] for row in others if row[at] and not is_number(row[at])]
-        out.append(cell or next((each for each in held if is_time_name(each)), held[0] if held else ""))
+        out.append(cell or next((other_cell for other_cell in held if is_time_name(other_cell)), held[0] if held else ""))
     return out
 
 
@@ -357,7 +357,7 @@ def _combined(cells: Lines, lines: Sequence[int], clock: set[int]) -> tuple[list
     for at in range(len(cells[0])):
         held = list(dict.fromkeys(cells[k][at] for k in lines if cells[k][at]))
         time = next((row[at] for row in cells if at in clock and is_time_name(row[at])), "")
-        bare = list(dict.fromkeys(_bare_name(each) for each in held))
+        bare = list(dict.fromkeys(_bare_name(cell) for cell in held))
         out.append(time or (held[0] if len(held) == 1 else " ".join(bare)))
     return out, list(lines)
 
@@ -370,7 +370,7 @@ def _spread(row: Sequence[str], clock: set[int]) -> list[str]:
     return out
 
 
-def _said(cells: Lines, numbers: Sequence[int], used: Sequence[int], names: Sequence[str]) -> str:
+def _names_assumed(cells: Lines, numbers: Sequence[int], used: Sequence[int], names: Sequence[str]) -> str:
     """Return what was assumed about several lines of names, in words."""
 
     def few(row: Sequence[str]) -> str:
@@ -379,6 +379,6 @@ def _said(cells: Lines, numbers: Sequence[int], used: Sequence[int], names: Sequ
 
     which = " and ".join(str(numbers[k]) for k in used)
     rest = [f"line {numbers[k]} ({few(row)})" for k, row in enumerate(cells) if k not in used]
-    left = f"; left out: {', '.join(rest)}" if rest else ""
-    said = f"assumed names: those of line {which}" if len(used) == 1 else f"assumed names: lines {which} combined"
-    return f"lines {numbers[0]} to {numbers[-1]} hold names above the samples; {said} ({few(names)}){left}"
+    omitted = f"; left out: {', '.join(rest)}" if rest else ""
+    assumption = f"assumed names: those of line {which}" if len(used) == 1 else f"assumed names: lines {which} combined"
+    return f"lines {numbers[0]} to {numbers[-1]} hold names above the samples; {assumption} ({few(names)}){omitted}"

@@ -78,44 +78,44 @@ def read_record(
     _check_tables(path, channels=channels, noise=noise or {}, accuracy=accuracy or {}, units=units or {})
     cells = log_cells(_path(path), separator)
     clock_at = clock_column(cells, time)
-    time_unit, given = clock_at.unit, dict(units or {})
-    asked_unit = next((given.pop(key) for key in (clock_at.header, clock_at.name) if key in given and key not in channels), None)
-    asked = bindings(channels, {"noise": noise or {}, "accuracy": accuracy or {}, "unit": given}, cells.file)
+    time_unit, stated = clock_at.unit, dict(units or {})
+    asked_unit = next((stated.pop(key) for key in (clock_at.header, clock_at.name) if key in stated and key not in channels), None)
+    wanted = bindings(channels, {"noise": noise or {}, "accuracy": accuracy or {}, "unit": stated}, cells.file)
     sign = decimal_sign(cells, decimal)
     read_at = read_times(cells, clock_at, sign, clock, asked_unit or time_unit, asked_unit is not None)
     times = read_at.values
     if times[0] == times[-1]:
-        found = "one sample" if times.size == 1 else f"{times.size} samples with one time stamp"
-        raise RecordError(f"the log has {found}; a record needs at least two times.", cells.file, code="record.too-short")
+        samples_text = "one sample" if times.size == 1 else f"{times.size} samples with one time stamp"
+        raise RecordError(f"the log has {samples_text}; a record needs at least two times.", cells.file, code="record.too-short")
     parsed = [numbers(column, sign) if place not in clock_at.places else times for place, column in enumerate(cells.columns)]
-    read = [(_channel(cells, each, parsed, times), each) for each in asked]
+    read = [(_channel(cells, one, parsed, times), one) for one in wanted]
     sensors = [
-        with_sensor(made, each.part, each.certificate or cells.certificates.get(made.column), f"{cells.file}, channels.{each.name}")
-        for made, each in read
+        with_sensor(series, one.part, one.certificate or cells.certificates.get(series.column), f"{cells.file}, channels.{one.name}")
+        for series, one in read
     ]
-    made = [each for each, _ in sensors]
+    series = [one for one, _ in sensors]
     bare = _bare_numbers(cells, clock_at, parsed)
-    origin = replace(_origin(cells, clock_at, read_at, parsed), questions=_questions(times, clock_at, read_at, made, bare))
-    notes = [*cells.notes, *read_at.notes, *(note for _, said in sensors for note in said)] + (
+    origin = replace(_origin(cells, clock_at, read_at, parsed), questions=_questions(times, clock_at, read_at, series, bare))
+    notes = [*cells.notes, *read_at.notes, *(note for _, notes_of_sensor in sensors for note in notes_of_sensor)] + (
         [f"read with decimal '{sign}'"] if sign == "," and decimal is None else []
     )
     stem = Path(path).name.removesuffix(".gz")
-    times, made, repeated = _one_per_stamp(times, made)
+    times, series, repeated = _one_per_stamp(times, series)
     if repeated:
         notes.append(repeated)
-    for each in made:
+    for one in series:
         try:
-            each.checked()
+            one.checked()
         except RecordError as error:
-            raise RecordError(error.message, cells.where(None, each.column)) from None
-    return Record(name or stem.rpartition(".")[0] or stem, times, {each.name: each for each in made}, origin, tuple(notes))
+            raise RecordError(error.message, cells.where(None, one.column)) from None
+    return Record(name or stem.rpartition(".")[0] or stem, times, {one.name: one for one in series}, origin, tuple(notes))
 
 
 def _check_tables(path: str | Path, **tables: Mapping[str, object]) -> None:
     """Refuse arguments that are no dictionaries, and units that are no texts."""
-    for word, given in tables.items():
-        if not isinstance(given, Mapping):
-            raise RecordError(f"`{word}` takes a dictionary, not {given!r}.", str(path), code="value.wrong-kind")
+    for word, argument in tables.items():
+        if not isinstance(argument, Mapping):
+            raise RecordError(f"`{word}` takes a dictionary, not {argument!r}.", str(path), code="value.wrong-kind")
     for channel, unit_text in tables["units"].items():
         if not isinstance(unit_text, str):
             raise RecordError(f"its unit is a text, not {unit_text!r}.", f"{path}, {channel}", code="value.wrong-kind")
@@ -161,12 +161,12 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int], tim
     scale = 1.0 if watts is None else watts
     difference = "K" if quantity == "temperature" else unit_text
 
-    def size(given: str | float | None, word: str) -> float | None:
+    def size(written: str | float | None, word: str) -> float | None:
         """Return an error or step of the column in SI; one in per cent is a share of the full scale."""
-        return None if given is None else amount(given, difference, f"{where}, {word}") * scale
+        return None if written is None else amount(written, difference, f"{where}, {word}") * scale
 
     values = in_si(samples, unit_text) * scale
-    made = Channel(
+    channel = Channel(
         binding.name,
         values,
         np.isfinite(values),
@@ -184,7 +184,7 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int], tim
         samples=binding.samples,
         interpolation=binding.interpolation,
     )
-    return _masked(made, cells.reasons.get(column, {}))
+    return _masked(channel, cells.reasons.get(column, {}))
 
 
 def _samples(cells: Cells, parsed: list[FloatArray | int], at: int) -> FloatArray:
@@ -210,8 +210,8 @@ def _power(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times
 
     read = power_readings(binding.power, column, times, where)
 
-    def size(given: str | float | None, word: str) -> float | None:
-        return None if given is None else amount(given, "W", f"{where}, {word}")
+    def size(written: str | float | None, word: str) -> float | None:
+        return None if written is None else amount(written, "W", f"{where}, {word}")
 
     return Channel(
         binding.name,
@@ -262,15 +262,17 @@ def _masked(channel: Channel, reasons: Mapping[str, list[int]]) -> Channel:
     return replace(channel, valid=valid, masks=masks) if masks else channel
 
 
-def _questions(times: FloatArray, clock: Clock, read: Times, made: Sequence[Channel], bare: Mapping[str, FloatArray]) -> tuple[str, ...]:
+def _questions(
+    times: FloatArray, clock: Clock, read: Times, channels_read: Sequence[Channel], bare: Mapping[str, FloatArray]
+) -> tuple[str, ...]:
     """Return what the log leaves open of the channels that are read, and of `bare` columns without a unit: restarts of a board."""
-    warm = [c for c in made if c.quantity == "temperature"]
+    warm = [c for c in channels_read if c.quantity == "temperature"]
     return (
         *board_restarts(times, bare),
         *unit_question(_Readings([c for c in warm if c.assumed and c.unit == "degC"])),
-        *repeated_stamps(times, _Readings(made)),
+        *repeated_stamps(times, _Readings(channels_read)),
         *(() if read.zone else lost_hour(times, clock.texts, _Readings(warm))),
-        *hidden_switches(times, _Readings([c for c in made if c.held])),
+        *hidden_switches(times, _Readings([c for c in channels_read if c.held])),
     )
 
 
@@ -305,9 +307,9 @@ def _origin(cells: Cells, clock: Clock, times: Times, parsed: list[FloatArray | 
     """Return the origin, with the hash of the times and of every column that has numbers and no text."""
     names = [name_and_unit(header)[0] for header in cells.header]
     hashed = [
-        (names[place], each)
-        for place, each in enumerate(parsed)
-        if place not in clock.places and not isinstance(each, int) and not np.all(np.isnan(each))
+        (names[place], column)
+        for place, column in enumerate(parsed)
+        if place not in clock.places and not isinstance(column, int) and not np.all(np.isnan(column))
     ]
     sha = digest([(clock.name, times.values), *hashed])
     return Origin(cells.file, sha, times.start or cells.start, tuple(names), len(cells.lines), clock.name, cells.synthetic)
@@ -322,9 +324,9 @@ def _one_per_stamp(times: FloatArray, channels: list[Channel]) -> tuple[FloatArr
     last = np.append(first[1:], times.size) - 1
     group = np.cumsum(new) - 1
     out = []
-    for each in channels:
-        values, valid = _last_valid(each, group, last) if each.held else _mean_valid(each, group, first)
-        out.append(replace(each, values=values, valid=valid, masks={}))
+    for channel in channels:
+        values, valid = _last_valid(channel, group, last) if channel.held else _mean_valid(channel, group, first)
+        out.append(replace(channel, values=values, valid=valid, masks={}))
     note = (
         f"{times.size - first.size} of {times.size} rows repeat a time stamp: temperatures are averaged, of powers and commands the "
         "last one is used"

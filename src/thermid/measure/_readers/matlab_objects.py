@@ -123,7 +123,7 @@ def objects_of(data: bytes, file: str) -> dict[str, Mapping[str, Any]]:
     from scipy.io import loadmat
     from scipy.io.matlab import varmats_from_mat
 
-    found: dict[str, int] = {}
+    numbers_of_objects: dict[str, int] = {}
     workspace: Any = None
     try:
         for _, part in varmats_from_mat(cast("Any", io.BytesIO(data))):
@@ -133,15 +133,15 @@ def objects_of(data: bytes, file: str) -> dict[str, Mapping[str, Any]]:
             workspace = held.get("__function_workspace__", workspace)
             for value in held.values():
                 if type(value).__name__ == "MatlabOpaque" and (number := _object_number(value[0]["arr"])) is not None:
-                    found[value[0]["s0"].decode()] = number
-        if workspace is None or not found:
+                    numbers_of_objects[value[0]["s0"].decode()] = number
+        if workspace is None or not numbers_of_objects:
             return {}
         cells = _cells(workspace.tobytes())
         tables = _Subsystem.read(cells[0].tobytes(), cells)
-        return {name: tables.fields(number)[1] for name, number in found.items()}
+        return {name: tables.fields(number)[1] for name, number in numbers_of_objects.items()}
     except (_NotSoError, ValueError, IndexError, KeyError, TypeError, struct.error) as error:
         raise RecordError(
-            f"its MATLAB objects ({', '.join(found) or 'of unknown name'}) have an unknown layout ({error}). In MATLAB: "
+            f"its MATLAB objects ({', '.join(numbers_of_objects) or 'of unknown name'}) have an unknown layout ({error}). In MATLAB: "
             "t = x.Time; T = x.Data; save('log.mat', 't', 'T', '-v7').",
             file,
             code="record.layout-unclear",

@@ -50,12 +50,12 @@ class PowerReadings:
     samples: str = ""
 
 
-def power_readings(given: object, column: ColumnOf, times: FloatArray, where: str) -> PowerReadings:
+def power_readings(entry: object, column: ColumnOf, times: FloatArray, where: str) -> PowerReadings:
     """Return the power that `power` of a channel asks for.
 
     Parameters
     ----------
-    given : str or mapping  A formula of columns, ``"V_IN * I_IN"``; or a table: volts, amperes, ohms (two of them) or watts, times duty and
+    entry : str or mapping  A formula of columns, ``"V_IN * I_IN"``; or a table: volts, amperes, ohms (two of them) or watts, times duty and
                             share; energy; or formula with units. Values are columns, or numbers with units.
     column : callable       Name -> readings and unit.
     times : array           [s]
@@ -67,50 +67,50 @@ def power_readings(given: object, column: ColumnOf, times: FloatArray, where: st
     NameNotFoundError       When there is no such column.
     """
     with errors_at(f"{where}, power"):
-        if isinstance(given, str):
-            return _of_formula(given, column, {}, times)
-        if not isinstance(given, Mapping):
-            raise RecordError(f"{given!r} is neither a formula of columns nor a table.", code="value.wrong-kind")
-        refuse_unknown(given, (*POWER_KEYS, "units"))
-        if "formula" in given:
-            refuse_unknown(given, ("formula", "units"), refusal="'{}' does not go with a formula, which takes {known}.")
-            return _of_formula(str(given["formula"]), column, dict(given.get("units", {})), times)
-        if "energy" in given:
-            refuse_unknown(given, ("energy", "share"), refusal="'{}' does not go with a counter of energy, which takes {known}.")
-            return _of_counter(_slot("energy", given, column), _slot("share", given, column), times)
-        return _of_product(given, column, times)
+        if isinstance(entry, str):
+            return _of_formula(entry, column, {}, times)
+        if not isinstance(entry, Mapping):
+            raise RecordError(f"{entry!r} is neither a formula of columns nor a table.", code="value.wrong-kind")
+        refuse_unknown(entry, (*POWER_KEYS, "units"))
+        if "formula" in entry:
+            refuse_unknown(entry, ("formula", "units"), refusal="'{}' does not go with a formula, which takes {known}.")
+            return _of_formula(str(entry["formula"]), column, dict(entry.get("units", {})), times)
+        if "energy" in entry:
+            refuse_unknown(entry, ("energy", "share"), refusal="'{}' does not go with a counter of energy, which takes {known}.")
+            return _of_counter(_slot("energy", entry, column), _slot("share", entry, column), times)
+        return _of_product(entry, column, times)
 
 
-def _of_product(given: Mapping[str, Any], column: ColumnOf, times: FloatArray) -> PowerReadings:
+def _of_product(table: Mapping[str, Any], column: ColumnOf, times: FloatArray) -> PowerReadings:
     """Return volts times amperes and the like."""
-    asked = frozenset(given) - {"duty", "share", "units"}
-    if asked not in _PRODUCTS:
+    factors = frozenset(table) - {"duty", "share", "units"}
+    if factors not in _PRODUCTS:
         raise RecordError(
-            f"{', '.join(sorted(asked)) or 'this'} is not enough: give volts with amperes or ohms, amperes with ohms, or watts.",
+            f"{', '.join(sorted(factors)) or 'this'} is not enough: give volts with amperes or ohms, amperes with ohms, or watts.",
             code="value.incomplete",
         )
-    found = {key: _slot(key, given, column) for key in (*asked, "duty", "share")}
-    values = parse(_PRODUCTS[asked]).evaluate(found.__getitem__) * found["duty"] * found["share"]
+    readings = {key: _slot(key, table, column) for key in (*factors, "duty", "share")}
+    values = parse(_PRODUCTS[factors]).evaluate(readings.__getitem__) * readings["duty"] * readings["share"]
     return PowerReadings(np.broadcast_to(np.asarray(values, dtype=float), times.shape).copy(), np.zeros(times.shape, dtype=bool))
 
 
-def _slot(key: str, given: Mapping[str, Any], column: ColumnOf) -> Any:
+def _slot(key: str, table: Mapping[str, Any], column: ColumnOf) -> Any:
     """Return what a key of the table gives in SI: a column, or a number with its unit; 1 for a factor that is not there."""
-    if key not in given:
+    if key not in table:
         return 1.0
-    text = str(given[key])
+    text = str(table[key])
     if _NUMBER.match(text):
-        found = parse(text).literal
-        if found is None:
+        literal = parse(text).literal
+        if literal is None:
             raise RecordError(f"{key} = '{text}' is neither a column nor a number with a unit.", code="value.wrong-kind")
-        require(found.unit.dimension, _USUAL[key], text)
-        return found.value
-    values, of = _known(text, column, {text: _USUAL[key]})
+        require(literal.unit.dimension, _USUAL[key], text)
+        return literal.value
+    values, of = _column_with_unit(text, column, {text: _USUAL[key]})
     require(of.dimension, _USUAL[key], f"column '{text}' [{of.text}]")
     return in_si(values, of)
 
 
-def _known(name: str, column: ColumnOf, usual: Mapping[str, str]) -> tuple[FloatArray, Unit]:
+def _column_with_unit(name: str, column: ColumnOf, usual: Mapping[str, str]) -> tuple[FloatArray, Unit]:
     """Return readings and unit of a column; `usual` says the unit where the log has none."""
     values, text = column(name)
     text = text or usual.get(name)
@@ -130,11 +130,11 @@ def _of_formula(text: str, column: ColumnOf, units: Mapping[str, str], times: Fl
     expression = parse(plain)
     if not expression.names:
         raise RecordError(f"'{text}' names no column. State a constant power in the deck or in the scenario.", code="value.wrong-kind")
-    found = {name: _known(quoted.get(name, name), column, units) for name in expression.names}
-    dimension = expression.dimension(lambda name: found[name][1].dimension)
+    readings = {name: _column_with_unit(quoted.get(name, name), column, units) for name in expression.names}
+    dimension = expression.dimension(lambda name: readings[name][1].dimension)
     if dimension != unit("W").dimension:
         raise RecordError(f"'{text}' is {describe(dimension)}, so it is not a power.", code="unit.wrong-dimension")
-    values = expression.evaluate({name: in_si(v, of) for name, (v, of) in found.items()}.__getitem__)
+    values = expression.evaluate({name: in_si(v, of) for name, (v, of) in readings.items()}.__getitem__)
     return PowerReadings(np.asarray(values, dtype=float), np.zeros(times.shape, dtype=bool))
 
 

@@ -35,7 +35,7 @@ def unit_question(columns: Mapping[str, FloatArray]) -> Iterator[str]:
     ----------
     columns : dict  Temperature that has no unit -> its readings (samples,), NaN where there is none; in the numbers of the log.
     """
-    first = {name: float(known[0]) for name, values in columns.items() if (known := values[np.isfinite(values)]).size}
+    first = {name: float(finite[0]) for name, values in columns.items() if (finite := values[np.isfinite(values)]).size}
     if first and ROOM_IN_FAHRENHEIT[0] <= min(first.values()) <= ROOM_IN_FAHRENHEIT[1]:
         coldest = min(first, key=lambda name: first[name])
         yield (
@@ -138,12 +138,12 @@ def hidden_switches(times: FloatArray, powers: Mapping[str, FloatArray]) -> Iter
     powers : dict               Power or command -> readings (samples,), NaN where there is none.
     """
     for name, values in powers.items():
-        known = np.flatnonzero(np.isfinite(values))
-        if known.size < 2:
+        logged_rows = np.flatnonzero(np.isfinite(values))
+        if logged_rows.size < 2:
             continue
-        change, hole = np.abs(np.diff(values[known])), np.diff(times[known])
-        for k in np.flatnonzero((hole > gap_from(times)) & (change > SWITCH * float(np.ptp(values[known]))) & (change > 0.0)):
-            a, b = known[k], known[k + 1]
+        change, hole = np.abs(np.diff(values[logged_rows])), np.diff(times[logged_rows])
+        for k in np.flatnonzero((hole > gap_from(times)) & (change > SWITCH * float(np.ptp(values[logged_rows]))) & (change > 0.0)):
+            a, b = logged_rows[k], logged_rows[k + 1]
             yield (
                 f"{name} changes from {short(float(values[a]), 3)} to {short(float(values[b]), 3)} in a hole of "
                 f"{duration_text(float(times[b] - times[a]))} at {duration_text(float(times[a] - times[0]))}. Nothing says when: it is "

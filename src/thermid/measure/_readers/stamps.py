@@ -129,9 +129,9 @@ def _kinds(cells: Cells) -> tuple[list[int], list[int]]:
     dates, clocks = [], []
     for at, column in enumerate(cells.columns):
         ends = (column[0].strip(), column[-1].strip())
-        if all(CLOCK.match(each) or HALF_DAY_CLOCK.match(each) or re.fullmatch(r"\d{1,2}:[0-5]\d", each) for each in ends):
+        if all(CLOCK.match(cell) or HALF_DAY_CLOCK.match(cell) or re.fullmatch(r"\d{1,2}:[0-5]\d", cell) for cell in ends):
             clocks.append(at)
-        elif all(is_date(each) for each in ends):
+        elif all(is_date(cell) for cell in ends):
             dates.append(at)
     return dates, clocks
 
@@ -188,7 +188,7 @@ def _stamp_columns(cells: Cells) -> list[int]:
 
 def _numeric(cells: Cells, at: int) -> bool:
     column = cells.columns[at]
-    return all(isinstance(numbers((each.strip().replace(",", "."),), "."), np.ndarray) and each.strip() for each in (column[0], column[-1]))
+    return all(isinstance(numbers((cell.strip().replace(",", "."),), "."), np.ndarray) and cell.strip() for cell in (column[0], column[-1]))
 
 
 def _rises(cells: Cells, at: int) -> bool:
@@ -207,7 +207,7 @@ MILLISECONDS: Final = ("ms", "millis", "millis()")
 """Ends of names of columns that count milliseconds."""
 
 
-def read_times(cells: Cells, clock: Clock, decimal: str, form: str | None, unit_text: str | None, given: bool = False) -> Times:
+def read_times(cells: Cells, clock: Clock, decimal: str, form: str | None, unit_text: str | None, unit_is_given: bool = False) -> Times:
     """Return the times of a log.
 
     Numbers, ISO 8601 stamps, dates by day, month and year, and clock times are recognised by their form; any other stamp needs `form`, a
@@ -220,7 +220,7 @@ def read_times(cells: Cells, clock: Clock, decimal: str, form: str | None, unit_
     decimal : str                 Decimal sign.
     form : str or None            Form of the stamps.
     unit_text : str or None       Unit of the numbers.
-    given : bool                  Whether the unit was asked for and does not stand in the file.
+    unit_is_given : bool          Whether the unit was asked for and does not stand in the file.
 
     Raises
     ------
@@ -237,14 +237,14 @@ def read_times(cells: Cells, clock: Clock, decimal: str, form: str | None, unit_
                     "this line has no time. Remove it, or correct the log.", cells.where(row, name), code="record.time-not-read"
                 )
     if isinstance(parsed, np.ndarray):
-        found = _counted(cells, clock, parsed, unit_text, given)
+        times_read = _counted(cells, clock, parsed, unit_text, unit_is_given)
     elif form is None and parsed > 0:
         raise RecordError(
             f"'{column[parsed]}' is text; the lines above it have times in numbers.", cells.where(parsed, name), code="record.time-not-read"
         )
     else:
-        found = _stamped(cells, clock, form)
-    back = np.flatnonzero(np.diff(found.values) < 0)
+        times_read = _stamped(cells, clock, form)
+    back = np.flatnonzero(np.diff(times_read.values) < 0)
     if back.size:
         row = int(back[0]) + 1
         if isinstance(parsed, np.ndarray) and begins_again(parsed)[row]:
@@ -256,7 +256,7 @@ def read_times(cells: Cells, clock: Clock, decimal: str, form: str | None, unit_
             )
         hour = (
             " A step back of one hour is typical of the end of summer time."
-            if 3000 < found.values[row - 1] - found.values[row] <= 3660
+            if 3000 < times_read.values[row - 1] - times_read.values[row] <= 3660
             else ""
         )
         raise RecordError(
@@ -265,10 +265,10 @@ def read_times(cells: Cells, clock: Clock, decimal: str, form: str | None, unit_
             cells.where(row, name),
             code="record.time-order",
         )
-    return found
+    return times_read
 
 
-def _counted(cells: Cells, clock: Clock, parsed: FloatArray, unit_text: str | None, given: bool) -> Times:
+def _counted(cells: Cells, clock: Clock, parsed: FloatArray, unit_text: str | None, unit_is_given: bool) -> Times:
     """Return times that are numbers."""
     name = clock.name
     odd = np.flatnonzero(~np.isfinite(parsed))
@@ -278,12 +278,12 @@ def _counted(cells: Cells, clock: Clock, parsed: FloatArray, unit_text: str | No
     if since is not None and unit_text in (None, since):
         start = datetime.fromtimestamp(float(parsed[0]) / factor, UTC).isoformat()
         # the difference is taken first: a float has no room for the nanoseconds of fifty years
-        whole = all(each.strip().isdigit() for each in clock.texts)
+        whole = all(cell.strip().isdigit() for cell in clock.texts)
         values = (np.array([int(t) - int(clock.texts[0]) for t in clock.texts]) if whole else parsed - parsed[0]) / factor
-        said = (f"times read as {since} since 1970, from {start}",) if since != "s" else ()
-        return Times(values, start, said, f"{since} since 1970", "UTC")
+        remark = (f"times read as {since} since 1970, from {start}",) if since != "s" else ()
+        return Times(values, start, remark, f"{since} since 1970", "UTC")
     factor = _factor(cells, name, unit_text)
-    if since is not None and not given and parsed[0] * factor > _LONGEST * 5:
+    if since is not None and not unit_is_given and parsed[0] * factor > _LONGEST * 5:
         raise RecordError(
             f"{clock.texts[0].strip()} in {unit_text} is {duration_text(float(parsed[0]) * factor)}, and looks like {since} since 1970. "
             f"Give units={{'{name}': '{since}'}}.",
@@ -295,18 +295,18 @@ def _counted(cells: Cells, clock: Clock, parsed: FloatArray, unit_text: str | No
     values = parsed * factor
     usual = "milliseconds, by its name" if factor == 1e-3 else "seconds, no unit in the log"
     kind = unit_text or ("s" if name.lower().endswith(("_s", "seconds")) else usual)
-    return Times(values, cells.start, _questioned(values, cells, name, unit_text, given), kind)
+    return Times(values, cells.start, _questioned(values, cells, name, unit_text, unit_is_given), kind)
 
 
-def _questioned(times: FloatArray, cells: Cells, name: str, unit_text: str | None, given: bool) -> tuple[str, ...]:
+def _questioned(times: FloatArray, cells: Cells, name: str, unit_text: str | None, unit_is_given: bool) -> tuple[str, ...]:
     """Refuse a step or length that no thermal test has, unless its unit was asked for; return a remark on one that few have."""
     step = float(np.median(np.diff(times))) if times.size > 1 else 0.0
     length = float(times[-1] - times[0])
     shown = f"a step of {duration_text(step)} and a length of {duration_text(length)}"
-    if not given and (length > _LONGEST or (unit_text is None and step >= _DAY)):
-        said = f"in {unit_text}" if unit_text else "in seconds, because it names no unit,"
+    if not unit_is_given and (length > _LONGEST or (unit_text is None and step >= _DAY)):
+        reading = f"in {unit_text}" if unit_text else "in seconds, because it names no unit,"
         raise RecordError(
-            f"read {said} it has {shown}, which is implausible for a thermal test. Give its unit: units={{'{name}': 'ms'}}, or 's' if "
+            f"read {reading} it has {shown}, which is implausible for a thermal test. Give its unit: units={{'{name}': 'ms'}}, or 's' if "
             "that is right.",
             cells.where(None, name),
             code="record.time-unclear",
@@ -363,8 +363,8 @@ def _stamped(cells: Cells, clock: Clock, form: str | None) -> Times:
         if pattern.match(first):
             return Times(_clock_times(cells, clock, pattern, form_of), first, (), kind, zone)
     if NUMERIC.match(first) and not is_iso(first):
-        values, order, said = _by_order(cells, clock)
-        return Times(values, first, said, order, zone or zone_of_stamp(first))
+        values, order, notes = _by_order(cells, clock)
+        return Times(values, first, notes, order, zone or zone_of_stamp(first))
     return Times(_plain_stamps(cells, clock), first, (), "stamps", zone or zone_of_stamp(first))
 
 
@@ -405,7 +405,7 @@ def _by_order(cells: Cells, clock: Clock, sort: bool = False) -> tuple[FloatArra
         matches.append(match)
     seconds = np.array([of_day(match) for match in matches])
     german = matches[0]["sign"] == "." and len(matches[0]["a"]) <= 2
-    kept: dict[str, FloatArray] = {}
+    times_by_order: dict[str, FloatArray] = {}
     days: dict[tuple[str, ...], int | None] = {}
     for order, (y, m, d) in ORDERS.items():
         if german and order != "day/month/year":
@@ -419,40 +419,40 @@ def _by_order(cells: Cells, clock: Clock, sort: bool = False) -> tuple[FloatArra
         values = np.array(read, dtype=np.float64) * _DAY + seconds
         values = np.round(values - values[0], 9)
         if sort or not np.any(np.diff(values) < 0):
-            kept[order] = values
-    if not kept:
+            times_by_order[order] = values
+    if not times_by_order:
         raise RecordError(
             f"no order of day, month and year gives increasing times in this column: '{clock.texts[0].strip()}' to "
             f"'{clock.texts[-1].strip()}'. Sort the log, or give clock='%d/%m/%Y %H:%M:%S' or the form used.",
             cells.where(0, clock.name),
             code="record.time-order",
         )
-    order = _chosen(cells, clock, kept)
+    order = _chosen(cells, clock, times_by_order)
     if german or len(matches[0]["a"]) > 2:
-        return kept[order], order, ()
-    open_ = len(kept) > 1 and all(np.array_equal(values, kept[order]) for values in kept.values())
-    said = (
-        (f"the order of day and month in the stamps is ambiguous ({' or '.join(kept)}), but the times are the same")
+        return times_by_order[order], order, ()
+    open_ = len(times_by_order) > 1 and all(np.array_equal(values, times_by_order[order]) for values in times_by_order.values())
+    notes = (
+        (f"the order of day and month in the stamps is ambiguous ({' or '.join(times_by_order)}), but the times are the same")
         if open_
         else f"stamps read as {order}"
     )
-    return kept[order], " or ".join(kept) if open_ else order, (said,)
+    return times_by_order[order], " or ".join(times_by_order) if open_ else order, (notes,)
 
 
-def _chosen(cells: Cells, clock: Clock, kept: dict[str, FloatArray]) -> str:
+def _chosen(cells: Cells, clock: Clock, times_by_order: dict[str, FloatArray]) -> str:
     """Return the only order that is left, or the one in which no day is missing where the others have leaps."""
-    first = next(iter(kept.values()))
-    if len(kept) == 1:
-        return next(iter(kept))
-    if all(np.array_equal(values, first) for values in kept.values()):
-        return next(iter(kept))  # within a day their order does not count
-    steps = {order: np.sort(np.diff(np.unique(values))) for order, values in kept.items()}
+    first = next(iter(times_by_order.values()))
+    if len(times_by_order) == 1:
+        return next(iter(times_by_order))
+    if all(np.array_equal(values, first) for values in times_by_order.values()):
+        return next(iter(times_by_order))  # within a day their order does not count
+    steps = {order: np.sort(np.diff(np.unique(values))) for order, values in times_by_order.items()}
     whole = [order for order, step in steps.items() if step.size and step[-1] <= 5.0 * max(step[(step.size - 1) // 2], 1.0)]
-    alike = {tuple(kept[order][[0, -1]]) for order in whole}
-    if whole and len(alike) == 1 and len(whole) < len(kept):
+    alike = {tuple(times_by_order[order][[0, -1]]) for order in whole}
+    if whole and len(alike) == 1 and len(whole) < len(times_by_order):
         return whole[0]
     raise RecordError(
-        f"'{clock.texts[0].strip()}' to '{clock.texts[-1].strip()}': {' and '.join(kept)} both fit and give different times. "
+        f"'{clock.texts[0].strip()}' to '{clock.texts[-1].strip()}': {' and '.join(times_by_order)} both fit and give different times. "
         f"Give clock='{_form(clock.texts[0], 'day/month/year')}' or clock='{_form(clock.texts[0], 'month/day/year')}'.",
         cells.where(0, clock.name),
         code="record.time-unclear",
@@ -524,7 +524,7 @@ def _by_form(cells: Cells, clock: Clock, form: str) -> FloatArray:
     )
     if not any(sign in form for sign in ("%d", "%j", "%c", "%x")):
         return _past_midnight(
-            np.array([each.hour * 3600.0 + each.minute * 60.0 + each.second + each.microsecond * 1e-6 for each in stamps])
+            np.array([stamp.hour * 3600.0 + stamp.minute * 60.0 + stamp.second + stamp.microsecond * 1e-6 for stamp in stamps])
         )
     return _since_first(stamps)
 
@@ -548,7 +548,7 @@ def _datetimes(cells: Cells, clock: Clock, parse: Callable[[str], datetime], ref
 
 def _since_first(stamps: Sequence[datetime]) -> FloatArray:
     """Return seconds from the first stamp."""
-    return np.array([(each - stamps[0]).total_seconds() for each in stamps])
+    return np.array([(stamp - stamps[0]).total_seconds() for stamp in stamps])
 
 
 def is_date(text: str) -> bool:

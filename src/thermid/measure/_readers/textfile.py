@@ -178,8 +178,8 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
         rows[:ends], width, columns = [row[:-1] for row in rows[:ends]], width - 1, None
     if len(rows) > 1 and all(len(row) == width + 1 and not row[-1].strip() for row in rows[1:]):
         rows, columns = [rows[0], *(row[:-1] for row in rows[1:])], None  # samples that end with a separator, as their header does not
-    rows, numbers, columns, said = _with_one_line_of_names(rows, numbers, columns, file)
-    notes += said
+    rows, numbers, columns, notes_on_names = _with_one_line_of_names(rows, numbers, columns, file)
+    notes += notes_on_names
     header, extra = with_units_row(rows)
     if header.units:
         with errors_at(f"{file}:{numbers[1]}"):
@@ -254,10 +254,10 @@ def _with_one_line_of_names(
     if count == 1:
         return rows, numbers, columns, []
     with errors_at(f"{file}:{numbers[0]}"):
-        names, said = one_line_of_names(rows[:count], numbers[:count])
+        names, note = one_line_of_names(rows[:count], numbers[:count])
     if columns is not None:
         columns = [(name, *column[count:]) for name, column in zip(names, columns, strict=True)]
-    return [names, *rows[count:]], numbers[count - 1 :], columns, [said]
+    return [names, *rows[count:]], numbers[count - 1 :], columns, [note]
 
 
 def _encoding(notes: Sequence[str]) -> str:
@@ -283,7 +283,7 @@ def _below_preamble(lines: list[tuple[int, str]], separator: str | None) -> tupl
     as many cells and without numbers. A first line that is as wide as the samples is the header itself.
     """
     looked = lines[:LOOKED_AT]
-    found: list[tuple[int, int, int, str]] = []
+    candidates: list[tuple[int, int, int, str]] = []
     for mark in SEPARATORS if separator is None else [separator]:
         if len(mark) != 1 or mark in '"\r\n':
             return 0, lines, None
@@ -294,8 +294,8 @@ def _below_preamble(lines: list[tuple[int, str]], separator: str | None) -> tupl
                 if not any(may_name(row, len(split[0])) for row in split[1:start]):
                     return 0, lines, None  # the usual file: a header, and samples below
             head = _first_of_names(split, [number for number, _ in looked], _header_above(split, start))
-            found.append((length * len(split[start]), start, head, mark))
-    _, _, head, mark = max(found, default=(0, 0, -1, ""))
+            candidates.append((length * len(split[start]), start, head, mark))
+    _, _, head, mark = max(candidates, default=(0, 0, -1, ""))
     return (0, lines, None) if head < 1 else (lines[head][0] - 1, lines[head:], mark)
 
 
@@ -385,7 +385,7 @@ def read_bytes(place: Path) -> bytes:
     """
     if not place.exists():
         near = (
-            nearest(place.name, [each.name for each in place.parent.iterdir()])
+            nearest(place.name, [neighbour.name for neighbour in place.parent.iterdir()])
             if place.parent.is_dir()
             else " Its folder does not exist either."
         )
@@ -457,29 +457,31 @@ def _split(lines: list[tuple[int, str]], mark: str) -> list[int]:
         return []
 
 
-def _separator(lines: list[tuple[int, str]], given: str | None, file: str) -> str:
+def _separator(lines: list[tuple[int, str]], wanted: str | None, file: str) -> str:
     """Return the separator: as given, or the only one that gives every line as many columns as the header.
 
     Raises
     ------
     RecordError   When none or several do.
     """
-    if given is not None:
-        if len(given) != 1 or given in '"\r\n':
-            raise RecordError(f"separator {given!r} is not a single character. Give ',' or ';' or '\\t'.", file, code="value.wrong-kind")
-        return given
+    if wanted is not None:
+        if len(wanted) != 1 or wanted in '"\r\n':
+            raise RecordError(f"separator {wanted!r} is not a single character. Give ',' or ';' or '\\t'.", file, code="value.wrong-kind")
+        return wanted
     # the last line of a log is often cut short
     looked = lines[:LOOKED_AT] if len(lines) > LOOKED_AT else lines[: max(2, len(lines) - 1)]
-    counts = {mark: found for mark in SEPARATORS if (found := _split(looked, mark)) and found[0] > 1}
+    counts = {mark: widths for mark in SEPARATORS if (widths := _split(looked, mark)) and widths[0] > 1}
     if not counts:
         raise RecordError(
             f"no comma, semicolon or tab divides the header '{lines[0][1][:60]}'. Give separator='...'.",
             f"{file}:{lines[0][0]}",
             code="record.layout-unclear",
         )
-    even = [mark for mark, found in counts.items() if all(count == found[0] for count in found)]
+    even = [mark for mark, widths in counts.items() if all(count == widths[0] for count in widths)]
     # one bad line must not hide the separator: it is named later, with its number
-    usual = even or [mark for mark, found in counts.items() if sum(count == found[0] for count in found) > 0.5 * len(found)] or list(counts)
+    usual = (
+        even or [mark for mark, widths in counts.items() if sum(count == widths[0] for count in widths) > 0.5 * len(widths)] or list(counts)
+    )
     if len(usual) == 1:
         return usual[0]
     names = " and ".join(f"{SEPARATORS[mark]} ({counts[mark][0]} columns)" for mark in usual)
@@ -542,15 +544,15 @@ def merged(
 ) -> Cells:
     """Return one row for each time of any series; cells of the others are empty there, which the reader masks."""
     rows: dict[float, tuple[str, int]] = {}
-    for each in series:
-        for t, stamp, line in zip(each.times, each.stamps, each.lines, strict=True):
+    for channel_series in series:
+        for t, stamp, line in zip(channel_series.times, channel_series.stamps, channel_series.lines, strict=True):
             rows.setdefault(t, (stamp, line))
     axis = sorted(rows)
     columns: list[Sequence[str]] = [tuple(rows[t][0] for t in axis)]
-    for each in series:
-        values: Mapping[float, str] = dict(zip(each.times, each.texts, strict=True))
+    for channel_series in series:
+        values: Mapping[float, str] = dict(zip(channel_series.times, channel_series.texts, strict=True))
         columns.append(tuple(values.get(t, "") for t in axis))
-    header = (time, *(each.name for each in series))
+    header = (time, *(channel_series.name for channel_series in series))
     return Cells(file, header, columns, [rows[t][1] for t in axis], notes, time=_bare(time), start=start, layout=layout)
 
 

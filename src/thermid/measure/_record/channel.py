@@ -142,7 +142,7 @@ class Channel(Shown):
         where = f"channel '{self.name}'"
         values, valid = frozen(self.values, np.float64), frozen(self.valid, np.bool_)
         masks = {reason: frozen(mask, np.bool_) for reason, mask in self.masks.items() if np.any(mask)}
-        if values.ndim != 1 or any(each.shape != values.shape for each in (valid, *masks.values())):
+        if values.ndim != 1 or any(array.shape != values.shape for array in (valid, *masks.values())):
             raise RecordError("values, valid and masks must be one-dimensional and of equal length.", where, code="record.shape")
         if np.any(valid & ~np.isfinite(values)):
             raise RecordError("a valid sample is not finite. Mask it.", where, code="record.shape")
@@ -165,7 +165,7 @@ class Channel(Shown):
             object.__setattr__(self, key, value)
 
     @classmethod
-    def of(cls, name: str, values: Any, *, unit: str = "", **fields: Any) -> Channel:
+    def from_array(cls, name: str, values: Any, *, unit: str = "", **fields: Any) -> Channel:
         """Return a channel of an array, with samples that are not finite masked.
 
         Parameters
@@ -181,13 +181,13 @@ class Channel(Shown):
         """
         kind = fields.get("quantity", "temperature")
         with errors_at(f"channel '{name}'"):
-            given = quantity(values, unit=unit) if unit else stated(values)
-            if given is not None and kind in _SI:
-                require_unit(given.unit, TEMPERATURE if kind == "temperature" else _SI[kind])
-            if given is None and kind == "temperature":
-                given = quantity(si_values(values, TEMPERATURE), unit="K")
-        samples = np.asarray(values if given is None else given.si, dtype=np.float64)
-        return cls(name, samples, np.isfinite(samples), unit="" if given is None else given.unit.text, **fields)
+            with_unit = quantity(values, unit=unit) if unit else stated(values)
+            if with_unit is not None and kind in _SI:
+                require_unit(with_unit.unit, TEMPERATURE if kind == "temperature" else _SI[kind])
+            if with_unit is None and kind == "temperature":
+                with_unit = quantity(si_values(values, TEMPERATURE), unit="K")
+        samples = np.asarray(values if with_unit is None else with_unit.si, dtype=np.float64)
+        return cls(name, samples, np.isfinite(samples), unit="" if with_unit is None else with_unit.unit.text, **fields)
 
     def _summary(self) -> str:
         seat = f" of {self.target}" if self.target else ""
@@ -256,8 +256,8 @@ def certified(channel: Channel, certificate: SensorCertificate) -> tuple[Channel
     """Return the channel with its readings corrected and its accuracy narrowed by a certificate, and what was done, in words."""
     mean, sd = certificate.combined(channel.accuracy)
     date = f" of {certificate.date}" if certificate.date else ""
-    said = f"{certificate.offset:+.3g} +- {certificate.uncertainty:.2g} K at {format_value(certificate.at, 'degC')}"
-    text = f"{channel.name}: certificate{date} {said}; readings corrected by {-mean:+.3g} K, accuracy {sd:.2g} K"
+    correction = f"{certificate.offset:+.3g} +- {certificate.uncertainty:.2g} K at {format_value(certificate.at, 'degC')}"
+    text = f"{channel.name}: certificate{date} {correction}; readings corrected by {-mean:+.3g} K, accuracy {sd:.2g} K"
     if channel.accuracy is not None:
         far = abs(certificate.offset) / math.hypot(channel.accuracy, certificate.uncertainty)
         text += f" (before {channel.accuracy:.2g} K)"
@@ -425,9 +425,9 @@ class Samples:
         NameNotFoundError   When the record has none of that name.
         """
         if name not in self.channels:
-            known = ", ".join(self.channels) or "none"
+            names = ", ".join(self.channels) or "none"
             raise NameNotFoundError(
-                f"no channel '{name}'; it has {known}.{nearest(name, self.channels)}", f"record '{self.name}'", code="name.unknown"
+                f"no channel '{name}'; it has {names}.{nearest(name, self.channels)}", f"record '{self.name}'", code="name.unknown"
             )
         return self.channels[name]
 
@@ -436,7 +436,7 @@ class Samples:
     @property
     def measured(self) -> list[str]:
         """Names of the temperatures that are not those of a boundary."""
-        return [name for name, each in self.channels.items() if each.quantity == "temperature" and each.role != "boundary"]
+        return [name for name, channel in self.channels.items() if channel.quantity == "temperature" and channel.role != "boundary"]
 
     @property
     def step(self) -> float:
@@ -465,12 +465,12 @@ class Samples:
         return SampleTable(self.times[keep], values[keep], float(1.0 - steps[covered].sum() / steps.sum()))
 
 
-def _moment(record: Samples, given: object, what: str) -> float:
+def _moment(record: Samples, written: object, what: str) -> float:
     """Return a time on the record's axis [s]."""
-    if isinstance(given, str) and given.strip() in ("start", "end"):
-        return float(record.times[0 if given.strip() == "start" else -1])
+    if isinstance(written, str) and written.strip() in ("start", "end"):
+        return float(record.times[0 if written.strip() == "start" else -1])
     try:
-        return amount(given, "s", what)
+        return amount(written, "s", what)
     except (RecordError, ExpressionError) as error:
         raise RecordError(f"{error.message} 'start' and 'end' are allowed too.", error.where, code=error.code) from None
 
@@ -502,10 +502,10 @@ def within_log(record: Samples, time: object, what: str) -> None:
     ------
     RecordError   With where the log ends.
     """
-    asked, last = _moment(record, time, what), float(record.times[-1])
-    if asked > last + record.step:
+    moment, last = _moment(record, time, what), float(record.times[-1])
+    if moment > last + record.step:
         raise RecordError(
-            f"nothing was logged at {duration_text(asked)}; the log ends at {duration_text(last)}. Ask for 'end'.",
+            f"nothing was logged at {duration_text(moment)}; the log ends at {duration_text(last)}. Ask for 'end'.",
             what,
             code="record.nothing-there",
         )
@@ -530,11 +530,11 @@ def step_of(channel: Channel) -> float:
     """
     if channel.resolution is not None:
         return channel.resolution
-    seen = channel.values[channel.valid]
-    levels, count = np.unique(np.round(seen, 6), return_counts=True)
-    if levels.size == 1 and channel.quantity == "temperature" and seen.size >= SWITCHED:
-        return _last_digit(float(seen[0]), channel.unit)
-    if not 1 < levels.size <= seen.size / LEVELS:
+    readings = channel.values[channel.valid]
+    levels, count = np.unique(np.round(readings, 6), return_counts=True)
+    if levels.size == 1 and channel.quantity == "temperature" and readings.size >= SWITCHED:
+        return _last_digit(float(readings[0]), channel.unit)
+    if not 1 < levels.size <= readings.size / LEVELS:
         return 0.0
     apart, weight = np.diff(levels), np.minimum(count[1:], count[:-1])
     # the lower quarter, because spikes leave wide gaps between levels, and fillers a few narrow ones
@@ -562,10 +562,10 @@ def found_noise(channel: Channel) -> float:
     higher the order: the smallest of three estimates counts. The median size stands for the root mean square, so that jumps do not count. A
     power that is switched between few levels has no noise.
     """
-    seen = channel.values[channel.valid]
-    if seen.size < SWITCHED or (channel.quantity != "temperature" and np.unique(np.round(seen, 9)).size * SWITCHED <= seen.size):
+    valid = channel.values[channel.valid]
+    if valid.size < SWITCHED or (channel.quantity != "temperature" and np.unique(np.round(valid, 9)).size * SWITCHED <= valid.size):
         return 0.0
-    sizes = [1.4826 * np.median(np.abs(np.diff(seen, k))) / np.sqrt(math.comb(2 * k, k)) for k in ORDERS if seen.size >= SWITCHED + k]
+    sizes = [1.4826 * np.median(np.abs(np.diff(valid, k))) / np.sqrt(math.comb(2 * k, k)) for k in ORDERS if valid.size >= SWITCHED + k]
     return float(min(sizes, default=0.0))
 
 
@@ -588,15 +588,15 @@ def unrounded(times: FloatArray, values: FloatArray) -> FloatArray:
 
 # ---- readings that are no temperatures: codes that sensors and loggers write in place of one
 
-KNOWN: Final = {-127.0: "sensor lost (-127)", 85.0: "reset of a DS18B20 (85)"}
+SENSOR_FAULT_CODES: Final = {-127.0: "sensor lost (-127)", 85.0: "reset of a DS18B20 (85)"}
 """Codes of a common sensor, and what they stand for. [degC]"""
 OVERLOAD: Final = 1e6
 """A reading beyond it is the sign of an overload or an open sensor, 9.9e37 of a Keysight logger. [the column's unit]"""
-NEAR: Final = 2.0
+MAX_LEAP_OF_TEMPERATURE: Final = 2.0
 """Distance from the line between its neighbours up to which a known code may be a temperature. [the column's unit]"""
-LEAST: Final = 10.0
+MIN_GAP_OF_BRIEF_CODE: Final = 10.0
 """Distance from all other readings from which a value stands alone that is seldom and has others before and after. [the column's unit]"""
-FAR: Final = 500.0
+MIN_GAP_OF_CODE: Final = 500.0
 """The same for any value. [the column's unit]"""
 SELDOM: Final = 0.1
 """Part of the readings that a value has at most that stands alone and is not far. [-]"""
@@ -617,25 +617,25 @@ def codes_of(values: FloatArray, zero: float = -273.15) -> dict[float, str]:
     """
     finite = values[np.isfinite(values)]
     out = {float(v): "overload or open sensor" for v in np.unique(finite[np.abs(finite) >= OVERLOAD])}
-    known = finite[np.abs(finite) < OVERLOAD]
-    if not known.size:
+    readings = finite[np.abs(finite) < OVERLOAD]
+    if not readings.size:
         return out
-    out |= {code: words for code, words in KNOWN.items() if np.any(known == code) and _leaps(known, code)}
-    out |= {float(v): f"below absolute zero ({v:g})" for v in np.unique(known[known < zero])}
-    rest = known[~np.isin(known, list(out))]
-    while (found := _alone(rest)) is not None:
-        out[found] = f"far from all other readings ({found:g})"
-        rest = rest[rest != found]
+    out |= {code: words for code, words in SENSOR_FAULT_CODES.items() if np.any(readings == code) and _leaps(readings, code)}
+    out |= {float(v): f"below absolute zero ({v:g})" for v in np.unique(readings[readings < zero])}
+    rest = readings[~np.isin(readings, list(out))]
+    while (code_alone := _alone(rest)) is not None:
+        out[code_alone] = f"far from all other readings ({code_alone:g})"
+        rest = rest[rest != code_alone]
     return out
 
 
 def _leaps(values: FloatArray, code: float) -> bool:
     """Whether a value differs from the line between its neighbours: 85 is a fault in a log at 20 and none in one that passes it."""
-    here = np.isin(values, list(KNOWN))
+    here = np.isin(values, list(SENSOR_FAULT_CODES))
     if here.all():
         return True
     order = np.arange(values.size)
-    return bool(np.any(np.abs(np.interp(order, order[~here], values[~here])[values == code] - code) > NEAR))
+    return bool(np.any(np.abs(np.interp(order, order[~here], values[~here])[values == code] - code) > MAX_LEAP_OF_TEMPERATURE))
 
 
 def _alone(values: FloatArray) -> float | None:
@@ -647,7 +647,7 @@ def _alone(values: FloatArray) -> float | None:
             continue
         gap = float(np.abs(others - end).min())
         brief = np.mean(here) <= SELDOM and not here[0] and not here[-1]
-        if gap > max(float(np.ptp(others)), LEAST if brief else FAR):
+        if gap > max(float(np.ptp(others)), MIN_GAP_OF_BRIEF_CODE if brief else MIN_GAP_OF_CODE):
             return end
     return None
 
@@ -682,8 +682,8 @@ def stray_readings(records: Sequence[Samples]) -> tuple[str, ...]:
 
 def open_questions(records: Sequence[Samples]) -> tuple[str, ...]:
     """Return what the owner of the logs should answer first: readings that are codes of faults, and the questions of each log."""
-    asked = (f"record '{r.name}': {question}" for r in records for question in r.origin.questions)
-    return (*stray_readings(records), *dict.fromkeys(asked))
+    questions = (f"record '{r.name}': {question}" for r in records for question in r.origin.questions)
+    return (*stray_readings(records), *dict.fromkeys(questions))
 
 
 def codes_to_mask(codes: Iterable[float], channel: Channel) -> list[str]:

@@ -87,9 +87,12 @@ class Record(Samples, Result):
         UnitError     When an array has no unit.
         RecordError   As of the class.
         """
-        of = {key: each if isinstance(each, Channel) else Channel.of(key, each, unit=unit, column=key) for key, each in channels.items()}
+        of = {
+            key: samples if isinstance(samples, Channel) else Channel.from_array(key, samples, unit=unit, column=key)
+            for key, samples in channels.items()
+        }
         axis = seconds(times)
-        sha = digest([("time", axis), *((key, each.values) for key, each in of.items())])
+        sha = digest([("time", axis), *((key, samples.values) for key, samples in of.items())])
         origin = Origin(name, sha, None, ("time", *of), axis.size, "time", synthetic)
         return cls(name, axis, of, origin)
 
@@ -114,8 +117,10 @@ class Record(Samples, Result):
         """
         refuse_unknown([*channels, *([time] if time is not None else [])], list(frame.columns), name, "the frame has no column '{}'.")
         axis = _seconds(frame.index if time is None else frame[time], name)
-        made = {column: _channel_of(column, frame[column].to_numpy(dtype=np.float64), table, name) for column, table in channels.items()}
-        return cls.from_arrays(name, axis, made, synthetic=synthetic)
+        channels_of_frame = {
+            column: _channel_of(column, frame[column].to_numpy(dtype=np.float64), table, name) for column, table in channels.items()
+        }
+        return cls.from_arrays(name, axis, channels_of_frame, synthetic=synthetic)
 
     def select(self, *names: str) -> Record:
         """Return the record with these channels only."""
@@ -123,7 +128,7 @@ class Record(Samples, Result):
 
     def with_channels(self, *channels: Channel) -> Record:
         """Return the record with these channels added, or in place of those of the same name."""
-        return replace(self, channels={**self.channels, **{each.name: each for each in channels}})
+        return replace(self, channels={**self.channels, **{channel.name: channel for channel in channels}})
 
     def with_sensor(self, name: str, **keys: object) -> Record:
         """Return the record with more said of a channel's sensor, as a campaign says it: ``lag="20 [s]"``, ``certificate={...}``.
@@ -150,11 +155,11 @@ class Record(Samples, Result):
         RecordError   When fewer than two samples remain, or a channel keeps no valid one.
         """
         inside, text = stretch(self, start, end, "trim")
-        kept = int(inside.sum())
-        if kept < 2:
-            raise RecordError(f"only {kept} sample lies from {text}; at least two are needed.", "trim", code="record.too-short")
-        channels = {name: each.taken(inside) for name, each in self.channels.items()}
-        steps = (*self.steps, f"trim: {text}, {kept} of {inside.size} samples kept")
+        count = int(inside.sum())
+        if count < 2:
+            raise RecordError(f"only {count} sample lies from {text}; at least two are needed.", "trim", code="record.too-short")
+        channels = {name: channel.taken(inside) for name, channel in self.channels.items()}
+        steps = (*self.steps, f"trim: {text}, {count} of {inside.size} samples kept")
         return replace(self, times=self.times[inside], channels=channels, steps=steps)
 
     def shift_start(self) -> Record:
@@ -175,10 +180,13 @@ class Record(Samples, Result):
         width = self._window(window, "median")
         chosen = self._filtered(powers, "median")
         channels = [
-            replace(each, values=np.where(each.valid, windows.moving_median(self.times, each.values, each.valid, width), each.values))
-            for each in chosen
+            replace(
+                channel,
+                values=np.where(channel.valid, windows.moving_median(self.times, channel.values, channel.valid, width), channel.values),
+            )
+            for channel in chosen
         ]
-        return self._noted(f"median: centred window of {width:g} s on {', '.join(each.name for each in chosen)}", *channels)
+        return self._noted(f"median: centred window of {width:g} s on {', '.join(channel.name for channel in chosen)}", *channels)
 
     def filter(self, window: str | float, *, powers: bool = False) -> Record:
         """Return temperatures (and powers, if asked) through a second-order Butterworth low-pass, forward and backward: no shift in time.
@@ -207,8 +215,8 @@ class Record(Samples, Result):
                 "filter, window",
                 code="value.outside-range",
             )
-        channels = [replace(each, values=windows.low_pass(each.values, each.valid, step, width)) for each in chosen]
-        names = ", ".join(each.name for each in chosen)
+        channels = [replace(channel, values=windows.low_pass(channel.values, channel.valid, step, width)) for channel in chosen]
+        names = ", ".join(channel.name for channel in chosen)
         return self._noted(f"filter: zero-phase Butterworth low-pass of second order, half amplitude at {width:g} s, on {names}", *channels)
 
     def resample(self, step: str | float, max_gap: str | float | None = None, *, switches: bool = False) -> Record:
@@ -231,15 +239,15 @@ class Record(Samples, Result):
         grid = np.union1d(even, self._switches(even[-1])) if switches else even
         regular = np.isin(grid, even)
         channels: dict[str, Channel] = {}
-        for each in self.channels.values():
-            law = windows.hold if each.held else windows.interpolate
-            each.checked()
-            values, valid = law(self.times, each.values, each.valid, grid, gap_limit(self.times, each.valid, width, max_gap))
-            masks = {"gap": ~valid} if each.held else {"gap": ~valid & regular, "switch": ~regular}
-            channels[each.name] = replace(each, values=values, valid=valid & (regular | each.held), masks=masks).checked()
+        for channel in self.channels.values():
+            law = windows.hold if channel.held else windows.interpolate
+            channel.checked()
+            values, valid = law(self.times, channel.values, channel.valid, grid, gap_limit(self.times, channel.valid, width, max_gap))
+            masks = {"gap": ~valid} if channel.held else {"gap": ~valid & regular, "switch": ~regular}
+            channels[channel.name] = replace(channel, values=values, valid=valid & (regular | channel.held), masks=masks).checked()
         text = f"resample: {self.times.size} samples to {count} at {width:g} s; powers and commands held, others linear"
         text += f"; {grid.size - count} instants of their changes kept" if switches else ""
-        gaps = ", ".join(f"{each.name} {each.flags['gap']}" for each in channels.values() if "gap" in each.flags)
+        gaps = ", ".join(f"{channel.name} {channel.flags['gap']}" for channel in channels.values() if "gap" in channel.flags)
         raw = not any(done.startswith(("filter", "median")) for done in self.steps) and width > 2 * self.step
         text += (f"; masked as gaps: {gaps}" if gaps else "") + (
             "; no filter was applied before, so single samples were taken" if raw else ""
@@ -249,9 +257,9 @@ class Record(Samples, Result):
     def _switches(self, last: float) -> FloatArray:
         """Return the times up to `last` at which a held channel has another value than before [s]."""
         out = np.zeros(0)
-        for each in self.channels.values():
-            if each.held:
-                times, values = self.times[each.valid], each.values[each.valid]
+        for channel in self.channels.values():
+            if channel.held:
+                times, values = self.times[channel.valid], channel.values[channel.valid]
                 out = np.union1d(out, times[1:][np.diff(values) != 0])
         return out[out <= last]
 
@@ -272,11 +280,11 @@ class Record(Samples, Result):
         if limit <= 0:
             raise RecordError(f"{threshold!r} is not above zero.", "spikes, threshold", code="value.outside-range")
         masked = []
-        for each in self._temperatures(channels, "spikes"):
-            centre, spread = windows.hampel(self.times, each.values, each.valid, width)
+        for channel in self._temperatures(channels, "spikes"):
+            centre, spread = windows.hampel(self.times, channel.values, channel.valid, width)
             # a median deviation of zero only says that half the window lies in one level of the sensor, half a step either side
-            allowed = limit if absolute else limit * np.maximum(spread, 1.4826 * 0.5 * step_of(each))
-            masked.append(each.masked(np.abs(each.values - centre) > allowed, "spike"))
+            allowed = limit if absolute else limit * np.maximum(spread, 1.4826 * 0.5 * step_of(channel))
+            masked.append(channel.masked(np.abs(channel.values - centre) > allowed, "spike"))
         unit = "K" if absolute else "robust standard deviations"
         return self._noted(
             f"spikes: masked {self._lost(masked)}; further than {limit:g} {unit} from the median of {width:g} s",
@@ -310,14 +318,14 @@ class Record(Samples, Result):
             raise RecordError(f"low ({low}) is not below high ({high}).", "faults", code="value.outside-range")
         least = amount(jump, "K", "faults, jump")
         masked = []
-        for each in self._temperatures(channels, "faults"):
-            outside = each.valid & ((each.values < bottom) | (each.values > top))
-            read = each.values + each.correction  # a code is what the sensor said, not what a certificate makes of it
-            code = each.valid & np.any([np.abs(read - level) < 1e-6 for level in levels] or [np.zeros_like(each.valid)], axis=0)
-            good = each.valid & ~outside & ~code
+        for channel in self._temperatures(channels, "faults"):
+            outside = channel.valid & ((channel.values < bottom) | (channel.values > top))
+            read = channel.values + channel.correction  # a code is what the sensor said, not what a certificate makes of it
+            code = channel.valid & np.any([np.abs(read - level) < 1e-6 for level in levels] or [np.zeros_like(channel.valid)], axis=0)
+            good = channel.valid & ~outside & ~code
             if good.any():
-                code &= np.abs(each.values - np.interp(self.times, self.times[good], each.values[good])) > least
-            masked.append(each.masked(outside | code, "fault"))
+                code &= np.abs(channel.values - np.interp(self.times, self.times[good], channel.values[good])) > least
+            masked.append(channel.masked(outside | code, "fault"))
         listed = ", ".join(format_value(level, "degC") for level in levels) or "none"
         limits = "".join(f", {word} {format_value(end, 'degC')}" for word, end in (("low", bottom), ("high", top)) if np.isfinite(end))
         return self._noted(f"faults: masked {self._lost(masked)}; codes {listed}{limits}", *masked)
@@ -352,7 +360,9 @@ class Record(Samples, Result):
         ------
         RecordError   When the rate is not above zero, a channel is in both, the logs do not overlap, or a range is none.
         """
-        offsets, rates = (_range(given, name, other.name) for given, name in ((offset, "offset of its clock"), (rate, "rate of its clock")))
+        offsets, rates = (
+            _range(written, name, other.name) for written, name in ((offset, "offset of its clock"), (rate, "rate of its clock"))
+        )
         middle = 0.5 * sum(offsets), 0.5 * sum(rates)
         joint = self._joined(other, *middle, rates[0])
         if offsets[0] == offsets[1] and rates[0] == rates[1]:
@@ -447,14 +457,14 @@ class Record(Samples, Result):
         middle = 0.5 * (low + high)
         times, mixed = _interleaved(rest, late, self.times + middle)
         inside = times >= self.times[0]  # what was logged last acts after the last reading; a fit may move it back
-        said = f"{low:g} s" if low == high else f"{low:g} to {high:g} s, by the fit"
+        delay_text = f"{low:g} s" if low == high else f"{low:g} to {high:g} s, by the fit"
         whole = float(self.times[0]), float(self.times[-1])
         clock = SecondClock(tuple(chosen), (low, high), (1.0, 1.0), (middle, 1.0), whole, self.step, "delay")
         return replace(
             self,
             times=times[inside],
             channels={n: mixed[n].taken(inside) for n in self.channels},
-            steps=(*self.steps, f"delay: {', '.join(chosen)}, {said}"),
+            steps=(*self.steps, f"delay: {', '.join(chosen)}, {delay_text}"),
             second=self.second if low == high else clock,
         )
 
@@ -487,9 +497,9 @@ class Record(Samples, Result):
                 raise RecordError(
                     f"{table!r} is not a step. Write one step in each table, such as {{median = '4 [s]'}}.", where, code="value.wrong-kind"
                 )
-            ((name, given),) = table.items()
+            ((name, written),) = table.items()
             refuse_unknown(table, STEPS, where, "no step '{}'; there are {known}.")
-            options = _options(STEPS[name], given, f"{where}, {name}")
+            options = _options(STEPS[name], written, f"{where}, {name}")
             try:
                 record = getattr(record, STEPS[name].method)(**options)
             except ThermidError as error:
@@ -504,12 +514,12 @@ class Record(Samples, Result):
         """
         columns = [_texts(self.times, "s")]
         header = []
-        taken = [self.origin.time, *(each.column for each in self.channels.values())]
-        for each in self.channels.values():
+        taken = [self.origin.time, *(channel.column for channel in self.channels.values())]
+        for channel in self.channels.values():
             # a column that feeds two channels is written twice, under their own names
-            header.append(f"{each.column if each.column and taken.count(each.column) == 1 else each.name} [{each.unit}]")
-            cells = _texts(np.where(each.valid, each.values, 0.0), each.unit)
-            columns.append([cell if good else "" for cell, good in zip(cells, each.valid.tolist(), strict=True)])
+            header.append(f"{channel.column if channel.column and taken.count(channel.column) == 1 else channel.name} [{channel.unit}]")
+            cells = _texts(np.where(channel.valid, channel.values, 0.0), channel.unit)
+            columns.append([cell if good else "" for cell, good in zip(cells, channel.valid.tolist(), strict=True)])
         with replacing(path, LOG) as half, half.open("w", encoding="utf-8", newline="") as file:
             file.write(f'"{self.origin.time} [s]"' + ("," if header else ""))
             writer = csv.writer(file, lineterminator="\n")
@@ -521,17 +531,17 @@ class Record(Samples, Result):
         import xarray
 
         data = xarray.Dataset(coords={"time": ("time", self.times, {"units": "s"})})
-        for each in self.channels.values():
+        for channel in self.channels.values():
             words = {
-                "quantity": each.quantity,
-                "role": each.role,
-                "target": each.target,
-                "gain": each.gain,
-                "noise": each.noise,
-                "accuracy": each.accuracy,
+                "quantity": channel.quantity,
+                "role": channel.role,
+                "target": channel.target,
+                "gain": channel.gain,
+                "noise": channel.noise,
+                "accuracy": channel.accuracy,
             }
-            attributes = {"units": _si_unit(each), **{key: value for key, value in words.items() if value is not None}}
-            data[each.name] = ("time", np.where(each.valid, each.values, np.nan), attributes)
+            attributes = {"units": _si_unit(channel), **{key: value for key, value in words.items() if value is not None}}
+            data[channel.name] = ("time", np.where(channel.valid, channel.values, np.nan), attributes)
         data.attrs = {"name": self.name, "file": self.origin.file, "sha256": self.origin.sha256, "steps": "\n".join(self.steps)}
         return data
 
@@ -547,15 +557,15 @@ class Record(Samples, Result):
             worst = int(np.argmax(intervals))
             longest, place = duration_text(float(intervals[worst])), format_value(self.times[worst], "s")
             lines.append(f"  gaps longer than {limit:.4g} s: {gaps.size}, the longest {longest} at {place}")
-        lines += [f"  {_channel_line(each)}" for each in self.channels.values()]
+        lines += [f"  {_channel_line(channel)}" for channel in self.channels.values()]
         return "\n".join([*lines, *(f"  - {step}" for step in self.steps)])
 
     def __repr__(self) -> str:
         """Return name, samples, duration, step and channels in one line."""
         step = f"{self.step:.4g} s" + ("" if even_step(self.times) is not None else " (median, uneven)")
-        made = "synthetic, " if self.origin.synthetic else ""
+        origin_text = "synthetic, " if self.origin.synthetic else ""
         return (
-            f"Record '{self.name}': {made}{self.times.size} samples over {duration_text(self.duration)}, step {step}; "
+            f"Record '{self.name}': {origin_text}{self.times.size} samples over {duration_text(self.duration)}, step {step}; "
             f"channels {', '.join(self.channels) or 'none'}"
         )
 
@@ -563,9 +573,9 @@ class Record(Samples, Result):
         """Return the record with changed channels and one more step."""
         return replace(self.with_channels(*changed), steps=(*self.steps, text))
 
-    def _window(self, given: object, what: str) -> float:
+    def _window(self, written: object, what: str) -> float:
         """Return a window that fits into the record [s]."""
-        window = positive_seconds(given, f"{what}, window")
+        window = positive_seconds(written, f"{what}, window")
         if window > self.duration:
             raise RecordError(
                 f"{window:g} s is longer than record '{self.name}', which lasts {self.duration:g} s.",
@@ -576,7 +586,9 @@ class Record(Samples, Result):
 
     def _filtered(self, powers: bool, what: str) -> list[Channel]:
         """Return the channels that a filter acts on: temperatures, and powers when asked."""
-        chosen = [each for each in self.channels.values() if each.quantity == "temperature" or (powers and each.quantity == "power")]
+        chosen = [
+            channel for channel in self.channels.values() if channel.quantity == "temperature" or (powers and channel.quantity == "power")
+        ]
         if not chosen:
             raise RecordError(
                 f"record '{self.name}' has no temperature channel, so this step has nothing to act on. Leave it out.",
@@ -590,9 +602,11 @@ class Record(Samples, Result):
         if names is None:
             return self._filtered(False, what)
         chosen = [self.channel(name) for name in ([names] if isinstance(names, str) else names)]
-        for each in chosen:
-            if each.quantity != "temperature":
-                raise RecordError(f"channel '{each.name}' is a {each.quantity}, not a temperature.", what, code="record.does-not-apply")
+        for channel in chosen:
+            if channel.quantity != "temperature":
+                raise RecordError(
+                    f"channel '{channel.name}' is a {channel.quantity}, not a temperature.", what, code="record.does-not-apply"
+                )
         return chosen
 
     def _masked_since(self, channel: Channel) -> int:
@@ -601,7 +615,7 @@ class Record(Samples, Result):
 
     def _lost(self, masked: Sequence[Channel]) -> str:
         """Return the samples that were masked of each channel, in words."""
-        return ", ".join(f"{each.name} {self._masked_since(each)}" for each in masked)
+        return ", ".join(f"{channel.name} {self._masked_since(channel)}" for channel in masked)
 
     def _as_traces(self) -> Sequence[PlottedTrace]:
         """Return the valid samples of every temperature, else of every channel in its unit."""
@@ -634,8 +648,8 @@ class Record(Samples, Result):
         """
         pandas = optional("pandas", "to_frame")
         columns = {c.name: from_si(np.where(c.valid, c.values, np.nan), c.unit) for c in self.channels.values()}
-        made: DataFrame = pandas.DataFrame(columns, index=pandas.Index(self.times, name="time_s"))
-        return made
+        frame: DataFrame = pandas.DataFrame(columns, index=pandas.Index(self.times, name="time_s"))
+        return frame
 
     def _ipython_key_completions_(self) -> list[str]:
         """Return the channels."""
@@ -644,15 +658,15 @@ class Record(Samples, Result):
 
 def without_strays(record: Record) -> tuple[Record, tuple[str, ...]]:
     """Return a record with readings masked that are no temperatures, and what was masked, a sentence for each channel."""
-    said, made = [], record
+    remarks, cleaned = [], record
     for name, channel in record.channels.items():
         codes = strays(channel)
         if not codes:
             continue
-        made = made.flag_faults(codes_to_mask(codes, channel), channels=[name])
-        count = counted(int(np.count_nonzero(channel.valid & ~made[name].valid)), "reading")
-        said.append(f"{name}: {count} masked: {', '.join(dict.fromkeys(codes.values()))}")
-    return made, tuple(said)
+        cleaned = cleaned.flag_faults(codes_to_mask(codes, channel), channels=[name])
+        count = counted(int(np.count_nonzero(channel.valid & ~cleaned[name].valid)), "reading")
+        remarks.append(f"{name}: {count} masked: {', '.join(dict.fromkeys(codes.values()))}")
+    return cleaned, tuple(remarks)
 
 
 def _spread(channel: Channel, places: np.ndarray, samples: int) -> Channel:
@@ -675,15 +689,15 @@ def _interleaved(one: Samples, other: Samples, there: FloatArray) -> tuple[Float
     there = np.where(np.abs(near - there) <= 1e-12 * np.abs(there).max(), near, there)
     times = np.union1d(one.times, there)
     return times, {
-        name: _spread(each, np.searchsorted(times, axis), times.size)
+        name: _spread(channel, np.searchsorted(times, axis), times.size)
         for record, axis in ((one, one.times), (other, there))
-        for name, each in record.channels.items()
+        for name, channel in record.channels.items()
     }
 
 
-def _range(given: float | tuple[float, float], name: str, where: str) -> tuple[float, float]:
+def _range(value_or_range: float | tuple[float, float], name: str, where: str) -> tuple[float, float]:
     """Return the range of a clock's offset or rate, or of a delay."""
-    low, high = given if isinstance(given, tuple | list) else (given, given)
+    low, high = value_or_range if isinstance(value_or_range, tuple | list) else (value_or_range, value_or_range)
     if not (math.isfinite(low) and math.isfinite(high) and low <= high):
         raise RecordError(
             f"the range {low:g} .. {high:g} of the {name} must begin with the lower number.", where, code="value.outside-range"
@@ -713,15 +727,15 @@ STEPS: Final = {
 """Steps of a campaign file by name."""
 
 
-def _options(step: Step, given: object, where: str) -> dict[str, object]:
+def _options(step: Step, written: object, where: str) -> dict[str, object]:
     """Return the options of one step by name."""
-    if isinstance(given, Mapping):
-        refuse_unknown(given, step.options, where, "no option '{}'; there are {known}.")
-        options = dict(given)
-    elif given is True and step.required == 0:
+    if isinstance(written, Mapping):
+        refuse_unknown(written, step.options, where, "no option '{}'; there are {known}.")
+        options = dict(written)
+    elif written is True and step.required == 0:
         options = {}
     else:
-        values = list(given) if isinstance(given, Sequence) and not isinstance(given, str) else [given]
+        values = list(written) if isinstance(written, Sequence) and not isinstance(written, str) else [written]
         if len(values) > len(step.options):
             raise RecordError(
                 f"{len(values)} values are given; it takes {', '.join(step.options) or 'none: write true'}.", where, code="value.wrong-kind"
@@ -806,7 +820,7 @@ def _channel_of(column: str, values: FloatArray, table: Mapping[str, Any], name:
         for key in ("noise", "accuracy")
         if key in table
     }
-    return Channel.of(
+    return Channel.from_array(
         column,
         values,
         quantity=ROLES[roles[0]],

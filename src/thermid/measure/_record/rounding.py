@@ -44,12 +44,12 @@ def shared_rounding(path: Array, step: float, blur: float, place: Indices, size:
     own : float                             That variance. [K^2]
     """
     sizes = _terms(step, blur)
-    kept = np.flatnonzero(sizes > FINE * step**2 / (2.0 * np.pi**2))
+    terms = np.flatnonzero(sizes > FINE * step**2 / (2.0 * np.pi**2))
     columns = []
-    for m in kept:
+    for m in terms:
         phase = 2.0 * np.pi * (m + 1) / step * (path - path[0])
         columns += [np.sqrt(sizes[m]) * np.bincount(place, wave, minlength=size) for wave in (np.cos(phase), np.sin(phase))]
-    return np.array(columns).reshape(len(columns), size).T, float(sizes[kept].sum())
+    return np.array(columns).reshape(len(columns), size).T, float(sizes[terms].sum())
 
 
 def blur_of(path: Array, readings: Array, step: float) -> float:
@@ -68,13 +68,15 @@ def blur_of(path: Array, readings: Array, step: float) -> float:
     if path.size < 3:
         return 0.0
     away = np.diff(path)
-    seen = float(np.mean(np.diff(readings) ** 2))
+    jump_variance = float(np.mean(np.diff(readings) ** 2))
     m = np.arange(1, TERMS + 1)
     waves = np.cos(2.0 * np.pi * np.outer(away, m) / step).mean(axis=0)
     blurs = np.linspace(0.0, step, BLURS)
-    left = step**2 / 12.0 - float(np.sum(step**2 / (2.0 * np.pi**2 * m**2)))  # of the terms that are not counted
-    expected = np.array([np.mean(away**2) + 2.0 * (s**2 + step**2 / 12.0 - left - float(_terms(step, s) @ waves)) for s in blurs.tolist()])
-    return float(np.interp(seen, np.maximum.accumulate(expected), blurs))
+    uncounted = step**2 / 12.0 - float(np.sum(step**2 / (2.0 * np.pi**2 * m**2)))  # of the terms that are not counted
+    expected = np.array(
+        [np.mean(away**2) + 2.0 * (s**2 + step**2 / 12.0 - uncounted - float(_terms(step, s) @ waves)) for s in blurs.tolist()]
+    )
+    return float(np.interp(jump_variance, np.maximum.accumulate(expected), blurs))
 
 
 def rounding_of_line(times: Array, readings: Array, at: float, rate: float, step: float, noise: float | None) -> Array:
@@ -98,10 +100,10 @@ def rounding_of_line(times: Array, readings: Array, at: float, rate: float, step
     x = times - times.mean()
     path = rate * x
     moves = abs(rate) * float(np.ptp(times)) >= step
-    told = moves or np.unique(np.round(readings / step)).size > 2
-    blur = noise if noise is not None else blur_of(path, readings, step) if told else 0.0
-    columns, own = shared_rounding(path, step, blur, np.arange(times.size), times.size)
+    shows_noise = moves or np.unique(np.round(readings / step)).size > 2
+    blur = noise if noise is not None else blur_of(path, readings, step) if shows_noise else 0.0
+    columns, own_variance = shared_rounding(path, step, blur, np.arange(times.size), times.size)
     slope = x / float(x @ x)
     weights = np.vstack([1.0 / times.size + (at - times.mean()) * slope, slope])
-    hidden = 0.0 if moves else np.sqrt(2.0 * own) / float(np.ptp(times))
+    hidden = 0.0 if moves else np.sqrt(2.0 * own_variance) / float(np.ptp(times))
     return np.hstack([weights @ columns, [[0.0], [hidden]]])

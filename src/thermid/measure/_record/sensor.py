@@ -16,7 +16,7 @@ ICE: Final = Kelvin(273.15)
 """The ice point, about which a scale is held to turn where nothing else is said. [K]"""
 BEAD: Final = 1e-6
 """Heat capacity of a sensor that lags but is said to have none: it takes no heat worth naming. [J/K]"""
-CLOSE: Final = 1.0
+LAG_OF_BARE_CAPACITY: Final = 1.0
 """Lag of a sensor that has a heat capacity and is said to have no lag. [s]"""
 _NUMBERS: Final = {
     "gain_accuracy": "1",
@@ -55,28 +55,28 @@ class SensorCertificate:
             object.__setattr__(self, "at", kelvin(self.at))
 
     @classmethod
-    def read(cls, given: object, where: str) -> SensorCertificate:
+    def read(cls, written: object, where: str) -> SensorCertificate:
         """Return it from a table with offset, uncertainty, at and date.
 
         Raises
         ------
         RecordError   When a key is unknown, offset or uncertainty is missing, or the uncertainty is not above zero.
         """
-        if isinstance(given, cls):
-            return given
-        table = _table(given, ("offset", "uncertainty", "at", "date"), where)
+        if isinstance(written, cls):
+            return written
+        table = _table(written, ("offset", "uncertainty", "at", "date"), where)
         for key in ("offset", "uncertainty"):
             if key not in table:
                 raise RecordError(f"a certificate needs its {key}, such as {key} = '0.1 [K]'.", where, code="value.incomplete")
-        found = cls(
+        certificate = cls(
             amount(table["offset"], "K", f"{where}.offset"),
             amount(table["uncertainty"], "K", f"{where}.uncertainty"),
             Kelvin(amount(table["at"], TEMPERATURE, f"{where}.at") if "at" in table else ICE),
             str(table.get("date", "")),
         )
-        if found.uncertainty <= 0:
+        if certificate.uncertainty <= 0:
             raise RecordError("its uncertainty must be above zero. Give that of the comparison.", where, code="value.outside-range")
-        return found
+        return certificate
 
     def combined(self, accuracy: float | None) -> tuple[float, float]:
         """Return mean and standard deviation of the constant error, of the certificate together with the accuracy of the type. [K]"""
@@ -129,10 +129,10 @@ class SensorPart:
         """
         if not any(key in table for key in KEYS):
             return None
-        found = {key: amount(table[key], slot, f"{where}, {key}") for key, slot in _NUMBERS.items() if key in table}
-        if "gain_about" in found:
-            found["gain_about"] = Kelvin(found["gain_about"])
-        for key, value in found.items():
+        numbers = {key: amount(table[key], slot, f"{where}, {key}") for key, slot in _NUMBERS.items() if key in table}
+        if "gain_about" in numbers:
+            numbers["gain_about"] = Kelvin(numbers["gain_about"])
+        for key, value in numbers.items():
             if value < 0:
                 raise RecordError(f"its {key} is {value:g}; it cannot be negative.", where, code="value.outside-range")
         if ("mass" in table) != ("specific_heat" in table):
@@ -143,14 +143,14 @@ class SensorPart:
                     "its heat capacity is given twice: as capacitance, and as mass and specific_heat.", where, code="value.incomplete"
                 )
             mass = amount(table["mass"], "kg", f"{where}, mass")
-            found["capacitance"] = mass * amount(table["specific_heat"], "J/(kg K)", f"{where}, specific_heat")
-        if found.get("lag_accuracy") and not found.get("lag"):
+            numbers["capacitance"] = mass * amount(table["specific_heat"], "J/(kg K)", f"{where}, specific_heat")
+        if numbers.get("lag_accuracy") and not numbers.get("lag"):
             raise RecordError("a lag_accuracy needs the lag it refers to. Give lag = '20 [s]' too.", where, code="value.incomplete")
         low, high = _limits(table["range"], f"{where}, range") if "range" in table else (-math.inf, math.inf)
         conductance, to = _lead(table["lead"], f"{where}, lead") if "lead" in table else (0.0, "")
         if "certificate" in table and "gain_about" not in table:
-            found["gain_about"] = SensorCertificate.read(table["certificate"], f"{where}, certificate").at
-        return cls(**found, lead_conductance=conductance, lead_to=to, low=low, high=high)
+            numbers["gain_about"] = SensorCertificate.read(table["certificate"], f"{where}, certificate").at
+        return cls(**numbers, lead_conductance=conductance, lead_to=to, low=low, high=high)
 
     @property
     def touches(self) -> bool:
@@ -160,19 +160,19 @@ class SensorPart:
     @property
     def worth(self) -> dict[str, float]:
         """Its lag and heat capacity, with what stands for the one that is not given. [s], [J/K]"""
-        return {"lag": self.lag or CLOSE, "capacitance": self.capacitance or BEAD}
+        return {"lag": self.lag or LAG_OF_BARE_CAPACITY, "capacitance": self.capacitance or BEAD}
 
 
-def _table(given: object, keys: tuple[str, ...], where: str) -> Mapping[str, Any]:
-    if not isinstance(given, Mapping):
-        raise RecordError(f"{given!r} is not a table. Give a table with {', '.join(keys)}.", where, code="value.wrong-kind")
-    refuse_unknown(given, keys, where)
-    return given
+def _table(written: object, keys: tuple[str, ...], where: str) -> Mapping[str, Any]:
+    if not isinstance(written, Mapping):
+        raise RecordError(f"{written!r} is not a table. Give a table with {', '.join(keys)}.", where, code="value.wrong-kind")
+    refuse_unknown(written, keys, where)
+    return written
 
 
-def _lead(given: object, where: str) -> tuple[float, str]:
+def _lead(written: object, where: str) -> tuple[float, str]:
     """Return conductance [W/K] and other end of the leads."""
-    table = _table(given, ("conductance", "to"), where)
+    table = _table(written, ("conductance", "to"), where)
     if set(table) != {"conductance", "to"}:
         raise RecordError(
             "a lead needs a conductance and the node to which it loses heat, such as to = 'air'.", where, code="value.incomplete"
@@ -183,14 +183,14 @@ def _lead(given: object, where: str) -> tuple[float, str]:
     return conductance, str(table["to"])
 
 
-def _limits(given: object, where: str) -> tuple[float, float]:
-    if not isinstance(given, list | tuple) or len(given) != 2:
+def _limits(written: object, where: str) -> tuple[float, float]:
+    if not isinstance(written, list | tuple) or len(written) != 2:
         raise RecordError(
-            f"{given!r} is not a range. Write the lowest and the highest reading, ['-55 [degC]', '125 [degC]'].",
+            f"{written!r} is not a range. Write the lowest and the highest reading, ['-55 [degC]', '125 [degC]'].",
             where,
             code="value.wrong-kind",
         )
-    low, high = (Kelvin(amount(one, TEMPERATURE, where)) for one in given)
+    low, high = (Kelvin(amount(one, TEMPERATURE, where)) for one in written)
     if low >= high:
-        raise RecordError(f"its lowest reading ({given[0]}) is not below its highest ({given[1]}).", where, code="value.outside-range")
+        raise RecordError(f"its lowest reading ({written[0]}) is not below its highest ({written[1]}).", where, code="value.outside-range")
     return low, high

@@ -26,11 +26,11 @@ SHORTEST: Final = 300.0
 """Shortest window over which a rule without one of its own is judged on readings. [s]"""
 FEWEST: Final = 8
 """Readings below which a stretch has no rate and no mean with an error."""
-ENOUGH: Final = 30.0
+MIN_INDEPENDENT_READINGS: Final = 30.0
 """Independent readings in a window from which their own correlation gives the error of a mean; with fewer, longer times may hide in it."""
 CORRELATED: Final = 0.5
 """Share of the readings that they must be worth as independent ones to count as white."""
-SURE: Final = 2.0
+DOUBT_IN_ERRORS: Final = 2.0
 """Standard errors that count as beyond doubt."""
 SETTLED: Final = "1 [K/h]"
 """Drift above which the mean of a stretch is no steady point."""
@@ -147,16 +147,16 @@ def effective_samples(residuals: FloatArray, fitted: int = 2) -> float:
         share = fitted * factor / n
         pairs = (rho * (1.0 - share) + share)[: n - n % 2].reshape(-1, 2).sum(axis=1)
         ends = np.flatnonzero(pairs <= 2.0 * share)
-        kept = pairs[: int(ends[0])] if ends.size else pairs
-        factor = float(min(max(1.0, 2.0 * kept.sum() - 1.0), n / 4.0))
+        positive_pairs = pairs[: int(ends[0])] if ends.size else pairs
+        factor = float(min(max(1.0, 2.0 * positive_pairs.sum() - 1.0), n / 4.0))
     return n / factor
 
 
 def verdict_of(size: float, error: float, allowed: float) -> str:
     """Return whether a size lies within what is allowed: beyond two standard errors, or not to be told."""
-    if abs(size) + SURE * error <= allowed:
+    if abs(size) + DOUBT_IN_ERRORS * error <= allowed:
         return "stable"
-    return "not stable" if abs(size) - SURE * error > allowed else "cannot tell"
+    return "not stable" if abs(size) - DOUBT_IN_ERRORS * error > allowed else "cannot tell"
 
 
 def spans(record: Samples, first: float, end: float) -> Iterator[tuple[float, bool]]:
@@ -260,8 +260,8 @@ def _wandering(t: FloatArray, y: FloatArray, line: _Line, at: float) -> _Line:
             noise = np.diag(1.0 / count[full]) + ratio * like
             inverse = np.linalg.inv(noise)
             inner = x.T @ inverse @ x
-            left = mean - x @ np.linalg.solve(inner, x.T @ inverse @ mean)
-            square = float(left @ inverse @ left)
+            residuals = mean - x @ np.linalg.solve(inner, x.T @ inverse @ mean)
+            square = float(residuals @ inverse @ residuals)
             likely.append(
                 -0.5 * (np.linalg.slogdet(noise)[1] + np.linalg.slogdet(inner)[1] + free * np.log(max(square, np.finfo(float).tiny)))
             )
@@ -470,11 +470,11 @@ class SteadyPoint(Generic[R]):
         """
         channels = {}
         for name, v in self.values.items():
-            given = self.source.channel(name)
-            read = given.quantity == "temperature" and given.role != "boundary"
+            channel = self.source.channel(name)
+            read = channel.quantity == "temperature" and channel.role != "boundary"
             values, valid = np.full(2, v.value), np.ones(2, dtype=bool)
             noise = max(v.error, 1e-9) * 2.0**0.5 if read else None
-            channels[name] = replace(given, values=values, valid=valid, masks={}, noise=noise, resolution=None, common=v.error)
+            channels[name] = replace(channel, values=values, valid=valid, masks={}, noise=noise, resolution=None, common=v.error)
         steps = (*self.source.steps, f"steady point of {self.start:g} to {self.end:g} s")
         return replace(
             self.source, name=self.name, times=np.array([0.0, self.end - self.start]), channels=channels, steps=steps, second=None
@@ -520,10 +520,10 @@ def steady_point(
     if most <= 0:
         raise RecordError("the limit of the drift must be above zero.", "limit", code="value.outside-range")
     values = {}
-    for each in record.channels.values():
-        constant = tau.get(each.name) if isinstance(tau, Mapping) else tau
-        seconds = positive_seconds(constant, "tau") if constant is not None and each.role != "boundary" else 0.0
-        values[each.name] = _value(record.name, each, times, inside, seconds, most, tau is not None)
+    for channel in record.channels.values():
+        constant = tau.get(channel.name) if isinstance(tau, Mapping) else tau
+        seconds = positive_seconds(constant, "tau") if constant is not None and channel.role != "boundary" else 0.0
+        values[channel.name] = _value(record.name, channel, times, inside, seconds, most, tau is not None)
     label = name or f"{record.name} {times[0]:g} to {times[-1]:g} s"
     return SteadyPoint(label, float(times[0]), float(times[-1]), values, record, tau is not None)
 
@@ -538,9 +538,9 @@ def _value(where: str, channel: Channel, times: FloatArray, inside: np.ndarray, 
     was_set = channel.role == "boundary" and channel.resolution is None and not np.ptp(y)
     step = step_of(channel) if thermal and not was_set else channel.resolution or 0.0
     line = _line(t, y, 0.5 * (times[0] + times[-1]), step, channel.noise, place, "mean")
-    if line.worth < min(CORRELATED * y.size, ENOUGH) and line.scatter > 0.5 * step and line.scatter > 0.0:
+    if line.worth < min(CORRELATED * y.size, MIN_INDEPENDENT_READINGS) and line.scatter > 0.5 * step and line.scatter > 0.0:
         line = _wandering(t, y, line, 0.5 * (times[0] + times[-1]))
-    if thermal and abs(line.rate) - SURE * line.rate_error > most:
+    if thermal and abs(line.rate) - DOUBT_IN_ERRORS * line.rate_error > most:
         raise RecordError(
             f"it drifts by {HOUR * line.rate:+.3g} +- {HOUR * line.rate_error:.2g} K/h, more than the {HOUR * most:.3g} K/h allowed "
             "for a steady point. Use a later window, or raise the limit if the test needs no better steadiness.",

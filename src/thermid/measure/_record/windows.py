@@ -92,26 +92,26 @@ def low_pass(values: FloatArray, valid: BoolArray, step: float, window: float) -
 
 def _around(times: FloatArray, valid: BoolArray, grid: FloatArray) -> tuple[FloatArray, np.ndarray, np.ndarray]:
     """Return the times of the valid samples and, for each grid time, the index of the last one before and the first one after it."""
-    known = times[valid]
-    near = 1e-9 * max(float(known[-1] - known[0]), usual_step(grid))
-    before = np.searchsorted(known, grid + near, "right") - 1
-    after = np.searchsorted(known, grid - near, "left")
-    return known, before, after
+    valid_times = times[valid]
+    near = 1e-9 * max(float(valid_times[-1] - valid_times[0]), usual_step(grid))
+    before = np.searchsorted(valid_times, grid + near, "right") - 1
+    after = np.searchsorted(valid_times, grid - near, "left")
+    return valid_times, before, after
 
 
 def interpolate(times: FloatArray, values: FloatArray, valid: BoolArray, grid: FloatArray, max_gap: float) -> tuple[FloatArray, BoolArray]:
     """Return straight lines between valid samples at the times of a grid, and where they hold: not beyond the ends or in a gap."""
-    known, before, after = _around(times, valid, grid)
-    inside = (before >= 0) & (after < known.size)
-    low, high = np.maximum(before, 0), np.minimum(after, known.size - 1)
-    good = inside & (known[high] - known[low] <= max_gap * (1 + 1e-9))
-    return np.where(good, np.interp(grid, known, values[valid]), np.nan), good
+    valid_times, before, after = _around(times, valid, grid)
+    inside = (before >= 0) & (after < valid_times.size)
+    low, high = np.maximum(before, 0), np.minimum(after, valid_times.size - 1)
+    good = inside & (valid_times[high] - valid_times[low] <= max_gap * (1 + 1e-9))
+    return np.where(good, np.interp(grid, valid_times, values[valid]), np.nan), good
 
 
 def hold(times: FloatArray, values: FloatArray, valid: BoolArray, grid: FloatArray, max_gap: float) -> tuple[FloatArray, BoolArray]:
     """Return the last valid sample at the times of a grid, and where it holds: not before the first one or in a gap."""
-    known, before, after = _around(times, valid, grid)
-    low, high = np.maximum(before, 0), np.minimum(after, known.size - 1)
-    span = np.where(after < known.size, known[high], grid) - known[low]
+    valid_times, before, after = _around(times, valid, grid)
+    low, high = np.maximum(before, 0), np.minimum(after, valid_times.size - 1)
+    span = np.where(after < valid_times.size, valid_times[high], grid) - valid_times[low]
     good = (before >= 0) & (span <= max_gap * (1 + 1e-9))
     return np.where(good, values[valid][low], np.nan), good

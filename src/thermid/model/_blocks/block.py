@@ -120,10 +120,10 @@ class Block:
             raise DeckError("every cell needs a value above zero.", where)
         return value.astype(float)
 
-    def _factors(self, given: tuple[Array, Array, Array]) -> tuple[Array, ...]:
+    def _factors(self, factors: tuple[Array, Array, Array]) -> tuple[Array, ...]:
         where = f"{self.title}, link_factors"
         out = []
-        for axis, factor in enumerate(given):
+        for axis, factor in enumerate(factors):
             shape = tuple(n - (k == axis) for k, n in enumerate(self.cells))
             if np.shape(factor) != shape:
                 raise DeckError(f"the factors in {'xyz'[axis]} must have the shape {shape}, not {np.shape(factor)}.", where)
@@ -206,8 +206,10 @@ class Block:
         contact : text              Conductance per area of the contact; perfect when not given. [W/(m^2 K)]
         """
         where = f"{self.title}, held at {to}"
-        given = math.inf if contact is None else _number(contact, "W/(m^2 K)", where, positive=True)
-        return replace(self, exchanges=(*self.exchanges, Exchange(_faces(faces, where), _boundary(to, where), held=True, contact=given)))
+        coefficient = math.inf if contact is None else _number(contact, "W/(m^2 K)", where, positive=True)
+        return replace(
+            self, exchanges=(*self.exchanges, Exchange(_faces(faces, where), _boundary(to, where), held=True, contact=coefficient))
+        )
 
     @property
     def steps(self) -> tuple[float, float, float]:
@@ -238,8 +240,8 @@ class Block:
         ------
         NameNotFoundError   When there is no such cell.
         """
-        found = CELL.match(name)
-        index = tuple(int(g) for g in found.groups()) if found else ()
+        match = CELL.match(name)
+        index = tuple(int(g) for g in match.groups()) if match else ()
         if not index or any(i >= n for i, n in zip(index, self.cells, strict=True)):
             last = ",".join(str(n - 1) for n in self.cells)
             raise NameNotFoundError(f"no cell '{name}'. Cells go from cell[0,0,0] to cell[{last}].", self.title)
@@ -263,8 +265,8 @@ class Block:
     def _places(self, chosen: tuple[slice, ...]) -> Ints:
         axes = [np.arange(n, dtype=np.int32)[s] for n, s in zip(self.cells, chosen, strict=True)]
         _, ny, nz = self.cells
-        found: Ints = (axes[0][:, None, None] * np.int32(ny * nz) + axes[1][:, None] * np.int32(nz) + axes[2]).ravel()
-        return found
+        places: Ints = (axes[0][:, None, None] * np.int32(ny * nz) + axes[1][:, None] * np.int32(nz) + axes[2]).ravel()
+        return places
 
     def model(self, offers: Iterable[str] = ()) -> Model:
         """Return the block as an ordinary `Model`, of some thousand cells at most: to be a part of another one, or to be calibrated.
@@ -278,19 +280,19 @@ class Block:
 
 def _number(value: Any, slot: str, where: str, positive: bool = False) -> float:
     """Return the SI value of a text or a number."""
-    found = literal(value, slot, where) if isinstance(value, str) else float(value)
-    if not math.isfinite(found) or (positive and found <= 0):
+    number = literal(value, slot, where) if isinstance(value, str) else float(value)
+    if not math.isfinite(number) or (positive and number <= 0):
         raise DeckError(f"the value '{value}' must be finite{' and above zero' if positive else ''}.", where)
-    return found
+    return number
 
 
-def _faces(given: str | Iterable[str], where: str) -> tuple[str, ...]:
-    wanted = given.replace(",", " ").split() if isinstance(given, str) else list(given)
-    found = FACES if wanted == ["all"] else tuple(wanted)
-    unknown = [f for f in found if f not in FACES]
-    if unknown or not found or len(set(found)) < len(found):
+def _faces(text_or_names: str | Iterable[str], where: str) -> tuple[str, ...]:
+    wanted = text_or_names.replace(",", " ").split() if isinstance(text_or_names, str) else list(text_or_names)
+    names = FACES if wanted == ["all"] else tuple(wanted)
+    unknown = [f for f in names if f not in FACES]
+    if unknown or not names or len(set(names)) < len(names):
         raise DeckError(f"faces are {', '.join(FACES)}, each once, or all; not {' '.join(map(str, wanted)) or 'nothing'}.", where)
-    return found
+    return names
 
 
 def _boundary(name: str, where: str) -> str:
@@ -303,15 +305,15 @@ def links(block: Block) -> tuple[Array, Array, Array]:
     """Return the conductance (cells,) from every cell to the next in x, y, z, by the harmonic mean of conductivities; last ones 0. [W/K]"""
     out = []
     for axis in range(3):
-        found = np.zeros(block.cells)
+        conductances = np.zeros(block.cells)
         low: Any = tuple(slice(None, -1) if k == axis else slice(None) for k in range(3))
         high: Any = tuple(slice(1, None) if k == axis else slice(None) for k in range(3))
         k = block.conductivity
         mean = 2.0 * k[low] * k[high] / (k[low] + k[high]) if isinstance(k, np.ndarray) else k
-        found[low] = mean * _face_area(block, axis) / block.steps[axis]
+        conductances[low] = mean * _face_area(block, axis) / block.steps[axis]
         if block.link_factors is not None:
-            found[low] *= block.link_factors[axis]
-        out.append(found.ravel())
+            conductances[low] *= block.link_factors[axis]
+        out.append(conductances.ravel())
     return out[0], out[1], out[2]
 
 
@@ -373,11 +375,11 @@ def _block_model(block: Block, offers: tuple[str, ...]) -> Model:
 
 def _offered(block: Block, offers: tuple[str, ...]) -> list[int]:
     """Return the places of the cells that others may attach to, each once."""
-    found: dict[int, None] = {}
+    places_by_order: dict[int, None] = {}
     for offer in offers:
         places = range(block.count) if offer == "all" else block.face_cells(offer) if offer in FACES else [block.place(offer)]
-        found |= dict.fromkeys(int(p) for p in places)
-    return list(found)
+        places_by_order |= dict.fromkeys(int(p) for p in places)
+    return list(places_by_order)
 
 
 def _nodes(block: Block, names: list[str], parameters: dict[str, Any]) -> dict[str, Any]:
@@ -420,8 +422,8 @@ def _outside(block: Block, exchange: Exchange, k: int, names: list[str], paramet
     places, areas, conductances = exchange_cells(block, exchange)
     for i, area, conductance in zip(places.tolist(), areas.tolist(), conductances.tolist(), strict=True):
         if exchange.held:
-            given = {"kind": "conduction", "between": [names[i], exchange.to], "conductance": f"{conductance!r} [W/K]"}
-            out[f"{names[i]}_held{k}"] = given
+            conductor = {"kind": "conduction", "between": [names[i], exchange.to], "conductance": f"{conductance!r} [W/K]"}
+            out[f"{names[i]}_held{k}"] = conductor
         for word, (kind, to, fields) in laws.items():
             out[f"{names[i]}_{word}{k}"] = {"kind": kind, "between": [names[i], to], "area": f"{area!r} [m^2]", **fields}
     return out

@@ -59,13 +59,13 @@ class _Values:
         self.parameters: dict[str, Any] = {}
         self.set: dict[str, Any] = {}
 
-    def take(self, name: str, raw: Any, **known: Any) -> None:
-        """Take a value under its name; `known` is what is said of it beside what is written."""
+    def take(self, name: str, raw: Any, **details: Any) -> None:
+        """Take a value under its name; `details` is what is said of it beside what is written."""
         table = _written(raw)
         if isinstance(table["value"], str) and self._names(table["value"], name):
             self.set[name] = table
             table = {"value": f"1 [{self.units[name]}]"}
-        self.parameters[name] = table | {k: v for k, v in known.items() if k not in table}
+        self.parameters[name] = table | {k: v for k, v in details.items() if k not in table}
 
     def inner(self, element: str, fields: Mapping[str, Any], *kinds: str, group: str = "") -> dict[str, Any]:
         """Return the fields of an element of its deck; those with names are set by the deck that uses it."""
@@ -196,8 +196,8 @@ class LadderTable(StrictTable):
                 "give a ladder as foster or cauer: rows of [resistance, capacitance]; for foster also [resistance, time].", where("")
             )
         kind = "foster" if self.foster is not None else "cauer"
-        given = self.foster or self.cauer or []
-        rows = _rows(given, where(kind), read) if isinstance(given, str) else [(row, where(kind)) for row in given]
+        ladder = self.foster or self.cauer or []
+        rows = _rows(ladder, where(kind), read) if isinstance(ladder, str) else [(row, where(kind)) for row in ladder]
         rungs = [_rung(row, kind, place) for row, place in rows]
         if kind == "foster":
             rungs = cauer_of_foster(rungs, where("foster"))
@@ -205,9 +205,9 @@ class LadderTable(StrictTable):
         nodes: dict[str, Any] = {}
         conductors: dict[str, Any] = {}
         names = ["junction", *(f"n{k}" for k in range(2, len(rungs) + 1)), "to"]
-        known = {"source": "derived", "basis": "continued fraction of a Foster ladder"} if kind == "foster" else {}
+        details = {"source": "derived", "basis": "continued fraction of a Foster ladder"} if kind == "foster" else {}
         for k, (resistance, capacitance) in enumerate(rungs, start=1):
-            parameters |= {f"R{k}": {"value": f"{resistance!r} [K/W]"} | known, f"C{k}": {"value": f"{capacitance!r} [J/K]"} | known}
+            parameters |= {f"R{k}": {"value": f"{resistance!r} [K/W]"} | details, f"C{k}": {"value": f"{capacitance!r} [J/K]"} | details}
             nodes[names[k - 1]] = {"capacitance": f"C{k}"}
             conductors[f"to_{names[k]}" if k < len(rungs) else "out"] = {
                 "kind": "conduction",
@@ -234,10 +234,10 @@ def _rung(row: list[str], kind: str, where: str) -> tuple[float, float]:
     """Return resistance [K/W] and capacitance [J/K] of a row; a Foster row may have a time in place of the latter."""
     resistance = plain(row[0], "ladders.R", "K/W", where)
     try:
-        found = parse(row[1]).literal
+        literal = parse(row[1]).literal
     except ThermidError as error:
         raise error.located(where) from None
-    timed = kind == "foster" and found is not None and found.unit.dimension == unit("s").dimension
+    timed = kind == "foster" and literal is not None and literal.unit.dimension == unit("s").dimension
     second = plain(row[1], "ladders.tau" if timed else "capacitance", "s" if timed else "J/K", where)
     return resistance, second / resistance if timed else second
 
@@ -299,7 +299,7 @@ def _times(a: Polynomial, b: Polynomial) -> Polynomial:
 
 def _plus(a: Polynomial, b: Polynomial) -> Polynomial:
     size = max(len(a), len(b))
-    padded = ([*each, *[Fraction(0)] * (size - len(each))] for each in (a, b))
+    padded = ([*polynomial, *[Fraction(0)] * (size - len(polynomial))] for polynomial in (a, b))
     return [x + y for x, y in zip(*padded, strict=True)]
 
 
@@ -394,8 +394,10 @@ class FanTable(StrictTable):
         for k, (a, b) in enumerate(lines):
             parameters[f"head_{k}"] = {"value": f"{a!r} [Pa]", "source": "datasheet"}
             parameters[f"slope_{k}"] = {"value": f"{b!r} [Pa s/m^3]", "source": "datasheet"}
-            own = f"(linear_resistance - speed*slope_{k}/count)"
-            parameters[f"flow_{k}"] = f"2*speed**2*head_{k}/({own} + sqrt({own}**2 + 4*resistance*speed**2*head_{k}))"
+            branch_resistance = f"(linear_resistance - speed*slope_{k}/count)"
+            parameters[f"flow_{k}"] = (
+                f"2*speed**2*head_{k}/({branch_resistance} + sqrt({branch_resistance}**2 + 4*resistance*speed**2*head_{k}))"
+            )
         parameters["flow"] = _nested("max", list(dict.fromkeys([_lowest(k, lines, points) for k in range(len(lines))])))
         parameters["pressure"] = "linear_resistance*flow + resistance*flow**2"
         return Assembly({"title": f"fan {name}", "parameters": parameters}, {}, values.set)

@@ -15,7 +15,7 @@ import tomlkit.items
 from tomlkit.exceptions import TOMLKitError
 
 from thermid.base.errors import DeckError, ThermidError
-from thermid.base.files import OWN, command, parse_toml, read_bytes, write_bytes
+from thermid.base.files import RESULTS_FILE, command, parse_toml, read_bytes, write_bytes
 from thermid.model._deck.modelfile import model_beside
 from thermid.model._deck.save import place_of
 from thermid.model._tree.flat import flatten
@@ -103,9 +103,9 @@ class DeckDocument:
         ------
         DeckError   When it is no valid deck.
         """
-        made = cls(Path(path), read_bytes(path).decode("utf-8"), check=check)
-        check(made.path, made.content)
-        return made
+        document = cls(Path(path), read_bytes(path).decode("utf-8"), check=check)
+        check(document.path, document.content)
+        return document
 
     @property
     def content(self) -> dict[str, Any]:
@@ -125,8 +125,8 @@ class DeckDocument:
         for edit in edits:
             wanted = _with(wanted, edit, self.path.name)
             text = _rewritten(text, edit, self.path.name)
-        made = replace(self, text=text, future=())
-        if made.content != wanted:
+        edited_document = replace(self, text=text, future=())
+        if edited_document.content != wanted:
             raise _refused("this edit cannot be written without touching other lines. Edit the text.", self.path.name)
         return self._then(text, wanted)
 
@@ -201,7 +201,7 @@ class DeckDocument:
         """
         if self.check_file() != self.text:
             with command(force=True):  # an input, but one that this document carries on
-                write_bytes(self.path, self.text.encode("utf-8"), OWN)
+                write_bytes(self.path, self.text.encode("utf-8"), RESULTS_FILE)
 
     def check_file(self) -> str | None:
         """Return the text of its file, which is a state of this document; None where there is none yet.
@@ -211,13 +211,13 @@ class DeckDocument:
         DeckError   When somebody else changed the file since it was read or last saved.
         """
         there: str | None = read_bytes(self.path).decode("utf-8") if self.path.exists() else None
-        known: set[str | None] = set() if self.new else {self.text}
+        own_texts: set[str | None] = set() if self.new else {self.text}
         for step in (DeckDocument.undo, DeckDocument.redo):
             here = self
             while not self.new and (after := step(here)) is not here:
-                known.add(after.text)
+                own_texts.add(after.text)
                 here = after
-        if there not in (known or {None}):
+        if there not in (own_texts or {None}):
             why = "the file was changed by somebody else since it was opened. Open it again."
             raise DeckError(why, self.path.name, code="output.changed-meanwhile")
         return there

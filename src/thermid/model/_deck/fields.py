@@ -36,9 +36,9 @@ def plain(text: str | float, field: str, slot: str, where: str = "") -> float:
     ------
     ThermidError   When it is not a number, of another dimension, or outside its range.
     """
-    value, given = literal(text, slot, where), RANGES["temperature" if slot == "temperature" else field]
-    if not allows(given, value):
-        raise DeckError(outside(given, slot, value, field.rpartition(".")[2]), where)
+    value, allowed = literal(text, slot, where), RANGES["temperature" if slot == "temperature" else field]
+    if not allows(allowed, value):
+        raise DeckError(outside(allowed, slot, value, field.rpartition(".")[2]), where)
     return value
 
 
@@ -106,7 +106,7 @@ class Property(StrictTable):
         points = [tuple(literal(v, s, where) for v, s in zip(p, slots, strict=False)) for p in self.points]
         return curve(over, points, where, self.source or "", self.basis, self.interpolation, self.outside, steps)
 
-    def of(self, name: str, where: str) -> Curve:
+    def curve_of(self, name: str, where: str) -> Curve:
         """Return the curve of one property: conductivity, specific_heat or enthalpy."""
         return tabulated(name, self.curve(TABULATED[name], where, steps=name == "enthalpy"), where)
 
@@ -162,7 +162,7 @@ class ElementTable(StrictTable):
             if isinstance(value, Parameter):
                 out[name] = value
             elif isinstance(value, BaseModel):
-                out |= {f"{name}.{inner}": each for inner, each in value if isinstance(each, Parameter)}
+                out |= {f"{name}.{inner}": field for inner, field in value if isinstance(field, Parameter)}
         return out
 
     def words(self, names: Iterable[str]) -> dict[str, str]:
@@ -186,7 +186,7 @@ class AirAndSees(StrictTable):
 Count: TypeAlias = Annotated[int, Field(strict=True, ge=1)]
 
 
-def _few(count: Any) -> Any:
+def _within_cap(count: Any) -> Any:
     """Return the instances of an array, by rows and columns too, unless they are too many."""
     whole = math.prod(count) if isinstance(count, list) else count or 1
     if whole > cap("instances"):
@@ -201,7 +201,7 @@ class UsedTable(StrictTable):
     use: Annotated[str, or_instance(Model)]
     bind: dict[str, str | AirAndSees] = Field(default_factory=dict)
     values: dict[str, Raw | list[Raw]] = Field(default_factory=dict)
-    count: Annotated[Count | Annotated[list[Count], Field(min_length=2, max_length=2)] | None, AfterValidator(_few)] = None
+    count: Annotated[Count | Annotated[list[Count], Field(min_length=2, max_length=2)] | None, AfterValidator(_within_cap)] = None
     chain: dict[str, str] = Field(default_factory=dict)
 
     def use_of(self) -> Use:

@@ -53,14 +53,14 @@ def model_beside(path: Path, data: Mapping[str, Any]) -> Model:
     ------
     DeckError       When it does not follow the grammar.
     """
-    return _made(path, data, {}, (path.resolve(),), {})
+    return _model_of_content(path, data, {}, (path.resolve(),), {})
 
 
 Loaded = tuple[Model, str]
 """A model with its identity, which is the definition that its instances share."""
 
 
-def _load(path: Path, trail: tuple[Path, ...], known: dict[Path, Loaded]) -> Loaded:
+def _load(path: Path, trail: tuple[Path, ...], loaded: dict[Path, Loaded]) -> Loaded:
     """Return a deck's model; each file is read once, however often it is used."""
     here = path.resolve()
     if here in trail:
@@ -69,19 +69,21 @@ def _load(path: Path, trail: tuple[Path, ...], known: dict[Path, Loaded]) -> Loa
         raise DeckError(
             f"decks are nested deeper than {cap('decks'):.0f} levels. Merge some levels.{raising('decks')}", path.name, code="cap.exceeded"
         )
-    if here not in known:
+    if here not in loaded:
         data, lines = read_toml(path)
         refuse_another_kind(f"{SCHEMA}.Deck", data, Places(path.name, lines))
-        model = _made(path, data, lines, (*trail, here), known)
-        known[here] = model, definition_of(model)
-    return known[here]
+        model = _model_of_content(path, data, lines, (*trail, here), loaded)
+        loaded[here] = model, definition_of(model)
+    return loaded[here]
 
 
-def _made(path: Path, data: Mapping[str, Any], lines: Mapping[str, int | str], trail: tuple[Path, ...], known: dict[Path, Loaded]) -> Model:
+def _model_of_content(
+    path: Path, data: Mapping[str, Any], lines: Mapping[str, int | str], trail: tuple[Path, ...], loaded: dict[Path, Loaded]
+) -> Model:
     """Return the model of a deck's content; `trail` has the decks that use it, and itself."""
 
     def use(name: str, where: str) -> Loaded:
-        return _load(resolve_inside(path.parent, name, where), trail, known)
+        return _load(resolve_inside(path.parent, name, where), trail, loaded)
 
     def read(name: str, where: str) -> str:
         return _text_of(resolve_inside(path.parent, name, where), where)
@@ -150,13 +152,17 @@ def model_from_dict(
     submodels: dict[str, Submodel[Model]] = {}
     settings: dict[str, Parameter] = dict(deck.set)
     places = dict(where.lines)
-    for key, made in _parts(deck, site):
-        for table, more in ((submodels, made.submodels), (settings, made.settings), (elements["conductors"], made.conductors)):
+    for key, instances_made in _parts(deck, site):
+        for table, more in (
+            (submodels, instances_made.submodels),
+            (settings, instances_made.settings),
+            (elements["conductors"], instances_made.conductors),
+        ):
             merged(table, more, where(key))
         line = _line(where, key)
         if line:
-            paths = [f"set.{path}" for path in made.settings]
-            paths += [f"{table}.{name}" for table in ("submodels", "conductors") for name in getattr(made, table)]
+            paths = [f"set.{path}" for path in instances_made.settings]
+            paths += [f"{table}.{name}" for table in ("submodels", "conductors") for name in getattr(instances_made, table)]
             places |= dict.fromkeys(paths, line)
     plain: dict[str, Any] = {name: getattr(deck, name) for name in ("title", "box", "use", "incomplete", "parameters", "aliases")}
     made_in = {gas: table.element(site.below(f"made_in.{gas}")) for gas, table in deck.made_in.items()}
@@ -200,41 +206,41 @@ def _parts(deck: Any, site: _Site) -> Iterator[tuple[str, Instances]]:
             yield key, _assembled(name, table.assembly(name, site.below(key), site.read), site, key)
 
 
-def _assembled(name: str, made: Assembly, site: _Site, key: str) -> Instances:
+def _assembled(name: str, assembly: Assembly, site: _Site, key: str) -> Instances:
     """Return the small deck of an element of several nodes as a part, its places those of the element."""
     where, home = site.where, _line(site.where, key)
     lines: dict[str, int | str] = {}
     if home:
         lines = dict.fromkeys((*TABLES, "title", "needs", "parameters"), home)
         lines |= {f"parameters.{inner.removeprefix(key)[1:]}": line for inner, line in where.lines.items() if inner.startswith(f"{key}.")}
-    part = model_from_dict(made.deck, file=where.file, lines=lines)
-    given = {f"{name}.{path}": parameter(raw, where(f"{key}.{path}")) for path, raw in made.values.items()}
-    return Instances({name: Submodel(part, made.bind, definition_of(part), made=key.partition(".")[0])}, given, {})
+    part = model_from_dict(assembly.deck, file=where.file, lines=lines)
+    settings = {f"{name}.{path}": parameter(raw, where(f"{key}.{path}")) for path, raw in assembly.values.items()}
+    return Instances({name: Submodel(part, assembly.bind, definition_of(part), made=key.partition(".")[0])}, settings, {})
 
 
 def _check_names(model: Model) -> None:
     """Refuse names that are no names, one name for two things, and aliases that lead in a circle."""
-    seen: dict[str, str] = {}
+    first_use: dict[str, str] = {}
     tables = ("parameters", *TABLES, "submodels")
-    given = [(name, f"{table}.{name}", f"one of {table}") for table in tables for name in getattr(model, table)]
-    given += [(need, "needs", "a need") for need in model.needs]
-    given += [(joint.mid, f"joints.{name}.mid", "the mid of a joint") for name, joint in model.joints.items() if joint.mid]
-    for name, key, what in given:
+    declared = [(name, f"{table}.{name}", f"one of {table}") for table in tables for name in getattr(model, table)]
+    declared += [(need, "needs", "a need") for need in model.needs]
+    declared += [(joint.mid, f"joints.{name}.mid", "the mid of a joint") for name, joint in model.joints.items() if joint.mid]
+    for name, key, what in declared:
         if not NAME.match(name) or "." in name:
             raise DeckError(f"'{name}' is not a valid name: use letters, digits and _, and do not begin with a digit.", model.where(key))
         if name in model.parameters and (iskeyword(name) or name in RESERVED):
             raise DeckError(f"'{name}' is a reserved word of expressions. Choose another name.", model.where(key))
-        if name in seen:
+        if name in first_use:
             raise DeckError(
-                f"'{name}' is already the name of {seen[name]}. Names in a model must differ; choose another one.", model.where(key)
+                f"'{name}' is already the name of {first_use[name]}. Names in a model must differ; choose another one.", model.where(key)
             )
-        seen[name] = what
+        first_use[name] = what
     for alias in model.aliases:
         key = f"aliases.{alias}"
         if not NAME.match(alias):
             raise DeckError(f"'{alias}' is not a valid name: use letters, digits and _, and do not begin with a digit.", model.where(key))
-        if alias in seen:
-            raise DeckError(f"'{alias}' is already the name of {seen[alias]}. Choose another alias.", model.where(key))
+        if alias in first_use:
+            raise DeckError(f"'{alias}' is already the name of {first_use[alias]}. Choose another alias.", model.where(key))
         trail = [alias]
         while (step := _alias_in(model, model.aliases[trail[-1]])) is not None:
             if step in trail:

@@ -48,13 +48,13 @@ def written_out(
         refuse_unknown([table.makes], grammar, where(f"{key}.makes"), "a table makes {known}; not '{}'.", DeckError)
         if bool(table.file) == bool(table.rows):
             raise DeckError("give either file or rows for a table.", where(key))
-        found = (
+        rows_with_places = (
             rows_of_file(table.file, where(f"{key}.file"), read, (NAME,))
             if table.file
             else [(dict(row), f"{where(key)}, row {n}") for n, row in enumerate(table.rows, start=1)]
         )
         group = dict(out.get(table.makes, {}))
-        for row, place in found:
+        for row, place in rows_with_places:
             name = str(row.pop(NAME, ""))
             if not name:
                 raise DeckError(f"a row needs a {NAME}.", place)
@@ -107,8 +107,8 @@ def rows_of_file(name: str, where: str, read: Reader | None, wanted: tuple[str, 
         place = f"{name}:{number}"
         if len(row) != len(heads):
             raise DeckError(f"the line has {len(row)} cells for {len(heads)} columns. A text with '{sign}' in it must be in quotes.", place)
-        given = zip(heads, (cell.strip() for cell in row), strict=True)
-        out.append(({head["key"]: _cell(cell, head["unit"]) for head, cell in given if head and cell}, place))
+        head_cells = zip(heads, (cell.strip() for cell in row), strict=True)
+        out.append(({head["key"]: _cell(cell, head["unit"]) for head, cell in head_cells if head and cell}, place))
     return out
 
 
@@ -123,9 +123,9 @@ def _cell(text: str, unit: str | None) -> Any:
     return float(text) if _NUMBER.match(text) else text
 
 
-def _nested(each: Mapping[str, Any], row: Mapping[str, Any], fields: Any, place: str) -> dict[str, Any]:
+def _nested(common: Mapping[str, Any], row: Mapping[str, Any], fields: Any, place: str) -> dict[str, Any]:
     """Return an element: what every row has, and over it what this one says; a column `top.area` is a field of a group."""
-    out: dict[str, Any] = _copied(each)
+    out: dict[str, Any] = _copied(common)
     for key, value in row.items():
         head = key.partition(".")[0]
         refuse_unknown([head], fields, place, "'{}' is not a field of the elements of this table.", DeckError)
@@ -139,8 +139,8 @@ def _nested(each: Mapping[str, Any], row: Mapping[str, Any], fields: Any, place:
     return out
 
 
-def _copied(each: Any) -> Any:
-    return {key: _copied(value) for key, value in each.items()} if isinstance(each, Mapping) else each
+def _copied(entry: Any) -> Any:
+    return {key: _copied(value) for key, value in entry.items()} if isinstance(entry, Mapping) else entry
 
 
 def _steps(key: str) -> Iterator[str]:

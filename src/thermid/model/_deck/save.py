@@ -16,7 +16,7 @@ from tomlkit.items import InlineTable, Item, Table
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, ThermidError
 from thermid.base.expression import parse
-from thermid.base.files import DECK, OWN, may_write, unsealed, write_text
+from thermid.base.files import DECK, RESULTS_FILE, may_write, unsealed, write_text
 from thermid.model._deck.modelfile import load_model
 from thermid.model._tree.identity import to_dict, written
 from thermid.model._tree.model import Model
@@ -51,7 +51,7 @@ def save_model(model: Model, path: str | os.PathLike[str], like: str | os.PathLi
     texts = {file: model_text(part, pattern if file == target else None, names) for file, part in files.items()}
     # a deck that is changed in its place, comments kept, carries its content on; every other file is looked at before any is written
     changed = target if pattern is not None and target.exists() and pattern.samefile(target) else None
-    kinds = {file: OWN if file == changed else DECK.of(part.title) for file, part in files.items()}
+    kinds = {file: RESULTS_FILE if file == changed else DECK.titled(part.title) for file, part in files.items()}
     for file, kind in kinds.items():
         may_write(file, kind)
     for file, text in texts.items():
@@ -60,31 +60,31 @@ def save_model(model: Model, path: str | os.PathLike[str], like: str | os.PathLi
 
 def _says(path: Path, model: Model) -> bool:
     """Whether a deck that thermid did not write says the same already: it stays as its author wrote it."""
-    if not path.is_file() or DECK.of(model.title).wrote(path):
+    if not path.is_file() or DECK.titled(model.title).wrote(path):
         return False
     return _equals(path, model)
 
 
 def _part_names(model: Model, target: Path) -> dict[str, str]:
     """Return title of a part -> its file beside the deck; parts of other decks there keep theirs."""
-    own = _used_by(target)
+    used_files = _used_by(target)
     out: dict[str, str] = {}
     for part in _parts(model):
         name, alone = _file_name(part.title), _file_name(f"{target.stem} {part.title}")
         there = target.parent / name
-        other = name not in own and there.is_file() and DECK.of(part.title).wrote(there) and not _equals(there, part)
-        out[part.title] = alone if alone in own or other else name
+        other = name not in used_files and there.is_file() and DECK.titled(part.title).wrote(there) and not _equals(there, part)
+        out[part.title] = alone if alone in used_files or other else name
     return out
 
 
 def _used_by(deck: Path) -> set[str]:
     """Return the files beside a deck that it and its parts use."""
     out: set[str] = set()
-    left = [deck]
-    while left:
-        file = left.pop()
+    waiting = [deck]
+    while waiting:
+        file = waiting.pop()
         used = set(re.findall(r'"([^"/]+\.toml)"', file.read_text(encoding="utf-8"))) if file.is_file() else set()
-        left += [deck.parent / name for name in used - out]
+        waiting += [deck.parent / name for name in used - out]
         out |= used
     return out
 
@@ -119,8 +119,8 @@ def model_text(model: Model, like: Path | None = None, names: Mapping[str, str] 
     }
     data.pop("layers", None)
     for layer in model.layers:
-        for name, given in layer.values.items():
-            _lay(data, name, written(given))
+        for name, parameter in layer.values.items():
+            _lay(data, name, written(parameter))
     data = {k: v for k, v in data.items() if v != {}}
     if like is None:
         return toml_text(data)
@@ -203,7 +203,7 @@ def _update(target: Container | Table | InlineTable | tomlkit.TOMLDocument, data
             for name, entry in value.items():
                 table.add(name, _inline(entry))
             target.add(key, table)
-        elif old is None or not _same(_plain(old), value):
+        elif old is None or not _say_the_same(_plain(old), value):
             target[key] = _inline(value)
 
 
@@ -211,10 +211,10 @@ def _plain(value: Any) -> Any:
     return value.unwrap() if isinstance(value, Item | Container) else value
 
 
-def _same(old: Any, new: Any) -> bool:
+def _say_the_same(old: Any, new: Any) -> bool:
     """Whether two entries say the same: 0.25 and "0.25"; points in degC and the same in K."""
     if isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
-        return all(_same(a, b) or _same_value(a, b) for a, b in zip(old, new, strict=True))
+        return all(_say_the_same(a, b) or _same_value(a, b) for a, b in zip(old, new, strict=True))
     return bool(old == new) or str(new) == old
 
 

@@ -105,9 +105,9 @@ class NodeTable(ElementTable):
             tables["enthalpy"] = tabulated("enthalpy", shape, where("enthalpy"))
             del fields["specific_heat"]
         if isinstance(self.specific_heat, Property):
-            tables["specific_heat"] = self.specific_heat.of("specific_heat", where("specific_heat"))
+            tables["specific_heat"] = self.specific_heat.curve_of("specific_heat", where("specific_heat"))
         if self.enthalpy is not None:
-            tables["enthalpy"] = self.enthalpy.of("enthalpy", where("enthalpy"))
+            tables["enthalpy"] = self.enthalpy.curve_of("enthalpy", where("enthalpy"))
         if tables and (set(fields) != {"mass"} or len(tables) > 1):
             raise DeckError("a table of specific heat or of enthalpy needs a mass, and excludes all other heat capacities.", where(""))
         if not tables and set(fields) not in (set(), {"capacitance"}, {"mass", "specific_heat"}):
@@ -199,7 +199,7 @@ class SurfaceTable(ElementTable):
             raise DeckError("sees and radiates_to have the same meaning. Give sees only.", where(""))
         words = self.words(KINDS["convection"].words)
         _check_carried_by(fields, words, where(""))
-        controls = {what: control_names(given) for what in ("htc", "emissivity") if (given := getattr(self, f"{what}_control"))}
+        controls = {what: control_names(names) for what in ("htc", "emissivity") if (names := getattr(self, f"{what}_control"))}
         if "emissivity" in controls and ("emissivity" not in fields or self.effective_htc is not None):
             raise DeckError(
                 "emissivity_control has nothing to control. Give an emissivity or a finish, and htc for the convection.",
@@ -269,23 +269,23 @@ class PlaceTable(StrictTable):
 
     def placed(self, where: str) -> Placed:
         """Return the face in space."""
-        given = {key for key, value in self if value not in (None, False)}
+        fields_given = {key for key, value in self if value not in (None, False)}
         radius = literal(self.radius, "m", where) if self.radius is not None else 0.0
         centre, axis = _metres(self.centre, where), _metres(self.axis, where)
-        if given == {"corner", "sides"} and self.sides:
-            made = Placed("rectangle", _metres(self.corner, where), _metres(self.sides[0], where), _metres(self.sides[1], where))
-        elif given == {"centre", "normal", "radius"} and self.normal:
+        if fields_given == {"corner", "sides"} and self.sides:
+            face = Placed("rectangle", _metres(self.corner, where), _metres(self.sides[0], where), _metres(self.sides[1], where))
+        elif fields_given == {"centre", "normal", "radius"} and self.normal:
             x, y, z = self.normal
-            made = Placed("disc", centre, (x, y, z), radius=radius)
-        elif given in ({"centre", "axis", "radius"}, {"centre", "axis", "radius", "inside"}):
-            made = Placed("cylinder", centre, axis, radius=radius, inside=self.inside)
+            face = Placed("disc", centre, (x, y, z), radius=radius)
+        elif fields_given in ({"centre", "axis", "radius"}, {"centre", "axis", "radius", "inside"}):
+            face = Placed("cylinder", centre, axis, radius=radius, inside=self.inside)
         else:
             raise DeckError(
                 "give a place as corner and sides; or centre, normal and radius; or centre, axis and radius, and inside.", where
             )
-        if not (0.0 < made.area < float("inf") and any(made.first)):
+        if not (0.0 < face.area < float("inf") and any(face.first)):
             raise DeckError("sides, radius, normal and axis of a place must not be zero.", where)
-        return made
+        return face
 
 
 def _metres(corner: list[str | Real] | None, where: str) -> tuple[float, float, float]:
@@ -315,7 +315,7 @@ class EnclosureTable(ElementTable):
             )
         size = len(self.faces)
         views, exchanges = (tuple(tuple(row) for row in matrix or ()) for matrix in (self.view_factors, self.exchange_factors))
-        views = self._seen(where) if self.places else views
+        views = self._placed_view_factors(where) if self.places else views
         for name, matrix in (("view factors", views), ("exchange factors", exchanges)):
             if matrix and {len(matrix), *map(len, matrix)} != {size}:
                 raise DeckError(f"{size} faces need {size} rows of {size} {name}.", where(""))
@@ -331,7 +331,7 @@ class EnclosureTable(ElementTable):
             raise DeckError("dimensions are given, but no shape. Give shape, or leave dimensions out.", where(""))
         return Enclosure(self.faces, self.shape or "", dimensions, views, exchanges, self.rest, self.test_only)
 
-    def _seen(self, where: Where) -> tuple[tuple[float, ...], ...]:
+    def _placed_view_factors(self, where: Where) -> tuple[tuple[float, ...], ...]:
         """Return the view factors of faces that have a place each."""
         if set(self.places) != set(self.faces):
             odd = sorted(set(self.places) ^ set(self.faces))[0]
@@ -343,11 +343,11 @@ class EnclosureTable(ElementTable):
 
 def _check_shape(name: str, faces: Mapping[str, str], dimensions: Mapping[str, float], rest: bool, where: str) -> None:
     shape = SHAPES[name]
-    for what, given, known in (("faces", faces, shape.faces), ("dimensions", dimensions, shape.dimensions)):
-        strange = [g for g in given if g not in known]
+    for what, named, allowed in (("faces", faces, shape.faces), ("dimensions", dimensions, shape.dimensions)):
+        strange = [g for g in named if g not in allowed]
         if strange:
             raise DeckError(
-                f"'{name}' has no '{strange[0]}' among its {what}: {', '.join(known)}.{nearest(strange[0], known)}",
+                f"'{name}' has no '{strange[0]}' among its {what}: {', '.join(allowed)}.{nearest(strange[0], allowed)}",
                 where,
                 code="name.unknown",
             )
@@ -394,12 +394,12 @@ class CycleTable(StrictTable):
             times, values = [*times, end], [*values, values[0]]
         if times[0] != 0.0:
             raise DeckError("the first row of a cycle must be at 0 s.", where)
-        made = Cycle(tuple(times), tuple(values), self.hold)
+        cycle = Cycle(tuple(times), tuple(values), self.hold)
         try:
-            made.signal()
+            cycle.signal()
         except ThermidError as error:
             raise error.located(where) from None
-        return made
+        return cycle
 
 
 class SinePower(StrictTable):
@@ -539,8 +539,8 @@ class ControlTable(ElementTable):
         """Return the control."""
         kinds = [k for k in KINDS_OF_CONTROL if getattr(self, k) is not None]
         if len(kinds) != 1:
-            said = f"; given: {' and '.join(kinds)}" if kinds else ""
-            raise DeckError(f"give a control exactly one of {', '.join(KINDS_OF_CONTROL)}{said}.", where(""))
+            kinds_given = f"; given: {' and '.join(kinds)}" if kinds else ""
+            raise DeckError(f"give a control exactly one of {', '.join(KINDS_OF_CONTROL)}{kinds_given}.", where(""))
         kind = kinds[0]
         if self.follows is None and (kind != "modes" or any(t.follows is None and t.after is None for t in self.transitions.values())):
             raise DeckError('a control follows a node: follows = "plate", a list of nodes (their mean) or nodes with weights.', where(""))
@@ -610,10 +610,10 @@ class MadeInTable(StrictTable):
         return MadeIn(gas=gas_named(self.gas, where("")).name, **numbers)
 
 
-def _check_stream(given: set[str], fluid: str, where: str) -> None:
+def _check_stream(fields: set[str], fluid: str, where: str) -> None:
     """Refuse a stream whose fluid is unknown, a gas with a density of its own, and another fluid without its properties."""
     if fluid in GASES:
-        if "density" in given:
+        if "density" in fields:
             raise DeckError(f"the density of {fluid} follows from its pressure and temperature: leave density out.", where)
         return
     if fluid not in ("", LIQUID):
@@ -622,13 +622,13 @@ def _check_stream(given: set[str], fluid: str, where: str) -> None:
             where,
             code="name.unknown",
         )
-    whole = given in ({"mass_flow", "specific_heat"}, {"volume_flow", "density", "specific_heat"})
+    whole = fields in ({"mass_flow", "specific_heat"}, {"volume_flow", "density", "specific_heat"})
     if not whole:
         what = f"of {fluid}" if fluid else "without a fluid"
         cure = "" if fluid else '. For a gas give fluid = "air"; density and specific heat then follow'
         raise DeckError(
             f"a stream {what} needs volume_flow and density and specific_heat, or mass_flow and specific_heat{cure}. "
-            f"Given: {', '.join(sorted(given))}.",
+            f"Given: {', '.join(sorted(fields))}.",
             where,
         )
 
@@ -673,7 +673,7 @@ class _ConductorTable(ElementTable):
             return self.made_of(self.material, "conductivity", where("material")).element(where)
         name = kind.tabulated or "conductivity"
         written = getattr(self, name, None)
-        shape = written.of(name, where(name)) if isinstance(written, Property) else None
+        shape = written.curve_of(name, where(name)) if isinstance(written, Property) else None
         if shape is not None and not kind.tabulated:
             raise DeckError(f"a conductor of kind '{self.kind}' takes no table of conductivity.", where(""))
         fields, words = self._of_kind({name} if shape is not None else set(), where(""))
@@ -748,8 +748,8 @@ class SubmodelTable(UsedTable):
         out = {}
         for name, table in self.links.items():
             between = tuple(f"{side}.{end}" for side, end in zip(("here", "next"), table.between, strict=True))  # type: ignore[attr-defined]
-            made = table.model_copy(update={"between": between}).element(lambda key, name=name: where(f"links.{name}.{key}".rstrip(".")))  # type: ignore[attr-defined]
-            out[name] = replace(made, between=(between[0].partition(".")[2], between[1].partition(".")[2]))
+            link = table.model_copy(update={"between": between}).element(lambda key, name=name: where(f"links.{name}.{key}".rstrip(".")))  # type: ignore[attr-defined]
+            out[name] = replace(link, between=(between[0].partition(".")[2], between[1].partition(".")[2]))
         return out
 
 

@@ -24,9 +24,9 @@ def standard_part(used: str, where: str) -> Path:
     ------
     DeckError   When there is none of that name; the message has the nearest one.
     """
-    name, known = used.removeprefix(STANDARD), standard_parts()
-    if name not in known:
+    name, parts = used.removeprefix(STANDARD), standard_parts()
+    if name not in parts:
         raise DeckError(
-            f"no standard part '{name}'.{nearest(name, known)} 'thermid example --parts' lists all.", where, code="name.unknown"
+            f"no standard part '{name}'.{nearest(name, parts)} 'thermid example --parts' lists all.", where, code="name.unknown"
         )
-    return known[name]
+    return parts[name]

@@ -22,9 +22,9 @@ INTERPOLATIONS: Final = ("linear", "smooth")
 """How a table runs between its points; the first is the default."""
 OUTSIDE: Final = ("hold", "linear", "refuse")
 """What a table is outside its points; the first is the default."""
-LEAST: Final = 0.01
+MIN_SHARE_OF_LAST: Final = 0.01
 """Part of its last value down to which a quantity above zero is extended as a straight line; beyond, the run is refused. [-]"""
-FAR: Final = 1e5
+EXTENSION_REACH: Final = 1e5
 """How far a table is extended as a straight line; no temperature of a run is that high. [K]"""
 
 
@@ -117,49 +117,49 @@ def curve(
     return Curve(over, x, y, slope[0] if slope else None, (), source, basis, interpolation, outside)
 
 
-def slopes(given: Curve) -> NDArray[np.float64]:
+def slopes(curve: Curve) -> NDArray[np.float64]:
     """Return the slope of a smooth table at each point (points,); zero at both ends where they follow from the points."""
-    if given.d is not None:
-        return given.d
+    if curve.d is not None:
+        return curve.d
     from scipy.interpolate import PchipInterpolator
 
-    out = np.asarray(PchipInterpolator(given.x, given.y).derivative()(given.x), dtype=float)
+    out = np.asarray(PchipInterpolator(curve.x, curve.y).derivative()(curve.x), dtype=float)
     out[[0, -1]] = 0.0
     return out
 
 
-def ends(given: Curve) -> tuple[float, float]:
+def ends(curve: Curve) -> tuple[float, float]:
     """Return the slopes at both ends, by which a table goes on."""
-    if given.straight:
-        first, last = ((given.y[k + 1] - given.y[k]) / (given.x[k + 1] - given.x[k]) for k in (0, given.x.size - 2))
+    if curve.straight:
+        first, last = ((curve.y[k + 1] - curve.y[k]) / (curve.x[k + 1] - curve.x[k]) for k in (0, curve.x.size - 2))
         return float(first), float(last)
-    d = slopes(given)
+    d = slopes(curve)
     return float(d[0]), float(d[-1])
 
 
-def limited(given: Curve, positive: bool = True) -> Curve:
+def limited(curve: Curve, positive: bool = True) -> Curve:
     """Return a table with the limits outside which a run is refused: its outer points, or where a straight line that goes on nears zero.
 
     A quantity that must be above zero (`positive`) goes on as far as the LEAST part of its last value.
     """
     low, high = -math.inf, math.inf
-    if given.outside == "refuse":
-        low, high = float(given.x[0]), float(given.x[-1])
-    elif given.outside == "linear" and positive:
-        first, last = ends(given)
-        low = float(given.x[0] - (1.0 - LEAST) * given.y[0] / first) if first > 0.0 else low
-        high = float(given.x[-1] - (1.0 - LEAST) * given.y[-1] / last) if last < 0.0 else high
-    return given if low == -math.inf and high == math.inf else replace(given, limits=(low, high))
+    if curve.outside == "refuse":
+        low, high = float(curve.x[0]), float(curve.x[-1])
+    elif curve.outside == "linear" and positive:
+        first, last = ends(curve)
+        low = float(curve.x[0] - (1.0 - MIN_SHARE_OF_LAST) * curve.y[0] / first) if first > 0.0 else low
+        high = float(curve.x[-1] - (1.0 - MIN_SHARE_OF_LAST) * curve.y[-1] / last) if last < 0.0 else high
+    return curve if low == -math.inf and high == math.inf else replace(curve, limits=(low, high))
 
 
-def whole(given: Curve) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64] | None]:
+def whole(curve: Curve) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64] | None]:
     """Return points, values and slopes (points,), with what lies outside where the table goes on; no slopes for straight lines."""
-    x, y, d = given.x, given.y, None if given.straight else slopes(given)
-    if given.outside != "linear":
+    x, y, d = curve.x, curve.y, None if curve.straight else slopes(curve)
+    if curve.outside != "linear":
         return x, y, d
-    first, last = ends(given)
-    low, high = given.limits or (-math.inf, math.inf)
-    low, high = max(low, x[0] - FAR), min(high, x[-1] + FAR)
+    first, last = ends(curve)
+    low, high = curve.limits or (-math.inf, math.inf)
+    low, high = max(low, x[0] - EXTENSION_REACH), min(high, x[-1] + EXTENSION_REACH)
     y = np.r_[y[0] - (x[0] - low) * first, y, y[-1] + (high - x[-1]) * last]
     on = np.r_[low < x[0], np.full(x.size, True), high > x[-1]]  # a quantity that is zero at its last point ends there
     return np.r_[low, x, high][on], y[on], None if d is None else np.r_[d[0], d, d[-1]][on]
@@ -176,17 +176,17 @@ def hermite(
     return y[k] + t * (d[k] + t * (c2 + t * c3)), d[k] + t * (2.0 * c2 + 3.0 * t * c3)
 
 
-def evaluate(given: Curve, at: NDArray[np.float64]) -> NDArray[np.float64]:
+def evaluate(curve: Curve, at: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the curve's values (times,) at temperatures or differences `at`. [SI]"""
-    return value_and_slope(given, at)[0]
+    return value_and_slope(curve, at)[0]
 
 
-def value_and_slope(given: Curve, at: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def value_and_slope(curve: Curve, at: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the curve's values and slopes (times,) at temperatures or differences `at`. [SI], [SI/K]
 
     Outside its points a table that is refused there is held, so that what left it can be shown.
     """
-    x, y, d = whole(given)
+    x, y, d = whole(curve)
     inside = np.clip(at, x[0], x[-1])
     if d is not None:
         return hermite(x, y, d, inside)

@@ -15,7 +15,7 @@ from thermid.model._laws.options import Source
 
 FINEST: Final = 1e-3
 """Points stand no closer than this: a kink is rounded over it. [K]"""
-MOST: Final = 20_000
+MAX_POINTS: Final = 20_000
 """Points of one table, beyond which the function is refused."""
 WATCH: Final = 0.1
 """Distance of the points at which the function is looked at before anything is known of it. [K]"""
@@ -62,20 +62,20 @@ def law(
         raise DeckError(f"between {low:g} K and {high:g} K the range is empty. Give the lower end first.", "law, between")
     if not 1e-12 <= tolerance < 1.0:
         raise DeckError(f"a tolerance of {tolerance:g} cannot be reached in double precision. Give 1e-12 or more.", "law, tolerance")
-    asked = _Asked(function)
+    checked = _CheckedFunction(function)
     x = np.array([low, 0.0, high] if over == "difference" and low < 0.0 < high else [low, high])
-    knots, values, slopes = _refined(asked, x, tolerance)
+    knots, values, slopes = _refined(checked, x, tolerance)
     return Curve(over, knots, values, slopes, source=source, basis=basis)
 
 
-def _end(given: Any, slot: str) -> float:
+def _end(written: Any, slot: str) -> float:
     """Return an end of the range; a difference may be a plain number of kelvin. [K]"""
     with errors_at("law, between"):
-        value = si_value(given, slot)
-    return float(given) if value is None else value
+        value = si_value(written, slot)
+    return float(written) if value is None else value
 
 
-class _Asked:
+class _CheckedFunction:
     """The function, asked for arrays; every answer is checked."""
 
     def __init__(self, function: Callable[[Any], Any]) -> None:
@@ -85,20 +85,20 @@ class _Asked:
         """Return the values (points,) at `at`, in one call where the function takes arrays."""
         with np.errstate(all="ignore"):
             try:
-                found = np.asarray(self.function(at.copy()), dtype=float)
+                values = np.asarray(self.function(at.copy()), dtype=float)
             except (TypeError, ValueError):
-                found = np.array([self._one(x) for x in at.tolist()])
+                values = np.array([self._one(x) for x in at.tolist()])
             except Exception as error:
                 raise DeckError(f"the function fails: {type(error).__name__}: {error}.", "law") from error
-        if found.shape not in ((), at.shape):
-            raise DeckError(f"the function returns {found.shape} for {at.shape} temperatures; it must return one value for each.", "law")
-        found = np.broadcast_to(found, at.shape)
-        bad = ~np.isfinite(found)
+        if values.shape not in ((), at.shape):
+            raise DeckError(f"the function returns {values.shape} for {at.shape} temperatures; it must return one value for each.", "law")
+        values = np.broadcast_to(values, at.shape)
+        bad = ~np.isfinite(values)
         if bad.any():
             raise DeckError(
-                f"the function is {found[bad][0]} at {at[bad][0]:.9g} K. Correct the function there, or choose another range.", "law"
+                f"the function is {values[bad][0]} at {at[bad][0]:.9g} K. Correct the function there, or choose another range.", "law"
             )
-        return found
+        return values
 
     def _one(self, x: float) -> float:
         try:
@@ -109,37 +109,37 @@ class _Asked:
     def slopes(self, at: Array, low: float, high: float) -> Array:
         """Return the slopes (points,) by central differences, of second order at the ends too, where they lean inward."""
         middle = np.clip(at, low + NUDGE, high - NUDGE)
-        left, right = middle - NUDGE, middle + NUDGE
-        before, here, after = self(left), self(middle), self(right)
-        slope = (after - before) / (right - left)
+        below, right = middle - NUDGE, middle + NUDGE
+        before, here, after = self(below), self(middle), self(right)
+        slope = (after - before) / (right - below)
         bend = (after - 2.0 * here + before) / NUDGE**2
         return np.asarray(slope + np.where(at == middle, 0.0, bend * (at - middle)))
 
 
-def _refined(asked: _Asked, x: Array, tolerance: float) -> tuple[Array, Array, Array]:
+def _refined(checked: _CheckedFunction, x: Array, tolerance: float) -> tuple[Array, Array, Array]:
     """Return points, values and slopes: intervals are halved until the curve meets the function at fresh points in each."""
     low, high = float(x[0]), float(x[-1])
-    watch = np.linspace(low, high, min(int((high - low) / WATCH) + 2, MOST))
-    seen = asked(watch)
-    largest = float(np.abs(seen).max())
-    y, d = asked(x), asked.slopes(x, low, high)
+    watch = np.linspace(low, high, min(int((high - low) / WATCH) + 2, MAX_POINTS))
+    watched = checked(watch)
+    largest = float(np.abs(watched).max())
+    y, d = checked(x), checked.slopes(x, low, high)
     opened = np.ones(x.size - 1, dtype=bool)
     while True:
         width = np.diff(x)
         fresh = (x[:-1, None] + width[:, None] * (0.211, 0.5, 0.789))[opened].ravel()
-        real = asked(fresh)
+        real = checked(fresh)
         largest = max(largest, float(np.abs(real).max()))
         old = opened[_interval(x, watch)]
-        at, want = np.concatenate((fresh, watch[old])), np.concatenate((real, seen[old]))
+        at, want = np.concatenate((fresh, watch[old])), np.concatenate((real, watched[old]))
         wrong = np.abs(hermite(x, y, d, at)[0] - want) > tolerance * np.maximum(np.abs(want), FLAT * largest)
         coarse = np.unique(_interval(x, at[wrong]))
         halve = coarse[width[coarse] > FINEST]
-        _refuse_jumps(asked, x, coarse[width[coarse] <= FINEST], largest)
+        _refuse_jumps(checked, x, coarse[width[coarse] <= FINEST], largest)
         if not halve.size:
             return x, y, d
-        if x.size + halve.size > MOST:
+        if x.size + halve.size > MAX_POINTS:
             raise DeckError(
-                f"the function needs more than {MOST} points, most of them near {x[np.argmin(width)]:.6g} K."
+                f"the function needs more than {MAX_POINTS} points, most of them near {x[np.argmin(width)]:.6g} K."
                 " Allow a larger tolerance or a narrower range, or smooth it there.",
                 "law",
             )
@@ -147,7 +147,7 @@ def _refined(asked: _Asked, x: Array, tolerance: float) -> tuple[Array, Array, A
         opened = np.zeros(x.size - 1, dtype=bool)
         opened[halve] = True
         opened = np.insert(opened, halve + 1, True)
-        more = asked(new), asked.slopes(new, low, high)
+        more = checked(new), checked.slopes(new, low, high)
         x, y, d = (np.insert(a, halve + 1, b) for a, b in ((x, new), (y, more[0]), (d, more[1])))
 
 
@@ -156,20 +156,20 @@ def _interval(x: Array, at: Array) -> Indices:
     return np.clip(np.searchsorted(x, at, side="right") - 1, 0, x.size - 2)
 
 
-def _refuse_jumps(asked: _Asked, x: Array, sharp: Indices, largest: float) -> None:
+def _refuse_jumps(checked: _CheckedFunction, x: Array, sharp: Indices, largest: float) -> None:
     """Refuse a function that jumps: its change across a finest interval does not shrink as that is halved on."""
     for k in sharp.tolist():
         ends = np.array([x[k], x[k + 1]])
-        values = asked(ends)
+        values = checked(ends)
         change = abs(values[1] - values[0])
         for _ in range(24):
             middle = np.array([ends.mean()])
-            value = asked(middle)
+            value = checked(middle)
             right = abs(values[1] - value[0]) > abs(value[0] - values[0])
             ends = np.array([middle[0], ends[1]] if right else [ends[0], middle[0]])
             values = np.array([value[0], values[1]] if right else [values[0], value[0]])
-        left = abs(values[1] - values[0])
-        if left > 0.5 * change and left > 1e-9 * largest:
+        half_change = abs(values[1] - values[0])
+        if half_change > 0.5 * change and half_change > 1e-9 * largest:
             raise DeckError(
                 f"the function jumps at {ends[0]:.7g} K, from {values[0]:.6g} to {values[1]:.6g}. A law must be continuous. Connect "
                 "both sides over a few hundredths of a kelvin, or use a thermostat.",

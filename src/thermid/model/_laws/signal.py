@@ -35,7 +35,7 @@ BEND = 2e-5
 """Share of a signal's range by which straight lines may miss what follows from other signals. [-]"""
 MOST_HALVINGS = 8
 """Times that a stretch is halved until straight lines do."""
-NEAR = 0.01
+END_SLACK = 0.01
 """Share of its length by which a table may end before a run, or begin after it, if that is no more than one of its intervals. [-]"""
 FOREVER = (-math.inf, math.inf)
 CONDUCT = ("before", "after", "period", "samples")
@@ -94,7 +94,7 @@ class _Still:
         """Return the times between which it is straight, over a stretch at least. [s]"""
         return np.zeros(1)
 
-    def turns(self, end: float) -> Array:
+    def turning_times(self, end: float) -> Array:
         """Return when it turns from rising to falling, or back, from zero to an end. [s]"""
         return np.zeros(0)
 
@@ -193,7 +193,7 @@ class TableSignal:
         first, last = float(self.times[0]), float(self.times[-1])
         if self.after == "repeat" or self.times.size == 1:
             return FOREVER
-        most = math.inf if self.log is not None else NEAR * (last - first)
+        most = math.inf if self.log is not None else END_SLACK * (last - first)
         ahead, beyond = (min(float(step), most) for step in (self.times[1] - self.times[0], self.times[-1] - self.times[-2]))
         begin = -math.inf if self.before == "hold" else first - ahead
         return begin, math.inf if self.after == "hold" or (self.hold and self.log is None) else last + beyond
@@ -334,7 +334,7 @@ class TableSignal:
         last = self.times[0] + (lead + count) * length
         return replace(self, times=np.append(times, last), values=np.append(values, self.values[-1]), after="hold", log=None)
 
-    def turns(self, end: float) -> Array:
+    def turning_times(self, end: float) -> Array:
         """Return when it turns from rising to falling, or back, and its first and last row, from zero to an end. [s]"""
         drawn = self.drawn(end)
         steps = np.sign(np.diff(drawn.values))
@@ -385,7 +385,7 @@ class Sine:
     phase: float = 0.0
     unit: str = ""
 
-    def turns(self, end: float) -> Array:
+    def turning_times(self, end: float) -> Array:
         """Return when it turns from rising to falling, or back, from zero to an end. [s]"""
         first = (0.25 - self.phase / (2.0 * np.pi)) % 0.5
         return np.asarray(self.period * np.arange(first, end / self.period, 0.5))
@@ -610,9 +610,9 @@ Drawn = Constant | TableSignal | Sine
 """What a run sees, and what is written for other programs."""
 
 
-def in_run(given: Signal, end: float) -> Drawn:
+def in_run(signal: Signal, end: float) -> Drawn:
     """Return a signal as a run from zero to `end` [s] sees it: what jumps at the end itself keeps the value before."""
-    drawn = given.drawn(end)
+    drawn = signal.drawn(end)
     if not isinstance(drawn, TableSignal) or end <= 0.0:
         return drawn
     before = np.flatnonzero(drawn.times < end * (1.0 - END_TOLERANCE))
@@ -632,12 +632,12 @@ def in_run(given: Signal, end: float) -> Drawn:
     return drawn
 
 
-def check_span(given: Signal, end: float, where: str) -> None:
+def check_span(course: Signal, end: float, where: str) -> None:
     """Refuse a signal that ends before a run, or begins after it: nothing says what holds there.
 
     Parameters
     ----------
-    given : Signal
+    course : Signal
     end : float     Of the run, which begins at zero. [s]
     where : str     For messages.
 
@@ -645,16 +645,16 @@ def check_span(given: Signal, end: float, where: str) -> None:
     ------
     ScenarioError   With what can be said of the time beyond.
     """
-    first, last = given.span
+    first, last = course.span
     if last < end:
         raise ScenarioError(
-            f"it ends at {_hours(given.extent)} and the run lasts {_hours(end)}. State the value beyond its end: after = 'hold' (its "
+            f"it ends at {_hours(course.extent)} and the run lasts {_hours(end)}. State the value beyond its end: after = 'hold' (its "
             "last value) or 'repeat'; or give it up to the end, or shorten the run.",
             where,
         )
     if first > 0.0:
         raise ScenarioError(
-            f"its first row is at {_hours(given.onset)} and the run begins at zero. Give the value there, or before = 'hold'.", where
+            f"its first row is at {_hours(course.onset)} and the run begins at zero. Give the value there, or before = 'hold'.", where
         )
 
 
@@ -834,29 +834,29 @@ def signal(value: Any, slot: str, where: str = "") -> Signal:
         if isinstance(value, tuple) and len(value) == 2 and not isinstance(value[0], str):
             values = si_values(value[1], slot)
             return TableSignal(seconds(value[0]), np.atleast_1d(np.asarray(value[1] if values is None else values, dtype=float)))
-        found = stated(value)
-        if found is None and hasattr(value, "iloc") and slot != TEMPERATURE:  # plain numbers are SI; a temperature states its unit
-            found = quantity(value, unit=slot)
-        if found is not None and np.ndim(found.si):
-            return _sampled(found, slot)
-        if found is not None or isinstance(value, str | Real):
+        with_unit = stated(value)
+        if with_unit is None and hasattr(value, "iloc") and slot != TEMPERATURE:  # plain numbers are SI; a temperature states its unit
+            with_unit = quantity(value, unit=slot)
+        if with_unit is not None and np.ndim(with_unit.si):
+            return _sampled(with_unit, slot)
+        if with_unit is not None or isinstance(value, str | Real):
             return Constant(literal(value, slot))
     except ThermidError as error:
         raise error.located(where) from None
-    said = f" {THREE_WAYS}; with times in seconds ([0, 18000], td.celsius([24, 25]))." if slot == TEMPERATURE else ""
-    raise ScenarioError(f"give a signal as a value with a unit, a table of times and values, or a sine.{said}", where)
+    hint = f" {THREE_WAYS}; with times in seconds ([0, 18000], td.celsius([24, 25]))." if slot == TEMPERATURE else ""
+    raise ScenarioError(f"give a signal as a value with a unit, a table of times and values, or a sine.{hint}", where)
 
 
-def _sampled(given: Quantity, slot: str) -> TableSignal:
+def _sampled(values: Quantity, slot: str) -> TableSignal:
     """Return the signal of an array that knows its times.
 
     Raises
     ------
     ScenarioError   When it does not.
     """
-    if given.times is None:
+    if values.times is None:
         raise ScenarioError("an array has no times. Give a pair: (times, values).")
-    return TableSignal(given.times, np.asarray(si_values(given, slot), dtype=float))
+    return TableSignal(values.times, np.asarray(si_values(values, slot), dtype=float))
 
 
 def own_signal(value: Any, where: str = "") -> Any:
@@ -878,8 +878,8 @@ def own_signal(value: Any, where: str = "") -> Any:
         raise error.located(where) from None
     if of is None:
         return signal(value, "1", where)
-    made = signal(value, TEMPERATURE if of.unit.absolute else of.unit.text, where)
-    return replace(made, unit=of.unit.text) if isinstance(made, TableSignal | Sine) else made
+    own = signal(value, TEMPERATURE if of.unit.absolute else of.unit.text, where)
+    return replace(own, unit=of.unit.text) if isinstance(own, TableSignal | Sine) else own
 
 
 def _column(values: Any, slot: str, where: str) -> Array:
@@ -912,22 +912,22 @@ def _from_table(value: Mapping[str, Any], slot: str, where: str) -> Signal:
     )
 
 
-def conducted(rows: TableSignal, said: Mapping[str, Any], where: str) -> TableSignal:
+def conducted(rows: TableSignal, details: Mapping[str, Any], where: str) -> TableSignal:
     """Return samples with what is said of them: ``samples``, ``before``, ``after`` and the ``period`` of what repeats.
 
     Raises
     ------
     ScenarioError   When a word is unknown, a period is too short, or steps of their own are said to be averages.
     """
-    samples, after = str(said.get("samples", "")), str(said.get("after", ""))
+    samples, after = str(details.get("samples", "")), str(details.get("after", ""))
     if samples == "average":
-        if said.get("hold"):
+        if details.get("hold"):
             raise ScenarioError("samples = 'average' implies steps, each up to its time stamp. Leave hold out.", where)
         rows = averages(rows.times, rows.values, unit=rows.unit, log=rows.log)
-    if "period" in said:
+    if "period" in details:
         if after != "repeat":
             raise ScenarioError("a period applies to after = 'repeat' only. Add it, or leave the period out.", where)
-        length = literal(said["period"], "s", where)
+        length = literal(details["period"], "s", where)
         if not length > float(rows.times[-1] - rows.times[0]):
             raise ScenarioError(
                 f"a period of {length:g} s ends before the last row of its table. Give a longer period, or leave it out if the last "
@@ -935,4 +935,4 @@ def conducted(rows: TableSignal, said: Mapping[str, Any], where: str) -> TableSi
                 where,
             )
         rows = replace(rows, times=np.append(rows.times, rows.times[0] + length), values=np.append(rows.values, rows.values[0]))
-    return replace(rows, samples=samples or rows.samples, after=after, before=str(said.get("before", "")))
+    return replace(rows, samples=samples or rows.samples, after=after, before=str(details.get("before", "")))

@@ -23,7 +23,7 @@ SLOPES: Final = {"1": "1/K", "W/K": "W/K^2", "W": "W/K", "W/(m K)": "W/(m K^2)",
 """Unit of the values of a table -> unit of its slopes over temperature."""
 COLDEST, HOTTEST = 1.0, 6000.0
 """Temperatures to which a property is held constant beyond its table. [K]"""
-CLOSE: Final = 1e-12
+MAX_INVERSE_ERROR: Final = 1e-12
 """Error of an inverse table between its points, over rounding. [K]"""
 FINEST: Final = 1e-3
 """Pieces of an inverse table are divided no further than this. [K]"""
@@ -123,26 +123,26 @@ class HeatStore:
         return y[k] + slope * (inside - x[k]), slope
 
 
-def tabulated(name: str, given: Curve, where: str) -> Curve:
+def tabulated(name: str, curve: Curve, where: str) -> Curve:
     """Return the table of a property after a look at it.
 
     Raises
     ------
     DeckError   When it is not over temperature, or holds values that no material has.
     """
-    if given.over != "temperature":
+    if curve.over != "temperature":
         raise DeckError(f"{name} must be a table over temperature.", where)
-    if given.x[0] <= COLDEST or given.x[-1] >= HOTTEST:
+    if curve.x[0] <= COLDEST or curve.x[-1] >= HOTTEST:
         raise DeckError(f"the points of {name} must lie between {COLDEST:g} and {HOTTEST:g} K.", where)
-    if name == "enthalpy" and (np.diff(given.y) <= 0.0).any():
-        k = int(np.argmax(np.diff(given.y) <= 0.0))
-        raise DeckError(f"an enthalpy must increase with temperature; it does not from {given.x[k]:.6g} to {given.x[k + 1]:.6g} K.", where)
-    if name == "enthalpy" and (np.diff(given.x)[[0, -1]] == 0.0).any():
+    if name == "enthalpy" and (np.diff(curve.y) <= 0.0).any():
+        k = int(np.argmax(np.diff(curve.y) <= 0.0))
+        raise DeckError(f"an enthalpy must increase with temperature; it does not from {curve.x[k]:.6g} to {curve.x[k + 1]:.6g} K.", where)
+    if name == "enthalpy" and (np.diff(curve.x)[[0, -1]] == 0.0).any():
         raise DeckError("an enthalpy needs a point below and a point above the temperature at which it melts.", where)
-    if name != "enthalpy" and (given.y <= 0.0).any():
-        k = int(np.argmax(given.y <= 0.0))
-        raise DeckError(f"{name} must be above zero; it is {given.y[k]:g} {TABULATED[name]} at {given.x[k]:.6g} K.", where)
-    return limited(given, positive=name != "enthalpy")
+    if name != "enthalpy" and (curve.y <= 0.0).any():
+        k = int(np.argmax(curve.y <= 0.0))
+        raise DeckError(f"{name} must be above zero; it is {curve.y[k]:g} {TABULATED[name]} at {curve.x[k]:.6g} K.", where)
+    return limited(curve, positive=name != "enthalpy")
 
 
 def melting(heat: float, liquid: float, latent: float, begins: float, ends: float, where: str) -> Curve:
@@ -169,11 +169,11 @@ def melting(heat: float, liquid: float, latent: float, begins: float, ends: floa
     return curve("temperature", [(low, 0.0), (begins, solid), (ends, molten), (high, molten + liquid * (high - ends))], where, steps=True)
 
 
-def _extended(x: Array, y: Array, d: Array, given: Curve) -> tuple[Array, Array, Array]:
+def _extended(x: Array, y: Array, d: Array, curve: Curve) -> tuple[Array, Array, Array]:
     """Return points, integral and integrand carried on to the coldest and hottest temperature: as a line to its limits, or held."""
-    if given.outside == "linear":
-        low, high = given.limits or (COLDEST, HOTTEST)
-        for k, far, slope in zip((0, -1), (max(low, COLDEST), min(high, HOTTEST)), ends(given), strict=True):
+    if curve.outside == "linear":
+        low, high = curve.limits or (COLDEST, HOTTEST)
+        for k, far, slope in zip((0, -1), (max(low, COLDEST), min(high, HOTTEST)), ends(curve), strict=True):
             step = far - x[k]
             last = d[k] + slope * step
             x, y, d = (
@@ -187,77 +187,77 @@ def _extended(x: Array, y: Array, d: Array, given: Curve) -> tuple[Array, Array,
     return x, y, d
 
 
-def _integral(given: Curve) -> tuple[Array, Array, Array]:
+def _integral(curve: Curve) -> tuple[Array, Array, Array]:
     """Return points, integral and integrand of a table; exact between them for straight lines, at them for cubic pieces.
 
     The integral of a straight line is a parabola, which is the cubic through its ends with the integrand as slopes.
     """
-    if given.straight:
-        area = 0.5 * np.diff(given.x) * (given.y[1:] + given.y[:-1])
-        return given.x, np.concatenate(([0.0], np.cumsum(area))), given.y
-    x = np.unique(np.concatenate([np.linspace(a, b, PARTS + 1) for a, b in zip(given.x[:-1], given.x[1:], strict=True)]))
-    value, slope = hermite(given.x, given.y, slopes(given), x)
+    if curve.straight:
+        area = 0.5 * np.diff(curve.x) * (curve.y[1:] + curve.y[:-1])
+        return curve.x, np.concatenate(([0.0], np.cumsum(area))), curve.y
+    x = np.unique(np.concatenate([np.linspace(a, b, PARTS + 1) for a, b in zip(curve.x[:-1], curve.x[1:], strict=True)]))
+    value, slope = hermite(curve.x, curve.y, slopes(curve), x)
     width = np.diff(x)
     area = width * (0.5 * (value[1:] + value[:-1]) + width / 12.0 * (slope[:-1] - slope[1:]))  # of a cubic, by values and slopes
     return x, np.concatenate(([0.0], np.cumsum(area))), value
 
 
-def _inverse(given: Curve, x: Array, y: Array, d: Array | None) -> Curve:
+def _inverse(curve: Curve, x: Array, y: Array, d: Array | None) -> Curve:
     """Return the temperatures x over the levels y, and behind them the identity and the table as written; d: slopes over the levels."""
     identity = Curve("temperature", np.array([0.5 * COLDEST, 2.0 * HOTTEST]), np.array([0.5 * COLDEST, 2.0 * HOTTEST]), np.ones(2))
     limits = None
-    if given.limits is not None:
-        low, high = max(given.limits[0], COLDEST), min(given.limits[1], HOTTEST)
+    if curve.limits is not None:
+        low, high = max(curve.limits[0], COLDEST), min(curve.limits[1], HOTTEST)
         limits = (float(y[np.searchsorted(x, low)]), float(y[np.searchsorted(x, high, side="right") - 1]))
-    return Curve("temperature", y, x, d, (identity, given), limits=limits)
+    return Curve("temperature", y, x, d, (identity, curve), limits=limits)
 
 
 @lru_cache(maxsize=64)
-def potential(given: Curve) -> Curve:
+def potential(curve: Curve) -> Curve:
     """Return the integral of a property over temperature, for both ends of a conductor; the property itself stands behind. [W/m]"""
-    x, y, d = _extended(*_integral(given), given)
-    plain = Curve("temperature", x, y, d, limits=given.limits)
-    return replace(plain, film=(plain, given))
+    x, y, d = _extended(*_integral(curve), curve)
+    plain = Curve("temperature", x, y, d, limits=curve.limits)
+    return replace(plain, film=(plain, curve))
 
 
 @lru_cache(maxsize=64)
-def store(name: str, given: Curve, supercooling: Supercooling | None = None) -> HeatStore:
+def store(name: str, curve: Curve, supercooling: Supercooling | None = None) -> HeatStore:
     """Return how a node with a table of specific heat or of enthalpy stores heat.
 
     Raises
     ------
     DeckError   When a specific heat falls to zero or is out of proportion, or a melt cannot supercool as asked.
     """
-    if name == "enthalpy" and given.straight:
-        reference = ends(given)[0]
-        x, y, _ = _extended(given.x, given.y, np.array(ends(given)), replace(given, outside="hold"))
+    if name == "enthalpy" and curve.straight:
+        reference = ends(curve)[0]
+        x, y, _ = _extended(curve.x, curve.y, np.array(ends(curve)), replace(curve, outside="hold"))
         y = COLDEST + (y - y[0]) / reference
-        melt = _melt(given, x, y, supercooling) if supercooling is not None else None
-        return HeatStore(reference, given, Curve("temperature", x, y), _inverse(given, x, y, None), melt)
+        melt = _melt(curve, x, y, supercooling) if supercooling is not None else None
+        return HeatStore(reference, curve, Curve("temperature", x, y), _inverse(curve, x, y, None), melt)
     if supercooling is not None:
         raise DeckError("supercooling needs an enthalpy of straight lines, or latent_heat, melts_from and melts_to.")
     if name == "enthalpy":
-        x, y, d = _enthalpy(given)
+        x, y, d = _enthalpy(curve)
         reference = float(d[0])
     else:
-        x, y, d = _integral(given)
-        reference = float(value_and_slope(given, np.clip([AMBIENT_DEFAULT], x[0], x[-1]))[0][0])
+        x, y, d = _integral(curve)
+        reference = float(value_and_slope(curve, np.clip([AMBIENT_DEFAULT], x[0], x[-1]))[0][0])
     if not (d > 0.0).all():
         raise DeckError(
             f"the specific heat falls to zero at {x[np.argmin(d)]:.6g} K; it must be above zero everywhere. Correct the "
             "table or its slopes there."
         )
-    x, y, d = _extended(x, y, d, replace(given, outside="hold") if name == "enthalpy" else given)
+    x, y, d = _extended(x, y, d, replace(curve, outside="hold") if name == "enthalpy" else curve)
     y, d = COLDEST + (y - y[0]) / reference, d / reference
     rise = Curve("temperature", x, y, d)
     if (np.diff(y) > 0.0).all():
         x, y, d = _divided(x, y, d)
     if not (np.diff(y) > 0.0).all():
         raise DeckError("the specific heats of the table lie too many decades apart to be integrated. Correct the table.")
-    return HeatStore(reference, given, rise, _inverse(given, x, y, 1.0 / d))
+    return HeatStore(reference, curve, rise, _inverse(curve, x, y, 1.0 / d))
 
 
-def _melt(given: Curve, x: Array, y: Array, supercooling: Supercooling) -> Melt:
+def _melt(curve: Curve, x: Array, y: Array, supercooling: Supercooling) -> Melt:
     """Return the liquid branch of temperatures x over levels y: the line above the liquidus, carried on below it.
 
     Freezing begins where the melt has reached its nucleation temperature; the heat that it holds then belongs to the table, so that its
@@ -281,7 +281,7 @@ def _melt(given: Curve, x: Array, y: Array, supercooling: Supercooling) -> Melt:
             f"a melt that cools by {supercooling.degree:.6g} K has given off more than its latent heat: with crystals it would be at"
             f" {after:.6g} K, below the {nucleation:.6g} K at which they form. Give less supercooling."
         )
-    return Melt(supercooling, Curve("temperature", xs, ys), _inverse(given, xs, ys, None), float(y[k]), freezes)
+    return Melt(supercooling, Curve("temperature", xs, ys), _inverse(curve, xs, ys, None), float(y[k]), freezes)
 
 
 def _divided(x: Array, y: Array, d: Array) -> tuple[Array, Array, Array]:
@@ -290,26 +290,26 @@ def _divided(x: Array, y: Array, d: Array) -> tuple[Array, Array, Array]:
     while True:
         middle = 0.5 * (x[1:] + x[:-1])
         back = hermite(y, x, 1.0 / d, hermite(*rise, middle)[0])[0]
-        coarse = (np.abs(back - middle) > CLOSE + ROUNDING * middle) & (np.diff(x) > FINEST)
+        coarse = (np.abs(back - middle) > MAX_INVERSE_ERROR + ROUNDING * middle) & (np.diff(x) > FINEST)
         if not coarse.any():
             return x, y, d
         x = np.sort(np.r_[x, middle[coarse]])
         y, d = hermite(*rise, x)
 
 
-def _enthalpy(given: Curve) -> tuple[Array, Array, Array]:
+def _enthalpy(curve: Curve) -> tuple[Array, Array, Array]:
     """Return points, enthalpies and specific heats of a smooth table of enthalpy. [J/kg]"""
-    d = _rising(given)
-    x = np.unique(np.concatenate([np.linspace(a, b, PARTS + 1) for a, b in zip(given.x[:-1], given.x[1:], strict=True)]))
-    value, slope = hermite(given.x, given.y, d, x)
+    d = _rising(curve)
+    x = np.unique(np.concatenate([np.linspace(a, b, PARTS + 1) for a, b in zip(curve.x[:-1], curve.x[1:], strict=True)]))
+    value, slope = hermite(curve.x, curve.y, d, x)
     return x, value, slope
 
 
-def _rising(given: Curve) -> Array:
+def _rising(curve: Curve) -> Array:
     """Return the slopes of a smooth table of enthalpy: its own, or monotone ones, those of its outer pieces at both ends."""
-    if given.d is not None:
-        return given.d
-    d = slopes(given).copy()
-    jump = np.diff(given.y) / np.diff(given.x)
+    if curve.d is not None:
+        return curve.d
+    d = slopes(curve).copy()
+    jump = np.diff(curve.y) / np.diff(curve.x)
     d[0], d[-1] = jump[0], jump[-1]
     return d

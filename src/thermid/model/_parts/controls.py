@@ -127,8 +127,8 @@ def slot_of(name: str, difference: bool) -> str:
     group, _, rest = name.partition(".")
     if group == "modes":
         return "1"
-    found = CONTROL_SLOTS.get(name, "s" if rest.endswith(".after") else TEMPERATURE_SLOT)
-    return ("K" if difference else "temperature") if found == TEMPERATURE_SLOT else found
+    slot = CONTROL_SLOTS.get(name, "s" if rest.endswith(".after") else TEMPERATURE_SLOT)
+    return ("K" if difference else "temperature") if slot == TEMPERATURE_SLOT else slot
 
 
 COMPLEMENT: Final = "1 - "

@@ -132,8 +132,8 @@ def finish_emissivity(name: str, where: str) -> Parameter:
 def gap_scatter(words: Mapping[str, str], where: str) -> Parameter:
     """Return the factor on the convection of a closed gap: one, with the scatter of its correlation as bounds."""
     law = GapLaw(degrees(words["tilt"], where), literal(words["aspect"], "1", where))
-    known = {"value": 1, "min": 1.0 - law.scatter, "max": 1.0 + law.scatter, "source": "published"}
-    return parameter(known | {"basis": f"scatter of {law.name} about their correlation"}, where)
+    table = {"value": 1, "min": 1.0 - law.scatter, "max": 1.0 + law.scatter, "source": "published"}
+    return parameter(table | {"basis": f"scatter of {law.name} about their correlation"}, where)
 
 
 @dataclass(frozen=True)

@@ -64,11 +64,11 @@ def _memorised(memo: Memo, areas: list[Number], shares: list[Number], law: _Matr
     many: Any = next((x for x in numbers if hasattr(x, "values")), None)
     if many is not None:
         sets = np.array([np.broadcast_to(getattr(x, "values", x), many.values.shape) for x in numbers])
-        found = np.array([law(list(own[: len(areas)]), list(own[len(areas) :])) for own in sets.T.tolist()])
-        return [[type(many)(np.ascontiguousarray(found[:, i, j])) for j in range(found.shape[2])] for i in range(found.shape[1])]
+        matrices = np.array([law(list(member[: len(areas)]), list(member[len(areas) :])) for member in sets.T.tolist()])
+        return [[type(many)(np.ascontiguousarray(matrices[:, i, j])) for j in range(matrices.shape[2])] for i in range(matrices.shape[1])]
     free = max((gradient_of(x, 0).size for x in numbers), default=0)
     key = np.concatenate([[value_of(x), *gradient_of(x, free)] for x in numbers]).tobytes()
-    return memo.made(key, lambda: law(areas, shares), 1)
+    return memo.value(key, lambda: law(areas, shares), 1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ class FaceExchange:
         """Return the exchange areas (faces, faces), the rest as a last face. [m^2]"""
         areas = [exposed_area(f.path, values[f"{f.path}.area"], f.takes, values, self.where) for f in self.faces]
         grey = [values[f"{f.path}.emissivity"] for f in self.faces]
-        return _memorised(self.memo, areas, grey, self._found)
+        return _memorised(self.memo, areas, grey, self._exchange_areas)
 
     def absorbed(self, values: Mapping[str, Number]) -> list[list[Number]]:
         """Return what each face, and the rest as a last one, absorbs of a flux that falls on each first (faces, faces). [m^2]
@@ -125,7 +125,7 @@ class FaceExchange:
         factors, size = self._of_shape(size, names)
         return factors, size, list(size.tolist())
 
-    def _found(self, areas: list[Number], grey: list[Number]) -> list[list[Number]]:
+    def _exchange_areas(self, areas: list[Number], grey: list[Number]) -> list[list[Number]]:
         for face, number in zip(self.faces, grey, strict=True):
             if not 0.0 < value_of(number) <= 1.0:
                 raise DeckError(
@@ -151,10 +151,10 @@ class FaceExchange:
         shape = SHAPES[self.enclosure.shape]
         geometric, factors = shape.factors(self.enclosure.dimensions)
         at = [shape.faces.index(n) for n in names]
-        for face, own, wanted in zip(self.faces, size, geometric[at], strict=True):
-            if abs(own - wanted) > SAME_AREA * wanted:
+        for face, area, wanted in zip(self.faces, size, geometric[at], strict=True):
+            if abs(area - wanted) > SAME_AREA * wanted:
                 raise DeckError(
-                    f"the surface '{face.path}' has {own * 1e4:.6g} cm^2 free, but the face '{face.name}' has {wanted * 1e4:.6g} cm^2. "
+                    f"the surface '{face.path}' has {area * 1e4:.6g} cm^2 free, but the face '{face.name}' has {wanted * 1e4:.6g} cm^2. "
                     "Correct the area or a dimension, or give view factors.",
                     self.where,
                 )
@@ -164,8 +164,8 @@ class FaceExchange:
         """Return exchange areas from given exchange factors: the mean of both directions, which must agree. [m^2]"""
         factors = np.array(self.enclosure.exchange_factors)
         factor_faults(factors - np.diag(np.diag(factors)), size, names, self.where, closed=False)
-        each = range(len(names))
-        return [[0.5 * (areas[i] * factors[i, j] + areas[j] * factors[j, i]) for j in each] for i in each]
+        places = range(len(names))
+        return [[0.5 * (areas[i] * factors[i, j] + areas[j] * factors[j, i]) for j in places] for i in places]
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,9 +218,9 @@ class Enclosed:
         out: dict[str, str] = {}
         for face in self.exchange.faces:
             if "absorptance" not in face.surface.fields:
-                own = self.exchange.faces[self.place].path
+                path = self.exchange.faces[self.place].path
                 raise DeckError(
-                    f"'{own}' is in the sun and reflects it to '{face.path}' in '{self.exchange.path}', which has no absorptance. "
+                    f"'{path}' is in the sun and reflects it to '{face.path}' in '{self.exchange.path}', which has no absorptance. "
                     "Give it one; 1 for a black face.",
                     self.exchange.where,
                 )

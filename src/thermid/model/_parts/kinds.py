@@ -71,9 +71,9 @@ class Law:
         if self.form != "table" or self.over not in HINGES or self.medium != "solid":
             raise DeckError(f"a table of points applies to a solid over {' or '.join(HINGES)}; this law is '{self.form}' over {self.over}.")
         if any(not value_of(b) > value_of(a) for a, b in pairwise(x)):
-            shown = ", ".join(f"{value_of(each):.6g}" for each in x)
+            shown = ", ".join(f"{value_of(coefficient):.6g}" for coefficient in x)
             raise DeckError(f"a table needs increasing temperatures; its points lie at {shown} K.")
-        if any(value_of(each) < 0.0 for each in y):
+        if any(value_of(coefficient) < 0.0 for coefficient in y):
             raise DeckError("the table has a negative conductance; heat would flow from cold to hot. Correct the table.")
         scale = self.coefficients[0]
         lines = [0.0, *((d - c) / (b - a) for (a, c), (b, d) in pairwise(self.points)), 0.0]
@@ -187,8 +187,8 @@ def _heat_sink(f: Fields) -> Law:
 
 def _rectangle(width: Any, height: Any) -> Number:
     """Return the laminar Nusselt number of a channel."""
-    found: Number = convection.rectangle_nusselt(np.minimum(width, height) / np.maximum(width, height))
-    return found
+    nusselt: Number = convection.rectangle_nusselt(np.minimum(width, height) / np.maximum(width, height))
+    return nusselt
 
 
 def _in_duct(f: Fields, base: Number, fins: Number, slope: Number, diameter: Number, section: Number, developed: Number) -> Law:
@@ -213,8 +213,8 @@ def _fin(f: Fields, which: int) -> Law:
     shine = 4.0 * STEFAN_BOLTZMANN * AMBIENT_DEFAULT**3 * f["emissivity"] if "emissivity" in f else 0.0
 
     def port(htc: Number) -> Number:
-        found = conduction.fin_conductances(htc, f.get("perimeter", round_), f["conductivity"], section, f["length"])
-        out: Number = f.get("count", 1.0) * found[which]
+        conductances = conduction.fin_conductances(htc, f.get("perimeter", round_), f["conductivity"], section, f["length"])
+        out: Number = f.get("count", 1.0) * conductances[which]
         return out
 
     bare = port(0.0)

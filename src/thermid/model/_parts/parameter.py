@@ -102,11 +102,11 @@ class Standing:
         beside = tuple(s.accept(stages) for s in self.beside)
         return replace(self, accepted=self.accepted or (not self.fair and self.stage in stages), beside=beside)
 
-    def kept(self) -> dict[str, Any]:
+    def as_table(self) -> dict[str, Any]:
         """Return it as a file holds it; see `read`."""
         out: dict[str, Any] = {"state": self.state, "because": self.because, "stage": self.stage}
         out |= {"accepted": True} if self.accepted else {}
-        return out | ({"beside": [s.kept() for s in self.beside]} if self.beside else {})
+        return out | ({"beside": [s.as_table() for s in self.beside]} if self.beside else {})
 
     @classmethod
     def read(cls, table: Mapping[str, Any]) -> Standing:
@@ -213,8 +213,8 @@ def _bound(value: Any, expression: Expression) -> float | None:
     number = float(_written_number(value))
     if expression.literal is None or abs(number) == float("inf"):
         return number
-    own = expression.literal.unit
-    return parse(f"{number!r} [{own.text}]").literal.value  # type: ignore[union-attr]  # a pure number is a literal
+    own_unit = expression.literal.unit
+    return parse(f"{number!r} [{own_unit.text}]").literal.value  # type: ignore[union-attr]  # a pure number is a literal
 
 
 def _written_number(value: Any) -> str:
@@ -257,16 +257,16 @@ def parameter(value: str | float | Mapping[str, Any] | Parameter, where: str = "
         return Parameter(expression, low, high, source, table.get("note", ""), table.get("basis", ""))
 
 
-def check_bounds(value: float, given: Parameter, where: str) -> None:
+def check_bounds(value: float, parameter: Parameter, where: str) -> None:
     """Refuse a value outside its bounds.
 
     Raises
     ------
     DeckError   Never moved silently (R6).
     """
-    for bound, side, beyond in ((given.minimum, "minimum", -1.0), (given.maximum, "maximum", 1.0)):
+    for bound, side, beyond in ((parameter.minimum, "minimum", -1.0), (parameter.maximum, "maximum", 1.0)):
         if bound is not None and (value - bound) * beyond > 1e-12 * abs(bound):
             word = "below" if beyond < 0 else "above"
-            of = unit(given.unit or "1")
+            of = unit(parameter.unit or "1")
             shown = [f"{from_si(v, of):.6g}" for v in (value, bound)]
             raise DeckError(f"{shown[0]} lies {word} its {side} {shown[1]} [{of.text}]. Correct the value or the bound.", where)

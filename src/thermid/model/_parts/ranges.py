@@ -209,7 +209,7 @@ def range_of(kind: str, field: str, slot: str) -> Range:
     return RANGES[TEMPERATURE] if slot == TEMPERATURE else RANGES.get(f"{kind}.{name}", RANGES.get(name, UNSTATED))
 
 
-def outside(given: Range, slot: str, number: Any, path: str) -> str:
+def outside(allowed: Range, slot: str, number: Any, path: str) -> str:
     """Return what is said of a number outside its range; `slot` is the unit of its field, `path` its parameter."""
     unit = {TEMPERATURE: " K", "1": ""}.get(slot, f" {slot}")
-    return f"'{path}' is {value_of(number):.6g}{unit}. Give {given.words}: {given.why}."
+    return f"'{path}' is {value_of(number):.6g}{unit}. Give {allowed.words}: {allowed.why}."

@@ -27,14 +27,14 @@ def exposed_area(surface: str, total: Number, takes: tuple[Take, ...], values: M
     ------
     DeckError   When they take more than there is; the message names every joint.
     """
-    left = total
+    remaining = total
     for take in takes:
-        left = left - values[take.path]
-    if value_of(left) < -ROUNDING * value_of(total):
+        remaining = remaining - values[take.path]
+    if value_of(remaining) < -ROUNDING * value_of(total):
         parts = " and ".join(f"'{t.joint}' takes {value_of(values[t.path]) * 1e4:.6g} cm^2 ({t.use})" for t in takes)
         raise DeckError(
             f"the surface '{surface}' has {value_of(total) * 1e4:.6g} cm^2, but {parts}. Reduce the area of a joint, or enlarge the "
             "surface.",
             where,
         )
-    return left if value_of(left) > 0 else 0.0 * left
+    return remaining if value_of(remaining) > 0 else 0.0 * remaining

@@ -48,6 +48,6 @@ def ledger(model: Model) -> tuple[LedgerLine, ...]:
             joints[take.joint] = joints.get(take.joint, 0.0) + values[take.path]
         contact = sum(values[t.path] for t in takes if t.use == "contact")
         gap = sum(values[t.path] for t in takes if t.use == "gap")
-        left = exposed_area(surface, values[path], takes, values, flat.parameters.table[path].where)
-        lines.append(LedgerLine(surface, values[path], value_of(left), contact, gap, joints))
+        exposed = exposed_area(surface, values[path], takes, values, flat.parameters.table[path].where)
+        lines.append(LedgerLine(surface, values[path], value_of(exposed), contact, gap, joints))
     return tuple(lines)

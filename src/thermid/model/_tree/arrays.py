@@ -83,19 +83,19 @@ def made_instances(
     settings: dict[str, Parameter] = {}
     before = ""
     for k, place in enumerate(places):
-        own = instance_name(name, place)
+        instance = instance_name(name, place)
         bind, sees = ({need: _placed(node, place) for need, node in ends.items()} for ends in (use.bind, use.sees))
         if before:
             bind |= {need: f"{before}.{offered}" for need, offered in use.chain.items()}
             sees = {need: node for need, node in sees.items() if need not in use.chain}
-        submodels[own] = Submodel(part, bind, definition, sees)
+        submodels[instance] = Submodel(part, bind, definition, sees)
         for path, raw in use.values.items():
-            settings[f"{own}.{path}"] = _value(raw, k, place, len(places), where(f"values.{path}"))
-        before = own
-    known = parameter_table(part) if use.values else {}
+            settings[f"{instance}.{path}"] = _value(raw, k, place, len(places), where(f"values.{path}"))
+        before = instance
+    table = parameter_table(part) if use.values else {}
     for path in use.values:
-        if part.canonical(path) not in known:
-            raise DeckError(f"'{part.title}' has no value '{path}'.{nearest(path, known)}", where(f"values.{path}"), code="name.unknown")
+        if part.canonical(path) not in table:
+            raise DeckError(f"'{part.title}' has no value '{path}'.{nearest(path, table)}", where(f"values.{path}"), code="name.unknown")
     return Instances(submodels, settings, dict(_linked(name, places, links, where)))
 
 
@@ -145,11 +145,14 @@ def _linked(
                 if other not in there:
                     continue
                 here, next_ = instance_name(name, place), instance_name(name, other)
-                made = f"{name}_{link}_{'_'.join(map(str, place))}_to_{'_'.join(map(str, other))}"
+                link_name = f"{name}_{link}_{'_'.join(map(str, place))}_to_{'_'.join(map(str, other))}"
                 between = (f"{here}.{conductor.between[0]}", f"{next_}.{conductor.between[1]}")
-                fields = {f: parameter(f"{first}.{f}") if first and given.is_literal else given for f, given in conductor.fields.items()}
-                yield made, replace(conductor, between=between, fields=fields)
-                first = first or made
+                fields = {
+                    f: parameter(f"{first}.{f}") if first and field_value.is_literal else field_value
+                    for f, field_value in conductor.fields.items()
+                }
+                yield link_name, replace(conductor, between=between, fields=fields)
+                first = first or link_name
 
 
 def merged(into: dict[str, Any], more: Mapping[str, Any], where: str) -> None:
@@ -159,7 +162,7 @@ def merged(into: dict[str, Any], more: Mapping[str, Any], where: str) -> None:
     ------
     DeckError   When a name or a value is there already.
     """
-    for name, each in more.items():
+    for name, element in more.items():
         if name in into:
             raise DeckError(f"'{name}' is generated here and defined in the deck too. Remove one of them.", where)
-        into[name] = each
+        into[name] = element

@@ -84,10 +84,10 @@ class FlatConductor:
         DeckError   When values do not go together, or a coefficient is not finite.
         """
         try:
-            found = (self.recipe or KINDS[self.kind].recipe)(fields)
+            built = (self.recipe or KINDS[self.kind].recipe)(fields)
         except ArithmeticError as error:
             raise DeckError(f"'{self.path}' has no finite conductance: {error}. Check the sizes of its values.", self.where) from None
-        laws = found if isinstance(found, tuple) else (found,)
+        laws = built if isinstance(built, tuple) else (built,)
         if not all(is_finite(number) for law in laws for number in law.coefficients):
             raise DeckError(f"'{self.path}' has no finite conductance. Check the sizes of its values.", self.where)
         return laws
@@ -202,10 +202,10 @@ class Flat:
                 yield path, self.parameters.table[written].where, outside(*self.ranges[path], values[path], path)
 
 
-def allows(given: Range, number: Any) -> bool:
+def allows(allowed: Range, number: Any) -> bool:
     """Return whether a range has a number, also one with derivatives; of numbers of members all must agree."""
     value: Any = value_of(number)
-    return bool(given.low <= value <= given.high) and not (given.nonzero and value == 0.0)
+    return bool(allowed.low <= value <= allowed.high) and not (allowed.nonzero and value == 0.0)
 
 
 def flatten(model: Tree) -> Flat:
@@ -215,7 +215,7 @@ def flatten(model: Tree) -> Flat:
     ------
     ThermidError   With file and key path of the first thing that does not fit.
     """
-    return model.memo.made("flat", lambda: _laid_flat(model))
+    return model.memo.value("flat", lambda: _laid_flat(model))
 
 
 def _laid_flat(model: Tree) -> Flat:
@@ -244,19 +244,19 @@ def _laid_flat(model: Tree) -> Flat:
             surfaces[prefix + name] = (f"{prefix}{name}.area", taken)
             finishes |= {f"{prefix}{name}.emissivity": surface.finish} if surface.finish else {}
             conductors += _surface(owner, prefix, name, surface, taken, names, prefix + name in enclosed)
-            own = _face(owner, prefix, name, surface, taken, names, prefix + name in enclosed)
-            faces[prefix + name] = replace(own, enclosed=enclosed.get(prefix + name))
+            face = _face(owner, prefix, name, surface, taken, names, prefix + name in enclosed)
+            faces[prefix + name] = replace(face, enclosed=enclosed.get(prefix + name))
         for name, c in owner.conductors.items():
             key = f"conductors.{name}"
-            at = names.seen if c.kind == "radiation" else names.end
+            at = names.node_seen if c.kind == "radiation" else names.end
             ends = (at(owner, prefix, c.between[0], key), at(owner, prefix, c.between[1], key))
             fields = {f: f"{prefix}{name}.{f}" for f in c.fields}
             gas = names.end(owner, prefix, c.words["to"], f"{key}.to") if "to" in c.words else ""
             gas = gas or next((e for e in reversed(ends) if e in names.boundaries), ends[1])
             law = potential(c.curve) if c.curve is not None and KINDS[c.kind].tabulated else c.curve
-            made = FlatConductor(prefix + name, c.kind, ends, fields, law, gas=gas, where=owner.where(key), words=c.words)
-            made = replace(made, controls=_controls(owner, prefix, c.controls, key), reversible=c.reversible)
-            conductors += [made, *_losses(made)]
+            conductor = FlatConductor(prefix + name, c.kind, ends, fields, law, gas=gas, where=owner.where(key), words=c.words)
+            conductor = replace(conductor, controls=_controls(owner, prefix, c.controls, key), reversible=c.reversible)
+            conductors += [conductor, *_losses(conductor)]
         for name, load in owner.loads.items():
             loads.append(_load(owner, prefix, name, load, names))
         for name, control in owner.controls.items():
@@ -310,7 +310,7 @@ def _enclosures(model: Tree, names: Names, takes: Mapping[str, list[Take]]) -> t
                     )
                 node = names.end(part, part_prefix, surface.of, key)
                 faces.append(Face(face, path, surface, node, tuple(takes.get(path, ()))))
-            rest = names.seen(owner, prefix, enclosure.rest, f"{key}.rest") if enclosure.rest else ""
+            rest = names.node_seen(owner, prefix, enclosure.rest, f"{key}.rest") if enclosure.rest else ""
             exchange = FaceExchange(prefix + name, enclosure, faces, bool(rest), owner.where(key))
             enclosed |= {f.path: Enclosed(k, exchange, rest) for k, f in enumerate(faces)}
             for pair in pairs(exchange, rest):
@@ -331,24 +331,34 @@ def _surface(
     emissivity = fields.pop("emissivity", "")
     fields.pop("absorptance", "")
     if surface.is_effective:
-        sees = names.seen(owner, prefix, surface.sees or surface.to, key)
+        sees = names.node_seen(owner, prefix, surface.sees or surface.to, key)
         held = FlatConductor(path, "effective", (a, b), fields, None, takes, gas=b, emissivity=emissivity, where=owner.where(key))
         held = replace(held, controls=by.get("htc", ()), words=surface.words)
         if not emissivity or sees == b:
             return [held]
-        left = {"emissivity": emissivity, "area": fields["area"]}
+        radiating_without_gas = {"emissivity": emissivity, "area": fields["area"]}
         return [
             replace(held, sees=sees),
-            FlatConductor(f"{path}.radiation", "radiation", (a, sees), left, None, takes, gas=b, where=owner.where(key), recipe=_left),
+            FlatConductor(
+                f"{path}.radiation",
+                "radiation",
+                (a, sees),
+                radiating_without_gas,
+                None,
+                takes,
+                gas=b,
+                where=owner.where(key),
+                recipe=_radiation_without_gas,
+            ),
         ]
     if len(fields) > 1:
-        made = FlatConductor(path, "convection", (a, b), fields, None, takes, gas=b, where=owner.where(key), words=surface.words)
-        out.append(replace(made, controls=by.get("htc", ())))
+        conductor = FlatConductor(path, "convection", (a, b), fields, None, takes, gas=b, where=owner.where(key), words=surface.words)
+        out.append(replace(conductor, controls=by.get("htc", ())))
     if emissivity and not enclosed:
-        to = names.seen(owner, prefix, surface.sees or surface.to, key)
+        to = names.node_seen(owner, prefix, surface.sees or surface.to, key)
         radiating = {"emissivity": emissivity, "area": fields["area"]}
-        made = FlatConductor(f"{path}.radiation", "radiation", (a, to), radiating, None, takes, where=owner.where(key))
-        out.append(replace(made, controls=by.get("emissivity", ())))
+        conductor = FlatConductor(f"{path}.radiation", "radiation", (a, to), radiating, None, takes, where=owner.where(key))
+        out.append(replace(conductor, controls=by.get("emissivity", ())))
     if enclosed and by.get("emissivity"):
         raise DeckError(
             "a face of an enclosure needs a constant emissivity, because all exchange factors depend on it. Give a number, or take "
@@ -363,13 +373,13 @@ def _face(owner: Tree, prefix: str, name: str, surface: Surface, takes: tuple[Ta
     key = f"surfaces.{name}"
     fields = {f: f"{prefix}{name}.{f}" for f in ("area", "emissivity", "absorptance") if f in surface.fields}
     to = names.end(owner, prefix, surface.to, key)
-    sees = "" if enclosed else names.seen(owner, prefix, surface.sees or surface.to, key)
+    sees = "" if enclosed else names.node_seen(owner, prefix, surface.sees or surface.to, key)
     exchange = next((f.partition(".")[0] for f in surface.fields if f.partition(".")[0] in ("htc", "effective_htc")), "")
     by = _controls(owner, prefix, surface.controls.get("emissivity", ()), key)
     return FlatSurface(names.end(owner, prefix, surface.of, key), to, fields, takes, surface.facing, sees, owner.where(key), exchange, by)
 
 
-def _left(fields: Mapping[str, Any]) -> Law:
+def _radiation_without_gas(fields: Mapping[str, Any]) -> Law:
     """Return the radiation that an effective coefficient holds, which shows without gas."""
     law = KINDS["radiation"].recipe(fields)
     assert isinstance(law, Law)
@@ -394,23 +404,23 @@ def _joint(owner: Tree, prefix: str, name: str, joint: Joint, mid: str, names: N
     return out
 
 
-def _losses(made: FlatConductor) -> list[FlatConductor]:
+def _losses(conductor: FlatConductor) -> list[FlatConductor]:
     """Return what both ends of a lead lose to its surroundings; an end that is these loses nothing."""
-    if KINDS[made.kind].loss is None:
+    if KINDS[conductor.kind].loss is None:
         return []
-    if "to" not in made.words:
-        if {"htc", "effective_htc", "emissivity"} & set(made.fields):
-            raise DeckError('the lead loses heat along its length, but no node takes it. Name the node: to = "air".', made.where)
+    if "to" not in conductor.words:
+        if {"htc", "effective_htc", "emissivity"} & set(conductor.fields):
+            raise DeckError('the lead loses heat along its length, but no node takes it. Name the node: to = "air".', conductor.where)
         return []
-    if {"htc", "effective_htc"} <= set(made.fields):
+    if {"htc", "effective_htc"} <= set(conductor.fields):
         raise DeckError(
-            "give a lead either htc (convection alone) or effective_htc (convection and radiation together), not both.", made.where
+            "give a lead either htc (convection alone) or effective_htc (convection and radiation together), not both.", conductor.where
         )
-    sides = zip(("first", "second"), made.ends, strict=True)
+    sides = zip(("first", "second"), conductor.ends, strict=True)
     return [
-        replace(made, path=f"{made.path}.{which}", ends=(end, made.gas), recipe=KINDS[made.kind].loss)
+        replace(conductor, path=f"{conductor.path}.{which}", ends=(end, conductor.gas), recipe=KINDS[conductor.kind].loss)
         for which, end in sides
-        if end != made.gas
+        if end != conductor.gas
     ]
 
 
@@ -432,8 +442,8 @@ def _controls(owner: Tree, prefix: str, raw: Sequence[str], key: str) -> tuple[s
     NameNotFoundError   When there is no such control, here or in a part.
     """
     out: list[str] = []
-    for each in raw:
-        name, rest = named_control(each)
+    for written in raw:
+        name, rest = named_control(written)
         path = owner.canonical(name)
         head, _, tail = path.rpartition(".")
         part = owner.submodel(head) if head else owner
@@ -453,9 +463,9 @@ def _control(owner: Tree, prefix: str, name: str, control: Control, names: Names
     def nodes(follows: Mapping[str, float], at: str) -> tuple[tuple[str, float], ...]:
         return tuple((names.end(owner, prefix, node, at), weight) for node, weight in follows.items())
 
-    own = nodes(control.follows, f"{key}.follows")
-    ways = {n: nodes(t.follows, f"{key}.transitions.{n}") or own for n, t in control.transitions.items()}
-    return FlatControl(prefix + name, control, own, {f: f"{prefix}{name}.{f}" for f in control.fields}, ways, owner.where(key))
+    followed = nodes(control.follows, f"{key}.follows")
+    ways = {n: nodes(t.follows, f"{key}.transitions.{n}") or followed for n, t in control.transitions.items()}
+    return FlatControl(prefix + name, control, followed, {f: f"{prefix}{name}.{f}" for f in control.fields}, ways, owner.where(key))
 
 
 def _slots(flat: Flat, model: Tree) -> Iterator[tuple[str, str, str, str]]:
@@ -465,10 +475,10 @@ def _slots(flat: Flat, model: Tree) -> Iterator[tuple[str, str, str, str]]:
     ------
     ThermidError   When a value has another dimension, at the place where it was written.
     """
-    known: set[tuple[str, str]] = set()  # units that fit a slot
+    fitting: set[tuple[str, str]] = set()  # units that fit a slot
 
     def slot(path: str, kind: str, name: str, unit: str) -> tuple[str, str, str, str]:
-        _require(known, flat.parameters, path, unit)
+        _require(fitting, flat.parameters, path, unit)
         return path, kind, name, unit
 
     for node in flat.nodes:
@@ -477,8 +487,8 @@ def _slots(flat: Flat, model: Tree) -> Iterator[tuple[str, str, str, str]]:
     for conductor in flat.conductors:
         kind, slots = "reversible" if conductor.reversible else conductor.kind, KINDS[conductor.kind].slots
         for name, path in conductor.fields.items():
-            own = name if name in slots else name.rpartition(".")[2]  # of the faces of a pair: face.area, face.emissivity
-            yield slot(path, kind, own, slots.get(own, "1"))
+            field_name = name if name in slots else name.rpartition(".")[2]  # of the faces of a pair: face.area, face.emissivity
+            yield slot(path, kind, field_name, slots.get(field_name, "1"))
         if conductor.emissivity:
             yield slot(conductor.emissivity, "", "emissivity", "1")
     for load in flat.loads:
@@ -502,15 +512,15 @@ def _slots(flat: Flat, model: Tree) -> Iterator[tuple[str, str, str, str]]:
                     yield f"{prefix}{part}.{name}", submodel.made, name, "1"
 
 
-def _require(known: set[tuple[str, str]], parameters: ParameterSet, path: str, slot: str) -> None:
+def _require(fitting: set[tuple[str, str]], parameters: ParameterSet, path: str, slot: str) -> None:
     root = parameters.literal_behind(path)
     entry = parameters.table[root]
     literal = entry.parameter.expression.literal
-    if literal is None or (literal.unit.text, slot) not in known:
+    if literal is None or (literal.unit.text, slot) not in fitting:
         with errors_at(entry.where):
             if literal is not None:
                 require_unit(literal.unit, slot)
-                known.add((literal.unit.text, slot))
+                fitting.add((literal.unit.text, slot))
             else:
                 require(parameters.dimension(path), slot)
 
@@ -633,10 +643,12 @@ def unclosed(flat: Flat, values: Mapping[str, Any]) -> Iterator[tuple[str, str]]
             out = [c for c in several if c.ends[0] == node]
             if out and (fluid or (into and node in gases)):  # of one without fluid that none feeds, `unfed` speaks
                 yield from _met(node, several)
-                yield from _kept(node, into, out, values)
+                yield from _unbalanced(node, into, out, values)
 
 
-def _kept(node: str, into: Sequence[FlatConductor], out: Sequence[FlatConductor], values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+def _unbalanced(
+    node: str, into: Sequence[FlatConductor], out: Sequence[FlatConductor], values: Mapping[str, Any]
+) -> Iterator[tuple[str, str]]:
     """Yield what is wrong with the sums of a node."""
     entering, leaving = (sum((flow_of(c, values) for c in part), start=0.0) for part in (into, out))
     sums: dict[tuple[str, ...], Any] = {}
@@ -651,7 +663,7 @@ def _kept(node: str, into: Sequence[FlatConductor], out: Sequence[FlatConductor]
         by = sorted({name for names in sums for name in names})
         driven = f", which is not one and the same whatever {quoted(by)} {'give' if len(by) > 1 else 'gives'}" if by else ""
         text = (
-            f"'{node}' takes in {_said(into, entering, values)} and passes on {_said(out, leaving, values)}{driven}. "
+            f"'{node}' takes in {_flow_text(into, entering, values)} and passes on {_flow_text(out, leaving, values)}{driven}. "
             "The flows into and out of a node must be equal. Correct them, or add the missing stream from or to a boundary such as "
             "the ambient. Use one parameter for all streams of a line: the balance then holds in fits and schedules too."
         )
@@ -661,8 +673,8 @@ def _kept(node: str, into: Sequence[FlatConductor], out: Sequence[FlatConductor]
 def _products(controls: Sequence[str]) -> list[tuple[tuple[str, ...], float]]:
     """Return the product of controls as a sum: names whose shares are multiplied, and a factor; ``1 - x`` is one less x."""
     out: list[tuple[tuple[str, ...], float]] = [((), 1.0)]
-    for each in controls:
-        name, rest = named_control(each)
+    for written in controls:
+        name, rest = named_control(written)
         taken = [(tuple(sorted((*names, name))), -weight if rest else weight) for names, weight in out]
         out = [*out, *taken] if rest else taken
     return out
@@ -709,7 +721,7 @@ def unfed(flat: Flat) -> dict[str, str]:
     }
 
 
-def _said(streams: Sequence[FlatConductor], flow: Any, values: Mapping[str, Any]) -> str:
+def _flow_text(streams: Sequence[FlatConductor], flow: Any, values: Mapping[str, Any]) -> str:
     """Return a flow with the names of its streams, as volume where all are written so; of many members the first."""
     if not streams:
         return "nothing"

@@ -51,12 +51,12 @@ class Identity:
 
 def identity_of(model: Tree) -> str:
     """Return a hash of what a model means: not of its file, comments, layout or the order of its tables."""
-    return str(model.memo.made("identity", lambda: _hash(to_dict(model))))
+    return str(model.memo.value("identity", lambda: _hash(to_dict(model))))
 
 
 def definition_of(model: Tree) -> str:
     """Return the hash of a model's deck and the decks that it uses: nothing that was laid over them or cut."""
-    return str(model.memo.made("definition", lambda: _hash(to_dict(model, bare=True))))
+    return str(model.memo.value("definition", lambda: _hash(to_dict(model, bare=True))))
 
 
 def _hash(tables: Mapping[str, Any]) -> str:
@@ -92,7 +92,7 @@ def rows_of_decks(model: Tree) -> Mapping[str, tuple[str, tuple[str, ...]]]:
 
 def local_identities(model: Tree, owner: str = "") -> Mapping[str, Identity]:
     """Return path -> `Identity` of every value, with a name for the uppermost deck in place of its hash, which takes a while to find."""
-    out: Mapping[str, Identity] = model.memo.made(("identities", owner), lambda: _local_identities(model, owner))
+    out: Mapping[str, Identity] = model.memo.value(("identities", owner), lambda: _local_identities(model, owner))
     return out
 
 
@@ -116,14 +116,14 @@ def _local_identities(model: Tree, owner: str) -> dict[str, Identity]:
 
 def lay_values(model: M, values: Mapping[str, Any], origin: str) -> M:
     """Return a model with values laid over it; see `Model.with_values`."""
-    known = parameter_table(model)
+    table = parameter_table(model)
     layer: dict[str, Parameter] = {}
     shared: dict[int, list[str]] = {}
     for raw, value in values.items():
         path = model.canonical(raw)
-        refuse_unknown([path], known, model.title, f"no parameter '{raw}'.", NameNotFoundError)
+        refuse_unknown([path], table, model.title, f"no parameter '{raw}'.", NameNotFoundError)
         new = value.as_parameter() if hasattr(value, "as_parameter") else parameter(value, path)
-        old = known[path].parameter
+        old = table[path].parameter
         bounds = {k: getattr(old, k) for k in ("minimum", "maximum") if getattr(new, k) is None}
         standing = getattr(value, "standing", None) or UNJUDGED
         layer[path] = replace(new, **bounds, note=new.note or old.note, standing=standing)
@@ -140,11 +140,11 @@ def cut(model: M, places: Sequence[str]) -> M:
     """Return a model in which some instances or values share with no other; see `Model.cut`."""
     if not places:
         return model
-    known = {*(prefix.removesuffix(".") for prefix, _ in instances(model)), *parameter_table(model)}
+    allowed = {*(prefix.removesuffix(".") for prefix, _ in instances(model)), *parameter_table(model)}
     cuts, layers = dict.fromkeys(model.cuts), model.layers
     for raw in places:
         place = model.canonical(raw)
-        refuse_unknown([place], known, model.title, f"cut names '{raw}', which is not a submodel or parameter.", NameNotFoundError)
+        refuse_unknown([place], allowed, model.title, f"cut names '{raw}', which is not a submodel or parameter.", NameNotFoundError)
         cuts[place] = None
         parted = []  # layers in which no group reaches from inside the place to outside of it
         for layer in layers:
@@ -169,13 +169,13 @@ def _laid_ties(model: Tree, layer: Mapping[str, Parameter], groups: Sequence[Seq
     cuts: list[str] = []
     ties: list[tuple[str, ...]] = []
     for paths in _classes(_rows(model, "")).values():
-        given = [p for p in paths if p in layer]
-        if len(paths) == 1 or not given:
+        laid_paths = [p for p in paths if p in layer]
+        if len(paths) == 1 or not laid_paths:
             continue
-        one = len({_number(layer[p]) for p in given}) == 1
-        ties += [shared for group in groups if len(shared := tuple(p for p in given if p in set(group))) > 1]
-        if not (one and len(given) == len(paths)):
-            cuts += given
+        one = len({_number(layer[p]) for p in laid_paths}) == 1
+        ties += [shared for group in groups if len(shared := tuple(p for p in laid_paths if p in set(group))) > 1]
+        if not (one and len(laid_paths) == len(paths)):
+            cuts += laid_paths
     return cuts, tuple(ties)
 
 
@@ -209,12 +209,12 @@ class _Row:
 def _rows(model: Tree, owner: str) -> dict[str, _Row]:
     """Return path -> row of a tree; each deck above may set, cut or tie what stands below."""
     file = model.file or model.title
-    rows = {name: _Row(owner, name, given, file) for name, _, given in model.own_parameters()}
+    rows = {name: _Row(owner, name, value, file) for name, _, value in model.own_parameters()}
     for name, part in model.submodels.items():
         inner = _rows(part.model, part.definition)
         for layer in part.model.layers:
-            for path, given in layer.values.items():
-                inner[path] = replace(inner[path], laid=(*inner[path].laid, (layer.origin, "".join(_number(given)))))
+            for path, value in layer.values.items():
+                inner[path] = replace(inner[path], laid=(*inner[path].laid, (layer.origin, "".join(_number(value)))))
         rows |= {f"{name}.{path}": row for path, row in inner.items()}
     _set(rows, model, owner, file)
     for place in model.cuts:
@@ -231,13 +231,13 @@ def _set(rows: dict[str, _Row], model: Tree, owner: str, file: str) -> None:
         return
     of = dict(instances(model))
     first: dict[Any, str] = {}
-    for raw, given in model.settings.items():
+    for raw, value in model.settings.items():
         path = model.canonical(raw)
         if path not in rows:
             continue  # refused by the table of values, with the nearest name
         old = rows[path].given
-        bounds = [old_b if b is None else b for b, old_b in ((given.minimum, old.minimum), (given.maximum, old.maximum))]
-        whole = replace(given, minimum=bounds[0], maximum=bounds[1])
+        bounds = [old_b if b is None else b for b, old_b in ((value.minimum, old.minimum), (value.maximum, old.maximum))]
+        whole = replace(value, minimum=bounds[0], maximum=bounds[1])
         part = next((p for p in _prefixes(path) if p in of), "")
         key = (of[part], path.removeprefix(part), _number(whole), *(None if b is None else f"{b:.12g}" for b in bounds)) if part else path
         local = first.setdefault(key, path)
@@ -268,10 +268,10 @@ def _classes(rows: Mapping[str, _Row]) -> dict[Key, list[str]]:
     return out
 
 
-def _number(given: Parameter) -> tuple[str, str]:
+def _number(parameter: Parameter) -> tuple[str, str]:
     """Return number and dimension of a literal, whatever unit it was written in; the text of an expression."""
-    literal = given.expression.literal
-    return (given.text.strip(), "") if literal is None else (f"{literal.value:.12g}", str(literal.unit.dimension))
+    literal = parameter.expression.literal
+    return (parameter.text.strip(), "") if literal is None else (f"{literal.value:.12g}", str(literal.unit.dimension))
 
 
 def _why(row: _Row, count: int, twin: bool) -> str:
@@ -291,16 +291,16 @@ def cuts_of(model: Tree, prefix: str = "") -> Iterator[str]:
         yield from cuts_of(part.model, f"{prefix}{name}.")
 
 
-def written(given: Parameter) -> Any:
+def written(parameter: Parameter) -> Any:
     """Return what a deck writes for a parameter: a text, or a table where more is known."""
-    table: dict[str, Any] = {"value": _plain(given.text)}
-    of = given.expression.literal.unit if given.expression.literal else unit("1")
-    for key, bound in (("min", given.minimum), ("max", given.maximum)):
+    table: dict[str, Any] = {"value": _plain(parameter.text)}
+    of = parameter.expression.literal.unit if parameter.expression.literal else unit("1")
+    for key, bound in (("min", parameter.minimum), ("max", parameter.maximum)):
         if bound is not None:
             # an SI value in a unit, as the shortest number that converts back to the same float
             plain = from_si(bound, of)
             table[key] = next((short for digits in range(1, 18) if in_si(short := float(f"{plain:.{digits}g}"), of) == bound), plain)
-    table |= {k: v for k, v in (("source", given.source), ("note", given.note), ("basis", given.basis)) if v}
+    table |= {k: v for k, v in (("source", parameter.source), ("note", parameter.note), ("basis", parameter.basis)) if v}
     return table if len(table) > 1 else table["value"]
 
 
@@ -315,12 +315,12 @@ def _plain(text: str) -> str | float:
 def _grouped(fields: Mapping[str, Parameter]) -> dict[str, Any]:
     """Return fields as a deck writes them, ``group.field`` as a table."""
     out: dict[str, Any] = {}
-    for name, given in fields.items():
+    for name, value in fields.items():
         group, _, inner = name.partition(".")
         if inner:
-            out.setdefault(group, {})[inner] = written(given)
+            out.setdefault(group, {})[inner] = written(value)
         else:
-            out[name] = written(given)
+            out[name] = written(value)
     return out
 
 
@@ -357,12 +357,12 @@ def _points_to(shape: Curve, slot: str) -> dict[str, Any]:
     """Return the points of a table as texts, with what is known of its source."""
     columns = [(shape.x, "K"), (shape.y, slot)] + ([(shape.d, SLOPES[slot])] if shape.d is not None else [])
     texts = [[f"{v!r} [{of}]" for v in column.tolist()] for column, of in columns]
-    known = {k: v for k, v in (("source", shape.source), ("basis", shape.basis)) if v}
+    points = {k: v for k, v in (("source", shape.source), ("basis", shape.basis)) if v}
     if shape.interpolation != INTERPOLATIONS[0]:
-        known["interpolation"] = shape.interpolation
+        points["interpolation"] = shape.interpolation
     if shape.outside != OUTSIDE[0]:
-        known["outside"] = shape.outside
-    return {"points": [list(point) for point in zip(*texts, strict=True)], **known}
+        points["outside"] = shape.outside
+    return {"points": [list(point) for point in zip(*texts, strict=True)], **points}
 
 
 def made_to(state: MadeIn) -> dict[str, str]:
@@ -373,8 +373,8 @@ def made_to(state: MadeIn) -> dict[str, str]:
 
 def _written_fields(c: Conductor) -> dict[str, Parameter]:
     """Return the fields of a conductor without the scatter that a closed gap has by itself."""
-    own = gap_scatter(c.words, "") if "tilt" in c.words else None
-    return {name: given for name, given in c.fields.items() if name != "convection_factor" or given != own}
+    scatter = gap_scatter(c.words, "") if "tilt" in c.words else None
+    return {name: parameter for name, parameter in c.fields.items() if name != "convection_factor" or parameter != scatter}
 
 
 def _control_to(control: Control) -> dict[str, Any]:

@@ -96,21 +96,21 @@ def replaced(model: M, raw: str, new: M, keep: Sequence[str] = ()) -> tuple[M, R
     """Return a model with another part at a path, and what became of the values there; see `Model.replaced`."""
     path = model.canonical(raw)
     old = model.submodel(path)
-    known = parameter_table(new)
+    new_values = parameter_table(new)
     stays = frozenset(model.canonical(k) for k in keep)
     before = parameter_table(model)
     for k in (k for k in keep if model.canonical(k) not in before):
         raise NameNotFoundError(f"'{k}' cannot be kept: the model has no such value.{nearest(model.canonical(k), before)}", model.title)
-    after = _at(model, path, new, path, stays, known)
+    after = _at(model, path, new, path, stays, new_values)
     now = parameter_table(after)
     lost = [k for k in keep if (p := model.canonical(k)) in now and now[p].origin != before[p].origin]  # laid over the old part itself
     for k in lost:
         after = lay_values(after, {k: before[model.canonical(k)].parameter}, before[model.canonical(k)].origin)
     now = parameter_table(after)
-    own = {f"{path}.{p}": e for p, e in parameter_table(without_layers(old)).items()}
-    laid = {p: e for p, e in before.items() if inside(p, path) and _differs(e, own.get(p))}
-    kept = tuple(p for p in laid if p in now and now[p].origin == laid[p].origin)
-    gone = {p: e for p, e in laid.items() if p not in kept}
+    own_values = {f"{path}.{p}": e for p, e in parameter_table(without_layers(old)).items()}
+    laid_values = {p: e for p, e in before.items() if inside(p, path) and _differs(e, own_values.get(p))}
+    still_laid = tuple(p for p in laid_values if p in now and now[p].origin == laid_values[p].origin)
+    gone = {p: e for p, e in laid_values.items() if p not in still_laid}
     values = ParameterSet(model)
     place = {p for p in coefficients(model, values, path) if p in gone and _above(gone[p], old)}
     dropped = tuple(
@@ -118,10 +118,10 @@ def replaced(model: M, raw: str, new: M, keep: Sequence[str] = ()) -> tuple[M, R
     )
     of_surfaces = [PlaceStart(p, before[p].parameter.text, PLACE, "place", of_part=True) for p in sorted(place) if p in now]
     starts = (*of_surfaces, *_joints(model, after, path, values, stays))
-    assumes = (f"{new.title} has the values of its deck", *map(str, starts), *(f"{p} is unchanged" for p in kept))
+    assumes = (f"{new.title} has the values of its deck", *map(str, starts), *(f"{p} is unchanged" for p in still_laid))
     after = _apart(after, path, [p for p in gone if p in now])
     untied = tuple(p for p in _with_twins(model, path) if p not in _with_twins(after, path))
-    return after, Replacement(path, old.title, new.title, dropped, kept, starts, assumes, untied)
+    return after, Replacement(path, old.title, new.title, dropped, still_laid, starts, assumes, untied)
 
 
 def short_text(text: str) -> str:
@@ -135,11 +135,11 @@ def short_text(text: str) -> str:
 
 def coefficients(model: Tree, values: ParameterSet, part: str) -> set[str]:
     """Return the numbers inside a part that set a coefficient of heat transfer of its surfaces."""
-    found: set[str] = set()
+    numbers: set[str] = set()
     for owner, prefix in model.submodel(part).walk(f"{part}."):
         paths = [f"{prefix}{name}.{coefficient}" for name in owner.surfaces for coefficient in COEFFICIENTS]
-        found |= {values.literal_behind(path) for path in paths if path in values.table}
-    return found
+        numbers |= {values.literal_behind(path) for path in paths if path in values.table}
+    return numbers
 
 
 def without_layers(model: Tree) -> Tree:
@@ -154,26 +154,26 @@ def _differs(now: Entry, deck: Entry | None) -> bool:
 
 def _above(entry: Entry, old: Tree) -> bool:
     """Return whether a value was given where the part is installed, and not by a test of the part alone."""
-    own = {layer.origin for layer in old.layers}
-    return entry.origin not in own or any(origin.startswith("[set]") for origin, _ in entry.shadowed)
+    own_layers = {layer.origin for layer in old.layers}
+    return entry.origin not in own_layers or any(origin.startswith("[set]") for origin, _ in entry.shadowed)
 
 
-def _at(model: M, path: str, new: M, full: str, keep: frozenset[str], known: Mapping[str, Entry]) -> M:
+def _at(model: M, path: str, new: M, full: str, keep: frozenset[str], new_values: Mapping[str, Entry]) -> M:
     """Return a model with the new part, and without rows on paths of the old one, here and at every level below."""
     head, _, rest = path.partition(".")
     old = model.submodels[head]
     if rest:
         deeper = frozenset(k.partition(".")[2] for k in keep if k.partition(".")[0] == head)
-        part = old.with_model(_at(old.model, rest, new, full, deeper, known))
+        part = old.with_model(_at(old.model, rest, new, full, deeper, new_values))
     else:
         bind = _ports(model, head, new, full)
         sees = {need: node for need, node in old.sees.items() if need in bind}
         part = Submodel(new, bind, old.definition if new == old.model else definition_of(new), sees)
-    _check_read(model, path, known, full)
+    _check_read(model, path, new_values, full)
 
-    def stays(raw: str, given: Parameter) -> bool:
+    def stays(raw: str, parameter: Parameter) -> bool:
         p = model.canonical(raw)
-        return not inside(p, path) or p in keep or (not given.is_literal and p.removeprefix(f"{path}.") in known)
+        return not inside(p, path) or p in keep or (not parameter.is_literal and p.removeprefix(f"{path}.") in new_values)
 
     return replace(
         model,
@@ -213,20 +213,20 @@ def _ports(model: Tree, head: str, new: Tree, path: str) -> dict[str, str]:
     return {need: node for need, node in old.bind.items() if need in new.needs}
 
 
-def _check_read(model: Tree, path: str, known: Mapping[str, Entry], full: str) -> None:
+def _check_read(model: Tree, path: str, new_values: Mapping[str, Entry], full: str) -> None:
     """Refuse a part that lacks a value which a deck above reads.
 
     Raises
     ------
     DeckError   With what to do.
     """
-    rows = [(key, given) for _, key, given in model.own_parameters()] + [(f"set.{p}", v) for p, v in model.settings.items()]
-    for key, given in rows:
-        for name in given.expression.names:
+    rows = [(key, parameter) for _, key, parameter in model.own_parameters()] + [(f"set.{p}", v) for p, v in model.settings.items()]
+    for key, parameter in rows:
+        for name in parameter.expression.names:
             local = model.canonical(name)
-            if inside(local, path) and local.removeprefix(f"{path}.") not in known:
+            if inside(local, path) and local.removeprefix(f"{path}.") not in new_values:
                 raise DeckError(
-                    f"'{given.text}' reads '{name}', which the replacement of '{full}' does not have. Give the new part a parameter of "
+                    f"'{parameter.text}' reads '{name}', which the replacement of '{full}' does not have. Give the new part a parameter of "
                     "that name, or write a number here.",
                     model.where(key),
                 )
@@ -235,14 +235,14 @@ def _check_read(model: Tree, path: str, known: Mapping[str, Entry], full: str) -
 def _joints(model: Tree, after: Tree, path: str, values: ParameterSet, keep: frozenset[str]) -> Iterator[PlaceStart]:
     """Yield what the joints at the part start from: a number of their own, where other joints shared it."""
     beside = touching(model, path)
-    known = ParameterSet(after)
+    new_parameters = ParameterSet(after)
     ties = local_identities(model)
     numbers = values.evaluate({})
     done = set(keep)
     for element, fields in beside.elements.items():
         for row in fields:
             kind = row.removeprefix(f"{element}.")
-            if kind not in INTERFACE or row not in known.table or inside(row, path):
+            if kind not in INTERFACE or row not in new_parameters.table or inside(row, path):
                 continue
             # the number behind a field if it acts on nothing elsewhere; empty where the field needs a number of its own
             own = [p for p in _roots(values, row) if not any(q in beside.shared for q in values.downstream([p]))]
@@ -275,8 +275,8 @@ def _roots(values: ParameterSet, field: str) -> list[str]:
 
 def _with_twins(model: Tree, path: str) -> list[str]:
     """Return the values inside a part that it shares with something outside."""
-    known = local_identities(model)
-    return [p for p, one in known.items() if inside(p, path) and any(not inside(q, path) for q in one.paths)]
+    identities = local_identities(model)
+    return [p for p, one in identities.items() if inside(p, path) and any(not inside(q, path) for q in one.paths)]
 
 
 def _apart(model: M, path: str, gone: Sequence[str]) -> M:

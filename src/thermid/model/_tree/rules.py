@@ -28,7 +28,7 @@ Severity = Literal["error", "warning", "note"]
 SEVERITIES: Final = ("error", "warning", "note")
 SINGLY: Final = 2
 """Up to so many values of one kind are remarked upon one by one."""
-FAR: Final = 20.0
+OUTLIER_FACTOR: Final = 20.0
 """Factor by which a value is far from the median of its peers. [-]"""
 PEERS: Final = 5
 """So many values of one field show what is usual."""
@@ -95,13 +95,13 @@ class _View:
     def islands(self) -> list[list[FlatNode]]:
         """Return the groups of joined nodes from which heat can reach no boundary."""
         grounded = self.grounded()
-        left = {n.path: n for n in self.flat.nodes if n.path not in grounded}
+        waiting = {n.path: n for n in self.flat.nodes if n.path not in grounded}
         out = []
-        while left:
-            group = [left.pop(next(iter(left)))]
+        while waiting:
+            group = [waiting.pop(next(iter(waiting)))]
             for node in group:
                 near = {e for c in self._conducting() if node.path in c.ends for e in c.ends}
-                group += [left.pop(path) for path in list(left) if path in near]
+                group += [waiting.pop(path) for path in list(waiting) if path in near]
             out.append(group)
         return out
 
@@ -163,8 +163,8 @@ def _laws(view: _View) -> Iterator[Finding]:
 def _impossible(view: _View) -> Iterator[Finding]:
     """A value that physics forbids; of several fields that one number stands behind, the first."""
     places: dict[str, Finding] = {}
-    for found in view.impossible.values():
-        places.setdefault(found.where, found)
+    for finding in view.impossible.values():
+        places.setdefault(finding.where, finding)
     yield from places.values()
 
 
@@ -275,11 +275,11 @@ def _loads(view: _View) -> Iterator[Finding]:
 
 def _shadowed(view: _View) -> Iterator[Finding]:
     """A value that another one hides; a value of an element that stands where it is used hides nothing."""
-    made = tuple(f"{prefix}{name}." for owner, prefix in view.model.walk() for name, part in owner.submodels.items() if part.made)
+    made_parts = tuple(f"{prefix}{name}." for owner, prefix in view.model.walk() for name, part in owner.submodels.items() if part.made)
     groups: dict[tuple[str, str, str], list[str]] = {}
     table = view.flat.parameters.table
     for path, entry in table.items():
-        if entry.shadowed and not (path.startswith(made) and len(entry.shadowed) == 1):
+        if entry.shadowed and not (path.startswith(made_parts) and len(entry.shadowed) == 1):
             hidden = ", ".join(f"{text} of {origin}" for origin, text in reversed(entry.shadowed))
             groups.setdefault((entry.origin, hidden, path.rpartition(".")[2]), []).append(path)
     for (origin, hidden, _), paths in groups.items():
@@ -301,11 +301,11 @@ def _shadowed(view: _View) -> Iterator[Finding]:
 def _ties(view: _View) -> Iterator[Finding]:
     """Values that several instances share, and what is cut from its twins."""
     literals = {path for path, entry in view.flat.parameters.table.items() if entry.parameter.is_literal}
-    known = {one.paths: one for path, one in local_identities(view.model).items() if path in literals}
+    identities = {one.paths: one for path, one in local_identities(view.model).items() if path in literals}
     shared: dict[tuple[str, tuple[str, ...]], list[str]] = {}
     where = view.model.where("")
     apart: dict[str, list[str]] = {}
-    for paths, one in known.items():
+    for paths, one in identities.items():
         if one.why == APART:
             apart.setdefault(_ending(tuple(p.partition(".")[2] for p in paths)), []).extend(paths)
         elif len(paths) > 1:
@@ -355,8 +355,8 @@ def _unused(view: _View) -> Iterator[Finding]:
     needs = {path: {entry.scope + name for name in entry.parameter.expression.names} for path, entry in table.items()}
     declared: dict[str, str] = {}
     for owner, prefix in view.model.walk():
-        for name, _, given in owner.own_parameters():
-            needs[prefix + name] |= {prefix + other for other in given.expression.names}
+        for name, _, parameter in owner.own_parameters():
+            needs[prefix + name] |= {prefix + other for other in parameter.expression.names}
         declared |= {prefix + name: owner.where(f"parameters.{name}") for name in owner.parameters}
     used: set[str] = set()
     todo = [path for path in table if path not in declared]
@@ -424,15 +424,15 @@ def _lumped(view: _View) -> Iterator[Finding]:
 
 def _unlumped(view: _View) -> dict[str, CodedText]:
     """Return node -> that it is not at one temperature, and what to split."""
-    found = {}
+    texts = {}
     for node, biot in _lumping(view).items():
         if biot > LUMPED:
             text = (
                 f"the Biot number of '{node}' is {biot:.2g}, above {LUMPED:g}: films carry {biot:.2g} times as much heat per kelvin as the "
                 f"conduction inside it, so it is not at one temperature. Split it along that conduction into {_pieces(biot)} nodes or more."
             )
-            found[node] = CodedText(text, "physics.not-one-temperature")
-    return found
+            texts[node] = CodedText(text, "physics.not-one-temperature")
+    return texts
 
 
 def unlumped(model: Tree, values: Mapping[str, float]) -> tuple[CodedText, ...]:
@@ -469,10 +469,10 @@ def _outliers(view: _View) -> Iterator[Finding]:
         k = int(np.argmax(off))
         others = sorted((value, path) for n, (value, path) in enumerate(zip(logs.tolist(), paths, strict=True)) if n != k)
         spread = max(abs(value - float(np.median(logs))) for value, _ in others)
-        if off[k] > np.log(FAR) and off[k] > 2.0 * spread:
+        if off[k] > np.log(OUTLIER_FACTOR) and off[k] > 2.0 * spread:
             entry, (low, high) = table[paths[k]], (table[others[n][1]].parameter.text for n in (0, -1))
-            said = f"'{paths[k]}' is {entry.parameter.text}, and {len(others)} others of its field are {low} to {high}"
-            yield Finding("warning", entry.where, f"{said}. Check its unit and digits.", "model.value-far-from-others")
+            observation = f"'{paths[k]}' is {entry.parameter.text}, and {len(others)} others of its field are {low} to {high}"
+            yield Finding("warning", entry.where, f"{observation}. Check its unit and digits.", "model.value-far-from-others")
 
 
 def _ranges(view: _View) -> Iterator[Finding]:
@@ -579,7 +579,7 @@ def _carried(view: _View) -> Iterator[Finding]:
 def _sources(view: _View) -> Iterator[Finding]:
     """Values without a source, where others have one."""
     literals = {path: entry.parameter for path, entry in view.flat.parameters.table.items() if entry.parameter.is_literal}
-    bare = [path for path, given in literals.items() if not given.source]
+    bare = [path for path, parameter in literals.items() if not parameter.source]
     if bare and len(bare) < len(literals):
         yield Finding(
             "note",
@@ -621,8 +621,8 @@ def findings(model: Tree) -> tuple[Finding, ...]:
         view = _view(model)
     except ThermidError as error:
         return (_refused(error, error.where or model.title),)
-    found = dict.fromkeys(finding for rule in RULES for finding in rule(view))
-    return tuple(sorted(found, key=lambda f: SEVERITIES.index(f.severity)))
+    unique = dict.fromkeys(finding for rule in RULES for finding in rule(view))
+    return tuple(sorted(unique, key=lambda f: SEVERITIES.index(f.severity)))
 
 
 def _has(group: list[FlatNode]) -> str:

@@ -20,7 +20,7 @@ from thermid.model._parts.parameter import SHARES, Parameter, check_bounds
 Element = Node | Conductor | Surface | Joint | Enclosure | HeatLoad | Control
 TABLES = ("nodes", "surfaces", "conductors", "joints", "enclosures", "loads", "controls")
 SET = "[set] of "
-FEW = 12
+MAX_LISTED_NAMES = 12
 """Up to so many names are listed where none is near."""
 M = TypeVar("M", bound="Tree")
 Part = TypeVar("Part", bound="Tree", covariant=True)
@@ -126,8 +126,8 @@ class Tree:
     def __str__(self) -> str:
         """One line: what it is made of and what it needs."""
         counts = ((getattr(self, name), name) for name in ("submodels", "nodes", "conductors", "surfaces", "joints", "loads", "controls"))
-        made = ", ".join(f"{len(table)} {name if len(table) != 1 else name[:-1]}" for table, name in counts if table)
-        return f"{self.title}: {made or 'empty'}; needs {', '.join(self.needs) or 'nothing'}"
+        contents = ", ".join(f"{len(table)} {name if len(table) != 1 else name[:-1]}" for table, name in counts if table)
+        return f"{self.title}: {contents or 'empty'}; needs {', '.join(self.needs) or 'nothing'}"
 
     def where(self, key: str) -> str:
         """Return file, line and key path, for messages."""
@@ -149,11 +149,11 @@ class Tree:
 
     def own_parameters(self) -> Iterator[tuple[str, str, Parameter]]:
         """Yield name, key path and parameter of every own value; a value inside an element is ``element.field``."""
-        for name, given in self.parameters.items():
-            yield name, f"parameters.{name}", given
+        for name, parameter in self.parameters.items():
+            yield name, f"parameters.{name}", parameter
         for table, name, element in self.elements():
-            for entry, given in element.fields.items():
-                yield f"{name}.{entry}", f"{table}.{name}.{entry}", given
+            for entry, parameter in element.fields.items():
+                yield f"{name}.{entry}", f"{table}.{name}.{entry}", parameter
 
     def submodel(self, path: str) -> Self:
         """Return the submodel at a path.
@@ -189,7 +189,7 @@ class Tree:
 
     @property
     def _below(self) -> dict[str, str]:
-        return self.memo.made("inner aliases", self._inner_aliases)
+        return self.memo.value("inner aliases", self._inner_aliases)
 
     def every_alias(self) -> dict[str, str]:
         """Return every alias that is a name here -> its canonical path, those of submodels too."""
@@ -223,13 +223,13 @@ class Tree:
             return table[path].parameter
         if head in self.submodels:
             return self.submodels[head].model.at(rest)
-        known = [*self.submodels, *(n for _, n, _ in self.elements()), *table]
-        raise NameNotFoundError(f"nothing at '{path}'.{nearest(path, known)}", self.title)
+        names = [*self.submodels, *(n for _, n, _ in self.elements()), *table]
+        raise NameNotFoundError(f"nothing at '{path}'.{nearest(path, names)}", self.title)
 
     def interfaces(self) -> tuple[str, ...]:
         """Return the paths of the parameters that belong to no part alone: what a submodel stage tunes."""
-        own = [name for name, _, given in self.own_parameters() if given.is_literal]
-        return (*own, *(path for path, given in self.settings.items() if given.is_literal))
+        own_values = [name for name, _, parameter in self.own_parameters() if parameter.is_literal]
+        return (*own_values, *(path for path, parameter in self.settings.items() if parameter.is_literal))
 
     def missing_parts(self, prefix: str = "") -> Iterator[str]:
         """Yield what the model and its parts lack, each with its place."""
@@ -257,10 +257,10 @@ class Tree:
         )
 
 
-def _among(ties: tuple[tuple[str, ...], ...], known: Container[str]) -> tuple[tuple[str, ...], ...]:
+def _among(ties: tuple[tuple[str, ...], ...], present: Container[str]) -> tuple[tuple[str, ...], ...]:
     """Return the groups of what is still there."""
-    kept = (tuple(p for p in group if p in known) for group in ties)
-    return tuple(group for group in kept if len(group) > 1)
+    remaining = (tuple(p for p in group if p in present) for group in ties)
+    return tuple(group for group in remaining if len(group) > 1)
 
 
 def used_offers(model: Tree, part: str) -> set[str]:
@@ -321,13 +321,13 @@ class Names:
 
     def _check_ports(self, model: Tree) -> None:
         """Refuse aliases and offers that name nothing."""
-        known = local_names(model)
+        names = local_names(model)
         for alias, target in model.aliases.items():
             missing = f"the alias '{alias}' stands for '{target}', which does not exist."
-            refuse_unknown([model.canonical(target)], known, model.where(f"aliases.{alias}"), missing, NameNotFoundError)
+            refuse_unknown([model.canonical(target)], names, model.where(f"aliases.{alias}"), missing, NameNotFoundError)
         for offer in model.offers:
             missing = f"offers names '{offer}', but the model has no such node or surface."
-            refuse_unknown([model.canonical(offer)], known, model.where("offers"), missing, NameNotFoundError)
+            refuse_unknown([model.canonical(offer)], names, model.where("offers"), missing, NameNotFoundError)
 
     def _collect(self, model: Tree, prefix: str) -> None:
         self._check_ports(model)
@@ -355,25 +355,25 @@ class Names:
             target = part.bind[need]
             key = f"submodels.{name}.bind.{need}"
             self._alias[f"{prefix}{name}.{need}"] = self.end(model, prefix, target, key)
-            self._seen[f"{prefix}{name}.{need}"] = self.seen(model, prefix, part.sees.get(need, target), key)
+            self._seen[f"{prefix}{name}.{need}"] = self.node_seen(model, prefix, part.sees.get(need, target), key)
 
     def end(self, model: Tree, prefix: str, raw: str, key: str) -> str:
         """Return the canonical node that a name inside a model stands for; offered ports only, where it lies in a submodel."""
         path = model.canonical(raw)
         head, _, rest = path.partition(".")
         if rest and head in model.submodels and rest not in self._offers(prefix + head, model.submodels[head].model):
-            known = model.submodels[head].model.offers
+            offers = model.submodels[head].model.offers
             exists = prefix + path in self.nodes
             say = (
-                f"'{head}' does not offer '{rest}'. It offers {', '.join(known) or 'nothing'}."
+                f"'{head}' does not offer '{rest}'. It offers {', '.join(offers) or 'nothing'}."
                 if exists
-                else f"no node '{raw}'.{self._near(prefix, path)}"
+                else f"no node '{raw}'.{self._nearest(prefix, path)}"
             )
             raise NameNotFoundError(say, model.where(key))
         full = prefix + path
         full = self._alias.get(full, full)
         if full not in self.nodes and full not in self.boundaries:
-            hint = self._near(prefix, path) or f' Define it under nodes; if it is supplied from outside, add it to needs = ["{raw}"].'
+            hint = self._nearest(prefix, path) or f' Define it under nodes; if it is supplied from outside, add it to needs = ["{raw}"].'
             raise NameNotFoundError(f"no node '{raw}'.{hint}", model.where(key))
         return full
 
@@ -383,14 +383,14 @@ class Names:
             self._offered[instance] = frozenset(part.canonical(o) for o in part.offers)
         return self._offered[instance]
 
-    def seen(self, model: Tree, prefix: str, raw: str, key: str) -> str:
+    def node_seen(self, model: Tree, prefix: str, raw: str, key: str) -> str:
         """Return the canonical node that a surface sees under a name: of a need that is bound apart, the one it sees."""
         node = self.end(model, prefix, raw, key)
         return self._seen.get(prefix + model.canonical(raw), node)
 
-    def _near(self, prefix: str, path: str) -> str:
-        known = [n.removeprefix(prefix) for n in (*self.nodes, *self._alias) if n.startswith(prefix)]
-        return nearest(path, known)
+    def _nearest(self, prefix: str, path: str) -> str:
+        names = [n.removeprefix(prefix) for n in (*self.nodes, *self._alias) if n.startswith(prefix)]
+        return nearest(path, names)
 
     def surface(self, model: Tree, prefix: str, raw: str, key: str) -> tuple[str, Tree, str]:
         """Return the canonical path of a surface, the model that owns it and that model's prefix."""
@@ -406,8 +406,8 @@ class Names:
                 )
             owner, own_prefix, rest = part, f"{own_prefix}{head}.", tail
         if rest not in owner.surfaces:
-            known = [s for s in owner.surfaces]
-            raise NameNotFoundError(f"no surface '{raw}'.{nearest(rest, known)} Declare it under surfaces.", model.where(key))
+            surfaces = [s for s in owner.surfaces]
+            raise NameNotFoundError(f"no surface '{raw}'.{nearest(rest, surfaces)} Declare it under surfaces.", model.where(key))
         return own_prefix + rest, owner, own_prefix
 
     def find(self, raw: str, where: str = "") -> str:
@@ -415,12 +415,16 @@ class Names:
         path = self.model.canonical(raw)
         path = self._alias.get(path, path)
         if path not in self.nodes and path not in self.boundaries:
-            known = [*self.nodes, *self.boundaries]
+            names = [*self.nodes, *self.boundaries]
             inside = [n for n in self.nodes if n.startswith(f"{path}.")]
             if inside:
-                shown = ", ".join(inside[:FEW]) + (f" and {len(inside) - FEW} more" if len(inside) > FEW else "")
+                shown = ", ".join(inside[:MAX_LISTED_NAMES]) + (
+                    f" and {len(inside) - MAX_LISTED_NAMES} more" if len(inside) > MAX_LISTED_NAMES else ""
+                )
                 raise NameNotFoundError(f"'{raw}' is a submodel and no node. Its nodes: {shown}.", where or self.model.title)
-            hint = nearest(path, [*known, *self.model.aliases]) or (f" There are {', '.join(known)}." if len(known) <= FEW else "")
+            hint = nearest(path, [*names, *self.model.aliases]) or (
+                f" There are {', '.join(names)}." if len(names) <= MAX_LISTED_NAMES else ""
+            )
             raise NameNotFoundError(f"no node '{raw}'.{hint}", where or self.model.title)
         return path
 
@@ -455,27 +459,27 @@ def parameter_table(model: Tree, prefix: str = "") -> dict[str, Entry]:
     NameNotFoundError   When a [set] names no parameter.
     """
     table: dict[str, Entry] = {}
-    for name, key, given in model.own_parameters():
-        table[prefix + name] = Entry(given, prefix, model.title, model.where(key))
+    for name, key, parameter in model.own_parameters():
+        table[prefix + name] = Entry(parameter, prefix, model.title, model.where(key))
     for name, part in model.submodels.items():
         table |= parameter_table(part.model, f"{prefix}{name}.")
-    for raw, given in model.settings.items():
-        _lay(table, model, prefix, raw, given, f"{SET}{model.title}", model.where(f"set.{raw}"))
+    for raw, parameter in model.settings.items():
+        _lay(table, model, prefix, raw, parameter, f"{SET}{model.title}", model.where(f"set.{raw}"))
     for layer in model.layers:
-        for raw, given in layer.values.items():
-            _lay(table, model, prefix, raw, given, layer.origin, f"{layer.origin}, {raw}")
+        for raw, parameter in layer.values.items():
+            _lay(table, model, prefix, raw, parameter, layer.origin, f"{layer.origin}, {raw}")
     return table
 
 
 def own_tables(model: Tree, prefix: str = "") -> dict[str, tuple[Curve, str]]:
     """Return path -> table of points and its place in a deck, for every table over a temperature of a tree; no value is laid over these."""
-    found = [(f"nodes.{n}.{e.table[0]}", f"{n}.{e.table[0]}", e.table[1]) for n, e in model.nodes.items() if e.table]
+    curves = [(f"nodes.{n}.{e.table[0]}", f"{n}.{e.table[0]}", e.table[1]) for n, e in model.nodes.items() if e.table]
     for group, elements in (("conductors", model.conductors), ("loads", model.loads)):
-        for n, each in elements.items():
-            if each.curve is not None:
-                field = (KINDS[each.kind].tabulated if isinstance(each, Conductor) else "") or "table"
-                found.append((f"{group}.{n}.{field}", f"{n}.{field}", each.curve))
-    out = {prefix + path: (curve, model.where(key)) for key, path, curve in found}
+        for n, element in elements.items():
+            if element.curve is not None:
+                field = (KINDS[element.kind].tabulated if isinstance(element, Conductor) else "") or "table"
+                curves.append((f"{group}.{n}.{field}", f"{n}.{field}", element.curve))
+    out = {prefix + path: (curve, model.where(key)) for key, path, curve in curves}
     for name, part in model.submodels.items():
         out |= own_tables(part.model, f"{prefix}{name}.")
     return out
@@ -487,16 +491,16 @@ def deck_text(entry: Entry) -> str:
     return next((text for origin, text in reversed(every[1:]) if origin.startswith(SET)), every[0][1])
 
 
-def _lay(table: dict[str, Entry], model: Tree, prefix: str, raw: str, given: Parameter, origin: str, where: str) -> None:
+def _lay(table: dict[str, Entry], model: Tree, prefix: str, raw: str, parameter: Parameter, origin: str, where: str) -> None:
     """Lay one value over the table; bounds and notes stay unless given anew."""
     path = prefix + model.canonical(raw)
     old = table.get(path)
     if old is None:
-        known = [p.removeprefix(prefix) for p in table]
-        raise NameNotFoundError(f"no parameter '{raw}'.{nearest(raw, known)}", where)
-    low = old.parameter.minimum if given.minimum is None else given.minimum
-    high = old.parameter.maximum if given.maximum is None else given.maximum
-    merged = replace(given, minimum=low, maximum=high, note=given.note or old.parameter.note)
+        paths = [p.removeprefix(prefix) for p in table]
+        raise NameNotFoundError(f"no parameter '{raw}'.{nearest(raw, paths)}", where)
+    low = old.parameter.minimum if parameter.minimum is None else parameter.minimum
+    high = old.parameter.maximum if parameter.maximum is None else parameter.maximum
+    merged = replace(parameter, minimum=low, maximum=high, note=parameter.note or old.parameter.note)
     table[path] = Entry(merged, prefix, origin, where, (*old.shadowed, (old.origin, old.parameter.text)))
 
 
@@ -556,13 +560,13 @@ class ParameterSet:
         return tuple(done)
 
     def evaluate(
-        self, overrides: Mapping[str, Any], only: Iterable[str] | None = None, known: Mapping[str, Any] | None = None
+        self, overrides: Mapping[str, Any], only: Iterable[str] | None = None, values_before: Mapping[str, Any] | None = None
     ) -> dict[str, Any]:
         """Return path -> value, SI, of all paths or of `only` some, with `overrides` in place of literals.
 
-        Overrides may be floats, `Dual` numbers or arrays over time; `known` holds values already computed.
+        Overrides may be floats, `Dual` numbers or arrays over time; `values_before` holds values already computed.
         """
-        values: dict[str, Any] = dict(known or {})
+        values: dict[str, Any] = dict(values_before or {})
         for path in self.order if only is None else only:
             if path in overrides:
                 values[path] = overrides[path]
@@ -599,16 +603,16 @@ class ParameterSet:
 
     def literal_behind(self, path: str) -> str:
         """Follow a chain of bare names to the value at its end."""
-        seen = {path}
+        visited = {path}
         while True:
             names = self._needs[path]
             entry = self.table[path]
             if entry.parameter.is_literal or len(names) != 1 or entry.parameter.text.strip() != entry.parameter.expression.names[0]:
                 return path
             path = names[0]
-            if path in seen:
+            if path in visited:
                 return path
-            seen.add(path)
+            visited.add(path)
 
     @cached_property
     def _shares(self) -> frozenset[str]:
@@ -616,11 +620,11 @@ class ParameterSet:
 
     def bounded(self, path: str) -> Parameter:
         """Return a parameter with the bounds of its deck; those of a share, such as an emissivity, lie within 0 and 1."""
-        given = self.table[path].parameter
+        parameter = self.table[path].parameter
         if path not in self._shares:
-            return given
-        low, high = (0.0 if given.minimum is None else given.minimum), (1.0 if given.maximum is None else given.maximum)
-        return replace(given, minimum=max(low, 0.0), maximum=min(high, 1.0))
+            return parameter
+        low, high = (0.0 if parameter.minimum is None else parameter.minimum), (1.0 if parameter.maximum is None else parameter.maximum)
+        return replace(parameter, minimum=max(low, 0.0), maximum=min(high, 1.0))
 
     def freeable(self, raw: str, canonical: Callable[[str], str]) -> str:
         """Return the path of a parameter that a fit may free.

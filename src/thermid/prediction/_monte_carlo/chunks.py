@@ -68,8 +68,8 @@ class Job:
         """Return a hash of all of it."""
         b = self.budget
         drawn = (b.sources, b.alike, b.targets, b.gain, b.ways)
-        own = (self.scenarios, drawn, self.nodes, self.times, self.seed, self.chunk, self.options, self.version)
-        return digest((self.model.identity(), *own))
+        settings = (self.scenarios, drawn, self.nodes, self.times, self.seed, self.chunk, self.options, self.version)
+        return digest((self.model.identity(), *settings))
 
     def parts(self, first: int, end: int) -> list[tuple[int, int]]:
         """Return the first member and the size of every chunk."""
@@ -149,10 +149,10 @@ def first_crossings(times: Array, above: Array, turnings: MemberTurnings | None 
     for member, point in zip(members[early].tolist(), first[early].tolist(), strict=True):
         time, high = float(turnings.times[point]), float(turnings.kelvin[point])
         sample = int(np.searchsorted(times, time)) - 1  # all samples before are below
-        known = [(float(times[sample]), float(above[member, sample]))] if sample >= 0 else []
+        points_before = [(float(times[sample]), float(above[member, sample]))] if sample >= 0 else []
         if point and turnings.members[point - 1] == member:
-            known.append((float(turnings.times[point - 1]), float(turnings.kelvin[point - 1])))
-        start, low = max(known, default=(time, high))
+            points_before.append((float(turnings.times[point - 1]), float(turnings.kelvin[point - 1])))
+        start, low = max(points_before, default=(time, high))
         out[member] = time if low >= high else start + (time - start) * (-low) / (high - low)
     return np.asarray(out)
 
@@ -241,7 +241,7 @@ def run_members_of(job: Job, numbers: Array, settings: Settings | None = None) -
     for v, w in pairs:
         members = np.flatnonzero((chosen == v) & (way == w))
         if (v, w) not in ready:
-            ready[v, w] = Setting.of(job.budget.each[w][1], scenario=job.scenarios[v], times=job.times, options=job.options)
+            ready[v, w] = Setting.of_budget(job.budget.weighted_ways[w][1], scenario=job.scenarios[v], times=job.times, options=job.options)
         drawn = ready[v, w].temperatures(sources[:, members], job.nodes)
         if drawn.runs is not None:
             failed |= {int(members[m]): why for m, why in drawn.runs.failed.items()}
@@ -413,18 +413,18 @@ class RunCost:
 
     def __str__(self) -> str:
         """It in one line."""
-        kept = f", {self.kept} of them kept" if self.kept else ""
+        reuse = f", {self.kept} of them kept" if self.kept else ""
         return (
-            f"{self.members} members{kept}: about {spoken(self.seconds)} of processor time and {self.size / 1e6:.2g} MB beside the program"
+            f"{self.members} members{reuse}: about {spoken(self.seconds)} of processor time and {self.size / 1e6:.2g} MB beside the program"
         )
 
     @classmethod
-    def of(cls, job: Job, members: int, kept: int, keep: bool = False) -> RunCost:
+    def of_members(cls, job: Job, members: int, members_kept: int, keep: bool = False) -> RunCost:
         """Return what so many members take, from two small chunks that are run for it."""
-        each, besides, chunk = pace_of(job)
-        left, whole = members - kept, members if keep else job.whole(members)
+        seconds_per_member, besides, chunk = pace_of(job)
+        remaining, whole = members - members_kept, members if keep else job.whole(members)
         points = sum(getattr(t, part).nbytes for t in chunk.turnings.values() for part in PARTS)
         size = whole * 2.0 * (chunk.temperatures.nbytes + points) / TRIED[1]  # as chunks, and all together
         if whole < members:
             size += TABLES * sum(8.0 * g.bins.sum() for g in CountTable.of(job, (), [chunk]).grids.values())
-        return cls(members, kept, left * each + len(job.parts(0, left)) * besides, size)
+        return cls(members, members_kept, remaining * seconds_per_member + len(job.parts(0, remaining)) * besides, size)

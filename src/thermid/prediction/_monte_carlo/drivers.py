@@ -145,8 +145,8 @@ def sobol_of(job: Job, node: str, time: float | None = None, *, base: int = 512,
     }
     numbers = np.asarray(design.sample(problem, base, calc_second_order=False, seed=job.seed)).T
     tasks = [(f"run {k} of the design", (job, numbers[:, k : k + job.chunk], path, time)) for k in range(0, numbers.shape[1], job.chunk)]
-    found = dict(in_tasks(_temperature_of, tasks, executor))
-    result = np.concatenate([found[k] for k in range(len(found))])
+    temperatures = dict(in_tasks(_temperature_of, tasks, executor))
+    result = np.concatenate([temperatures[k] for k in range(len(temperatures))])
     indices = analysis.analyze(problem, result, calc_second_order=False, seed=job.seed)
     first, total, errors = ({n: float(x) for n, x in zip(names, indices[k], strict=True)} for k in ("S1", "ST", "ST_conf"))
     return Sobol(path, float("nan") if time is None else time, first, total, errors, numbers.shape[1])

@@ -199,7 +199,7 @@ class Hold(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return what a file or a page needs. Times in seconds, temperatures in degrees Celsius; null for beyond the scenario."""
 
-        def of(p: HoldPoint) -> dict[str, Any]:
+        def as_table(p: HoldPoint) -> dict[str, Any]:
             return {
                 "node": p.node,
                 "limit_C": p.limit,
@@ -221,8 +221,8 @@ class Hold(Result):
             "confidence": self.confidence,
             "members": self.members,
             "times_s": self.times.tolist(),
-            "points": {p.name: of(p) for p in self.points},
-            "together": of(self.together),
+            "points": {p.name: as_table(p) for p in self.points},
+            "together": as_table(self.together),
             "discrepancy_K": self.discrepancy,
             "left_out": [{"what": x.what, "kelvin": x.kelvin if math.isfinite(x.kelvin) else None} for x in self.left_out],
             "warnings": list(self.warnings),
@@ -274,9 +274,9 @@ def hold(runs: UncertainRuns, limits: Mapping[str, Any], *, confidence: float = 
     limited = {p.node for p in points}
     sizes = [float(np.abs(row).sum()) for t, row in zip(budget.targets, budget.gain, strict=True) if t.form == "node" and t.name in limited]
     causes = tuple(dict.fromkeys(c for c in budget.causes if c not in ("stated", "fit")))
-    said = (*runs.warnings, *([runs.centre] if runs.centre else []))
-    known = (len(runs.assumed), said, max(sizes, default=None), runs.standing, runs.left_out, runs.not_counted, causes)
-    return Hold(runs.title, runs.scenario, confidence, runs.times, len(runs), tuple(points), together, *known)
+    warnings = (*runs.warnings, *([runs.centre] if runs.centre else []))
+    common = (len(runs.assumed), warnings, max(sizes, default=None), runs.standing, runs.left_out, runs.not_counted, causes)
+    return Hold(runs.title, runs.scenario, confidence, runs.times, len(runs), tuple(points), together, *common)
 
 
 def check_members(members: int, confidence: float, title: str) -> None:
@@ -322,8 +322,8 @@ def _filled(
     exceedance = np.searchsorted(np.sort(crossings), runs.times, side="right") / crossings.size
     never = int(np.isinf(crossings).sum())
     until, between = hold_time(crossings, confidence)
-    share, known = never / crossings.size, proportion(never, crossings.size)
-    return HoldPoint(path, name, limit, side, crossings, exceedance, until, between, share, known, drivers)
+    share, share_interval = never / crossings.size, proportion(never, crossings.size)
+    return HoldPoint(path, name, limit, side, crossings, exceedance, until, between, share, share_interval, drivers)
 
 
 def driven_by(point: HoldPoint) -> str:
@@ -373,7 +373,7 @@ class HoldQuestion:
             nodes=list(self.limits),
             every=self.every or None,
         )
-        return RunCost.of(job, members, kept_members(job, members, self.limits, folder))
+        return RunCost.of_members(job, members, kept_members(job, members, self.limits, folder))
 
     @takes_objects
     def run(
@@ -419,25 +419,25 @@ def load_hold(path: str | os.PathLike[str]) -> HoldQuestion:
     target = Path(path)
     data, lines = read_toml(target)
     where = Places(target.name, lines)
-    asked = by_grammar("thermid.prediction._monte_carlo.schema.HoldFile", data, where)
+    content = by_grammar("thermid.prediction._monte_carlo.schema.HoldFile", data, where)
 
     def files(key: str, names: str | list[str]) -> list[Path]:
         return [resolve_inside(target.parent, name, where(key)) for name in ([names] if isinstance(names, str) else names)]
 
-    unit = asked.unit
-    (deck,) = files("model", asked.model)
+    unit = content.unit
+    (deck,) = files("model", content.model)
     model = macro_model(deck, at=unit) if unit else load_model(deck)
-    values = [filed(f, model, at=unit) for f in files("values", asked.values)]
+    values = [filed(f, model, at=unit) for f in files("values", content.values)]
     return HoldQuestion(
         model,
-        tuple(load_scenario(f) for f in files("scenario", asked.scenario)),
+        tuple(load_scenario(f) for f in files("scenario", content.scenario)),
         tuple(x.values for x in values),
         unit,
-        asked.written["limits"],
-        asked.spread,
-        asked.members,
-        asked.seed,
-        asked.every,
-        asked.confidence,
+        content.written["limits"],
+        content.spread,
+        content.members,
+        content.seed,
+        content.every,
+        content.confidence,
         tuple(line for x in values for line in x.lines),
     )

@@ -68,8 +68,8 @@ def starts(spec: Any, scenario: Scenario) -> tuple[list[float], tuple[str, ...],
     stays = tuple(spec.get("stays", ()))
     refuse_unknown(stays, scenario.names(), f"{where}, stays", "the scenario has no changing input '{}'.", ScenarioError)
     still = [k for k, s in scenario.commands.items() if s.cycle != 0.0] + [n for n in stays if n not in scenario.commands]
-    said = (f"the start moves all that changes in time but {', '.join(still)}, which count{'s' * (len(still) == 1)} from it",)
-    return times, stays, said if still and len(times) > 1 else ()
+    remarks = (f"the start moves all that changes in time but {', '.join(still)}, which count{'s' * (len(still) == 1)} from it",)
+    return times, stays, remarks if still and len(times) > 1 else ()
 
 
 SAMPLES = 121
@@ -95,16 +95,16 @@ def plan_runs(
     """Return what `uncertain_runs` would run, and what a reader must know."""
     from importlib.metadata import version
 
-    given = [values] if isinstance(values, Values) else list(values)
+    sources = [values] if isinstance(values, Values) else list(values)
     scenarios = [scenario] if isinstance(scenario, Scenario) else list(scenario)
     if not scenarios or chunk < 1:
         raise ScenarioError("a campaign of runs needs a scenario, and chunks of at least one member.", model.title)
     stated = dict(spread or {})
     begun, stays, remarks = starts(stated.pop("start_time"), scenarios[0]) if "start_time" in stated else ([0.0], (), ())
     first = begun_at(scenarios[0], begun[0], stays)
-    known = known_of([v for v in given if not isinstance(v, Spread)], model, at)
-    joint = [v for v in given if isinstance(v, Spread)]
-    budget = budget_of(known, first, [*joint, *([stated] if stated else [])], without=without)
+    knowledge = known_of([v for v in sources if not isinstance(v, Spread)], model, at)
+    joint = [v for v in sources if isinstance(v, Spread)]
+    budget = budget_of(knowledge, first, [*joint, *([stated] if stated else [])], without=without)
     check_variants(stated, budget.model, scenarios)
     variants = tuple(begun_at(s, t, stays) for s in scenarios for t in begun)
     for variant in variants:
@@ -114,9 +114,9 @@ def plan_runs(
     network = compile_network(budget.model, media=first.media(), prescribed=tuple(first.prescribed))
     points = [n.path for n in network.flat.nodes if n.reference_point]
     wanted = nodes if nodes is not None else points or [n for n in network.nodes if network.numbers().capacitances.get(n) is not None]
-    kept = tuple(dict.fromkeys(network.find(n) for n in wanted))
+    nodes_kept = tuple(dict.fromkeys(network.find(n) for n in wanted))
     grid = output_times(first, every, None if every is not None else np.linspace(0.0, first.seconds, SAMPLES))
-    return Job(budget, variants, kept, grid, seed, chunk, options or Options(), version("thermid")), (*remarks, *budget.remarks)
+    return Job(budget, variants, nodes_kept, grid, seed, chunk, options or Options(), version("thermid")), (*remarks, *budget.remarks)
 
 
 def _with_variants(budget: Budget, chosen: str, count: int) -> Budget:
@@ -219,10 +219,10 @@ class UncertainRuns(Result):
         sources = job.budget.drawn(job.budget.numbers(job.seed, 0, members))
         chosen = job.budget.chosen(sources)
         out: dict[str, Array] = {}
-        for k, (_, own) in enumerate(job.budget.each):
+        for k, (_, own) in enumerate(job.budget.weighted_ways):
             here = np.flatnonzero(chosen == k)
-            setting = Setting.of(own, scenario=job.scenarios[0], times=job.times, options=job.options)
-            for name, values in setting.told(sources[:, here]).items():
+            setting = Setting.of_budget(own, scenario=job.scenarios[0], times=job.times, options=job.options)
+            for name, values in setting.member_values(sources[:, here]).items():
                 out.setdefault(name, np.zeros(members))[here] = values
         return out | ({AVERAGED: chosen.astype(float)} if len(job.budget.ways) > 1 else {})
 
@@ -243,7 +243,10 @@ class UncertainRuns(Result):
         job = self.job
         if job.variant is not None or not self.reached.size:
             return ""
-        ways = [WayAnswer.of(w, own, self.nodes, None, job.times, job.options, job.scenarios[0]) for w, own in job.budget.each]
+        ways = [
+            WayAnswer.of_budget(w, budget_of_way, self.nodes, None, job.times, job.options, job.scenarios[0])
+            for w, budget_of_way in job.budget.weighted_ways
+        ]
         best = simulate(job.model, job.scenarios[0], times=job.times, options=job.options)
         sources = job.budget.drawn(job.budget.numbers(job.seed, 0, self.whole))[:, self.reached]
         chosen = job.budget.chosen(sources)
@@ -266,7 +269,7 @@ class UncertainRuns(Result):
         """Values of the model that are assumed."""
         return assumed(self.job.model)
 
-    def of(self, node: str) -> Array:
+    def node_temperatures(self, node: str) -> Array:
         """Return the temperatures (members that reached the end, times) of a node. [K]
 
         Raises
@@ -323,12 +326,12 @@ class UncertainRuns(Result):
 
     def turnings_of(self, node: str) -> MemberTurnings | None:
         """Return the turning points of a node between samples in the members that reached the end; None where they were not followed."""
-        self.of(node)
+        self.node_temperatures(node)
         return self._followed(node)[1]
 
     def furthest(self, node: str, sign: float = 1.0) -> Array:
         """Return the highest (sign 1) or lowest (-1) temperature of each member that reached the end, between samples too. [K]"""
-        self.of(node)
+        self.node_temperatures(node)
         return self.sampled(node, None, sign)
 
     def sampled(self, node: str, at: int | None, sign: float) -> Array:
@@ -378,8 +381,8 @@ class UncertainRuns(Result):
     def _as_traces(self) -> Sequence[PlottedTrace]:
         """Return the median of every node, and where 95 % of the members lie."""
         shares = (0.5, 0.025, 0.975)
-        found = [(n, [self.quantile(n, share) - ICE_POINT for share in shares]) for n in self.nodes]
-        return [PlottedTrace(n, self.times, middle, low, high) for n, (middle, low, high) in found]
+        quantiles = [(n, [self.quantile(n, share) - ICE_POINT for share in shares]) for n in self.nodes]
+        return [PlottedTrace(n, self.times, middle, low, high) for n, (middle, low, high) in quantiles]
 
 
 @takes_objects
@@ -445,7 +448,7 @@ def uncertain_runs(
         model, scenario, values, at=at, spread=spread, without=without, seed=seed, nodes=nodes, every=every, chunk=chunk, options=options
     )
     wanted = _limits_of(job, limits)
-    store = JobFolder.of(folder, job.key()) if folder is not None else None
+    store = JobFolder.below(folder, job.key()) if folder is not None else None
     campaign = MemberRuns(job, n, n if keep else job.whole(n), wanted, store, executor, progress)
     return _told(campaign, campaign.sample(), remarks)
 
@@ -501,5 +504,5 @@ def kept_members(job: Job, members: int, limits: Mapping[str, Any] | None, folde
     """Return how many of the members an earlier run left in a folder."""
     if folder is None:
         return 0
-    campaign = MemberRuns(job, members, job.whole(members), _limits_of(job, limits), JobFolder.of(folder, job.key()), None, None)
+    campaign = MemberRuns(job, members, job.whole(members), _limits_of(job, limits), JobFolder.below(folder, job.key()), None, None)
     return campaign.kept()

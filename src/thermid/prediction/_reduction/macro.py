@@ -76,9 +76,9 @@ def host_values(model: Model, at: str = UNIT) -> tuple[HostValue, ...]:
     at : str        Name of its unit.
     """
     table = parameter_table(model)
-    laid = {model.canonical(p) for p in model.settings} | {p for layer in model.layers for p in layer.values}
-    own = {p: e for p, e in table.items() if e.parameter.is_literal and (not p.startswith(f"{at}.") or p in laid)}
-    values = [HostValue(p, e.parameter.text, _source(e, model), e.parameter.basis, e.origin) for p, e in own.items()]
+    laid_paths = {model.canonical(p) for p in model.settings} | {p for layer in model.layers for p in layer.values}
+    host_entries = {p: e for p, e in table.items() if e.parameter.is_literal and (not p.startswith(f"{at}.") or p in laid_paths)}
+    values = [HostValue(p, e.parameter.text, _source(e, model), e.parameter.basis, e.origin) for p, e in host_entries.items()]
     shapes = {p: shape for p, (shape, _) in own_tables(model).items() if not p.startswith(f"{at}.")}
     return (*values, *(HostValue(p, f"a table of {c.x.size} points", c.source, c.basis, model.title) for p, c in shapes.items()))
 

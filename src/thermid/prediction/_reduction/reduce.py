@@ -29,7 +29,7 @@ from thermid.simulation.scenarios import STEADY, Scenario, Start
 
 SAMPLES = 201
 """Samples of a run by which reductions are compared."""
-LEAST = 1e-9
+MIN_LINK_SHARE = 1e-9
 """Conductance beside the largest below which a link that elimination made is rounding. [-]"""
 KEPT_FORMS = ("linear", "radiation", "power", "flow")
 """Forms of conductors that a reduced deck can hold as they are."""
@@ -107,9 +107,9 @@ def part_of(network: Network, run: Solution, inside: str, shown: frozenset[str],
     nodes = tuple(n for n in network.nodes if n.startswith(inside))
     steered = [c.controls for c in network.flat.conductors if c.controls and c.path.startswith(inside)]
     steered += [load.controls for load in network.flat.loads if load.controls and load.path.startswith(inside)]
-    own = [c for c in network.controls if c.startswith(inside)]
-    if steered or own:
-        named = control_names(steered[0])[0] if steered else own[0]
+    inner_controls = [c for c in network.controls if c.startswith(inside)]
+    if steered or inner_controls:
+        named = control_names(steered[0])[0] if steered else inner_controls[0]
         raise DeckError(
             f"'{named}' is a control that follows temperatures, which a reduced deck cannot represent. Reduce a part without controls.",
             network.title,
@@ -138,7 +138,7 @@ def _share(network: Network, run: Solution, node: str) -> tuple[float, float, fl
     DeckError   When the table is one of enthalpy: a mass of constant specific heat melts nothing.
     """
     owner, name = network.flat.names.nodes[node]
-    table, given = owner.nodes[name].table, network.stores[node]
+    table, heat_store = owner.nodes[name].table, network.stores[node]
     if table is not None and table[0] == "enthalpy":
         raise DeckError(
             f"'{node}' stores heat by a table of enthalpy with latent heat, which a reduced deck cannot represent. Reduce a part "
@@ -147,8 +147,8 @@ def _share(network: Network, run: Solution, node: str) -> tuple[float, float, fl
         )
     course = run[node].kelvin
     low, high = float(course.min()), float(course.max())
-    share = given.share(np.linspace(low, high, SAMPLES))
-    level = given.level(np.array([low, high]))
+    share = heat_store.share(np.linspace(low, high, SAMPLES))
+    level = heat_store.level(np.array([low, high]))
     mean = float((level[1] - level[0]) / (high - low)) if high - low > 1e-6 else float(share[0])
     return mean, float(share.min()), float(share.max())
 
@@ -208,7 +208,7 @@ class Drive:
     start: Array | None
 
     @classmethod
-    def of(cls, part: Subnetwork, network: Network, run: Solution, settled: bool) -> Drive:
+    def of_run(cls, part: Subnetwork, network: Network, run: Solution, settled: bool) -> Drive:
         """Return that of a run."""
         times = np.linspace(run.times[0], run.times[-1], SAMPLES)
         powers = np.zeros((SAMPLES, len(part.nodes)))
@@ -264,10 +264,10 @@ def _response(part: Subnetwork, choice: Partition, drive: Drive) -> Array:
     inverse = np.linalg.inv(whole[np.ix_(m, m)])
     weights, outer = -inverse @ whole[np.ix_(m, s)], -inverse @ whole[np.ix_(m, o)]
     tight = whole[np.ix_(s, s)] + whole[np.ix_(s, m)] @ weights
-    own = capacity[s] + weights.T @ (capacity[m] * weights.sum(axis=1))
+    masses = capacity[s] + weights.T @ (capacity[m] * weights.sum(axis=1))
     heat = drive.powers @ contraction
     force = heat[:, s] + heat[:, m] @ weights - drive.around @ (whole[np.ix_(s, o)] + whole[np.ix_(s, m)] @ outer).T
-    root = np.sqrt(own)
+    root = np.sqrt(masses)
     rates, vectors = np.linalg.eigh(tight / root[:, None] / root[None, :])
     rates = np.maximum(rates, 1e-12)
     driven = (force / root) @ vectors
@@ -316,7 +316,7 @@ def condensed(part: Subnetwork, choice: Partition) -> Condensed:
     order = [k for k, n in enumerate(names) if n in stay]
     mesh = _schur(mesh, order)
     ends = [names[k] for k in order]
-    floor = LEAST * float(np.abs(mesh).max(initial=0.0))
+    floor = MIN_LINK_SHARE * float(np.abs(mesh).max(initial=0.0))
     links = {
         (a, b): float(-mesh[i, j])
         for i, a in enumerate(ends)
@@ -324,14 +324,14 @@ def condensed(part: Subnetwork, choice: Partition) -> Condensed:
         if i < j and -mesh[i, j] > floor and not {a, b} <= set(part.outside)
     }
     _, whole, capacity, s, m = _reduced(part, choice)
-    own = capacity[s]
+    masses_kept = capacity[s]
     if m:
         weights = np.linalg.solve(whole[np.ix_(m, m)], -whole[np.ix_(m, s)])
-        own = own + weights.T @ (capacity[m] * weights.sum(axis=1))
-    masses = {spoken[k]: float(c) for k, c in zip(s, own, strict=True)}
+        masses_kept = masses_kept + weights.T @ (capacity[m] * weights.sum(axis=1))
+    masses = {spoken[k]: float(c) for k, c in zip(s, masses_kept, strict=True)}
     linearised = tuple(dict.fromkeys(part.rows[r].name for r in rest if part.rows[r].form != "linear"))
-    kept = tuple(replace(part.rows[r], ends=(e[0], e[1])) for r, e in lawful)
-    return Condensed(masses, tuple(spoken[k] for k in sorted(shown - choice.states)), links, kept, linearised, inside)
+    rows_kept = tuple(replace(part.rows[r], ends=(e[0], e[1])) for r, e in lawful)
+    return Condensed(masses, tuple(spoken[k] for k in sorted(shown - choice.states)), links, rows_kept, linearised, inside)
 
 
 def _schur(whole: Array, stay: Sequence[int]) -> Array:
@@ -439,26 +439,26 @@ def reduce(
     ScenarioError   When a scenario has another gas than the first.
     ScenarioError   When neither or both of `nodes` and `within` are given, or nothing is within.
     """
-    given = [scenarios] if isinstance(scenarios, Scenario) else list(scenarios)
-    if not given or (nodes is None) == (within is None):
+    cases = [scenarios] if isinstance(scenarios, Scenario) else list(scenarios)
+    if not cases or (nodes is None) == (within is None):
         raise ScenarioError("a reduction needs a scenario, and either 'nodes' or 'within'.", model.title)
     ahead = f"{model.canonical(at)}." if at else ""
-    moving = next((p for s in given for p in map(model.canonical, s.schedule) if p.startswith(ahead)), "")
+    moving = next((p for s in cases for p in map(model.canonical, s.schedule) if p.startswith(ahead)), "")
     if moving:
         raise DeckError(f"'{moving}' follows a schedule, which a reduced deck cannot represent. Reduce the part around it.", model.title)
-    runs = [simulate(model, s) for s in given]
-    network = network_for(model, given[0])
+    runs = [simulate(model, s) for s in cases]
+    network = network_for(model, cases[0])
     held = frozenset(network.find(f"{ahead}{k}" if at and not k.startswith(ahead) else k) for k in keep)
     points = [n.path for n in network.flat.nodes if n.reference_point and n.path.startswith(ahead)]
     offered = _offered(model.submodel(at) if at else model, ahead, network)
     heated = frozenset(load.node for load in network.flat.loads if load.path.startswith(ahead))
     judged = points or sorted(held | heated | offered)
     part = part_of(network, runs[0], ahead, held | frozenset(points) | offered | heated, judged)
-    drives = [Drive.of(part, network, r, Start.of(s.start, s.title) == Start(STEADY)) for s, r in zip(given, runs, strict=True)]
+    drives = [Drive.of_run(part, network, r, Start.from_text(s.start, s.title) == Start(STEADY)) for s, r in zip(cases, runs, strict=True)]
     ways = chain(part, held, drives)
     limit = literal(within, "K", "within") if isinstance(within, str) else within
     for count in sorted(ways) if limit is not None else [min(max(nodes or 0, min(ways)), max(ways))]:
-        trial = _tried(model, given, runs, network, part, ways[count], at, judged)
+        trial = _tried(model, cases, runs, network, part, ways[count], at, judged)
         if limit is None or abs(trial.worst.largest) <= limit:
             return trial
     farthest = abs(trial.worst.largest)
@@ -486,8 +486,8 @@ def _tried(
     """Return the reduction to so many masses."""
     ahead = f"{model.canonical(at)}." if at else ""
     small = condensed(part, choice)
-    own = model.submodel(at) if at else model
-    reduced = _deck(own, ahead, network, small)
+    part_model = model.submodel(at) if at else model
+    reduced = _deck(part_model, ahead, network, small)
     inside = model.replace(at, reduced) if at else reduced
     others = [simulate(inside, s, times=r.times) for s, r in zip(scenarios, runs, strict=True)]
     deviations = tuple(_deviation(s, r, o, p) for s, r, o in zip(scenarios, runs, others, strict=True) for p in points)
@@ -514,12 +514,12 @@ def _deviation(scenario: Scenario, full: Solution, small: Solution, node: str) -
     return NodeDeviation(scenario.title, node, float(off[k]), float(full.times[k]), float(off[-1]))
 
 
-def _deck(own: Model, ahead: str, network: Network, small: Condensed) -> Model:
+def _deck(part_model: Model, ahead: str, network: Network, small: Condensed) -> Model:
     """Return the reduced part as a model: plain names, with the paths of the full part as aliases."""
-    basis = f"reduced from {own.title}, {own.identity()}"
+    basis = f"reduced from {part_model.title}, {part_model.identity()}"
     inner = [*small.masses, *small.massless]
     name = {n: n.removeprefix(ahead).replace(".", "_") for n in inner}
-    name |= {network.find(f"{ahead}{need}"): need for need in reversed(own.needs)}
+    name |= {network.find(f"{ahead}{need}"): need for need in reversed(part_model.needs)}
     name |= {n: name[by] for n, by in small.inside.items() if by in name}
     points = {small.inside.get(n.path, "") for n in network.flat.nodes if n.reference_point}
     numbers = network.numbers()
@@ -536,20 +536,20 @@ def _deck(own: Model, ahead: str, network: Network, small: Condensed) -> Model:
         {"kind": "conduction", "between": [name[a], name[b]], "conductance": written(g, "W/K")} for (a, b), g in small.links.items()
     ]
     links += [_law(row, name, written, network) for row in small.rows]
-    given = [load for load in network.flat.loads if load.path.startswith(ahead)]
-    loads = {load.path.removeprefix(ahead).replace(".", "_"): _load(load, numbers, name, written) for load in given}
+    inner_loads = [load for load in network.flat.loads if load.path.startswith(ahead)]
+    loads = {load.path.removeprefix(ahead).replace(".", "_"): _load(load, numbers, name, written) for load in inner_loads}
     taken = {*name.values(), *loads}
-    aliases = {load.path.removeprefix(ahead): load.path.removeprefix(ahead).replace(".", "_") for load in given}
+    aliases = {load.path.removeprefix(ahead): load.path.removeprefix(ahead).replace(".", "_") for load in inner_loads}
     aliases |= {n.removeprefix(ahead): name[n] for n in small.inside if n in name}
-    aliases |= {a: aliases[p] for a, t in own.aliases.items() if (p := own.canonical(t)) in aliases}
+    aliases |= {a: aliases[p] for a, t in part_model.aliases.items() if (p := part_model.canonical(t)) in aliases}
     gases = dict.fromkeys(c.gas for c in network.flat.conductors if c.path.startswith(ahead) and _in_gas(c))
     states = {name.get(gas, "*"): made_to(network.media.made_in(gas)) for gas in gases}
     return model_from_dict(
         {
-            "title": f"{own.title} reduced to {len(small.masses)}",
-            "box": own.box,
-            "use": own.use,
-            "needs": list(own.needs),
+            "title": f"{part_model.title} reduced to {len(small.masses)}",
+            "box": part_model.box,
+            "use": part_model.use,
+            "needs": list(part_model.needs),
             "offers": [name[n] for n in inner],
             "nodes": nodes,
             "conductors": {f"link_{k}": link for k, link in enumerate(links, 1)},

@@ -38,7 +38,7 @@ SHORT: Final = 60.0
 """Window of a rule that names none, on a simulated trace. [s]"""
 SAMPLES: Final = 60
 """Outputs within the window of a rule that names one."""
-MOST: Final = 3000
+MAX_OUTPUTS: Final = 3000
 """Outputs of one stretch of waiting."""
 WITHIN: Final = 30
 """Outputs within the time that temperatures are averaged over, at least."""
@@ -101,8 +101,8 @@ class Timeline:
 
     def humidity(self) -> Signal | None:
         """Return the relative humidity over the course, or None where nothing is said. [-]"""
-        known = [s.humidity for s in self.states]
-        return None if any(h is None for h in known) else _course_of(self.times, [float(h or 0.0) for h in known])
+        humidities = [s.humidity for s in self.states]
+        return None if any(h is None for h in humidities) else _course_of(self.times, [float(h or 0.0) for h in humidities])
 
 
 def _course_of(times: tuple[float, ...], values: list[float], *, stepped: bool = False) -> Signal:
@@ -174,13 +174,15 @@ class ChamberSetup:
         before = replace(past.states[-1], power=after.power)
         if self.memory:
             course = past.then(span, after) if span else past.then(0.0, after)
-            return Leg.of(self, course.scenario(self.base, self, "profile", tail=TAIL), past.times[-1])
+            return Leg.of_scenario(self, course.scenario(self.base, self, "profile", tail=TAIL), past.times[-1])
 
-        def made() -> Leg:
+        def make() -> Leg:
             course = Timeline((0.0, span), (before, after)) if span else Timeline((0.0,), (after,))
-            return Leg.of(self, replace(course.scenario(self.base, self, "profile", tail=TAIL), initial={}, start=Kelvin(293.15)), 0.0)
+            return Leg.of_scenario(
+                self, replace(course.scenario(self.base, self, "profile", tail=TAIL), initial={}, start=Kelvin(293.15)), 0.0
+            )
 
-        return self.memo.made((before, after, span), made)
+        return self.memo.value((before, after, span), make)
 
 
 @dataclass(frozen=True)
@@ -200,7 +202,7 @@ class Leg:
     begin: float
 
     @classmethod
-    def of(cls, bench: ChamberSetup, scenario: Scenario, begin: float) -> Leg:
+    def of_scenario(cls, bench: ChamberSetup, scenario: Scenario, begin: float) -> Leg:
         """Return the leg of a scenario."""
         wiring = Wiring(network_for(bench.model, scenario), scenario)
         engine = Engine(wiring)
@@ -363,9 +365,9 @@ def wait(leg: Leg, state: Array, wanted: Wanted) -> Reached:
 
 def _thinned(axis: NDArray[np.floating[Any]], step: float) -> Array:
     """Return output times: whole windows stay dense, and a long wait is looked at less often."""
-    if axis.size <= MOST:
+    if axis.size <= MAX_OUTPUTS:
         return np.asarray(axis, dtype=np.float64)
-    coarse = np.linspace(axis[0], axis[-1], MOST // 2)
+    coarse = np.linspace(axis[0], axis[-1], MAX_OUTPUTS // 2)
     return np.unique(np.concatenate([np.round(coarse / step) * step, np.round(coarse / step) * step - step]))[1:]
 
 
@@ -373,13 +375,13 @@ def _excess(leg: Leg, wanted: Wanted, times: Array, traces: Array) -> tuple[Arra
     """Return by how much the rule is missed at each time (infinite before it can be asked), and which watched node is furthest from it."""
     of = _averaged(leg.named(traces, wanted.watch, times), times, wanted.average)
     before = np.searchsorted(times, times - wanted.window - 1e-6 * wanted.window)
-    asked = times >= (wanted.window + wanted.average) * (1.0 - 1e-9)
-    spans = np.stack([_spread(of, before, k) if asked[k] else np.full(of.shape[1], np.inf) for k in range(times.size)])
+    is_due = times >= (wanted.window + wanted.average) * (1.0 - 1e-9)
+    spans = np.stack([_spread(of, before, k) if is_due[k] else np.full(of.shape[1], np.inf) for k in range(times.size)])
     movers = np.argmax(np.where(np.isfinite(spans), spans, -1.0), axis=1)
     if wanted.rule.stored:
         heat = traces @ leg.capacities
         power = leg.power(traces[-1])
-        stored = np.array([abs(heat[k] - heat[before[k]]) / wanted.window if asked[k] else np.inf for k in range(times.size)])
+        stored = np.array([abs(heat[k] - heat[before[k]]) / wanted.window if is_due[k] else np.inf for k in range(times.size)])
         excess = stored - wanted.rule.rate * power if power > 0 else np.full(times.size, np.inf)
     else:
         excess = spans.max(axis=1) - wanted.rule.rate * wanted.window
@@ -456,12 +458,12 @@ def bench_of(
 ) -> tuple[ChamberSetup, ChamberConditions]:
     """Return the model in its chamber, and the conditions at the start."""
     network = compile_network(model, prescribed=tuple(base.prescribed))  # the steps say in which gas it runs
-    asked = (chamber,) if isinstance(chamber, str) else tuple(chamber)
-    if not asked and len(network.boundaries) != 1:
+    chosen = (chamber,) if isinstance(chamber, str) else tuple(chamber)
+    if not chosen and len(network.boundaries) != 1:
         raise ScenarioError(
             f"name the boundaries that are the chamber: chamber = ... out of {', '.join(network.boundaries)}.", profile.title
         )
-    names = tuple(model.canonical(n) for n in asked) or network.boundaries
+    names = tuple(model.canonical(n) for n in chosen) or network.boundaries
     refuse_unknown(names, network.boundaries, f"{profile.title}, chamber", "'{}' is not a boundary.", ScenarioError)
     free = [b for b in network.boundaries if b not in names and b not in {model.canonical(k) for k in base.boundaries}]
     if free:
@@ -479,7 +481,7 @@ def bench_of(
     others = {k: v for k, v in base.boundaries.items() if model.canonical(k) not in names}
     steps = profile.steps
     thin = any(s.pressure is not None for s in steps)
-    kept = replace(
+    scenario = replace(
         base,
         boundaries=others,
         loads={model.canonical(k): v for k, v in base.loads.items()},
@@ -487,8 +489,8 @@ def bench_of(
         start=base.start if base.start != "" else Kelvin(ambient),
     )
     gases = tuple(n for n in names if n in base.environment) or (("*",) if thin else ())
-    memory = memory_of(model, kept.with_(boundaries={name: Constant(ambient) for name in names}))
-    bench = ChamberSetup(model, kept, names, switched, gases, profile.ground, options, memory)
+    memory = memory_of(model, scenario.with_(boundaries={name: Constant(ambient) for name in names}))
+    bench = ChamberSetup(model, scenario, names, switched, gases, profile.ground, options, memory)
     humid = profile.value("humidity") if profile.has("humidity") else None
     first = next((s.power for s in steps if s.power is not None), True)
     return bench, ChamberConditions(ambient, bool(first), profile.ground if thin else None, humid)
@@ -517,7 +519,7 @@ def run_profile(
     chamber_ramp: str | float | None = None,
     every: str | float = 60.0,
     options: Options | None = None,
-    told: Callable[[int, int, float], None] | None = None,
+    progress: Callable[[int, int, float], None] | None = None,
 ) -> ProfileRun:
     """Return a profile run on a model, phase by phase: ways, waits, dwells, off times and starts.
 
@@ -535,7 +537,7 @@ def run_profile(
     chamber_ramp : str or float     What the chamber can, where that is less than the profile asks for. [K/s]
     every : str or float            Interval of the stored samples. [s]
     options : Options               Of the integrator.
-    told : callable                 Told after each step its number, how many there are, and the time reached in seconds; at the end of them
+    progress : callable             Told after each step its number, how many there are, and the time reached in seconds; at the end of them
                                     again with each pass of the humidity's balance. What it raises ends the run.
 
     Raises
@@ -552,9 +554,9 @@ def run_profile(
     course = _Course(bench, profile, start, watched(bench, watch), base and network_for(bench.model, bench.base).find(base), limit)
     for k, step in enumerate(profile.steps, 1):
         course.do(step)
-        if told is not None:
-            told(k, len(profile.steps), course.plan.times[-1])
-    return _finished(course, every, told)
+        if progress is not None:
+            progress(k, len(profile.steps), course.plan.times[-1])
+    return _finished(course, every, progress)
 
 
 def _chamber_ramp(ramp: str | float) -> float:
@@ -573,7 +575,7 @@ class _Course:
     ) -> None:
         self.bench, self.profile, self.watch, self.base, self.limit = bench, profile, watch, base, limit
         self.plan = Timeline((0.0,), (start,))
-        first = Leg.of(bench, self.plan.scenario(bench.base, bench, profile.title, tail=1.0), 0.0)
+        first = Leg.of_scenario(bench, self.plan.scenario(bench.base, bench, profile.title, tail=1.0), 0.0)
         self.first = first.engine.started(first.assembled).initial
         self.state: Array = self.first
         self.last, self.ran = first, 0.0
@@ -615,11 +617,11 @@ class _Course:
         moving = way > 0.0 or after.pressure != self.now.pressure or after.humidity != self.now.humidity
         if not moving:
             return 0.0
-        asked = step.over if step.over is not None else way / step.ramp if step.ramp else 0.0
+        wanted = step.over if step.over is not None else way / step.ramp if step.ramp else 0.0
         least = way / self.limit
-        if least > asked:
+        if least > wanted:
             self.remarks[f"the chamber is limited to {60.0 * self.limit:.3g} K/min, slower than the profile requires"] = None
-        return max(asked, least)
+        return max(wanted, least)
 
     def _set_point(self, after: ChamberConditions, level: float) -> float:
         """Return the temperature of the chamber at which the base plate settles at its level. [K]"""
@@ -702,7 +704,7 @@ class _Course:
         )
 
 
-def _finished(course: _Course, every: str | float, told: Callable[[int, int, float], None] | None) -> ProfileRun:
+def _finished(course: _Course, every: str | float, progress: Callable[[int, int, float], None] | None) -> ProfileRun:
     """Return the run: the whole course as one solution, its moisture, its remarks."""
     bench, profile, plan = course.bench, course.profile, course.plan
     scenario = plan.scenario(bench.base, bench, profile.title)
@@ -717,7 +719,7 @@ def _finished(course: _Course, every: str | float, told: Callable[[int, int, flo
     damp = plan.humidity()
     if damp is not None:
         steps, interval = len(profile.steps), max(step, scenario.seconds / MOIST_SAMPLES)
-        still = None if told is None else lambda count, moved: told(steps, steps, scenario.seconds)
+        still = None if progress is None else lambda count, moved: progress(steps, steps, scenario.seconds)
         humid = extension("humidity", "humidity along a profile", profile.title)
         wet, remark = humid(bench.model, scenario, damp, bench.chamber, solution, interval, still)
         solution = wet.solution

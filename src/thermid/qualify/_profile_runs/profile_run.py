@@ -152,8 +152,8 @@ class ProfileRun(Result):
     @property
     def remarks(self) -> tuple[str, ...]:
         """What a reader must know: of the profile, of the run, of the solution."""
-        said = (*_level(self), *_ramp(self), *_unfinished(self), *_wet(self))
-        return (*self.profile.check(self.cycles_beside), *self.notes, *said, *self.solution.warnings)
+        of_run = (*_level(self), *_ramp(self), *_unfinished(self), *_wet(self))
+        return (*self.profile.check(self.cycles_beside), *self.notes, *of_run, *self.solution.warnings)
 
     def as_object(self) -> dict[str, Any]:
         """Return the run as JSON holds it: SI units, temperatures in Celsius where a key ends in ``_C``."""
@@ -229,7 +229,7 @@ def _line(p: Phase, wide: int) -> str:
     return text
 
 
-SMALL = 0.5
+NEGLIGIBLE_REMAINDER = 0.5
 """What is left unfinished and not worth a remark. [K]"""
 
 
@@ -289,7 +289,7 @@ def _ramp(run: ProfileRun) -> Iterator[str]:
 
 def _unfinished(run: ProfileRun) -> Iterator[str]:
     """Say what the rule of stability left to go when a dwell began."""
-    waits = [p for p in run.phases if p.kind == "wait" and p.unfinished is not None and abs(p.unfinished) >= SMALL]
+    waits = [p for p in run.phases if p.kind == "wait" and p.unfinished is not None and abs(p.unfinished) >= NEGLIGIBLE_REMAINDER]
     if waits:
         worst = max(waits, key=lambda p: abs(p.unfinished or 0.0))
         yield (

@@ -17,7 +17,7 @@ from thermid.measure.steadiness import rule_of
 from thermid.qualify._profiles.profile import KINDS, SLOTS, WORDS, Number, ThermalProfile, number, pair_of
 
 LIBRARY: Final = Path(__file__).parent / "library"
-OWN: Final = {"ambient": "23 [degC]", "longest_wait": "72 [h]"}
+PROJECT_NUMBERS: Final = {"ambient": "23 [degC]", "longest_wait": "72 [h]"}
 """Numbers that every run needs and no standard gives."""
 
 
@@ -39,9 +39,9 @@ def _standard(name: str) -> Mapping[str, Any]:
     """Return the data of a standard, found by its name or another that it goes by."""
     names = {alias.casefold(): data for data in _library() for alias in (data["standard"], *data.get("aliases", ()))}
     if name.casefold() not in names:
-        known = [data["standard"] for data in _library()]
+        titles = [data["standard"] for data in _library()]
         raise ScenarioError(
-            f"unknown standard '{name}'. Known: {', '.join(known)}.{nearest(name.casefold(), names)} "
+            f"unknown standard '{name}'. Known: {', '.join(titles)}.{nearest(name.casefold(), names)} "
             "For another standard write a profile file, each number with its mark and clause.",
             "profile",
             code="name.unknown",
@@ -65,18 +65,18 @@ def profile_of(standard: str, name: str = "", *, level: str = "", predicted: Any
     ScenarioError   When there is no such standard, profile, level or number.
     """
     data = _standard(standard)
-    known = data["profiles"]
-    if not name and len(known) == 1:
-        (name,) = known
-    if name not in known:
-        have = ", ".join(f"'{k}'" for k in known)
+    profiles = data["profiles"]
+    if not name and len(profiles) == 1:
+        (name,) = profiles
+    if name not in profiles:
+        have = ", ".join(f"'{k}'" for k in profiles)
         if not name:
             raise ScenarioError(f"{data['standard']} has several profiles. Name one: {have}.", "profile")
         raise ScenarioError(
-            f"{data['standard']} has no profile '{name}'; it has {have}.{nearest(name, known)}", "profile", code="name.unknown"
+            f"{data['standard']} has no profile '{name}'; it has {have}.{nearest(name, profiles)}", "profile", code="name.unknown"
         )
-    spec = known[name]
-    base = known[spec["like"]] if "like" in spec else {}
+    spec = profiles[name]
+    base = profiles[spec["like"]] if "like" in spec else {}
     levels = spec.get("levels", {})
     for word in (standard, name, level):
         if not isinstance(word, str):
@@ -106,7 +106,7 @@ def profile_of(standard: str, name: str = "", *, level: str = "", predicted: Any
     return profile.with_(**changes) if changes else profile
 
 
-OWN_TABLE: Final[Mapping[str, Number]] = {k: number(k, v, "project", "", "profile") for k, v in OWN.items()}
+OWN_TABLE: Final[Mapping[str, Number]] = {k: number(k, v, "project", "", "profile") for k, v in PROJECT_NUMBERS.items()}
 
 
 @takes_objects
@@ -165,5 +165,5 @@ def _split(like: Any, where: str) -> tuple[str, str]:
     for name in names:
         if text.casefold().startswith(name.casefold()):
             return name, text[len(name) :].strip(" ,:")
-    known = ", ".join(d["standard"] for d in _library())
-    raise ScenarioError(f"like = {text!r} does not begin with a known standard. Known: {known}.", where)
+    titles = ", ".join(d["standard"] for d in _library())
+    raise ScenarioError(f"like = {text!r} does not begin with a known standard. Known: {titles}.", where)

@@ -100,7 +100,7 @@ class Approach:
     room: Reference | None
 
     @cached_property
-    def _wide(self) -> float:
+    def _spread_factor(self) -> float:
         """Factor on spreads: few readings do not know their own noise (Student's distribution)."""
         free = max(self.worth - 5.0, 3.0)
         return float(np.sqrt(free / (free - 2.0)))
@@ -117,7 +117,7 @@ class Approach:
         """Return the temperature at a later time, infinity for the end; `reading` adds the scatter of one reading. [K]"""
         terms = self._terms(time)
         means = np.einsum("pt,pt->p", terms, self.means)
-        variances = np.einsum("pt,ptu,pu->p", terms, self.covariances, terms) * self._wide**2
+        variances = np.einsum("pt,ptu,pu->p", terms, self.covariances, terms) * self._spread_factor**2
         stands = np.einsum("pt,pt->p", self._terms(self.now), self.means)
         variances = variances + (BEND * (means - stands)) ** 2
         # the wander that the fit leaves is there at any later time too
@@ -155,7 +155,7 @@ class Reference:
 
     def filtered(self, tau: float) -> FloatArray:
         """Return it behind one time constant (samples,), straight between samples. [K]"""
-        return self.memo.made(tau, lambda: self._filter(tau))
+        return self.memo.value(tau, lambda: self._filter(tau))
 
     def _filter(self, tau: float) -> FloatArray:
         out = np.empty(self.values.size)
@@ -177,7 +177,7 @@ def approach(
     times: FloatArray,
     kelvin: FloatArray,
     slowest: float,
-    known: Sequence[float] = (),
+    time_constants: Sequence[float] = (),
     room: tuple[FloatArray, FloatArray] | None = None,
     bent: float = BENT,
 ) -> Approach:
@@ -187,7 +187,7 @@ def approach(
     ----------
     times, kelvin : array (samples,)    Readings of the stretch. [s], [K]
     slowest : float                     Longest time constant that is thought possible. [s]
-    known : sequence of float           Time constants by a model, in place of the search; trusted to 20 %. [s]
+    time_constants : sequence of float  Time constants by a model, in place of the search; trusted to 20 %. [s]
     room : (times, kelvin)              A temperature that the readings follow, such as the air around. [s], [K]
     bent : float                        Share of the change in the readings by which exponentials may miss them. [-]
     """
@@ -197,17 +197,17 @@ def approach(
     reference = None if room is None else _reference(*room, axis)
     scale = max(float(np.ptp(_medians(times, kelvin, float(times[0]))[1])), 1e-3)
     middle = float(medians[-1])
-    if known:
-        kept = sorted(t for t in known if np.isfinite(t) and t > span * FASTEST / 3.0)[-3:] or [max(known)]
-        taus = SCALES[:, None] * np.array(kept)[None, :]
+    if time_constants:
+        slow_constants = sorted(t for t in time_constants if np.isfinite(t) and t > span * FASTEST / 3.0)[-3:] or [max(time_constants)]
+        taus = SCALES[:, None] * np.array(slow_constants)[None, :]
         prior = np.exp(-0.5 * np.linspace(-2.0, 2.0, SCALES.size) ** 2)
     else:
         taus = _pairs(span, slowest)
         prior = np.ones(taus.shape[0])
     designs = np.stack([_design(axis, now, row, reference) for row in taus])
     terms = designs.shape[2]
-    _, _, left, _ = _ridge(designs, medians - middle, scale, taus.shape[1], 1e-6 * scale)
-    residuals = left[int(np.argmin(np.einsum("pb,pb->p", left, left)))]
+    _, _, residuals_of_each, _ = _ridge(designs, medians - middle, scale, taus.shape[1], 1e-6 * scale)
+    residuals = residuals_of_each[int(np.argmin(np.einsum("pb,pb->p", residuals_of_each, residuals_of_each)))]
     worth = effective_samples(residuals, terms + 2)
     factor = medians.size / worth
     noise = float(np.sqrt(residuals @ residuals / max(medians.size - factor * (terms + 2), medians.size / 4.0)))

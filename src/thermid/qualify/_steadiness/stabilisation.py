@@ -19,7 +19,7 @@ from thermid.base.results import Result
 from thermid.measure.amounts import duration_text, positive_seconds
 from thermid.measure.records import FloatArray, Record, stretch, within_log
 from thermid.measure.steadiness import (
-    SURE,
+    DOUBT_IN_ERRORS,
     TAU_ERROR,
     ChannelStability,
     StabilityRule,
@@ -120,7 +120,7 @@ class Stability(Result):
     @property
     def slowest(self) -> str:
         """The channel that is furthest from stable."""
-        return max(self.channels, key=lambda n: abs(self.channels[n].rate) + SURE * self.channels[n].error)
+        return max(self.channels, key=lambda n: abs(self.channels[n].rate) + DOUBT_IN_ERRORS * self.channels[n].error)
 
     @property
     def verdict(self) -> str:

@@ -75,16 +75,18 @@ class BoundColumns:
                 refuse_unknown([canonical(target)], roles, "--channel", f"{model.title} has no node, boundary or load '{{}}'.", RecordError)
             return {n: self._table(n, roles[canonical(t)], t) for n, t in self.told.items()}
         header = [name_and_unit(cell)[0] for cell in log_cells(path).header]
-        found = {n: roles[canonical(n)] for n in header if canonical(n) in roles}
-        if "node" not in found.values():
+        roles_by_column = {n: roles[canonical(n)] for n in header if canonical(n) in roles}
+        if "node" not in roles_by_column.values():
             nodes = ", ".join(list(network.nodes)[:8])
             raise RecordError(
                 f"no column has the name of a node of {model.title}. Bind them: --channel COLUMN=NODE. Columns: {', '.join(header)}. "
                 f"Nodes: {nodes}.",
                 path.name,
             )
-        self.remarks = tuple(f"not used: column {n}, which has no name of the deck's" for n in temperature_columns(path) if n not in found)
-        return {n: self._table(n, role, n) for n, role in found.items()}
+        self.remarks = tuple(
+            f"not used: column {n}, which has no name of the deck's" for n in temperature_columns(path) if n not in roles_by_column
+        )
+        return {n: self._table(n, role, n) for n, role in roles_by_column.items()}
 
     def _table(self, column: str, role: str, target: str) -> dict[str, Any]:
         table: dict[str, Any] = {role: target}

@@ -2,7 +2,7 @@
 
 Readings of the last twenty minutes stay as they are. Readings of the last 80 minutes are averaged over at most two seconds; older ones over
 stretches of 1/250 of the time since the beginning, or since a power or command last changed. Rows then grow with the logarithm of the time
-only. Where powers change so often that this leaves more than `MOST` rows, powers are averaged with the readings.
+only. Where powers change so often that this leaves more than `MAX_ROWS` rows, powers are averaged with the readings.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ Places = NDArray[np.intp]
 
 RAW: Final = 1200.0
 """What stays as it was read, for what readings alone show. [s]"""
-KEPT: Final = 240
+MIN_READINGS: Final = 240
 """Readings that stay at least, however far apart."""
 RECENT: Final = 4800.0
 """What is averaged over `BLOCK` at most: twice the window of the filter. [s]"""
@@ -39,7 +39,7 @@ SHARE: Final = 1000.0
 """Part of a short log over which its readings are averaged at most."""
 FINE: Final = 250.0
 """Rows in which the time since the beginning grows by e."""
-MOST: Final = 6000
+MAX_ROWS: Final = 6000
 """Rows of averages at most, beyond which powers are averaged too."""
 SPIKES: Final = 8
 """Usual changes, or noises, by which a reading lies off those around it to count as a spike."""
@@ -55,13 +55,13 @@ MINUTE: Final = 60.0
 """Between the moments at which a log is judged. [s]"""
 FIRST_READINGS: Final = 10
 """Readings from which a log is judged."""
-LEAST: Final = 0.05
+MIN_NOISE: Final = 0.05
 """Noise of a reading at least, where nobody stated it. [K]"""
-QUIET: Final = 600.0
+CALM: Final = 600.0
 """Without a switch of a power before one that begins another plateau; powers that cycle faster do not. [s]"""
 CHUNK: Final = 1 << 18
 """Bytes that are read at once."""
-ENOUGH: Final = 20
+MAX_UNREAD_LINES: Final = 20
 """Lines that a log is read from, or its refusal is said."""
 TRIES: Final = 3
 """Looks at a log that cannot be read any more before that is an error; the last line may be half written."""
@@ -81,21 +81,21 @@ def switches(record: Record) -> Bools:
 def _switched(channel: Channel) -> Bools:
     """Return the samples at which a power or command was switched (samples,)."""
     out = np.zeros(channel.values.size, dtype=bool)
-    known = np.flatnonzero(channel.valid & np.isfinite(channel.values))
-    apart = np.abs(np.diff(channel.values[known]))
+    valid_samples = np.flatnonzero(channel.valid & np.isfinite(channel.values))
+    apart = np.abs(np.diff(channel.values[valid_samples]))
     if apart.size:
-        least = max(SWITCHED * float(np.median(apart)), 0.01 * float(np.ptp(channel.values[known])))
-        out[known[1:][apart > least]] = True
+        least = max(SWITCHED * float(np.median(apart)), 0.01 * float(np.ptp(channel.values[valid_samples])))
+        out[valid_samples[1:][apart > least]] = True
     return out
 
 
 def plateaus(record: Record, plan: Scenario | None) -> Array:
-    """Return when known powers were switched after `QUIET` seconds without that, by a log or a plan that counts from its beginning. [s]"""
+    """Return when known powers were switched after `CALM` seconds without that, by a log or a plan that counts from its beginning. [s]"""
     signals = [] if plan is None else [s for _, s in plan.signals() if isinstance(s, TableSignal) and s.held]
     planned = [record.times[0] + s.corners() for s in signals]
     times = np.unique(np.concatenate([record.times[switches(record)], *planned]))
     times = times[(times > record.times[0]) & (times < record.times[-1])]  # what changes at the last reading has not acted yet
-    return np.asarray(times[np.diff(times, prepend=record.times[0]) >= QUIET])
+    return np.asarray(times[np.diff(times, prepend=record.times[0]) >= CALM])
 
 
 def thinned(record: Record, raw: float = RAW, block: float = 0.0) -> Record:
@@ -104,7 +104,7 @@ def thinned(record: Record, raw: float = RAW, block: float = 0.0) -> Record:
     Parameters
     ----------
     record : Record
-    raw : float         How far back readings stay as they are [s]; at least `KEPT` of them do, unless it is zero.
+    raw : float         How far back readings stay as they are [s]; at least `MIN_READINGS` of them do, unless it is zero.
     block : float       Over how long recent readings are averaged at least. [s]
     """
     since = record.times - record.times[0]
@@ -114,7 +114,7 @@ def thinned(record: Record, raw: float = RAW, block: float = 0.0) -> Record:
     alone = switched | np.concatenate([[True], switched[:-1]])
     alone[: min(2, since.size)] = True  # a record begins where it began
     begins = _begins(since, since - since[last], alone, step, raw, block)
-    if begins.size > MOST + max(raw / max(step, 1e-9), KEPT if raw else 0.0):
+    if begins.size > MAX_ROWS + max(raw / max(step, 1e-9), MIN_READINGS if raw else 0.0):
         begins = _begins(since, since, np.arange(since.size) < 2, step, raw, block)
     if begins.size == since.size:
         return record
@@ -125,7 +125,7 @@ def thinned(record: Record, raw: float = RAW, block: float = 0.0) -> Record:
 
 def _raw_step(record: Record) -> float:
     """Return the time between readings as they come now. [s]"""
-    return usual_step(record.times[-KEPT:])
+    return usual_step(record.times[-MIN_READINGS:])
 
 
 def _begins(since: Array, changed: Array, alone: Bools, step: float, raw: float, block: float) -> Places:
@@ -134,7 +134,7 @@ def _begins(since: Array, changed: Array, alone: Bools, step: float, raw: float,
     wide = np.floor(FINE * np.log1p(changed / (FINE * max(step, BLOCK))))
     middle, short = (_stretches(since, size, step) for size in (MIDDLE, max(block, _block(float(since[-1])))))
     out, done = [], 0
-    for place, far in ((wide, RECENT), (middle, RECENT), (short, max(raw, KEPT * step) if raw else -1.0)):
+    for place, far in ((wide, RECENT), (middle, RECENT), (short, max(raw, MIN_READINGS * step) if raw else -1.0)):
         firsts = np.flatnonzero((np.diff(place, prepend=-1.0) != 0.0) | alone)
         end = int(firsts[np.searchsorted(firsts, int(np.searchsorted(-age, -far)), side="right") - 1]) if far >= 0.0 else since.size
         if end > done:
@@ -158,12 +158,12 @@ def blocked(record: Record, least: float = 0.0) -> Record:
     step, ends = _raw_step(record), record.times - record.times[0]
     block = max(_block(float(ends[-1])), least)
     complete = step >= block or ends[-1] % block >= block - 1.5 * step
-    kept = thinned(record if complete else part(record, 0, int(np.searchsorted(ends, block * (ends[-1] // block) - 1e-9))), 0.0, block)
+    blocks = thinned(record if complete else part(record, 0, int(np.searchsorted(ends, block * (ends[-1] // block) - 1e-9))), 0.0, block)
     read = {
         n: noise_of(record, n) for n, c in record.channels.items() if c.role == "node" or (c.role == "auto" and c.quantity == "temperature")
     }
     many = max(block / max(step, 1e-9), 1.0)
-    return kept.with_channels(*(replace(kept.channel(n), noise=_of_mean(record.channel(n), noise, many)) for n, noise in read.items()))
+    return blocks.with_channels(*(replace(blocks.channel(n), noise=_of_mean(record.channel(n), noise, many)) for n, noise in read.items()))
 
 
 def without_spikes(record: Record) -> Record:
@@ -171,12 +171,12 @@ def without_spikes(record: Record) -> Record:
 
     Where more than `RARE` of the readings lie so, what is measured moves like that, and all stay.
     """
-    made = []
+    cleaned = []
     for c in record.channels.values():
-        known = np.flatnonzero(c.valid)
-        if c.role not in ("node", "auto") or c.quantity != "temperature" or known.size < 2 * SPIKES:
+        valid_samples = np.flatnonzero(c.valid)
+        if c.role not in ("node", "auto") or c.quantity != "temperature" or valid_samples.size < 2 * SPIKES:
             continue
-        values = c.values[known]
+        values = c.values[valid_samples]
         steps = np.abs(np.diff(values))
         least = SPIKES * max(float(np.median(steps)) / 0.6745, noise_of(record, c.name))
         # readings (samples,) less the median of twice `ROW` others about each, of fewer at the ends
@@ -191,20 +191,20 @@ def without_spikes(record: Record) -> Record:
         if late.size:
             far[steps.size - min(ROW, steps.size) + int(late[0]) + 1 :] = True
         if far.any():
-            made.append(c.masked(np.isin(np.arange(c.values.size), known[far]), "spike"))
-    return record.with_channels(*made) if made else record
+            cleaned.append(c.masked(np.isin(np.arange(c.values.size), valid_samples[far]), "spike"))
+    return record.with_channels(*cleaned) if cleaned else record
 
 
 def smoothed(record: Record) -> Record:
     """Return a record whose logged powers are means over `MIDDLE` between their switches: the noise of a power meter heats nothing."""
-    since, made = record.times - record.times[0], []
+    since, smooth_powers = record.times - record.times[0], []
     for c in record.channels.values():
         if c.quantity == "power" and c.held and c.valid.all() and found_noise(c) > 0.0:
             jumps = np.cumsum(_switched(c))
             begins = np.flatnonzero((np.diff(jumps, prepend=-1) != 0) | (np.diff(np.floor(since / MIDDLE), prepend=-1.0) != 0.0))
             count = np.diff(begins, append=since.size)
-            made.append(replace(c, values=np.repeat(np.add.reduceat(c.values, begins) / count, count)))
-    return record.with_channels(*made) if made else record
+            smooth_powers.append(replace(c, values=np.repeat(np.add.reduceat(c.values, begins) / count, count)))
+    return record.with_channels(*smooth_powers) if smooth_powers else record
 
 
 def gap_from(record: Record) -> float:
@@ -227,19 +227,19 @@ def after_gaps_left_out(record: Record) -> Record:
 
 
 def noise_of(record: Record, name: str) -> float:
-    """Return the noise of a reading: as stated, or what the latest readings show, at least `LEAST`. [K]"""
+    """Return the noise of a reading: as stated, or what the latest readings show, at least `MIN_NOISE`. [K]"""
     channel = record.channel(name)
     if channel.noise:
         return channel.noise
-    return max(found_noise(part_of(channel, max(channel.values.size - KEPT, 0), channel.values.size)), LEAST)
+    return max(found_noise(part_of(channel, max(channel.values.size - MIN_READINGS, 0), channel.values.size)), MIN_NOISE)
 
 
 def _of_mean(channel: Channel, noise: float, many: float) -> float:
     """Return the noise of a mean of readings: of white noise less; of correlated noise, and of rounding that equal ones share, not. [K]"""
     white = noise if channel.part is not None and channel.part.correlation_time else noise / many**0.5
-    seen = part_of(channel, max(channel.values.size - KEPT, 0), channel.values.size)
-    rounding = step_of(seen if channel.resolution is None else channel) / 12.0**0.5
-    equal = seen.values.size / (1.0 + np.count_nonzero(np.diff(seen.values[seen.valid])))
+    recent = part_of(channel, max(channel.values.size - MIN_READINGS, 0), channel.values.size)
+    rounding = step_of(recent if channel.resolution is None else channel) / 12.0**0.5
+    equal = recent.values.size / (1.0 + np.count_nonzero(np.diff(recent.values[recent.valid])))
     return float(np.hypot(white, rounding * max(equal / many, 1.0) ** 0.5))
 
 
@@ -260,7 +260,7 @@ def latest(record: Record) -> Record:
     """Return the readings that stayed as they were read."""
     size = record.times.size
     begin = int(np.searchsorted(record.times, record.times[-1] - RAW))
-    return part(record, max(min(begin, size - KEPT), 0), size)
+    return part(record, max(min(begin, size - MIN_READINGS), 0), size)
 
 
 def played(record: Record, every: float) -> Iterator[Record]:
@@ -312,8 +312,8 @@ def _with_step(channel: Channel) -> Channel:
     """Return a temperature with the step that its readings show, which their means do not."""
     if channel.resolution is not None or channel.role not in ("node", "auto") or channel.quantity != "temperature":
         return channel
-    seen = part_of(channel, max(channel.values.size - KEPT, 0), channel.values.size)
-    step = step_of(seen) if np.unique(seen.values[seen.valid]).size > 1 else 0.0
+    recent = part_of(channel, max(channel.values.size - MIN_READINGS, 0), channel.values.size)
+    step = step_of(recent) if np.unique(recent.values[recent.valid]).size > 1 else 0.0
     return replace(channel, resolution=step) if step > 0.0 else channel
 
 
@@ -395,7 +395,7 @@ class GrowingLog:
         Raises
         ------
         NameNotFoundError   When columns that were asked for are none of the log's.
-        RecordError         When more than `ENOUGH` lines cannot be read.
+        RecordError         When more than `MAX_UNREAD_LINES` lines cannot be read.
         """
         try:
             size = self.path.stat().st_size
@@ -409,7 +409,7 @@ class GrowingLog:
             pass
         if self.whole:
             try:
-                found = self._read(self.path)
+                latest = self._read(self.path)
             except (MissingDataError, RecordError) as error:
                 self._failed += 1
                 if self._kept is None or self._failed < TRIES:
@@ -421,7 +421,7 @@ class GrowingLog:
                     code=error.code,
                 ) from None
             self._failed = 0
-            return found
+            return latest
         return self._kept
 
     def _more(self, size: int) -> bool:
@@ -434,28 +434,28 @@ class GrowingLog:
             self.whole = True
         if not piece or self.whole:
             return False
-        made = self._parsed(self._head + piece)
-        if made is None:
+        parsed = self._parsed(self._head + piece)
+        if parsed is None:
             self.whole = bool(self._head)  # what comes later reads otherwise than its beginning: no log of rows
             return False
         if self._kept is None:
-            self._head = self._beginning(piece, made)
-            self._kept = made
-        elif abs(made.times[0] - self._kept.times[0]) > 1e-3 * self._kept.step:
+            self._head = self._beginning(piece, parsed)
+            self._kept = parsed
+        elif abs(parsed.times[0] - self._kept.times[0]) > 1e-3 * self._kept.step:
             self.whole = True
             return False
         else:
-            self._kept = followed_by(self._kept, made)
+            self._kept = followed_by(self._kept, parsed)
         self._at += len(piece)
         return True
 
-    def _beginning(self, piece: bytes, made: Record) -> bytes:
+    def _beginning(self, piece: bytes, parsed: Record) -> bytes:
         """Return the fewest first lines that read as the beginning of the record."""
         lines = piece.splitlines(keepends=True)
         for count in range(2, min(HEADS, len(lines)) + 1):
             head = b"".join(lines[:count])
             first = self._parsed(head)
-            if first is not None and first.times.size > 1 and abs(first.times[0] - made.times[0]) < 1e-3 * made.step:
+            if first is not None and first.times.size > 1 and abs(first.times[0] - parsed.times[0]) < 1e-3 * parsed.step:
                 return head
         return piece
 
@@ -467,6 +467,6 @@ class GrowingLog:
             except NameNotFoundError:
                 raise
             except RecordError:
-                if not self._head and text.count(b"\n") > ENOUGH:
+                if not self._head and text.count(b"\n") > MAX_UNREAD_LINES:
                     raise
                 return None

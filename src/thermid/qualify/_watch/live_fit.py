@@ -22,7 +22,7 @@ from thermid.measure.steadiness import CORRELATED, StabilityRule, effective_samp
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify._steadiness.forecast import FEWEST, EndForecast, IntervalEstimate
-from thermid.qualify._watch.growing import LEAST
+from thermid.qualify._watch.growing import MIN_NOISE
 from thermid.qualify._watch.suspects import suspects_of
 from thermid.simulation.scenarios import Scenario
 from thermid.simulation.solver import Options, Traces, kept_for, settle
@@ -37,9 +37,9 @@ BENT: Final = 0.03
 """Error of the change that is still to come, as a share of it, for laws that bend otherwise than the model's. [-]"""
 FIRST: Final = 8
 """Readings of every channel from which values are fitted; a forecast needs more."""
-CLOSE: Final = 0.05
+DONE_STEP: Final = 0.05
 """Part of a standard error below which a step ahead ends the fit."""
-FAR: Final = 30.0
+MAX_STRETCHES_AHEAD: Final = 30.0
 """Stretches ahead within which a rule may come to hold."""
 AHEAD: Final = 400
 """Instants ahead at which a rule is asked."""
@@ -85,12 +85,12 @@ class LiveFit:
         SolverError, RecordError   When the model cannot follow the record.
         """
         enough = all(np.count_nonzero(record.channel(n).valid) >= FIRST for n in channels)
-        made = _Fit(bind(self.model, record, self._until(record), errors={}), record, self.values) if enough else None
-        if made is not None:
-            made.run()
-            self.values = made.found()
-            self.wander = made.wander
-        self._last = (float(record.times[-1]), tuple(channels), made)
+        new_fit = _Fit(bind(self.model, record, self._until(record), errors={}), record, self.values) if enough else None
+        if new_fit is not None:
+            new_fit.run()
+            self.values = new_fit.deviations()
+            self.wander = new_fit.wander
+        self._last = (float(record.times[-1]), tuple(channels), new_fit)
 
     def _until(self, record: Record) -> Scenario | None:
         """Return the scenario with all that a plan changes later left as it is at the end of a record."""
@@ -107,10 +107,10 @@ class LiveFit:
         now = float(record.times[-1])
         if self._last is None or self._last[:2] != (now, tuple(channels)):
             self.fit(record, channels)
-        made = self._last[2] if self._last is not None else None
-        if made is None or any(np.count_nonzero(record.channel(n).valid) < FEWEST for n in channels):
+        last_fit = self._last[2] if self._last is not None else None
+        if last_fit is None or any(np.count_nonzero(record.channel(n).valid) < FEWEST for n in channels):
             return {}
-        return {n: _forecast(n, record, end, rule, within, level) for n, end in made.ends(rule, level).items() if n in channels}
+        return {n: _forecast(n, record, end, rule, within, level) for n, end in last_fit.ends(rule, level).items() if n in channels}
 
 
 def _forecast(name: str, record: Record, end: Settled, rule: StabilityRule, within: float, level: float) -> ModelForecast:
@@ -140,7 +140,7 @@ class _Fit:
     def __init__(self, experiment: Experiment, record: Record, before: dict[str, float]) -> None:
         self.experiment, self.record = experiment, record
         self.names, self.base, spread, self.relative = unknowns_of(experiment)
-        self.bench = Bench.of(experiment, self.names)
+        self.bench = Bench.of_experiment(experiment, self.names)
         self.sensors = experiment.observations
         priors = dict(zip(self.names, spread.tolist(), strict=True)) | {
             f"sensor {o.sensor}": _accuracy(record, o.sensor) for o in self.sensors
@@ -148,39 +148,39 @@ class _Fit:
         self.unknowns = tuple(Unknown(n, "local", (), 0.0, prior=Prior(0.0, sd)) for n, sd in priors.items())
         self.prior = np.array([*priors.values()])
         self.z = np.array([before.get(n, 0.0) for n in priors])
-        self.sizes = np.array([o.sigma({o.sensor: LEAST}) for o in self.sensors])
+        self.sizes = np.array([o.sigma({o.sensor: MIN_NOISE}) for o in self.sensors])
         self.steps = [step_of(record.channel(o.sensor)) for o in self.sensors]
         self.samples = sum(o.index.size for o in self.sensors)
         self.worth = 0.0
         self.wander: dict[str, float] = {}
         self.inverse: Array = np.eye(self.z.size)
 
-    def found(self) -> dict[str, float]:
+    def deviations(self) -> dict[str, float]:
         """Return the unknowns by name, as deviations from the model's. [-], [K]"""
         return dict(zip((u.name for u in self.unknowns), self.z.tolist(), strict=True))
 
     def _values(self, z: Array) -> tuple[Array, Array]:
         """Return the values of the free names and their derivatives by the unknowns."""
-        own = z[: len(self.names)]
-        x = np.where(self.relative, self.base * np.exp(own), self.base + own)
+        moves = z[: len(self.names)]
+        x = np.where(self.relative, self.base * np.exp(moves), self.base + moves)
         return x, np.where(self.relative, x, 1.0)
 
     def _residuals(self, z: Array) -> tuple[list[Array], list[Array]]:
         """Return residuals (samples,) of every sensor and derivatives of its predictions (samples, unknowns). [K]"""
         x, scale = self._values(z)
         read, slopes = self.bench.temperatures(x, True, Options())
-        left, rows = [], []
+        residuals, rows = [], []
         for k, o in enumerate(self.sensors):
-            own = np.zeros((o.index.size, len(self.sensors)))
-            own[:, k] = 1.0
-            left.append(o.measured - read[o.index, k] - z[len(self.names) + k])
-            rows.append(np.hstack([slopes[o.index, k] * scale, own]))
-        return left, rows
+            offset_columns = np.zeros((o.index.size, len(self.sensors)))
+            offset_columns[:, k] = 1.0
+            residuals.append(o.measured - read[o.index, k] - z[len(self.names) + k])
+            rows.append(np.hstack([slopes[o.index, k] * scale, offset_columns]))
+        return residuals, rows
 
     def compressed(self, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, meshes: Sequence[Array] = ()) -> Compressed:
         """Return the weighted residuals with their derivatives, in as few rows as there are unknowns and one."""
-        left, rows = self._residuals(fitted)
-        whole = np.vstack([np.column_stack([-j, r]) / s for r, j, s in zip(left, rows, self.sizes, strict=True)])
+        residuals, rows = self._residuals(fitted)
+        whole = np.vstack([np.column_stack([-j, r]) / s for r, j, s in zip(residuals, rows, self.sizes, strict=True)])
         root: Array = np.asarray(np.linalg.qr(whole, mode="r"))
         return Compressed(root[:, -1], root[:, :-1], float(root[:, -1] @ root[:, -1]), (), ())
 
@@ -188,24 +188,24 @@ class _Fit:
         """Return the residuals of the priors and their derivatives."""
         return fitted / self.prior, np.diag(1.0 / self.prior)
 
-    def square(self, found: Compressed) -> float:
+    def square(self, compressed: Compressed) -> float:
         """Return the sum of the squares of the residuals in units of the noise."""
-        return found.chi_square
+        return compressed.chi_square
 
     def run(self) -> None:
         """Fit; weigh the readings by what is left; fit again."""
         for _ in range(2):
-            found = minimise(self, start=self.z, done=CLOSE)
-            self.z = found.fitted
-            self.inverse = covariance(np.concatenate([found.jacobian, found.priors]))
-            left, rows = self._residuals(self.z)
-            self._weigh(left, rows)
+            minimum = minimise(self, start=self.z, done=DONE_STEP)
+            self.z = minimum.fitted
+            self.inverse = covariance(np.concatenate([minimum.jacobian, minimum.priors]))
+            residuals, rows = self._residuals(self.z)
+            self._weigh(residuals, rows)
         self.inverse = np.linalg.inv(np.diag(1.0 / self.prior**2) + sum(j.T @ j / s**2 for j, s in zip(rows, self.sizes, strict=True)))
 
-    def _weigh(self, left: Sequence[Array], rows: Sequence[Array]) -> None:
+    def _weigh(self, residuals: Sequence[Array], rows: Sequence[Array]) -> None:
         """Set what one reading of every sensor weighs, from its residuals: scatter, step, and how much they wander."""
         self.worth, self.wander = 0.0, {}
-        for k, (r, j) in enumerate(zip(left, rows, strict=True)):
+        for k, (r, j) in enumerate(zip(residuals, rows, strict=True)):
             taken = float(np.sum((j @ self.inverse) * j)) / self.sizes[k] ** 2
             worth = effective_samples(r, max(round(taken), 1))
             free = max(r.size - taken * r.size / worth, 0.25 * r.size)
@@ -213,7 +213,7 @@ class _Fit:
             self.sizes[k] = max(scatter, self.steps[k] / 12.0**0.5, 1e-4) * np.sqrt(r.size / worth)
             self.worth += worth
             if worth < CORRELATED * r.size:
-                self.wander[self.sensors[k].sensor] = max(self.sizes[k] / self.sensors[k].sigma({self.sensors[k].sensor: LEAST}), 1.0)
+                self.wander[self.sensors[k].sensor] = max(self.sizes[k] / self.sensors[k].sigma({self.sensors[k].sensor: MIN_NOISE}), 1.0)
 
     def ends(self, rule: StabilityRule, level: float) -> dict[str, Settled]:
         """Return where every sensor ends with its interval, and when a rule holds there."""
@@ -222,8 +222,8 @@ class _Fit:
         engine = self.bench.engine
         a = engine.started(self.bench.wiring.assemble(x, True), True)
         last = float(self.experiment.times[-1])
-        found, slopes = settle(engine, a, last, True)
-        traces = Traces(self.bench.wiring, a, np.array([last]), engine.nodes, found[None, :], slopes[None])
+        settled, slopes = settle(engine, a, last, True)
+        traces = Traces(self.bench.wiring, a, np.array([last]), engine.nodes, settled[None, :], slopes[None])
         ahead, courses, rates = self._ahead(x, last)
         out = {}
         for k, o in enumerate(self.sensors):
@@ -242,13 +242,13 @@ class _Fit:
 
     def _ahead(self, x: Array, last: float) -> tuple[Array, Array, float]:
         """Return instants from now on [s], the sensors' nodes then (instants, sensors) [K], and the first step. [s]"""
-        times = np.concatenate([[last], last + np.geomspace(last / AHEAD, FAR * last, AHEAD)])
+        times = np.concatenate([[last], last + np.geomspace(last / AHEAD, MAX_STRETCHES_AHEAD * last, AHEAD)])
         engine, wiring = self.bench.engine, self.bench.wiring
         a = engine.started(wiring.assemble(x, False))
         nodes = tuple(o.node for o in self.sensors)
-        kept = kept_for(a, nodes)
-        answer = engine.integrate(a, times, kept, float(times[-1]), Options(), False)
-        traces = Traces(wiring, a, times, kept, answer.temperatures, answer.sensitivities)
+        nodes_kept = kept_for(a, nodes)
+        answer = engine.integrate(a, times, nodes_kept, float(times[-1]), Options(), False)
+        traces = Traces(wiring, a, times, nodes_kept, answer.temperatures, answer.sensitivities)
         return times, np.column_stack([traces.temperature(n) for n in nodes]), float(times[1] - times[0])
 
 
@@ -272,8 +272,8 @@ def unknowns_of(experiment: Experiment) -> tuple[tuple[str, ...], Array, Array, 
     rows = {n: r for n, r in rows.items() if r[0] > 0.0}
     first = experiment.scenario.initial
     for name in (*experiment.loose, *experiment.hidden):
-        sd = experiment.hidden[name].sd if name in experiment.hidden else 10.0 * LEAST
-        rows[f"initial.{name}"] = (float(first[name]), max(sd, LEAST), False)
+        sd = experiment.hidden[name].sd if name in experiment.hidden else 10.0 * MIN_NOISE
+        rows[f"initial.{name}"] = (float(first[name]), max(sd, MIN_NOISE), False)
     base, spread, relative = (np.array(column) for column in zip(*rows.values(), strict=True))
     return tuple(rows), base, spread, relative
 

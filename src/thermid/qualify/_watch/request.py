@@ -62,13 +62,13 @@ class WatchRequest:
         names = tuple(n for n, c in record.channels.items() if c.role == "node" and c.quantity == "temperature")
         for m in self.limits:
             record.channel(m.channel)
-        model, said = self.columns.model, self.scenario
+        model, scenario = self.columns.model, self.scenario
         more: dict[str, Any] = {} if self.slowest is None else {"slowest": self.slowest}
         if model is not None:
-            said = said if self.conditions is None else self.conditions(record, said)
-            more |= {"model": model, "scenario": said or Scenario(record.name)}
+            scenario = scenario if self.conditions is None else self.conditions(record, scenario)
+            more |= {"model": model, "scenario": scenario or Scenario(record.name)}
         stopping = Stopping(self.rule, self.within, self.limits, required=self.required, **more)
-        return Watcher(stopping, names, model, said if model is not None else None, remarks=self.columns.remarks)
+        return Watcher(stopping, names, model, scenario if model is not None else None, remarks=self.columns.remarks)
 
     def look(self, path: Path) -> WatchLook:
         """Return what a log says by now.

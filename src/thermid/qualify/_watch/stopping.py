@@ -201,32 +201,34 @@ class Stopping:
     ) -> StopAdvice:
         now = float(record.times[-1])
 
-        def said(word: str, because: str) -> StopAdvice:
+        def advice_of(word: str, because: str) -> StopAdvice:
             return StopAdvice(word, because, self.count, level, ends, late, now)
 
         if doubt or why:
-            return said(DECLINED if doubt or ends else WAIT, doubt or why)
+            return advice_of(DECLINED if doubt or ends else WAIT, doubt or why)
         if self.count > DECISIONS:
-            return said(DECLINED, f"{DECISIONS} decisions were made, which uses up the stated risk. Apply the plan's rule instead.")
+            return advice_of(DECLINED, f"{DECISIONS} decisions were made, which uses up the stated risk. Apply the plan's rule instead.")
         open_ = [f for f in ends.values() if f.declined]
         if open_:
             worst = max(open_, key=lambda f: f.final.error)
-            return said(DECLINED, f"{worst.channel}: {worst.declined}")
+            return advice_of(DECLINED, f"{worst.channel}: {worst.declined}")
         undecided = self._undecided(ends)
         if undecided:
             m = undecided[0]
             f = ends[m.channel].final
             span = f"{short(f.low - ICE_POINT)} to {short(f.high - ICE_POINT)} degC"
-            return said(DECLINED, f"{m.channel} may end on either side of its limit {m}: {span}. Wait longer.")
+            return advice_of(DECLINED, f"{m.channel} may end on either side of its limit {m}: {span}. Wait longer.")
         holds = late is not None and late <= now
         if self.required and not holds:
-            return said(WAIT, f"the final temperature is known, but the plan requires that '{self.rule.name}' is met{_when(late, now)}.")
+            return advice_of(
+                WAIT, f"the final temperature is known, but the plan requires that '{self.rule.name}' is met{_when(late, now)}."
+            )
         rule = (
             ""
             if holds
             else f" The plan's rule '{self.rule.name}' is not met yet{_when(late, now)}. Check in the plan whether the test may end."
         )
-        return said(
+        return advice_of(
             STOP, f"waiting longer does not change the verdict: every channel ends within +- {short(self.within)} K of its forecast.{rule}"
         )
 

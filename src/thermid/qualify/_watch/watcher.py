@@ -27,7 +27,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.qualify._watch.columns import roles_in
 from thermid.qualify._watch.growing import (
     FIRST_READINGS,
-    LEAST,
+    MIN_NOISE,
     LogClock,
     after_gaps_left_out,
     blocked,
@@ -94,8 +94,8 @@ def sensor_alarms(record: Record, names: Sequence[str], changed: Sequence[float]
     changed : sequence      When a known power was switched; a jump just after that is none. [s]
     """
     channels = [record.channel(name) for name in names]
-    found = [_of_readings(c.name, record.times, c.values, c.valid, np.asarray(changed)) for c in channels]
-    return [a for a in found if a is not None]
+    alarms = [_of_readings(c.name, record.times, c.values, c.valid, np.asarray(changed)) for c in channels]
+    return [a for a in alarms if a is not None]
 
 
 def pending(record: Record, names: Sequence[str]) -> bool:
@@ -106,12 +106,12 @@ def pending(record: Record, names: Sequence[str]) -> bool:
             return True
         times, steps = record.times[channel.valid], np.diff(channel.values[channel.valid])
         late = times[1:] > record.times[-1] - 1.5 * STAYS
-        if late.any() and np.abs(steps[late]).max() > _least(steps):
+        if late.any() and np.abs(steps[late]).max() > _min_jump(steps):
             return True
     return False
 
 
-def _least(steps: Array) -> float:
+def _min_jump(steps: Array) -> float:
     """Return the step between neighbours that counts as a jump. [K]"""
     usual = max(float(np.median(np.abs(steps))) / 0.6745, float(np.quantile(np.abs(steps), 0.9)) / 1.645, 1e-3)
     return max(JUMP * usual, LEAST_JUMP)
@@ -126,7 +126,7 @@ def _of_readings(name: str, times: Array, kelvin: Array, valid: Bools, changed: 
     if y.size < 2 * GONE + 2:
         return None
     steps = np.diff(y)
-    far = np.flatnonzero(np.abs(steps) > _least(steps))
+    far = np.flatnonzero(np.abs(steps) > _min_jump(steps))
     usual = float(np.median(np.diff(t)))
     for k in far[::-1]:  # a spike comes back, a sensor that is off stays
         if np.any((changed <= t[k + 1]) & (changed > t[k] - STAYS)):
@@ -235,9 +235,9 @@ class WatchLook:
 
     def __str__(self) -> str:
         """The alarms, the advice, where channels end, what nobody measures, and what was taken."""
-        return "\n".join([self.seen(), *(f"  assumed: {a}" for a in self.assumed)])
+        return "\n".join([self.without_inputs(), *(f"  assumed: {a}" for a in self.assumed)])
 
-    def seen(self) -> str:
+    def without_inputs(self) -> str:
         """Return it in words without what was taken, which stays the same from look to look."""
         lines = [f"ALARM {m}" for m in self.alarms]
         word = {"stop": "stop now", "wait": "wait", "declined": "declined"}[self.advice.word]
@@ -245,9 +245,9 @@ class WatchLook:
         for f in self.advice.ends.values():
             end = "declined" if f.declined else f"ends at {f.final}"
             ahead = 0.0 if f.holds is None else f.holds - self.at
-            left = "" if f.holds is None else f"; rule '{f.rule.name}' {f'in {duration_text(ahead)}' if ahead > 0.0 else 'met'}"
-            made = "" if f.now >= self.at else f" (decision after {duration_text(f.now)})"
-            lines.append(f"  {f.channel} {f.latest - ICE_POINT:.2f} degC, {end}{left}{made}")
+            rule_text = "" if f.holds is None else f"; rule '{f.rule.name}' {f'in {duration_text(ahead)}' if ahead > 0.0 else 'met'}"
+            decision_text = "" if f.now >= self.at else f" (decision after {duration_text(f.now)})"
+            lines.append(f"  {f.channel} {f.latest - ICE_POINT:.2f} degC, {end}{rule_text}{decision_text}")
         for n in self.nodes:
             if not n.measured:
                 lines.append(f"  {n.name} (not measured) {n.value - ICE_POINT:.2f} +- {short(n.half)} degC")
@@ -281,10 +281,10 @@ class _Filter:
         while len(self.stands) > 1 and self.stands[1][0] <= now - WINDOW:
             del self.stands[0]
         for k, o in enumerate(window.dynamics.experiment.observations):
-            own = window.sensors == k
+            of_sensor = window.sensors == k
             old = self.errors.get(o.sensor, (np.zeros(0), np.zeros(0)))
-            times = np.concatenate([old[0], self.time + window.times[own]])
-            standard = np.concatenate([old[1], window.errors[own] / np.sqrt(window.variances[own])])
+            times = np.concatenate([old[0], self.time + window.times[of_sensor]])
+            standard = np.concatenate([old[1], window.errors[of_sensor] / np.sqrt(window.variances[of_sensor])])
             late = times > now - WINDOW
             self.errors[o.sensor] = (times[late], standard[late])
         self.time, self.belief, self.fastest = now, window.beliefs[-1], window.fastest
@@ -353,20 +353,20 @@ class Watcher:
     def _judged(self, record: Record) -> WatchLook:
         """Return what a log says at a moment."""
         recent, record = latest(record), smoothed(without_spikes(record))
-        kept = blocked(record)
-        calm = after_gaps_left_out(kept)
+        blocks = blocked(record)
+        calm = after_gaps_left_out(blocks)
         changed = plateaus(record, self.scenario)
         self.stopping.changed = max(changed, default=self.stopping.changed)
         off = sensor_alarms(recent, self.channels, np.append(changed, recent.times[switches(recent)]))
         broken = {a.suspect for a in off}
         names = tuple(n for n in self.channels if n not in broken)
-        fitted = self.stopping.due(kept) and self._fitted(calm, names, True)
-        nodes, found = self._filtered(record, kept, names, fitted) if self.model is not None and names else ((), [])
-        for a in (*off, *self._lasting(found, recent, names)):
+        fitted = self.stopping.due(blocks) and self._fitted(calm, names, True)
+        nodes, alarms = self._filtered(record, blocks, names, fitted) if self.model is not None and names else ((), [])
+        for a in (*off, *self._lasting(alarms, recent, names)):
             self._named.setdefault(f"{a.kind} {a.suspect}", a)
         doubt = f"there is an alarm: {next(iter(self._named.values()))}" if self._named else ""
-        doubt = doubt or ("readings differ from the model's forecast; the cause is not known yet." if found else "")
-        settles = self._settles(kept) if self.model is not None and names and not doubt and self.stopping.due(kept) else {}
+        doubt = doubt or ("readings differ from the model's forecast; the cause is not known yet." if alarms else "")
+        settles = self._settles(blocks) if self.model is not None and names and not doubt and self.stopping.due(blocks) else {}
         advice = (
             self.stopping.decide(calm, names, settles, doubt)
             if names
@@ -389,31 +389,31 @@ class Watcher:
         if self._roles is None:
             self._roles = roles_in(compile_network(self.model))
         bound = {c.target or c.name for c in record.channels.values()}
-        given = bound | {*(self.scenario.loads if self.scenario is not None else ())}
-        own = [p for p, role in self._roles.items() if role == "load" and p not in given]
+        driven = bound | {*(self.scenario.loads if self.scenario is not None else ())}
+        unlogged = [p for p, role in self._roles.items() if role == "load" and p not in driven]
         last = [p for p, role in self._roles.items() if role != "node" and p in bound]
-        deck = (f"power of {', '.join(own)}: the deck's, because no column gives it",) if own else ()
+        deck = (f"power of {', '.join(unlogged)}: the deck's, because no column gives it",) if unlogged else ()
         return (*deck, *((f"forecasts hold while {', '.join(last)} stays as last logged",) if last else ()))
 
-    def _lasting(self, found: list[Alarm], record: Record, names: Sequence[str]) -> list[Alarm]:
+    def _lasting(self, alarms: list[Alarm], record: Record, names: Sequence[str]) -> list[Alarm]:
         """Return what was found, once it lasts and no sensor's jump is pending; one fault of the unit is named."""
         now = float(record.times[-1])
-        if not found or self._named:
+        if not alarms or self._named:
             self._since = None
             return []
         if self._since is None:
             self._since = now
-        return found if now - self._since >= CONFIRMED and not pending(record, names) else []
+        return alarms if now - self._since >= CONFIRMED and not pending(record, names) else []
 
     def _settles(self, record: Record) -> dict[str, float]:
         """Return where the model settles with the inputs as they are now: channel -> temperature. [K]"""
         assert self.model is not None
         experiment = bind(self.model, record, self.scenario, errors={})
-        engine = Bench.of(experiment, ()).engine
+        engine = Bench.of_experiment(experiment, ()).engine
         a = engine.started(engine.wiring.assemble(gradients=False))
         last = float(experiment.times[-1])
-        found, _ = settle(engine, a, last)
-        traces = Traces(engine.wiring, a, np.array([last]), engine.nodes, found[None, :], np.zeros((1, found.size, 0)))
+        settled, _ = settle(engine, a, last)
+        traces = Traces(engine.wiring, a, np.array([last]), engine.nodes, settled[None, :], np.zeros((1, settled.size, 0)))
         return {o.sensor: float(traces.temperature(o.node)[0]) for o in experiment.observations if o.sensor in self.channels}
 
     def _fitted(self, record: Record, names: Sequence[str], due: bool) -> bool:
@@ -441,12 +441,14 @@ class Watcher:
         if not fitted and self._fitted(after_gaps_left_out(record), names, False):
             f = self._passed(record, names)
         settling = self.stopping.settling
-        found = []
+        alarms = []
         if f.largest > STRANGE and (settling is None or settling.values):
             begin, belief = f.stands[0]
-            found = self._window(self._of(blocked(whole, min(CLOSER, f.fastest / 5.0)), names).trim(begin, "end"), belief).alarms()
-        self._cleared = 0.0 if found else f.largest
-        return self._nodes, found
+            alarms = self._window(
+                self._without_broken(blocked(whole, min(CLOSER, f.fastest / 5.0)), names).trim(begin, "end"), belief
+            ).alarms()
+        self._cleared = 0.0 if alarms else f.largest
+        return self._nodes, alarms
 
     def _passed(self, record: Record, names: Sequence[str]) -> _Filter:
         """Return the filter after the readings that are new to it."""
@@ -455,7 +457,7 @@ class Watcher:
             self._filter = _Filter(float(record.times[0]))
         f = self._filter = self._after_gap(self._filter, record)
         if now > f.time:
-            window = self._window(self._of(record, names).trim(f.time, "end"), f.belief)
+            window = self._window(self._without_broken(record, names).trim(f.time, "end"), f.belief)
             f.take(window, now)
             self._nodes = window.nodes()
         return f
@@ -469,7 +471,7 @@ class Watcher:
         mean = f.belief.mean
         return _Filter(float(times[gaps[-1]]), Belief(mean, UNKNOWN * np.eye(mean.shape[1])[None]))
 
-    def _of(self, record: Record, names: Sequence[str]) -> Record:
+    def _without_broken(self, record: Record, names: Sequence[str]) -> Record:
         """Return a record without the channels that are broken."""
         others = {c.name for c in record.channels.values() if c.name in self.channels and c.name not in names}
         return record.select(*(c for c in record.channels if c not in others)) if others else record
@@ -479,7 +481,7 @@ class Watcher:
         assert self.model is not None
         settling = self.stopping.settling
         later = None if self.scenario is None else self.scenario.begun(float(record.times[0]) - self._clock.begin)
-        return _Window.of(self.model, record, later, self.driven, belief, {} if settling is None else settling.values, self._wander)
+        return _Window.of_stretch(self.model, record, later, self.driven, belief, {} if settling is None else settling.values, self._wander)
 
 
 @dataclass(frozen=True, eq=False)
@@ -496,8 +498,8 @@ class _FilterValues:
     def at(self, dynamics: Dynamics, changed: tuple[str, float] = ("", 0.0)) -> At:
         """Return the dynamics at the values, one suspect or sensor changed either way."""
         way, sign = changed
-        own = np.array([n == way for n in self.names])
-        x = np.where(own, np.where(self.added, self.x + sign, self.x * np.exp(sign * CHANGE)), self.x)
+        is_changed = np.array([n == way for n in self.names])
+        x = np.where(is_changed, np.where(self.added, self.x + sign, self.x * np.exp(sign * CHANGE)), self.x)
         bias = self.bias.copy()
         if way.startswith("sensor "):
             bias[int(way.removeprefix("sensor "))] += sign
@@ -520,7 +522,7 @@ class _Window:
     sensors: Array
 
     @classmethod
-    def of(
+    def of_stretch(
         cls,
         model: Model,
         record: Record,
@@ -537,25 +539,25 @@ class _Window:
         experiment = bind(model, record, scenario, errors={})
         free, base, _, relative = unknowns_of(experiment)
         keep = np.array([not n.startswith("initial.") for n in free])
-        names = tuple(n for n, kept in zip(free, keep, strict=True) if kept)
+        names = tuple(n for n, keeps in zip(free, keep, strict=True) if keeps)
         moved = np.array([values.get(n, 0.0) for n in names])
         x = np.where(relative[keep], base[keep] * np.exp(moved), base[keep] + moved)
         bias = np.array([values.get(f"sensor {o.sensor}", 0.0) for o in experiment.observations])
         ambients = ambients_of(experiment.network, {c.target or c.name for c in record.channels.values()})
         names, x = (*names, *(a.path for a in ambients)), np.append(x, [_level(experiment, a.path) for a in ambients])
-        bench = Bench.of(experiment, names)
+        bench = Bench.of_experiment(experiment, names)
         massive = [n for n, c in experiment.network.numbers().capacitances.items() if c is not None]
         noises = [ProcessNoise(n, "node", WIENER, driven, False) for n in massive]
         sizes = np.hypot(driven, [_by_powers(experiment, n) for n in massive])
         dynamics = Dynamics(bench, noises, {})
-        sigma = np.array([o.sigma({o.sensor: LEAST}) * wander.get(o.sensor, 1.0) for o in experiment.observations])
+        sigma = np.array([o.sigma({o.sensor: MIN_NOISE}) * wander.get(o.sensor, 1.0) for o in experiment.observations])
         values_of = _FilterValues(names, x, bias, sigma, sizes, np.arange(len(names)) >= len(names) - len(ambients))
         passing = Passing(dynamics, [values_of.at(dynamics)])
-        kept = passing.run(keep=True, begin=None if start is None else (0, start))
-        i = kept.innovations
+        passed = passing.run(keep=True, begin=None if start is None else (0, start))
+        i = passed.innovations
         off = {c.target or c.name for c in record.channels.values() if c.held and _is_off(c)}
         suspects = (*(s for s in suspects_of(experiment.network) if s.kind != "power" or s.whose not in off), *ambients)
-        return cls(dynamics, suspects, values_of, passing, kept.beliefs, i.errors[:, 0], i.variances[:, 0], i.times, i.sensors)
+        return cls(dynamics, suspects, values_of, passing, passed.beliefs, i.errors[:, 0], i.variances[:, 0], i.times, i.sensors)
 
     def nodes(self) -> tuple[NodeBand, ...]:
         """Return the nodes at the end."""
@@ -577,16 +579,16 @@ class _Window:
         """Return the suspect that explains the innovations best, where one does beyond doubt, and those that do as well."""
         end = float(self.dynamics.grid[-1])
         backs = [0.0, *(back for back in BEGINNINGS if back < end)]
-        found = [a for back in backs[1:] for a in self._began(end - back)]
-        best = max(found, key=lambda a: a.gain, default=None)
+        alarms = [a for back in backs[1:] for a in self._began(end - back)]
+        best = max(alarms, key=lambda a: a.gain, default=None)
         if best is None or best.gain < CERTAIN:
             return []
         # a beginning that is wrong blames what acts later or sooner: look closer about the best
         k = int(np.argmin(np.abs(np.array(backs) - (end - best.since))))
         for back in np.linspace(backs[max(k - 1, 0)], backs[min(k + 1, len(backs) - 1)], NEARER + 2)[1:-1]:
-            found += self._began(end - float(back))
-        best = max(found, key=lambda a: a.gain)
-        alike = {a.suspect: a for a in found if a.gain > best.gain - CLEARER}
+            alarms += self._began(end - float(back))
+        best = max(alarms, key=lambda a: a.gain)
+        alike = {a.suspect: a for a in alarms if a.gain > best.gain - CLEARER}
         if len(alike) == 1:
             return [best]
         others = ", ".join(f"{a.kind} {a.suspect}" for a in alike.values() if a.suspect != best.suspect)
@@ -637,11 +639,11 @@ def _by_powers(experiment: Experiment, node: str) -> float:
     loads = {load.path for load in experiment.network.flat.loads if load.node == node}
     capacity = experiment.network.numbers().capacitances[node]
     record = experiment.record
-    found = [found_noise(c) for c in record.channels.values() if c.quantity == "power" and (c.target or c.name) in loads]
-    return float(np.linalg.norm(found)) * record.step**0.5 / value_of(capacity or 1.0) if found else 0.0
+    noises = [found_noise(c) for c in record.channels.values() if c.quantity == "power" and (c.target or c.name) in loads]
+    return float(np.linalg.norm(noises)) * record.step**0.5 / value_of(capacity or 1.0) if noises else 0.0
 
 
 def _is_off(channel: Channel) -> bool:
     """Whether a logged power is no more than its noise, so that no share of it can be missing."""
-    seen = channel.values[channel.valid]
-    return not seen.size or float(np.abs(seen).max()) <= OFF * found_noise(channel)
+    readings = channel.values[channel.valid]
+    return not readings.size or float(np.abs(readings).max()) <= OFF * found_noise(channel)

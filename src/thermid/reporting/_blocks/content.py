@@ -25,13 +25,13 @@ class Cell:
     look: str = ""
 
 
-SAME = Cell("", "", "same")
+SAME_AS_ABOVE = Cell("", "", "same")
 """What the row above says too: blank on a page, said again in a sheet."""
 
 
 def group_cell(name: str, row: int) -> Cell:
     """Return what names a group of rows: in its first row the name, below it a blank."""
-    return Cell(name, "", "main") if row == 0 else SAME
+    return Cell(name, "", "main") if row == 0 else SAME_AS_ABOVE
 
 
 def verdict_cell(passed: bool | None, why: str = "") -> Cell:
@@ -84,7 +84,7 @@ class Table(PageBlock):
     key: str = ""
 
     @classmethod
-    def of(cls, columns: Sequence[Head], rows: Sequence[Sequence[Cell | str]], caption: str = "", title: str = "") -> Table:
+    def of_rows(cls, columns: Sequence[Head], rows: Sequence[Sequence[Cell | str]], caption: str = "", title: str = "") -> Table:
         """Return a table; texts become cells."""
         lines = tuple(tuple(c if isinstance(c, Cell) else Cell(c) for c in row) for row in rows)
         if any(len(row) != len(columns) for row in lines):
@@ -346,7 +346,7 @@ class Section:
     audiences: tuple[str, ...] = ("agency", "all")
 
     @classmethod
-    def of(
+    def of_blocks(
         cls, key: str, title: str, blocks: Sequence[PageBlock], short: str = "", audiences: tuple[str, ...] = ("agency", "all")
     ) -> Section:
         """Return a section; tables become blocks, and one without a title has that of the heading above it."""

@@ -91,7 +91,7 @@ class Sheets:
         """
         return cls(Path(folder) if folder is not None else tables_folder(page), check_audience(audience))
 
-    def of(self, table: Table, title: str) -> tuple[int, str]:
+    def place_of(self, table: Table, title: str) -> tuple[int, str]:
         """Return how many rows of a table stand on the page, and the file that holds all of them; empty for a short one."""
         rows = len(table.rows)
         if rows < LONG[self.audience]:

@@ -109,7 +109,7 @@ def diagram(
     if flows:
         values = {drawn: watts(plain, drawn, flows) or text for drawn, text in values.items()}
     plan = arrange(plain.flat, values, under, plain.parts)
-    flowing = {drawn: sum(sign * flows.get(c, 0.0) for c, sign in found) for drawn, found in plain.members.items()} if flows else {}
+    flowing = {drawn: sum(sign * flows.get(c, 0.0) for c, sign in members) for drawn, members in plain.members.items()} if flows else {}
     parts = [f'<rect class="paper" width="{plan.width:.0f}" height="100%"/>', *_boxes(plan, marked)]
     parts += [part for k, wire in enumerate(plan.wires) for part in _wire(plan, k, wire, flowing, marked)]
     parts += _rails(plan, under)
@@ -136,12 +136,12 @@ def _mark(key: str, path: str, marked: bool) -> str:
 
 def _boxes(plan: DiagramLayout, marked: bool) -> Iterable[str]:
     for box in plan.root.boxes():
-        left, right = plan.box_edges(box)
+        x_left, right = plan.box_edges(box)
         bottom = plan.bottom if box.depth == 0 else box.bottom
-        size = f'x="{left:.1f}" y="{box.y:.1f}" width="{right - left:.1f}" height="{bottom - box.y:.1f}"'
+        size = f'x="{x_left:.1f}" y="{box.y:.1f}" width="{right - x_left:.1f}" height="{bottom - box.y:.1f}"'
         yield f'<rect class="box" {size} rx="8"{_mark("part", box.prefix.rstrip("."), marked)}/>'
-        room = (plan.left + plan.right) / 2 - left - 20
-        yield _text(left + 10, box.y + 17, clipped(box.title, room, 12.5), "head", tip=f"{box.prefix.rstrip('.')} {box.title}".strip())
+        room = (plan.left + plan.right) / 2 - x_left - 20
+        yield _text(x_left + 10, box.y + 17, clipped(box.title, room, 12.5), "head", tip=f"{box.prefix.rstrip('.')} {box.title}".strip())
 
 
 def _path(points: list[Point], kind: str, tip: str, extra: str = "") -> str:
@@ -259,7 +259,7 @@ def _rails(plan: DiagramLayout, notes: Mapping[str, str]) -> Iterable[str]:
 
 
 def _node(
-    plan: DiagramLayout, row: Row, notes: Mapping[str, str], given: Mapping[str, float], marked: bool = False, folded: bool = False
+    plan: DiagramLayout, row: Row, notes: Mapping[str, str], temperatures: Mapping[str, float], marked: bool = False, folded: bool = False
 ) -> Iterable[str]:
     name, under = row.path.rpartition(".")[2], notes.get(row.path, "")
     name = row.path.removeprefix(row.box) if row.massless else name
@@ -270,7 +270,7 @@ def _node(
         lift = -7 if row.loads else 0
         yield _text(middle - 10, row.middle + 4 + lift, clipped(f"{name} {under}".strip(), 130), "halo", "end", tip=row.path)
         return
-    fill = f' style="fill:{tint(given[row.path], given)}"' if row.path in given else ""
+    fill = f' style="fill:{tint(temperatures[row.path], temperatures)}"' if row.path in temperatures else ""
     kind = " warm" if fill else ""
     width = plan.right - plan.left
     yield (
@@ -281,9 +281,9 @@ def _node(
     yield _text(middle, row.middle + 13, clipped(under, width - 10), kind.strip() or "soft", "middle")
 
 
-def tint(kelvin: float, given: Mapping[str, float]) -> str:
+def tint(kelvin: float, temperatures: Mapping[str, float]) -> str:
     """Return the colour of a temperature among others: pale blue the lowest, pale orange the highest; dark text stands on all."""
-    low, high = min(given.values()), max(given.values())
+    low, high = min(temperatures.values()), max(temperatures.values())
     share = (kelvin - low) / (high - low) if high > low else 0.5
     cold, mild, warm = (191, 219, 242), (244, 240, 226), (250, 188, 128)
     a, b, part = (cold, mild, 2 * share) if share < 0.5 else (mild, warm, 2 * share - 1)
@@ -358,12 +358,15 @@ def quantity(value: float, unit: str, digits: int = 3) -> str:
     return f"{text} {unit}"
 
 
-def conductances(plain: FoldedModel, network: Network, numbers: Numbers, given: Mapping[str, float]) -> dict[str, str]:
+def conductances(plain: FoldedModel, network: Network, numbers: Numbers, temperatures: Mapping[str, float]) -> dict[str, str]:
     """Return conductor drawn -> its conductance as text, of a folded part the sum of its members."""
-    flows = _single(network, numbers, given)
+    flows = _single(network, numbers, temperatures)
     several = {drawn: [flows[c] for c, _ in members if c in flows] for drawn, members in plain.members.items()}
     by = {c.path: c.controls for c in network.flat.conductors if c.controls}
-    out = {drawn: ("" if all(sure for _, sure in own) else "≈") + quantity(sum(v for v, _ in own), "W/K") for drawn, own in several.items()}
+    out = {
+        drawn: ("" if all(sure for _, sure in values) else "≈") + quantity(sum(v for v, _ in values), "W/K")
+        for drawn, values in several.items()
+    }
     for drawn, members in plain.members.items():
         out[drawn] += times(dict.fromkeys(name for c, _ in members for name in by.get(c, ())))
     return out
@@ -375,12 +378,12 @@ def times(controls: Iterable[str]) -> str:
     return "".join(f" \u00d7 {name}" for name in short)
 
 
-def _single(network: Network, numbers: Numbers, given: Mapping[str, float]) -> dict[str, tuple[float, bool]]:
+def _single(network: Network, numbers: Numbers, temperatures: Mapping[str, float]) -> dict[str, tuple[float, bool]]:
     """Return conductor -> its conductance [W/K], and whether it is sure: not where it depends on temperatures that nobody gave."""
     totals: dict[str, tuple[float, bool]] = {}
     for row in numbers.conductors:
-        ends = [given.get(end, nominal) for end, nominal in zip(row.ends, NOMINAL, strict=True)]
-        fixed = row.kernel.linear or all(end in given for end in row.ends)
+        ends = [temperatures.get(end, nominal) for end, nominal in zip(row.ends, NOMINAL, strict=True)]
+        fixed = row.kernel.linear or all(end in temperatures for end in row.ends)
         conductances = conductance(row.form, [value_of(c) for c in row.coefficients], row.curve, *(np.array([t]) for t in ends))
         total, sure = totals.get(row.name, (0.0, True))
         totals[row.name] = (total + float(conductances[0]), sure and fixed)
@@ -395,26 +398,32 @@ def watts(plain: FoldedModel, drawn: str, flows: Mapping[str, float]) -> str:
 
 def _capacities(plain: FoldedModel, numbers: Numbers) -> dict[str, float]:
     """Return node drawn -> capacitance, massless ones left out. [J/K]"""
-    own = {n: value_of(c) for n, c in numbers.capacitances.items() if c is not None}
-    return {drawn: sum(own[n] for n in nodes if n in own) for drawn, nodes in plain.nodes.items() if any(n in own for n in nodes)}
+    capacitances = {n: value_of(c) for n, c in numbers.capacitances.items() if c is not None}
+    return {
+        drawn: sum(capacitances[n] for n in nodes if n in capacitances)
+        for drawn, nodes in plain.nodes.items()
+        if any(n in capacitances for n in nodes)
+    }
 
 
-def pooled(plain: FoldedModel, numbers: Numbers, given: Mapping[str, float]) -> dict[str, float]:
+def pooled(plain: FoldedModel, numbers: Numbers, temperatures: Mapping[str, float]) -> dict[str, float]:
     """Return node or boundary drawn -> temperature, of a folded part the mean by capacitance. [K]"""
     weight = {n: value_of(c) if c is not None else 0.0 for n, c in numbers.capacitances.items()}
-    out = {n: t for n, t in given.items() if all(n not in nodes for nodes in plain.nodes.values())}
+    out = {n: t for n, t in temperatures.items() if all(n not in nodes for nodes in plain.nodes.values())}
     for drawn, nodes in plain.nodes.items():
-        known = [n for n in nodes if n in given]
-        total = sum(weight[n] for n in known)
-        if known:
-            out[drawn] = sum(weight[n] * given[n] for n in known) / total if total > 0 else given[known[0]]
+        with_temperature = [n for n in nodes if n in temperatures]
+        total = sum(weight[n] for n in with_temperature)
+        if with_temperature:
+            out[drawn] = (
+                sum(weight[n] * temperatures[n] for n in with_temperature) / total if total > 0 else temperatures[with_temperature[0]]
+            )
     return out
 
 
-def notes(plain: FoldedModel, numbers: Numbers, given: Mapping[str, float]) -> dict[str, str]:
+def notes(plain: FoldedModel, numbers: Numbers, temperatures: Mapping[str, float]) -> dict[str, str]:
     """Return node or boundary -> what stands under its name."""
     shown = {n: [quantity(c, "J/K")] for n, c in _capacities(plain, numbers).items()}
-    for node, kelvin in given.items():
+    for node, kelvin in temperatures.items():
         shown.setdefault(node, []).append(f"{kelvin - ICE_POINT:.1f} °C")
     return {n: " · ".join(parts) for n, parts in shown.items()}
 
@@ -454,8 +463,8 @@ def fold(flat: Flat, paths: Sequence[str]) -> FoldedModel:
     ------
     NameNotFoundError   When there is no such submodel.
     """
-    known = parts_of(flat.names.model)
-    refuse_unknown(paths, known, flat.names.model.title, "no submodel '{}'.", NameNotFoundError)
+    submodels = parts_of(flat.names.model)
+    refuse_unknown(paths, submodels, flat.names.model.title, "no submodel '{}'.", NameNotFoundError)
     outer = [p for p in paths if not any(p.startswith(f"{q}.") for q in paths)]
 
     def drawn(node: str) -> str:
@@ -464,7 +473,7 @@ def fold(flat: Flat, paths: Sequence[str]) -> FoldedModel:
     nodes: dict[str, list[FlatNode]] = {}
     for node in flat.nodes:
         nodes.setdefault(drawn(node.path), []).append(node)
-    shown = tuple(found[0] if path not in outer else FlatNode(path, {"capacitance": ""}, False, "") for path, found in nodes.items())
+    shown = tuple(grouped[0] if path not in outer else FlatNode(path, {"capacitance": ""}, False, "") for path, grouped in nodes.items())
     groups: dict[tuple[str, str, str], list[tuple[FlatConductor, int]]] = {}
     alone: list[FlatConductor] = []
     for c in flat.conductors:
@@ -479,11 +488,11 @@ def fold(flat: Flat, paths: Sequence[str]) -> FoldedModel:
             groups.setdefault((a, b, c.kind), []).append((c, 1))
     joined: list[FlatConductor] = []
     members: dict[str, tuple[tuple[str, int], ...]] = {c.path: ((c.path, 1),) for c in alone}
-    for (a, b, kind), found in groups.items():
-        first = found[0][0]
-        name = first.path if len({c.path for c, _ in found}) == 1 else f"{a}: {len(found)} of {kind} to {b}"
+    for (a, b, kind), grouped in groups.items():
+        first = grouped[0][0]
+        name = first.path if len({c.path for c, _ in grouped}) == 1 else f"{a}: {len(grouped)} of {kind} to {b}"
         joined.append(replace(first, path=name, ends=(a, b)))
-        members[name] = tuple(dict.fromkeys((c.path, sign) for c, sign in found))
+        members[name] = tuple(dict.fromkeys((c.path, sign) for c, sign in grouped))
     loads = tuple(replace(load, node=drawn(load.node)) for load in flat.loads)
     folded = replace(flat, nodes=shown, conductors=tuple([*alone, *joined]), loads=loads)
-    return FoldedModel(folded, tuple(f"{p}." for p in outer), members, {p: tuple(n.path for n in found) for p, found in nodes.items()})
+    return FoldedModel(folded, tuple(f"{p}." for p in outer), members, {p: tuple(n.path for n in grouped) for p, grouped in nodes.items()})

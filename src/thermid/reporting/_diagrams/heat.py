@@ -19,7 +19,7 @@ from thermid.reporting._diagrams.places import grid
 
 SIZE: Final = (620.0, 340.0)
 """Width and height. [px]"""
-MOST: Final = 20
+MAX_CHIPS: Final = 20
 """So many chips at most; beyond it a part is one chip with its hottest node."""
 LETTERS: Final = 11.0
 """Size of letters. [px]"""
@@ -58,7 +58,7 @@ def heat_map(
 ) -> str:
     """Return a model as SVG: nodes coloured by temperature, lines as wide as the heat between them.
 
-    Massless nodes between two others are part of the line; the heat to boundaries is written on each node. Beyond `MOST` nodes a part
+    Massless nodes between two others are part of the line; the heat to boundaries is written on each node. Beyond `MAX_CHIPS` nodes a part
     of the model is one chip with the temperature of its hottest node.
 
     Parameters
@@ -75,11 +75,11 @@ def heat_map(
     chips, size = _chips(flat, temperatures, flows, powers, links, size)
     of = {node: chip for chip in chips for node in chip.nodes}
     shown = {c.name: c.kelvin for c in chips}
-    said = escape(
+    label = escape(
         f"{title or model.title}, temperatures of the network: " + ", ".join(f"{c.name} {c.kelvin - ICE_POINT:.1f} °C" for c in chips)
     )
     out = [
-        f'<svg class="plot heat" role="img" aria-label="{said}" viewBox="0 0 {size[0]:g} {size[1]:g}" '
+        f'<svg class="plot heat" role="img" aria-label="{label}" viewBox="0 0 {size[0]:g} {size[1]:g}" '
         f'style="font-size:{LETTERS:g}px;fill:var(--f-ink,#1a2230)">'
     ]
     out += _lines(links, of, chips)
@@ -100,11 +100,11 @@ def _links(flat: Flat, flows: Mapping[str, float]) -> dict[tuple[str, str], floa
     loaded = {load.node for load in flat.loads}
     outside = {n for c in flat.conductors for n in c.ends if not set(c.ends) <= inner}
     for node in flat.nodes:
-        own = [p for p in pairs if node.path in p]
-        if node.fields or len(own) != 2 or node.path in loaded | outside:
+        pairs_of_node = [p for p in pairs if node.path in p]
+        if node.fields or len(pairs_of_node) != 2 or node.path in loaded | outside:
             continue
-        ends = [(p[0] if p[1] == node.path else p[1]) for p in own]
-        heat = [pairs.pop(p) * (1.0 if p[1] == node.path else -1.0) for p in own]  # into the node
+        ends = [(p[0] if p[1] == node.path else p[1]) for p in pairs_of_node]
+        heat = [pairs.pop(p) * (1.0 if p[1] == node.path else -1.0) for p in pairs_of_node]  # into the node
         key, sign = ((ends[0], ends[1]), 1.0) if ends[0] < ends[1] else ((ends[1], ends[0]), -1.0)
         if ends[0] != ends[1]:
             pairs[key] = pairs.get(key, 0.0) + sign * 0.5 * (heat[0] - heat[1])
@@ -140,7 +140,7 @@ def _chips(
     names = _names(paths)
     groups: dict[str, list[str]] = {}
     for path in paths:
-        groups.setdefault(names[path] if len(paths) <= MOST else path.partition(".")[0], []).append(path)
+        groups.setdefault(names[path] if len(paths) <= MAX_CHIPS else path.partition(".")[0], []).append(path)
     keys = list(groups)
     place = {node: k for k, key in enumerate(keys) for node in groups[key]}
     weight = np.zeros((len(keys), len(keys)))
@@ -217,7 +217,7 @@ def _edge(chip: Chip, along: np.ndarray) -> tuple[float, float]:
 
 def _drawn(chip: Chip, shown: Mapping[str, float]) -> Iterator[str]:
     """Yield a chip: name, temperature, heat in and heat to the boundaries."""
-    left, top = chip.x - 0.5 * chip.width, chip.y - 0.5 * TALL
+    x_left, top = chip.x - 0.5 * chip.width, chip.y - 0.5 * TALL
     heat = [f"+{quantity(chip.power, 'W', 2)}"] if chip.power else []
     heat += [f"\u2192 {quantity(chip.lost, 'W', 2)}"] if abs(chip.lost) > 5e-4 else []
     lines = (
@@ -227,7 +227,7 @@ def _drawn(chip: Chip, shown: Mapping[str, float]) -> Iterator[str]:
     )
     tip = f"<title>{escape(', '.join(chip.nodes))}</title>"
     yield (
-        f'<rect class="chip" x="{left:.1f}" y="{top:.1f}" width="{chip.width:.1f}" height="{TALL:g}" rx="6" '
+        f'<rect class="chip" x="{x_left:.1f}" y="{top:.1f}" width="{chip.width:.1f}" height="{TALL:g}" rx="6" '
         f'style="fill:{tint(chip.kelvin, shown)};stroke:var(--f-soft,#556172)">{tip}</rect>'
     )
     for k, (text, look) in enumerate(lines):
@@ -252,5 +252,5 @@ def _scale(
     yield f'<text x="{66 + 5 * steps:g}" y="{y:g}">{high - ICE_POINT:.1f} °C</text>'
     words = "+ heat put in, \u2192 heat to " + ", ".join(f"{b} at {temperatures[b] - ICE_POINT:.1f} °C" for b in boundaries[:3])
     if boundaries:
-        left = 66 + 5 * steps + width_of(f"{high - ICE_POINT:.1f} °C") + 16
-        yield f'<text x="{left:.0f}" y="{y:g}" style="fill:var(--f-soft,#556172)">{escape(clipped(words, size[0] - left, LETTERS))}</text>'
+        edge = 66 + 5 * steps + width_of(f"{high - ICE_POINT:.1f} °C") + 16
+        yield f'<text x="{edge:.0f}" y="{y:g}" style="fill:var(--f-soft,#556172)">{escape(clipped(words, size[0] - edge, LETTERS))}</text>'

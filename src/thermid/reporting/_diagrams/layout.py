@@ -124,12 +124,12 @@ class DiagramLayout:
 def _tree(model: Tree, prefix: str = "", depth: int = 0, folded: Sequence[str] = ()) -> Box:
     name = prefix.rstrip(".").rpartition(".")[2]
     title = f"{name} · {model.title}" if name and name != model.title else name or model.title
-    own = [prefix + n for n in (*model.nodes, *(j.mid or f"{k}.mid" for k, j in model.joints.items()))]
+    leaves = [prefix + n for n in (*model.nodes, *(j.mid or f"{k}.mid" for k, j in model.joints.items()))]
     parts: list[str | Box] = [
         f"{prefix}{k}" if f"{prefix}{k}." in folded else _tree(s.model, f"{prefix}{k}.", depth + 1, folded)
         for k, s in model.submodels.items()
     ]
-    return Box(prefix, title, depth, [*own, *parts])
+    return Box(prefix, title, depth, [*leaves, *parts])
 
 
 def _order(root: Box, pairs: Sequence[tuple[str, str]]) -> None:
@@ -186,8 +186,8 @@ def _wires(flat: Flat, rows: Mapping[str, Row], values: Mapping[str, str]) -> li
 def _common(boxes: Sequence[str]) -> str:
     """Return the prefix of the innermost box that holds all of some boxes."""
     first, *others = [b.split(".")[:-1] for b in boxes] or [[]]
-    kept = [steps for steps in (first[:n] for n in range(len(first), 0, -1)) if all(o[: len(steps)] == steps for o in others)]
-    return ".".join(kept[0]) + "." if kept else ""
+    common = [steps for steps in (first[:n] for n in range(len(first), 0, -1)) if all(o[: len(steps)] == steps for o in others)]
+    return ".".join(common[0]) + "." if common else ""
 
 
 def _ports(wires: Sequence[Wire], rows: Mapping[str, Row]) -> None:
@@ -255,12 +255,12 @@ def arrange(flat: Flat, values: Mapping[str, str], notes: Mapping[str, str], fol
     folded : sequence of str    Prefixes of submodels that `flat` holds as one node.
     """
     root = _tree(flat.names.model, folded=folded)
-    known = {n.path: n for n in flat.nodes}
-    pairs = [c.ends for c in flat.conductors if all(e in known for e in c.ends)]
+    node_of_path = {n.path: n for n in flat.nodes}
+    pairs = [c.ends for c in flat.conductors if all(e in node_of_path for e in c.ends)]
     _order(root, pairs)
     owner = {p: b.prefix for b in root.boxes() for p in b.items if isinstance(p, str)}
     loads = [load.node for load in flat.loads]
-    rows = {p: Row(p, not known[p].fields, loads.count(p), owner[p]) for p in root.leaves()}
+    rows = {p: Row(p, not node_of_path[p].fields, loads.count(p), owner[p]) for p in root.leaves()}
     wires = _wires(flat, rows, values)
     _ports(wires, rows)
     straight: dict[tuple[str, str], list[Wire]] = {}
@@ -272,10 +272,10 @@ def arrange(flat: Flat, values: Mapping[str, str], notes: Mapping[str, str], fol
     bottom = _stack(root, rows, top, straight)
     _label_lanes(wires, rows)
     depth = max(b.depth for b in root.boxes())
-    left = MARGIN + PAD * (depth + 1) + LOAD_WIDTH
+    x_left = MARGIN + PAD * (depth + 1) + LOAD_WIDTH
     texts = [(p.rpartition(".")[2], notes.get(p, "")) for p in rows]
     column = min(210.0, max(118.0, *(24 + max(width_of(a, 13), width_of(b)) for a, b in texts)))
-    right = left + column
+    right = x_left + column
     x = right + PAD * (depth + 1) + 10
     lanes = []
     for lane in range(1 + max((w.lane for w in wires if w.way == "lane"), default=-1)):
@@ -290,4 +290,4 @@ def arrange(flat: Flat, values: Mapping[str, str], notes: Mapping[str, str], fol
         rails[name] = at + half - 10
         at += 2 * half
     bottom += PORT * sum(w.way == "rails" for w in wires)
-    return DiagramLayout(root, rows, wires, left, right, lanes, x + 8, rails, frame, bottom, max(at + MARGIN, 430.0))
+    return DiagramLayout(root, rows, wires, x_left, right, lanes, x + 8, rails, frame, bottom, max(at + MARGIN, 430.0))

@@ -123,8 +123,10 @@ class _Drawing:
 
     def tip(self, conductors: Sequence[FlatConductor]) -> str:
         """Return conductors with kind, conductance and heat, in words."""
-        own = (f"{c.path} ({c.kind})" + "".join(f": {t}" for t in (self.values.get(c.path, ""),) if t) + self._watts(c) for c in conductors)
-        return "; ".join(own)
+        texts = (
+            f"{c.path} ({c.kind})" + "".join(f": {t}" for t in (self.values.get(c.path, ""),) if t) + self._watts(c) for c in conductors
+        )
+        return "; ".join(texts)
 
     def _watts(self, c: FlatConductor) -> str:
         text = watts(self.plain, c.path, self.flows)
@@ -170,11 +172,11 @@ def network_map(
     for c in plain.flat.conductors:
         if c.ends[0] != c.ends[1]:
             joined.setdefault((min(c.ends), max(c.ends)), []).append(c)
-    heat = {pair: sum(_heat(plain, c, pair[0], flows) for c in own) for pair, own in joined.items()} if flows else {}
+    heat = {pair: sum(_heat(plain, c, pair[0], flows) for c in members) for pair, members in joined.items()} if flows else {}
     shown = _Drawing(
         plain,
         {},
-        {pair: tuple(own) for pair, own in joined.items()},
+        {pair: tuple(members) for pair, members in joined.items()},
         heat,
         conductances(plain, network, numbers, kelvins),
         flows or {},
@@ -221,16 +223,16 @@ def _item(
 ) -> _Item:
     """Return what is said of a node."""
     loads = [x for x in shown.plain.flat.loads if x.node == node]
-    known = {x.path: powers.get(x.path) if powers is not None else _watts(numbers, x) for x in loads if x.path not in logged}
-    watts_ = [v for v in known.values() if v is not None]
+    load_powers = {x.path: powers.get(x.path) if powers is not None else _watts(numbers, x) for x in loads if x.path not in logged}
+    watts_ = [v for v in load_powers.values() if v is not None]
     power = f"+{quantity(sum(watts_), 'W')}" if watts_ and (sum(watts_) or powers is not None) else ""
-    power = "as logged" if loads and not known else power
-    texts = {path: "" if v is None else quantity(v, "W") for path, v in known.items()}
-    said = "; ".join(f"{x.path} into {node}: {texts.get(x.path, 'as logged')}" for x in loads)
+    power = "as logged" if loads and not load_powers else power
+    texts = {path: "" if v is None else quantity(v, "W") for path, v in load_powers.items()}
+    tip = "; ".join(f"{x.path} into {node}: {texts.get(x.path, 'as logged')}" for x in loads)
     mine = tuple(badges.get(node, ()))
     fields = next(n.fields for n in shown.plain.flat.nodes if n.path == node)
     part = f"{node}." in shown.plain.parts
-    return _Item(node, power, said, shown.kelvins.get(node), mine[:BADGES], max(len(mine) - BADGES, 0), not fields, part)
+    return _Item(node, power, tip, shown.kelvins.get(node), mine[:BADGES], max(len(mine) - BADGES, 0), not fields, part)
 
 
 def _watts(numbers: Numbers, load: object) -> float:
@@ -242,12 +244,12 @@ def _badges(shown: _Drawing, inner: Collection[str], plan: MapPlaces) -> dict[st
     """Return node -> what it is joined to that has no line."""
     out: dict[str, list[_Badge]] = {}
     most = max(map(abs, shown.heat.values()), default=0.0)
-    for (a, b), own in shown.joined.items():
+    for (a, b), members in shown.joined.items():
         for node, other, sign in ((a, b, 1.0), (b, a, -1.0)):
             hub = other in plan.hubs and node not in plan.hubs and plan.docks.get(node) != other
             if node in inner and (other not in inner or hub or (other in plan.hubs and node in plan.hubs and node < other)):
                 heat = sign * shown.heat[a, b] if shown.heat else None
-                out.setdefault(node, []).append(_Badge(other, heat, shown.tip(own), heat is not None and abs(heat) < FAINT * most))
+                out.setdefault(node, []).append(_Badge(other, heat, shown.tip(members), heat is not None and abs(heat) < FAINT * most))
     return out
 
 
@@ -255,7 +257,7 @@ def _style(conductors: Sequence[FlatConductor]) -> str:
     return STYLES.get(conductors[0].kind, ("solid", ""))[0]
 
 
-def _most(drawing: _Drawing, plan: MapPlaces) -> float:
+def _max_heat(drawing: _Drawing, plan: MapPlaces) -> float:
     """Return the most heat that a line carries. [W]"""
     return max((abs(drawing.heat[pair]) for pair in _drawn(drawing, plan) if pair in drawing.heat), default=0.0)
 
@@ -265,20 +267,20 @@ def _drawn(drawing: _Drawing, plan: MapPlaces) -> list[tuple[str, str]]:
     return [p for p in drawing.joined if p in plan.lines or plan.docks.get(p[0]) == p[1] or plan.docks.get(p[1]) == p[0]]
 
 
-def _wide(drawing: _Drawing, pair: tuple[str, str], most: float) -> str:
+def _stroke_style(drawing: _Drawing, pair: tuple[str, str], most: float) -> str:
     return f' style="stroke-width:{1.0 + (THICK - 1.0) * abs(drawing.heat[pair]) / most:.1f}"' if drawing.heat and most > 0.0 else ""
 
 
 def _lines(drawing: _Drawing, plan: MapPlaces) -> Iterator[str]:
     """Yield a line for every two nodes of different cards that are joined, with the conductors in its tip, and where its heat goes."""
-    most = _most(drawing, plan)
+    most = _max_heat(drawing, plan)
     for pair, points in plan.lines.items():
-        own = drawing.joined[pair]
-        style = _style(own)
+        members = drawing.joined[pair]
+        style = _style(members)
         dash = f' stroke-dasharray="{DASHES[style]}"' if DASHES[style] else ""
-        mark = drawing.mark("path", own[0].path)
-        tip = f"<title>{escape(drawing.tip(own))}</title>"
-        yield f'<path class="wire {style}" d="{_way(points)}"{dash}{_wide(drawing, pair, most)}{mark}>{tip}</path>'
+        mark = drawing.mark("path", members[0].path)
+        tip = f"<title>{escape(drawing.tip(members))}</title>"
+        yield f'<path class="wire {style}" d="{_way(points)}"{dash}{_stroke_style(drawing, pair, most)}{mark}>{tip}</path>'
         if drawing.heat and abs(drawing.heat[pair]) > FAINT * most:
             yield _arrow(points if drawing.heat[pair] >= 0.0 else points[::-1], abs(drawing.heat[pair]) / most)
 
@@ -307,23 +309,23 @@ def _card(drawing: _Drawing, card: Card, plan: MapPlaces) -> Iterator[str]:
     """Yield a card: its node, and those docked in it, with loads, temperatures and badges."""
     hub = " hub" if plan.hubs & set(card.nodes) else ""
     yield f'<rect class="card{hub}" x="{card.x:g}" y="{card.y:g}" width="{card.width:g}" height="{card.height:g}" rx="6"/>'
-    most = _most(drawing, plan)
+    most = _max_heat(drawing, plan)
     for node, deep in card.rows:
         item, y = drawing.items[node], card.row(node)
-        left = card.x + 6.0 + 14.0 * deep
+        x_left = card.x + 6.0 + 14.0 * deep
         if deep:
             pair = (min(node, plan.docks[node]), max(node, plan.docks[node]))
             tip = f"<title>{escape(drawing.tip(drawing.joined[pair]))}</title>"
-            way = f"M{left - 8:.1f} {card.row(plan.docks[node]) + 7:.1f}V{y:.1f}H{left:.1f}"
+            way = f"M{x_left - 8:.1f} {card.row(plan.docks[node]) + 7:.1f}V{y:.1f}H{x_left:.1f}"
             path = drawing.mark("path", drawing.joined[pair][0].path)
-            yield f'<path class="wire {_style(drawing.joined[pair])}" d="{way}"{_wide(drawing, pair, most)}{path}>{tip}</path>'
+            yield f'<path class="wire {_style(drawing.joined[pair])}" d="{way}"{_stroke_style(drawing, pair, most)}{path}>{tip}</path>'
         tinted = "" if item.kelvin is None else f' style="fill:{tint(item.kelvin, drawing.tinted)}"'
         dark = "" if item.kelvin is None else " dark"
         key = drawing.mark("part" if item.part else "path", node)
-        size = f'x="{left:.1f}" y="{y - 8.5:.1f}" width="{card.x + card.width - 6 - left:.1f}" height="17" rx="3"'
+        size = f'x="{x_left:.1f}" y="{y - 8.5:.1f}" width="{card.x + card.width - 6 - x_left:.1f}" height="17" rx="3"'
         kind = "node massless" if item.massless and not tinted else "node"
         yield f'<rect class="{kind}" {size}{tinted}{key}><title>{escape(node)}</title></rect>'
-        yield from _row(item, left + 6.0, y, dark, key, bold=not deep)
+        yield from _row(item, x_left + 6.0, y, dark, key, bold=not deep)
 
 
 def _row(item: _Item, x: float, y: float, dark: str, key: str, bold: bool) -> Iterator[str]:
@@ -345,7 +347,7 @@ def _row(item: _Item, x: float, y: float, dark: str, key: str, bold: bool) -> It
 def _labels(drawing: _Drawing, plan: MapPlaces) -> Iterator[str]:
     """Yield the heat of lines, the largest first, where it lies on no card and on no other label."""
     taken = [(c.x, c.y, c.x + c.width, c.y + c.height) for c in plan.cards]
-    most = _most(drawing, plan)
+    most = _max_heat(drawing, plan)
     pairs = sorted((p for p in plan.lines if p in drawing.heat), key=lambda p: -abs(drawing.heat[p]))
     for pair in pairs:
         if abs(drawing.heat[pair]) <= FAINT * most:
@@ -378,10 +380,10 @@ def _text(x: float, y: float, words: str, size: float, kind: str = "", tip: str 
 def _legend(drawing: _Drawing, plan: MapPlaces, title: str) -> Iterator[str]:
     """Yield title and counts, the styles of the lines that are drawn, and the scales of temperature and heat with both ends."""
     flat, y = drawing.plain.flat, plan.height - FOOT
-    given = ", ".join(flat.names.boundaries) or "none"
+    boundaries = ", ".join(flat.names.boundaries) or "none"
     many = f"; named on what they join: {', '.join(sorted(plan.hubs))}" if plan.hubs else ""
-    said = f"{title}: {len(flat.nodes)} nodes, {len(flat.conductors)} heat paths; given temperatures: {given}{many}"
-    yield _text(14.0, y + 16.0, clipped(said, plan.width - 28.0, 1.15 * NAME), NAME, "name", said)
+    heading = f"{title}: {len(flat.nodes)} nodes, {len(flat.conductors)} heat paths; given temperatures: {boundaries}{many}"
+    yield _text(14.0, y + 16.0, clipped(heading, plan.width - 28.0, 1.15 * NAME), NAME, "name", heading)
     x = 14.0
     kinds = (c.kind for pair in _drawn(drawing, plan) for c in drawing.joined[pair][:1])
     for style, word in dict.fromkeys(STYLES.get(kind, ("solid", kind)) for kind in kinds):
@@ -392,9 +394,9 @@ def _legend(drawing: _Drawing, plan: MapPlaces, title: str) -> Iterator[str]:
         yield _text(x + 32.0, y + 36.0, word, NAME, "m-soft")
         x += 50.0 + width_of(word, NAME)
     x, y = 14.0, y + 55.0
-    known = drawing.tinted.values()
-    if known:
-        low, high = min(known), max(known)
+    temperatures = drawing.tinted.values()
+    if temperatures:
+        low, high = min(temperatures), max(temperatures)
         ends = [f"{t - ICE_POINT:.1f} °C" for t in (low, high)]
         yield _text(x, y, ends[0], NAME, "m-soft")
         x += width_of(ends[0], NAME) + 8.0
@@ -403,7 +405,7 @@ def _legend(drawing: _Drawing, plan: MapPlaces, title: str) -> Iterator[str]:
             yield f'<rect x="{x + 4 * k:.1f}" y="{y - 9:.1f}" width="4.3" height="11" style="fill:{colour}"/>'
         yield _text(x + 104.0, y, ends[1], NAME, "m-soft")
         x += 124.0 + width_of(ends[1], NAME)
-    most = _most(drawing, plan)
+    most = _max_heat(drawing, plan)
     if most > 0.0:
         yield f'<path class="wire" d="M{x:.1f} {y - 4:.1f}h26" style="stroke-width:1"/>' + _text(x + 32.0, y, "0 W", NAME, "m-soft")
         yield f'<path class="wire" d="M{x + 70:.1f} {y - 4:.1f}h26" style="stroke-width:{THICK}"/>'

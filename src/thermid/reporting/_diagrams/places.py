@@ -130,7 +130,7 @@ def places(nodes: Sequence[str], pairs: Sequence[tuple[str, str]], widths: Mappi
             between += [] if {a, b} & hubs else [(a, b)]
     needs = [(max(widths[n] + 14.0 * d for n, d in rows[name]) + 16.0, ROW_HEIGHT * len(rows[name]) + 12.0) for name in names]
     sizes = [(2.0 * _up(0.5 * w), 2.0 * _up(0.5 * h)) for w, h in needs]  # so that the middles of a column lie below one another
-    cards, spots, lanes, size = _laid([rows[n] for n in names], weight, sizes, foot)
+    cards, spots, lanes, size = _placed_cards([rows[n] for n in names], weight, sizes, foot)
     router = _Router(cards, spots, lanes)
     lines = {(a, b): router.line(index[a], index[b]) for a, b in between}
     return MapPlaces(tuple(cards), hubs, docks, lines, *size)
@@ -150,7 +150,7 @@ def card_places(nodes: Sequence[str], pairs: Sequence[tuple[str, str]], size: tu
     weight = np.zeros((len(nodes), len(nodes)))
     for a, b in pairs:
         weight[index[a], index[b]] = weight[index[b], index[a]] = 1.0
-    cards, *_ = _laid([((n, 0),) for n in nodes], weight, [size] * len(nodes), 0.0)
+    cards, *_ = _placed_cards([((n, 0),) for n in nodes], weight, [size] * len(nodes), 0.0)
     return {card.nodes[0]: card.middle for card in cards}
 
 
@@ -227,7 +227,7 @@ class _Lanes:
     down: tuple[float, ...]
 
 
-def _laid(
+def _placed_cards(
     rows: Sequence[tuple[tuple[str, int], ...]], weight: Array, sizes: Sequence[tuple[float, float]], foot: float
 ) -> tuple[list[Card], list[tuple[int, int]], _Lanes, tuple[float, float]]:
     """Return the cards at their places, their columns and rows, the gutters, and the size of the page."""
@@ -237,17 +237,17 @@ def _laid(
     columns, lines, spots = grid(weight, best, (mean[0], mean[1]))
     wide = [max((s[0] for s, (c, _) in zip(sizes, spots, strict=True) if c == k), default=0.0) for k in range(columns)]
     high = [max((s[1] for s, (_, r) in zip(sizes, spots, strict=True) if r == k), default=0.0) for k in range(lines)]
-    left = [_up(GUTTER[0] + sum(wide[:k]) + GUTTER[0] * k) for k in range(columns + 1)]
+    column_starts = [_up(GUTTER[0] + sum(wide[:k]) + GUTTER[0] * k) for k in range(columns + 1)]
     top = [_up(GUTTER[1] + sum(high[:k]) + GUTTER[1] * k) for k in range(lines + 1)]
-    size = left[-1], top[-1] + _up(foot)
+    size = column_starts[-1], top[-1] + _up(foot)
     width = _up(max(size[0], WIDEST[0] * size[1], NARROWEST))
     page = width, _up(max(size[1], width / WIDEST[1]))
     aside, ahead = (PLACE_STEP * math.floor(0.5 * (p - s) / PLACE_STEP) for p, s in zip(page, size, strict=True))
     cards = []
-    for own, (w, h), (c, r) in zip(rows, sizes, spots, strict=True):
-        x, y = (PLACE_STEP * math.floor(v / PLACE_STEP) for v in (left[c] + 0.5 * (wide[c] - w), top[r] + 0.5 * (high[r] - h)))
-        cards.append(Card(own, aside + x, ahead + y, w, h))
-    lanes = _Lanes(tuple(aside + v - 0.5 * GUTTER[0] for v in left), tuple(ahead + v - 0.5 * GUTTER[1] for v in top))
+    for rows_of_card, (w, h), (c, r) in zip(rows, sizes, spots, strict=True):
+        x, y = (PLACE_STEP * math.floor(v / PLACE_STEP) for v in (column_starts[c] + 0.5 * (wide[c] - w), top[r] + 0.5 * (high[r] - h)))
+        cards.append(Card(rows_of_card, aside + x, ahead + y, w, h))
+    lanes = _Lanes(tuple(aside + v - 0.5 * GUTTER[0] for v in column_starts), tuple(ahead + v - 0.5 * GUTTER[1] for v in top))
     return cards, spots, lanes, page
 
 

@@ -25,7 +25,7 @@ from thermid.inference.intervals import identifiability
 from thermid.model.tree import Model, Names
 from thermid.reporting._blocks.content import (
     DASH,
-    SAME,
+    SAME_AS_ABOVE,
     Cell,
     Graphic,
     Head,
@@ -51,7 +51,7 @@ from thermid.reporting._pictures import figures
 from thermid.reporting._pictures.figures import Dots
 from thermid.simulation.runs import Solution
 
-FEW = 4
+MAX_OPEN_TRACES = 4
 """Up to so many traces stand open on the page; more are folded away."""
 
 
@@ -217,7 +217,7 @@ def _traces(
         title = f"{b.sensor} in {b.record}: measured and simulated"
         graphic = figures.trace(b, f"{key}-{k}", title, drives[id(fits[id(b)]), b.record], limit)
         drawn.append({"block": b, "mark": mark, "model": (models or {}).get(id(b), ""), "met": met, "drawn": graphic})
-    return {"drawn": drawn, "text": text, "opened": len(chosen) <= FEW}
+    return {"drawn": drawn, "text": text, "opened": len(chosen) <= MAX_OPEN_TRACES}
 
 
 def _limit(block: SensorTrace, verdict: Verdict | None) -> tuple[float | None, str]:
@@ -246,7 +246,7 @@ def _coverage(campaign: Campaign) -> Graphic | None:
     if not judged:
         return None
     several = len({model for model, _ in judged}) > 1
-    shares = {f"{record}, {model}" if several else record: found for (model, record), found in judged.items()}
+    shares = {f"{record}, {model}" if several else record: shares_inside for (model, record), shares_inside in judged.items()}
     return figures.coverage(shares, "coverage", "Readings inside the band against the nominal share")
 
 
@@ -266,12 +266,12 @@ def _bands(campaign: Campaign) -> tuple[Table | None, list[str]]:
     rows: list[Line] = []
     for (model, record), run in judged.items():
         for k, (sensor, b) in enumerate(run.bands.items()):
-            first = [group_cell(model, k), Cell(record) if k == 0 else SAME]
+            first = [group_cell(model, k), Cell(record) if k == 0 else SAME_AS_ABOVE]
             w = b.worst
             worst = f"{w.begin / 60:.3g} to {w.end / 60:.3g} min: {100 * w.inside:.0f} % inside, centre off by {w.rmse:.2g} K"
             rows.append([*first, sensor, f"{100 * b.inside():.0f}", number(float(b.half_width().mean()), 2), worst])
     remarks = list(dict.fromkeys(f"{model}: {words}" for (model, _), run in judged.items() for words in run.warnings))
-    return Table.of(columns, rows), remarks
+    return Table.of_rows(columns, rows), remarks
 
 
 def _dots(campaign: Campaign) -> list[Dots]:
@@ -279,10 +279,10 @@ def _dots(campaign: Campaign) -> list[Dots]:
     lines = [Dots(stage, _rmse([c]), doubt="" if c.standing.fair else c.standing.state) for stage, c in campaign.stages.items()]
     judged: dict[str, list[Calibration]] = {}
     for v in campaign.verdicts:
-        known = judged.setdefault(v.model, [])
-        if v.prediction is not None and all(v.record not in k.records for k in known):
-            known.append(v.prediction)
-    return lines + [Dots(model, _rmse(found), True) for model, found in judged.items()]
+        predictions_of_model = judged.setdefault(v.model, [])
+        if v.prediction is not None and all(v.record not in k.records for k in predictions_of_model):
+            predictions_of_model.append(v.prediction)
+    return lines + [Dots(model, _rmse(predictions), True) for model, predictions in judged.items()]
 
 
 def _rmse(calibrations: Sequence[Calibration]) -> dict[str, list[float]]:
@@ -315,7 +315,7 @@ def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) ->
         "title": title,
         "solution": solution,
         "drawn": drawn,
-        "ends": Table.of(columns, rows),
+        "ends": Table.of_rows(columns, rows),
         "diagram": next(iter(pictures), ""),
         "length": length,
     }
@@ -353,7 +353,7 @@ def moved(calibration: Calibration) -> Table:
         "A value that changed: the part behaves differently in the assembly than alone, or the stage below lacks physics. A value is "
         "called not rejected only if the logs would show a change of 10 %."
     )
-    return Table.of(columns, rows, how)
+    return Table.of_rows(columns, rows, how)
 
 
 def _result(verdict: str) -> Cell:
@@ -362,13 +362,13 @@ def _result(verdict: str) -> Cell:
 
 def _line(m: Move) -> Line:
     below, alone = from_si(m.below, m.unit), from_si(m.alone, m.unit)
-    known = m.told and math.isfinite(alone)
-    share = number(100 * (alone / below - 1), 2) if below and known else DASH
+    is_known = m.is_determined and math.isfinite(alone)
+    share = number(100 * (alone / below - 1), 2) if below and is_known else DASH
     far = f"{m.deviations:+.1f}" if math.isfinite(m.deviations) else DASH
     error = m.below_error / float(unit(m.unit).factor)
     there = f"{significant(below, error)} ± {number(error, 2)}" if math.isfinite(error) else plain(below, 5)
-    detectable = number(100 * m.detectable_share, 2) if m.told else DASH
-    here = plain(alone, 4) if known else DASH
+    detectable = number(100 * m.detectable_share, 2) if m.is_determined else DASH
+    here = plain(alone, 4) if is_known else DASH
     return [
         Cell(m.path, "", "main"), m.stage, there, here, pretty(m.unit), share, far, number(m.chance, 2), detectable, _result(m.verdict),
     ]  # fmt: skip
@@ -380,7 +380,7 @@ def _group(g: MovedGroup) -> Line:
     return [what, "", "", "", "", "", square, number(g.chance, 2), "", _result(g.verdict)]
 
 
-MOST = 12
+MAX_RECORDS_DETAILED = 12
 """Records of a stage up to which the page says of each trace what is left in it."""
 
 
@@ -389,15 +389,15 @@ def trust(campaign: Campaign, c: Calibration) -> tuple[tuple[str, str], ...]:
     parts = []
     if c.values.parameters and not isinstance(c, JointFit):
         parts.append(("Information in the logs", _finding(lambda: identifiability(c))))
-    known = {e.record.name for e in c.experiments}
-    if len(known) > MOST:
+    records = {e.record.name for e in c.experiments}
+    if len(records) > MAX_RECORDS_DETAILED:
         parts.append(
             (
                 "Analysis of its residuals",
-                f"{len(known)} records: for each of them run td.inference.criticise(campaign[{c.stage!r}], elements=False).",
+                f"{len(records)} records: for each of them run td.inference.criticise(campaign[{c.stage!r}], elements=False).",
             )
         )
-    elif c.request is not None and not isinstance(c, JointFit) and all(b.record in known for b in c.blocks):
+    elif c.request is not None and not isinstance(c, JointFit) and all(b.record in records for b in c.blocks):
         parts.append(("Analysis of its residuals", _finding(lambda: criticise(c, elements=False))))
     looks = _looks(campaign, c)
     if looks:

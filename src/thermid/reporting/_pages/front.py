@@ -108,33 +108,33 @@ def _tag(c: Calibration) -> str:
     return SYNTHETIC if c.synthetic or any(e.record.origin.synthetic for e in c.experiments) else ""
 
 
-def _decides(found: Decisive) -> Plot:
-    b = found.block
-    drive = drives(found.fit, b.record)
+def _decides(decisive: Decisive) -> Plot:
+    b = decisive.block
+    drive = drives(decisive.fit, b.record)
     predicted = b.measured - b.residuals
     label = f"{b.sensor} in {b.record}: measured and simulated"
-    drawn = figures.compared(b.times, b.measured, predicted, "decides", label, drive=drive, limit=found.limit, size=LEAD)
-    met = f": {VERDICTS[found.check.passed]}" if found.check is not None else ""
-    kind = "held out" if found.verdict is not None else "fitted"
+    drawn = figures.compared(b.times, b.measured, predicted, "decides", label, drive=drive, limit=decisive.limit, size=LEAD)
+    met = f": {VERDICTS[decisive.check.passed]}" if decisive.check is not None else ""
+    kind = "held out" if decisive.verdict is not None else "fitted"
     return Plot(
-        drawn, f"{b.sensor} in {b.record}, {kind}{met}. Above measured and simulated, below the residual.", _tag(found.fit), DECIDES
+        drawn, f"{b.sensor} in {b.record}, {kind}{met}. Above measured and simulated, below the residual.", _tag(decisive.fit), DECIDES
     )
 
 
-def _network(found: Decisive) -> Plot | None:
+def _network(decisive: Decisive) -> Plot | None:
     """Return the coloured network at the moment of the largest residual; None where the run cannot be made again."""
-    b = found.block
-    at = float(b.times[found.moment])
-    run = course_of(found.fit, b.record, np.unique([0.0, max(at, 1.0)]))
+    b = decisive.block
+    at = float(b.times[decisive.moment])
+    run = course_of(decisive.fit, b.record, np.unique([0.0, max(at, 1.0)]))
     if run is None:
         return None
-    model = found.fit.fitted_model
+    model = decisive.fit.fitted_model
     temperatures = dict(zip(run.nodes, run.temperatures[-1].tolist(), strict=True))
     flows = {k: float(v[-1]) for k, v in run.heat_flows.items()}
     powers = {k: float(np.broadcast_to(v, run.times.shape)[-1]) for k, v in run.load_powers.items()}
     markup = heat_map(model, temperatures, flows, powers)
     caption = f"{model.title} at that moment, as simulated: temperatures by colour, heat flows by width."
-    return Plot(Graphic(markup, ()), caption, _tag(found.fit), NETWORK)
+    return Plot(Graphic(markup, ()), caption, _tag(decisive.fit), NETWORK)
 
 
 def _charts(campaign: Campaign) -> Iterator[Plot]:

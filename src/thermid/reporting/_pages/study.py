@@ -87,10 +87,10 @@ def study_report(
     text = f"{len(records)} of {of} records are synthetic, so results from them are not evidence about real hardware." if records else ""
     banners = [(watermark.upper() or "SYNTHETIC DATA", " ".join(t for t in (study.note, text) if t))] if watermark or records else []
     added = [s for s in sections if audience in s.audiences]
-    whole = [Section.of("steps", "The four steps", steps(study)), _parts_section(study), *added, _record_section(study, campaign)]
+    whole = [Section.of_blocks("steps", "The four steps", steps(study)), _parts_section(study), *added, _record_section(study, campaign)]
     shown = sheets.shortened(whole)
     if audience == "summary":
-        shown = [Section.of("verdicts", "Verdicts", [_verdicts(campaign, ranked=True)] if campaign.verdicts else [])]
+        shown = [Section.of_blocks("verdicts", "Verdicts", [_verdicts(campaign, ranked=True)] if campaign.verdicts else [])]
     outcomes = [v.passed for v in campaign.verdicts]
     return write_page(
         "study.html.jinja",
@@ -124,7 +124,7 @@ def steps(study: Study) -> list[PageBlock]:
     rows: list[Line] = [
         [Cell(str(k), "", "main"), a.name, _state(a.state), ", ".join(a.stages) or a.note or DASH] for k, a in enumerate(study.actions, 1)
     ]
-    actions = Table.of([Head("no."), Head("action", wrapped=True), Head("state"), Head("stages", wrapped=True)], rows)
+    actions = Table.of_rows([Head("no."), Head("action", wrapped=True), Head("state"), Head("stages", wrapped=True)], rows)
     return [
         Heading("1  Knowledge and intended use"),
         Facts((("physical items", str(len(study.components))), ("model of the whole", study.model.title))),
@@ -153,7 +153,7 @@ def _boxes(study: Study) -> Table:
         [Cell(path or study.model.title, "", "main"), study.model.submodel(path).title if path else "the whole", box]
         for path, box in study.part_boxes.items()
     ]
-    return Table.of([Head("part"), Head("deck"), Head("box colour, with those inside")], rows)
+    return Table.of_rows([Head("part"), Head("deck"), Head("box colour, with those inside")], rows)
 
 
 def _instruments(study: Study) -> Table:
@@ -178,7 +178,7 @@ def _instruments(study: Study) -> Table:
         ]
         for name, s in study.sensors.items()
     ]
-    return Table.of(columns, rows)
+    return Table.of_rows(columns, rows)
 
 
 def _parts_section(study: Study) -> Section:
@@ -190,7 +190,7 @@ def _parts_section(study: Study) -> Section:
         folded("Source of every value", [provenance(study)], f"{sum(counts.values())} values"),
         folded("Area ledger of the whole", [tables.areas(study.model)]),
     ]
-    return Section.of("parts", "Parts and provenance", blocks)
+    return Section.of_blocks("parts", "Parts and provenance", blocks)
 
 
 def parts(study: Study) -> Table:
@@ -208,7 +208,7 @@ def parts(study: Study) -> Table:
         Head("box"),
         Head("limits"),
     ]
-    return Table.of(columns, rows)
+    return Table.of_rows(columns, rows)
 
 
 def _decks(model: Model) -> dict[str, Model]:
@@ -246,7 +246,7 @@ def provenance(study: Study) -> Table:
         Head("range"),
         Head("source"),
     ]
-    return Table.of([*columns, Head("formula or reason", wrapped=True)], rows)
+    return Table.of_rows([*columns, Head("formula or reason", wrapped=True)], rows)
 
 
 def step_log(study: Study, campaign: Campaign) -> Table:
@@ -259,7 +259,7 @@ def step_log(study: Study, campaign: Campaign) -> Table:
         rows.append([Cell(s.stage, s.action, "main"), s.record, kind, s.sensor, *sizes])
     headings = [Head(f"{row.short}, K", True) for row in metrics.values()]
     columns = [Head("stage"), Head("record"), Head("kind"), Head("sensor"), *headings]
-    return Table.of(columns, rows, "Final: mean over the last twentieth of the record.")
+    return Table.of_rows(columns, rows, "Final: mean over the last twentieth of the record.")
 
 
 def _record_section(study: Study, campaign: Campaign) -> Section:
@@ -271,14 +271,14 @@ def _record_section(study: Study, campaign: Campaign) -> Section:
         folded("Models and fits", [tables.models(campaign)]),
         folded("Versions", [tables.versions()]),
     ]
-    return Section.of("record", "On record", blocks)
+    return Section.of_blocks("record", "On record", blocks)
 
 
 def _verdicts(campaign: Campaign, ranked: bool = False) -> Table:
     return replace(tables.verdicts(campaign, ranked), title="Verdicts, criterion by criterion", key=VERDICTS_TABLE)
 
 
-CLOSE = 1.05
+SAME_ERROR_FACTOR = 1.05
 """Errors on unseen runs within this factor of the lowest say nothing between structures."""
 LITTLE = 10.0
 """Difference of the corrected AIC above which a structure has no support (Burnham and Anderson 2002, section 2.6)."""
@@ -375,9 +375,9 @@ def structures_report(
         summary=taken.what if taken else "every structure was refused, or has implausible values",
         outcome=[Notes((*_findings(structures, taken), *reasons), "Result of the comparison")],
         sections=[
-            Section.of("side-by-side", "Side by side", [_overview(structures, taken), *_dots(structures)]),
-            Section.of("values", "Values and objections", _values(structures)),
-            Section.of("provenance", "Provenance", [tables.versions()]),
+            Section.of_blocks("side-by-side", "Side by side", [_overview(structures, taken), *_dots(structures)]),
+            Section.of_blocks("values", "Values and objections", _values(structures)),
+            Section.of_blocks("provenance", "Provenance", [tables.versions()]),
         ],
     )
 
@@ -390,7 +390,7 @@ def _taken(structures: Sequence[Structure], chosen: str) -> Structure | None:
         return hits[0]
     good = [s for s in structures if s.physical]
     best = min((s.error for s in good), default=0.0)
-    return min((s for s in good if s.error <= CLOSE * best), key=lambda s: s.free, default=None)
+    return min((s for s in good if s.error <= SAME_ERROR_FACTOR * best), key=lambda s: s.free, default=None)
 
 
 def _findings(structures: Sequence[Structure], taken: Structure | None) -> list[str]:
@@ -437,7 +437,7 @@ def _overview(structures: Sequence[Structure], taken: Structure | None) -> Table
             rows.append([name, x.what, str(x.free), *[DASH] * (2 + 2 * len(sensors)), DASH, Cell("refused", x.refused, "warn")])
             continue
         unseen = [median(x.unseen[s].values()) for s in sensors]
-        looks = ["good" if u <= CLOSE * lowest[s] else "" for s, u in zip(sensors, unseen, strict=True)]
+        looks = ["good" if u <= SAME_ERROR_FACTOR * lowest[s] else "" for s, u in zip(sensors, unseen, strict=True)]
         verdict = Cell("✓ yes", "", "good") if x.physical else Cell(f"✗ {len(x.at_bounds) + len(x.doubts)} doubtful", "", "warn")
         rows.append(
             [
@@ -453,7 +453,7 @@ def _overview(structures: Sequence[Structure], taken: Structure | None) -> Table
             ]
         )
     caption = "From the simplest down; ▸ is taken. Strong: within 5 % of the lowest error, or with support by the corrected likelihood."
-    return Table.of(columns, rows, caption)
+    return Table.of_rows(columns, rows, caption)
 
 
 def _dots(structures: Sequence[Structure]) -> list[PageBlock]:
@@ -476,6 +476,6 @@ def _values(structures: Sequence[Structure]) -> list[PageBlock]:
         rows: list[Line] = [
             [Cell(p, "", "main"), f"{significant(v, e)} ± {number(e, 2)}", pretty(unit)] for p, (v, e, unit) in s.values.items()
         ]
-        table = Table.of([Head("value"), Head("found ± total error", True), Head("unit")], rows)
+        table = Table.of_rows([Head("value"), Head("found ± total error", True), Head("unit")], rows)
         out.append(folded("Its values", [table], f"{len(rows)} of them"))
     return out

@@ -22,7 +22,7 @@ from thermid.model.tree import Model, ParameterSet, flatten, ledger, parameter_t
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting._blocks.content import (
     DASH,
-    SAME,
+    SAME_AS_ABOVE,
     Cell,
     Head,
     Line,
@@ -41,7 +41,7 @@ from thermid.values.fitted import FittedValue
 
 Names = tuple[tuple[str, str], ...]
 HTC_NAMES = ("effective_htc", "htc", "htc.coefficient")
-STRONG = 0.95
+HIGH_CORRELATION = 0.95
 """Correlation from which two parameters are hardly separable."""
 
 
@@ -83,7 +83,7 @@ def parameters(calibration: Calibration) -> Table:
                 _state(v),
             ]
         )
-    return Table.of(columns, rows)
+    return Table.of_rows(columns, rows)
 
 
 def _bounds(q: ShownValue) -> str:
@@ -121,16 +121,20 @@ def levels(campaign: Campaign) -> tuple[Table, Table]:
         fitted = calibration.values.assignments
         for path in values:
             names = tuple(_names(calibration.model, path))
-            hits = [found for keys, found in lines if names[0] in keys]
+            hits = [values_by_stage for keys, values_by_stage in lines if names[0] in keys]
             if not hits:
                 lines.append((names, {}))
                 hits = [lines[-1][1]]
-            for found in hits:
-                found[stage] = (float(values[path]), fitted.get(path))
-    lines_by_kind = [(any(f".{names[0][1]}".endswith(f".{name}") for name in HTC_NAMES), names, found) for names, found in lines]
-    htc = [_level_row(names, found, campaign) for is_htc, names, found in lines_by_kind if is_htc]
+            for values_by_stage in hits:
+                values_by_stage[stage] = (float(values[path]), fitted.get(path))
+    lines_by_kind = [
+        (any(f".{names[0][1]}".endswith(f".{name}") for name in HTC_NAMES), names, values_by_stage) for names, values_by_stage in lines
+    ]
+    htc = [_level_row(names, values_by_stage, campaign) for is_htc, names, values_by_stage in lines_by_kind if is_htc]
     rest = [
-        _level_row(names, found, campaign) for is_htc, names, found in lines_by_kind if not is_htc and any(v for _, v in found.values())
+        _level_row(names, values_by_stage, campaign)
+        for is_htc, names, values_by_stage in lines_by_kind
+        if not is_htc and any(v for _, v in values_by_stage.values())
     ]
     columns = [
         Head("part"),
@@ -139,7 +143,7 @@ def levels(campaign: Campaign) -> tuple[Table, Table]:
         *(_stage_column(campaign[stage], stage) for stage in campaign),
     ]
     how = "Bold: fitted at that stage, with its total standard error. Plain: fixed there. A dash: not in that model."
-    return Table.of(columns, htc, how), Table.of(columns, rest, how)
+    return Table.of_rows(columns, htc, how), Table.of_rows(columns, rest, how)
 
 
 def _stage_column(fit: Calibration, stage: str) -> Head:
@@ -156,15 +160,15 @@ def _names(model: Model, path: str) -> Iterator[tuple[str, str]]:
         yield from _names(model.submodels[head].model, rest)
 
 
-def _level_row(names: Names, found: Mapping[str, tuple[float, FittedValue | None]], campaign: Campaign) -> list[Cell]:
-    one = next((v for _, v in found.values() if v), None)
+def _level_row(names: Names, values_by_stage: Mapping[str, tuple[float, FittedValue | None]], campaign: Campaign) -> list[Cell]:
+    one = next((v for _, v in values_by_stage.values() if v), None)
     text = one.unit if one else "W/(m^2 K)"
     row = [Cell(names[-1][0]), Cell(names[0][1]), Cell(pretty(text))]
     for stage in campaign:
-        value, fitted = found.get(stage, (math.nan, None))
+        value, fitted = values_by_stage.get(stage, (math.nan, None))
         shown = from_si(value, text)
         if fitted is None:
-            row.append(Cell(number(shown, 4), "held" if stage in found else "", "soft"))
+            row.append(Cell(number(shown, 4), "held" if stage in values_by_stage else "", "soft"))
         else:
             error = fitted.error / float(unit(text).factor)
             row.append(Cell(f"{significant(shown, error)} ± {number(error, 2)}", "fitted", "main"))
@@ -210,7 +214,7 @@ def sensors(calibration: Calibration) -> Table:
             ]
         )
     shares = "".join(f" {capitalised(str(share))}." for share in (*sensor_shares(calibration), *instrument_shares(calibration)))
-    return Table.of(columns, rows, f"Residuals are measured minus simulated, without the sensor's constant error.{shares}")
+    return Table.of_rows(columns, rows, f"Residuals are measured minus simulated, without the sensor's constant error.{shares}")
 
 
 def instruments(calibration: Calibration) -> Table:
@@ -226,7 +230,7 @@ def instruments(calibration: Calibration) -> Table:
         if v.kind == "shared"
     ]
     columns = [Head("logged channel"), Head("constant error", True), Head("± total", True), Head("unit")]
-    return Table.of(columns, rows, "Added to a logged temperature; a factor on a logged power.")
+    return Table.of_rows(columns, rows, "Added to a logged temperature; a factor on a logged power.")
 
 
 def records(calibration: Calibration) -> Table:
@@ -241,7 +245,7 @@ def records(calibration: Calibration) -> Table:
         for record, sensors in calibration.statistics.items()
         for sensor, s in sensors.items()
     ]
-    return Table.of(columns, rows)
+    return Table.of_rows(columns, rows)
 
 
 def locals_(calibration: Calibration) -> Table:
@@ -250,17 +254,17 @@ def locals_(calibration: Calibration) -> Table:
     for i in calibration.local:
         value = i.value - ICE_POINT if i.unit == "degC" else i.value
         rows.append([i.record, i.name, significant(value, i.error), number(i.error, 2), pretty(i.unit)])
-    return Table.of([Head("record"), Head("value"), Head("found", True), Head("± total", True), Head("unit")], rows)
+    return Table.of_rows([Head("record"), Head("value"), Head("found", True), Head("± total", True), Head("unit")], rows)
 
 
 def correlations(calibration: Calibration, most: int = 30) -> Table:
     """Return the strongest correlations, those marked where two parameters can hardly be separated."""
     ranked = sorted(calibration.correlations.items(), key=lambda item: -abs(item[1]))
-    looks = [("hardly separable", "warn") if abs(c) > STRONG else ("", "") for _, c in ranked]
+    looks = [("hardly separable", "warn") if abs(c) > HIGH_CORRELATION else ("", "") for _, c in ranked]
     rows: list[Line] = [[a, b, Cell(f"{c:+.2f}", *look)] for ((a, b), c), look in zip(ranked[:most], looks, strict=False)]
     more = f"; {len(ranked) - most} weaker ones are not shown" if len(ranked) > most else ""
-    caption = f"Those above 0.1{more}; marked above {STRONG}."
-    return Table.of([Head("first"), Head("second"), Head("correlation", True)], rows, caption)
+    caption = f"Those above 0.1{more}; marked above {HIGH_CORRELATION}."
+    return Table.of_rows([Head("first"), Head("second"), Head("correlation", True)], rows, caption)
 
 
 def areas(model: Model) -> Table:
@@ -275,7 +279,7 @@ def areas(model: Model) -> Table:
         ]
         for line in ledger(model)
     ]
-    return Table.of(columns, rows, "Exposed area convects and radiates; exposed + contact + gap = total.")
+    return Table.of_rows(columns, rows, "Exposed area convects and radiates; exposed + contact + gap = total.")
 
 
 def verdicts(campaign: Campaign, ranked: bool = False) -> Table:
@@ -305,7 +309,7 @@ def verdicts(campaign: Campaign, ranked: bool = False) -> Table:
             sizes.append(math.inf)
         for k, c in enumerate(v.checks):
             named = k == 0 or ranked
-            first = [Cell(v.model, v.title, "main"), Cell(v.record, v.title)] if named else [SAME, SAME]
+            first = [Cell(v.model, v.title, "main"), Cell(v.record, v.title)] if named else [SAME_AS_ABOVE, SAME_AS_ABOVE]
             sizes.append(c.used)
             condition = Cell(", ".join(v.fitted_locally), "fitted to this record", "warn") if v.conditional else Cell("nothing")
             if not v.unseen:
@@ -313,7 +317,7 @@ def verdicts(campaign: Campaign, ranked: bool = False) -> Table:
             cells = [number(c.found, 3), plain(c.limit, 4), _outside(v, c)]
             rows.append([*first, c.sensor, c.title, *cells, verdict_cell(bool(c.passed)), condition])
     order = sorted(range(len(rows)), key=lambda k: -sizes[k]) if ranked else range(len(rows))
-    return Table.of(columns, [rows[k] for k in order], "What takes most of its limit first." if ranked else "")
+    return Table.of_rows(columns, [rows[k] for k in order], "What takes most of its limit first." if ranked else "")
 
 
 def _outside(verdict: Verdict, check: Check) -> str:
@@ -370,7 +374,7 @@ def data(campaign: Campaign) -> Table:
             length, samples = duration(record.duration), str(record.times.size)
             steps = "; ".join(record.steps) or "nothing"
         rows.append([Cell(name, "", "main"), ", ".join(uses), kind, file, begins, length, samples, Cell(sha[:12], sha, "code"), steps])
-    return Table.of(columns, rows, "Hover over a checksum to see all of it.")
+    return Table.of_rows(columns, rows, "Hover over a checksum to see all of it.")
 
 
 def models(campaign: Campaign) -> Table:
@@ -394,14 +398,14 @@ def models(campaign: Campaign) -> Table:
         code = Cell(identity[:12], identity, "code")
         made_with = [str(provenance.get("version", DASH)), str(provenance.get("date", DASH))]
         rows.append([Cell(stage, "", "main"), c.model.title, code, *sizes, *made_with, Cell(key[:12] or DASH, key, "code")])
-    return Table.of(columns, rows)
+    return Table.of_rows(columns, rows)
 
 
 def versions() -> Table:
     """Return what this page was made with."""
     rows: list[Line] = [[package, _version(package)] for package in ("thermid", "numpy", "scipy")]
     rows += [["Python", platform.python_version()], ["page made", datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")]]
-    return Table.of([Head("what"), Head("version")], rows)
+    return Table.of_rows([Head("what"), Head("version")], rows)
 
 
 def _version(package: str) -> str:
@@ -435,7 +439,7 @@ def held(calibration: Calibration) -> Table:
         look = "main" if path in calibration.values.assignments else ""
         cells = [entry.parameter.source or DASH, entry.origin, entry.parameter.basis or entry.parameter.note or DASH]
         rows.append([Cell(path, "", look), shown, pretty(text), written, *cells, Cell(hides or DASH, "", "" if hides else "soft")])
-    return Table.of(columns, rows, "The value of every parameter after the fit; bold if this stage fitted it.")
+    return Table.of_rows(columns, rows, "The value of every parameter after the fit; bold if this stage fitted it.")
 
 
 def inputs(calibration: Calibration) -> Table:
@@ -455,10 +459,10 @@ def inputs(calibration: Calibration) -> Table:
         source = Cell(r.source, "not given", "warn") if r.source == "assumed" else Cell(r.source)
         words = ", ".join(w for w in (r.words, "fitted" if r.fitted and "fitted" not in r.words else "") if w)
         rows.append([source, r.kind, Cell(r.name, "", "main"), r.record, r.range, r.shown(r.mean), pretty(r.unit), words or DASH])
-    return Table.of(columns, rows, "Inputs of the fit and their sources.")
+    return Table.of_rows(columns, rows, "Inputs of the fit and their sources.")
 
 
-MOST, LINES = 8, 5
+MAX_VALUES_AT_TOP, LINES = 8, 5
 """Fitted values, and remarks of each kind, at the top; the rest stands below."""
 VAGUE = 0.25
 """Relative half-width of an interval from which a value counts as hardly known."""
@@ -537,19 +541,21 @@ def _fitted(campaign: Campaign) -> Table:
     ]
     every = list(_values(campaign))
     rows: list[Line] = []
-    for c, v in every[:MOST]:
+    for c, v in every[:MAX_VALUES_AT_TOP]:
         error = v.shown(v.error)
         ends = Cell("not determined", "", "bad")
         if math.isfinite(error):
             ends = Cell(" .. ".join(significant(v.converted(end), error) for end in interval(v)))
         rows.append([Cell(v.path, v.origin, "main"), c.stage, Cell(significant(v.in_unit, error), "", "main"), ends, pretty(v.unit)])
-    more = f"The first {MOST} of {len(every)}; all are listed with their stages. " if len(every) > MOST else ""
-    return Table.of(columns, rows, f"{more}Intervals include the constant errors of sensors and powers.", "Fitted values")
+    more = f"The first {MAX_VALUES_AT_TOP} of {len(every)}; all are listed with their stages. " if len(every) > MAX_VALUES_AT_TOP else ""
+    return Table.of_rows(columns, rows, f"{more}Intervals include the constant errors of sensors and powers.", "Fitted values")
 
 
 def _twins(c: Calibration) -> list[tuple[str, str, float]]:
     """Return the pairs of parameters that the data can hardly separate, with their correlation."""
-    return [(a, b, r) for (a, b), r in c.correlations.items() if abs(r) > STRONG and not {a, b} & {f"sensor {s}" for s in c.sensors}]
+    return [
+        (a, b, r) for (a, b), r in c.correlations.items() if abs(r) > HIGH_CORRELATION and not {a, b} & {f"sensor {s}" for s in c.sensors}
+    ]
 
 
 def _half(v: FittedValue) -> float:
@@ -624,7 +630,7 @@ def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
         for value in c.values.parameters.values():
             if at_bound(value):
                 yield f"{value.path} ended at a bound. Widen its bounds, or check the power, area or position that it depends on.", c.stage
-    wanders = [(c.stage, [sensor for sensor, found in c.sensors.items() if not found.white]) for c in _fits(campaign)]
+    wanders = [(c.stage, [sensor for sensor, fit_of_sensor in c.sensors.items() if not fit_of_sensor.white]) for c in _fits(campaign)]
     lines = [f"{stage} ({_some(sensors)})" for stage, sensors in wanders if sensors]
     if lines:
         yield f"Residuals are autocorrelated at {_some(lines)}, so the model lacks physics there. Run thermid criticise.", ""

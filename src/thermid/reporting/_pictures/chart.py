@@ -20,7 +20,7 @@ from thermid.base.linear_algebra import Array
 
 GRID = 10_000
 """Steps of the grid of a panel, each way."""
-POINTS, MOST = 400, 24_000
+POINTS, MAX_POINTS_OF_FIGURE = 400, 24_000
 """Points of a line, and of a figure."""
 
 
@@ -139,20 +139,20 @@ def chart(panels: Sequence[Panel], *, key: str, label: str, x_name: tuple[str, s
     size : (width, height)      [px]
     """
     width, height = size
-    left, right, top, bottom, gap = 54.0, 8.0, 8.0, 38.0, 12.0
+    edge, right, top, bottom, gap = 54.0, 8.0, 8.0, 38.0, 12.0
     every = [line.x for p in panels for line in p.lines]
     ends = min(float(x.min()) for x in every), max(float(x.max()) for x in every)
-    limit = min(POINTS, MOST // max(len(every), 1))
+    limit = min(POINTS, MAX_POINTS_OF_FIGURE // max(len(every), 1))
     samples = _together(panels, limit)
     whole = height - top - bottom - gap * (len(panels) - 1)
     out = []
     for k, panel in enumerate(panels):
         tall = whole * panel.share / sum(p.share for p in panels)
-        box = (left, top, width - left - right, tall)
+        box = (edge, top, width - edge - right, tall)
         out.append(_panel(panel, box, _widened(*ends, 0.01), f"{key}-{k}", limit, k == len(panels) - 1, samples))
         top += tall + gap
     words = escape(f"{label}. {in_words(panels, x_name, ends)}")
-    end = f'<text x="{left + (width - left - right) / 2:.0f}" y="{height - 5:.0f}" text-anchor="middle">{escape(", ".join(x_name))}</text>'
+    end = f'<text x="{edge + (width - edge - right) / 2:.0f}" y="{height - 5:.0f}" text-anchor="middle">{escape(", ".join(x_name))}</text>'
     head = f'<svg class="plot" role="img" aria-label="{words}" viewBox="0 0 {width:g} {height:g}" data-unit="{escape(x_name[1])}"'
     return f'{head} style="font-size:12px;fill:var(--f-soft,#556172)">{"".join(out)}{end}</svg>'
 
@@ -202,17 +202,17 @@ def _panel(
     last: bool,
     samples: Mapping[int, NDArray[np.int64]],
 ) -> str:
-    left, top, width, height = box
+    x_left, top, width, height = box
     shown = [line.y[np.isfinite(line.y)] for line in p.lines] + [v for a in p.areas for v in (a.low, a.high)]
     low, high = min(float(v.min()) for v in shown if v.size), max(float(v.max()) for v in shown if v.size)
     low, high = _widened(min([low, *p.levels, *([0.0] if p.zero else [])]), max([high, *p.levels]), 0.05)
     high = p.top if p.top is not None and p.top < high else high
     x_ticks, y_ticks = nice_ticks(*x_ends, round(width / 62)), _at_least_two(low, high, max(3, round(height / 42)))
-    place = [left + width * (t - x_ends[0]) / (x_ends[1] - x_ends[0]) for t in x_ticks]
+    place = [x_left + width * (t - x_ends[0]) / (x_ends[1] - x_ends[0]) for t in x_ticks]
     heights = [top + height * (high - t) / (high - low) for t in y_ticks]
     steps = [b - a for ticks in (x_ticks, y_ticks) for a, b in list(pairwise(ticks))[:1] or [(0.0, 1.0)]]
-    rules = "".join(f"M{x:.1f} {top:.1f}v{height:.1f}" for x in place) + "".join(f"M{left:g} {y:.1f}h{width:g}" for y in heights)
-    texts = [_text(left - 6, y + 3.8, "end", number_text(t, steps[1])) for t, y in zip(y_ticks, heights, strict=True)]
+    rules = "".join(f"M{x:.1f} {top:.1f}v{height:.1f}" for x in place) + "".join(f"M{x_left:g} {y:.1f}h{width:g}" for y in heights)
+    texts = [_text(x_left - 6, y + 3.8, "end", number_text(t, steps[1])) for t, y in zip(y_ticks, heights, strict=True)]
     if last:
         texts += [_text(x, top + height + 15, "middle", number_text(t, steps[0])) for t, x in zip(x_ticks, place, strict=True)]
     scale = _Scale(x_ends, (low, high))
@@ -222,15 +222,15 @@ def _panel(
     ends = " ".join(f"{v:.9g}" for v in (*x_ends, low, high))
     flat = "".join(f"M0 {scale.down(level)}h{GRID}" for level in p.levels)
     return (
-        f'<g class="panel" data-box="{left:g} {top:.1f} {width:g} {height:.1f}" data-ends="{ends}" data-unit="{escape(p.unit)}">'
+        f'<g class="panel" data-box="{x_left:g} {top:.1f} {width:g} {height:.1f}" data-ends="{ends}" data-unit="{escape(p.unit)}">'
         f'<path class="grid" d="{rules}" style="fill:none;stroke:var(--f-grid,#e3e8ee)"/><g class="ticks">{"".join(texts)}</g>'
         f'<text transform="translate(11 {middle:.1f})rotate(-90)" text-anchor="middle">{escape(name)}</text>'
-        f'<clipPath id="{key}"><path d="M{left:g} {top:.1f}h{width:g}v{height:.1f}h-{width:g}z"/></clipPath><g clip-path="url(#{key})">'
-        f'<g class="view" transform="translate({left:g} {top:.1f})scale({width / GRID:.7g} {height / GRID:.7g})" '
+        f'<clipPath id="{key}"><path d="M{x_left:g} {top:.1f}h{width:g}v{height:.1f}h-{width:g}z"/></clipPath><g clip-path="url(#{key})">'
+        f'<g class="view" transform="translate({x_left:g} {top:.1f})scale({width / GRID:.7g} {height / GRID:.7g})" '
         'style="fill:none;stroke-linejoin:round;stroke-linecap:round">'
         + (f'<path d="{flat}" vector-effect="non-scaling-stroke" style="stroke:var(--f-soft,#556172);stroke-width:.8"/>' if flat else "")
         + "".join(shapes)
-        + f'</g></g><path d="M{left:g} {top:.1f}v{height:.1f}h{width:g}" style="fill:none;stroke:var(--f-soft,#556172);stroke-width:.8"/>'
+        + f'</g></g><path d="M{x_left:g} {top:.1f}v{height:.1f}h{width:g}" style="fill:none;stroke:var(--f-soft,#556172);stroke-width:.8"/>'
         + "".join(_leaving(p, box, x_ends))
         + "</g>"
     )
@@ -300,10 +300,10 @@ def _area(area: Area, scale: _Scale, limit: int) -> str:
 
 def _leaving(p: Panel, box: tuple[float, float, float, float], x_ends: tuple[float, float]) -> Iterator[str]:
     """Yield where a line that leaves the top would end."""
-    left, top, width, _ = box
+    x_left, top, width, _ = box
     highest = math.inf if p.top is None else p.top
     for line in p.lines:
         if line.y[-1] > highest:
             x = line.x[int((line.y > highest).argmax())]
-            at = left + width * (float(x) - x_ends[0]) / (x_ends[1] - x_ends[0])
+            at = x_left + width * (float(x) - x_ends[0]) / (x_ends[1] - x_ends[0])
             yield f'<text class="leaves" x="{at + 5:.1f}" y="{top + 12:.1f}">{line.y[-1]:.0f} {escape(p.unit)} at the end</text>'

@@ -14,9 +14,9 @@ from thermid.reporting._blocks.content import Graphic, Plot
 from thermid.reporting._pictures.chart import nice_ticks, number_text
 from thermid.reporting._pictures.figures import GRID, INK, RESIDUAL, SIMULATED, SOFT
 
-WIDE, TALL = 300.0, 232.0
+CHART_WIDTH, TALL = 300.0, 232.0
 """Size of a chart. [px]"""
-BOX: Final = (46.0, 8.0, WIDE - 56.0, TALL - 52.0)
+BOX: Final = (46.0, 8.0, CHART_WIDTH - 56.0, TALL - 52.0)
 """Left, top, width and height of its axes. [px]"""
 BANDS: Final = ((2.0, ""), (3.0, "6 2.5"), (5.0, "1.5 2.5"))
 """Distance from equality [K] and dashes of its lines."""
@@ -40,28 +40,28 @@ def matrix(cells: Mapping[tuple[str, str], tuple[float, bool | None]]) -> Graphi
     across = len(sensors) <= len(tests) or len(sensors) <= 8
     rows, columns = (tests, sensors) if across else (sensors, tests)
     rows, columns = rows[:MOST_ROWS], columns[:MOST_COLUMNS]
-    left = min(130.0, 12.0 + 6.6 * max(len(r) for r in rows))
-    steep = any(6.6 * len(c) > (WIDE - left) / len(columns) - 4.0 for c in columns)
-    cell = max(36.0, (WIDE - left - (28.0 if steep else 0.0)) / len(columns))
+    x_left = min(130.0, 12.0 + 6.6 * max(len(r) for r in rows))
+    steep = any(6.6 * len(c) > (CHART_WIDTH - x_left) / len(columns) - 4.0 for c in columns)
+    cell = max(36.0, (CHART_WIDTH - x_left - (28.0 if steep else 0.0)) / len(columns))
     head = min(86.0, 12.0 + 4.9 * max(len(c) for c in columns)) if steep else 22.0
-    width, height = left + cell * len(columns) + (28.0 if steep else 0.0), head + CELL * len(rows) + 6.0
+    width, height = x_left + cell * len(columns) + (28.0 if steep else 0.0), head + CELL * len(rows) + 6.0
     out = []
     for k, name in enumerate(columns):
-        x = left + cell * (k + 0.5)
+        x = x_left + cell * (k + 0.5)
         turn = f' transform="rotate(-45 {x:.1f} {head - 6:.1f})"' if steep else ""
         out.append(
             f'<text x="{x:.1f}" y="{head - 6:.1f}" text-anchor="{"start" if steep else "middle"}"{turn}>{escape(_cut(name, 16))}</text>'
         )
-    said = []
+    tips = []
     for j, row in enumerate(rows):
         y = head + CELL * j
-        out.append(f'<text x="{left - 6:.1f}" y="{y + 15:.1f}" text-anchor="end">{escape(_cut(row, 18))}</text>')
+        out.append(f'<text x="{x_left - 6:.1f}" y="{y + 15:.1f}" text-anchor="end">{escape(_cut(row, 18))}</text>')
         for k, column in enumerate(columns):
             key = (row, column) if across else (column, row)
             if key not in cells:
                 continue
             ratio, met = cells[key]
-            x, tip = left + cell * k, f"{key[1]} in {key[0]}: {ratio:.2f} of its limit{'' if met else ', not met'}"
+            x, tip = x_left + cell * k, f"{key[1]} in {key[0]}: {ratio:.2f} of its limit{'' if met else ', not met'}"
             frame = f"stroke:{INK};stroke-width:1.6" if met is False else "stroke:var(--paper,#fff);stroke-width:1"
             mark = "✗ " if met is False else ""
             out.append(
@@ -69,8 +69,8 @@ def matrix(cells: Mapping[tuple[str, str], tuple[float, bool | None]]) -> Graphi
                 f"<title>{escape(tip)}</title></rect>"
                 f'<text x="{x + 0.5 * cell:.1f}" y="{y + 15:.1f}" text-anchor="middle" style="fill:#1a2230">{mark}{ratio:.2f}</text>'
             )
-            said.append(tip)
-    return _whole(out, f"Error over limit, test by sensor. {'; '.join(said[:12])}", width, height)
+            tips.append(tip)
+    return _whole(out, f"Error over limit, test by sensor. {'; '.join(tips[:12])}", width, height)
 
 
 def _ordered(cells: Mapping[tuple[str, str], tuple[float, bool | None]], axis: int) -> list[str]:
@@ -118,7 +118,7 @@ def scatter(measured: Sequence[Array], predicted: Sequence[Array]) -> Graphic:
     dots = "".join(f"M{at(v, w)[0]:.1f} {at(v, w)[1]:.1f}h.01" for v, w in zip(x[::step].tolist(), y[::step].tolist(), strict=True))
     look = f"fill:none;stroke:var(--f-simulated,{SIMULATED});stroke-width:3.4;stroke-linecap:round;stroke-opacity:.55"
     out.append(f'<path d="{dots}" style="{look}"/>')
-    return _whole(out, f"Predicted against measured, {x.size} readings: {_shares_within(y - x)}", WIDE, TALL)
+    return _whole(out, f"Predicted against measured, {x.size} readings: {_shares_within(y - x)}", CHART_WIDTH, TALL)
 
 
 def histogram(residuals: Sequence[Array]) -> Graphic:
@@ -141,7 +141,7 @@ def histogram(residuals: Sequence[Array]) -> Graphic:
     out.append(f'<path d="{bars}" style="fill:var(--f-residual,{RESIDUAL});fill-opacity:.8"/>')
     middle = box[0] + 0.5 * box[2]
     out.append(f'<path d="M{middle:.1f} {box[1]:.1f}v{box[3]:.1f}" style="stroke:var(--f-ink,{INK});stroke-width:.9;fill:none"/>')
-    return _whole(out, f"Residuals of {r.size} readings: mean {r.mean():+.3g} K, standard deviation {r.std():.3g} K", WIDE, TALL)
+    return _whole(out, f"Residuals of {r.size} readings: mean {r.mean():+.3g} K, standard deviation {r.std():.3g} K", CHART_WIDTH, TALL)
 
 
 def against_measured(measured: Sequence[Array], predicted: Sequence[Array], word: str, of: str = "") -> tuple[Plot, Plot]:
@@ -176,31 +176,32 @@ def _ends(values: Array, least: float) -> tuple[float, float]:
 
 def _axes(box: tuple[float, float, float, float], x: tuple[float, float], y: tuple[float, float], names: tuple[str, str]) -> str:
     """Return grid, ticks and names of a pair of axes."""
-    left, top, width, height = box
+    x_left, top, width, height = box
     xs, ys = nice_ticks(*x, 5), nice_ticks(*y, 5)
-    across = [left + width * (t - x[0]) / (x[1] - x[0]) for t in xs]
+    across = [x_left + width * (t - x[0]) / (x[1] - x[0]) for t in xs]
     down = [top + height * (y[1] - t) / (y[1] - y[0]) for t in ys]
-    rules = "".join(f"M{p:.1f} {top:g}v{height:g}" for p in across) + "".join(f"M{left:g} {p:.1f}h{width:g}" for p in down)
+    rules = "".join(f"M{p:.1f} {top:g}v{height:g}" for p in across) + "".join(f"M{x_left:g} {p:.1f}h{width:g}" for p in down)
     steps = [(t[1] - t[0]) if len(t) > 1 else 1.0 for t in (xs, ys)]
     texts = [
         f'<text x="{p:.1f}" y="{top + height + 15:.1f}" text-anchor="middle">{number_text(t, steps[0])}</text>'
         for p, t in zip(across, xs, strict=True)
     ]
     texts += [
-        f'<text x="{left - 5:g}" y="{p + 4:.1f}" text-anchor="end">{number_text(t, steps[1])}</text>' for p, t in zip(down, ys, strict=True)
+        f'<text x="{x_left - 5:g}" y="{p + 4:.1f}" text-anchor="end">{number_text(t, steps[1])}</text>'
+        for p, t in zip(down, ys, strict=True)
     ]
-    texts.append(f'<text x="{left + 0.5 * width:.1f}" y="{top + height + 33:.1f}" text-anchor="middle">{escape(names[0])}</text>')
+    texts.append(f'<text x="{x_left + 0.5 * width:.1f}" y="{top + height + 33:.1f}" text-anchor="middle">{escape(names[0])}</text>')
     texts.append(f'<text transform="translate(12 {top + 0.5 * height:.1f})rotate(-90)" text-anchor="middle">{escape(names[1])}</text>')
-    frame = f"M{left:g} {top:g}v{height:g}h{width:g}"
+    frame = f"M{x_left:g} {top:g}v{height:g}h{width:g}"
     return (
         f'<path d="{rules}" style="fill:none;stroke:var(--f-grid,{GRID})"/><path d="{frame}" style="fill:none;stroke:var(--f-soft,{SOFT});'
         f'stroke-width:.8"/>{"".join(texts)}'
     )
 
 
-def _whole(parts: Iterator[str] | Sequence[str], said: str, width: float, height: float) -> Graphic:
+def _whole(parts: Iterator[str] | Sequence[str], label: str, width: float, height: float) -> Graphic:
     return Graphic(
-        f'<svg class="plot" role="img" aria-label="{escape(said)}." viewBox="0 0 {width:.0f} {height:.0f}" '
+        f'<svg class="plot" role="img" aria-label="{escape(label)}." viewBox="0 0 {width:.0f} {height:.0f}" '
         f'style="font-size:12px;fill:var(--f-soft,{SOFT})">{"".join(parts)}</svg>',
         (),
     )

@@ -91,18 +91,18 @@ def choose(blocks: Sequence[SensorTrace], most: int = MOST_TRACES) -> list[tuple
     marks: dict[int, str] = {}
     sensors = dict.fromkeys(b.sensor for b in blocks)
     for sensor in sensors:
-        own = [b for b in ranked if b.sensor == sensor]
-        if len(own) > 2:
-            for k, word in ((0, "best"), (len(own) // 2, "median"), (-1, "worst")):
-                marks.setdefault(id(own[k]), f"{word} of {sensor}")
+        of_sensor = [b for b in ranked if b.sensor == sensor]
+        if len(of_sensor) > 2:
+            for k, word in ((0, "best"), (len(of_sensor) // 2, "median"), (-1, "worst")):
+                marks.setdefault(id(of_sensor[k]), f"{word} of {sensor}")
     if len(blocks) <= most:
         return [(b, marks.get(id(b), "")) for b in blocks]
     order = sorted(marks, key=lambda k: (not marks[k].startswith("worst"), not marks[k].startswith("best")))
-    kept = set(order[:most])
-    rest = [b for b in ranked if id(b) not in kept]
-    step = max(len(rest) / max(most - len(kept), 1), 1.0)
-    kept |= {id(rest[int(step * (k + 0.5))]) for k in range(most - len(kept)) if int(step * (k + 0.5)) < len(rest)}
-    return [(b, marks.get(id(b), "")) for b in blocks if id(b) in kept]
+    chosen = set(order[:most])
+    rest = [b for b in ranked if id(b) not in chosen]
+    step = max(len(rest) / max(most - len(chosen), 1), 1.0)
+    chosen |= {id(rest[int(step * (k + 0.5))]) for k in range(most - len(chosen)) if int(step * (k + 0.5)) < len(rest)}
+    return [(b, marks.get(id(b), "")) for b in blocks if id(b) in chosen]
 
 
 POWER_PANEL = 62.0
@@ -199,12 +199,12 @@ def overview(lines: Sequence[Dots]) -> Graphic:
     """Return the RMSE of every record as a dot, a line per stage, a colour and mark per sensor, with a stroke at each median."""
     sensors = list(dict.fromkeys(s for line in lines for s in line.values))
     highest = 1.06 * max((v for line in lines for values in line.values.values() for v in values), default=1.0) or 1.0
-    width, left, right, row = 760.0, 190.0, 14.0, 42.0
+    width, x_left, right, row = 760.0, 190.0, 14.0, 42.0
     bottom = 8.0 + row * len(lines)
     ticks = nice_ticks(0.0, highest, 7)
 
     def place(value: float) -> float:
-        return left + (width - left - right) * value / highest
+        return x_left + (width - x_left - right) * value / highest
 
     def dot(m: int, x: float, y: float) -> str:
         fill = f"fill:var(--s{m % len(SERIES)},{SERIES[m % len(SERIES)]})"
@@ -213,16 +213,16 @@ def overview(lines: Sequence[Dots]) -> Graphic:
     rules = "".join(f"M{place(t):.1f} 8V{bottom:.0f}" for t in ticks)
     out = [f'<path d="{rules}" style="fill:none;stroke:var(--f-grid,{GRID})"/>']
     out += [f'<text x="{place(t):.1f}" y="{bottom + 15:.0f}" text-anchor="middle">{number_text(t, ticks[1])}</text>' for t in ticks]
-    said = []
+    texts = []
     for k, line in enumerate(lines):
         middle = 8.0 + row * (k + 0.5)
         name = f'<tspan style="fill:var(--f-ink,{INK})">{escape(_cut(line.label))}</tspan>'
         under = "held out" if line.held_out else escape(line.doubt)
         look = f' style="fill:var(--bad,{RESIDUAL});font-weight:700"' if line.doubt else ""
-        held = f'<tspan x="{left - 10:g}" dy="13"{look}>{under}</tspan>' if under else ""
-        out.append(f'<text x="{left - 10:g}" y="{middle + (4 if not held else -2):.1f}" text-anchor="end">{name}{held}</text>')
-        for at, (sensor, found) in enumerate(line.values.items()):
-            m, values = sensors.index(sensor), np.asarray(found, dtype=float)
+        held = f'<tspan x="{x_left - 10:g}" dy="13"{look}>{under}</tspan>' if under else ""
+        out.append(f'<text x="{x_left - 10:g}" y="{middle + (4 if not held else -2):.1f}" text-anchor="end">{name}{held}</text>')
+        for at, (sensor, errors) in enumerate(line.values.items()):
+            m, values = sensors.index(sensor), np.asarray(errors, dtype=float)
             shift = 0.0 if len(line.values) == 1 else 0.5 * (at / (len(line.values) - 1) - 0.5)
             offsets = _spread(values.size) / len(line.values) if values.size > 1 else np.zeros(1)
             out += [dot(m, place(float(v)), middle + row * (shift + float(o))) for v, o in zip(values, offsets, strict=True)]
@@ -230,12 +230,12 @@ def overview(lines: Sequence[Dots]) -> Graphic:
                 median = f"M{place(float(np.median(values))):.1f} {middle + row * shift - 8:.1f}v16"
                 out.append(f'<path d="{median}" style="fill:none;stroke:var(--f-ink,{INK});stroke-width:1.8"/>')
         highest_here = max((v for values in line.values.values() for v in values), default=0.0)
-        said.append(
+        texts.append(
             f"{line.label}{', hold-out' if line.held_out else ''}{f', {line.doubt}' if line.doubt else ''}: at most {highest_here:.3g} K"
         )
-    axis = f'<path d="M{left:g} {bottom:.0f}H{width - right:g}" style="stroke:var(--f-soft,{SOFT});stroke-width:.8"/>'
-    end = f'<text x="{(left + width - right) / 2:.0f}" y="{bottom + 32:.0f}" text-anchor="middle">RMSE of a record, K</text>'
-    label = escape(f"RMSE per record and sensor, by stage. {'; '.join(said[:14])}.")
+    axis = f'<path d="M{x_left:g} {bottom:.0f}H{width - right:g}" style="stroke:var(--f-soft,{SOFT});stroke-width:.8"/>'
+    end = f'<text x="{(x_left + width - right) / 2:.0f}" y="{bottom + 32:.0f}" text-anchor="middle">RMSE of a record, K</text>'
+    label = escape(f"RMSE per record and sensor, by stage. {'; '.join(texts[:14])}.")
     markup = (
         f'<svg class="plot" role="img" aria-label="{label}" viewBox="0 0 {width:g} {bottom + 38:.0f}" '
         f'style="font-size:12px;fill:var(--f-soft,{SOFT})">{"".join(out)}{axis}{end}</svg>'
@@ -277,16 +277,16 @@ def coverage(shares: Mapping[str, Mapping[float, float]], key: str, label: str) 
     label : str     What a screen reader says.
     """
     levels = np.array(sorted(next(iter(shares.values()))))
-    seen = 100.0 * np.array([[own[level] for level in levels.tolist()] for own in shares.values()])
+    observed = 100.0 * np.array([[shares_of_record[level] for level in levels.tolist()] for shares_of_record in shares.values()])
     x = 100.0 * levels
     lines, areas = [Stroke("as promised", x, x, ("--f-ink", INK), 1.1, "6 2.5")], []
     if len(shares) <= len(SERIES):
         looks = [(f"--s{n}", SERIES[n]) for n in range(len(shares))]
         dashes = [" ".join(f"{d:g}" for d in DASHES[n]) for n in range(len(shares))]
-        lines += [Stroke(n, x, y, look, 1.8, dash) for n, y, look, dash in zip(shares, seen, looks, dashes, strict=True)]
+        lines += [Stroke(n, x, y, look, 1.8, dash) for n, y, look, dash in zip(shares, observed, looks, dashes, strict=True)]
     else:
-        areas = [Area("lowest to highest", x, seen.min(axis=0), seen.max(axis=0))]
-        lines.append(Stroke(f"mean of {len(shares)} records", x, seen.mean(axis=0), LOOKS["simulated"], 1.8))
+        areas = [Area("lowest to highest", x, observed.min(axis=0), observed.max(axis=0))]
+        lines.append(Stroke(f"mean of {len(shares)} records", x, observed.mean(axis=0), LOOKS["simulated"], 1.8))
     panel = Panel("readings inside", "%", lines, areas, (100.0,))
     markup = chart([panel], key=key, label=label, x_name=("nominal share of the band", "%"), size=(760, 300))
     entries = [LegendEntry(line.label, line.colour[0], line.dash, width=line.width) for line in lines]

@@ -35,7 +35,7 @@ from thermid.measure.readers import (
     repeated_stamps,
     unit_question,
 )
-from thermid.measure.records import KNOWN, Channel, even_step, gap_from, noise_seen, usual_step
+from thermid.measure.records import SENSOR_FAULT_CODES, Channel, even_step, gap_from, noise_seen, usual_step
 from thermid.reporting._pictures.chart import Panel, Stroke, chart
 from thermid.reporting._pictures.figures import DASHES, SERIES, time_unit
 
@@ -164,14 +164,14 @@ class Look(Result):
         """Return faults, jumps and what was assumed, column by column."""
         out = []
         for c in self.columns:
-            said = [f"{count} x {reason}" for reason, count in c.faults.items()]
-            said += [f"{c.missing} of {c.values.size} missing"] if c.missing else []
+            remarks = [f"{count} x {reason}" for reason, count in c.faults.items()]
+            remarks += [f"{c.missing} of {c.values.size} missing"] if c.missing else []
             if c.jumps.size and self.times is not None:
                 at = duration_text(float(self.times.values[c.jumps[0]] - self.times.values[0]))
-                said.append(f"{counted(c.jumps.size, 'jump')}, the first at {at}")
-            said += [f"no unit in the log, {c.unit} assumed"] if c.assumed else []
-            if c.guess == "ignored" or said:
-                out.append(f"  {c.name}: {'; '.join([c.why, *said] if c.guess == 'ignored' else said)}")
+                remarks.append(f"{counted(c.jumps.size, 'jump')}, the first at {at}")
+            remarks += [f"no unit in the log, {c.unit} assumed"] if c.assumed else []
+            if c.guess == "ignored" or remarks:
+                out.append(f"  {c.name}: {'; '.join([c.why, *remarks] if c.guess == 'ignored' else remarks)}")
         return ["Remarks:", *out, ""] if out else []
 
     @property
@@ -186,7 +186,7 @@ class Look(Result):
         if self.clock is not None:
             out.append(f"time     = {json.dumps(self.clock.header, ensure_ascii=False)}")
         codes = [f'"{v:.10g} [{c.unit}]"' for c in self.columns for v in c.codes]
-        if any(v not in KNOWN or c.unit != "degC" for c in self.columns for v in c.codes):
+        if any(v not in SENSOR_FAULT_CODES or c.unit != "degC" for c in self.columns for v in c.codes):
             out.append(f"prepare  = [{{ faults = {{ codes = [{', '.join(dict.fromkeys(codes))}] }} }}]")
         elif any(c.faults for c in self.columns):
             out.append("prepare  = [{ faults = true }]")
@@ -205,17 +205,17 @@ class Look(Result):
         key = key if _BARE.match(key) else json.dumps(key, ensure_ascii=False)
         target = re.sub(r"\W+", "_", c.name).strip("_") or "node"
         role = {"temperature": "node", "boundary": "boundary"}.get(c.guess, "load")
-        said = f', unit = "{c.unit}"' if c.assumed else ""
+        options = f', unit = "{c.unit}"' if c.assumed else ""
         if (
             role == "node"
             and c.good.any()
-            and (noise := round(noise_seen(Channel.of(c.name, in_si(c.values[c.good], c.unit), unit="K")), 6))
+            and (noise := round(noise_seen(Channel.from_array(c.name, in_si(c.values[c.good], c.unit), unit="K")), 6))
         ):
-            said += f', noise = "{short(noise, 2)} [K]"'
+            options += f', noise = "{short(noise, 2)} [K]"'
         why = f"  # {c.why}{'; no unit in the log' if c.assumed else ''}"
         if c.guess == "duty":
-            return [f'# {key} = {{ load = "{target}", full_scale = "... [W]"{said} }}{why}']
-        return [f'{key} = {{ {role} = "{target}"{said} }}{why}']
+            return [f'# {key} = {{ load = "{target}", full_scale = "... [W]"{options} }}{why}']
+        return [f'{key} = {{ {role} = "{target}"{options} }}{why}']
 
     def courses(self) -> list[LogCourse]:
         """Return temperatures, powers and duties over the clock of the log, and volts times amperes where it has one of each."""
@@ -240,8 +240,8 @@ class Look(Result):
     @property
     def supply(self) -> tuple[Column, Column] | None:
         """The only column in volts and the only one in amperes; None where there are several, or none."""
-        found = [[c for c in self.columns if c.unit and _is(c.unit, slot) and c.values.size] for slot in ("V", "A")]
-        return (found[0][0], found[1][0]) if [len(f) for f in found] == [1, 1] else None
+        by_unit = [[c for c in self.columns if c.unit and _is(c.unit, slot) and c.values.size] for slot in ("V", "A")]
+        return (by_unit[0][0], by_unit[1][0]) if [len(f) for f in by_unit] == [1, 1] else None
 
     def as_object(self) -> dict[str, Any]:
         """Return the same as JSON holds it; values in the units of the columns, times in seconds."""
@@ -323,12 +323,12 @@ DAY = 86400.0
 def _time_of_day(look: Look) -> float | None:
     """Return the time of day at which a log begins, by its first stamp; None where it has none. [s]"""
     text = None if look.times is None else look.times.start or look.cells.start
-    found = _OF_DAY.search(text or "")
-    if found is None:
+    match = _OF_DAY.search(text or "")
+    if match is None:
         return None
-    hours, half = int(found[1]), (found[4] or "").lower()
+    hours, half = int(match[1]), (match[4] or "").lower()
     hours = hours % 12 + 12 * (half == "p") if half else hours
-    return 3600.0 * hours + 60.0 * int(found[2]) + float((found[3] or "0").replace(",", "."))
+    return 3600.0 * hours + 60.0 * int(match[2]) + float((match[3] or "0").replace(",", "."))
 
 
 def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
@@ -341,14 +341,14 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
     if len(looks) < 2:
         return []
     first, out = _time_of_day(looks[0]), []
-    for each in looks[1:]:
-        own = _time_of_day(each)
-        late = None if first is None or own is None else (own - first + 0.5 * DAY) % DAY - 0.5 * DAY
-        here, there = looks[0].courses(), each.courses()
+    for further in looks[1:]:
+        own_start = _time_of_day(further)
+        late = None if first is None or own_start is None else (own_start - first + 0.5 * DAY) % DAY - 0.5 * DAY
+        here, there = looks[0].courses(), further.courses()
         heated = any(c.power for c in (*here, *there))
         step: CommonStep | None = common_step(here, there) if late is None or heated else None
-        found = {"step": {"offset": step.offset, "error": step.error, "columns": [step.first, step.second]}} if step else {}
-        out.append({"file": each.path.name, "record": each.name, "offset": late, **found})
+        step_entry = {"step": {"offset": step.offset, "error": step.error, "columns": [step.first, step.second]}} if step else {}
+        out.append({"file": further.path.name, "record": further.name, "offset": late, **step_entry})
     return out
 
 
@@ -362,17 +362,18 @@ def _is(text: str, slot: str) -> bool:
 
 def clock_lines(looks: Sequence[Look]) -> list[str]:
     """Return how several logs of one test are joined, in words and as lines for a campaign; nothing for one log."""
-    found = clocks_of(looks)
-    if not found:
+    clocks = clocks_of(looks)
+    if not clocks:
         return []
-    known = [f for f in found if f["offset"] is not None]
-    lines = [f"{counted(len(looks), 'clock')} of one test, compared by the time of day of their first stamps"] if known else []
+    with_stamp = [f for f in clocks if f["offset"] is not None]
+    lines = [f"{counted(len(looks), 'clock')} of one test, compared by the time of day of their first stamps"] if with_stamp else []
     lines += [
-        f"  {f['file']} begins {abs(f['offset']):.6g} s {'after' if f['offset'] >= 0 else 'before'} {looks[0].path.name}" for f in known
+        f"  {f['file']} begins {abs(f['offset']):.6g} s {'after' if f['offset'] >= 0 else 'before'} {looks[0].path.name}"
+        for f in with_stamp
     ]
-    for f, each in zip(found, looks[1:], strict=True):
+    for f, each in zip(clocks, looks[1:], strict=True):
         lines += _by_step(f, looks[0], each)
-    pairs = ", ".join(f'{{ record = "{f["record"]}", offset = {_offset(f)} }}' for f in found)
+    pairs = ", ".join(f'{{ record = "{f["record"]}", offset = {_offset(f)} }}' for f in clocks)
     return [
         *lines,
         f"Join them in [records.{looks[0].name}]; a pair as offset is a range in which the fit finds it:",
@@ -381,30 +382,30 @@ def clock_lines(looks: Sequence[Look]) -> list[str]:
     ]
 
 
-def _by_step(found: dict[str, Any], first: Look, other: Look) -> list[str]:
+def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
     """Return what a common step says of a clock, and whether the stamps agree with it."""
-    if "step" not in found:
+    if "step" not in clock:
         bare = [f"{each.path.name} {_bare(each)}" for each in (first, other) if _time_of_day(each) is None]
         return [f"  {', '.join(bare)}, and there is no common step: give the offset"] if bare else []
-    step = found["step"]
+    step = clock["step"]
     late, error = step["offset"], step["error"]
     a, b = step["columns"]
     side = "after" if late >= 0 else "before"
-    said = f"  by a common step of {a} and {b}, {found['file']} begins {abs(late):.4g} s {side} {first.path.name}, +- {error:.2g} s"
-    if found["offset"] is not None and abs(late - found["offset"]) > APART * error:
-        said += f"; its stamps are {abs(late - found['offset']):.3g} s away from that: one of the clocks is wrong, or heat arrives late"
-    return [said]
+    text = f"  by a common step of {a} and {b}, {clock['file']} begins {abs(late):.4g} s {side} {first.path.name}, +- {error:.2g} s"
+    if clock["offset"] is not None and abs(late - clock["offset"]) > APART * error:
+        text += f"; its stamps are {abs(late - clock['offset']):.3g} s away from that: one of the clocks is wrong, or heat arrives late"
+    return [text]
 
 
 def _bare(look: Look) -> str:
     return "is not readable yet" if look.times is None else "has no time stamps"
 
 
-def _offset(found: dict[str, Any]) -> str:
+def _offset(clock: dict[str, Any]) -> str:
     """Return the offset of a further log as a campaign writes it: that of the stamps, a range about a common step, or a gap to fill."""
-    if found["offset"] is not None or "step" not in found:
-        return '"... [s]"' if found["offset"] is None else f'"{found["offset"]:.6g} [s]"'
-    late, error = found["step"]["offset"], found["step"]["error"]
+    if clock["offset"] is not None or "step" not in clock:
+        return '"... [s]"' if clock["offset"] is None else f'"{clock["offset"]:.6g} [s]"'
+    late, error = clock["step"]["offset"], clock["step"]["error"]
     return f'["{late - APART * error:.4g} [s]", "{late + APART * error:.4g} [s]"]'
 
 
@@ -439,9 +440,9 @@ def _drawn(column: Column, width: int) -> str:
     low, high = np.nanmin(values), np.nanmax(values)
     out = ""
     for part in np.array_split(values, min(width, values.size)):
-        known = part[np.isfinite(part)]
-        level = 0.0 if not known.size or high == low else (float(known.mean()) - low) / (high - low)
-        out += _BLOCKS[min(7, int(level * 8))] if known.size else " "
+        finite = part[np.isfinite(part)]
+        level = 0.0 if not finite.size or high == low else (float(finite.mean()) - low) / (high - low)
+        out += _BLOCKS[min(7, int(level * 8))] if finite.size else " "
     return out
 
 

@@ -87,59 +87,59 @@ def _canvas() -> Iterator[Figure]:
         yield Figure(figsize=(7.2, 4.8), facecolor="white", layout="constrained")
 
 
-def _profile(figure: Figure, found: Profile) -> None:
+def _profile(figure: Figure, profile: Profile) -> None:
     """Draw how much worse the fit gets as a parameter moves, with the interval and what the standard error alone would say."""
     axis: Axes = figure.subplots()
-    x = from_si(found.values, found.unit)
-    best, low, high = (float(from_si(v, found.unit)) for v in (found.best, found.low, found.high))
-    error = found.error / float(unit(found.unit).factor)
+    x = from_si(profile.values, profile.unit)
+    best, low, high = (float(from_si(v, profile.unit)) for v in (profile.best, profile.low, profile.high))
+    error = profile.error / float(unit(profile.unit).factor)
     axis.axvspan(low, high, color=SIMULATED, alpha=0.12, linewidth=0)
     parabola = np.linspace(min(x.min(), best - 2 * error), max(x.max(), best + 2 * error), 200)
     axis.plot(parabola, ((parabola - best) / error) ** 2, color=SOFT, linewidth=1.2, linestyle="--", label="by the standard error alone")
-    axis.plot(x, found.rise, color=SIMULATED, linewidth=1.8, marker="o", markersize=4, label="all others refitted")
-    axis.axhline(found.threshold, color=RESIDUAL, linewidth=1.2)
-    axis.text(x.max(), found.threshold, f"{100 * found.level:.3g} % ", color=RESIDUAL, va="bottom", ha="right")
+    axis.plot(x, profile.rise, color=SIMULATED, linewidth=1.8, marker="o", markersize=4, label="all others refitted")
+    axis.axhline(profile.threshold, color=RESIDUAL, linewidth=1.2)
+    axis.text(x.max(), profile.threshold, f"{100 * profile.level:.3g} % ", color=RESIDUAL, va="bottom", ha="right")
     axis.plot([best], [0.0], marker="D", color=RESIDUAL, markersize=7, linestyle="none", label="best fit")
-    top = max(1.8 * found.threshold, 1.05 * float(found.rise.max()))
-    axis.set_ylim(-0.04 * top, min(top, 4.0 * found.threshold))
-    for ok, end, side in zip(found.limited, (low, high), ("no lower limit", "no upper limit"), strict=True):
+    top = max(1.8 * profile.threshold, 1.05 * float(profile.rise.max()))
+    axis.set_ylim(-0.04 * top, min(top, 4.0 * profile.threshold))
+    for ok, end, side in zip(profile.limited, (low, high), ("no lower limit", "no upper limit"), strict=True):
         if not ok:
-            axis.text(end, 0.5 * found.threshold, f" {side} ", color=RESIDUAL, ha="left" if side.startswith("no l") else "right")
-    axis.set_xlabel(f"{found.path}, {found.unit}")
+            axis.text(end, 0.5 * profile.threshold, f" {side} ", color=RESIDUAL, ha="left" if side.startswith("no l") else "right")
+    axis.set_xlabel(f"{profile.path}, {profile.unit}")
     axis.set_ylabel("increase of the weighted sum of squares")
     axis.legend(loc="upper center")
 
 
-def _valley(figure: Figure, found: Valley) -> None:
+def _valley(figure: Figure, valley: Valley) -> None:
     """Draw the growth of the sum of squares over two parameters, what 68 and 95 % of trust allow, the valley's floor and the bounds."""
     from matplotlib.colors import BoundaryNorm
     from matplotlib.ticker import LogLocator
 
     axis: Axes = figure.subplots()
-    x, y = from_si(found.first, found.units[0]), from_si(found.second, found.units[1])
-    x, y, rise = _smooth(x, y, found)
+    x, y = from_si(valley.first, valley.units[0]), from_si(valley.second, valley.units[1])
+    x, y, rise = _smooth(x, y, valley)
     steps = [0, 1, 2.30, 5.99, 15, 40, 100, 300, 1000, 1e12]
     filled = axis.contourf(x, y, rise, levels=steps, cmap="Blues_r", norm=BoundaryNorm(steps, 256))
     for (level, name), style in zip(LEVELS.items(), ("-", ":"), strict=True):
         axis.contour(x, y, rise, levels=[level], colors=[INK], linewidths=1.5, linestyles=style)
         axis.plot([], [], color=INK, linewidth=1.5, linestyle=style, label=f"{name} of trust")
-    floor = from_si(found.along[:, 0], found.units[0]), from_si(found.along[:, 1], found.units[1])
+    floor = from_si(valley.along[:, 0], valley.units[0]), from_si(valley.along[:, 1], valley.units[1])
     axis.plot(*floor, color=RESIDUAL, linewidth=1.2, linestyle="--", label="minimum along the trade-off")
     axis.plot(
-        *(float(from_si(v, u)) for v, u in zip(found.best, found.units, strict=True)),
+        *(float(from_si(v, u)) for v, u in zip(valley.best, valley.units, strict=True)),
         marker="D",
         color=RESIDUAL,
         linestyle="none",
-        label="best fit" if found.fitted else "start",
+        label="best fit" if valley.fitted else "start",
     )
     for k, line in enumerate((axis.axvline, axis.axhline)):
-        for bound in found.bounds[k]:
-            place = float(from_si(bound, found.units[k])) if np.isfinite(bound) else np.nan
+        for bound in valley.bounds[k]:
+            place = float(from_si(bound, valley.units[k])) if np.isfinite(bound) else np.nan
             axis_values = (x, y)[k]
             if axis_values.min() <= place <= axis_values.max():
                 line(place, color=RESIDUAL, linewidth=2.5, label=None)
     for k, scale in enumerate((axis.set_xscale, axis.set_yscale)):
-        if found.logs[k] and (x, y)[k].max() > 2.5 * (x, y)[k].min():
+        if valley.logs[k] and (x, y)[k].max() > 2.5 * (x, y)[k].min():
             scale("log")
             side = (axis.xaxis, axis.yaxis)[k]
             side.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -147,20 +147,20 @@ def _valley(figure: Figure, found: Valley) -> None:
             side.set_minor_formatter("")
     axis.set_xlim(x.min(), x.max())
     axis.set_ylim(y.min(), y.max())
-    axis.set_xlabel(f"{found.names[0]}, {found.units[0]}")
-    axis.set_ylabel(f"{found.names[1]}, {found.units[1]}")
+    axis.set_xlabel(f"{valley.names[0]}, {valley.units[0]}")
+    axis.set_ylabel(f"{valley.names[1]}, {valley.units[1]}")
     axis.grid(False)
     axis.legend(loc="upper right", frameon=True, framealpha=0.85, edgecolor="none")
     bar = figure.colorbar(filled, ax=axis, ticks=steps[:-1], label="increase of the weighted sum of squares")
     bar.ax.tick_params(length=0)
 
 
-def _criticism(figure: Figure, found: Criticism) -> None:
+def _criticism(figure: Figure, criticism: Criticism) -> None:
     """Draw the residuals of the worst trace against time, temperature and power, and their cumulated periodogram with its band."""
-    worst = min(found.traces, key=lambda t: (t.quiet, t.white, t.ljung_box, -t.periodogram))
+    worst = min(criticism.traces, key=lambda t: (t.is_noise, t.white, t.ljung_box, -t.periodogram))
     size, unit_name = time_unit(float(worst.times[-1] - worst.times[0]))
     axes = figure.subplots(2, 2)
-    figure.suptitle(f"{found.title}: {worst.sensor} in {worst.record}", fontsize=11)
+    figure.suptitle(f"{criticism.title}: {worst.sensor} in {worst.record}", fontsize=11)
     panels = (
         ("time", worst.times / size, f"time, {unit_name}"),
         ("temperature", worst.temperature - ICE_POINT, "predicted temperature, °C"),
@@ -192,60 +192,60 @@ def _criticism(figure: Figure, found: Criticism) -> None:
     axis.set_ylabel("share of variance below")
 
 
-def _smooth(x: Any, y: Any, found: Valley) -> tuple[Any, Any, Any]:
+def _smooth(x: Any, y: Any, valley: Valley) -> tuple[Any, Any, Any]:
     """Return the map on a finer grid: a narrow valley lies between the points of a coarse one. Splines of third order keep its parabola."""
     from scipy.interpolate import RectBivariateSpline
 
-    if not np.isfinite(found.rise).all():
-        return x, y, np.ma.masked_invalid(np.maximum(found.rise, 0.0))
-    across, down = (np.log(v) if log else v for v, log in zip((x, y), found.logs, strict=True))
+    if not np.isfinite(valley.rise).all():
+        return x, y, np.ma.masked_invalid(np.maximum(valley.rise, 0.0))
+    across, down = (np.log(v) if log else v for v, log in zip((x, y), valley.logs, strict=True))
     fine = [np.linspace(v[0], v[-1], 240) for v in (across, down)]
-    rise = RectBivariateSpline(down, across, found.rise)(fine[1], fine[0])
-    u, v = (np.exp(line) if log else line for line, log in zip(fine, found.logs, strict=True))
+    rise = RectBivariateSpline(down, across, valley.rise)(fine[1], fine[0])
+    u, v = (np.exp(line) if log else line for line, log in zip(fine, valley.logs, strict=True))
     return u, v, np.maximum(rise, 0.0)
 
 
-MOST = 6
+MAX_LIMITS_DRAWN = 6
 """Limits drawn; those that are passed first."""
 
 
-def draw_hold(figure: Figure, found: Hold) -> None:
+def draw_hold(figure: Figure, hold: Hold) -> None:
     """Draw the curves of the limits that are passed first, with the hold time of the first, and what drives it."""
     axis: Axes = figure.subplots()
-    length, name = time_unit(float(found.times[-1]))
-    passed = [p for p in found.points[:MOST] if p.exceedance[-1] > 0.0] or [found.points[0]]
-    if found.watermark:
+    length, name = time_unit(float(hold.times[-1]))
+    passed = [p for p in hold.points[:MAX_LIMITS_DRAWN] if p.exceedance[-1] > 0.0] or [hold.points[0]]
+    if hold.watermark:
         figure.text(
-            0.5, 0.5, found.watermark.upper(), color=SOFT, alpha=0.16, fontsize=20, rotation=24, ha="center", va="center", weight="bold"
+            0.5, 0.5, hold.watermark.upper(), color=SOFT, alpha=0.16, fontsize=20, rotation=24, ha="center", va="center", weight="bold"
         )
     for k, p in enumerate(passed):
         dash = DASHES[k % len(DASHES)]
         label, colour = f"{p.name}, {p.limit:g} degC", SERIES[k % len(SERIES)]
-        (line,) = axis.plot(*_exceedance(p, found, length), color=colour, linewidth=1.8, label=label, drawstyle="steps-post")
+        (line,) = axis.plot(*_exceedance(p, hold, length), color=colour, linewidth=1.8, label=label, drawstyle="steps-post")
         if dash:
             line.set_dashes(dash)
-    top = min(105.0, max(115.0 * max(float(p.exceedance[-1]) for p in passed), 400.0 * (1.0 - found.confidence)))
-    share = 100.0 * (1.0 - found.confidence)
+    top = min(105.0, max(115.0 * max(float(p.exceedance[-1]) for p in passed), 400.0 * (1.0 - hold.confidence)))
+    share = 100.0 * (1.0 - hold.confidence)
     axis.axhline(share, color=SOFT, linewidth=1.0, linestyle=":")
-    axis.text(found.times[-1] / length, share, f"{share:g} % ", color=SOFT, va="bottom", ha="right")
-    until, (low, high) = found.together.hold, found.together.between
+    axis.text(hold.times[-1] / length, share, f"{share:g} % ", color=SOFT, va="bottom", ha="right")
+    until, (low, high) = hold.together.hold, hold.together.between
     if math.isfinite(until):
-        axis.axvspan(low / length, min(high, found.times[-1]) / length, color=INK, alpha=0.12, linewidth=0)
+        axis.axvspan(low / length, min(high, hold.times[-1]) / length, color=INK, alpha=0.12, linewidth=0)
         axis.axvline(until / length, color=INK, linewidth=1.2)
         axis.annotate(f"{clock(until)} ", (until / length, 0.62 * top), ha="right", color=INK, weight="bold")
-    axis.set_xlim(found.times[0] / length, found.times[-1] / length)
+    axis.set_xlim(hold.times[0] / length, hold.times[-1] / length)
     axis.set_ylim(0.0, top)
     axis.set_xlabel(f"time, {name}")
     axis.set_ylabel("probability that the limit was exceeded, %")
-    driven = ", ".join(driven_by(found.together).split(", ")[:3])
-    axis.set_title(found.sentence + (f"\ndriven by {driven}" if driven else ""), loc="left")
+    driven = ", ".join(driven_by(hold.together).split(", ")[:3])
+    axis.set_title(hold.sentence + (f"\ndriven by {driven}" if driven else ""), loc="left")
     axis.legend(loc="best")
 
 
-def _exceedance(p: HoldPoint, found: Hold, length: float) -> tuple[np.ndarray, np.ndarray]:
+def _exceedance(p: HoldPoint, hold: Hold, length: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the curve through every crossing, up to the end of the scenario. [time unit, %]"""
     ordered = np.sort(p.crossings[np.isfinite(p.crossings)])
-    times = np.concatenate(([found.times[0]], ordered, [found.times[-1]]))
+    times = np.concatenate(([hold.times[0]], ordered, [hold.times[-1]]))
     passed = np.concatenate(([0.0], np.arange(1.0, ordered.size + 1.0), [float(ordered.size)]))
     return times / length, 100.0 * passed / p.crossings.size
 
@@ -264,19 +264,19 @@ def draw_run(figure: Figure, run: ProfileRun) -> None:
     strip: Axes = figure.add_subplot(grid[0])
     axis: Axes = figure.add_subplot(grid[1])
     length, name = time_unit(run.duration)
-    seen: dict[str, Any] = {}
+    handle_of_label: dict[str, Any] = {}
     for phase in run.phases:
         colour, label = SHADES[phase.kind if phase.power else "off"]
         for at, alpha in ((strip, 0.75), (axis, 0.13)):
             span = at.axvspan(phase.start / length, phase.end / length, color=colour, alpha=alpha, linewidth=0)
-        seen.setdefault(label, span)
+        handle_of_label.setdefault(label, span)
     _strip(strip, run, length)
     nodes = [n for n in run.solution.nodes if n not in run.chamber]
     swings = sorted(nodes, key=lambda n: run[n].lowest - run[n].highest)
     drawn = ([run.base] if run.base else []) + [n for n in swings if n != run.base]
     trace = run[run.chamber[0]]
     axis.plot(trace.times / length, trace.celsius, color=SOFT, linewidth=1.0, label=f"chamber ({run.chamber[0]})")
-    for k, node in enumerate(drawn[:MOST]):
+    for k, node in enumerate(drawn[:MAX_LIMITS_DRAWN]):
         trace = run[node]
         label = f"{node} (base plate)" if node == run.base else node
         times, kelvin = trace.course
@@ -293,7 +293,14 @@ def draw_run(figure: Figure, run: ProfileRun) -> None:
     axis.set_xlabel(f"time, {name}")
     axis.set_ylabel("temperature, degC")
     handles, labels = axis.get_legend_handles_labels()
-    axis.legend(handles + list(seen.values()), labels + list(seen), loc="upper center", bbox_to_anchor=(0.5, -0.14), ncols=4, fontsize=8)
+    axis.legend(
+        handles + list(handle_of_label.values()),
+        labels + list(handle_of_label),
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.14),
+        ncols=4,
+        fontsize=8,
+    )
     long, waited = run.duration / 3600.0, run.waited / 3600.0
     strip.set_title(
         f"{run.profile.title} on {run.solution.title}\n{long:.1f} h, {waited:.1f} h of it waiting for the unit; weakest number: {run.mark}",
@@ -309,8 +316,8 @@ def _strip(strip: Axes, run: ProfileRun, length: float) -> None:
     strip.set_xlim(0.0, run.duration / length)
     strip.set_axis_off()
     for cycle in sorted({p.cycle for p in run.phases if p.cycle}):
-        own = [p for p in run.phases if p.cycle == cycle]
-        begin, end = own[0].start, own[-1].end
+        phases = [p for p in run.phases if p.cycle == cycle]
+        begin, end = phases[0].start, phases[-1].end
         strip.axvline(begin / length, color=INK, linewidth=0.8)
         if (end - begin) > 0.03 * run.duration:
             strip.text(0.5 * (begin + end) / length, 0.5, str(cycle), ha="center", va="center", fontsize=8, color=INK)

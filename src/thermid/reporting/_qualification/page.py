@@ -116,10 +116,10 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
     """
     check_page(to)
     blocks = [
-        Section.of("deviations", "Deviations", [tables.deviations(c)]),
-        Section.of("gates", "Criteria", [tables.gates(c)]),
-        Section.of("overlays", "Measured over simulated", [all_overlays(c, "o", synthetic)]),
-        Section.of("made", "Made with", [versions()]),
+        Section.of_blocks("deviations", "Deviations", [tables.deviations(c)]),
+        Section.of_blocks("gates", "Criteria", [tables.gates(c)]),
+        Section.of_blocks("overlays", "Measured over simulated", [all_overlays(c, "o", synthetic)]),
+        Section.of_blocks("made", "Made with", [versions()]),
     ]
     verdicts = list(c.verdicts.values())
     watermark = "SYNTHETIC DATA" if synthetic else ""
@@ -190,25 +190,27 @@ def sections(q: Qualification) -> list[Section]:
     ]
     objectives = [Notes(tuple(content.objectives), "Objectives"), Notes(tuple(content.success), "Success criteria")]
     return [
-        Section.of("objectives", "Objectives and success criteria", [*objectives, folded("Criteria, with their sources", [_criteria(q)])]),
-        Section.of("configuration", "Article and model configuration", _configuration(q), "Configuration"),
-        Section.of("sensors", "Sensors", [tables.sensors(q)]),
-        Section.of("tests", "Test cases as run", _as_run(q), "Test cases"),
-        Section.of(
+        Section.of_blocks(
+            "objectives", "Objectives and success criteria", [*objectives, folded("Criteria, with their sources", [_criteria(q)])]
+        ),
+        Section.of_blocks("configuration", "Article and model configuration", _configuration(q), "Configuration"),
+        Section.of_blocks("sensors", "Sensors", [tables.sensors(q)]),
+        Section.of_blocks("tests", "Test cases as run", _as_run(q), "Test cases"),
+        Section.of_blocks(
             "power",
             "Boundaries, power, heater duty, heat leaks",
             [tables.boundaries(q), *_leaks(q), *tables.duties(q)],
             "Boundaries and power",
         ),
-        Section.of("stabilisation", "Stabilisation", _stabilisation(q)),
-        Section.of("predicted", "Pre-test predictions and measurements", predictions, "Predictions and readings"),
-        Section.of("heat", "Heat flows and energy balance", _heat(q), "Heat flows"),
-        Section.of("parameters", "Parameter changes", [tables.changes(q)] if q.known.values else [Words("Nothing was fitted.")]),
-        Section.of("deviations", "Deviations after correlation", _deviations(logged), "Deviations"),
-        Section.of("overlays", "Transient overlays", _transients(logged), "Overlays"),
-        Section.of("excluded", "Excluded sensors", [tables.excluded(q)] if content.exclusions.reasons else [Words("None.")]),
-        Section.of("discrepancies", "Remaining discrepancies", _open(q), "Discrepancies"),
-        Section.of(
+        Section.of_blocks("stabilisation", "Stabilisation", _stabilisation(q)),
+        Section.of_blocks("predicted", "Pre-test predictions and measurements", predictions, "Predictions and readings"),
+        Section.of_blocks("heat", "Heat flows and energy balance", _heat(q), "Heat flows"),
+        Section.of_blocks("parameters", "Parameter changes", [tables.changes(q)] if q.knowledge.values else [Words("Nothing was fitted.")]),
+        Section.of_blocks("deviations", "Deviations after correlation", _deviations(logged), "Deviations"),
+        Section.of_blocks("overlays", "Transient overlays", _transients(logged), "Overlays"),
+        Section.of_blocks("excluded", "Excluded sensors", [tables.excluded(q)] if content.exclusions.reasons else [Words("None.")]),
+        Section.of_blocks("discrepancies", "Remaining discrepancies", _open(q), "Discrepancies"),
+        Section.of_blocks(
             "margins",
             "Uncertainty, limits and margins",
             [
@@ -221,9 +223,9 @@ def sections(q: Qualification) -> list[Section]:
             ],
             "Margins",
         ),
-        Section.of("validity", "Validity envelope", [*_envelope(q), tables.outside(q)]),
-        Section.of("assumptions", "Assumed values by their effect", _assumed(q), "Assumptions"),
-        Section.of("delivery", "Model delivery", [_delivery(q), versions(), folded("Files", [_files(q)], "each with its hash")]),
+        Section.of_blocks("validity", "Validity envelope", [*_envelope(q), tables.outside(q)]),
+        Section.of_blocks("assumptions", "Assumed values by their effect", _assumed(q), "Assumptions"),
+        Section.of_blocks("delivery", "Model delivery", [_delivery(q), versions(), folded("Files", [_files(q)], "each with its hash")]),
     ]
 
 
@@ -236,15 +238,15 @@ def _criteria(q: Qualification) -> Table:
         c = q.plan.criteria[name]
         sizes = [number(c.limits[key], 3) if key in c.limits else DASH for key in shown]
         rows.append([Cell(name, "", "main"), *sizes, ", ".join(c.kinds), mark(c.mark), c.source or DASH])
-    return Table.of(columns, rows)
+    return Table.of_rows(columns, rows)
 
 
 def _configuration(q: Qualification) -> list[PageBlock]:
     configuration = q.plan.content.configuration
     rows: list[Line] = [[d.what, d.effect or DASH] for d in configuration.differences]
-    flat = flatten(q.known.model)
-    size = (("model", q.known.model.title), ("nodes", str(len(flat.nodes))), ("conductors", str(len(flat.conductors))))
-    table = Table.of([Head("difference", wrapped=True), Head("effect", wrapped=True)], rows)
+    flat = flatten(q.knowledge.model)
+    size = (("model", q.knowledge.model.title), ("nodes", str(len(flat.nodes))), ("conductors", str(len(flat.conductors))))
+    table = Table.of_rows([Head("difference", wrapped=True), Head("effect", wrapped=True)], rows)
     return [
         Facts((("as tested", configuration.as_tested or DASH), ("as flown", configuration.as_flown or DASH), *size)),
         table if rows else Words("No differences stated."),
@@ -267,20 +269,20 @@ def _as_run(q: Qualification) -> list[PageBlock]:
         Head("orientation"),
         Head("gravity"),
     ]
-    return [Table.of([*columns, Head("as-run deviations", wrapped=True), Head("log")], rows)]
+    return [Table.of_rows([*columns, Head("as-run deviations", wrapped=True), Head("log")], rows)]
 
 
 def _leaks(q: Qualification) -> list[PageBlock]:
     rows: list[Line] = []
     for t in q.trials:
         deck = q.plan.content.hosts[t.test.host].deck if t.test.host else ""
-        own = {p: c for p, c in t.known.model.conductors.items() if c.test_only}
+        test_conductors = {p: c for p, c in t.known.model.conductors.items() if c.test_only}
         flows = t.foresight.solution.heat_flows
-        means = [f"{path}: {float(flows[path].mean()):+.3f} W on average" for path in own if path in flows]
+        means = [f"{path}: {float(flows[path].mean()):+.3f} W on average" for path in test_conductors if path in flows]
         stated = "; ".join(f"{k} ± {v}" for k, v in t.test.spread.items())
         rows.append([Cell(t.test.name, deck, "main"), stated or DASH, "; ".join([*t.test.heat_leaks, *means]) or "none stated"])
     return [
-        Table.of(
+        Table.of_rows(
             [
                 Head("test"),
                 Head("uncertain inputs", wrapped=True),
@@ -361,8 +363,8 @@ def _envelope(q: Qualification) -> list[PageBlock]:
         ("gravity", v.gravity),
         ("orientation", v.orientation),
     ]
-    said = tuple((name, " .. ".join(given) if name != "orientation" else ", ".join(given)) for name, given in pairs if given)
-    return [Facts(said or (("calibrated", "the plan does not state where"),)), *([Words(f"By: {v.basis}.")] if v.basis else [])]
+    rows = tuple((name, " .. ".join(values) if name != "orientation" else ", ".join(values)) for name, values in pairs if values)
+    return [Facts(rows or (("calibrated", "the plan does not state where"),)), *([Words(f"By: {v.basis}.")] if v.basis else [])]
 
 
 def _assumed(q: Qualification) -> list[PageBlock]:
@@ -374,15 +376,15 @@ def _assumed(q: Qualification) -> list[PageBlock]:
 
 
 def _delivery(q: Qualification) -> Table:
-    model = q.known.model
+    model = q.knowledge.model
     flat = flatten(model)
     sizes = f"{len(flat.nodes)}, {len(flat.conductors)}, {len(flat.loads)}"
     rows: list[Line] = [["model", model.title], ["identity", Cell(model.identity(), "hash of the model's content", "code")]]
     rows += [["nodes, conductors, loads", sizes], ["plan", Cell(q.lock.sha256[:16], q.lock.sha256, "code")], ["lock", str(q.lock)]]
-    for v in q.known.values:
+    for v in q.knowledge.values:
         rows.append([f"values of {v.stage}", f"{len(v.parameters)} fitted, {v.provenance.get('date', DASH)}"])
     rows.append(["runs", ", ".join(t.test.name for t in q.trials)])
-    return Table.of([Head("what"), Head("is", wrapped=True)], rows)
+    return Table.of_rows([Head("what"), Head("is", wrapped=True)], rows)
 
 
 def _files(q: Qualification) -> Table:
@@ -394,7 +396,7 @@ def _files(q: Qualification) -> Table:
         if t.test.log is not None
     ]
     note = "First digits of the SHA-256: for a deck of the plan of its content, for a log of its samples, for any other file of its bytes."
-    return Table.of([Head("file"), Head("of"), Head("hash")], rows, note)
+    return Table.of_rows([Head("file"), Head("of"), Head("hash")], rows, note)
 
 
 def all_overlays(c: Correlation, key: str, synthetic: bool) -> Figures:

@@ -68,7 +68,7 @@ def tests(q: Qualification) -> Table:
                 course,
             ]
         )
-    return Table.of(columns, rows)
+    return Table.of_rows(columns, rows)
 
 
 def _no_log(t: Trial) -> Cell:
@@ -100,7 +100,7 @@ def sensors(q: Qualification) -> Table:
         ]
         for n, s in q.plan.content.sensors.items()
     ]
-    return Table.of(columns, rows, "Accuracy: standard deviation of the constant error.")
+    return Table.of_rows(columns, rows, "Accuracy: standard deviation of the constant error.")
 
 
 def boundaries(q: Qualification) -> Table:
@@ -125,7 +125,7 @@ def boundaries(q: Qualification) -> Table:
             logged_cell = Cell(logged, "", "warn" if logged == "not logged" else "")
             spread = stated_text(t.test.spread.get(name, DASH))
             rows.append([group_cell(t.test.name, k), name, planned, logged_cell, column or DASH, spread])
-    return Table.of(columns, rows, "Lowest to highest over the test.")
+    return Table.of_rows(columns, rows, "Lowest to highest over the test.")
 
 
 def stated_text(spread: str | Mapping[str, str | float]) -> str:
@@ -149,7 +149,7 @@ def duties(q: Qualification) -> list[PageBlock]:
             h.load,
             number(h.full, 3),
             f"{100 * h.duty:.0f}",
-            f"{100 * h.most:.0f}",
+            f"{100 * h.max_duty:.0f}",
             mark(h.rule.mark),
             verdict_cell(h.passed),
         ]
@@ -157,7 +157,7 @@ def duties(q: Qualification) -> list[PageBlock]:
         for h in t.heaters
     ]
     if rows:
-        out.append(Table.of([*columns, Head("mark"), Head("result")], rows, "At most: the duty cycle that leaves the power margin."))
+        out.append(Table.of_rows([*columns, Head("mark"), Head("result")], rows, "At most: the duty cycle that leaves the power margin."))
     for t in q.trials:
         times = t.foresight.solution.times
         lines: list[Line] = []
@@ -169,7 +169,9 @@ def duties(q: Qualification) -> list[PageBlock]:
         if lines:
             heads = [Head("load"), Head("mean, W", True), Head("largest, W", True), Head("stated ±")]
             total = sum(float(np.max(w)) for w in t.foresight.solution.load_powers.values())
-            out.append(folded(f"Power in {t.test.name}", [Table.of(heads, lines)], f"{len(lines)} loads, at most {total:.4g} W together"))
+            out.append(
+                folded(f"Power in {t.test.name}", [Table.of_rows(heads, lines)], f"{len(lines)} loads, at most {total:.4g} W together")
+            )
     return out
 
 
@@ -207,7 +209,7 @@ def phases(t: Trial) -> Table:
                 remaining,
             ]
         )
-    return Table.of(columns, rows)
+    return Table.of_rows(columns, rows)
 
 
 def half_width(o: Overlay) -> float:
@@ -244,7 +246,7 @@ def foreseen(q: Qualification, t: Trial) -> Table:
             beyond += [word] if off else []
             cells.append(Cell(celsius(extreme), f"{extreme - float(band.kelvin[k]):+.2f} K", "warn" if off else ""))
         rows.append([*cells, Cell(", ".join(beyond), "", "warn") if beyond else ("none" if o is not None else DASH)])
-    return Table.of(
+    return Table.of_rows(
         columns,
         rows,
         "± 95 % of the model's values and of the stated errors of the test, ? without any; outside: including the sensor's error.",
@@ -258,7 +260,7 @@ def flows(t: Trial) -> Table:
     means = {c: float(np.trapezoid(w, run.times) / length) for c, w in run.heat_flows.items()}
     ranked = sorted(means.items(), key=lambda item: -abs(item[1]))[:14]
     rows: list[Line] = [[c, signed(w, 3), signed(float(run.heat_flows[c][-1]), 3)] for c, w in ranked]
-    return Table.of(
+    return Table.of_rows(
         [Head("path"), Head("mean, W", True), Head("at the end, W", True)],
         rows,
         "Positive from its first end to its second.",
@@ -277,7 +279,7 @@ def changes(q: Qualification) -> Table:
         Head("reason", wrapped=True),
     ]
     reasons, rows = q.plan.content.model.reasons, []
-    for several in q.known.values:
+    for several in q.knowledge.values:
         for path, v in several.parameters.items():
             why = next((text for pattern, text in reasons.items() if fnmatch.fnmatchcase(path, pattern)), "")
             low, high = (plain(v.converted(b), 4) if math.isfinite(b) else "" for b in v.bounds)
@@ -291,7 +293,7 @@ def changes(q: Qualification) -> Table:
                     Cell(why) if why else Cell("no reason given", "", "warn"),
                 ]
             )
-    return Table.of(columns, rows)
+    return Table.of_rows(columns, rows)
 
 
 def deviations(c: Correlation) -> Table:
@@ -331,7 +333,7 @@ def deviations(c: Correlation) -> Table:
         ]
         for d in c.deviations
     ]
-    return Table.of(columns, rows, "Measured minus simulated; ± sensor: 95 % of its constant error.")
+    return Table.of_rows(columns, rows, "Measured minus simulated; ± sensor: 95 % of its constant error.")
 
 
 def gates(c: Correlation, failed_only: bool = False) -> Table:
@@ -357,7 +359,7 @@ def gates(c: Correlation, failed_only: bool = False) -> Table:
         for g in c.gates
         if not failed_only or g.passed is False
     ]
-    return Table.of(columns, rows)
+    return Table.of_rows(columns, rows)
 
 
 def diagnoses(t: Trial) -> Table:
@@ -373,14 +375,14 @@ def diagnoses(t: Trial) -> Table:
     rows: list[Line] = [
         [Cell(s.text, "", "main"), s.group, f"{100 * s.probability:.0f}", f"{100 * s.explained:.0f}", f"{s.left:.2f}"] for s in suspects
     ]
-    return Table.of(columns, rows, "Each fault tried alone; explains: share of the weighted sum of squares.")
+    return Table.of_rows(columns, rows, "Each fault tried alone; explains: share of the weighted sum of squares.")
 
 
 def excluded(q: Qualification) -> Table:
     """Return the sensors that do not count, and why."""
     rows: list[Line] = [[Cell(s, "", "main"), why] for s, why in q.plan.content.exclusions.reasons.items()]
     cap = f"At most {100 * q.plan.content.exclusions.cap:g} % of the sensors of a test may be excluded."
-    return Table.of([Head("sensor"), Head("why", wrapped=True)], rows, cap)
+    return Table.of_rows([Head("sensor"), Head("why", wrapped=True)], rows, cap)
 
 
 def checks(q: Qualification) -> Table:
@@ -426,7 +428,7 @@ def checks(q: Qualification) -> Table:
             )
     stands_in = any(c.stand_in for t in q.trials for c in t.checks)
     less = " Without limits for a unit switched off, the operating limits apply." if stands_in else ""
-    return Table.of(columns, rows, f"Hover over a temperature for its time.{less}")
+    return Table.of_rows(columns, rows, f"Hover over a temperature for its time.{less}")
 
 
 def settled(t: Trial) -> Table:
@@ -461,7 +463,7 @@ def settled(t: Trial) -> Table:
                     verdict_cell(steady),
                 ]
             )
-    return Table.of(columns, rows, "Readings of the log; ±: two standard errors.")
+    return Table.of_rows(columns, rows, "Readings of the log; ±: two standard errors.")
 
 
 def margin_table(q: Qualification) -> Table:
@@ -494,7 +496,7 @@ def margin_table(q: Qualification) -> Table:
         rows.append([*line, f"{m.bought:.1f}" if math.isfinite(m.bought) else DASH])
     policy = q.margins[0].policy.name if q.margins else DASH
     tested = "correlated by a balance test" if q.plan.content.margins.balance_tested else "no balance test yet"
-    return Table.of(
+    return Table.of_rows(
         columns, rows, f"Policy: {policy}; {tested}. A number marked 'memory' is shown for information and not used for a verdict."
     )
 
@@ -513,7 +515,7 @@ def counted(q: Qualification) -> Table:
         shares = "; ".join(f"{c} {100 * s:.0f} %" for c, s in m.shares.items() if s >= 0.005)
         less = Cell("; ".join(m.not_counted), "", "warn") if m.not_counted else Cell(DASH)
         rows.append([Cell(m.point, "", "main"), m.side, f"{m.printed:.1f}", shares or "nothing", less])
-    return Table.of(columns, rows, "Shares of the variance.")
+    return Table.of_rows(columns, rows, "Shares of the variance.")
 
 
 def outside(q: Qualification) -> Table:
@@ -525,7 +527,7 @@ def outside(q: Qualification) -> Table:
         ]
         for t in q.trials
     ]
-    return Table.of([Head("test"), Head("against the calibration", wrapped=True)], rows)
+    return Table.of_rows([Head("test"), Head("against the calibration", wrapped=True)], rows)
 
 
 def assumed(q: Qualification) -> Table:
@@ -545,7 +547,7 @@ def assumed(q: Qualification) -> Table:
         spread = Cell(f"{100 * a.spread:.0f}", "its range over the root of 12" if a.ranged else "no range given: a tenth")
         around = Cell("yes: moves less", "the fitted values compensate most of a change", "soft") if a.fitted_around else Cell("no")
         rows.append([Cell(a.path, "", "main"), pretty(a.text), spread, number(a.effect, 2), a.point, a.run, around, a.basis or DASH])
-    return Table.of(columns, rows, "Effect of one standard deviation on the most sensitive reference point, with all else fixed.")
+    return Table.of_rows(columns, rows, "Effect of one standard deviation on the most sensitive reference point, with all else fixed.")
 
 
 def service(q: Qualification) -> Table:
@@ -566,7 +568,7 @@ def service(q: Qualification) -> Table:
                 shown = f"{celsius(float(band.kelvin[at]))} ± {HALF_WIDTH_95 * float(band.error[at]):.1f}"
                 cells.append(Cell(shown, f"at {hours(float(band.times[at]))}"))
             rows.append([group_cell(t.test.name, k), one.point, *cells])
-    return Table.of(
+    return Table.of_rows(
         columns, rows, "The logs of this plan are included; contributions not included in the intervals are listed with the margins."
     )
 

@@ -46,12 +46,12 @@ class Counted:
         rows: Mapping[str, NDArray[Any]] | None = None,
     ) -> Counted:
         """Return what is kept of members: counts of what those that reached the end did (rows, members), and what is kept of every one."""
-        return cls(members, {n: Tally.of(grid, counted[n]) for n, grid in grids.items()}, rows or {}, failed, statistics)
+        return cls(members, {n: Tally.of_values(grid, counted[n]) for n, grid in grids.items()}, rows or {}, failed, statistics)
 
     @staticmethod
     def grids(pilot: Mapping[str, Array]) -> dict[str, CountGrid]:
         """Return the grids for what the first members did (rows, members); none where none reached the end."""
-        return {n: CountGrid.of(x[:, :PILOT]) for n, x in pilot.items() if x.size}
+        return {n: CountGrid.for_pilot(x[:, :PILOT]) for n, x in pilot.items() if x.size}
 
     @classmethod
     def gathered(cls, parts: Iterable[tuple[int, Counted]], members: int) -> Counted:

@@ -14,7 +14,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.files import OWN, replacing, sweep
+from thermid.base.files import RESULTS_FILE, replacing, sweep
 
 
 def digest(thing: Any) -> str:
@@ -46,12 +46,12 @@ class JobFolder:
     place: Path
 
     @classmethod
-    def of(cls, folder: str | os.PathLike[str], key: str) -> JobFolder:
+    def below(cls, folder: str | os.PathLike[str], key: str) -> JobFolder:
         """Return the place of a job below a folder, which is made."""
         place = Path(folder) / key
         place.mkdir(parents=True, exist_ok=True)
-        for each in (place, *Path(folder).glob("[0-9a-f]" * 16)):  # a job that was killed may never be asked again
-            sweep(each)
+        for job_folder in (place, *Path(folder).glob("[0-9a-f]" * 16)):  # a job that was killed may never be asked again
+            sweep(job_folder)
         return cls(place)
 
     def load(self, name: str) -> dict[str, NDArray[Any]] | None:
@@ -64,5 +64,5 @@ class JobFolder:
 
     def save(self, name: str, arrays: Mapping[str, Any]) -> None:
         """Keep arrays; the file appears when it is whole."""
-        with replacing(self.place / f"{name}.npz", OWN) as half:
+        with replacing(self.place / f"{name}.npz", RESULTS_FILE) as half:
             np.savez(half, **arrays)

@@ -52,7 +52,7 @@ class CountGrid:
     centre: Array
 
     @classmethod
-    def of(cls, pilot: Array) -> CountGrid:
+    def for_pilot(cls, pilot: Array) -> CountGrid:
         """Return the grid for a pilot (rows, members). [K]"""
         low, high = pilot.min(axis=1), pilot.max(axis=1)
         exponents = _exponent(pilot.std(axis=1) / BINS_IN_SPREAD)
@@ -92,7 +92,7 @@ class Tally:
     beyond: Indices
 
     @classmethod
-    def of(cls, grid: CountGrid, values: Array) -> Tally:
+    def of_values(cls, grid: CountGrid, values: Array) -> Tally:
         """Return the tally of values (rows, members) that are all finite. [K]"""
         at = np.floor(values * np.ldexp(1.0, -grid.exponents)[:, None]).astype(np.int64)
         place = at - grid.first[:, None]
@@ -136,13 +136,13 @@ class Tally:
         """Return the quantiles (shares, rows), and by how much each may be wrong: half a bin. [K]"""
         wanted = np.asarray(shares, dtype=float) * (self.members - 1)
         below = np.floor(wanted).astype(np.int64)
-        found, error = np.empty((2, wanted.size, self.grid.bins.size))
+        quantiles, error = np.empty((2, wanted.size, self.grid.bins.size))
         for row, (middles, halves, counts) in enumerate(self._rows()):
             upto = np.cumsum(counts)
             a, b = (np.searchsorted(upto, rank, side="right") for rank in (below, np.ceil(wanted).astype(np.int64)))
-            found[:, row] = middles[a] + (wanted - below) * (middles[b] - middles[a])
+            quantiles[:, row] = middles[a] + (wanted - below) * (middles[b] - middles[a])
             error[:, row] = np.maximum(halves[a], halves[b])
-        return found, error
+        return quantiles, error
 
     def read(self, share: float | Sequence[float]) -> tuple[Array, Array]:
         """Return the quantiles (rows,) of a share, or (shares, rows) of several, and by how much each may be wrong. [K]"""
@@ -156,12 +156,12 @@ class Tally:
         index = (self.keys & ((1 << LEVEL_BIT) - 1)) - (1 << LEVEL_BIT - 1)
         ends, begins = np.cumsum(grid.bins), np.searchsorted(row, np.arange(grid.bins.size + 1))
         for k, end in enumerate(ends.tolist()):
-            own, mine = self.counts[end - int(grid.bins[k]) : end], slice(begins[k], begins[k + 1])
-            held = np.flatnonzero(own)
+            row_counts, mine = self.counts[end - int(grid.bins[k]) : end], slice(begins[k], begins[k + 1])
+            held = np.flatnonzero(row_counts)
             widths = np.ldexp(1.0, np.concatenate([np.zeros(held.size, dtype=np.int64), level[mine]]) + grid.exponents[k])
             middles = (np.concatenate([held + grid.first[k], index[mine]]) + 0.5) * widths
             order = np.argsort(middles, kind="stable")
-            counts = np.concatenate([own[held].astype(np.int64), self.beyond[mine]])
+            counts = np.concatenate([row_counts[held].astype(np.int64), self.beyond[mine]])
             out.append((middles[order], 0.5 * widths[order], counts[order]))
         return out
 

@@ -59,7 +59,7 @@ def in_tasks(
         yield from map(_done, enumerate(calls))
     elif workers == "joblib":
         joblib = optional("joblib", "a run on several processes")
-        with _said("of joblib"):
+        with _worker_errors_named("of joblib"):
             pool = joblib.Parallel(return_as="generator_unordered")
             yield from pool(joblib.delayed(_done)(call) for call in enumerate(calls))
     else:
@@ -90,12 +90,12 @@ def _by(pool: Executor, calls: Sequence[Call], whose: str) -> Iterator[tuple[int
         for call in enumerate(calls):
             open_.add(_handed(pool, call, whose))
         for future in as_completed(open_):
-            with _said(whose):
-                found = future.result()
+            with _worker_errors_named(whose):
+                result = future.result()
             open_.discard(future)  # a result is kept by nobody but the caller
             del future
-            yield found
-            del found
+            yield result
+            del result
     finally:
         for future in open_:
             future.cancel()
@@ -127,7 +127,7 @@ def _leave_interrupts() -> None:
 
 
 @contextmanager
-def _said(whose: str) -> Iterator[None]:
+def _worker_errors_named(whose: str) -> Iterator[None]:
     """Say in a sentence that a worker ended, whatever the pool or the cluster calls it."""
     try:
         yield

@@ -171,7 +171,7 @@ class _Maker:
     def clamp(self, constant: Number, weights: Sequence[tuple[str, Number]], low: Number | None, high: Number | None) -> FactorForm:
         """Return a clamp of a weighted sum."""
         nodes = tuple((node, self.add(weight)) for node, weight in weights)
-        low_, high_ = (FREE if each is None else self.add(each) for each in (low, high))
+        low_, high_ = (FREE if bound is None else self.add(bound) for bound in (low, high))
         return FactorForm(CLAMP, self.add(constant), nodes, low_, high_)
 
     def both(
@@ -264,7 +264,7 @@ def _table(flat: FlatControl, f: Mapping[str, Number], make: _Maker) -> ControlR
         _refuse(flat, f"the table of '{flat.path}' gives a share below zero. Give 0 or more.")
     nodes = tuple((node, make.add(weight)) for node, weight in flat.follows)
     if not flat.control.sample:
-        share, rest = (FactorForm(LOOKUP, nodes=nodes, curve=each) for each in (shape, _mapped(shape, 1.0, -1.0)))
+        share, rest = (FactorForm(LOOKUP, nodes=nodes, curve=curve) for curve in (shape, _mapped(shape, 1.0, -1.0)))
         return ControlRow(flat.path, tuple(make.numbers), share, rest)
     output = state_of(flat.path, "output")
     taken = FactorForm(LOOKUP, nodes=nodes, curve=_mapped(shape, ZERO, SPAN))

@@ -49,12 +49,12 @@ class Irradiation:
     def __post_init__(self) -> None:
         """Turn texts into signals, and refuse radiation that does not exist."""
         for name in (*SOLAR, "infrared", "stream", "sky"):
-            given = getattr(self, name)
-            if given is None:
+            written = getattr(self, name)
+            if written is None:
                 continue
-            made = signal(given, TEMPERATURE if name == "sky" else "W/m^2", f"irradiation, {name}")
-            object.__setattr__(self, name, made)
-            low, high = made.bounds
+            course = signal(written, TEMPERATURE if name == "sky" else "W/m^2", f"irradiation, {name}")
+            object.__setattr__(self, name, course)
+            low, high = course.bounds
             if name != "infrared" and low < 0.0:
                 what = "a temperature below absolute zero" if name == "sky" else f"{name} radiation of {low:.4g} W/m^2"
                 raise ScenarioError(f"{what} is not possible.", "irradiation")
@@ -71,11 +71,11 @@ class Irradiation:
 
     def signals(self) -> dict[str, Signal]:
         """Return what changes, or may change, by name."""
-        return {name: given for name in (*SOLAR, "infrared", "sky", "stream") if (given := getattr(self, name)) is not None}
+        return {name: course for name in (*SOLAR, "infrared", "sky", "stream") if (course := getattr(self, name)) is not None}
 
     def mapped(self, law: Callable[[Signal], Signal]) -> Irradiation:
         """Return the radiation with what a law makes of its signals."""
-        return replace(self, **{name: law(given) for name, given in self.signals().items()})
+        return replace(self, **{name: law(course) for name, course in self.signals().items()})
 
     def sun(self, facing: Facing | None) -> Signal | None:
         """Return the solar radiation on the surface, or None. [W/m^2]"""

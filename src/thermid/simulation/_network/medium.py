@@ -72,8 +72,8 @@ def stream(wind: Signal, pressure: Signal, end: float) -> TableSignal:
         return steps if isinstance(steps, TableSignal) else TableSignal(np.zeros(1), steps.at(np.zeros(1)), hold=True)
     parts = [course.drawn(end) for course in (wind, pressure)]
     knots = np.unique(np.concatenate([course.knots(0.0, end) for course in parts]))
-    each = 1 if any(isinstance(course, Sine) for course in parts) else PARTS if knots.size < 2000 else 4
-    times = np.unique(np.concatenate([np.linspace(a, b, each + 1) for a, b in _pairs(knots)])) if knots.size > 1 else knots
+    points_per_interval = 1 if any(isinstance(course, Sine) for course in parts) else PARTS if knots.size < 2000 else 4
+    times = np.unique(np.concatenate([np.linspace(a, b, points_per_interval + 1) for a, b in _pairs(knots)])) if knots.size > 1 else knots
     return TableSignal(times, thin.at(times))
 
 
@@ -126,8 +126,8 @@ def vented(inside: Signal, outside: Signal, time_constant: float, where: str) ->
     last = max(outside.extent, 1.0)
     # a stretch of constant slope has the exact solution below; fine steps keep straight lines between samples right to a thousandth
     tail = last + tau * np.concatenate((np.linspace(0.05, 3.0, 60), np.linspace(3.1, 25.0, 220)))
-    own = outside.knots(0.0, last)
-    knots = np.union1d(own[own >= 0.0], [0.0, last])
+    outside_knots = outside.knots(0.0, last)
+    knots = np.union1d(outside_knots[outside_knots >= 0.0], [0.0, last])
     fine = [np.linspace(a, b, max(2, min(400, int(np.ceil((b - a) / (0.05 * tau))) + 1))) for a, b in _pairs(knots)]
     times = np.unique(np.concatenate([*fine, knots, tail]))
     p, values = inside.value, [inside.value]
@@ -358,7 +358,7 @@ class Media:
     def pressure(self, gas: str) -> Signal:
         """Return the pressure of a gas node in time; gases that share one share the signal. [Pa]"""
         key = self._key(gas)
-        return self.memo.made(("pressure", key), lambda: self._pressure(key, self._environment(key)))
+        return self.memo.value(("pressure", key), lambda: self._pressure(key, self._environment(key)))
 
     def gas(self, gas: str) -> str:
         """Return which gas a gas node is."""
@@ -381,7 +381,7 @@ class Media:
     def _state(self, gas: str) -> str:
         """Return air, vacuum, jumping or thin for a gas node; asked for every conductor of every evaluation, worked out once."""
         key = self._key(gas)
-        return self.memo.made(("state", key), lambda: self._state_of(key))
+        return self.memo.value(("state", key), lambda: self._state_of(key))
 
     def _state_of(self, gas: str) -> str:
         environment = self._environment(gas)
@@ -413,11 +413,11 @@ class Media:
     def _stream(self, key: str, pressure: Signal, environment: Environment) -> tuple[TableSignal, Array]:
         """Return the wind of a gas in time, thinned as its gas is, and the levels between which it is interpolated. [m/s]"""
 
-        def made() -> tuple[TableSignal, Array]:
+        def make() -> tuple[TableSignal, Array]:
             course = stream(environment.wind, pressure, self.seconds)
             return course, levels_of(course)
 
-        return self.memo.made(("stream", key), made)
+        return self.memo.value(("stream", key), make)
 
     def empty(self, gas: str) -> bool:
         """Return whether there is no gas at a gas node at any time."""
@@ -429,21 +429,21 @@ class Media:
         wind = environment.wind.bounds[1]
         return MadeIn(self.lowest(gas), environment.gravity, environment.gas, wind)
 
-    def as_made(self, gas: str, made: MadeIn) -> bool:
+    def as_made(self, gas: str, made_in: MadeIn) -> bool:
         """Return whether a gas, ``*`` for every one, is at all times in the state in which a model was reduced."""
         if gas == "*":
-            return all(self.as_made(each, made) for each in self.environments if each != "*") and self._as_made("*", made)
-        return self._as_made(self._key(gas), made)
+            return all(self.as_made(gas_key, made_in) for gas_key in self.environments if gas_key != "*") and self._as_made("*", made_in)
+        return self._as_made(self._key(gas), made_in)
 
-    def _as_made(self, key: str, made: MadeIn) -> bool:
+    def _as_made(self, key: str, made_in: MadeIn) -> bool:
         environment = self._environment(key)
         lowest, highest = self._pressure(key, environment).bounds
-        if made.pressure <= VACUUM_LIMIT:
+        if made_in.pressure <= VACUUM_LIMIT:
             return highest <= VACUUM_LIMIT
-        low, high = AIR_RANGE if AIR_RANGE[0] <= made.pressure <= AIR_RANGE[1] else (0.99 * made.pressure, 1.01 * made.pressure)
-        alike = abs(environment.gravity - made.gravity) <= 0.01 * STANDARD_GRAVITY and environment.gas == made.gas
+        low, high = AIR_RANGE if AIR_RANGE[0] <= made_in.pressure <= AIR_RANGE[1] else (0.99 * made_in.pressure, 1.01 * made_in.pressure)
+        alike = abs(environment.gravity - made_in.gravity) <= 0.01 * STANDARD_GRAVITY and environment.gas == made_in.gas
         winds = np.array(environment.wind.bounds)
-        return alike and bool(lowest >= low and highest <= high and (np.abs(winds - made.wind) <= 0.01 * made.wind).all())
+        return alike and bool(lowest >= low and highest <= high and (np.abs(winds - made_in.wind) <= 0.01 * made_in.wind).all())
 
     def lowest(self, gas: str) -> float:
         """Return the lowest pressure that a gas node has. [Pa]"""
@@ -492,7 +492,7 @@ class Media:
             return row(law)
         state = self._state(c.gas)
         if law.medium == "left":
-            return self._left(c, law, state)
+            return self._radiation_left(c, law, state)
         if law.medium == "fin":
             return self._fin(c, law, state)
         if law.medium in ("rest", "correlation", "duct"):
@@ -510,7 +510,7 @@ class Media:
         if self.as_printed and state == "jumping":
             return row(law, f"gas {self._key(c.gas)}")
         if state == "vacuum":
-            return gone if c.sees else row(Law("radiation", self._kept(c, fields, emissivity)))
+            return gone if c.sees else row(Law("radiation", self._radiation_without_gas(c, fields, emissivity)))
         return self._changed(c, law, fields, emissivity, state)
 
     def _changed(
@@ -524,18 +524,22 @@ class Media:
                 c.where,
             )
         radiation: tuple[ConductorRow, ...] = ()
-        kept = self._kept(c, fields, emissivity) if law.medium == "mixed" and not (self.as_printed or c.sees) else ()
+        without_gas = (
+            self._radiation_without_gas(c, fields, emissivity) if law.medium == "mixed" and not (self.as_printed or c.sees) else ()
+        )
         if state == "jumping":
             key = self._key(c.gas)
             present = ConductorRow(c.path, c.ends, law, c.curve, f"gas {key}")
-            return (present, ConductorRow(c.path, c.ends, Law("radiation", kept), None, f"no gas {key}")) if kept else (present,)
+            return (
+                (present, ConductorRow(c.path, c.ends, Law("radiation", without_gas), None, f"no gas {key}")) if without_gas else (present,)
+            )
         at = self._gas(c.gas, c.where)
-        if kept:
+        if without_gas:
             share = 1.0 if at.key else 1.0 - at.natural
-            radiation = (ConductorRow(c.path, c.ends, Law("radiation", (share * kept[0],)), None, at.named("rest")),)
+            radiation = (ConductorRow(c.path, c.ends, Law("radiation", (share * without_gas[0],)), None, at.named("rest")),)
         return *thinned(c, law, fields["area"], at), *radiation
 
-    def _left(self, c: FlatConductor, law: Law, state: str) -> tuple[ConductorRow, ...]:
+    def _radiation_left(self, c: FlatConductor, law: Law, state: str) -> tuple[ConductorRow, ...]:
         """Return the row of the radiation that an effective coefficient leaves to what its surface sees, for the gas that is gone."""
         share, signal = {"air": (0.0, ""), "vacuum": (1.0, ""), "jumping": (1.0, f"no gas {self._key(c.gas)}")}.get(state, (0.0, "thin"))
         if signal == "thin":
@@ -581,7 +585,7 @@ class Media:
             c.where,
         )
 
-    def _kept(self, c: FlatConductor, fields: Mapping[str, Number], emissivity: Number | None) -> tuple[Number, ...]:
+    def _radiation_without_gas(self, c: FlatConductor, fields: Mapping[str, Number], emissivity: Number | None) -> tuple[Number, ...]:
         """Return the radiation that an effective coefficient leaves without gas."""
         if emissivity is None:
             raise self._unknown_share(c)

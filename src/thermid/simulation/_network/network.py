@@ -109,12 +109,12 @@ class Network:
     @property
     def streams(self) -> Streams:
         """The streams of gas, at the model's own values."""
-        return self.memo.made("streams", self._streams)
+        return self.memo.value("streams", self._streams)
 
     def _streams(self) -> Streams:
         if not streams_of(self.flat.conductors):
             return Streams((), {}, {}, {}, self.media)
-        return Streams.of(self.flat, self.flat.parameters.evaluate({}), self.media)
+        return Streams.of_network(self.flat, self.flat.parameters.evaluate({}), self.media)
 
     def numbers(self, overrides: Mapping[str, Number] | None = None) -> Numbers:
         """Return the rows at the model's own values, or with some replaced.
@@ -135,47 +135,47 @@ class Network:
         replaced = dict(overrides or {})
         return self._evaluate(replaced, self._static()) if replaced else self._static()
 
-    def varied(self, kept: Mapping[str, Any], overrides: Mapping[str, Number], names: tuple[str, ...]) -> Varied:
+    def varied(self, base_parts: Mapping[str, Any], overrides: Mapping[str, Number], names: tuple[str, ...]) -> Varied:
         """Return what depends on some parameters at other values of these, and only that.
 
         Parameters
         ----------
-        kept : dict         From `parts`, at all other values.
-        overrides : dict    Parameter path -> number, of all that are replaced: those of `kept` and the changed ones. [SI]
+        base_parts : dict   From `parts`, at all other values.
+        overrides : dict    Parameter path -> number, of all that are replaced: those of `base_parts` and the changed ones. [SI]
         names : tuple       Paths of the changed ones.
         """
-        changed = self.memo.made(("reached", names), lambda: self._reached(names))
-        parts = self._at(overrides, changed, kept)
+        changed = self.memo.value(("reached", names), lambda: self._reached(names))
+        parts = self._at(overrides, changed, base_parts)
         capacitances = {n.path: parts["capacitances"][n.path] for n in changed.nodes if n.path not in self.boundaries}
         conductors = [row for c in changed.conductors for row in parts["conductors"][c.path]]
         loads = [row for load in changed.loads for row in parts["loads"][load.path]]
         controls = [control_row(self.flat.controls[name], parts["values"]) for name in self.controls]
         return Varied(parts, capacitances, (*conductors, *loads, *controls))
 
-    def places(self, kept: Mapping[str, Any], names: tuple[str, ...]) -> tuple[int, ...]:
+    def places(self, base_parts: Mapping[str, Any], names: tuple[str, ...]) -> tuple[int, ...]:
         """Return where the rows of `varied` stand among all conductors, loads and controls of `numbers`."""
-        changed = self.memo.made(("reached", names), lambda: self._reached(names))
+        changed = self.memo.value(("reached", names), lambda: self._reached(names))
         conductors, loads = {c.path for c in changed.conductors}, {load.path for load in changed.loads}
-        moved = [path in conductors for path, rows in kept["conductors"].items() for _ in rows]
-        moved += [path in loads for path, rows in kept["loads"].items() for _ in rows]
-        return tuple(k for k, own in enumerate([*moved, *(True for _ in self.controls)]) if own)
+        moved = [path in conductors for path, rows in base_parts["conductors"].items() for _ in rows]
+        moved += [path in loads for path, rows in base_parts["loads"].items() for _ in rows]
+        return tuple(k for k, is_varied in enumerate([*moved, *(True for _ in self.controls)]) if is_varied)
 
     def _static(self) -> Mapping[str, Any]:
         """Return parameters and rows at the model's own values."""
         flat = self.flat
-        return self.memo.made("static", lambda: self._at({}, _Reached(flat.parameters.order, flat.nodes, flat.conductors, flat.loads), {}))
+        return self.memo.value("static", lambda: self._at({}, _Reached(flat.parameters.order, flat.nodes, flat.conductors, flat.loads), {}))
 
-    def _evaluate(self, overrides: Mapping[str, Number], kept: Mapping[str, Any]) -> dict[str, Any]:
+    def _evaluate(self, overrides: Mapping[str, Number], base_parts: Mapping[str, Any]) -> dict[str, Any]:
         """Return parameters and rows with some parameters replaced; what does not depend on them stays as it was."""
         names = tuple(overrides)
-        return self._at(overrides, self.memo.made(("reached", names), lambda: self._reached(names)), kept)
+        return self._at(overrides, self.memo.value(("reached", names), lambda: self._reached(names)), base_parts)
 
-    def _at(self, overrides: Mapping[str, Number], changed: _Reached, kept: Mapping[str, Any]) -> dict[str, Any]:
-        """Return `kept` with what changed evaluated anew."""
-        values = self.flat.parameters.evaluate(overrides, changed.paths, kept.get("values"))
+    def _at(self, overrides: Mapping[str, Number], changed: _Reached, base_parts: Mapping[str, Any]) -> dict[str, Any]:
+        """Return `base_parts` with what changed evaluated anew."""
+        values = self.flat.parameters.evaluate(overrides, changed.paths, base_parts.get("values"))
         for _, where, message in self.flat.impossible(values, changed.paths):
             raise DeckError(message, where)
-        capacitances, conductors, loads = (dict(kept.get(k, {})) for k in ("capacitances", "conductors", "loads"))
+        capacitances, conductors, loads = (dict(base_parts.get(k, {})) for k in ("capacitances", "conductors", "loads"))
         if any(c.kind == "flow" for c in changed.conductors):
             for where, message in unclosed(self.flat, values):
                 raise DeckError(message, where)
@@ -201,17 +201,17 @@ class Network:
 
     def numbers_of(self, parts: Mapping[str, Any]) -> Numbers:
         """Return the rows of `parts`."""
-        kept = {n: c for n, c in parts["capacitances"].items() if n not in self.boundaries}
+        capacitances = {n: c for n, c in parts["capacitances"].items() if n not in self.boundaries}
         conductors = tuple(row for rows in parts["conductors"].values() for row in rows)
         loads = tuple(row for rows in parts["loads"].values() for row in rows)
         controls = tuple(control_row(self.flat.controls[name], parts["values"]) for name in self.controls)
         phases = tuple(phase_row(state_of(n, PHASE), held_in(n), s.melt) for n, s in self.stores.items() if s.melt is not None)
-        return Numbers(kept, conductors, loads, parts["values"], (*controls, *phases))
+        return Numbers(capacitances, conductors, loads, parts["values"], (*controls, *phases))
 
     @property
     def controls(self) -> tuple[str, ...]:
         """The controls that something names, in the order of the deck."""
-        return self.memo.made("controls", self._named_controls)
+        return self.memo.value("controls", self._named_controls)
 
     def _named_controls(self) -> tuple[str, ...]:
         if not self.flat.controls:
@@ -237,7 +237,7 @@ class Network:
         emissivity = values[c.emissivity] if c.emissivity else None
         rows = tuple(row for law in laws for row in self.media.rows(c, law, fields, emissivity))
         if c.controls or c.reversible:
-            rows = tuple(each for row in rows for each in _both_ways(c, replace(row, controls=c.controls)))
+            rows = tuple(one_way for row in rows for one_way in _both_ways(c, replace(row, controls=c.controls)))
         return (*rows, ConductorRow(c.path, c.ends, Law("linear", (TRACE,)))) if c.path in self.traced else rows
 
 
@@ -353,7 +353,7 @@ def compile_network(model: Model, *, media: Media | None = None, prescribed: Ite
     if media is not None and (media.environments or media.irradiation):
         return _compiled(model, media, tuple(prescribed))
     key = tuple(prescribed), media and (media.as_printed, media.seconds)
-    network: Network = model.memo.made("networks", Memo).made(key, lambda: _compiled(model, media, key[0]), KEPT_NETWORKS)
+    network: Network = model.memo.value("networks", Memo).value(key, lambda: _compiled(model, media, key[0]), KEPT_NETWORKS)
     return network
 
 
@@ -408,7 +408,7 @@ class Reduced:
 
     def states(self, temperatures: Mapping[str, Any]) -> list[Any]:
         """Return what the kernel solves for, in the order of `nodes`, from temperatures of all nodes. [K]"""
-        held = {own: store.level(temperatures[node]) for own, (node, store) in self.stored.items()}
+        held = {level_name: store.level(temperatures[node]) for level_name, (node, store) in self.stored.items()}
         return [held[n] if n in held else temperatures[n] for n in self.nodes]
 
 
@@ -467,7 +467,7 @@ def reduce_network(network: Network, numbers: Numbers, gone: tuple[str, ...]) ->
     """
     if not gone:
         return Reduced(network.nodes, numbers.capacitances, numbers.conductors, ())
-    kept = [row for row in numbers.conductors if not set(row.ends) & set(gone)]
+    rows_kept = [row for row in numbers.conductors if not set(row.ends) & set(gone)]
     mesh: dict[frozenset[str], Number] = {}
     for row in numbers.conductors:
         if set(row.ends) & set(gone) and row.ends[0] != row.ends[1]:  # two needs of a part may be bound to one node
@@ -494,9 +494,9 @@ def reduce_network(network: Network, numbers: Numbers, gone: tuple[str, ...]) ->
         a, b = sorted(pair, key=order.__getitem__)
         if a in network.boundaries:
             continue  # both ends are given: heat between them changes no unknown
-        kept.append(ConductorRow(f"mesh {a} {b}", (a, b), Law("linear", (g,))))
+        rows_kept.append(ConductorRow(f"mesh {a} {b}", (a, b), Law("linear", (g,))))
     nodes = tuple(n for n in network.nodes if n not in gone)
-    return Reduced(nodes, {n: numbers.capacitances[n] for n in nodes}, tuple(kept), tuple(reversed(recover)))
+    return Reduced(nodes, {n: numbers.capacitances[n] for n in nodes}, tuple(rows_kept), tuple(reversed(recover)))
 
 
 def sum_of(star: Mapping[str, Number]) -> Number:

@@ -13,7 +13,7 @@ from thermid import _kernel
 from thermid.base.dual import Number
 from thermid.base.linear_algebra import Array
 from thermid.model.elements import Law
-from thermid.model.laws import FAR, Curve, whole
+from thermid.model.laws import EXTENSION_REACH, Curve, whole
 
 ANCHOR: Final = _kernel.GAS_ANCHOR
 """Temperature to which the coefficients of gas laws refer. [K]"""
@@ -69,10 +69,10 @@ def curve_arrays(curve: Curve, refuse: bool = False) -> tuple[Array, Array, Arra
         x, y, d = x[inside], y[inside], None if d is None else d[inside]
         first, last = (0.0, 0.0) if d is None else (d[0], d[-1])
         if np.isfinite(curve.limits[0]):
-            x, y = np.r_[x[0] - (FAR, EDGE), x], np.r_[np.nan, y[0] - EDGE * first, y]
+            x, y = np.r_[x[0] - (EXTENSION_REACH, EDGE), x], np.r_[np.nan, y[0] - EDGE * first, y]
             d = None if d is None else np.r_[0.0, first, d]
         if np.isfinite(curve.limits[1]):
-            x, y = np.r_[x, x[-1] + (EDGE, FAR)], np.r_[y, y[-1] + EDGE * last, np.nan]
+            x, y = np.r_[x, x[-1] + (EDGE, EXTENSION_REACH)], np.r_[y, y[-1] + EDGE * last, np.nan]
             d = None if d is None else np.r_[d, last, 0.0]
     return x, y, np.zeros(0) if d is None else d
 
@@ -87,7 +87,7 @@ def _evaluated(form: str, coefficients: Sequence[Any], curve: Curve | None, hot:
     law = conductor_law(form, curve)
     hot, cold = (np.ascontiguousarray(t, dtype=float) for t in np.broadcast_arrays(hot, cold))
     pair = [np.broadcast_to(np.asarray(c, dtype=float), hot.shape) for c in (*coefficients, 0.0)[:2]]
-    tables = [curve_arrays(each) for each in tables_behind(form, curve)] if curve is not None else []
+    tables = [curve_arrays(table) for table in tables_behind(form, curve)] if curve is not None else []
     return _kernel.conductor_heat(law.kind, hot.ravel(), cold.ravel(), np.column_stack([c.ravel() for c in pair]), tables)
 
 
@@ -192,7 +192,7 @@ class LoadRow:
     follows: str = ""
 
     @property
-    def own(self) -> tuple[Number, ...]:
+    def of_law(self) -> tuple[Number, ...]:
         """The coefficients of the law."""
         return self.coefficients[: LOADS[self.form].coefficients]
 

@@ -49,7 +49,7 @@ class Streams:
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     @classmethod
-    def of(cls, flat: Flat, values: Mapping[str, Any], media: Media) -> Streams:
+    def of_network(cls, flat: Flat, values: Mapping[str, Any], media: Media) -> Streams:
         """Return the streams of gas of a network.
 
         Raises
@@ -82,16 +82,21 @@ class Streams:
         """
         sources = self.sources(path) if by_volume(self._named[path]) else {}
         line = self.lines[path]
-        pressures, place = self.memo.made(line, lambda: self._pressures(line))
+        pressures, place = self.memo.value(line, lambda: self._pressures(line))
         warm = {n: temperatures[n] for n in sources if n in temperatures}
         place_of = {n: len(pressures) + k for k, n in enumerate(warm)}
 
-        def flow(*given: Any) -> Any:
-            present = np.all([p > VACUUM_LIMIT for p in given[: len(pressures)]], axis=0)
+        def flow(*pressures_and_temperatures: Any) -> Any:
+            present = np.all([p > VACUUM_LIMIT for p in pressures_and_temperatures[: len(pressures)]], axis=0)
             if not sources:
                 return 1.0 * present
-            dense = [given[place[n]] / ATMOSPHERE * (AMBIENT_DEFAULT / given[place_of[n]] if n in place_of else 1.0) for n in sources]
-            return sum(share * each for share, each in zip(sources.values(), dense, strict=True)) * present
+            dense = [
+                pressures_and_temperatures[place[n]]
+                / ATMOSPHERE
+                * (AMBIENT_DEFAULT / pressures_and_temperatures[place_of[n]] if n in place_of else 1.0)
+                for n in sources
+            ]
+            return sum(share * source_flow for share, source_flow in zip(sources.values(), dense, strict=True)) * present
 
         return Mixed(flow, (*pressures, *warm.values())).drawn(self.media.seconds)
 
@@ -103,7 +108,7 @@ class Streams:
 
     def still(self, path: str) -> Drawn:
         """Return the course of a stream whose sources have 20 degC: what a network without a scenario's temperatures has. [-]"""
-        return self.memo.made(path, lambda: self.course(path, {}))
+        return self.memo.value(path, lambda: self.course(path, {}))
 
     def row(self, c: FlatConductor, law: Law) -> ConductorRow:
         """Return the row of a stream of gas: its heat capacity rate at the density of its gas."""
@@ -273,7 +278,7 @@ def _lines(streams: Sequence[FlatConductor], inner: set[str]) -> dict[str, tuple
     line: dict[str, list[str]] = {}
     for c in streams:
         joined = list(dict.fromkeys(id(line[n]) for n in c.ends if n in passed and n in line))
-        lines = {id(each): each for each in line.values()}
+        lines = {id(line_nodes): line_nodes for line_nodes in line.values()}
         nodes = list(dict.fromkeys([*(n for key in joined for n in lines[key]), *c.ends]))
         line |= dict.fromkeys((n for n in nodes if n in passed), nodes)
     return {c.path: tuple(next((line[n] for n in c.ends if n in passed), c.ends)) for c in streams}

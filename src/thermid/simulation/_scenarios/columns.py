@@ -30,7 +30,7 @@ class LogColumns:
     cut: Path | None = None
 
     @classmethod
-    def of(cls, data: Mapping[str, Any], folder: Path, where: str) -> LogColumns:
+    def of_scenario(cls, data: Mapping[str, Any], folder: Path, where: str) -> LogColumns:
         """Return the reader of a scenario's tables."""
         ascent, weather = data.get("ascent", {}), data.get("weather", {})
         zeros = {resolve_inside(folder, ascent["file"], f"{where}, ascent"): 0.0} if "file" in ascent else {}

@@ -42,7 +42,7 @@ class Start:
     time: float = 0.0
 
     @classmethod
-    def of(cls, written: str | float, where: str) -> Start | None:
+    def from_text(cls, written: str | float, where: str) -> Start | None:
         """Return what a start says, or None where it is a temperature or a boundary.
 
         Raises
@@ -119,8 +119,8 @@ class Scenario:
                 continue
             table = {k: signal(v, slot, f"{self.title}, {name}.{k}") for k, v in getattr(self, name).items()}
             object.__setattr__(self, name, table)
-            for key, given in table.items() if slot == TEMPERATURE else ():
-                lowest = given.bounds[0]
+            for key, course in table.items() if slot == TEMPERATURE else ():
+                lowest = course.bounds[0]
                 if lowest < 0.0:
                     raise ScenarioError(f"{lowest - 273.15:g} degC lies below 0 K.", f"{self.title}, {name}.{key}")
         for gas, around in self.environment.items():
@@ -167,11 +167,11 @@ class Scenario:
     def mapped(self, law: Callable[[Signal], Signal], but: Collection[str] = ()) -> Scenario:
         """Return the scenario with what a law makes of each signal, but for some: of whole tables (``commands``) or single names."""
 
-        def each(name: str) -> dict[str, Any]:
-            given = getattr(self, name)
-            return {k: law(v) if isinstance(v, Signal) and not {name, k} & set(but) else v for k, v in given.items()}
+        def mapped_table(name: str) -> dict[str, Any]:
+            table = getattr(self, name)
+            return {k: law(v) if isinstance(v, Signal) and not {name, k} & set(but) else v for k, v in table.items()}
 
-        tables: dict[str, Any] = {name: each(name) for name in SLOTS}
+        tables: dict[str, Any] = {name: mapped_table(name) for name in SLOTS}
         tables["environment"] = {gas: e if gas in but else e.mapped(law) for gas, e in self.environment.items()}
         tables["irradiation"] = {face: falling if face in but else falling.mapped(law) for face, falling in self.irradiation.items()}
         return replace(self, **tables)
@@ -227,12 +227,12 @@ class Scenario:
         return replace(self, **merged)
 
 
-def _start(given: Any, where: str) -> Any:
+def _start(written: Any, where: str) -> Any:
     """Return what a node begins with: a text, read when its names are known, or a temperature. [K]"""
-    if isinstance(given, str | Kelvin):
-        return given
+    if isinstance(written, str | Kelvin):
+        return written
     with errors_at(where):
-        return kelvin(given)
+        return kelvin(written)
 
 
 def sampled_logs(scenario: Scenario) -> tuple[str, ...]:

@@ -40,7 +40,7 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     where = Places(target.name, lines)
     data = by_grammar("thermid.simulation._scenarios.schema.ScenarioFile", data, where).written
     fields: dict[str, Any] = {"title": target.stem, **data}
-    columns, gases = LogColumns.of(data, target.parent, target.name), data.get("environment", {})
+    columns, gases = LogColumns.of_scenario(data, target.parent, target.name), data.get("environment", {})
     for name, slot in SLOTS.items():
         if name in fields:
             held = name == "commands"

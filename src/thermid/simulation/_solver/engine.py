@@ -99,7 +99,7 @@ DIRECT = 40
 """Steps of Newton's method before its search is taken for stuck at the knee of a table."""
 DRIFT = 1.12
 """By how much each step of the search in time is longer than the one before."""
-CLOSE = 1e-10
+MAX_NEWTON_STEP = 1e-10
 LARGEST_MOVE = 100.0
 HOTTEST = 1e5
 """Above this nothing that a model means is left, here as in runs over time. [K]"""
@@ -114,7 +114,7 @@ FINE = Options(error=2.0 * CLOSED, inputs=1e-4)
 METHODS = ("auto", "integrator", "modal")
 """Methods of ordinary models by the name that `Options.method` gives them."""
 REMEMBERED = 64  # lengths of stretches that the kernel has in mind, at least
-MOST = 300  # nodes beyond which modes cost more than any noise asks of steps
+MAX_NODES_FOR_MODES = 300  # nodes beyond which modes cost more than any noise asks of steps
 
 
 class Exact(NamedTuple):
@@ -238,7 +238,7 @@ class Modal:
 
         Taken at nominal values, so that the choice of method does not hang on which run came first.
         """
-        if self.problem.nodes > MOST:
+        if self.problem.nodes > MAX_NODES_FOR_MODES:
             return 0.0, 0.0
         a = self.wiring.assemble(gradients=False)
         capacity = np.array([np.inf if c < 0 else a.coefficients[c] for c in self.wiring.structure.capacity])
@@ -330,7 +330,7 @@ class Engine(KernelProblem):
             raise ScenarioError(
                 f"unknown method '{method}'.{nearest(method, methods)} There are {', '.join(methods)}.", self.title, code="name.unknown"
             )
-        if method not in LARGE_METHODS or (method == "auto" and not self.many):
+        if method not in LARGE_METHODS or (method == "auto" and not self.is_large):
             return False
         why = "sensitivities are requested, which large networks do not have" if gradients else refusal(self)
         if why and method != "auto":
@@ -387,7 +387,7 @@ class Engine(KernelProblem):
         flows = raw.conductor_energy[self.flow_rows] if self.flow_rows.size else np.zeros(0)
         slopes = raw.sensitivities if raw.sensitivities is not None else np.zeros((times.size, len(nodes), 0))
         events = (raw.event_times, raw.event_controls, raw.event_states, raw.event_before)
-        switched = tuple(zip(*(each.tolist() for each in events), strict=True))
+        switched = tuple(zip(*(column.tolist() for column in events), strict=True))
         energies = (raw.load_energy[: len(self.load_names)], raw.boundary_energy, flows)
         turnings = dict(zip((*nodes, *gone), by_column(raw.turnings, len(nodes) + len(gone)), strict=True)) if extremes else None
         return Answer(raw.traces, slopes, a.initial, raw.final_temperatures, *energies, end, statistics, raw.on, switched, turnings)
@@ -627,7 +627,7 @@ def _settled(problem: KernelProblem, a: Assembled, time: float, gradients: bool,
         step = _solved(jacobian, leaving, heat)
         if step is None:
             raise SolverError(_no_steady(problem, a), where)
-        close = float(np.abs(step).max()) < CLOSE * max(1.0, float(np.abs(temperatures).max()))
+        close = float(np.abs(step).max()) < MAX_NEWTON_STEP * max(1.0, float(np.abs(temperatures).max()))
         if k < DIRECT or close:
             temperatures = _moved(balance, temperatures, step, float(np.linalg.norm(heat)), reach)
             # a state far away lies in one direction: steps towards it get longer
@@ -645,7 +645,7 @@ def _settled(problem: KernelProblem, a: Assembled, time: float, gradients: bool,
                     where,
                 )
             _, jacobian, slopes = balance(temperatures, gradients)
-            if beyond := problem.left(a, time, balance.states(temperatures)):
+            if beyond := problem.tables_left(a, time, balance.states(temperatures)):
                 raise SolverError(f"in the steady state {beyond}", where)
             moves = _solved(jacobian, leaving, slopes) if slopes is not None else np.zeros((temperatures.size, 0))
             if moves is None:
@@ -777,8 +777,8 @@ def _no_steady(problem: KernelProblem, a: Assembled) -> str:
     powers = {name: float(p[0]) for name, p in problem.powers(a, _columns(problem, a), np.zeros(1)).items()}
     parts = unreached(problem.wiring.network, a.numbers, powers)
     if parts:
-        said = parts[0].message()
-        return CodedText(f"no steady state exists: {said}.", said.code)
+        imbalance = parts[0].message()
+        return CodedText(f"no steady state exists: {imbalance}.", imbalance.code)
     follows = any(load.follows_temperature for load in problem.wiring.network.flat.loads)
     look = "power that grows with temperature" if follows else "node whose heat cannot leave"
     return f"no steady state exists: the equations are singular. Look for a {look}."

@@ -18,7 +18,7 @@ ROUNDS = 4
 """How often."""
 FINEST = 1e-9
 """Interval that is not divided, relative to its time and a second. [-]"""
-MOST = 20_000
+MAX_INTERVALS_AT_ONCE = 20_000
 """Intervals that are looked at again at once."""
 
 
@@ -43,7 +43,7 @@ class Extreme:
         return self.kelvin - ICE_POINT
 
 
-SAME = 1e-9
+MAX_ROUNDING_DIFFERENCE = 1e-9
 """By which a turning point at the time of a sample differs from it by rounding alone. [K]"""
 
 
@@ -73,7 +73,7 @@ class Turnings:
         if not self.times.size:
             return times, kelvin
         k = np.clip(np.searchsorted(times, self.times), 0, times.size - 1)
-        new = (self.times != times[k]) | (np.abs(self.kelvin - kelvin[k]) > SAME)
+        new = (self.times != times[k]) | (np.abs(self.kelvin - kelvin[k]) > MAX_ROUNDING_DIFFERENCE)
         joined = np.concatenate((self.times[new], times)), np.concatenate((self.kelvin[new], kelvin))
         order = np.argsort(joined[0], kind="stable")
         return joined[0][order], joined[1][order]
@@ -114,7 +114,7 @@ class MemberTurnings:
         order = np.lexsort((self.times, self.members))
         return MemberTurnings(self.members[order], self.times[order], self.kelvin[order])
 
-    def of(self, member: int) -> Turnings:
+    def of_member(self, member: int) -> Turnings:
         """Return those of one member."""
         mine = slice(*np.searchsorted(self.members, [member, member + 1]))
         return Turnings(self.times[mine], self.kelvin[mine])
@@ -169,7 +169,7 @@ def resolved(times: Array, above: Array, dense: Callable[[Array], Array] | None,
     for _ in range(ROUNDS if dense is not None else 0):
         over = above > 0.0
         at = np.flatnonzero((over[1:] != over[:-1]) & (np.diff(times) > FINEST * (1.0 + times[1:])))
-        if dense is None or not 0 < at.size <= MOST:
+        if dense is None or not 0 < at.size <= MAX_INTERVALS_AT_ONCE:
             break
         inner = times[at, None] + np.diff(times)[at, None] * np.arange(1, PIECES) / PIECES
         bends = switches if switches is not None else np.zeros(0)

@@ -19,8 +19,8 @@ from thermid.simulation._network.rows import same_both_ways
 from thermid.simulation._solver.extremes import Turnings
 from thermid.simulation._solver.large_steady import settle_large
 from thermid.simulation._solver.problem import (
+    MARGIN_TO_TABLE_END,
     MAY_HAVE_LEFT,
-    NEAR,
     UNSOLVED,
     Answer,
     KernelProblem,
@@ -297,10 +297,10 @@ def integrate_model(
     initial = a.initial[~held]
     initial[place[held]] = a.initial[held]
 
-    def left(time: float, temperatures: Array) -> str:
-        return problem.left(a, time, _levelled(problem, a, temperatures), NEAR)
+    def tables_left(time: float, temperatures: Array) -> str:
+        return problem.tables_left(a, time, _levelled(problem, a, temperatures), MARGIN_TO_TABLE_END)
 
-    beyond = left if problem.refuses else None
+    beyond = tables_left if problem.refuses else None
     raw = integrate(network, initial, end, times, watched, np.zeros(0), options, problem.title, names.__getitem__, gone is not None, beyond)
     slopes = np.zeros((times.size, len(nodes), 0))
     energies = (raw.load_energy, raw.boundary_energy, np.zeros(0))
@@ -324,7 +324,7 @@ def settle_model(problem: KernelProblem, a: Assembled, time: float) -> Array | N
     """Return the steady temperatures (nodes,) [K] of a model with many nodes; None where the dense way is to be taken."""
     # powers that never grow with temperature, so that a balance is stable
     steady = all(p.row.form == "signal" for p in problem.wiring.structure.loads)
-    if not problem.many or problem.refuses or refusal(problem) or not steady:
+    if not problem.is_large or problem.refuses or refusal(problem) or not steady:
         return None
     rest = settle_large(sparse_of(problem, a), time, problem.title)[0]
     return _levelled(problem, a, rest)

@@ -64,10 +64,10 @@ class Traces:
     def temperature(self, name: str) -> Array:
         """Return the temperature (times,) of a node or boundary; where specific heat changes, that of the heat it holds. [K]"""
         if held_in(name) in self.kept:
-            return self.memo.made(name, lambda: self._of_heat(name)[0])
+            return self.memo.value(name, lambda: self._of_heat(name)[0])
         if name in self.kept:
             return self.stored[:, self.kept.index(name)]
-        return self.memo.made(name, lambda: self._recovered(name))
+        return self.memo.value(name, lambda: self._recovered(name))
 
     def _of_heat(self, name: str) -> tuple[Array, Array]:
         """Return the temperature (times,) that belongs to the heat of a node [K], and its slope over the level (times,) [-].
@@ -132,10 +132,10 @@ class Options:
     extremes: bool = field(default=True, repr=False)  # no part of the key of a fit, which it does not change
     inputs: float | None = field(default=None, repr=False, kw_only=True)
 
-    def __new__(cls, *_: Any, **given: Any) -> Options:
+    def __new__(cls, *_: Any, **options: Any) -> Options:
         """Refuse a name that there is not, with those that there are."""
         refuse_unknown(
-            given,
+            options,
             cls.__dataclass_fields__,
             "Options",
             "no option '{}'. How close a run is says 'error' alone, in kelvin; there are {known}.",
@@ -232,7 +232,7 @@ def signal_turnings(drawn: Drawn, end: float, offset: float) -> Turnings:
     end : float         [s]
     offset : float      A constant beside it. [K]
     """
-    times = drawn.turns(end)
+    times = drawn.turning_times(end)
     return Turnings(times, drawn.at(times) + offset)
 
 
@@ -262,7 +262,7 @@ def row_form(law: KernelLaw, placed: PlacedConductor | PlacedLoad, tables: list[
     if curve is None:
         return law.kind, places, -1
     table = len(tables)
-    tables += [curve_arrays(each, refuse) for each in tables_behind(placed.row.form, curve)]
+    tables += [curve_arrays(curve_table, refuse) for curve_table in tables_behind(placed.row.form, curve)]
     return law.kind, places, table
 
 
@@ -330,7 +330,7 @@ def ending(answer: Any, names: Sequence[str], max_steps: int, end: float, follow
     return words.get(answer.status, f"the run stopped {when}.")
 
 
-NEAR: Final = 0.1
+MARGIN_TO_TABLE_END: Final = 0.1
 """How close to the end of its table a run stands that cannot go on. [K]"""
 GOES_ON: Final = {"hold": "stays constant", "linear": "is extended as a straight line", "refuse": "is refused"}
 """What a table does outside its points."""
@@ -363,7 +363,7 @@ def refuses(network: Network, numbers: Numbers) -> bool:
     return any(curve.limits is not None for _, curve, _ in _ranged(network, numbers))
 
 
-def _seen(curve: Curve, a: Array, b: Array) -> Array:
+def _temperature_read(curve: Curve, a: Array, b: Array) -> Array:
     """Return what a table is read at, for temperatures of both nodes. [K]"""
     return a - b if curve.over == "difference" else 0.5 * (a + b)
 
@@ -372,7 +372,7 @@ def left_tables(network: Network, numbers: Numbers, temperatures: Callable[[str]
     """Return a sentence for each table that was asked for values outside its points at times [s]; `temperatures`: of a node. [K]"""
     out = []
     for name, curve, (a, b) in _ranged(network, numbers):
-        argument = _seen(curve, temperatures(a), temperatures(b))
+        argument = _temperature_read(curve, temperatures(a), temperatures(b))
         beyond = (argument < curve.x[0]) | (argument > curve.x[-1])
         if beyond.any():
             first, low, high = times[beyond.argmax()], float(argument.min()), float(argument.max())
@@ -390,7 +390,7 @@ def refused_tables(network: Network, numbers: Numbers, temperatures: Mapping[str
         if curve.limits is None:
             continue
         low, high = curve.limits
-        argument = float(_seen(curve, np.array(temperatures[a]), np.array(temperatures[b])))
+        argument = float(_temperature_read(curve, np.array(temperatures[a]), np.array(temperatures[b])))
         if not low + near <= argument <= high - near:
             out.append(f"'{name}' leaves the range of its table, {low:.6g} to {high:.6g} K")
     if not out:
@@ -465,14 +465,14 @@ class KernelProblem:
         machines = [p for p in s.factors if p.row.modes]
         of = {p.row.name: k for k, p in enumerate(machines)}
         factors: list[tuple[Any, ...]] = []
-        known: dict[tuple[str, int], int] = {}
+        place_of_factor: dict[tuple[str, int], int] = {}
 
         def probe(nodes: Sequence[tuple[str, int]], constant: int, places: Sequence[int]) -> list[int]:
             three = [(index[node], places[place]) for node, place in nodes] + [(-1, -1)] * (3 - len(nodes))
             return [places[constant] if constant != FREE else -1, *(node for node, _ in three), *(place for _, place in three)]
 
         def factor(name: str, form: FactorForm) -> int:
-            if (name, id(form)) not in known:
+            if (name, id(form)) not in place_of_factor:
                 places, table = rows[name].places, -1
                 if form.curve is not None:
                     table = len(tables)
@@ -480,8 +480,8 @@ class KernelProblem:
                 low, high = (places[k] if k != FREE else -1 for k in (form.low, form.high))
                 read = probe(form.nodes, form.constant, places)
                 factors.append((form.kind, read, low, high, table, of.get(name, -1), [places[v] for v in form.values]))
-                known[name, id(form)] = len(factors) - 1
-            return known[name, id(form)]
+                place_of_factor[name, id(form)] = len(factors) - 1
+            return place_of_factor[name, id(form)]
 
         def named(control: str) -> int:
             row = rows[named_control(control)[0]].row
@@ -514,7 +514,7 @@ class KernelProblem:
         return f"{self.wiring.network.title}, {self.wiring.scenario.title}"
 
     @property
-    def many(self) -> bool:
+    def is_large(self) -> bool:
         """Whether it has so many nodes that it is run as a large network; the heat of one that stores it by a table counts with it."""
         return len(self.nodes) - sum(held_in(n) in self.nodes for n in self.wiring.network.stores) >= LARGE_FROM
 
@@ -557,13 +557,13 @@ class KernelProblem:
         follows = any(load.follows_temperature for load in network.flat.loads)
         if self.refuses and answer.status in UNSOLVED:
             final = getattr(answer, "final_temperatures", None)
-            beyond = self.left(a, answer.time, final, NEAR) if a is not None and final is not None else ""
+            beyond = self.tables_left(a, answer.time, final, MARGIN_TO_TABLE_END) if a is not None and final is not None else ""
             if beyond:
                 return f"at {answer.time:.6g} s of {end:.6g} s {beyond}"
             return ending(answer, (*self.nodes, *network.boundaries), options.max_steps, end, follows) + MAY_HAVE_LEFT
         return ending(answer, (*self.nodes, *network.boundaries), options.max_steps, end, follows)
 
-    def left(self, a: Assembled, time: float, temperatures: Array, near: float = 0.0) -> str:
+    def tables_left(self, a: Assembled, time: float, temperatures: Array, near: float = 0.0) -> str:
         """Return which tables that are refused outside their points are left at temperatures (nodes,) [K]; empty where none is."""
         network = self.wiring.network
         if not self.refuses:

@@ -162,7 +162,7 @@ class SparseNetwork:
     @property
     def problem(self) -> _kernel.LargeProblem:
         """The kernel's form of it, made once."""
-        return self.memo.made("problem", self._problem)
+        return self.memo.value("problem", self._problem)
 
     def _problem(self) -> _kernel.LargeProblem:
         tables: list[Any] = []
@@ -170,7 +170,7 @@ class SparseNetwork:
         def table(form: str, curve: Curve | None) -> int:
             if curve is None:
                 return NONE
-            tables.extend(curve_arrays(each, refuse=True) for each in tables_behind(form, curve))
+            tables.extend(curve_arrays(curve_table, refuse=True) for curve_table in tables_behind(form, curve))
             return len(tables) - len(tables_behind(form, curve))
 
         def control(group: LoadGroup) -> int:

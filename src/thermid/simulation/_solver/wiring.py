@@ -141,7 +141,7 @@ def _square(fields: Mapping[str, str], values: Mapping[str, Any]) -> Signal:
 
 ROUNDING = 1e-13
 """Share of its largest value below which a scheduled value is zero. [-]"""
-SAME = (1e-9, 1e-12)
+COURSE_TOLERANCES = (1e-9, 1e-12)
 """How far a coefficient over its reference may lie from its course, relative and absolute. [-]"""
 
 
@@ -236,29 +236,29 @@ class ScheduledCoefficients:
     table: Mapping[tuple[int, int], ScheduledCoefficient]
 
     @classmethod
-    def of(cls, network: Network, schedule: Schedule) -> ScheduledCoefficients:
+    def of_schedule(cls, network: Network, schedule: Schedule) -> ScheduledCoefficients:
         """Return the courses at the model's own values.
 
         Raises
         ------
         ScenarioError   When a capacitance would change.
         """
-        kept, names = network.parts(), tuple(schedule.signals)
-        sets = [network.varied(kept, schedule.overrides(k), names) for k in range(len(schedule.rows))]
-        places = network.places(kept, names)
-        for own in sets:
-            _check_masses(own, sets[0], network.title)
+        base_parts, names = network.parts(), tuple(schedule.signals)
+        sets = [network.varied(base_parts, schedule.overrides(k), names) for k in range(len(schedule.rows))]
+        places = network.places(base_parts, names)
+        for varied in sets:
+            _check_masses(varied, sets[0], network.title)
         moved = len(places) - len(network.controls)
-        sizes = [sum(np.log1p(abs(value_of(row.coefficients[0]))) for row in own.rows[:moved]) for own in sets]
+        sizes = [sum(np.log1p(abs(value_of(row.coefficients[0]))) for row in varied.rows[:moved]) for varied in sets]
         reference = int(np.argmax(sizes))
         table = {}
         for r, row in enumerate(sets[reference].rows):
             for c in range(len(row.coefficients)):
-                values = np.array([value_of(own.rows[r].coefficients[c]) for own in sets])
+                values = np.array([value_of(varied.rows[r].coefficients[c]) for varied in sets])
                 sample = reference if values[reference] else int(np.abs(values).argmax())
                 if (values != values[sample]).any():
                     table[r, c] = ScheduledCoefficient(sample, values / values[sample])
-        return cls(network, schedule, reference, places, _named(network, kept, places), table)
+        return cls(network, schedule, reference, places, _named(network, base_parts, places), table)
 
     @property
     def signals(self) -> dict[tuple[str, int, int], Drawn]:
@@ -283,10 +283,10 @@ class ScheduledCoefficients:
             raise ScenarioError(
                 f"'{clash[0]}' follows a schedule, so it cannot be fitted. Free a factor that multiplies it.", network.title
             )
-        kept = network.parts({**free, **schedule.overrides(self.reference)})
+        base_parts = network.parts({**free, **schedule.overrides(self.reference)})
 
         def at(k: int) -> Varied:
-            return network.varied(kept, {**free, **schedule.overrides(k)}, names)
+            return network.varied(base_parts, {**free, **schedule.overrides(k)}, names)
 
         first = {k: at(k) for k in {self.reference, *(course.sample for course in self.table.values())}}
         base = first[self.reference]
@@ -297,7 +297,7 @@ class ScheduledCoefficients:
             sample = first[k] if k in first else at(k)
             _check_masses(sample, base, network.title)
             self._check(k, sample, mine)
-        return self._laid(base, mine)
+        return self._with_coefficients(base, mine)
 
     def _check(self, k: int, varied: Varied, mine: list[list[Number]]) -> None:
         """Refuse values at which a coefficient of a sample is not its reference times its course."""
@@ -305,7 +305,7 @@ class ScheduledCoefficients:
             for c, number in enumerate(row.coefficients):
                 course, value, base = self.table.get((r, c)), value_of(number), value_of(mine[r][c])
                 ratio = 1.0 if course is None else float(course.ratio[k])
-                slack = 0.0 if course is None else SAME[1] + SAME[0] * abs(ratio)
+                slack = 0.0 if course is None else COURSE_TOLERANCES[1] + COURSE_TOLERANCES[0] * abs(ratio)
                 if not np.abs(value - ratio * base) <= slack * np.abs(base):
                     raise ScenarioError(
                         f"in '{row.name}' a parameter that differs between runs and a scheduled one do not act as a product, so the "
@@ -319,7 +319,7 @@ class ScheduledCoefficients:
                         self.network.title,
                     )
 
-    def _laid(self, base: Varied, mine: list[list[Number]]) -> Numbers:
+    def _with_coefficients(self, base: Varied, mine: list[list[Number]]) -> Numbers:
         """Return the numbers of a sample with other coefficients of the rows that the schedule reaches."""
         whole = self.network.numbers_of(base.parts)
         rows: list[Any] = [*whole.conductors, *whole.loads, *whole.controls]
@@ -333,9 +333,9 @@ class ScheduledCoefficients:
         return replace(whole, conductors=tuple(rows[:count]), loads=tuple(rows[count:rest]), controls=tuple(rows[rest:]))
 
 
-def _named(network: Network, kept: Mapping[str, Any], places: tuple[int, ...]) -> tuple[tuple[str, int], ...]:
+def _named(network: Network, base_parts: Mapping[str, Any], places: tuple[int, ...]) -> tuple[tuple[str, int], ...]:
     """Return the name of the row at each place, and its position among the rows of that name."""
-    whole = network.numbers_of(kept)
+    whole = network.numbers_of(base_parts)
     names = [*(row.name for row in whole.conductors), *(row.name for row in whole.loads), *(row.name for row in whole.controls)]
     counts: dict[str, int] = {}
     every = []
@@ -513,7 +513,7 @@ class Wiring:
         self.cycle = common_cycle([s.cycle for s in changing.values()])
         self.signals: dict[str, Drawn] = {name: in_run(signal, self.scenario.seconds) for name, signal in signals.items()}
         self._follow: dict[tuple[str, int, int], str] = {}
-        self.courses = ScheduledCoefficients.of(network, self.schedule) if self.schedule is not None else None
+        self.courses = ScheduledCoefficients.of_schedule(network, self.schedule) if self.schedule is not None else None
         for key, course in self.courses.signals.items() if self.courses is not None else ():
             name = f"schedule {' '.join(map(str, key))}"
             self.signals[name] = course
@@ -566,7 +566,7 @@ class Wiring:
 
     def _read_start(self) -> None:
         start = self.scenario.start
-        self.start = Start.of(start, f"{self.scenario.title}, start")
+        self.start = Start.from_text(start, f"{self.scenario.title}, start")
         if self.start is not None:
             check_start(self.start, self.cycle, self.changing, self.scenario)
         if start == "":
@@ -597,13 +597,13 @@ class Wiring:
     def assemble(self, x: Array | None = None, gradients: bool = True) -> Assembled:
         """Return the numbers at values of the free names, in their order [SI], with their derivatives unless these are not wanted."""
         values = np.zeros(0) if x is None else np.asarray(x, dtype=float)
-        asked = (values.tobytes(), gradients)
-        if self._last is None or self._last[0] != asked:
+        key = (values.tobytes(), gradients)
+        if self._last is None or self._last[0] != key:
             free: dict[str, Number] = dict(zip(self.free, values.tolist(), strict=True)) if values.size else {}
             if gradients and values.size:
                 eye = np.eye(values.size)
                 free = {name: Dual(value_of(v), eye[k]) for k, (name, v) in enumerate(free.items())}
-            self._last = (asked, self.assembled_at(free, values.size if gradients else 0))
+            self._last = (key, self.assembled_at(free, values.size if gradients else 0))
         return self._last[1]
 
     def assembled_at(self, values: Mapping[str, Number], free: int = 0) -> Assembled:
@@ -654,14 +654,14 @@ class Wiring:
         for load in numbers.loads:
             if load.node not in self.network.boundaries:
                 powered = load.signal.startswith("load ")
-                out += (self._power(load.name, load.own[0], numbers, values), *load.own[1:]) if powered else load.own
+                out += (self._power(load.name, load.of_law[0], numbers, values), *load.of_law[1:]) if powered else load.of_law
         for load in self._controlled(numbers):
             out += load.settings
         for control in numbers.controls:
             out += control.coefficients
         for control in numbers.controls:
             for rate in control.rates:
-                out += rate.own
+                out += rate.of_law
         return out
 
     def _lay_out(self, numbers: Numbers, reduced: Reduced, offsets: Mapping[str, Number], values: Mapping[str, Number]) -> KernelLayout:
@@ -691,7 +691,7 @@ class Wiring:
     @staticmethod
     def _rate(row: LoadRow, make: _Builder, index: Mapping[str, int]) -> PlacedLoad:
         """Return the rate of a controller's state as a load of the kernel."""
-        places = [make.add(number, "", row.controls if c == 0 else ()) for c, number in enumerate(row.own)]
+        places = [make.add(number, "", row.controls if c == 0 else ()) for c, number in enumerate(row.of_law)]
         return PlacedLoad(row, index[row.node], places, -1, index[row.follows or row.node])
 
     def _conductors(self, rows: Sequence[ConductorRow], make: _Builder, index: Mapping[str, int]) -> tuple[PlacedConductor, ...]:
@@ -792,7 +792,7 @@ class Wiring:
         return list(rows.values())
 
     def _control(self, row: LoadRow, make: _Builder, index: Mapping[str, int], loads: Sequence[PlacedLoad]) -> PlacedControl:
-        begin = len(row.own)
+        begin = len(row.of_law)
         places = [make.add(number, self._follow.get((row.name, 0, begin + c), "")) for c, number in enumerate(row.settings)]
         if len(places) < CONTROLS[row.control].coefficients:
             places.append(next(load.places[0] for load in loads if load.row.name == row.name))
@@ -814,7 +814,7 @@ class Wiring:
     def _load_coefficients(self, row: LoadRow, position: int, numbers: Numbers, values: Mapping[str, Number]) -> list[tuple[Number, str]]:
         """Return the coefficients of a load's law, each with the input that it is multiplied by."""
         out = []
-        for c, coefficient in enumerate(row.own):
+        for c, coefficient in enumerate(row.of_law):
             follow = self._follow.get((row.name, position, c), "")
             signal, number = row.signal if c == 0 else "", coefficient
             if follow and signal and self.signals[signal] != Constant(1.0):
@@ -932,10 +932,10 @@ def held_inputs(changing: Sequence[str], time: float) -> str:
 def held_means(changing: Sequence[str], cycle: float | None, scenario: Scenario) -> tuple[str, str]:
     """Return over what means of inputs are held, and what must be said of them; the second is empty where no input changes."""
     span = f"a period of {cycle:g} s" if cycle else f"{scenario.seconds:g} s"
-    said = (
+    remark = (
         f"the means over {span} of {', '.join(changing)} are the inputs; for nonlinear laws the result is not the mean of the temperatures"
     )
-    return span, said if changing else ""
+    return span, remark if changing else ""
 
 
 def check_start(start: Start, cycle: float | None, changing: Sequence[str], scenario: Scenario) -> None:

@@ -236,8 +236,8 @@ def test_values_fitted_to_an_incomplete_deck_are_marked(call: Call, tmp_path: Pa
     call("import", tmp_path / "lost.inp", "--to", tmp_path / "lost.toml")
     model = td.load_model(tmp_path / "lost.toml")
     times = np.linspace(0.0, 600.0, 31)
-    reading = td.Channel.of("T", 20.0 + 10.0 * np.exp(-times / 90.0), unit="degC", role="node", target="BOX.T2", noise=0.05)
-    room = td.Channel.of("R", np.full(31, 20.0), unit="degC", role="boundary", target=model.needs[0])
+    reading = td.Channel.from_array("T", 20.0 + 10.0 * np.exp(-times / 90.0), unit="degC", role="node", target="BOX.T2", noise=0.05)
+    room = td.Channel.from_array("R", np.full(31, 20.0), unit="degC", role="boundary", target=model.needs[0])
     fit = td.calibrate(model, td.Record.from_arrays("log", times, {"T": reading, "R": room}), ["BOX.T2.capacitance"])
     assert (fit.standing.state, fit.standing.exit_code) == ("incomplete", 5)
 

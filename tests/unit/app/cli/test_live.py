@@ -69,7 +69,7 @@ def test_it_says_what_settle_would_say_of_the_log(warm: Fed) -> None:
     record = td.read_record(warm.log.store.path, {"part 0": "part 0", "part 1": "part 1"})
     last = record.times[-1] - warm.log.state.seconds
     for k, name in enumerate(("part 0", "part 1")):
-        found = warm.judge.of(warm.roms[k])
+        found = warm.judge.outlook(warm.roms[k])
         assert found is not None
         whole = channel_stability(record, name, rule_of("3 C/h"))
         assert found.verdict == whole.verdict
@@ -87,13 +87,13 @@ def test_it_says_what_settle_would_say_of_the_log(warm: Fed) -> None:
 
 
 def test_a_heater_that_changes_begins_a_new_stretch(warm: Fed) -> None:
-    assert warm.judge.of(warm.roms[0]) is not None
+    assert warm.judge.outlook(warm.roms[0]) is not None
     warm.cycle(1500, [38.9, 21.0], duty=500)
-    assert warm.judge.of(warm.roms[0]) is None
+    assert warm.judge.outlook(warm.roms[0]) is None
     for t in range(1501, 1520):
         warm.cycle(t, [39.0, 21.0], duty=500)
     warm.look()
-    found = warm.judge.of(warm.roms[0])
+    found = warm.judge.outlook(warm.roms[0])
     assert found is not None
     assert found.forecast is None  # too few readings under the new power
     assert "heater1 50 %" in "\n".join(warm.lines())
@@ -153,9 +153,9 @@ def test_a_rule_that_looks_back_further_than_the_log_is_too_early(warm: Fed) -> 
 def test_the_thread_looks_and_ends(warm: Fed) -> None:
     with Judge(warm.log, "3 C/h") as judge:
         until = time.monotonic() + 60.0
-        while judge.of(warm.roms[1]) is None and time.monotonic() < until:
+        while judge.outlook(warm.roms[1]) is None and time.monotonic() < until:
             time.sleep(0.05)
-        found = judge.of(warm.roms[1])
+        found = judge.outlook(warm.roms[1])
     assert found is not None
     assert found.verdict == "stable"
     assert not judge._thread.is_alive()

@@ -16,7 +16,7 @@ from thermid.campaign._judge.criteria import Criteria
 from thermid.campaign._judge.limits import Limits
 from thermid.campaign._judge.margins import flat_margin, heater_duty, margins
 from thermid.campaign._judge.metrics import METRICS, Residuals
-from thermid.prediction.bands import Known, foresee
+from thermid.prediction.bands import Knowledge, foresee
 from unit.qualify.things import soak, unit
 
 TIMES = np.arange(0.0, 7200.1, 60.0)
@@ -63,7 +63,9 @@ def fit() -> td.Calibration:
     run = td.simulate(unit().with_values({"out.conductance": "1.1 [W/K]"}), soak(25.0), times=times)
     rng = np.random.default_rng(4)
     made = {
-        n: td.Channel.of(n, run[n].kelvin + 0.1 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.1, accuracy=0.3)
+        n: td.Channel.from_array(
+            n, run[n].kelvin + 0.1 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.1, accuracy=0.3
+        )
         for n in ("proc", "ele", "plate")
     }
     return td.calibrate(unit(), td.Record.from_arrays("log", times, made), ["out.conductance"], scenario=soak(25.0))
@@ -71,7 +73,7 @@ def fit() -> td.Calibration:
 
 def test_a_margin_of_another_level_has_that_quantile(fit: td.Calibration) -> None:
     """0.95 of a normal distribution lie within 1.96 standard deviations, 0.5 within 0.674; the instant is the tightest by the former."""
-    run = foresee(Known.of(fit), soak(55.0))
+    run = foresee(Knowledge.of_source(fit), soak(55.0))
     limit = Limits("processor", "proc", td.quantity((253.15, 343.15), unit="K"), loads=("cpu",))
     hot = margins({"hot": run}, [limit])[1]
     at = int(np.argmax(run.prediction["proc"].kelvin + 1.959964 * run.prediction["proc"].error))

@@ -138,7 +138,7 @@ def test_published_sets_carry_their_marks() -> None:
 
 def test_a_model_beside_a_record() -> None:
     run = td.simulate(unit().with_values({"out.conductance": "1.0 [W/K]"}), soak(), times=TIMES)
-    made = {n: td.Channel.of(n, run[n].kelvin, unit="K", role="node", target=n, accuracy=0.3) for n in ("proc", "ele")}
+    made = {n: td.Channel.from_array(n, run[n].kelvin, unit="K", role="node", target=n, accuracy=0.3) for n in ("proc", "ele")}
     told = td.compare(unit(), td.Record.from_arrays("hot", TIMES, made), scenario=soak(hours=2.0))
     found = correlate(told, ["ECSS"], steady=SETTLED)
     assert {o.node for o in found.overlays} == {"proc", "ele"}

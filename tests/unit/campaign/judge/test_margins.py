@@ -11,7 +11,7 @@ import thermid as td
 from thermid.base.errors import NameNotFoundError, ScenarioError
 from thermid.campaign._judge.limits import Limits
 from thermid.campaign._judge.margins import POLICIES, flat_margin, heater_duty, margins
-from thermid.prediction.bands import Known, foresee
+from thermid.prediction.bands import Knowledge, foresee
 from unit.qualify.things import soak, unit
 
 PROC = Limits("processor", "proc", td.quantity((253.15, 343.15), unit="K"), loads=("cpu",))
@@ -24,14 +24,16 @@ def fit() -> td.Calibration:
     times = np.arange(0.0, 6 * 3600.0, 120.0)
     run = td.simulate(unit().with_values({"out.conductance": "1.1 [W/K]"}), soak(25.0), times=times)
     made = {
-        n: td.Channel.of(n, run[n].kelvin + 0.1 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.1, accuracy=0.3)
+        n: td.Channel.from_array(
+            n, run[n].kelvin + 0.1 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.1, accuracy=0.3
+        )
         for n in ("proc", "ele", "plate")
     }
     return td.calibrate(unit(), td.Record.from_arrays("log", times, made), ["out.conductance"], scenario=soak(25.0))
 
 
 def test_the_sum_is_that_of_its_parts_and_the_error_is_the_prediction_s(fit: td.Calibration) -> None:
-    seen = foresee(Known.of(fit), soak(55.0))
+    seen = foresee(Knowledge.of_source(fit), soak(55.0))
     told = td.predict(fit, soak(55.0))
     hot = margins({"hot soak": seen}, [PROC], tested=True)[1]
     assert (hot.side, hot.run, hot.state) == ("hot", "hot soak", "operating")
@@ -46,7 +48,7 @@ def test_the_sum_is_that_of_its_parts_and_the_error_is_the_prediction_s(fit: td.
 
 def test_what_the_calibration_bought(fit: td.Calibration) -> None:
     """Before, the conductance lay anywhere from 0.3 to 2 W/K: ln(2/0.3)/sqrt(12) of itself in its logarithm; slope by two runs."""
-    seen = foresee(Known.of(fit), soak(55.0))
+    seen = foresee(Knowledge.of_source(fit), soak(55.0))
     hot = margins({"hot soak": seen}, [PROC])[1]
     at = fit.values["out.conductance"].value
     ends = [
@@ -60,22 +62,22 @@ def test_what_the_calibration_bought(fit: td.Calibration) -> None:
 
 
 def test_values_whose_records_are_gone_still_carry_their_covariance(fit: td.Calibration) -> None:
-    whole = foresee(Known.of(fit), soak(55.0))
-    bare = foresee(Known(fit.fitted_model, (fit.values,)), soak(55.0))
+    whole = foresee(Knowledge.of_source(fit), soak(55.0))
+    bare = foresee(Knowledge(fit.fitted_model, (fit.values,)), soak(55.0))
     own = whole.prediction["proc"].parts["values"][-1]
     assert bare.prediction["proc"].parts["values"][-1] == pytest.approx(own, rel=1e-6)
     assert bare.before["proc"] == pytest.approx(whole.before["proc"])
 
 
 def test_a_stated_spread_adds_to_the_variance() -> None:
-    seen = foresee(Known(unit()), soak(55.0), spread={"air": "2 [K]", "scale.cpu": "5 [%]"})
-    one, other = (foresee(Known(unit()), soak(55.0), spread={n: s}) for n, s in (("air", "2 [K]"), ("scale.cpu", "5 [%]")))
+    seen = foresee(Knowledge(unit()), soak(55.0), spread={"air": "2 [K]", "scale.cpu": "5 [%]"})
+    one, other = (foresee(Knowledge(unit()), soak(55.0), spread={n: s}) for n, s in (("air", "2 [K]"), ("scale.cpu", "5 [%]")))
     assert seen.prediction["proc"].error[-1] ** 2 == pytest.approx(sum(f.prediction["proc"].error[-1] ** 2 for f in (one, other)))
     assert one.prediction["proc"].error[-1] == pytest.approx(2.0, rel=0.01)
 
 
 def test_the_worst_run_of_several_is_taken() -> None:
-    runs = {f"at {c} degC": foresee(Known(unit()), soak(c)) for c in (-30.0, 20.0, 60.0)}
+    runs = {f"at {c} degC": foresee(Knowledge(unit()), soak(c)) for c in (-30.0, 20.0, 60.0)}
     cold, hot = margins(runs, [PROC])
     assert (cold.run, hot.run) == ("at -30.0 degC", "at 60.0 degC")
     assert cold.sign == -1.0
@@ -83,7 +85,7 @@ def test_the_worst_run_of_several_is_taken() -> None:
 
 
 def test_a_margin_from_memory_decides_nothing() -> None:
-    hot = margins({"hot": foresee(Known(unit()), soak(55.0))}, [PROC], "ECSS")[1]
+    hot = margins({"hot": foresee(Knowledge(unit()), soak(55.0))}, [PROC], "ECSS")[1]
     assert hot.passed is None
     assert hot.mark == "memory"
     assert "not decided" in str(hot)
@@ -120,10 +122,10 @@ def test_the_duty_of_a_heater_and_its_power_margin() -> None:
             }
         )
         cold = td.Scenario("cold", boundaries={"air": "-30 [degC]"}, start="20 [degC]", duration="3 [h]")
-        seen = foresee(Known(box), cold, times=np.arange(0.0, 10800.1, 1.0))
+        seen = foresee(Knowledge(box), cold, times=np.arange(0.0, 10800.1, 1.0))
         duty = heater_duty(seen, "heater", full)
         assert duty.duty == pytest.approx(50.0 / full, abs=0.02)
-        assert duty.most == 0.8
+        assert duty.max_duty == 0.8
         assert duty.passed is passed
         assert duty.rule.mark == "read"
         with pytest.raises(NameNotFoundError, match=r"Did you mean 'heater'"):
@@ -136,7 +138,7 @@ def test_the_duty_of_a_heater_and_its_power_margin() -> None:
 
 def test_what_cannot_be_asked() -> None:
     with pytest.raises(NameNotFoundError, match=r"Did you mean 'ECSS'\?"):
-        margins({"hot": foresee(Known(unit()), soak())}, [PROC], "ECS")
+        margins({"hot": foresee(Knowledge(unit()), soak())}, [PROC], "ECS")
     with pytest.raises(ScenarioError, match="at least one run"):
         margins({}, [PROC])
 
@@ -144,7 +146,7 @@ def test_what_cannot_be_asked() -> None:
 def test_the_printed_terms_add_up_to_the_printed_margin(fit: td.Calibration) -> None:
     """Each rounded by itself, they would miss it by up to two tenths; the margin itself stays as it is."""
     rng, apart = np.random.default_rng(8), 0
-    seen = margins({"hot soak": foresee(Known.of(fit), soak(55.0))}, [PROC], tested=True)[1]
+    seen = margins({"hot soak": foresee(Knowledge.of_source(fit), soak(55.0))}, [PROC], tested=True)[1]
     for predicted, error, limit in zip(rng.uniform(250, 350, 400), rng.uniform(0, 3, 400), rng.integers(-400, 1000, 400), strict=True):
         m = replace(seen, predicted=float(predicted), error=float(error), limit=float(limit) / 10 + 273.15)
         terms = (m.policy.acceptance.value, m.policy.qualification.value)

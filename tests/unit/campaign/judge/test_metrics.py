@@ -95,7 +95,7 @@ def study(tmp_path: Path, row: None) -> Path:
 
 def test_what_each_metric_is() -> None:
     z = np.array([0.3, -0.1, 0.2, -2.0, 0.4, 0.5])
-    r = Residuals.of(np.array([0.0, 10.0, 20.0, 30.0, 96.0, 100.0]), z)
+    r = Residuals.equally_weighted(np.array([0.0, 10.0, 20.0, 30.0, 96.0, 100.0]), z)
     sizes = {"rmse": np.sqrt(np.mean(z**2)), "mean": z.mean(), "largest": -2.0, "spread": z.std(), "final": 0.45}
     sizes["p95"] = 0.75 * 2.0 + 0.25 * 0.5
     assert {key: row.of(r) for key, row in METRICS.items()} == pytest.approx(sizes)

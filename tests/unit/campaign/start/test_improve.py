@@ -172,7 +172,7 @@ def test_a_mass_that_no_reading_can_know_is_not_possible() -> None:
     case = {"case": {"capacitance": "3000 [J/K]"}}
     skin = {"skin": {"kind": "conduction", "between": ["case", "room"], "conductance": "1 [W/K]"}}
     model = td.model_from_dict({"title": "box", "needs": ["room"], "nodes": case, "conductors": skin})
-    readings = td.Channel.of("T", 300.0 + 5.0 * np.exp(-times / 900.0), unit="K", role="node", target="case")
+    readings = td.Channel.from_array("T", 300.0 + 5.0 * np.exp(-times / 900.0), unit="K", role="node", target="case")
     record = td.Record.from_arrays("log", times, {"T": readings})
     fit = td.calibrate(model, record, ["skin.conductance"], scenario=td.Scenario("b", {"room": "300 [K]"}))
     second = next(m for m in missing_elements(fit, fit.request) if m.name.startswith("a second mass"))

@@ -175,9 +175,9 @@ def test_numbers_of_masses_in_words() -> None:
 def test_noise_is_that_of_second_differences_on_a_slope() -> None:
     rng = np.random.default_rng(2)
     values = 300.0 + np.linspace(0.0, 40.0, 2000) + 0.2 * rng.standard_normal(2000)
-    assert noise_of(td.Channel.of("T", values, unit="K")) == pytest.approx(0.2, rel=0.1)
+    assert noise_of(td.Channel.from_array("T", values, unit="K")) == pytest.approx(0.2, rel=0.1)
     steps = np.round(300.0 + np.linspace(0.0, 3.0, 2000) / 0.5) * 0.5
-    assert noise_of(td.Channel.of("T", steps, unit="K")) == pytest.approx(0.5 / 12.0**0.5, rel=1e-6)
+    assert noise_of(td.Channel.from_array("T", steps, unit="K")) == pytest.approx(0.5 / 12.0**0.5, rel=1e-6)
 
 
 def test_the_last_three_tenths_judge_and_nothing_is_in_both(tmp_path: Path) -> None:
@@ -251,7 +251,7 @@ def test_without_a_log_a_template_is_asked_for() -> None:
 
 def test_declined_in_python_too(tmp_path: Path) -> None:
     times = np.arange(0.0, 1000.0, 10.0)
-    still = td.Record.from_arrays("r", times, {"T": td.Channel.of("T", np.full(100, 300.0), unit="K", role="node", target="t")})
+    still = td.Record.from_arrays("r", times, {"T": td.Channel.from_array("T", np.full(100, 300.0), unit="K", role="node", target="t")})
     (tmp_path / "l.csv").write_text("time_s,T\n0,1\n10,2\n")
     with pytest.raises(IdentificationError, match="changes by more than its noise"):
         propose(roles_of(tmp_path / "l.csv"), [with_noise(still)[0]])

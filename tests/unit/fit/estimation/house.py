@@ -107,7 +107,7 @@ def drawn(truth: Truth, seed: int, count: int = 240, every: float = 1800.0, nois
         states[k + 1] = f @ states[k] + p1 @ b @ u[k] + p2 @ b @ (u[k + 1] - u[k]) + root @ r.normal(size=2)
     read = states[:, 1] + truth.sigma_v * r.normal(size=count)
     channels: dict[str, Any] = {
-        "indoor": Channel.of("indoor", read, unit="K", column="indoor", noise=truth.sigma_v if noise_known else None),
+        "indoor": Channel.from_array("indoor", read, unit="K", column="indoor", noise=truth.sigma_v if noise_known else None),
         "out": out,
     }
     record = Record.from_arrays("drawn", t, channels, unit="K")

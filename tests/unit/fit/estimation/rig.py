@@ -57,7 +57,7 @@ def logged(courses: dict[str, Array], seed: int, every: float = 10.0, nodes: tup
     """Return a synthetic log of some nodes."""
     r = np.random.default_rng(seed)
     size = courses["chip"].size
-    channels = {n: Channel.of(n, courses[n] + r.normal(0.0, NOISE, size), unit="K", column=n, noise=NOISE) for n in nodes}
+    channels = {n: Channel.from_array(n, courses[n] + r.normal(0.0, NOISE, size), unit="K", column=n, noise=NOISE) for n in nodes}
     return Record.from_arrays("rig", every * np.arange(size), channels)
 
 

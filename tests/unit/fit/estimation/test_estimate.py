@@ -112,7 +112,8 @@ def test_unlogged_ambient_as_a_random_walk() -> None:
     )
     truth = td.simulate(rig.with_values({"u.a.case.mass": "1.2 [kg]", "u.b.case.mass": "1.2 [kg]"}), scenario, times=t)
     channels = {
-        n: Channel.of(n, truth[f"u.{n}.case"].kelvin + r.normal(0.0, 0.03, t.size), unit="K", column=n, noise=0.03) for n in ("a", "b")
+        n: Channel.from_array(n, truth[f"u.{n}.case"].kelvin + r.normal(0.0, 0.03, t.size), unit="K", column=n, noise=0.03)
+        for n in ("a", "b")
     }
     record = Record.from_arrays("rig", t, channels).with_channels(
         *(c.__class__(**{**c.__dict__, "target": f"u.{n}.case", "role": "node"}) for n, c in channels.items())

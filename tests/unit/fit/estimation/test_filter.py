@@ -65,8 +65,8 @@ def rack_log() -> tuple[Record, Scenario]:
         "rack",
         t,
         {
-            "box": Channel.of("box", box, unit="K", column="box", noise=0.1),
-            "plate": Channel.of("plate", plate, unit="K", column="plate", noise=0.05),
+            "box": Channel.from_array("box", box, unit="K", column="box", noise=0.1),
+            "plate": Channel.from_array("plate", plate, unit="K", column="plate", noise=0.05),
         },
     )
     knots = np.linspace(0.0, t[-1], 9)

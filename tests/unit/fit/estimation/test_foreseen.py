@@ -35,7 +35,7 @@ def rates() -> Array:
 def test_variance_of_a_run_is_that_of_its_noise() -> None:
     """Values known: the state after three days has the covariance of Van Loan's block, its mean is the run's."""
     times = np.array([0.0, 0.25 * DAY, 3.0 * DAY])
-    blank = Channel.of("indoor", np.full(3, 300.0), unit="K", role="node", target="indoor", noise=1.0)
+    blank = Channel.from_array("indoor", np.full(3, 300.0), unit="K", role="node", target="indoor", noise=1.0)
     asked = td.Scenario("cold", boundaries={"out": "-5 [degC]"}, start="20 [degC]", duration=3.0 * DAY)
     request = Request(house(), (Record.from_arrays("t", times, {"indoor": blank}),), (), {"*": asked}, name="t", fit_start=False)
     problem = build_problem(request)
@@ -146,7 +146,9 @@ def test_noise_stated_too_small_widens_errors() -> None:
         one_value(
             replace(
                 case,
-                record=case.record.with_channels(Channel.of("indoor", case.record["indoor"].values, unit="K", column="indoor", noise=n)),
+                record=case.record.with_channels(
+                    Channel.from_array("indoor", case.record["indoor"].values, unit="K", column="indoor", noise=n)
+                ),
             ),
             {"wall": "1e-6 [K/s^0.5]"},
         )
@@ -172,7 +174,8 @@ def test_sensors_of_one_node_that_differ_are_named() -> None:
     case = drawn(TRUTH, 2, 60)
     kelvin = case.record["indoor"].values
     both = {
-        n: Channel.of(n, kelvin + off, unit="K", column=n, role="node", target="indoor", noise=0.035) for n, off in (("a", 0.0), ("b", 2.0))
+        n: Channel.from_array(n, kelvin + off, unit="K", column=n, role="node", target="indoor", noise=0.035)
+        for n, off in (("a", 0.0), ("b", 2.0))
     }
     record = Record.from_arrays("two", case.record.times, {**both, "out": case.record["out"].values}, unit="K")
     done = one_value(replace(case, record=record), {"wall": "1.5e-3 [K/s^0.5]"})
@@ -202,7 +205,7 @@ def test_a_line_that_is_no_noise(text: str) -> None:
 def test_noise_of_a_logged_boundary_is_said_not_to_count() -> None:
     case = drawn(TRUTH, 2, 60, noise_known=True)
     out = case.record["out"].values
-    noisy = case.record.with_channels(Channel.of("out", out, unit="K", role="boundary", target="out", noise=0.4))
+    noisy = case.record.with_channels(Channel.from_array("out", out, unit="K", role="boundary", target="out", noise=0.4))
     held = {"wall": "1.5e-3 [K/s^0.5]"}
     done = one_value(replace(case, record=noisy), held)
     (words,) = done.assumed

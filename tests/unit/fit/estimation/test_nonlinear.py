@@ -100,7 +100,7 @@ def log() -> tuple[Array, Array, Array]:
 
 def test_extended_filter_against_unscented(log: tuple[Array, Array, Array]) -> None:
     times, read, core = log
-    record = Record.from_arrays("hot", times, {"plate": Channel.of("plate", read, unit="K", column="plate", noise=0.1)})
+    record = Record.from_arrays("hot", times, {"plate": Channel.from_array("plate", read, unit="K", column="plate", noise=0.1)})
     scenario = Scenario("hot", boundaries={"room": "20 [degC]"}, initial={"plate": "21 [degC]", "core": "23 [degC]"})
     problem = build_problem(Request(model(), (record,), (), {"*": scenario}, name="hot", fit_start=False))
     noises = read_process({"core": "0.02 [K/s^0.5]"}, problem.experiments[0].network, "hot")
@@ -122,7 +122,9 @@ def test_extended_filter_against_unscented(log: tuple[Array, Array, Array]) -> N
 def test_extended_mean_without_noise_is_the_run() -> None:
     """Steps are halved until what rates bend is small: the mean then is what the kernel integrates."""
     times = 300.0 * np.arange(40)
-    record = Record.from_arrays("hot", times, {"plate": Channel.of("plate", np.full(40, 300.0), unit="K", column="plate", noise=0.1)})
+    record = Record.from_arrays(
+        "hot", times, {"plate": Channel.from_array("plate", np.full(40, 300.0), unit="K", column="plate", noise=0.1)}
+    )
     scenario = Scenario(
         "hot", boundaries={"room": "20 [degC]"}, initial={"plate": "20 [degC]", "core": "20 [degC]"}, duration=float(times[-1])
     )
@@ -147,7 +149,7 @@ def test_a_linear_network_is_the_same_by_both_ways() -> None:
 def test_rates_of_many_members_are_those_of_each(log: tuple[Array, Array, Array]) -> None:
     """With what noises of every place and kind add, at two states; to the last digit."""
     times, read, _ = log
-    record = Record.from_arrays("hot", times, {"plate": Channel.of("plate", read, unit="K", column="plate", noise=0.1)})
+    record = Record.from_arrays("hot", times, {"plate": Channel.from_array("plate", read, unit="K", column="plate", noise=0.1)})
     scenario = Scenario("hot", boundaries={"room": "20 [degC]"}, initial={"plate": "21 [degC]", "core": "23 [degC]"})
     problem = build_problem(Request(model(), (record,), (), {"*": scenario}, name="hot", fit_start=False))
     several = {
@@ -205,7 +207,9 @@ def controlled_log(rig: td.Model) -> tuple[Record, Scenario]:
     times = 30.0 * np.arange(60)
     scenario = Scenario("run", boundaries={"air": "20 [degC]"}, start="22 [degC]", duration=float(times[-1]))
     kelvin = td.simulate(rig, scenario, times=times)["u.case"].kelvin + 0.05 * np.random.default_rng(1).normal(size=60)
-    return Record.from_arrays("run", times, {"c": Channel.of("c", kelvin, unit="K", role="node", target="u.case", noise=0.05)}), scenario
+    return Record.from_arrays(
+        "run", times, {"c": Channel.from_array("c", kelvin, unit="K", role="node", target="u.case", noise=0.05)}
+    ), scenario
 
 
 @pytest.mark.parametrize("kind", ["thermostat", "modes", "pid", "sampled"])

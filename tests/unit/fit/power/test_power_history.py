@@ -72,7 +72,9 @@ def test_a_period_of_six_time_constants_tells_the_values_of_the_box(at: str) -> 
     truth = TableSignal(times, np.where(times < 24300.0, 4.0, 5.0), hold=True)
     run = td.simulate(box().with_values({MASS: "1.35 [kg]", HTC: "5 [W/(m^2 K)]"}), air.with_(loads={"heat": truth}), times=times)
     seen = run["case"].kelvin + 0.03 * np.random.default_rng(6).standard_normal(times.size)
-    record = td.Record.from_arrays("bench", times, {"T": td.Channel.of("T", seen, unit="K", role="node", target="case", noise=0.03)})
+    record = td.Record.from_arrays(
+        "bench", times, {"T": td.Channel.from_array("T", seen, unit="K", role="node", target="case", noise=0.03)}
+    )
     known = [("0 [s]", "24300 [s]", "4 [W]")]
     found = td.inference.power_history(box(steady), record, "heat", scenario=air, known=known, free=[MASS, HTC], every="15 [min]")
     for path, truth_of in ((MASS, 1.35), (HTC, 5.0)):

@@ -50,7 +50,7 @@ def plant(
     told = []
     for scenario, run in zip(cases, runs, strict=True):
         made = {
-            s: td.Channel.of(
+            s: td.Channel.from_array(
                 s,
                 run[n].kelvin + bias[s] + NOISE * rng.standard_normal(run.times.size),
                 unit="K",

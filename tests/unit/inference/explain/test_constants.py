@@ -222,7 +222,9 @@ class TestDiagnosis:
         given = td.Scenario("bench", boundaries={"room": "24 [degC]"}, start="24 [degC]", duration="5 [h]")
         run = td.simulate(model, given, times=np.linspace(0.0, 18000.0, 241))
         shift, nodes = {"A": -1.0, "B": -1.3}, {"A": "a.case", "B": "b.case"}
-        made = {s: td.Channel.of(s, run[n].kelvin + shift[s], unit="K", role="node", target=n, noise=noise) for s, n in nodes.items()}
+        made = {
+            s: td.Channel.from_array(s, run[n].kelvin + shift[s], unit="K", role="node", target=n, noise=noise) for s, n in nodes.items()
+        }
         told = td.inference.diagnose(td.compare(model, td.Record.from_arrays("bench", run.times, made), scenario=given))
         found = {s.name: s for s in told.suspects}
         edges = np.linspace(0.0, 18000.0, 25)
@@ -251,7 +253,9 @@ class TestDiagnosis:
         given = td.Scenario("bench", boundaries={"room": "24 [degC]"}, start="24 [degC]", duration="5 [h]")
         run = td.simulate(hidden, given, times=np.linspace(0.0, 18000.0, 241))
         nodes = {"A": "a.case", "B": "b.case"}
-        made = {s: td.Channel.of(s, run[n].kelvin, unit="K", role="node", target=n, noise=0.05, accuracy=0.05) for s, n in nodes.items()}
+        made = {
+            s: td.Channel.from_array(s, run[n].kelvin, unit="K", role="node", target=n, noise=0.05, accuracy=0.05) for s, n in nodes.items()
+        }
         told = td.inference.diagnose(td.compare(model, td.Record.from_arrays("bench", run.times, made), scenario=given))
         found = next(s for s in told.suspects if s.name == "power of a.heat")
         assert found.amount == pytest.approx(-0.9 - 0.1 / 8.0, abs=0.003)
@@ -303,7 +307,7 @@ class TestMistakes:
         shifted: list[list[str]] = []
         monkeypatch.setattr("thermid.inference._explain.mistakes._shift", lambda request, fit, names: shifted.append(names))
         times = np.linspace(0.0, 3600.0, 61)
-        wall = td.Channel.of("WALL", 295.0 + span * times / 3600.0, unit="K", role="boundary", target="room")
+        wall = td.Channel.from_array("WALL", 295.0 + span * times / 3600.0, unit="K", role="boundary", target="room")
         request = SimpleNamespace(records=(td.Record.from_arrays("log", times, {"WALL": wall}),))
         list(_clocks(request, SimpleNamespace(traces=())))  # type: ignore[arg-type]
         assert shifted == ([["WALL"]] if moves else [])
@@ -328,9 +332,9 @@ def test_a_rough_fit_sees_stretches_to_half_a_per_cent_in_160_instants() -> None
     scenario = td.Scenario("bench", {"room": "22 [degC]"}, start="22 [degC]")
     power = np.where(times % 1234.0 < 617.0, 8.0, 2.0)
     run = td.simulate(PAIR, scenario.with_(loads={"heat": TableSignal(times, power, hold=True)}, duration="5 [h]"), times=times)
-    channels = {n: td.Channel.of(n, run[n].kelvin, unit="K", role="node", target=n, noise=0.05) for n in ("amp", "psu")}
-    channels["P"] = td.Channel.of("P", power, quantity="power", role="load", target="heat")
-    fit = RoughFit.of(Request(PAIR, (td.Record.from_arrays("bench", times, channels),), PATHS, {"*": scenario}))
+    channels = {n: td.Channel.from_array(n, run[n].kelvin, unit="K", role="node", target=n, noise=0.05) for n in ("amp", "psu")}
+    channels["P"] = td.Channel.from_array("P", power, quantity="power", role="load", target="heat")
+    fit = RoughFit.of_request(Request(PAIR, (td.Record.from_arrays("bench", times, channels),), PATHS, {"*": scenario}))
     assert [mesh.size for mesh, _ in fit.meshes] == [160]
     for trace, left in zip(fit.traces, fit.at(fit.start()).left, strict=True):
         assert np.abs(left).max() < 0.005 * np.ptp(run[trace.node].kelvin)

@@ -140,10 +140,10 @@ def rooms(slope: float, count: int = 8) -> td.Calibration:
             truth, td.Scenario("s", boundaries={"air": f"{air} [degC]"}, start=f"{air} [degC]", duration="9000 [s]"), times=times
         )
         channels = {
-            "T": td.Channel.of(
+            "T": td.Channel.from_array(
                 "T", run["case"].kelvin + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target="case", noise=0.05
             ),
-            "P": td.Channel.of("P", np.full(times.size, watts), quantity="power", role="load", target="heat"),
+            "P": td.Channel.from_array("P", np.full(times.size, watts), quantity="power", role="load", target="heat"),
         }
         records.append(td.Record.from_arrays(f"r{k}", times, channels))
     return td.calibrate(box(BARE), records, [HTC, MASS], local={"air": {"start": "22 [degC]", "sd": "2 [K]"}}, search="local")
@@ -173,7 +173,7 @@ def test_a_lag_that_is_fitted_does_not_end_it() -> None:
     scenario = td.Scenario("bench", {"room": "22 [degC]"}, start="22 [degC]")
     kelvin = td.simulate(truth, scenario.with_(duration="3 [h]"), times=times)["case"].kelvin
     noisy = kelvin + 0.05 * np.random.default_rng(1).standard_normal(times.size)
-    record = td.Record.from_arrays("log", times, {"T": td.Channel.of("T", noisy, unit="K", role="node", target="case", noise=0.05)})
+    record = td.Record.from_arrays("log", times, {"T": td.Channel.from_array("T", noisy, unit="K", role="node", target="case", noise=0.05)})
     lagging = record.with_sensor("T", lag="60 [s]", lag_accuracy="30 [s]")
     fit = td.calibrate(model, lagging, ["case.capacitance", "skin.htc"], scenario=scenario)
     assert any("lag" in name for name in fit.fitted)

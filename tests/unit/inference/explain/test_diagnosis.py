@@ -63,7 +63,7 @@ def seen(model: td.Model, shift: dict[str, float]) -> td.Calibration:
     run = td.simulate(model, soak(), times=times)
     rng = np.random.default_rng(2)
     made = {
-        s: td.Channel.of(
+        s: td.Channel.from_array(
             s, run[n].kelvin + shift.get(s, 0.0) + 0.05 * rng.standard_normal(times.size), unit="K", role="node", target=n, accuracy=0.3
         )
         for s, n in SENSORS.items()
@@ -96,7 +96,9 @@ def test_a_sensor_that_a_run_started_from_is_seen_as_that() -> None:
     times = np.arange(0.0, 6 * 3600.1, 60.0)
     run = td.simulate(unit(), soak(), times=times)
     made = {
-        s: td.Channel.of(s, run[n].kelvin + (3.0 if s == "T_ELE" else 0.0), unit="K", role="node", target=n, noise=0.05, accuracy=0.3)
+        s: td.Channel.from_array(
+            s, run[n].kelvin + (3.0 if s == "T_ELE" else 0.0), unit="K", role="node", target=n, noise=0.05, accuracy=0.3
+        )
         for s, n in SENSORS.items()
     }
     free = td.Scenario("log", boundaries={"air": "40 [degC]"}, start="measured")
@@ -126,7 +128,7 @@ def test_one_sensor_tells_no_groups_apart() -> None:
     told = seen(unit(), {})
     one = td.Record.from_arrays("log", told.experiments[0].record.times, {"T": told.experiments[0].record["T_PROC"].values}, unit="K")
     alone = td.compare(
-        unit(), one.with_channels(td.Channel.of("T", one["T"].values, unit="K", role="node", target="proc")), scenario=soak()
+        unit(), one.with_channels(td.Channel.from_array("T", one["T"].values, unit="K", role="node", target="proc")), scenario=soak()
     )
     with pytest.raises(IdentificationError, match="a diagnosis needs at least two sensors,"):
         diagnose(alone)

@@ -42,10 +42,12 @@ def asked(factor: float = 1.0, exchanged: bool = False, extra: float = 0.0, free
     rng = np.random.default_rng(1)
     nodes = ("psu", "amp") if exchanged else ("amp", "psu")
     channels = {
-        f"T{k}": td.Channel.of(f"T{k}", run[n].kelvin + 0.05 * rng.standard_normal(TIMES.size), unit="K", role="node", target=t, noise=0.05)
+        f"T{k}": td.Channel.from_array(
+            f"T{k}", run[n].kelvin + 0.05 * rng.standard_normal(TIMES.size), unit="K", role="node", target=t, noise=0.05
+        )
         for k, (n, t) in enumerate(zip(nodes, ("amp", "psu"), strict=True))
     }
-    watts = td.Channel.of("P", factor * power, quantity="power", role="load", target="heat")
+    watts = td.Channel.from_array("P", factor * power, quantity="power", role="load", target="heat")
     scenario = td.Scenario("bench", {"room": "22 [degC]"}, start="22 [degC]")
     return Request(PAIR, (td.Record.from_arrays("bench", TIMES, channels | {"P": watts}),), free, {"*": scenario}, name="pair")
 
@@ -204,8 +206,8 @@ def test_degrees_fahrenheit_are_no_way_out_of_a_misfit() -> None:
     truth = PAIR.with_values({"amp.capacitance": "150 [J/K]", "psu_room.conductance": "0.05 [W/K]"})
     run = td.simulate(truth, td.Scenario("b", {"room": "22 [degC]"}, start="22 [degC]", loads=loads, duration="5 [h]"), times=TIMES)
     noise = 0.05 * np.random.default_rng(3).standard_normal(TIMES.size)
-    channel = td.Channel.of("T", run["amp"].kelvin + noise, unit="K", role="node", target="body", noise=0.05)
-    watts = td.Channel.of("P", power, quantity="power", role="load", target="heat")
+    channel = td.Channel.from_array("T", run["amp"].kelvin + noise, unit="K", role="node", target="body", noise=0.05)
+    watts = td.Channel.from_array("P", power, quantity="power", role="load", target="heat")
     record = td.Record.from_arrays("bench", TIMES, {"T": channel, "P": watts})
     free, room = ("body.capacitance", "skin.conductance"), {"room": LocalSpec("T", 0.5)}
     found = find_mistakes(Request(lacking, (record,), free, {"*": td.Scenario("b")}, room, name="body"))

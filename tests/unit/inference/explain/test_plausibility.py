@@ -54,8 +54,8 @@ class TestCoefficients:
             "bench",
             run.times,
             {
-                "T": td.Channel.of("T", run["case"].kelvin + noise, unit="K", role="node", target="case", noise=0.06),
-                "ROOM": td.Channel.of("ROOM", run["air"].kelvin, unit="K", role="boundary", target="air"),
+                "T": td.Channel.from_array("T", run["case"].kelvin + noise, unit="K", role="node", target="case", noise=0.06),
+                "ROOM": td.Channel.from_array("ROOM", run["air"].kelvin, unit="K", role="boundary", target="air"),
             },
         )
         found = td.inference.plausibility(td.calibrate(part, data, [HTC]))[HTC]

@@ -90,7 +90,7 @@ def test_changes_of_a_pair_reach_both_and_what_is_between() -> None:
     run = td.simulate(
         model, td.Scenario("s", boundaries={"room": "20 [degC]"}, duration="1 [h]", start="20 [degC]"), times=np.arange(0, 3601.0, 60.0)
     )
-    channels = {n: td.Channel.of(n, run[n].kelvin, unit="K", role="node", target=n, noise=0.1) for n in ("a", "b")}
+    channels = {n: td.Channel.from_array(n, run[n].kelvin, unit="K", role="node", target=n, noise=0.1) for n in ("a", "b")}
     record = td.Record.from_arrays("r", run.times, channels)
     request = Request(model, (record,), ("a.capacitance",), {"*": td.Scenario("s", boundaries={"room": "20 [degC]"})})
     one = fitted_structure((), request, {})
@@ -125,8 +125,8 @@ def test_commands_that_act_late_are_found() -> None:
 
     def record(values: Any, watts: Any) -> td.Record:
         channels = {
-            "T": td.Channel.of("T", values, unit="K", role="node", target="a", noise=0.05),
-            "P": td.Channel.of("P", watts, quantity="power", role="load", target="heat"),
+            "T": td.Channel.from_array("T", values, unit="K", role="node", target="a", noise=0.05),
+            "P": td.Channel.from_array("P", watts, quantity="power", role="load", target="heat"),
         }
         return td.Record.from_arrays("r", times, channels)
 

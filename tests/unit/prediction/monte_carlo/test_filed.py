@@ -54,7 +54,7 @@ def fit() -> td.Calibration:
     course = td.Scenario("log", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration=6000.0)
     run = td.simulate(model.with_values({G: "0.4 [W/K]"}), course, times=times)
     noise = 0.05 * np.random.default_rng(1).standard_normal(times.size)
-    made = td.Channel.of("T", run["body"].kelvin + noise, unit="K", role="node", target="body", noise=0.05)
+    made = td.Channel.from_array("T", run["body"].kelvin + noise, unit="K", role="node", target="body", noise=0.05)
     return td.calibrate(model, td.Record.from_arrays("log", times, {"T": made}), [G], scenario=course)
 
 
@@ -79,7 +79,7 @@ def by_simulate(folder: Path) -> tuple[float, str]:
 
 def by_hold(folder: Path) -> tuple[float, str]:
     runs, found = td.qualify.load_hold(folder / "hold.toml").run()
-    return float(np.median(runs.of("body")[:, -1])) - 273.15, str(found)
+    return float(np.median(runs.node_temperatures("body")[:, -1])) - 273.15, str(found)
 
 
 def by_plan(folder: Path) -> tuple[float, str]:

@@ -154,7 +154,7 @@ def test_it_says_why_the_discrepancy_is_not_included(folder: Path) -> None:
     times = np.arange(0.0, 5401.0, 60.0)
     truth = td.simulate(deck.with_values({"loss.conductance": "0.47 [W/K]"}), scenario, times=times)["body"].kelvin
     noisy = truth + 0.1 * np.random.default_rng(2).standard_normal(times.size)
-    channel = td.Channel.of("T", noisy, unit="K", role="node", target="body", noise=0.1)
+    channel = td.Channel.from_array("T", noisy, unit="K", role="node", target="body", noise=0.1)
     fit = td.calibrate(deck, td.Record.from_arrays("log", times, {"T": channel}), ["loss.conductance"], scenario=scenario)
 
     def said(*values: object, **more: object) -> str:

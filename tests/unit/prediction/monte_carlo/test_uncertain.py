@@ -73,7 +73,7 @@ def test_every_member_is_the_run_that_it_would_be_alone() -> None:
             SCENARIO.with_(boundaries={"air": f"{20 + shift} [degC]"}, loads={"heater": f"{POWER * factor} [W]"}),
             times=found.times,
         )
-        assert found.of("body")[member] == pytest.approx(alone["body"].kelvin, abs=1e-5)
+        assert found.node_temperatures("body")[member] == pytest.approx(alone["body"].kelvin, abs=1e-5)
 
 
 def test_spreads_have_the_moments_that_were_asked_for() -> None:
@@ -117,7 +117,7 @@ def test_a_calibration_is_drawn_as_its_values_file(tmp_path: Path) -> None:
     times = np.arange(0.0, 3601.0, 60.0)
     truth = td.simulate(plate().with_values({"loss.conductance": "0.47 [W/K]"}), SCENARIO, times=times)["body"].kelvin
     noisy = truth + 0.1 * np.random.default_rng(2).standard_normal(times.size)
-    channel = td.Channel.of("T", noisy, unit="K", role="node", target="body", noise=0.1)
+    channel = td.Channel.from_array("T", noisy, unit="K", role="node", target="body", noise=0.1)
     fit = td.calibrate(plate(), td.Record.from_arrays("log", times, {"T": channel}), ["loss.conductance"], scenario=SCENARIO)
     fit.save(tmp_path / "fit.values.toml")
     own, filed = (runs(values=v, spread={}) for v in (fit, td.load_values(tmp_path / "fit.values.toml")))
@@ -169,7 +169,7 @@ def test_weather_and_start_times_are_drawn() -> None:
     day = SCENARIO.with_(boundaries={"air": {"mean": "20 [degC]", "amplitude": "8 [K]", "period": "24 [h]"}})
     cold = day.with_(title="cold", boundaries={"air": "5 [degC]"})
     found = runs(spread={}, n=40, chunk=40)
-    assert np.ptp(found.of("body")[:, -1]) == 0.0  # nothing was drawn
+    assert np.ptp(found.node_temperatures("body")[:, -1]) == 0.0  # nothing was drawn
     found = td.qualify.uncertain_runs(
         plate(), [day, cold], n=400, spread={"start_time": {"low": "0 [h]", "high": "6 [h]", "step": "2 [h]"}}
     )
@@ -181,7 +181,7 @@ def test_weather_and_start_times_are_drawn() -> None:
     for member in (0, 5):
         which = int(found.draws[name][member])
         alone = td.simulate(plate(), begun_at((day, cold)[which // 4], 7200.0 * (which % 4)), times=found.times)
-        assert found.of("body")[member] == pytest.approx(alone["body"].kelvin, abs=1e-9)
+        assert found.node_temperatures("body")[member] == pytest.approx(alone["body"].kelvin, abs=1e-9)
 
 
 def test_a_start_later_keeps_tables_and_what_is_done() -> None:
@@ -253,7 +253,7 @@ def test_members_that_are_counted_say_what_kept_ones_say() -> None:
     assert (few.whole, whole.whole, len(few)) == (1000, 10_000, 10_000)
     error = few.quantile_error("body", SHARES)
     assert (np.abs(few.quantile("body", SHARES) - whole.quantile("body", SHARES)) <= error * (1.0 + 1e-9)).all()
-    assert (2.0 * error <= np.maximum(whole.of("body").std(axis=0) / 90.0, 2.0**-9)).all()
+    assert (2.0 * error <= np.maximum(whole.node_temperatures("body").std(axis=0) / 90.0, 2.0**-9)).all()
     assert not whole.quantile_error("body", SHARES).any()
     assert few.highest_quantile("body", 0.5) == pytest.approx(np.median(whole.highest("body")), abs=error.max())
     a, b = hold(few, LIMIT), hold(whole, LIMIT)
@@ -263,7 +263,7 @@ def test_members_that_are_counted_say_what_kept_ones_say() -> None:
     assert a["body"].drivers[0].share == pytest.approx(b["body"].drivers[0].share, abs=0.05)
     assert "the first 1000 members were kept whole; all were counted" in str(few)
     with pytest.raises(ScenarioError, match="keep=True"):
-        few.of("body")
+        few.node_temperatures("body")
     with pytest.raises(ScenarioError, match=r"without the limit 39 degC of 'body'\. Give 'limits'"):
         hold(few, {"body": "39 [degC]"})
 
@@ -342,13 +342,13 @@ def test_what_runs_will_take_is_said_before_they_begin(tmp_path: Path) -> None:
     from thermid.prediction._monte_carlo.uncertain import plan_runs
 
     job, _ = plan_runs(plate(), SCENARIO, spread=SPREAD, seed=3, chunk=200)
-    said = RunCost.of(job, 2000, 0)
+    said = RunCost.of_members(job, 2000, 0)
     tracemalloc.start()
     runs(n=2000, chunk=200)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert 0.5 < said.size / peak < 2.0
-    assert RunCost.of(job, 2000, 2000).seconds == 0.0 < said.seconds
+    assert RunCost.of_members(job, 2000, 2000).seconds == 0.0 < said.seconds
     assert str(said).startswith("2000 members: about ")
 
 
@@ -383,7 +383,7 @@ def test_the_power_of_a_deck_that_the_scenario_gives_is_refused() -> None:
 
 def test_a_node_that_was_not_kept() -> None:
     with pytest.raises(NameNotFoundError, match=r"'air' was not stored\."):
-        runs().of("air")
+        runs().node_temperatures("air")
 
 
 # drivers -----------------------------------------------------------------------------------------------------------------------------

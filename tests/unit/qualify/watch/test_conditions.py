@@ -44,12 +44,12 @@ def log_of(kind: str) -> tuple[td.Model, td.Scenario, Record]:
             values = np.round((values - ICE) / 0.5) * 0.5 + ICE
         if kind == "spikes":
             values[r.choice(t.size, 20, replace=False)] += r.normal(0.0, 10.0, 20)
-        channels[n] = Channel.of(n, values, unit="K", column=n, noise=None if kind in ("coarse", "spikes") else noise)
+        channels[n] = Channel.from_array(n, values, unit="K", column=n, noise=None if kind in ("coarse", "spikes") else noise)
     said = {} if kind.startswith("ambient") else {"air": "22 [degC]"}
     if not said:
-        channels["air"] = Channel.of("air", air + ICE + r.normal(0.0, 0.05, t.size), unit="K", role="boundary", column="air")
+        channels["air"] = Channel.from_array("air", air + ICE + r.normal(0.0, 0.05, t.size), unit="K", role="boundary", column="air")
     if kind in ("power", "fast"):
-        channels["heater"] = Channel.of("heater", watts + r.normal(0.0, 0.02, t.size), role="load", quantity="power", column="P")
+        channels["heater"] = Channel.from_array("heater", watts + r.normal(0.0, 0.02, t.size), role="load", quantity="power", column="P")
     record = Record.from_arrays("rig", t, channels)
     if kind.endswith("gap"):
         kept = (t < 4800.0) | (t > 7200.0)
@@ -92,9 +92,9 @@ class TestRows:
     def record(self, watts: np.ndarray, every: float = 1.0) -> Record:
         t = every * np.arange(watts.size)
         r = np.random.default_rng(1)
-        power = Channel.of("P", watts + r.normal(0.0, 0.02, t.size), role="load", quantity="power")
+        power = Channel.from_array("P", watts + r.normal(0.0, 0.02, t.size), role="load", quantity="power")
         return Record.from_arrays(
-            "long", t, {"T": Channel.of("T", ICE + 20.0 + r.normal(0.0, 0.1, t.size), unit="K", noise=0.1), "P": power}
+            "long", t, {"T": Channel.from_array("T", ICE + 20.0 + r.normal(0.0, 0.1, t.size), unit="K", noise=0.1), "P": power}
         )
 
     def test_noise_of_a_power_meter_is_no_switch(self) -> None:
@@ -106,7 +106,7 @@ class TestRows:
 
     def test_a_heater_that_cycles_does_not_fill_the_memory(self) -> None:
         watts = np.where(np.arange(200000) // 30 % 2 == 0, 24.0, 0.0)
-        assert growing.thinned(self.record(watts)).times.size < growing.MOST + growing.RAW
+        assert growing.thinned(self.record(watts)).times.size < growing.MAX_ROWS + growing.RAW
         assert plateaus(self.record(watts), None).size == 0
 
     def test_a_mean_has_less_noise(self) -> None:

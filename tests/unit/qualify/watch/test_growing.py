@@ -162,7 +162,7 @@ class TestThinned:
         t = np.arange(0.0, 3600.0 * hours, 5.0)
         values = ICE + 22.0 + 20.0 * (1.0 - np.exp(-t / 900.0))
         return Record.from_arrays(
-            "long", t, {"T": values, "P": Channel.of("P", np.where(t < 9000.0, 4.0, 2.0), role="load", quantity="power")}, unit="K"
+            "long", t, {"T": values, "P": Channel.from_array("P", np.where(t < 9000.0, 4.0, 2.0), role="load", quantity="power")}, unit="K"
         )
 
     def test_rows_grow_with_the_logarithm(self) -> None:

@@ -69,7 +69,7 @@ def test_vacuum_with_a_bare_htc_dropped_all_exchange_in_silence(
     times = np.arange(0.0, 36000.0, 600.0)
     kelvin = td.simulate(bare, ROOM, times=times)["body"].kelvin + 0.1 * np.random.default_rng(1).standard_normal(times.size)
     record = td.Record.from_arrays(
-        "log", times, {"T": td.Channel.of("T", kelvin, unit="K", role="node", target="body", noise=0.1, accuracy=0.2)}
+        "log", times, {"T": td.Channel.from_array("T", kelvin, unit="K", role="node", target="body", noise=0.1, accuracy=0.2)}
     )
     fit = td.calibrate(bare, record, ["skin.htc"], scenario=ROOM)
     with refused(SAYS_NO_EMISSIVITY):
