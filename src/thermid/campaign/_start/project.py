@@ -316,7 +316,8 @@ def _campaign(
         f"Campaign for the logs of {source}. The hold-out record is not fitted; it validates the model.",
         f"Of a single log its last {100 * (1 - FITTED):.0f} % validate the model; a second test with other powers is a stronger "
         "validation.",
-        f"Limits of the verdict: {VERDICT_NOISES:g} noises or {100 * VERDICT_SHARE_OF_RANGE:g} % of the range of the readings. Replace them by yours.",
+        f"Limits of the verdict: {VERDICT_NOISES:g} noises or {100 * VERDICT_SHARE_OF_RANGE:g} % of the range of the readings. "
+        "Replace them by yours.",
         "The noise is estimated from second differences of the readings.",
         proposal.offsets_text,
         *([instants_text(proposal.instants)] if proposal.instants else []),
