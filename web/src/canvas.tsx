@@ -44,6 +44,9 @@ export function Canvas() {
   const host = useRef<SVGSVGElement>(null);
   const [box, setBox] = useState<View>(view.current);
   const [drag, setDrag] = useState<Drag | null>(null);
+  // events may come faster than drawings: what is dragged is read from here, and drawn from the state
+  const held = useRef<Drag | null>(null);
+  const hold = (d: Drag | null) => { held.current = d; setDrag(d); };
   const state = draft.value;
   view.current = box;
   const fit = () => {
@@ -84,17 +87,19 @@ export function Canvas() {
     e.stopPropagation();
     host.current!.setPointerCapture(e.pointerId);
     const p = here(e);
-    setDrag({ kind, node, from: p, at: p, moved: false });
+    hold({ kind, node, from: p, at: p, moved: false });
   }
   function move(e: PointerEvent) {
+    const drag = held.current;
     if (!drag) return;
     const p = here(e), far = drag.moved || Math.hypot(p[0] - drag.from[0], p[1] - drag.from[1]) * box.k > 4;
     if (drag.kind === "pan" && far) setBox({ ...box, x: box.x - p[0] + drag.from[0], y: box.y - p[1] + drag.from[1] });
-    setDrag({ ...drag, at: drag.kind === "pan" ? drag.from : p, moved: far });
+    hold({ ...drag, at: drag.kind === "pan" ? drag.from : p, moved: far });
   }
   function up(e: PointerEvent) {
+    const drag = held.current;
     if (!drag) return;
-    setDrag(null);
+    hold(null);
     const p = here(e);
     if (drag.kind === "join") {
       const other = under(p), shape = tool.value?.shape.ends === 2 ? tool.value.shape : state!.palette.find((s) => s.name === "conduction")!;
