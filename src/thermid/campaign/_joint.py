@@ -261,7 +261,7 @@ class JointFit(Calibration):
         return Calibration(**plain | {"stage": f"{self.stage}, {stage}", "model": model, "values": values, "store": store})
 
     def _store_at(self, items: Mapping[str, FittedValue], chosen: Mapping[str, str]) -> Store:
-        """Return what it knows of a level, under the paths that the values have there."""
+        """Return what the joint fit found of one level, a submodel or the whole, its values named by their paths in that level's deck."""
         rows, states = [], {}
         for path, v in items.items():
             name = next((q for q, p in chosen.items() if p == path), path)

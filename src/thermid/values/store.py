@@ -870,7 +870,7 @@ class LaterTable:
         return LaterTable(self.original, f"{ahead}{self.at}")
 
     def original(self) -> Mapping[str, Any]:
-        """Return the table, made once for all places."""
+        """Return the table of this place, which those of other places take over; it is made at the first call and kept."""
         return self.table
 
 

@@ -590,7 +590,10 @@ def _texts(value: Any) -> Iterator[str]:
 
 
 def _named(folder: Path, text: str, roots: Sequence[Path]) -> Iterator[Path]:
-    """Yield the files that a text may name: decks also where they are missing, patterns of logs as they are."""
+    """Yield the files below a folder or roots that a text of a project, such as ``box.toml`` or ``logs/*.csv``, may be the name of.
+
+    Decks are yielded also where they are missing, patterns of logs as they are written.
+    """
     if not text or len(text) > 255 or "\0" in text or "\n" in text:
         return
     for root in (folder, *roots):

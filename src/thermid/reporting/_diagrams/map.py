@@ -74,7 +74,7 @@ class _Badge:
 
     @property
     def width(self) -> float:
-        """Of its box. [px]"""
+        """Width of the box around the text. [px]"""
         return _room(self.text, MIN_LETTER_SIZE) + 12.0
 
 

@@ -344,6 +344,7 @@ def _transients(logged: Sequence[Trial]) -> list[PageBlock]:
 
 
 def _open(q: Qualification) -> list[PageBlock]:
+    """Return the blocks on what is not settled: discrepancies that the plan states, and faults that would explain a failed test."""
     discrepancies = [*q.plan.content.discrepancies]
     discrepancies += [
         f"{t.test.name}: {t.diagnosis.best.text} would explain {100 * t.diagnosis.best.explained:.0f} % ({t.diagnosis.group})"

@@ -426,7 +426,7 @@ class Media:
         return self._state(gas) == "vacuum"
 
     def made_in(self, gas: str) -> MadeIn:
-        """Return the state of a gas that stays, for a model that is reduced in it."""
+        """Return pressure, gravity, gas and wind of a room that does not change, to be kept with a model that is reduced there."""
         environment = self._environment(gas)
         wind = environment.wind.bounds[1]
         return MadeIn(self.lowest(gas), environment.gravity, environment.gas, wind)
