@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -30,13 +30,11 @@ from thermid.measure.steadiness import (
     spans,
     verdict_of,
 )
+from thermid.qualify._profile_runs.conduct import SIMULATED_WINDOW
 from thermid.qualify._profile_runs.profile_run import ProfileRun
 from thermid.qualify._steadiness.approach import approach
 from thermid.qualify._steadiness.forecast import GUARD, MAX_UNSEEN_SLOWNESS, MIN_FORECAST_READINGS
 from thermid.simulation.runs import Solution
-
-SIMULATED_WINDOW: Final = 60.0
-"""Window of a rule that names none, on a simulated trace. [s]"""
 
 
 @dataclass(frozen=True)
