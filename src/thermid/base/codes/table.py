@@ -435,7 +435,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     ),
     "record.does-not-apply": CodeMeaning(
         "error",
-        "What is requested applies to channels of another role or quantity.",
+        "What is requested applies to another kind of log, or to channels of another role or quantity.",
         "Leave it out, or name other channels.",
     ),
     "record.layout-unclear": CodeMeaning(

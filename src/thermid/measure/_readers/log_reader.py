@@ -145,7 +145,9 @@ def parts_between_restarts(path: str | Path) -> list[str]:
     counted = numbers(clock_column(cells, None).texts, decimal_sign(cells, None))
     again = np.flatnonzero(begins_again(counted)).tolist() if isinstance(counted, np.ndarray) else []
     if not again or not cells.layout.separator:
-        raise RecordError("its clock is not a counter of a text log that begins again. There is nothing to cut.", place.name)
+        raise RecordError(
+            "its clock is not a counter of a text log that begins again. There is nothing to cut.", place.name, code="record.does-not-apply"
+        )
     lines = decoded(read_bytes(place), place.name)[0].split("\n")
     head = lines[: cells.lines[0] - 1]
     edges = zip([0, *again], [*again, len(cells.lines)], strict=True)

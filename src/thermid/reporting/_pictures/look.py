@@ -393,13 +393,19 @@ def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
         bare = [f"{look.path.name} {_bare(look)}" for look in (first, other) if _time_of_day(look) is None]
         return [f"  {', '.join(bare)}, and no step decides it: give the offset, or switch a power twice in both"] if bare else []
     step = clock["step"]
-    late, error = step["offset"], step["error"]
+    late, error = round(step["offset"], 3), step["error"]
     a, b = step["columns"]
     side = "after" if late >= 0 else "before"
     text = f"  by a common step of {a} and {b}, {clock['file']} begins {abs(late):.4g} s {side} {first.path.name}, +- {error:.2g} s"
-    if clock["offset"] is not None and abs(late - clock["offset"]) > MAX_OFFSET_ERRORS * error:
+    if _stamps_disagree(clock):
         text += f"; its stamps are {abs(late - clock['offset']):.3g} s away from that: one of the clocks is wrong, or heat arrives late"
     return [text]
+
+
+def _stamps_disagree(clock: dict[str, Any]) -> bool:
+    """Return whether the stamps of a clock are further from its common step than that may be off."""
+    stamps, step = clock["offset"], clock["step"]
+    return stamps is not None and abs(step["offset"] - stamps) > MAX_OFFSET_ERRORS * step["error"]
 
 
 def _bare(look: Look) -> str:
@@ -407,10 +413,14 @@ def _bare(look: Look) -> str:
 
 
 def _offset(clock: dict[str, Any]) -> str:
-    """Return the offset of a further log as a campaign writes it: that of the stamps, a range about a common step, or a gap to fill."""
-    if clock["offset"] is not None or "step" not in clock:
-        return '"... [s]"' if clock["offset"] is None else f'"{clock["offset"]:.6g} [s]"'
-    late, error = clock["step"]["offset"], clock["step"]["error"]
+    """Return the offset of a further log as a campaign writes it: a range about a common step, that of the stamps, or a gap to fill.
+
+    Stamps of two computers may be a minute apart, so where a step agrees with them the fit looks within the errors of the step.
+    """
+    stamps = clock["offset"]
+    if "step" not in clock or _stamps_disagree(clock):
+        return '"... [s]"' if stamps is None else f'"{stamps:.6g} [s]"'
+    late, error = round(clock["step"]["offset"], 3), clock["step"]["error"]
     return f'["{late - MAX_OFFSET_ERRORS * error:.4g} [s]", "{late + MAX_OFFSET_ERRORS * error:.4g} [s]"]'
 
 

@@ -92,6 +92,7 @@ OUTPUTS = {
     "deliver": ["deliver", "box.toml", "--scenario", "warm.toml", "--to"],
     "log": ["log", "--simulate", "--for", "2 [s]"],
     "look": ["look", "logs/pair_one.csv", "--svg"],
+    "look --cut": ["look", "logs/pair_one.csv", "--cut"],
     "qualify --pdf": ["qualify", "plan.toml", "--pdf"],
     "import --scenario": ["import", "net.cc", "--scenario"],
     "write-back": ["write-back", "knobs.cc", "knobs.toml", "--param", "mcp=90", "--to"],
