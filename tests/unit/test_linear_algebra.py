@@ -11,6 +11,7 @@ from thermid.base.linear_algebra import (
     RANK_TOLERANCE,
     covariance,
     finite,
+    forward_substitution,
     inverse_square_root,
     null_space,
     pseudo_inverse,
@@ -99,3 +100,10 @@ def test_nothing_is_asked_of_nothing() -> None:
     assert pseudo_inverse(np.zeros((3, 0))).shape == (0, 0)
     assert null_space(np.zeros((2, 1))).shape == (0, 1)
     assert np.isinf(np.diag(covariance(np.zeros((2, 2))))).all()
+
+
+def test_forward_substitution_solves_each_triangle() -> None:
+    generator = np.random.default_rng(3)
+    lower = np.tril(generator.standard_normal((5, 4, 4))) + 4.0 * np.eye(4)
+    right = generator.standard_normal((5, 4, 3))
+    assert lower @ forward_substitution(lower, right) == pytest.approx(right, abs=1e-12)

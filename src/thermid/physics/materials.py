@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, reduce
 from pathlib import Path
 from types import MappingProxyType
 
@@ -86,7 +86,7 @@ def material(name: str) -> Material:
         listed = ", ".join(f"'{each}'" for each in fitting)
         raise NameNotFoundError(f"several materials are called '{name}': {listed}. Give one of them.")
     if not fitting:
-        family = re.sub("aluminum", "aluminium", name.replace(",", " ").split(" ")[0].lower())
+        family = _in_own_spelling(name.replace(",", " ").split(" ")[0])
         alike = [f"'{n}'" for n in library if n.lower().startswith(family)] if family else []
         listed = f" There are {', '.join(alike)}." if alike else nearest(name, library)
         raise NameNotFoundError(f"no material '{name}' in the table.{listed} 'thermid example --materials' lists all. Or give its values.")
@@ -101,9 +101,11 @@ _SPELT = (
 """How materials are called by others, and here."""
 
 
+def _in_own_spelling(name: str) -> str:
+    """Return a name in small letters, as the table spells it."""
+    return reduce(lambda text, spelling: re.sub(spelling[0], spelling[1], text), _SPELT, name.lower())
+
+
 def _words(name: str) -> set[str]:
     """Return the words and numbers of a name, in the spelling of the table."""
-    plain = name.lower()
-    for other, own in _SPELT:
-        plain = re.sub(other, own, plain)
-    return {*re.findall(r"[a-zäöüß]+\d*|\d+[a-z]*", plain)}
+    return {*re.findall(r"[a-zäöüß]+\d*|\d+[a-z]*", _in_own_spelling(name))}

@@ -469,7 +469,8 @@ def carrier_words(budget: Budget, bands: Mapping[str, Band]) -> list[str]:
         f"no deck states what carries the heat of its surfaces; the readings say {named}. State carried_by: the bands narrow": min(
             carriers.values()
         ),
-        f"a finish is not that of the deck, with {100 * finish:.0f} %. Measure its emissivity and state that: the bands narrow": finish,
+        f"a surface has another finish than its deck states, with a probability of {100 * finish:.0f} %. Measure its emissivity, and give "
+        'it source = "measured": the bands narrow': finish,
     }
     return [text for text, weight in words.items() if TELLING <= weight < 1.0]
 

@@ -156,6 +156,8 @@ def test_a_prediction_without_gas_splits_by_itself() -> None:
     found = td.predict(fit, far)
     truth = td.simulate(HIDDEN, far)["case"].kelvin[-1]
     band = found["case"]
+    another = 'Measure its emissivity, and give it source = "measured"'
+    assert any(another in w for w in found.warnings)
     low, high = (end[-1] for end in band.interval())
     assert low < truth - 273.15 < high
     # one deck in five states another finish than its part has: that counts until the emissivity is measured
@@ -163,7 +165,9 @@ def test_a_prediction_without_gas_splits_by_itself() -> None:
     known = td.calibrate(
         part("0.03 [m^2]", measured, "2.5 [W]", ""), log_of(HIDDEN, BENCH, 3), ["skin.effective_htc", "case.capacitance"], scenario=BENCH
     )
-    band = td.predict(known, far)["case"]
+    sure = td.predict(known, far)
+    assert not any(another in w for w in sure.warnings)
+    band = sure["case"]
     sd = float(band.error[-1])
     assert abs(float(band.kelvin[-1]) - truth) < 2 * sd < 0.5 * (truth - 297.15)
     painted = part("0.08 [m^2]", "2.2 [W/(m^2 K)]", "2.5 [W]", "paint, white")

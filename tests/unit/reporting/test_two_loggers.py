@@ -56,6 +56,27 @@ def test_the_offset_of_a_supply_without_stamps_is_found_by_its_steps(hour: Modul
     assert 'P_supply = { load = "P_supply", power = { volts = "U", amperes = "I" } }' in looks[1].campaign()
 
 
+@pytest.mark.parametrize(("off", "agrees"), [(5.0, True), (900.0, False)])
+def test_a_step_that_agrees_with_stamps_is_the_range_and_stamps_stay_where_it_does_not(
+    hour: ModuleType, tmp_path: Path, off: float, agrees: bool
+) -> None:
+    """Clocks of two computers: the stamps of the supply are `off` s early, its readings are not."""
+    begin = np.datetime64("2026-03-10T09:00:00")
+    for path, late, name in zip(files(hour, tmp_path, 137.0), (0.0, 137.0 - off), ("millis", "time [s]"), strict=True):
+        head, *rows = path.read_text().splitlines()
+        each = [row.partition(",") for row in rows]
+        unit = 1e-3 if name == "millis" else 1.0
+        stamped = [f"{begin + np.timedelta64(round(1000 * (unit * float(t) + late)), 'ms')},{rest}" for t, _, rest in each]
+        path.write_text("\n".join([head.replace(name, "stamp"), *stamped]) + "\n")
+    looks = [look(tmp_path / f"{n}.csv") for n in ("board", "supply")]
+    (found,) = clocks_of(looks)
+    assert found["offset"] == pytest.approx(137.0 - off)
+    assert abs(found["step"]["offset"] - 137.0) < 3.0 * found["step"]["error"]
+    text = "\n".join(clock_lines(looks))
+    assert ('offset = ["' in text) is agrees
+    assert (f'offset = "{137.0 - off:g} [s]"' in text) is not agrees
+
+
 def test_two_thermometers_of_one_room_show_the_offset_with_its_sign() -> None:
     rng, t = np.random.default_rng(0), np.arange(0.0, 3600.0, 10.0)
 

@@ -12,6 +12,7 @@ from thermid.app.studio.curves import number_of, text_of, texts_of
 from thermid.app.studio.desk import Desk
 from thermid.app.studio.draft import CAMPAIGN, DECK, PLACES, VIEW, Draft, keep, parsed_line, recalled
 from thermid.app.studio.follow import Follower, looked_at
+from thermid.app.studio.live import WATCHED_ROLES
 from thermid.app.studio.orders import curves_object
 from thermid.app.studio.shapes import PALETTE, SOURCES, added, palette, removed, renamed, scheduled, schedules, sheets, stored, valued
 from thermid.app.studio.work import Jobs, JobState
@@ -37,7 +38,6 @@ CARD_ROOM: Final = (216.0, 80.0)
 """Room of a node on the canvas, with that for the labels beside it. [px]"""
 LETTERS: Final = {"c": "degC", "k": "K", "f": "degF", "w": "W", "mw": "mW"}
 """Units as the last word of a column's name."""
-ROLES: Final = ("node", "boundary", "load", "command")
 
 
 class Building:
@@ -228,7 +228,7 @@ class Building:
             Edit(("records", record, "channels", column, role), name)
             for record, table in bound["records"].items()
             for column, channel in table["channels"].items()
-            for role in ROLES
+            for role in (*WATCHED_ROLES, "command")
             if isinstance(channel, Mapping) and channel.get(role) == keys[1]
         ]
         free = self._stage().get("free", [])

@@ -23,7 +23,8 @@ from thermid.simulation.network import compile_network
 from thermid.simulation.scenarios import Scenario
 from thermid.values.store import model_standing
 
-ROLES = ("node", "boundary", "load")
+WATCHED_ROLES = ("node", "boundary", "load")
+"""What a column of a running log may be bound to."""
 DEFAULT_MAX_HALF_WIDTH = 1.0
 """Half of the interval of where a channel ends, at most, where the page asks for none. [K]"""
 
@@ -41,7 +42,7 @@ def told_columns(asked: Mapping[str, Any]) -> Tables:
     told = asked.get("channels") or {}
     if not (isinstance(told, dict) and all(isinstance(t, dict) and all(isinstance(v, str) for v in t.values()) for t in told.values())):
         raise RecordError("'channels' is a table for each column, of texts.", "bench")
-    return {n: t for n, t in told.items() if any(t.get(role) for role in ROLES)}
+    return {n: t for n, t in told.items() if any(t.get(role) for role in WATCHED_ROLES)}
 
 
 def temperatures_alone(told: Tables) -> Tables:
@@ -51,8 +52,8 @@ def temperatures_alone(told: Tables) -> Tables:
 
 def _as_told(channels: Mapping[str, Any], told: Tables) -> dict[str, Any]:
     """Return the tables of a record with what was bound on the page in their place; noise and the like stay."""
-    kept = {n: t if isinstance(t, dict) else {} for n, t in channels.items()}
-    return {n: {k: v for k, v in kept.get(n, {}).items() if k not in ROLES} | t for n, t in told.items()} or dict(channels)
+    stated = {n: channels[n] for n in told if isinstance(channels.get(n), dict)}
+    return {n: {k: v for k, v in stated.get(n, {}).items() if k not in WATCHED_ROLES} | t for n, t in told.items()} or dict(channels)
 
 
 @dataclass(frozen=True)
@@ -183,8 +184,8 @@ def _by_names(path: Path, model: Model, stated: Scenario | None, bare: WatchRequ
     """Return what a log is watched by where its columns were bound, or have names of a deck."""
     network = compile_network(model)
     find = network.flat.names.model.canonical
-    names = [t[role] for t in told.values() for role in ROLES if role in t] or [name_and_unit(cell)[0] for cell in log_cells(path).header]
-    known = {find(name) for name in names}
+    bound = [t[role] for t in told.values() for role in WATCHED_ROLES if role in t]
+    known = {find(name) for name in bound or [name_and_unit(cell)[0] for cell in log_cells(path).header]}
     if not known & set(network.nodes):
         return _without_model(bare, "no channel of the log has the name of one of its nodes. Bind the columns")
     known |= {find(b) for b in stated.boundaries} if stated is not None else set()

@@ -132,7 +132,7 @@ wrong. One is expected, with a standard deviation of a few per cent. [-]"""
 FAR_SIZE: Final = 2.5
 """Drift of a room in scales of its prior, from which nothing is predicted either: a power or a column then hides in it. [-]"""
 COUNTED: Final = 1e-3
-"""Probability of what is left out of a sum over members, at most. [-]"""
+"""Probability from which a way or a remainder is kept; so much of the members is left out of their sums, at most. [-]"""
 LEAST_NOISE, USUAL_NOISE = 1e-3, 0.1
 """Scatter of neighbouring readings below which they show no noise, and what is then taken where nobody states any. [K]"""
 CONDUCTORS, NODES = 24, 16
