@@ -21,7 +21,7 @@ from . import benches as b
 from .oracle import oracle_bands
 from .tasks import Answer, Array, Predictor, Question, Refusal, Task
 
-PARTS = {"trend": ("trend",), "room": ("room",), "run": ("run",), "departures": ("surface", "joint", "law"), "hidden": ("hidden",)}
+PARTS = {**{g: (g,) for g in SIZES}, "departures": ("surface", "joint", "law")}
 """Part of the model of error that may be left out -> the sizes that are then nothing."""
 NOTHING = 1e-9
 
@@ -41,14 +41,14 @@ def fitted(task: Task, without: tuple[str, ...] = ()) -> object:
 def today(task: Task, question: Question, without: tuple[str, ...] = ()) -> Answer | Refusal:
     """Return the band of `thermid.predict`; what it would call something else than credible is scored all the same.
 
-    ``~trend``, ``~room``, ``~run``, ``~departures``, ``~hidden`` leave a part of the model of error out, other names a cause.
+    ``~trend`` and the other sizes by their names, and ``~departures`` leave a part of the model of error out, other names a cause.
     """
     none = {g: replace(SIZES[g], value=NOTHING) for part in without if part in PARTS for g in PARTS[part]}
-    fit = fitted(task, tuple(p for p in without if p in PARTS))
-    if isinstance(fit, ThermidError):
-        return Refusal(str(fit))
-    try:
-        with patch.dict(SIZES, none):
+    with patch.dict(SIZES, none):  # of the fit too, which keeps its model of error
+        fit = fitted(task, tuple(p for p in without if p in PARTS))
+        if isinstance(fit, ThermidError):
+            return Refusal(str(fit))
+        try:
             told = predict(
                 fit,  # type: ignore[arg-type]
                 question.scenario,
@@ -57,8 +57,8 @@ def today(task: Task, question: Question, without: tuple[str, ...] = ()) -> Answ
                 without=tuple(p for p in without if p not in PARTS),
                 as_logged=True,
             )
-    except ThermidError as error:
-        return Refusal(str(error))
+        except ThermidError as error:
+            return Refusal(str(error))
     return Answer({n: told[n].kelvin for n in question.nodes}, {n: told[n].half_width for n in question.nodes})
 
 
