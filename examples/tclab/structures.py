@@ -193,7 +193,7 @@ def medians(source: CampaignSource, found: td.Calibration) -> dict[str, list[flo
     return out
 
 
-def doubts(found: td.Calibration) -> list[str]:
+def implausible(found: td.Calibration) -> list[str]:
     """Return what is unphysical or unknown: values at a bound, outside what textbooks allow, or with an error above a third."""
     out = []
     for path, value in found.values.parameters.items():
@@ -242,7 +242,7 @@ def judged(source: CampaignSource, name: str, which: Candidate, step: float) -> 
         **unseen(source, which, found),
         "room_trend_K": room_trend(asked, found),
         "values": {p: {"value": v.in_unit, "error": v.shown(v.error), "unit": v.unit} for p, v in found.values.parameters.items()},
-        "doubts": doubts(found),
+        "implausible": implausible(found),
         "converged": found.converged,
         "seconds": time.perf_counter() - begun,
     }
@@ -295,7 +295,7 @@ def text(rows: list[Mapping[str, Any]]) -> str:
         cells = [row["name"], str(row["free"]), f"{row['deviance']:.0f}", f"{row['aic_difference']:.0f}", f"{row['qaic_difference']:.0f}"]
         cells += [" / ".join(f"{x:.2f}" for x in row[k]) for k in kinds] + [f"{row['room_trend_K']:+.1f}"]
         lines.append("| " + " | ".join(cells) + " |")
-        notes.append(f"- {row['name']}: {row['title']}." + (f" Doubtful: {'; '.join(row['doubts'])}." if row["doubts"] else ""))
+        notes.append(f"- {row['name']}: {row['title']}." + (f" Doubtful: {'; '.join(row['implausible'])}." if row["implausible"] else ""))
     return "\n".join([*lines, "", *notes])
 
 
@@ -318,8 +318,8 @@ def page(rows: Sequence[Mapping[str, Any]], to: str) -> Path:
                 fitted={s: float(np.median([pair[k] for pair in runs.values()])) for k, s in enumerate(SENSORS)},
                 unseen=row["unseen_runs_K"],
                 values={p: (v["value"], v["error"], v["unit"]) for p, v in row["values"].items()},
-                at_bounds=tuple(d for d in row["doubts"] if "ends at its bound" in d),
-                doubts=tuple(d for d in row["doubts"] if "ends at its bound" not in d),
+                at_bounds=tuple(d for d in row["implausible"] if "ends at its bound" in d),
+                implausible=tuple(d for d in row["implausible"] if "ends at its bound" not in d),
             )
         )
     notes = [

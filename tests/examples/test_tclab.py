@@ -256,7 +256,7 @@ def test_structures_are_ranked_as_the_readme_says() -> None:
         assert board["aic"] < rows[name]["aic"]
         assert board["qaic"] < rows[name]["qaic"]
         assert sum(board["unseen_fitted_K"]) < sum(rows[name]["unseen_fitted_K"])
-    assert board["doubts"] == []
+    assert board["implausible"] == []
 
 
 @pytest.mark.campaign

@@ -217,7 +217,7 @@ class Evidence(Result):
     error : float           Of the sampling. [-]
     evaluations : int       How often the records were simulated.
     box : dict              Parameter -> (low, high) over which its prior is spread, evenly in its fitted form. [SI]
-    doubts : tuple of str   Why it does not count: it takes residuals as independent and logged inputs as exact.
+    objections : tuple of str   Why it does not count: it takes residuals as independent and logged inputs as exact.
     """
 
     stage: str
@@ -225,7 +225,7 @@ class Evidence(Result):
     error: float
     evaluations: int
     box: Mapping[str, tuple[float, float]]
-    doubts: tuple[str, ...] = ()
+    objections: tuple[str, ...] = ()
 
     def against(self, other: Evidence) -> str:
         """Return in words what two structures' evidence says, both fitted to the same readings (Jeffreys' scale).
@@ -234,9 +234,9 @@ class Evidence(Result):
         """
         far = self.log - other.log
         better, worse = (self, other) if far >= 0 else (other, self)
-        if better.doubts:
+        if better.objections:
             return (
-                f"'{better.stage}' and '{worse.stage}': the evidence does not decide, because {better.doubts[0]}. Compare them on a "
+                f"'{better.stage}' and '{worse.stage}': the evidence does not decide, because {better.objections[0]}. Compare them on a "
                 "hold-out record, or look for physics that both lack with td.inference.criticise."
             )
         size, doubt = abs(far), math.hypot(self.error, other.error)
@@ -281,7 +281,7 @@ def evidence(fit: Calibration, *, points: int = 100, seed: int = 1) -> Evidence:
     results = sampler.results
     unknowns = [density.problem.unknowns[k] for k in density.at]
     box = {u.name: (u.to_value(a), u.to_value(b)) for u, (a, b) in zip(unknowns, density.box.tolist(), strict=True)}
-    return Evidence(fit.stage, float(results.logz[-1]), float(results.logzerr[-1]), density.count, box, density.doubts(fit))
+    return Evidence(fit.stage, float(results.logz[-1]), float(results.logzerr[-1]), density.count, box, density.objections(fit))
 
 
 @dataclass(eq=False)
@@ -381,7 +381,7 @@ class _Density:
             return ()
         return ("the data do not limit the errors of the fit, so the draws include the noise of the readings only.",)
 
-    def doubts(self, fit: Calibration) -> tuple[str, ...]:
+    def objections(self, fit: Calibration) -> tuple[str, ...]:
         """Return why a density that takes residuals as independent and logged inputs as exact does not count."""
         out = []
         slow = [t for t in (fit.autocorrelation.traces if fit.autocorrelation else ()) if wanders(t.effective_samples, t.samples)]

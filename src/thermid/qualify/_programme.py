@@ -267,7 +267,7 @@ def _alike(trials: Sequence[Trial]) -> list[Trial]:
     for t in trials:
         same = [o.test.name for o in trials if o is not t and t.log_sha256 and o.log_sha256 == t.log_sha256]
         doubt = f"its log is identical to that of {', '.join(same)}"
-        out.append(replace(t, doubts=(*t.doubts, doubt)) if same else t)
+        out.append(replace(t, not_shown=(*t.not_shown, doubt)) if same else t)
     return out
 
 

@@ -89,7 +89,7 @@ class Trial:
     diagnosis : Diagnosis or None   What would explain the deviations, where a criterion is not met.
     log_sha256 : str                Hash of the log.
     synthetic : bool                Whether the log was made and not measured.
-    doubts : tuple of str           What the log does not show: stretches without readings, levels that were not applied.
+    not_shown : tuple of str           What the log does not show: stretches without readings, levels that were not applied.
     remarks : tuple of str          What else a reader must know of the log.
     settled : tuple of Stability    Per settled stretch, what the readings say about it being settled.
     as_logged : dict                Column of a logged boundary -> its lowest and highest reading. [degC]
@@ -109,7 +109,7 @@ class Trial:
     diagnosis: Diagnosis | None = None
     log_sha256: str = ""
     synthetic: bool = False
-    doubts: tuple[str, ...] = ()
+    not_shown: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
     settled: tuple[Stability, ...] = ()
     as_logged: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -134,7 +134,7 @@ class Trial:
         if self.correlation is None:
             return None
         outcomes = list(self.correlation.verdicts.values())
-        return weigh([*outcomes, *([None] if self.doubts or not outcomes else [])])
+        return weigh([*outcomes, *([None] if self.not_shown or not outcomes else [])])
 
     @property
     def passed(self) -> bool | None:
@@ -161,7 +161,7 @@ class Trial:
             verdicts = self.correlation.verdicts
             out += [] if verdicts else ["there is a log, but no criteria for it"]
             out += [f"the criteria {name} are quoted from memory" for name, passed in verdicts.items() if passed is None]
-        return (*out, *self.doubts)
+        return (*out, *self.not_shown)
 
     @property
     def worst(self) -> LimitCheck | None:
@@ -349,7 +349,7 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
         log_sha256=origin.sha256,
         synthetic=origin.synthetic,
         checks=(*trial.checks, *check_readings(readings, limits, trial.foresight.solution, state=_state(trial.test))),
-        doubts=(*_doubts(trial, record, counted, windows), *(unsettled(settled) if steady else ())),
+        not_shown=(*_not_shown(trial, record, counted, windows), *(unsettled(settled) if steady else ())),
         remarks=(
             *trial.remarks,
             *([f"its state is '{test.state}', but there is a log. Write state = \"run\""] if test.state == "planned" else []),
@@ -368,7 +368,7 @@ def _ends(record: Record, column: str) -> tuple[float, float]:
     return (float(celsius.min()), float(celsius.max())) if celsius.size else (np.nan, np.nan)
 
 
-def _doubts(trial: Trial, record: Record, counted: Sequence[Overlay], windows: Sequence[tuple[float, float]]) -> Iterator[str]:
+def _not_shown(trial: Trial, record: Record, counted: Sequence[Overlay], windows: Sequence[tuple[float, float]]) -> Iterator[str]:
     """Yield what the log does not show of the test."""
     test, run = trial.test, trial.foresight.solution
     log = test.log

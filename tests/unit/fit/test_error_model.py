@@ -189,6 +189,15 @@ def test_a_calibration_of_a_file_has_no_model_of_error(fit: td.Calibration) -> N
         ErrorModel.of_fit(replace(fit, problem=None))
 
 
+def test_a_file_of_another_version_is_refused_in_a_sentence(model: ErrorModel) -> None:
+    """Laws of surfaces had no `fitted` before; another way of thermid may have more."""
+    kept = model.to_dict()
+    for way in kept["ways"]:
+        way["laws"] = {p: {k: x for k, x in law.items() if k != "fitted"} for p, law in way["laws"].items()}
+    with pytest.raises(IdentificationError, match=r"another version of thermid: its model of error has no 'fitted'. Run the fit again."):
+        ErrorModel.from_dict(kept)
+
+
 def test_a_file_gives_back_what_was_kept(model: ErrorModel) -> None:
     again = ErrorModel.from_dict(model.to_dict())
     assert again.covariance == pytest.approx(model.covariance, rel=1e-4, abs=1e-9)

@@ -17,7 +17,7 @@ CURVE = td.reporting.Structure(
     "curve", "a bent law", 7, 815.0, 8.0, 3.0, {"T": 0.3}, {"T": {"a": 0.40, "b": 0.42}}, at_bounds=("x ends at its bound 2",)
 )
 LIKELY = td.reporting.Structure(
-    "likely", "two of all", 9, 800.0, 0.0, 0.0, {"T": 0.2}, {"T": {"a": 0.6, "b": 0.7}}, doubts=("tau = 57 s, outside 5 .. 40",)
+    "likely", "two of all", 9, 800.0, 0.0, 0.0, {"T": 0.2}, {"T": {"a": 0.6, "b": 0.7}}, implausible=("tau = 57 s, outside 5 .. 40",)
 )
 REFUSED = td.reporting.Structure("walls", "and walls", 9, refused="'wall' and 'room' cannot be separated by these data.")
 ALL = (PLAIN, LAG, CURVE, LIKELY, REFUSED)

@@ -387,13 +387,22 @@ class ErrorModel(Result):
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> ErrorModel:
-        """Return what `to_dict` gave."""
+        """Return what `to_dict` gave.
+
+        Raises
+        ------
+        IdentificationError   When a file of another version of thermid lacks some of it.
+        """
         at = data["at"]
         fitted_values = {
             placed(n, at): SeenValue(kind, log, tuple((placed(a, at), float(f)) for a, f in acts), *map(float, rest))
             for n, (kind, log, acts, *rest) in data["seen"].items()
         }
-        ways = tuple(KeptWay.from_dict(w, at) for w in data["ways"])
+        try:
+            ways = tuple(KeptWay.from_dict(w, at) for w in data["ways"])
+        except KeyError as error:
+            text = f"the values file is of another version of thermid: its model of error has no {error}. Run the fit again."
+            raise IdentificationError(text, data["stage"], code=FOLLOWED) from error
         return cls(data["stage"], fitted_values, ways, float(data["misfit"]), data["why"])
 
 

@@ -299,7 +299,7 @@ class Structure:
     unseen : dict           Sensor -> run that no fit has seen -> RMSE. [K]
     values : dict           Parameter -> value, error and unit.
     at_bounds : tuple       Parameters that ended at a bound, in words.
-    doubts : tuple          What else is unphysical or unknown, in words.
+    implausible : tuple          What else is unphysical or unknown, in words.
     refused : str           Why it could not be fitted; empty where it was.
     """
 
@@ -313,13 +313,13 @@ class Structure:
     unseen: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     values: Mapping[str, tuple[float, float, str]] = field(default_factory=dict)
     at_bounds: tuple[str, ...] = ()
-    doubts: tuple[str, ...] = ()
+    implausible: tuple[str, ...] = ()
     refused: str = ""
 
     @property
     def physical(self) -> bool:
         """Whether it was fitted and nothing is held against its values."""
-        return not (self.refused or self.at_bounds or self.doubts)
+        return not (self.refused or self.at_bounds or self.implausible)
 
     @property
     def error(self) -> float:
@@ -399,12 +399,12 @@ def _findings(structures: Sequence[Structure], taken: Structure | None) -> list[
     out = []
     if candidates:
         likeliest, nearest = min(candidates, key=lambda s: s.corrected), min(candidates, key=lambda s: s.error)
-        wrong = "" if likeliest.physical else f", but implausible: {'; '.join((*likeliest.at_bounds, *likeliest.doubts))}"
+        wrong = "" if likeliest.physical else f", but implausible: {'; '.join((*likeliest.at_bounds, *likeliest.implausible))}"
         out.append(f"Likeliest on the fitted runs: {likeliest.name}{wrong}.")
         out.append(f"Nearest to the hold-out runs: {nearest.name}, {number(nearest.error, 2)} K.")
         if taken is not None and taken is not nearest:
             away = taken.error / nearest.error - 1.0
-            why = "" if nearest.physical else f"; of {nearest.name}: {'; '.join((*nearest.at_bounds, *nearest.doubts))}"
+            why = "" if nearest.physical else f"; of {nearest.name}: {'; '.join((*nearest.at_bounds, *nearest.implausible))}"
             out.append(f"{taken.name} misses them by {number(taken.error, 2)} K, {100 * away:.0f} % more{why}.")
     refused = [s.name for s in structures if s.refused]
     if refused:
@@ -438,7 +438,7 @@ def _overview(structures: Sequence[Structure], taken: Structure | None) -> Table
             continue
         unseen = [median(x.unseen[s].values()) for s in sensors]
         looks = ["good" if u <= SAME_ERROR_FACTOR * lowest[s] else "" for s, u in zip(sensors, unseen, strict=True)]
-        verdict = Cell("✓ yes", "", "good") if x.physical else Cell(f"✗ {len(x.at_bounds) + len(x.doubts)} doubtful", "", "warn")
+        verdict = Cell("✓ yes", "", "good") if x.physical else Cell(f"✗ {len(x.at_bounds) + len(x.implausible)} doubtful", "", "warn")
         rows.append(
             [
                 name,
@@ -471,7 +471,7 @@ def _values(structures: Sequence[Structure]) -> list[PageBlock]:
         if s.refused:
             out.append(Notes((s.refused,), "Refused"))
             continue
-        held = (*s.at_bounds, *s.doubts)
+        held = (*s.at_bounds, *s.implausible)
         out.append(Notes(held, "Objections") if held else Words("Every value is within published ranges and inside its bounds."))
         rows: list[Line] = [
             [Cell(p, "", "main"), f"{significant(v, e)} ± {number(e, 2)}", pretty(unit)] for p, (v, e, unit) in s.values.items()
