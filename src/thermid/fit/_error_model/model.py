@@ -82,11 +82,6 @@ class FittedWay:
     sizes: Array
     left: Array
 
-    @property
-    def places(self) -> dict[str, int]:
-        """Value or column -> its place among the unknowns."""
-        return {name: k for k, name in enumerate((*self.values, *(c.name for c in self.columns)))}
-
 
 def sizes_at(points: Array) -> Array:
     """Return sizes (count, groups) of departures at points of a standard normal prior: half-normal, each with its own scale."""
@@ -151,8 +146,7 @@ class RunsOfFit:
         networks = [with_laws(e.network, laws) for e in problem.experiments]
         courses = [course_in_fit(problem, i, n, fitted) for i, n in enumerate(networks)]
         spans = tuple(float(c.times[-1]) for c in courses)
-        hidden = tuple(part * max(spans) for part in SHARES_OF_RUN)
-        departures_used = departures or departures_of(networks, courses, points, hidden, tips_of(problem))
+        departures_used = departures or departures_of(networks, courses, points, tuple(part * max(spans) for part in SHARES_OF_RUN))
         parts = [(departures_used.shared(n, c, way, laws), departures_used.of_run(n, c)) for n, c in zip(networks, courses, strict=True)]
         columns = {c.name: c for shared, _ in parts for c, _ in shared}
         alone = [alone_in(problem, i) for i in range(len(courses))]
@@ -325,19 +319,13 @@ def left_prior() -> dict[tuple[float, float], float]:
     return out | {(s, t): float(np.log(m / len(LEFT_TIMES))) for s, m in zip(LEFT_SIZES[1:], mass[1:], strict=True) for t in LEFT_TIMES}
 
 
-def tips_of(problem: Problem) -> set[str]:
-    """Return the nodes that are instruments: what one of them follows by is no part of the unit, and departs for no other run."""
-    return {tip for e in problem.experiments for tip in e.tips}
-
-
 def points_of(problem: Problem, fitted: Array) -> dict[str, OperatingPoint]:
-    """Return conductor -> where it was found over the runs of a fit, with the fit's own structure; those of instruments are left out."""
+    """Return conductor -> where it was found over the runs of a fit, with the fit's own structure."""
     courses = [course_in_fit(problem, i, e.network, fitted) for i, e in enumerate(problem.experiments)]
     every: dict[str, Any] = {}
     for e, course in zip(problem.experiments, courses, strict=True):
         every |= conductors_of(e.network, course)
-    parts = {p: c for p, c in every.items() if tips_of(problem).isdisjoint(c.ends)}
-    return {p: at for p, c in parts.items() if (at := point_of(courses, c)) is not None}
+    return {p: at for p, c in every.items() if (at := point_of(courses, c)) is not None}
 
 
 def before(u: Unknown) -> tuple[float, float]:

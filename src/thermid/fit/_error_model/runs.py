@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -209,13 +209,9 @@ def thinned(network: Network, c: FlatConductor) -> bool:
 
 
 def departures_of(
-    networks: Sequence[Network],
-    courses: Sequence[ElementCourse],
-    points: Mapping[str, OperatingPoint],
-    hidden: tuple[float, ...],
-    tips: Collection[str],
+    networks: Sequence[Network], courses: Sequence[ElementCourse], points: Mapping[str, OperatingPoint], hidden: tuple[float, ...]
 ) -> Departures:
-    """Return what may depart of a model but its instruments (`tips`), by the runs of a fit and the networks that they run in."""
+    """Return what may depart of a model, by the runs of a fit and the networks that they run in."""
     network = networks[0]
     every: dict[str, FlatConductor] = {}
     for course in courses:
@@ -223,9 +219,7 @@ def departures_of(
     heat = {p: sum(float(np.abs(r.flows[p]).mean()) for r in courses if p in r.flows) for p in every if p in points}
     several = {p: every[p] for p in sorted(heat, key=lambda p: -heat[p])[:CONDUCTORS]}
     several = {p: c for p, c in every.items() if p in several}
-    stored = {
-        n: sum(float(np.abs(r.stores[n][0]).mean()) for r in courses if n in r.stores) for r in courses for n in r.stores if n not in tips
-    }
+    stored = {n: sum(float(np.abs(r.stores[n][0]).mean()) for r in courses if n in r.stores) for r in courses for n in r.stores}
     nodes = tuple(sorted(stored, key=lambda n: -stored[n])[:NODES])
     columns = min(COLUMNS, ALL_COLUMNS // max(len(several), 1))
     smooth = {}

@@ -129,8 +129,6 @@ UNBOUNDED: Final = 3.0
 OUTSIDE: Final = 2.0
 """Root mean square of readings over what the model of error allows, from which nothing is predicted: then a log, its noise or a column is
 wrong. One is expected, with a standard deviation of a few per cent. [-]"""
-FAR_SIZE: Final = 2.5
-"""Drift of a room in scales of its prior, from which nothing is predicted either: a power or a column then hides in it. [-]"""
 COUNTED: Final = 1e-3
 """Probability from which a way or a remainder is kept; so much of the members is left out of their sums, at most. [-]"""
 LEAST_NOISE, USUAL_NOISE = 1e-3, 0.1
