@@ -1,7 +1,7 @@
 """The judge of 95 % bands: on benches against the truth, on logs against readings, never mixed; see docs/coverage.md.
 
 ``python scripts/judge.py`` scores today's code beside persistence, an oracle and the constant width of hindsight in minutes;
-``--count 200`` makes the full table, ``--rules today,error-model`` judges others beside it, ``today~misfit`` without a part;
+``--count 200`` makes the full table, ``--rules today,error-model`` judges others beside it, ``today~run`` without a part;
 ``--save FILE`` keeps every row, ``--against FILE`` prints paired differences; ``--page`` writes the page.
 """
 

@@ -1,7 +1,7 @@
 """The population over sets: for each size the scale of a half-t with four degrees of freedom from which the sets' sizes came.
 
 Why so: (1) most sets bound a size from above only, and a half-t has its mode at zero, where a distribution of logarithms needs a floor
-that no reading gives; (2) its tail lets an odd set be odd, without moving the
+that no reading gives; (2) its tail lets an odd set be odd, whose size the model of error would refuse by `FAR_SIZE`, without moving the
 others; (3) its scale has a log-t prior about the first prior, so that few sets move it little; (4) classes of conductors share what they
 have in common, each with an offset known to a factor of two; (5) what ships is the median of the scale, as the scale of the half-normal
 that the model averages over, with its limits beside it.

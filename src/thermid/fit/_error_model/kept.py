@@ -39,6 +39,7 @@ from thermid.fit._error_model.runs import Departures, Smooth, UnknownColumn
 from thermid.fit._error_model.sizes import (
     BEYOND_WIDENING,
     COUNTED,
+    FAR_SIZE,
     KEPT_OF_PRIOR,
     LARGE_MOVE,
     MIN_LOG_BAYES_FACTOR,
@@ -318,9 +319,16 @@ class ErrorModel(Result):
     @property
     def contradiction(self) -> str:
         """What of the readings no departure of a usual size explains, in words; empty where all is explained."""
-        if self.misfit <= OUTSIDE:
-            return ""
-        return f"the readings lie {self.misfit:.2g} times further from the model than noise and all departures allow"
+        if self.misfit > OUTSIDE:
+            return f"the readings lie {self.misfit:.2g} times further from the model than noise and all departures allow"
+        # of all departures that of a room alone extrapolates with no element: a wrong power hides in it
+        drift = self.sizes.get("room", 0.0) / SIZES["room"].value
+        if drift > FAR_SIZE:
+            return (
+                f"the readings ask for {drift:.2g} times the usual {SIZES['room'].effect} "
+                f"({self.sizes['room']:.2g} K beside {SIZES['room'].value:g} K)"
+            )
+        return ""
 
     @property
     def unknowns(self) -> tuple[str, ...]:

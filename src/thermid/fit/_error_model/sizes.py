@@ -129,6 +129,9 @@ UNBOUNDED: Final = 3.0
 OUTSIDE: Final = 2.0
 """Root mean square of readings over what the model of error allows, from which nothing is predicted: then a log, its noise or a column is
 wrong. One is expected, with a standard deviation of a few per cent. [-]"""
+FAR_SIZE: Final = 4.0
+"""Drift of a room in scales of its prior, from which a power or a column is said to hide in it: a room that wanders by 0.4 K beside a right
+structure asks for 1.7 to 2.6, a power that no log has for 6.4. [-]"""
 COUNTED: Final = 1e-3
 """Probability from which a way or a remainder is kept; so much of the members is left out of their sums, at most. [-]"""
 LEAST_NOISE, USUAL_NOISE = 1e-3, 0.1
