@@ -401,8 +401,11 @@ class ErrorModel(Result):
         try:
             ways = tuple(KeptWay.from_dict(w, at) for w in data["ways"])
         except KeyError as error:
-            text = f"the values file is of another version of thermid: its model of error has no {error}. Run the fit again."
-            raise IdentificationError(text, data["stage"], code=FOLLOWED) from error
+            raise IdentificationError(
+                f"the values file is of another version of thermid: its model of error has no {error}. Run the fit again.",
+                data["stage"],
+                code=FOLLOWED,
+            ) from error
         return cls(data["stage"], fitted_values, ways, float(data["misfit"]), data["why"])
 
 
