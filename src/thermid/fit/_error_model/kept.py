@@ -399,14 +399,13 @@ class ErrorModel(Result):
             for n, (kind, log, acts, *rest) in data["seen"].items()
         }
         try:
-            ways = tuple(KeptWay.from_dict(w, at) for w in data["ways"])
+            return cls(data["stage"], fitted_values, tuple(KeptWay.from_dict(w, at) for w in data["ways"]), float(data["misfit"]), data["why"])
         except KeyError as error:
             raise IdentificationError(
                 f"the values file is of another version of thermid: its model of error has no {error}. Run the fit again.",
                 data["stage"],
                 code=FOLLOWED,
             ) from error
-        return cls(data["stage"], fitted_values, ways, float(data["misfit"]), data["why"])
 
 
 def deviation(c: UnknownColumn, sizes: Mapping[str, float], beyond: Mapping[str, tuple[str, float]]) -> float:
