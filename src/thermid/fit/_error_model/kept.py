@@ -393,17 +393,17 @@ class ErrorModel(Result):
         ------
         IdentificationError   When a file of another version of thermid lacks some of it.
         """
-        at = data["at"]
+        stage, at = data["stage"], data["at"]
         fitted_values = {
             placed(n, at): SeenValue(kind, log, tuple((placed(a, at), float(f)) for a, f in acts), *map(float, rest))
             for n, (kind, log, acts, *rest) in data["seen"].items()
         }
         try:
-            return cls(data["stage"], fitted_values, tuple(KeptWay.from_dict(w, at) for w in data["ways"]), float(data["misfit"]), data["why"])
+            return cls(stage, fitted_values, tuple(KeptWay.from_dict(w, at) for w in data["ways"]), float(data["misfit"]), data["why"])
         except KeyError as error:
             raise IdentificationError(
                 f"the values file is of another version of thermid: its model of error has no {error}. Run the fit again.",
-                data["stage"],
+                stage,
                 code=FOLLOWED,
             ) from error
 
