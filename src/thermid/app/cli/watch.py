@@ -115,7 +115,7 @@ def watch(
     stated = scenario_of(scenario, boundary, [], None, None) if boundary or scenario is not None else None
     read = pairs(reading, "--read")
     if unknown := sorted(read.keys() - READ_KEYS):
-        raise RecordError(f"the keys are {', '.join(READ_KEYS)}, not '{unknown[0]}'.", "--read")
+        raise RecordError(f"the keys are {', '.join(READ_KEYS)}, not '{unknown[0]}'.", "--read", code="file.unknown-key")
     test = None if campaign is None else running_test(staged(campaign, data, results, accept), record, stage)
     if test is None:
         deck = None if model is None else fitted_model(model, values, keep)
