@@ -142,7 +142,7 @@ def check(seed: int) -> None:
         assert many.temperatures(f"n{i}")[-1] == pytest.approx(last[i], abs=NEAR), (seed, "ensemble", i)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [*range(4), 33427])
 def test_the_last_sample_is_the_one_before_the_edge(seed: int) -> None:
     check(seed)
 
