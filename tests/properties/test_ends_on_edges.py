@@ -140,6 +140,8 @@ def check(seed: int) -> None:
     many = td.ensemble(net.model(), net.scenario(), {"pulsed.power": [net.watts, net.watts]}, every=net.end / 7.0)
     for i in range(net.size):
         assert many.temperatures(f"n{i}")[-1] == pytest.approx(last[i], abs=NEAR), (seed, "ensemble", i)
+        ends = np.column_stack([many.lowest(f"n{i}"), many.highest(f"n{i}")]) + 273.15
+        assert ends == pytest.approx(np.tile([lowest[i], highest[i]], (2, 1)), abs=NEAR), (seed, "ensemble", i, "extremes")
 
 
 @pytest.mark.parametrize("seed", [*range(4), 33427])
