@@ -137,7 +137,8 @@ def check(seed: int) -> None:
             assert trace.highest + 273.15 == pytest.approx(highest[i], abs=NEAR), (seed, method, i, "highest")
         before = net.air(0.5 * (net.steps[-1] + net.steps[-2]))
         assert run["air"].kelvin[-1] == pytest.approx(before)
-    many = td.ensemble(net.model(), net.scenario(), {"pulsed.power": [net.watts, net.watts]}, every=net.end / 7.0)
+    names = [f"n{i}" for i in range(net.size)]
+    many = td.ensemble(net.model(), net.scenario(), {"pulsed.power": [net.watts, net.watts]}, every=net.end / 7.0, nodes=names)
     for i in range(net.size):
         assert many.temperatures(f"n{i}")[-1] == pytest.approx(last[i], abs=NEAR), (seed, "ensemble", i)
         ends = np.column_stack([many.lowest(f"n{i}"), many.highest(f"n{i}")]) + 273.15
