@@ -89,12 +89,12 @@ def refused_in_one_sentence(said: str) -> bool:
 
 
 def ways_of(call: Call, name: str) -> list[str]:
-    """Give what one output writes to every reader; return what was not as it should be."""
+    """Give what one output writes to every reader, but the empty mark of a project; return what was not as it should be."""
     place = Path("written_" + re.sub(r"\W+", "_", name)).with_suffix("" if name in HOLDS else ENDINGS.get(name.split()[-1], ".csv"))
     made = call(*OUTPUTS[name], place)
     assert place.exists(), made.err
     out = []
-    for file in sorted(p for p in place.rglob("*") if p.is_file()) if place.is_dir() else [place]:
+    for file in sorted(p for p in place.rglob("*") if p.is_file() and p.name != "thermid.toml") if place.is_dir() else [place]:
         named = f"{name}/{file.relative_to(place).as_posix()}" if place.is_dir() else name
         for reader, words in READERS.items():
             said = call(*(str(file) if w == "@" else w for w in words))
