@@ -260,7 +260,7 @@ def test_an_input_that_the_host_drives(tmp_path: Path) -> None:
 @pytest.mark.parametrize("reads", [False, True], ids=["", "read before the step"])
 @pytest.mark.parametrize("name", ["linear", "thermostat", "massless"])
 def test_steps_that_reach_beyond_the_hosts_are_given_up_where_an_input_changes(name: str, reads: bool, tmp_path: Path) -> None:
-    """A load that the host changes every 37 steps of 1 s: the steps between are read off longer ones; values that are read in between change nothing."""
+    """A load changes every 37 steps of 1 s; those between are read off longer ones, and values that are read first change nothing."""
     fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed (pip install 'thermid[fmu]')")
     model, scenario, nodes = MODELS[name]
     fmu = unpacked(model, scenario, tmp_path)
