@@ -294,9 +294,10 @@ def _of_deck(request: Request, fit: RoughFit, base: RoughEnd) -> Iterator[Hypoth
     network = fit.problem.experiments[0].network
     table, free = network.flat.parameters, [p for u in fit.problem.unknowns if u.kind == "parameter" for p in (u.name, *u.also)]
     moved = {*free, *table.downstream(free)}
-    elements = [{*e.fields.values()} for e in (*network.flat.nodes, *network.flat.conductors)]
-    held = set().union(*(fields for fields in elements if not moved & fields)) - set().union(*(f for f in elements if moved & f))
-    paths = [p for p in table.order if p in held and table.table[p].parameter.is_literal and p in parameter_table(request.model)]
+    tables = [*(n.fields for n in network.flat.nodes), *(c.fields for c in network.flat.conductors)]
+    elements = [{*fields.values()} for fields in tables]
+    fixed = set().union(*(fields for fields in elements if not moved & fields)) - set().union(*(f for f in elements if moved & f))
+    paths = [p for p in table.order if p in fixed and table.table[p].parameter.is_literal and p in parameter_table(request.model)]
     promised = _promised(replace(request, free=(*request.free, *paths)), fit, base) if paths else {}
     for path in sorted(promised, key=lambda p: -promised[p])[:SECOND]:
         text = parameter_table(request.model)[path].parameter.text

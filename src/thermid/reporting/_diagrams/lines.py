@@ -181,7 +181,7 @@ class _Router:
             while path[-1]:
                 path.append(int(before[path[-1]]))
             path.reverse()
-            found = [int(c) for c in np.flatnonzero(self.over(points[path], a, b).any(axis=0)) if c not in known]
-            if not found:
+            new = [int(c) for c in np.flatnonzero(self.over(points[path], a, b).any(axis=0)) if c not in known]
+            if not new:
                 return tuple(places[k] for k in path)
-            known += found
+            known += new
