@@ -93,8 +93,13 @@ def _parts(page: object, view: str) -> dict[str, bytes]:
     for name, (of, part, _) in PARTS.items():
         if of != view:
             continue
-        # a part is taken whole, so the window is as high as the highest of them
-        size = {"width": 1600, "height": 1000 if part == "body" else 1900, "deviceScaleFactor": 1, "mobile": False}
+        # a part is taken whole, so the window is as high as the highest of them; a narrow one has the stages side by side
+        size = {
+            "width": 1100 if name == "stages" else 1600,
+            "height": 1000 if part == "body" else 1900,
+            "deviceScaleFactor": 1,
+            "mobile": False,
+        }
         driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
         driver.execute_script("window.scrollTo(0, 0)")
         page.wait("await pause(400)")  # type: ignore[attr-defined]

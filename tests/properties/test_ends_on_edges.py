@@ -137,12 +137,15 @@ def check(seed: int) -> None:
             assert trace.highest + 273.15 == pytest.approx(highest[i], abs=NEAR), (seed, method, i, "highest")
         before = net.air(0.5 * (net.steps[-1] + net.steps[-2]))
         assert run["air"].kelvin[-1] == pytest.approx(before)
-    many = td.ensemble(net.model(), net.scenario(), {"pulsed.power": [net.watts, net.watts]}, every=net.end / 7.0)
+    names = [f"n{i}" for i in range(net.size)]
+    many = td.ensemble(net.model(), net.scenario(), {"pulsed.power": [net.watts, net.watts]}, every=net.end / 7.0, nodes=names)
     for i in range(net.size):
         assert many.temperatures(f"n{i}")[-1] == pytest.approx(last[i], abs=NEAR), (seed, "ensemble", i)
+        ends = np.column_stack([many.lowest(f"n{i}"), many.highest(f"n{i}")]) + 273.15
+        assert ends == pytest.approx(np.tile([lowest[i], highest[i]], (2, 1)), abs=NEAR), (seed, "ensemble", i, "extremes")
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [*range(4), 33427])
 def test_the_last_sample_is_the_one_before_the_edge(seed: int) -> None:
     check(seed)
 

@@ -248,6 +248,19 @@ def test_width_of_two_hundred_draws(defect: str) -> None:
     assert of_two_hundred(defect).ratio <= 3.0
 
 
+MISSED = {"hidden mass": "5.9 in 12 draws", "lag": "4.5 in 12 draws", "clock": "4.6 in 6 draws", "leak": "not measured since departures count"}
+"""Half-width over the RMS error where hardware repeats exactly, of which at most 3.9 is asked."""
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize(
+    "defect", [pytest.param(d, marks=pytest.mark.xfail(strict=d != "leak", reason=reason)) for d, reason in MISSED.items()]
+)
+def test_width_where_hardware_repeats_exactly(defect: str) -> None:
+    found = of_two_hundred(defect)
+    assert replace(found, off=found.exact).ratio <= 3.9
+
+
 if __name__ == "__main__":
     titles = ("defect", "draws", "declined", "peaks inside", "half-width", "over RMS error", "exact hardware: inside", "over RMS error")
     print(f"| {' | '.join(titles)} |\n|{'---|' * len(titles)}")

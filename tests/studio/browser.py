@@ -127,6 +127,14 @@ class Page:
             f"(async () => {{ {script} }})().then(done, (e) => done({{ failed: String(e) }}));"
         )
 
+    def looks_until(self, condition: str) -> int:
+        """Return how often the page asks, once a second, whether a file was changed, from now until a condition holds."""
+        count = "performance.getEntriesByType('resource').filter((e) => e.name.endsWith('/api/fresh')).length"
+        self.run("performance.clearResourceTimings(); performance.setResourceTimingBufferSize(1e5)")
+        looks, held = self.wait(f"for (let k = 0; k < 4000 && !({condition}); k++) await pause(20); return [{count}, Boolean({condition})]")
+        assert held, condition
+        return int(looks)
+
     def text(self, selector: str) -> str:
         """Return the text of an element."""
         return str(self.run("return document.querySelector(arguments[0]).textContent", selector))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -89,7 +88,7 @@ def test_a_deck_is_written_once_its_difference_was_seen(shown: Page, file: Path)
     assert "+bolts = {" in shown.text("pre.diff")
     assert deck.read_bytes() == before
     shown.click("#write-now")
-    shown.until("document.getElementById('status').textContent.includes('whole.toml')")
+    shown.until("document.getElementById('status').textContent.includes('Written: whole.toml')")
     assert deck.read_bytes() != before
     deck.write_bytes(before)
     shown.until("document.querySelector('[data-stage=whole]').dataset.state === 'done'")
@@ -101,17 +100,13 @@ def test_no_two_sections_meet(shown: Page) -> None:
     assert shown.meeting() == []
 
 
-def test_a_changed_deck_is_stale_within_two_seconds_and_a_mended_one_works(shown: Page, file: Path) -> None:
+def test_a_changed_deck_is_stale_at_the_next_look_and_a_mended_one_works(shown: Page, file: Path) -> None:
     run_all(shown)
     deck = file.parent / "whole.toml"
     before = deck.read_text(encoding="utf-8")
     state = "document.querySelector('[data-stage=whole]').dataset.state"
     deck.write_text(before.replace('"2500 [J/K]"', '"2600 [J/K]"'), encoding="utf-8")
-    begun = time.monotonic()
-    shown.until(f"{state} === 'stale'")
-    took = time.monotonic() - begun
-    print(f"a changed deck is stale after {took:.2f} s")
-    assert took < 2.0
+    assert shown.looks_until(f"{state} === 'stale'") <= 2  # one that was under way, and the next
     shown.wait(f"for (let k = 0; k < 60 && {VALUE} !== 2600; k++) await pause(50)")
     assert shown.wait(f"return {VALUE}") == 2600.0
     assert "changed since it was run" in shown.text("#stage-detail")

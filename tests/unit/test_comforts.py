@@ -60,7 +60,7 @@ def test_a_record_and_a_prediction_are_collections_and_a_channel_an_array(fit: A
     record = td.Record.from_arrays(
         "log", [0.0, 1.0, 2.0], {"T": masked, "P": td.Channel.from_array("P", [3.0, 4.0, 5.0], unit="W", quantity="power")}
     )
-    assert (list(record), "T" in record, "lid" in record) == (["T", "P"], True, False)
+    assert (list(record), len(record), "T" in record, "lid" in record) == (["T", "P"], 2, True, False)
     np.testing.assert_allclose(np.asarray(record["T"]), [20.0, np.nan, 22.0])
     np.testing.assert_allclose(np.asarray(record["P"]), [3.0, 4.0, 5.0])
 
@@ -120,6 +120,19 @@ def test_texts_of_large_objects_are_short() -> None:
     run = td.simulate(model, BENCH.with_(duration="2 [min]"))
     for shown in (model, run, run[names[0]], td.steady(model, BENCH)):
         assert len(repr(shown)) <= 400, type(shown).__name__
+
+
+def test_texts_of_what_is_given_are_short() -> None:
+    """Tables of 2,000 rows, covariances and models stand in them."""
+    hours = np.arange(2000.0)
+    scenario = BENCH.with_(loads={"heat": (hours, hours)})
+    model = td.model_from_dict(DECK)
+    spread = td.design.Spread("sensor", ("a",), np.eye(1), (False,))
+    shown = (scenario, td.prepare(model, scenario), td.design.Action("on", scenario), td.design.Aim(scenario, "box"), spread)
+    for given in shown:
+        assert len(repr(given)) <= 400, type(given).__name__
+        assert "array(" not in repr(given)
+    assert repr(BENCH) == "<Scenario: title='bench', boundaries={air}, start='20 [degC]', duration=600, as_printed=False>"
 
 
 def test_a_fit_has_a_plot(fit: Any) -> None:

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <iterator>
 #include <set>
+#include <tuple>
 #include <utility>
 
 namespace thermid {
@@ -151,31 +152,33 @@ void Elimination::build(const Pattern& p) {
     const int n = p.n;
     rank.assign(n, -1);
     order.clear();
-    // Node by node; ties go to the first.
+    // Node by node; ties go to the one that waits for the fewest before it, then to the first: a chain is eliminated from both of its ends.
     Neighbours graph = graph_of(p), later(n), before(n);
-    std::set<std::pair<size_t, int>> queue;
+    std::vector<int> waits(n, 0);
+    std::set<std::tuple<size_t, int, int>> queue;
     size_t entries = 0;
     for (int i = 0; i < n; ++i) {
-        queue.emplace(graph[i].size(), i);
+        queue.emplace(graph[i].size(), 0, i);
         entries += graph[i].size();
     }
     full = crowded(entries / 2, n);
     entries = 0;
     std::vector<int> met;
     for (int step = 0; step < n && !full; ++step) {
-        const int best = queue.begin()->second;
+        const int best = std::get<2>(*queue.begin());
         queue.erase(queue.begin());
         rank[best] = step;
         order.push_back(best);
         later[best].swap(graph[best]);
         entries += later[best].size();
         for (int i : later[best]) {
-            queue.erase({graph[i].size(), i});
+            queue.erase({graph[i].size(), waits[i], i});
             met.clear();
             std::set_union(graph[i].begin(), graph[i].end(), later[best].begin(), later[best].end(), std::back_inserter(met));
             met.erase(std::remove_if(met.begin(), met.end(), [=](int k) { return k == i || k == best; }), met.end());
             graph[i].swap(met);
-            queue.emplace(graph[i].size(), i);
+            waits[i] = std::max(waits[i], waits[best] + 1);
+            queue.emplace(graph[i].size(), waits[i], i);
         }
         full = crowded(entries, n);
     }

@@ -1,17 +1,35 @@
 // The layout of a network for the lane code: rows, and elimination by a fixed pattern in an order of least fill.
 #include <algorithm>
+#include <utility>
 
 #include "ensemble/ensemble.hpp"
 
+#if defined(THERMID_X86_LANES)
+#include <cpuid.h>
+#endif
+
 namespace thermid {
+
+#if defined(THERMID_X86_LANES)
+// Which vectors of 4 and of 8 numbers processor and operating system have: bits of CPUID's leaves 1 and 7, and of XCR0 for what a change of
+// task saves (Intel 64 and IA-32 Architectures Software Developer's Manual, vol. 2A, CPUID; vol. 1, 13.3). The compilers' own test of the
+// processor needs a symbol that not every runtime has (zig's).
+static std::pair<bool, bool> vectors() {
+    unsigned a = 0, b = 0, c = 0, d = 0, saved = 0, high = 0;
+    if (!__get_cpuid(1, &a, &b, &c, &d) || !(c & bit_OSXSAVE)) return {false, false};
+    const bool fma = c & bit_FMA;
+    __asm__("xgetbv" : "=a"(saved), "=d"(high) : "c"(0));
+    if (!fma || (saved & 0x06) != 0x06 || !__get_cpuid_count(7, 0, &a, &b, &c, &d) || !(b & bit_AVX2)) return {false, false};
+    return {true, (saved & 0xe6) == 0xe6 && (b & bit_AVX512F) && (b & bit_AVX512DQ)};
+}
+#endif
 
 std::vector<std::string> instruction_sets() {
     std::vector<std::string> out{LANES_BASELINE.name};
 #if defined(THERMID_X86_LANES)
-    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) {
-        out.push_back(LANES_AVX2.name);
-        if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq")) out.push_back(LANES_AVX512.name);
-    }
+    const auto [four, eight] = vectors();
+    if (four) out.push_back(LANES_AVX2.name);
+    if (eight) out.push_back(LANES_AVX512.name);
 #endif
     return out;
 }

@@ -13,6 +13,7 @@ namespace thermid {
 
 namespace {
 constexpr double NEVER = std::numeric_limits<double>::infinity();
+constexpr double AHEAD = 100.0;  // how far steps may reach beyond the host's, in parts of its own; they rarely do
 constexpr double PASSED = 1e-9;  // how close to its level a guard counts as passed: what the host's root search may leave [K]
 constexpr double CLOSE = 1e-12;  // of massless nodes, as a share of their temperature
 constexpr int MOST = 100;        // iterations of Newton's method
@@ -62,6 +63,7 @@ FmuModel::FmuModel(std::shared_ptr<const Image> image)
     options_.energy = false;
     options_.rtol = 2e-9;  // tighter than a run of its own: switchings then fall within 1e-5 K of where they belong
     options_.atol = 2e-8;
+    options_.input_atol = 1e-6;
     reset();
 }
 
@@ -115,7 +117,7 @@ void FmuModel::set(const Variable& x, double value) {
     if (x.kind == VALUE) {
         if (now_.names[x.place] == value) return;
         now_.names[x.place] = value;
-        coefficients_ = true;
+        coefficients_ = changed_ = true;
     } else if (x.kind == TEMPERATURE && x.place < p_.n && p_.capacity[x.place] >= 0) {
         now_.t[x.place] = value;
         restart_ = true;
@@ -416,22 +418,23 @@ void FmuModel::derivative(const Variable* unknown, size_t unknowns, const Variab
 
 void FmuModel::step(double to) {
     try {
-        const bool changed = coefficients_;
-        if (changed || restart_) update();
+        const bool driven = changed_ || restart_;  // it may be again at the next step: none reaches beyond this one
+        if (driven) update();
         if (!run_ || restart_) {
             options_.on.assign(now_.on.begin(), now_.on.end());
             run_ = std::make_unique<Integrator>(p_, coef_.data(), none_, options_);
             run_->begin(now_.t.data(), now_.time, now_.entered.data(), result_);
             restart_ = false;
-        } else if (changed) {
+        } else if (changed_) {
             run_->renew();
         }
-        run_->go_on(to);
+        changed_ = false;
+        run_->go_on(to, driven ? to : to + AHEAD * (to - now_.time));
     } catch (const Failure& f) {
         restart_ = true;
         refuse(f, now_.time);
     }
-    now_.t = run_->temperatures();
+    std::copy(run_->temperatures(), run_->temperatures() + p_.n, now_.t.begin());
     const std::vector<uint8_t>& on = run_->switches();
     now_.on.assign(on.begin(), on.end());
     now_.entered = run_->entered();

@@ -62,6 +62,7 @@ class FmuModel {
     Evaluation e_;
     Snapshot now_;
     bool starting_ = true, coefficients_ = true, fresh_ = false;
+    bool changed_ = false;  // some name has, since the latest step
     std::vector<int> block_;  // places of massless nodes' slopes among the pattern
     Lu lu_;
     std::vector<double> jacobian_, step_;

@@ -46,7 +46,7 @@ bool Integrator::attempt(OutputList& out, double& next) {
     stages_.start(first_);
     if (outputs_.turnings.on()) outputs_.turnings_start();
     first_ = false;
-    inside_ = watch || outputs_.turnings.on() || (out.next < out.n && out.t[out.next] <= step_.end);
+    inside_ = watch || step_.end > asked_ || outputs_.turnings.on() || (out.next < out.n && out.t[out.next] <= step_.end);
     const double left = errors_.input_error();
     if (left > step_.slack * o_.input_atol) {
         hold_ = step_.h * std::max(0.2, 0.8 * std::pow(o_.input_atol / left, 0.4));  // the caller's next stands
@@ -179,34 +179,41 @@ void Integrator::advance(double t_end, OutputList& out) {
             ++r_->rejected;
             continue;
         }
-        ++r_->steps;
-        state_.drift.swap(step_.drift_next);
         if (clipped_) next = std::max(next, wish);
-        if (outputs_.turnings.on()) outputs_.turnings_end(out);
-        outputs_.emit(out, *r_);
-        if (o_.energy) {
-            for (size_t r = 0; r < state_.E_con.size(); ++r) state_.E_con[r] += step_.h * step_.acc_con[r];
-            for (size_t r = 0; r < state_.E_load.size(); ++r) state_.E_load[r] += step_.h * step_.acc_load[r];
-        }
-        if (pending_ >= 0) {
-            same_time_ = step_.h > 1e-8 + 1e-13 * std::fabs(state_.t) ? 0 : same_time_ + 1;
-            apply_events();
-            pending_ = -1;
-            next = std::max(next, 0.25 * resume_);
-        } else {
-            state_.T.swap(step_.T1);
-            state_.S.swap(step_.S1);
-            state_.t = step_.end;
-        }
-        if (!p_.samplers.empty()) sample();
-        seen();
-        r_->mesh.push_back(state_.t);
+        beyond_ = step_.end > asked_;
+        if (beyond_) break;
+        take(out, next);
         if (given) {  // the next step of the mesh, whatever this one suggests
             next = t_end - state_.t;
             hold_ = std::numeric_limits<double>::infinity();
         }
     }
     if (in_parts_) wish_ = next;
+}
+
+// The step that was made becomes the past; `next` is the step to try next.
+void Integrator::take(OutputList& out, double& next) {
+    ++r_->steps;
+    state_.drift.swap(step_.drift_next);
+    if (outputs_.turnings.on()) outputs_.turnings_end(out);
+    outputs_.emit(out, *r_);
+    if (o_.energy) {
+        for (size_t r = 0; r < state_.E_con.size(); ++r) state_.E_con[r] += step_.h * step_.acc_con[r];
+        for (size_t r = 0; r < state_.E_load.size(); ++r) state_.E_load[r] += step_.h * step_.acc_load[r];
+    }
+    if (pending_ >= 0) {
+        same_time_ = step_.h > 1e-8 + 1e-13 * std::fabs(state_.t) ? 0 : same_time_ + 1;
+        apply_events();
+        pending_ = -1;
+        next = std::max(next, 0.25 * resume_);
+    } else {
+        state_.T.swap(step_.T1);
+        state_.S.swap(step_.S1);
+        state_.t = step_.end;
+    }
+    if (!p_.samplers.empty()) sample();
+    seen();
+    r_->mesh.push_back(state_.t);
 }
 
 }  // namespace thermid

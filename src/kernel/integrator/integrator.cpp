@@ -136,12 +136,26 @@ void Integrator::begin(const double* nodes, double t, const double* entered, Res
     in_parts_ = true;
 }
 
-void Integrator::go_on(double t_end) {
+void Integrator::go_on(double to, double horizon) {
     OutputList none{nullptr, 0, 0, nullptr, 0};
-    if (t_end > state_.t) advance(t_end, none);
+    asked_ = to;
+    if (beyond_ && to >= step_.end) {
+        beyond_ = false;
+        take(none, wish_);
+    }
+    if (!beyond_ && to > state_.t) advance(std::max(to, horizon), none);
+    if (!beyond_) return;
+    outputs_.need_u = true;
+    outputs_.nodes_at(to - state_.t, to, true);
 }
 
 void Integrator::renew() {
+    if (beyond_) {
+        std::copy(temperatures(), temperatures() + n_, state_.T.begin());
+        state_.t = asked_;
+        beyond_ = false;
+        pending_ = -1;
+    }
     step_.e.renew();
     outputs_.view.renew();
     setup_.take_capacities();

@@ -28,12 +28,13 @@ class Integrator {
     Integrator(const Integrator&) = delete;  // its parts refer to each other
     void run(const double* t0_nodes, const double* s0, double t0, double t_end, const double* out_t, long nout, const int* obs, int nobs,
              Result& r);
-    // In parts, for a caller that goes on from time to time: begin where things stand, then go on to later times as often as wanted. Coefficients
-    // may change between, told by renew(). These throw Failure.
+    // In parts, for a caller that goes on from time to time: begin where things stand, then go on to later times as often as wanted. Steps may
+    // reach beyond such a time, up to `horizon`; what stands there is read off their dense output. Coefficients may change between, told by
+    // renew(): what lies beyond is given up. These throw Failure.
     void begin(const double* nodes, double t, const double* entered, Result& r);
-    void go_on(double t_end);
+    void go_on(double to, double horizon);
     void renew();
-    const std::vector<double>& temperatures() const { return state_.T; }
+    const double* temperatures() const { return (beyond_ ? outputs_.view.t : state_.T).data(); }
     const std::vector<uint8_t>& switches() const { return step_.e.on; }
     const std::vector<double>& entered() const { return state_.entered; }
 
@@ -61,6 +62,7 @@ class Integrator {
 
     // control.cpp
     void advance(double t_end, OutputList& out);
+    void take(OutputList& out, double& next);
     bool attempt(OutputList& out, double& next);
     bool too_long(double err, double& next);
     double first_step(double span) const;
@@ -71,7 +73,9 @@ class Integrator {
     bool clipped_ = false, first_ = true;
     bool inside_ = false;    // outputs fall into this step
     bool in_parts_ = false;  // the next part begins with the step that this one would have made
-    double wish_ = 0.0;      // that step, 0 for none
+    bool beyond_ = false;    // the step under way has been made, reaches beyond the time that was asked for, and is not taken yet
+    double asked_ = std::numeric_limits<double>::infinity();  // that time
+    double wish_ = 0.0;      // the next step, 0 for none
 
     // events.cpp
     std::vector<double> samples_, when_, rates_;

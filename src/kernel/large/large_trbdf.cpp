@@ -247,8 +247,10 @@ void LargeRun::restore_slopes() {
 }
 
 // Massless nodes at the start, and after a jump of the inputs: F = 0 with the others held.
+// The symmetric part of radiation lets whole steps swing by up to three times what was left; a share of them is taken while they do.
 bool LargeRun::settle_massless() {
-    double before = std::numeric_limits<double>::infinity(), share = 1.0;
+    std::vector<double> before(massless_.size());
+    double share = 1.0;
     for (int k = 0; k < 10 * MOST_NEWTON; ++k) {
         const Field& t = warm(T_);
         gather(rows_, t.data());
@@ -257,10 +259,14 @@ bool LargeRun::settle_massless() {
         spread(T_);
         for (size_t i = 0; i < p_.special.size(); ++i) r_v_[p_.special[i]] += rows_.heat[i];
         if (!gradients(r_v_, 1.0, 0.0, 1e-4 * o_.tolerance)) return false;
-        double size = 0.0;
-        for (int i = 0; i < n_; ++i) size = std::max(size, std::fabs(x_[i]));
-        if (k > 1 && size > 0.7 * before) share = std::max(0.5 * share, 0.0625);
-        before = size;
+        double size = 0.0, along = 0.0;
+        for (size_t m = 0; m < massless_.size(); ++m) {
+            const double step = x_[massless_[m]];
+            size = std::max(size, std::fabs(step));
+            along += step * before[m];
+            before[m] = step;
+        }
+        share = along < 0.0 ? std::max(0.5 * share, 0.0625) : std::min(2.0 * share, 1.0);
         const double cut = share * (size > 100.0 ? 100.0 / size : 1.0);
         for (int i = 0; i < n_; ++i) T_[i] += cut * x_[i];
         if (size < 1e-3 * o_.tolerance) return true;

@@ -106,6 +106,7 @@ _WORDS: Final = {
 }
 """Kind -> what it is called, where that is not its name."""
 _SIGNS: Final = (
+    ("credibility record", {"synthetic", "values"}),
     ("campaign", {"records", "stages"}),
     ("deck", {"nodes"}),
     ("deck", {"submodels"}),

@@ -26,6 +26,8 @@ MAX_REPR_CHARACTERS: Final = 400
 """Characters of a `repr` at most."""
 ROWS: Final = 20
 """Rows of a table in a notebook; what is left out is counted below it."""
+NAMES: Final = 4
+"""Names of a mapping that one line gives; of more, their count."""
 HOUR: Final = 3600.0
 
 Row = Mapping[str, object]
@@ -64,7 +66,10 @@ class Shown:
         """Return the result in one line; the first one of its text, or its fields."""
         if type(self).__str__ is not object.__str__:
             return str(self).partition("\n")[0]
-        return ", ".join(f"{f.name}={_brief(getattr(self, f.name))}" for f in fields(self) if f.repr) if is_dataclass(self) else ""
+        if not is_dataclass(self):
+            return ""
+        values = {f.name: getattr(self, f.name) for f in fields(self) if f.repr}
+        return ", ".join(f"{n}={_brief(v)}" for n, v in values.items() if not isinstance(v, Sized) or len(v))
 
     def _as_rows(self) -> list[Row]:
         """Return the result as a table; by default what it holds by name, or its first list of things, or its own numbers."""
@@ -222,6 +227,8 @@ def _brief(value: object) -> str:
         return repr(value if len(value) <= 40 else f"{value[:37]}...")
     if value is None or isinstance(value, bool | int | float):
         return f"{value:.6g}" if isinstance(value, float) else str(value)
+    if isinstance(value, Mapping) and len(value) <= NAMES and all(isinstance(n, str) for n in value):
+        return f"{{{', '.join(value)}}}"
     if isinstance(value, Sized):
         return f"[{len(value)}]"
     return type(value).__name__

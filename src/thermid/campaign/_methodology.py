@@ -14,6 +14,7 @@ from thermid.base.errors import DeckError, NameNotFoundError, nearest, refuse_un
 from thermid.base.expression import Kelvin
 from thermid.base.extensions import by_grammar
 from thermid.base.files import STUDY, write_text
+from thermid.base.results import Shown
 from thermid.base.toml_files import Places, read_toml, resolve_inside
 from thermid.base.units import TEMPERATURE
 from thermid.campaign._file import read_campaign
@@ -131,7 +132,7 @@ class Exceeded:
 
 
 @dataclass(frozen=True)
-class Study:
+class Study(Shown):
     """What a study is about and how it is done, in four steps.
 
     Parameters

@@ -18,6 +18,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, RecordError, ScenarioError, SolverError
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
+from thermid.base.results import Shown
 from thermid.fit._minimisation import Fit, covariances, minimise
 from thermid.fit._problem.experiment import OFFSET, SCALE, Experiment, Ticks
 from thermid.fit._problem.gather import build_problem
@@ -344,7 +345,7 @@ ROUGH = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Alignment:
+class Alignment(Shown):
     """How a second clock runs beside the first one: a time t on it is ``offset + rate t``.
 
     Parameters

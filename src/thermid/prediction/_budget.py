@@ -14,6 +14,7 @@ from thermid.base.codes import CodedText
 from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError
 from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse
+from thermid.base.results import Shown
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import MAX_GAS_CONDUCTANCE, Discrepancy, losing_gas
 from thermid.fit.error_model import ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES, ErrorModel, KeptWay, SeenValue
@@ -57,7 +58,7 @@ ROOM_HATS = 25
 
 
 @dataclass(frozen=True, eq=False)
-class Spread:
+class Spread(Shown):
     """How far some values may lie from where a model has them, normal or log-normal, correlated or not.
 
     Parameters

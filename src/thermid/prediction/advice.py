@@ -14,7 +14,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
 from thermid.base.linear_algebra import Array, variance
-from thermid.base.results import Result
+from thermid.base.results import Result, Shown
 from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES
 from thermid.fit.problem import (
@@ -74,7 +74,7 @@ SHARE_OF_GAIN = 0.9
 
 
 @dataclass(frozen=True)
-class Aim:
+class Aim(Shown):
     """A temperature that is to be known better.
 
     Parameters
@@ -95,7 +95,7 @@ class Aim:
 
 
 @dataclass(frozen=True, eq=False)
-class Action:
+class Action(Shown):
     """A test that could be made.
 
     Parameters

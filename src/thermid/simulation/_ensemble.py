@@ -103,8 +103,8 @@ class Ensemble(Result):
     def turnings(self, node: str) -> MemberTurnings | None:
         """Return the turning points of a node between samples in every member; None where members were not followed.
 
-        That is so with ``Options(extremes=False)``, where members were counted, and for a massless node that was eliminated: its weights
-        differ from member to member.
+        That is so with ``Options(extremes=False)``, where members were counted, and for a massless node that was eliminated, as it is
+        unless `nodes` names it: its weights differ from member to member.
         """
         return self._turnings.get(self._stored_node(node))
 
@@ -624,6 +624,8 @@ def run_members(
     if quantiles is not None:
         check_shares(np.array(shares), where)
     wanted = tuple(dict.fromkeys(network.find(n) for n in nodes)) if nodes is not None else (*network.nodes, *network.boundaries)
+    if nodes is not None and options.extremes and (followed := frozenset(wiring.gone) & {*wanted}):
+        engine = Engine(Wiring(network, wiring.scenario, wiring.free, followed))  # as sums, their weights would differ between members
     if engine.runner is not None:
         return _one_by_one(engine, values, members, times, wanted, shares, warnings)
     runs = _Runs(engine, times, wanted, options, threads, simd)

@@ -17,6 +17,7 @@ from thermid.base.dual import value_of
 from thermid.base.errors import NameNotFoundError, ScenarioError, cap, errors_at, raising, refuse_unknown
 from thermid.base.expression import quantity, seconds, si_values
 from thermid.base.linear_algebra import Array
+from thermid.base.results import Shown
 from thermid.base.units import TEMPERATURE, unit
 from thermid.model.laws import Constant, literal
 from thermid.model.parameters import POSITIVE
@@ -143,7 +144,7 @@ def _free_name(network: Network, raw: str) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Simulator:
+class Simulator(Shown):
     """A model and a scenario made ready for many runs.
 
     Parameters

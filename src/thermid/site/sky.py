@@ -11,6 +11,7 @@ import numpy as np
 
 from thermid.base.errors import ScenarioError
 from thermid.base.linear_algebra import Array
+from thermid.base.results import Shown
 from thermid.model.elements import Facing
 from thermid.model.laws import Mixed, Signal, TableSignal
 from thermid.physics.constants import STEFAN_BOLTZMANN
@@ -30,7 +31,7 @@ BRIGHTEST = 1412.0
 
 
 @dataclass(frozen=True, eq=False)
-class OpenSky(Sky):
+class OpenSky(Shown, Sky):
     """Sun and sky over a place: falls on every surface outdoors as the surface faces it.
 
     Parameters

@@ -402,7 +402,7 @@ def load_store(path: str | os.PathLike[str]) -> tuple[Store, str]:
             "`values` of a campaign's stage.",
             target.name,
         )
-    kind = "thermid.values._schema.OldValuesFile" if data["schema"] == 1 else "thermid.values._schema.ValuesFile"
+    kind = "thermid.values._schema.OldValuesFile" if data["schema"] == 1 and "stage" in data else "thermid.values._schema.ValuesFile"
     checked = by_grammar(kind, data, Places(target.name))
     store, stage = _read_old(data) if data["schema"] == 1 else _read(data, checked.sources), checked.stage
     for name, v in data["values"].items():

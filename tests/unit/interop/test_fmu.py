@@ -257,6 +257,40 @@ def test_an_input_that_the_host_drives(tmp_path: Path) -> None:
         assert np.abs(found[:, k + 1] - ours[node].kelvin).max() < 1e-6, node
 
 
+@pytest.mark.parametrize("reads", [False, True], ids=["", "read before the step"])
+@pytest.mark.parametrize("name", ["linear", "thermostat", "massless"])
+def test_steps_that_reach_beyond_the_hosts_are_given_up_where_an_input_changes(name: str, reads: bool, tmp_path: Path) -> None:
+    """A load changes every 37 steps of 1 s; those between are read off longer ones, and values that are read first change nothing."""
+    fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed (pip install 'thermid[fmu]')")
+    model, scenario, nodes = MODELS[name]
+    fmu = unpacked(model, scenario, tmp_path)
+    load = next(n for n in fmu.references if n.startswith("load."))
+    described = fmpy.read_model_description(str(fmu.file))
+    host = fmpy.fmi3.FMU3Slave(
+        guid=described.guid, unzipDirectory=str(fmu.folder), modelIdentifier=described.coSimulation.modelIdentifier, instanceName="s"
+    )
+    host.instantiate()
+    host.enterInitializationMode()
+    host.exitInitializationMode()
+    ask, drive, every, count = [fmu.references[f"T.{n}"] for n in nodes], fmu.references[load], 37, 600
+    factors = [1.0 + 0.6 * (-1) ** k for k in range(count // every + 1)]
+    found = [host.getFloat64(ask)]
+    for k in range(count):
+        if k % every == 0:
+            host.setFloat64([drive], [factors[k // every]])
+            if reads:
+                host.getFloat64(ask)
+        host.doStep(currentCommunicationPoint=float(k), communicationStepSize=1.0)
+        found.append(host.getFloat64(ask))
+    host.freeInstance()
+    command = {"times": [f"{every * k} [s]" for k in range(len(factors))], "values": factors, "hold": True, "after": "hold"}
+    driven = scenario.with_(commands={**scenario.commands, load.partition(".")[2]: command})
+    ours = td.simulate(model, driven, times=np.arange(count + 1.0), options=TIGHT)
+    between = np.arange(count + 1) % every != 0  # at a change itself a massless node has two temperatures
+    for k, node in enumerate(nodes):
+        assert np.abs(np.array(found)[:, k] - ours[node].kelvin)[between].max() < CLOSE, node
+
+
 def test_the_heat_of_boundaries_closes_the_balance(tmp_path: Path) -> None:
     fmu = unpacked(*MODELS["thermostat"][:2], tmp_path)
     found = fmu.run(["der(T.a)", "der(T.b)", "heat.air", "power.heat"], 1200.0, 10.0)

@@ -156,7 +156,7 @@ def _forecasts(ends: dict[str, Forecast | str], times: list[str]) -> dict[str, A
 def _read(log: Path, channel: list[str], reference: str, time: str | None) -> Record:
     """Return the temperatures of a log."""
     sits = {n: node or n for n, _, node in (text.partition("=") for text in channel)}
-    names = list(sits) or [n for n in temperature_columns(log) if n != reference]
+    names = list(sits) or [n for n in temperature_columns(log, time) if n != reference]
     if not names:
         raise RecordError("no column looks like a temperature. Name them with --channel.", log.name)
     bindings: dict[str, str | dict[str, object]] = {n: {"node": sits.get(n, n)} for n in names}

@@ -19,10 +19,8 @@ from thermid.app.cli.options import (
     Boundaries,
     Data,
     KeepValues,
-    Loads,
     Results,
     ScenarioPath,
-    Start,
     ValuesPath,
     fitted_model,
     leave,
@@ -50,6 +48,8 @@ if TYPE_CHECKING:
     from thermid.bench.capture import PortCapture
 
 PORT: Final = "a serial port that is watched"
+READ_KEYS: Final = ("time", "separator", "decimal", "clock")
+"""What a log may leave open, with the keys of a record."""
 MIN_SILENCE: Final = 60.0
 """Without a new reading before that is told, at least. [s]"""
 
@@ -71,10 +71,9 @@ def watch(
     log: LogPath,
     channel: Channels = [],  # noqa: B006
     full_scale: FullScale = [],  # noqa: B006
-    time: Annotated[str | None, typer.Option("--time", help="The time column, where its name does not say.")] = None,
-    separator: Annotated[str | None, typer.Option("--separator", help="Separator of the columns, where it cannot be told.")] = None,
-    decimal: Annotated[str | None, typer.Option("--decimal", help="Decimal sign, where the file has both.")] = None,
-    date: Annotated[str | None, typer.Option("--clock", help="Form of the stamps, such as '%d/%m/%Y %H:%M'.")] = None,
+    reading: Annotated[
+        list[str], typer.Option("--read", help="KEY=VALUE of a record's time, separator, decimal or clock, such as clock='%d/%m/%Y %H:%M'.")
+    ] = [],  # noqa: B006
     rule: Annotated[str, typer.Option("--rule", help="The plan's own rule of stability, such as '3 C/h' or '1 K over 4 h'.")] = "3 C/h",
     required: Annotated[bool, typer.Option("--required", help="The plan asks that its rule holds; no stop is advised before.")] = False,
     within: Annotated[str, typer.Option("--within", help="Half of the interval of where a channel ends, at most.")] = "1 [K]",
@@ -89,9 +88,6 @@ def watch(
     stage: Annotated[str, typer.Option("--stage", help="The stage whose values are used; the last one by default.")] = "",
     scenario: ScenarioPath = None,
     boundary: Boundaries = [],  # noqa: B006
-    load: Loads = [],  # noqa: B006
-    start: Start = None,
-    noise: Annotated[str | None, typer.Option("--noise", help="Noise of one reading; what the readings show by default.")] = None,
     every: Annotated[str, typer.Option("--every", help="Time between two readings of the log.")] = "60 [s]",
     replay: Annotated[bool, typer.Option("--replay", help="Look at a log that ended as if it grew.")] = False,
     capture: Annotated[Path | None, typer.Option("--capture", help="File that keeps the lines of a serial port.")] = None,
@@ -116,18 +112,18 @@ def watch(
             "give a campaign with --record and --stage, or a deck with --model, --values, --channel and --full-scale.",
             "command line",
         )
-    has_conditions = bool(boundary or load or scenario is not None or start is not None)
-    stated_scenario = scenario_of(scenario, boundary, load, start, None) if has_conditions else None
-    stated = None if noise is None else with_unit(noise, "K")
-    read = {"time": time, "separator": separator, "decimal": decimal, "clock": date}
+    stated = scenario_of(scenario, boundary, [], None, None) if boundary or scenario is not None else None
+    read = pairs(reading, "--read")
+    if unknown := sorted(read.keys() - READ_KEYS):
+        raise RecordError(f"the keys are {', '.join(READ_KEYS)}, not '{unknown[0]}'.", "--read", code="file.unknown-key")
     test = None if campaign is None else running_test(staged(campaign, data, results, accept), record, stage)
     if test is None:
         deck = None if model is None else fitted_model(model, values, keep)
-        columns = BoundColumns(*_column_bindings(channel, full_scale), stated, deck, read)
+        columns = BoundColumns(*_column_bindings(channel, full_scale), model=deck, options=read)
     else:
-        columns = _columns_of(test, stated, read)
+        columns = _columns_of(test, read)
     standing = UNJUDGED if columns.model is None else model_standing(columns.model).accept(accept or ())
-    request = _request(columns, test, stated_scenario, required, rule, within, limit, slowest, since)
+    request = _request(columns, test, stated, required, rule, within, limit, slowest, since)
     with ExitStack() as open_:
         line = open_.enter_context(extension("serial_port", PORT, str(log))(log, capture)) if _is_port(log) else None
         path = log if line is None else line.path
@@ -139,10 +135,9 @@ def watch(
     leave(standing, 4 if look is None else 1 if look.alarms else {"stop": 0}.get(look.advice.word, 4))
 
 
-def _columns_of(test: RunningTest, noise: str | None, read: dict[str, str | None]) -> BoundColumns:
+def _columns_of(test: RunningTest, read: dict[str, str]) -> BoundColumns:
     """Return the columns of a log that is like a record of a campaign."""
-    options = test.options | {k: v for k, v in read.items() if v is not None}
-    columns = BoundColumns(noise=noise, model=test.model, options=options, tables=dict(test.table.channels), bound=test.bound)
+    columns = BoundColumns(model=test.model, options=test.options | read, tables=dict(test.table.channels), bound=test.bound)
     columns.remarks = test.remarks
     return columns
 

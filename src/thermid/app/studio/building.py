@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -107,10 +107,8 @@ class Building:
         after = card_places(nodes, [(a, b) for a, b in pairs if a != b and {a, b} <= set(nodes)], CARD_ROOM)
         out = {n: (float(placed[n][0]), float(placed[n][1])) for n in nodes if n in placed}
         for name, place in after.items():
-            while name not in out:
-                if all(abs(place[0] - x) >= CARD_ROOM[0] or abs(place[1] - y) >= CARD_ROOM[1] for x, y in out.values()):
-                    out[name] = place
-                place = place[0] + CARD_ROOM[0] + 8.0 * PLACE_GRID, place[1]
+            if name not in out:
+                out[name] = _beside(place, out.values())
         return out
 
     def _logged(self, element: dict[str, Any], log: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -199,7 +197,9 @@ class Building:
         edits, name = added(self.draft.deck.content, shape, text_of(body, "name"), ends, part)
         places: list[Edit] = []
         if "x" in body and not ends:
-            places = [self._place(name, body)]
+            # the page may not know of a node that another tab put there
+            x, y = _beside((number_of(body, "x"), number_of(body, "y")), self.state()["places"].values())
+            places = [self._place(name, {"x": x, "y": y})]
         return self.draft.edited({DECK: edits, VIEW: places}), {"made": name, "table": PALETTE[shape].table}
 
     def _part(self, deck: str) -> dict[str, Any]:
@@ -444,3 +444,11 @@ class Building:
 
 _SHOWN: Final = ("nodes", "surfaces", "conductors", "loads", "submodels")
 """Tables that the canvas draws."""
+
+
+def _beside(place: tuple[float, float], taken: Iterable[tuple[float, float]]) -> tuple[float, float]:
+    """Return a place of a card, or the first one to its right where no other card lies. [px]"""
+    others = tuple(taken)
+    while any(abs(place[0] - x) < CARD_ROOM[0] and abs(place[1] - y) < CARD_ROOM[1] for x, y in others):
+        place = place[0] + CARD_ROOM[0] + 8.0 * PLACE_GRID, place[1]
+    return place

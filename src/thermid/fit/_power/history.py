@@ -14,7 +14,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, ThermidError, refuse_unknown
 from thermid.base.expression import Kelvin
 from thermid.base.linear_algebra import HALF_WIDTH_95, NOTHING, Array, Bools, covariance as information_inverse, quadratic_forms
-from thermid.base.results import PlottedTrace, Result
+from thermid.base.results import PlottedTrace, Result, Shown
 from thermid.base.units import unit
 from thermid.fit._minimisation import LocalCost, descend
 from thermid.fit._problem.gather import build_problem
@@ -160,7 +160,7 @@ class PowerHistory(Result):
 
 
 @dataclass(frozen=True, eq=False)
-class PowerLaw:
+class PowerLaw(Shown):
     """A law of the power over the temperature T of the heated node, fitted to a history.
 
     Parameters

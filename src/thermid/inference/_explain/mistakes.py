@@ -19,7 +19,7 @@ from thermid.base.errors import ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.fit.problem import Prior, Request, Unknown
 from thermid.inference._explain.candidates import Fitted, plain_lacks
-from thermid.inference._explain.causes import MISTAKES, SIZES
+from thermid.inference._explain.causes import DECK_VALUE, MISTAKES, SIZES
 from thermid.inference._explain.heats import Heat, heats_of, stores_of
 from thermid.inference._explain.rough_fit import MAX_DESCENT_STEPS, MAX_RANKING_STEPS, Extra, RoughEnd, RoughFit
 from thermid.inference._explain.thresholds import (
@@ -40,6 +40,7 @@ from thermid.inference._explain.thresholds import (
 )
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import Channel, Record
+from thermid.model.tree import parameter_table
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.network import Network
 
@@ -164,9 +165,10 @@ def _mistakes_of(request: Request, name: str) -> Mistakes:
     placed = sorted((f for h, _ in ranked[:SECOND] for f in _placed(h, fit, base)), key=lambda f: -_gain(f[0], f[1], base))
     placed = [f for f in placed if _gain(f[0], f[1], base) >= MIN_NAMED_GAIN and f[1].cost < MAX_MISFIT_LEFT * base.cost]
     least = OVER_STRUCTURE + base.cost - _of_structure(request, fit, base) if placed else MIN_NAMED_GAIN
+    of_deck = max((_gain(h, end, base) for h, end in placed if h.kind == DECK_VALUE), default=-np.inf)
     named: dict[tuple[str, str], Mistake] = {}
     for h, end in placed:
-        if _gain(h, end, base) >= least:
+        if _gain(h, end, base) >= max(least, -np.inf if h.kind == DECK_VALUE else OVER_STRUCTURE + of_deck):
             amount = float(end.x[-1]) if h.heat is not None or h.extra is not None else 0.0
             mistake = Mistake(h.kind, h.name, h.words(amount), _gain(h, end, base), (base.rms, end.rms), h.remedy(amount))
             named.setdefault((h.kind, h.name), mistake)
@@ -281,7 +283,38 @@ def hypotheses(request: Request, fit: RoughFit, base: RoughEnd) -> list[Hypothes
     fit : RoughFit      It, over thinned readings.
     base : RoughEnd     Its end.
     """
-    return [*_of_requests(request, fit), *_of_readings(fit, base), *_of_heats(request, fit, base)]
+    return [*_of_deck(request, fit, base), *_of_requests(request, fit), *_of_readings(fit, base), *_of_heats(request, fit, base)]
+
+
+# ---- values of the deck that the fit holds
+
+
+def _of_deck(request: Request, fit: RoughFit, base: RoughEnd) -> Iterator[Hypothesis]:
+    """Yield the values that the fit holds, those that would take most squares away: of each element of which nothing is free, one."""
+    network = fit.problem.experiments[0].network
+    table, free = network.flat.parameters, [p for u in fit.problem.unknowns if u.kind == "parameter" for p in (u.name, *u.also)]
+    moved = {*free, *table.downstream(free)}
+    tables = [*(n.fields for n in network.flat.nodes), *(c.fields for c in network.flat.conductors)]
+    elements = [{*fields.values()} for fields in tables]
+    fixed = set().union(*(fields for fields in elements if not moved & fields)) - set().union(*(f for f in elements if moved & f))
+    paths = [p for p in table.order if p in fixed and table.table[p].parameter.is_literal and p in parameter_table(request.model)]
+    promised = _promised(replace(request, free=(*request.free, *paths)), fit, base) if paths else {}
+    for path in sorted(promised, key=lambda p: -promised[p])[:SECOND]:
+        text = parameter_table(request.model)[path].parameter.text
+        words = f"'{path}' is not {text}, at which the fit holds it"
+        other = replace(request, free=(*request.free, path))
+        yield _plain(DECK_VALUE, path, words, f"Measure it, or add '{path}' to free.", other)
+
+
+def _promised(request: Request, fit: RoughFit, base: RoughEnd) -> dict[str, float]:
+    """Return free value that a fit held -> what one step of it, beside those that were free, takes off the squares. [-]"""
+    opened = RoughFit.of_request(request, fit)
+    end = opened.at(opened.start(fit.named(base)))
+    before = [u.name in fit.named(base) for u in opened.problem.unknowns]
+    basis = np.linalg.qr(end.slopes[:, before])[0]
+    residuals, columns = (a - basis @ (basis.T @ a) for a in (end.rows, end.slopes))
+    gains = (columns.T @ residuals) ** 2 / np.maximum(np.sum(columns**2, axis=0), np.finfo(float).tiny)
+    return {u.name: float(g) for u, g, known in zip(opened.problem.unknowns, gains, before, strict=True) if not known}
 
 
 # ---- other requests: units, columns, nodes, clocks

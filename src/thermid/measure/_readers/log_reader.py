@@ -154,10 +154,18 @@ def parts_between_restarts(path: str | Path) -> list[str]:
     return ["\n".join([*head, *(lines[n - 1] for n in cells.lines[a:b]), ""]) for a, b in edges]
 
 
-def temperature_columns(path: str | Path) -> list[str]:
-    """Return the columns of a log that are temperatures by their unit, or by a name that begins with T and is not the time's."""
-    cells = log_cells(Path(path))
-    times = clock_column(cells, None).places
+def temperature_columns(path: str | Path, time: str | None = None, separator: str | None = None) -> list[str]:
+    """Return the columns of a log that are temperatures by their unit, or by a name that begins with T and is not the time's.
+
+    `time` and `separator` are those of `read_record`.
+
+    Raises
+    ------
+    MissingDataError   As `log_cells`.
+    RecordError        As `log_cells`, and when no column is the time's.
+    """
+    cells = log_cells(Path(path), separator)
+    times = clock_column(cells, time).places
     named = [name_and_unit(header) for at, header in enumerate(cells.header) if at not in times]
     return [name for name, unit in named if unit in _SCALES or (unit is None and name[:1] in ("T", "t"))]
 

@@ -442,6 +442,10 @@ class Samples:
         """Iterate over the names of the channels."""
         return iter(self.channels)
 
+    def __len__(self) -> int:
+        """How many channels there are."""
+        return len(self.channels)
+
     def __contains__(self, name: object) -> bool:
         """Whether there is a channel of that name."""
         return name in self.channels

@@ -12,6 +12,7 @@ import numpy as np
 
 from thermid.base.errors import DeckError, NameNotFoundError, cap, raising, refuse_unknown
 from thermid.base.linear_algebra import Array, Ints
+from thermid.base.results import Shown
 from thermid.model._deck.modelfile import model_from_dict
 from thermid.model._laws.signal import Constant, Signal, literal, signal
 from thermid.model._tree.model import Model
@@ -63,7 +64,7 @@ class Exchange:
 
 
 @dataclass(frozen=True, eq=False)
-class Block:
+class Block(Shown):
     """A regular block of cells; a plate is a block of one cell in one direction.
 
     A cell's temperature is that at its centre. Half a cell lies between two centres on either side of their face, so that unequal

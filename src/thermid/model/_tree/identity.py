@@ -168,7 +168,10 @@ def _laid_ties(model: Tree, layer: Mapping[str, Parameter], groups: Sequence[Seq
         return [], ()
     cuts: list[str] = []
     ties: list[tuple[str, ...]] = []
-    for paths in _classes(_rows(model, "")).values():
+    twins: dict[tuple[str, str], list[str]] = {}  # those that stages below parted are twins still: which was laid first makes no difference
+    for path, row in _rows(model, "").items():
+        twins.setdefault((row.owner, row.local), []).append(path)
+    for paths in twins.values():
         laid_paths = [p for p in paths if p in layer]
         if len(paths) == 1 or not laid_paths:
             continue

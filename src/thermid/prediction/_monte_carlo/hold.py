@@ -15,7 +15,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError
 from thermid.base.extensions import by_grammar
 from thermid.base.linear_algebra import Array
-from thermid.base.results import PlottedTrace, Result
+from thermid.base.results import PlottedTrace, Result, Shown
 from thermid.base.toml_files import Places, read_toml, resolve_inside
 from thermid.fit.error_model import UNEXPLAINED
 from thermid.model.deck import load_model
@@ -332,7 +332,7 @@ def driven_by(point: HoldPoint) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class HoldQuestion:
+class HoldQuestion(Shown):
     """How long a model keeps its limits in a scenario.
 
     Parameters

@@ -32,7 +32,6 @@ class BoundColumns:
     told : dict             Column -> node, boundary or load; by default every temperature, with a model every column of a name that it has.
     full_scale : dict       Column in per cent -> power at 100 %.
     units : dict            Column -> its unit, where the log has none.
-    noise : str or None     Of a reading of a node.
     model : Model or None   Of the unit.
     options : dict          What else `read_record` is told: time, separator, decimal, clock, units.
     tables : dict           Column -> its table as in a campaign, where one says what the columns are.
@@ -42,7 +41,6 @@ class BoundColumns:
     told: Mapping[str, str] = field(default_factory=dict)
     full_scale: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
-    noise: str | None = None
     model: Model | None = None
     options: Mapping[str, Any] = field(default_factory=dict)
     tables: dict[str, Any] = field(default_factory=dict)
@@ -62,7 +60,7 @@ class BoundColumns:
 
     def _temperatures(self, path: Path) -> dict[str, Any]:
         """Return the tables of temperatures alone."""
-        names = list(self.told) or temperature_columns(path)
+        names = list(self.told) or self._temperature_columns(path)
         if not names:
             raise RecordError("no column looks like a temperature. Name them with --channel.", path.name)
         return {n: self._table(n, "node", self.told.get(n, n)) for n in names}
@@ -76,7 +74,7 @@ class BoundColumns:
             for target in self.told.values():
                 refuse_unknown([canonical(target)], roles, "--channel", f"{model.title} has no node, boundary or load '{{}}'.", RecordError)
             return {n: self._table(n, roles[canonical(t)], t) for n, t in self.told.items()}
-        header = [name_and_unit(cell)[0] for cell in log_cells(path).header]
+        header = [name_and_unit(cell)[0] for cell in log_cells(path, self.options.get("separator")).header]
         roles_by_column = {n: roles[canonical(n)] for n in header if canonical(n) in roles}
         if "node" not in roles_by_column.values():
             nodes = ", ".join(list(network.nodes)[:8])
@@ -86,13 +84,15 @@ class BoundColumns:
                 path.name,
             )
         self.remarks = tuple(
-            f"not used: column {n}, which has no name of the deck's" for n in temperature_columns(path) if n not in roles_by_column
+            f"not used: column {n}, which has no name of the deck's" for n in self._temperature_columns(path) if n not in roles_by_column
         )
         return {n: self._table(n, role, n) for n, role in roles_by_column.items()}
 
+    def _temperature_columns(self, path: Path) -> list[str]:
+        """Return the columns of a log that are temperatures, read as told."""
+        return temperature_columns(path, self.options.get("time"), self.options.get("separator"))
+
     def _table(self, column: str, role: str, target: str) -> dict[str, Any]:
         table: dict[str, Any] = {role: target}
-        if role == "node" and self.noise is not None:
-            table["noise"] = self.noise
         more = {"full_scale": self.full_scale, "unit": self.units}
         return table | {key: given[column] for key, given in more.items() if column in given}

@@ -15,7 +15,7 @@ from thermid.model.tree import FlatConductor, Model
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting._diagrams.diagram import STYLES, FoldedModel, conductances, fold, pooled, quantity, tint, watts
 from thermid.reporting._diagrams.layout import clipped, width_of
-from thermid.reporting._diagrams.places import Card, MapPlaces, Point, places
+from thermid.reporting._diagrams.places import Card, MapPlaces, Point, docked, places
 from thermid.simulation.network import Numbers, compile_network
 
 MIN_LETTER_SIZE: Final = 10.5
@@ -186,9 +186,7 @@ def network_map(
     nodes = [n.path for n in plain.flat.nodes]
     inner = set(nodes)
     pairs = [pair for pair in joined if inner >= set(pair)]
-    bare = {n: _item(shown, n, {}, numbers, powers, logged) for n in nodes}
-    first = places(nodes, pairs, {n: i.width for n, i in bare.items()}, FOOT)
-    badges = _badges(shown, inner, first)
+    badges = _badges(shown, inner, *docked(nodes, pairs))
     items = {n: _item(shown, n, badges, numbers, powers, logged) for n in nodes}
     plan = places(nodes, pairs, {n: i.width for n, i in items.items()}, FOOT)
     drawing = _Drawing(plain, items, shown.joined, heat, shown.values, shown.flows, shown.kelvins, marked)
@@ -240,14 +238,14 @@ def _watts(numbers: Numbers, load: object) -> float:
     return float(value_of(numbers.values[fields["power"]])) if "power" in fields else 0.0
 
 
-def _badges(shown: _Drawing, inner: Collection[str], plan: MapPlaces) -> dict[str, list[_Badge]]:
+def _badges(shown: _Drawing, inner: Collection[str], docks: Mapping[str, str], hubs: Collection[str]) -> dict[str, list[_Badge]]:
     """Return node -> what it is joined to that has no line."""
     out: dict[str, list[_Badge]] = {}
     most = max(map(abs, shown.heat.values()), default=0.0)
     for (a, b), members in shown.joined.items():
         for node, other, sign in ((a, b, 1.0), (b, a, -1.0)):
-            hub = other in plan.hubs and node not in plan.hubs and plan.docks.get(node) != other
-            if node in inner and (other not in inner or hub or (other in plan.hubs and node in plan.hubs and node < other)):
+            hub = other in hubs and node not in hubs and docks.get(node) != other
+            if node in inner and (other not in inner or hub or (other in hubs and node in hubs and node < other)):
                 heat = sign * shown.heat[a, b] if shown.heat else None
                 out.setdefault(node, []).append(_Badge(other, heat, shown.tip(members), heat is not None and abs(heat) < FAINT * most))
     return out

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from itertools import pairwise
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from thermid.base.linear_algebra import Array
+from thermid.reporting._diagrams.lines import lines, tangles
 
 Point = tuple[float, float]
 PLACE_STEP: Final = 8.0
@@ -36,16 +36,10 @@ WIDEST: Final = (0.6, 2.0)
 """Width over height that a page has at least and at most."""
 NARROWEST: Final = 480.0
 """Width of a page, at least: title and legend stand on it. [px]"""
-BENDS: Final = (0.0, 45.0, -45.0, 80.0, -80.0)
-"""How far a line may leave the straight way to pass a card. [px]"""
-LINE_CLEARANCE: Final = 4.0
-"""Distance of a line from a card that it passes. [px]"""
-TINY: Final = 1e-9
-"""A length that counts as none. [px]"""
-LANES: Final = (0.0, 6.0, -6.0, 12.0, -12.0, 18.0, -18.0)
-"""Where lines that share a gutter run, from its middle. [px]"""
 EXCHANGES: Final = 600
 """Exchanges of two cards, at most."""
+STARTS: Final = tuple((rows, vectors) for rows in (0, -1, 1) for vectors in ((1, 2), (2, 1)))
+"""Rows more or less than the aspect asks for, and eigenvectors across and down, that are tried; the picture with fewest tangles stays."""
 
 
 @dataclass(frozen=True)
@@ -77,13 +71,6 @@ class Card:
     def row(self, node: str) -> float:
         """Return the middle height of a node's row. [px]"""
         return self.y + 6.0 + ROW_HEIGHT * (self.nodes.index(node) + 0.5)
-
-    def edge(self, towards: Point) -> Point:
-        """Return where a line from the middle to a point leaves it. [px]"""
-        x, y = self.middle
-        dx, dy = towards[0] - x, towards[1] - y
-        share = min(0.5 * self.width / max(abs(dx), 1e-9), 0.5 * self.height / max(abs(dy), 1e-9), 1.0)
-        return x + share * dx, y + share * dy
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,10 +117,17 @@ def places(nodes: Sequence[str], pairs: Sequence[tuple[str, str]], widths: Mappi
             between += [] if {a, b} & hubs else [(a, b)]
     needs = [(max(widths[n] + 14.0 * d for n, d in rows[name]) + 16.0, ROW_HEIGHT * len(rows[name]) + 12.0) for name in names]
     sizes = [(2.0 * _up(0.5 * w), 2.0 * _up(0.5 * h)) for w, h in needs]  # so that the middles of a column lie below one another
-    cards, spots, lanes, size = _placed_cards([rows[n] for n in names], weight, sizes, foot)
-    router = _Router(cards, spots, lanes)
-    lines = {(a, b): router.line(index[a], index[b]) for a, b in between}
-    return MapPlaces(tuple(cards), hubs, docks, lines, *size)
+    ends = [(index[a], index[b]) for a, b in between]
+    cards, size = _placed_cards([rows[n] for n in names], weight, sizes, ends, foot)
+    drawn = lines(*_corners(cards), ends)
+    points = [tuple((float(x), float(y)) for x, y in line) for line in drawn]
+    return MapPlaces(tuple(cards), hubs, docks, dict(zip(between, points, strict=True)), *size)
+
+
+def _corners(cards: Sequence[Card]) -> tuple[Array, Array]:
+    """Return left upper and right lower corners. (cards, 2) [px]"""
+    boxes = np.array([(c.x, c.y, c.x + c.width, c.y + c.height) for c in cards]).reshape(-1, 4)
+    return boxes[:, :2], boxes[:, 2:]
 
 
 def card_places(nodes: Sequence[str], pairs: Sequence[tuple[str, str]], size: tuple[float, float]) -> dict[str, Point]:
@@ -148,9 +142,10 @@ def card_places(nodes: Sequence[str], pairs: Sequence[tuple[str, str]], size: tu
         return {}
     index = {node: k for k, node in enumerate(nodes)}
     weight = np.zeros((len(nodes), len(nodes)))
-    for a, b in pairs:
-        weight[index[a], index[b]] = weight[index[b], index[a]] = 1.0
-    cards, *_ = _placed_cards([((n, 0),) for n in nodes], weight, [size] * len(nodes), 0.0)
+    ends = [(index[a], index[b]) for a, b in pairs]
+    for i, j in ends:
+        weight[i, j] = weight[j, i] = 1.0
+    cards, _ = _placed_cards([((n, 0),) for n in nodes], weight, [size] * len(nodes), ends, 0.0)
     return {card.nodes[0]: card.middle for card in cards}
 
 
@@ -219,48 +214,58 @@ def _rows(nodes: Sequence[str], docks: Mapping[str, str]) -> dict[str, tuple[tup
     return {n: tuple(below(n, 0)) for n in nodes if n not in docks}
 
 
-@dataclass(frozen=True)
-class _Lanes:
-    """Middles of the gutters before, between and behind the columns and rows. [px]"""
-
-    across: tuple[float, ...]
-    down: tuple[float, ...]
-
-
 def _placed_cards(
-    rows: Sequence[tuple[tuple[str, int], ...]], weight: Array, sizes: Sequence[tuple[float, float]], foot: float
-) -> tuple[list[Card], list[tuple[int, int]], _Lanes, tuple[float, float]]:
-    """Return the cards at their places, their columns and rows, the gutters, and the size of the page."""
+    rows: Sequence[tuple[tuple[str, int], ...]],
+    weight: Array,
+    sizes: Sequence[tuple[float, float]],
+    ends: Sequence[tuple[int, int]],
+    foot: float,
+) -> tuple[list[Card], tuple[float, float]]:
+    """Return the cards at their places, of several tries those whose lines are least tangled, and the size of the page."""
     count = len(sizes)
-    mean = tuple(sum(s[k] for s in sizes) / max(count, 1) + GUTTER[k] for k in (0, 1))
+    mean = (sum(w for w, _ in sizes) / max(count, 1) + GUTTER[0], sum(h for _, h in sizes) / max(count, 1) + GUTTER[1])
     best = min(range(1, count + 1), key=lambda r: abs(math.log(-(-count // r) * mean[0] / (r * mean[1] * ASPECT))), default=1)
-    columns, lines, spots = grid(weight, best, (mean[0], mean[1]))
+    tries = [(best + more, vectors) for more, vectors in STARTS if 1 <= best + more <= count and count > max(vectors)]
+    flat = eigenvectors(weight)
+    made = [_on_page(rows, sizes, grid(weight, lines_, mean, flat[:, vectors]), foot) for lines_, vectors in tries or [(best, (0, 0))]]
+    pairs = np.array(ends, dtype=int).reshape(-1, 2)
+    return min(made, key=lambda m: tangles(*_corners(m[0]), pairs))
+
+
+def _on_page(
+    rows: Sequence[tuple[tuple[str, int], ...]],
+    sizes: Sequence[tuple[float, float]],
+    places_: tuple[int, int, Sequence[tuple[int, int]]],
+    foot: float,
+) -> tuple[list[Card], tuple[float, float]]:
+    """Return cards on a grid, as wide and high as what stands in it, and the size of the page."""
+    columns, lines_, spots = places_
     wide = [max((s[0] for s, (c, _) in zip(sizes, spots, strict=True) if c == k), default=0.0) for k in range(columns)]
-    high = [max((s[1] for s, (_, r) in zip(sizes, spots, strict=True) if r == k), default=0.0) for k in range(lines)]
-    column_starts = [_up(GUTTER[0] + sum(wide[:k]) + GUTTER[0] * k) for k in range(columns + 1)]
-    top = [_up(GUTTER[1] + sum(high[:k]) + GUTTER[1] * k) for k in range(lines + 1)]
-    size = column_starts[-1], top[-1] + _up(foot)
+    high = [max((s[1] for s, (_, r) in zip(sizes, spots, strict=True) if r == k), default=0.0) for k in range(lines_)]
+    left = [_up(GUTTER[0] + sum(wide[:k]) + GUTTER[0] * k) for k in range(columns + 1)]
+    top = [_up(GUTTER[1] + sum(high[:k]) + GUTTER[1] * k) for k in range(lines_ + 1)]
+    size = left[-1], top[-1] + _up(foot)
     width = _up(max(size[0], WIDEST[0] * size[1], NARROWEST))
     page = width, _up(max(size[1], width / WIDEST[1]))
     aside, ahead = (PLACE_STEP * math.floor(0.5 * (p - s) / PLACE_STEP) for p, s in zip(page, size, strict=True))
     cards = []
     for rows_of_card, (w, h), (c, r) in zip(rows, sizes, spots, strict=True):
-        x, y = (PLACE_STEP * math.floor(v / PLACE_STEP) for v in (column_starts[c] + 0.5 * (wide[c] - w), top[r] + 0.5 * (high[r] - h)))
+        x, y = (PLACE_STEP * math.floor(v / PLACE_STEP) for v in (left[c] + 0.5 * (wide[c] - w), top[r] + 0.5 * (high[r] - h)))
         cards.append(Card(rows_of_card, aside + x, ahead + y, w, h))
-    lanes = _Lanes(tuple(aside + v - 0.5 * GUTTER[0] for v in column_starts), tuple(ahead + v - 0.5 * GUTTER[1] for v in top))
-    return cards, spots, lanes, page
+    return cards, page
 
 
-def grid(weight: Array, rows: int, cell: tuple[float, float]) -> tuple[int, int, list[tuple[int, int]]]:
+def grid(weight: Array, rows: int, cell: tuple[float, float], order: Array | None = None) -> tuple[int, int, list[tuple[int, int]]]:
     """Return columns and rows of a grid that holds all cards, and the column and row of each, neighbours near one another.
 
-    First by the second and third eigenvector of the graph's Laplacian, then by exchanges that shorten the lines.
+    First by eigenvectors of the graph's Laplacian, then by exchanges that shorten the lines.
 
     Parameters
     ----------
     weight : array (cards, cards)   How strongly each two belong together; symmetric.
     rows : int                      Of the grid.
     cell : (width, height)          Distance of neighbouring places. [px]
+    order : array (cards, 2)        What orders the cards across and down; by default the second and third of `eigenvectors`.
 
     References
     ----------
@@ -271,10 +276,7 @@ def grid(weight: Array, rows: int, cell: tuple[float, float]) -> tuple[int, int,
     spots = [(c, r) for r in range(rows) for c in range(columns)]
     if count < 3:
         return columns, rows, spots[:count]
-    laplacian = np.diag(weight.sum(axis=1) + 1e-3) - weight + 1e-3 / count
-    _, vectors = np.linalg.eigh(laplacian)
-    flat = vectors[:, 1:3] * np.sign(vectors[np.argmax(np.abs(vectors[:, 1:3]), axis=0), (1, 2)])
-    flat = np.round(flat, 9)  # rounding errors of the library decide nothing
+    flat = eigenvectors(weight)[:, 1:3] if order is None else order
     across = np.argsort(flat[:, 0], kind="stable")
     place = np.full(len(spots), -1)
     for k in range(columns):  # columns from left to right by the one vector, within each by the other
@@ -284,6 +286,14 @@ def grid(weight: Array, rows: int, cell: tuple[float, float]) -> tuple[int, int,
     free = [k for k in range(len(spots)) if k not in set(place[:count].tolist())]
     place[count:] = free
     return columns, rows, [spots[k] for k in _exchanged(weight, place, np.array(spots, dtype=float) * cell)[:count].tolist()]
+
+
+def eigenvectors(weight: Array) -> Array:
+    """Return the eigenvectors of the graph's Laplacian in columns, the constant one first."""
+    laplacian = np.diag(weight.sum(axis=1) + 1e-3) - weight + 1e-3 / max(len(weight), 1)
+    flat = np.linalg.eigh(laplacian)[1]
+    largest = flat[np.argmax(np.abs(flat), axis=0), np.arange(len(flat))]
+    return np.array(np.round(flat * np.sign(largest), 9))  # rounding errors of the library decide nothing
 
 
 def _exchanged(weight: Array, place: Array, where: Array) -> Array:
@@ -312,75 +322,3 @@ def _exchanged(weight: Array, place: Array, where: Array) -> Array:
         cost += np.outer(pull[:, a] - pull[:, b], shift)
         place[[a, b]] = place[[b, a]]
     return place
-
-
-@dataclass(eq=False)
-class _Router:
-    """Lines between cards: straight, bent once, or through the gutters, where no card lies."""
-
-    cards: Sequence[Card]
-    spots: Sequence[tuple[int, int]]
-    lanes: _Lanes
-    used: dict[tuple[str, int], int] = field(default_factory=dict)
-
-    def line(self, a: int, b: int) -> tuple[Point, ...]:
-        """Return the points of a line between two cards. [px]"""
-        one, two = self.cards[a], self.cards[b]
-        (left, *_, right), (top, *_, bottom) = self.lanes.across, self.lanes.down  # the outer gutters
-        for bend in BENDS:
-            points = _bent(one, two, bend)
-            if all(left <= x <= right and top <= y <= bottom for x, y in points) and not self._meets(np.array(points), (a, b)):
-                return points
-        return self._through(a, b)
-
-    def _meets(self, points: Array, ends: tuple[int, int]) -> bool:
-        """Whether a line passes over or near a card that is not one of its ends, or over one of these behind its edge."""
-        corners = np.array([(c.x, c.y, c.x + c.width, c.y + c.height) for c in self.cards])
-        margin = np.full((len(self.cards), 1), LINE_CLEARANCE)
-        margin[list(ends)] = -0.5
-        low, high = corners[:, :2] - margin, corners[:, 2:] + margin
-        for start, end in pairwise(points):
-            # the stretch of the line between two edges, in shares of its length, of both axes together
-            way = np.where(np.abs(end - start) < TINY, TINY, end - start)
-            shares = np.stack([(low - start) / way, (high - start) / way])
-            first, last = shares.min(axis=0).max(axis=1), shares.max(axis=0).min(axis=1)
-            if ((first < last) & (last > 0.0) & (first < 1.0)).any():
-                return True
-        return False
-
-    def _through(self, a: int, b: int) -> tuple[Point, ...]:
-        """Return a line through the gutters: out at the top or the bottom, along, where needed down beside the columns, and in."""
-        (c1, r1), (c2, r2) = self.spots[a], self.spots[b]
-        out = r1 + 1 if r2 > r1 else r1
-        into = r2 if r2 > r1 else r2 + 1 if r2 < r1 else r1
-        x1, x2 = self._port(a, out > r1), self._port(b, into > r2)
-        start = (x1, self.cards[a].y + (self.cards[a].height if out > r1 else 0.0))
-        end = (x2, self.cards[b].y + (self.cards[b].height if into > r2 else 0.0))
-        y1 = self._lane("down", out)
-        if out == into:
-            return (start, (x1, y1), (x2, y1), end)
-        x, y2 = self._lane("across", c2 if c2 > c1 else c2 + 1), self._lane("down", into)
-        return (start, (x1, y1), (x, y1), (x, y2), (x2, y2), end)
-
-    def _port(self, card: int, below: bool) -> float:
-        """Return where a line enters or leaves a card at its top or bottom. [px]"""
-        k = self.used[f"port {below}", card] = self.used.get((f"port {below}", card), -1) + 1
-        room = 0.5 * self.cards[card].width - 10.0
-        aside = min(room, 12.0 + 9.0 * (k // 2))  # the middle is for straight lines
-        return self.cards[card].middle[0] + (-aside if k % 2 else aside)
-
-    def _lane(self, kind: str, number: int) -> float:
-        k = self.used[kind, number] = self.used.get((kind, number), -1) + 1
-        return (self.lanes.across if kind == "across" else self.lanes.down)[number] + LANES[k % len(LANES)]
-
-
-def _bent(one: Card, two: Card, bend: float) -> tuple[Point, ...]:
-    """Return a line between two cards that leaves the straight way by so much in its middle. [px]"""
-    a, b = np.array(one.middle), np.array(two.middle)
-    way = b - a
-    across = np.array([-way[1], way[0]]) / float(np.hypot(*way))
-    middle = 0.5 * (a + b) + bend * across
-    if not bend:
-        return (one.edge(two.middle), two.edge(one.middle))
-    point = (float(middle[0]), float(middle[1]))
-    return (one.edge(point), point, two.edge(point))

@@ -337,7 +337,7 @@ def _uses(campaign: Campaign) -> Iterator[tuple[str, str, str, bool, Record | No
         logs = {e.record.name: e.record for e in calibration.experiments}
         for name, sha in calibration.records.items():
             record = logs.get(name)
-            yield name, sha, f"{kind} {calibration.stage}", record.origin.synthetic if record else calibration.synthetic, record
+            yield name, sha, f"{kind} {calibration.stage}", record.origin.synthetic if record is not None else calibration.synthetic, record
 
 
 def made_records(campaign: Campaign) -> tuple[tuple[str, ...], int]:

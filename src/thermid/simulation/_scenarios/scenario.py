@@ -11,6 +11,7 @@ from typing import Any
 from thermid.base.codes import CodedText
 from thermid.base.errors import ScenarioError, errors_at, refuse_unknown
 from thermid.base.expression import Kelvin, kelvin
+from thermid.base.results import Shown
 from thermid.base.units import TEMPERATURE
 from thermid.model.laws import Constant, Signal, TableSignal, check_span, in_run, literal, own_signal, signal
 from thermid.model.tree import Flat
@@ -65,7 +66,7 @@ class Start:
 
 
 @dataclass(frozen=True)
-class Scenario:
+class Scenario(Shown):
     """What is done to a model.
 
     Values may be written as texts with units, with `thermid.celsius` or `thermid.quantity`, as pairs of times and values, tables or signals

@@ -486,13 +486,14 @@ class Wiring:
     scenario : Scenario
     free : tuple of str     Parameter paths, boundaries (a constant added to their signal), ``initial.<node>``, and ``scale.<load>``
                             (a factor on its power); what acts on readings alone, ``reading.<channel>``, changes nothing here.
+    keep : set of str       Massless nodes that are solved for, where others would be eliminated.
 
     Raises
     ------
     ThermidError   When names do not fit, or a boundary has no temperature.
     """
 
-    def __init__(self, network: Network, scenario: Scenario, free: Sequence[str] = ()) -> None:
+    def __init__(self, network: Network, scenario: Scenario, free: Sequence[str] = (), keep: frozenset[str] = frozenset()) -> None:
         self.network = network
         self.scenario = normalised(network, scenario)
         self.free = tuple(free)
@@ -523,7 +524,7 @@ class Wiring:
             for c in range(len(row.coefficients)):
                 self._conductor_signal(row, position, c)  # products of a gas and a schedule
         # the kernel needs a node to solve for, even where all of them only follow
-        self.gone = eliminable(self._marked(numbers))[: len(network.nodes) - 1]
+        self.gone = eliminable(self._marked(numbers), keep)[: len(network.nodes) - 1]
         self.used: dict[str, int] = {}
         self._structure: KernelLayout | None = None
         self._last: tuple[tuple[bytes, bool], Assembled] | None = None

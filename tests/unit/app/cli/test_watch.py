@@ -84,6 +84,14 @@ class TestCommand:
         assert "stop now: waiting longer does not change the" in said.out
         assert "no model is given" in said.out
 
+    def test_what_the_file_leaves_open(self, call: Call, tmp_path: Path) -> None:
+        path = tmp_path / "counted.csv"
+        path.write_text("\n".join(["k;T [degC]", *(f"{10 * k};{20 + k / 10:.1f}" for k in range(60))]) + "\n")
+        assert "no time column" in call("watch", path, "--once").err
+        assert "T: +36" in call("settle", path, "--time", "k").out
+        read = ("--read", "time=k", "--read", "separator=;")
+        assert call("watch", path, "--once", "--json", *read).object["advice"] == "wait"
+
     def test_json_lines(self, call: Call, tmp_path: Path) -> None:
         said = call("watch", self.written(tmp_path, 90), "--once", "--json")
         assert said.code == 4
@@ -121,6 +129,7 @@ class TestCommand:
             (("--rule", "soon"), "is not a rule of stability."),
             (("--limit", "U=40"), "'U'"),
             (("--channel", "Q"), "Q"),
+            (("--read", "comma=;"), "time, separator, decimal, clock, not 'comma'"),
         ],
     )
     def test_what_is_refused(self, call: Call, tmp_path: Path, more: tuple[str, ...], word: str) -> None:

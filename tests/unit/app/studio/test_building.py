@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from planted import campaign
-from thermid.app.studio.building import Building
+from thermid.app.studio.building import CARD_ROOM, Building
 from thermid.app.studio.draft import journal_of, merged_text
 from thermid.app.studio.project import Project
 from thermid.app.studio.room import Room
@@ -67,6 +67,16 @@ def test_what_is_built_fits_as_calibrate_does(tmp_path: Path) -> None:
         assert building.fitted[path]["value"] == pytest.approx(truth[path].value, rel=0.01)
     findings, _ = check_campaign(tmp_path / "box_campaign.toml", None)
     assert [f for f in findings if f.severity == "error"] == []
+
+
+def test_nodes_of_two_tabs_at_one_place_lie_beside_one_another(tmp_path: Path) -> None:
+    building = Building(tmp_path / "one.toml")
+    do(building, "add", shape="mass", name="first", x=100.0, y=40.0)
+    state = do(building, "add", shape="mass", name="second", x=104.0, y=40.0)
+    one, two = (np.array(state["places"][n]) for n in ("first", "second"))
+    assert (np.abs(one - two) >= CARD_ROOM).any()
+    state = do(building, "move", name="second", x=100.0, y=40.0)
+    assert tuple(state["places"]["second"]) == (96.0, 40.0)  # where a person drags it, it stays
 
 
 def test_a_value_of_the_palette_is_missing_until_somebody_gives_it(tmp_path: Path) -> None:

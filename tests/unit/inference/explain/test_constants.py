@@ -281,7 +281,17 @@ def test_sensors_of_one_node_weigh_by_the_squares_of_their_errors() -> None:
 class TestMistakes:
     @pytest.mark.parametrize(
         ("kind", "one_in"),
-        [("per cent", 7.4), ("exchanged", 7.4), ("unit", 20), ("node", 20), ("clock", 148), ("sensor", 403), ("fan", 403), ("load", 665)],
+        [
+            ("deck's value", 7.4),
+            ("per cent", 7.4),
+            ("exchanged", 7.4),
+            ("unit", 20),
+            ("node", 20),
+            ("clock", 148),
+            ("sensor", 403),
+            ("fan", 403),
+            ("load", 665),
+        ],
     )
     def test_how_seldom_a_kind_is(self, kind: str, one_in: float) -> None:
         """A mistake outweighs none from the point where its likelihood is so many times as large."""

@@ -86,6 +86,17 @@ def test_a_good_fit_is_not_looked_at_and_a_wrong_model_is_not_blamed() -> None:
     assert [m.kind for m in find_mistakes(small).named if m.kind in ("unit", "exchanged", "per cent", "node")] == []
 
 
+@pytest.mark.parametrize(("path", "value"), [("amp_room.conductance", "1.2 [W/K]"), ("amp.capacitance", "4000 [J/K]")])
+def test_a_wrong_value_that_the_fit_holds_is_named_and_neither_log_nor_fan_is_blamed(path: str, value: str) -> None:
+    """Heat that no log gives, a fan or another unit would explain it nearly as well."""
+    request = replace(asked(free=tuple(p for p in PATHS if p != path)), model=PAIR.with_values({path: value}))
+    found = find_mistakes(request)
+    assert found.first is not None
+    assert {(m.kind, m.name) for m in found.named} == {("deck's value", path)}
+    assert found.first.words == f"'{path}' is not {value}, at which the fit holds it"
+    assert found.first.remedy == f"Measure it, or add '{path}' to free."
+
+
 def test_what_cannot_be_run_names_nothing_and_says_why() -> None:
     bad = replace(asked(), local={"nowhere": LocalSpec("20 [degC]")})
     found = find_mistakes(bad)

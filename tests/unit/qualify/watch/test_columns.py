@@ -35,11 +35,9 @@ def test_names_of_the_deck_are_bound_and_others_are_listed(tmp_path: Path) -> No
 def test_a_german_log_as_told(tmp_path: Path) -> None:
     log = written(tmp_path / "b.csv", "Zeit [s];T1 [°C];Raum [°C];P [W]", CHIP, AIR, WATTS, decimal=",", sign=";")
     told = {"T1": "chip", "Raum": "air", "P": "heater"}
-    record = BoundColumns(told, model=rig(), noise="0.1 [K]").read(log, "b")
+    record = BoundColumns(told, model=rig()).read(log, "b")
     assert record["T1"].target == "chip"
     assert record["T1"].values[-1] == pytest.approx(CHIP[-1] + ICE)
-    assert record["T1"].noise == pytest.approx(0.1)
-    assert record["Raum"].noise is None
     assert record["P"].values[0] == pytest.approx(12.0)
 
 
