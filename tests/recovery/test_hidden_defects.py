@@ -248,7 +248,12 @@ def test_width_of_two_hundred_draws(defect: str) -> None:
     assert of_two_hundred(defect).ratio <= 3.0
 
 
-MISSED = {"hidden mass": "5.9 in 12 draws", "lag": "4.5 in 12 draws", "clock": "4.6 in 6 draws", "leak": "not measured since departures count"}
+MISSED = {
+    "hidden mass": "5.9 in 12 draws",
+    "lag": "4.5 in 12 draws",
+    "clock": "4.6 in 6 draws",
+    "leak": "not measured since departures count",
+}
 """Half-width over the RMS error where hardware repeats exactly, of which at most 3.9 is asked."""
 
 

@@ -24,6 +24,47 @@ from thermid.reporting._diagrams.places import CARD_ROWS, DEEP, PLACE_STEP, MapP
 BOX = Path(__file__).parents[3] / "examples" / "box" / "box.toml"
 
 
+BEST_OF_ELK = (
+    0,
+    0,
+    8,
+    29,
+    46,
+    50,
+    51,
+    36,
+    51,
+    49,
+    38,
+    151,
+    12,
+    43,
+    64,
+    83,
+    105,
+    44,
+    58,
+    149,
+    220,
+    100,
+    75,
+    1,
+    389,
+    47,
+    4,
+    184,
+    104,
+    36,
+    129,
+    65,
+    33,
+    66,
+    77,
+)
+"""Crossings of each of `boards(30)` in the best of six layouts of elkjs 0.12 (layered to the right, down, as polylines, with
+thoroughness 100; stress; force), of the same cards with the same docking."""
+
+
 def chain(count: int, ring: bool = False) -> td.Model:
     ends = [(k, k + 1) for k in range(count - 1)] + ([(count - 1, 0)] if ring and count > 2 else [])
     links = {f"c{a}_{b}": {"kind": "conduction", "between": [f"n{a}", f"n{b}"], "conductance": "1 [W/K]"} for a, b in ends}
@@ -100,11 +141,14 @@ def holds(model: td.Model, **more: object) -> MapPlaces:
 @pytest.mark.parametrize("count", [3, pytest.param(30, marks=pytest.mark.campaign)])
 def test_maps_of_boards_keep_their_rules(count: int) -> None:
     """The five sizes and random ones, of seeds that nothing was tuned on, plain and with temperatures and heat."""
-    for model in boards(count):
+    more = 0
+    for model, best in zip(boards(count), BEST_OF_ELK, strict=False):
         plan = holds(model)
+        more += crossings(plan) > 1.5 * best
         hot = holds(model, **warmed(model)) if len(flatten(model).nodes) < 100 or count > 3 else plan
         size = f"{plan.width:g} x {plan.height:g}, hot {hot.width:g} x {hot.height:g}"
-        print(f"{model.title}: {len(plan.cards)} cards, {len(plan.lines)} lines, {crossings(plan)} crossings, {size}")
+        print(f"{model.title}: {len(plan.cards)} cards, {len(plan.lines)} lines, {crossings(plan)} crossings, elk's best {best}, {size}")
+    assert more <= 3  # elk draws three small ones with 0, 1 and 4, this map with 4, 2 and 10
 
 
 @pytest.mark.parametrize(

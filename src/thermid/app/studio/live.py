@@ -204,7 +204,9 @@ def _like_a_record(path: Path, campaign: Campaign, stated: Scenario | None, bare
         return _by_names(path, campaign[list(campaign)[-1]].fitted_model, stated, bare, told)
     if not alike:
         return _without_model(bare, "the log has not the columns of one of the campaign's records. Bind the columns")
-    test = running_test(campaign, alike[0])
+    last = next(s.records for s in campaign.source.content.stages if s.name == list(campaign)[-1]) if campaign.source is not None else ()
+    like = max(alike, key=lambda name: (name in last, len(records[name].channels)))  # whose columns are those of the model
+    test = running_test(campaign, like)
     columns = BoundColumns(model=test.model, options=test.options, tables=_as_told(test.table.channels, told), bound=test.bound)
     columns.remarks = test.remarks
-    return _Bound(replace(bare, columns=columns, scenario=stated, conditions=test.conditions), alike[0])
+    return _Bound(replace(bare, columns=columns, scenario=stated, conditions=test.conditions), like)

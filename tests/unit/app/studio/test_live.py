@@ -115,6 +115,20 @@ def test_the_studio_says_what_the_command_prints(tmp_path: Path, count: int) -> 
     assert count < 20 or {"stop", "declined"} < words
 
 
+def test_of_records_with_columns_of_the_log_one_of_the_last_stage_is_taken(tmp_path: Path) -> None:
+    """A part's record has a column of the same name, of a node that the whole does not have by that name."""
+    (tmp_path / "rig.toml").write_text(DECK, encoding="utf-8")
+    part = '[records.part]\nfile = "warm.csv"\n[records.part.channels]\nchip = { node = "core", noise = "0.05 [K]" }\n[records.warm]'
+    (tmp_path / "campaign.toml").write_text(CAMPAIGN.replace("[records.warm]", part, 1), encoding="utf-8")
+    log = write(tmp_path / "warm.csv", warm(3600.0), 1)
+    project = Project(tmp_path / "campaign.toml")
+    project.look("rig")
+    project.run("rig")
+    project.judge(write=True)
+    told = LiveWatch(project.subject).look(log, RULE, {"within": 1.0})
+    assert (told["like"], told["unused"]) == ("warm", "")
+
+
 def test_a_deck_foresees_the_end_and_its_hidden_node(log: Callable[..., Path]) -> None:
     live = LiveWatch(held())
     early = live.look(log(900.0), RULE, {"boundaries": "air=22"})
@@ -222,6 +236,7 @@ def test_columns_bound_on_the_page_keep_what_a_record_says_of_them(tmp_path: Pat
     project = Project(tmp_path / "campaign.toml")
     project.look("rig")
     project.run("rig")
+    project.judge(write=True)
     project.judge(write=True)
     live, like = LiveWatch(project.subject), write(tmp_path / "like.csv", warm(900.0), 3)
     swapped = live.look(like, RULE, {"channels": {"chip": {"node": "lid"}, "case": {"node": "case"}}})
