@@ -294,8 +294,8 @@ def _of_deck(request: Request, fit: RoughFit, base: RoughEnd) -> Iterator[Hypoth
     free = [p for u in fit.problem.unknowns if u.kind == "parameter" for p in (u.name, *u.also)]
     moved = {*free, *flat.parameters.downstream(free)}
     fields = [{*n.fields.values()} for n in flat.nodes] + [{*c.fields.values()} for c in flat.conductors]
-    held = set[str]().union(*fields).difference(moved, *(f for f in fields if f & moved))
-    paths = tuple(p for p, of in flat.parameters.table.items() if p in held and of.parameter.is_literal)
+    unmoved = set[str]().union(*fields).difference(moved, *(f for f in fields if f & moved))
+    paths = tuple(p for p, entry in flat.parameters.table.items() if p in unmoved and entry.parameter.is_literal)
     rough = RoughFit.of_request(replace(request, free=(*request.free, *paths)), fit) if paths else fit
     end, known = rough.at(rough.start(fit.named(base))), [u.name not in paths for u in rough.problem.unknowns]
     basis = np.linalg.qr(end.slopes[:, known])[0]
