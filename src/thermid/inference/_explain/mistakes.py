@@ -292,16 +292,16 @@ def _of_deck(request: Request, fit: RoughFit, base: RoughEnd) -> Iterator[Hypoth
     """Yield values that the fit holds, of elements of which nothing is free: those that would take most squares away."""
     flat = fit.problem.experiments[0].network.flat
     free = [p for u in fit.problem.unknowns if u.kind == "parameter" for p in (u.name, *u.also)]
-    moved = {*free, *flat.parameters.downstream(free)}
+    moving_paths = {*free, *flat.parameters.downstream(free)}
     fields = [{*n.fields.values()} for n in flat.nodes] + [{*c.fields.values()} for c in flat.conductors]
-    unmoved = set[str]().union(*fields).difference(moved, *(f for f in fields if f & moved))
+    unmoved = set[str]().union(*fields).difference(moving_paths, *(f for f in fields if f & moving_paths))
     paths = tuple(p for p, entry in flat.parameters.table.items() if p in unmoved and entry.parameter.is_literal)
     rough = RoughFit.of_request(replace(request, free=(*request.free, *paths)), fit) if paths else fit
-    end, known = rough.at(rough.start(fit.named(base))), [u.name not in paths for u in rough.problem.unknowns]
-    basis = np.linalg.qr(end.slopes[:, known])[0]
+    end, is_known = rough.at(rough.start(fit.named(base))), [u.name not in paths for u in rough.problem.unknowns]
+    basis = np.linalg.qr(end.slopes[:, is_known])[0]
     residuals, columns = (a - basis @ (basis.T @ a) for a in (end.rows, end.slopes))
     gains = (columns.T @ residuals) ** 2 / np.maximum(np.sum(columns**2, axis=0), np.finfo(float).tiny)  # of one step
-    for k in [k for k in np.argsort(-gains) if not known[k]][:SECOND]:
+    for k in [k for k in np.argsort(-gains) if not is_known[k]][:SECOND]:
         path = rough.problem.unknowns[k].name
         words = f"'{path}' is not {flat.parameters.table[path].parameter.text}, at which the fit holds it"
         other = replace(request, free=(*request.free, path))
