@@ -128,7 +128,7 @@ WATCHED: Final = {
 """Kind of a value that a running test looks at -> what lower and higher mean."""
 DECK_VALUE: Final = "deck's value"
 MISTAKES: Final = {
-    DECK_VALUE: Cause("a value of the deck that the fit holds, and that is another", 2.0),
+    DECK_VALUE: Cause("a value of the deck that the fit holds, and that is another"),
     "per cent": Cause("a power logged in per cent but read in watts", 2.0),
     "unit": Cause("a column in another unit than assumed", 3.0),
     "exchanged": Cause("two exchanged columns", 2.0),

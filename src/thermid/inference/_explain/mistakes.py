@@ -40,7 +40,6 @@ from thermid.inference._explain.thresholds import (
 )
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import Channel, Record
-from thermid.model.tree import parameter_table
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.network import Network
 
@@ -290,31 +289,23 @@ def hypotheses(request: Request, fit: RoughFit, base: RoughEnd) -> list[Hypothes
 
 
 def _of_deck(request: Request, fit: RoughFit, base: RoughEnd) -> Iterator[Hypothesis]:
-    """Yield the values that the fit holds, those that would take most squares away: of each element of which nothing is free, one."""
-    network = fit.problem.experiments[0].network
-    table, free = network.flat.parameters, [p for u in fit.problem.unknowns if u.kind == "parameter" for p in (u.name, *u.also)]
-    moved = {*free, *table.downstream(free)}
-    tables = [*(n.fields for n in network.flat.nodes), *(c.fields for c in network.flat.conductors)]
-    elements = [{*fields.values()} for fields in tables]
-    fixed = set().union(*(fields for fields in elements if not moved & fields)) - set().union(*(f for f in elements if moved & f))
-    paths = [p for p in table.order if p in fixed and table.table[p].parameter.is_literal and p in parameter_table(request.model)]
-    promised = _promised(replace(request, free=(*request.free, *paths)), fit, base) if paths else {}
-    for path in sorted(promised, key=lambda p: -promised[p])[:SECOND]:
-        text = parameter_table(request.model)[path].parameter.text
-        words = f"'{path}' is not {text}, at which the fit holds it"
+    """Yield values that the fit holds, of elements of which nothing is free: those that would take most squares away."""
+    flat = fit.problem.experiments[0].network.flat
+    free = [p for u in fit.problem.unknowns if u.kind == "parameter" for p in (u.name, *u.also)]
+    moving_paths = {*free, *flat.parameters.downstream(free)}
+    fields = [{*n.fields.values()} for n in flat.nodes] + [{*c.fields.values()} for c in flat.conductors]
+    unmoved = set[str]().union(*fields).difference(moving_paths, *(f for f in fields if f & moving_paths))
+    paths = tuple(p for p, entry in flat.parameters.table.items() if p in unmoved and entry.parameter.is_literal)
+    rough = RoughFit.of_request(replace(request, free=(*request.free, *paths)), fit) if paths else fit
+    end, is_known = rough.at(rough.start(fit.named(base))), [u.name not in paths for u in rough.problem.unknowns]
+    basis = np.linalg.qr(end.slopes[:, is_known])[0]
+    residuals, columns = (a - basis @ (basis.T @ a) for a in (end.rows, end.slopes))
+    gains = (columns.T @ residuals) ** 2 / np.maximum(np.sum(columns**2, axis=0), np.finfo(float).tiny)  # of one step
+    for k in [k for k in np.argsort(-gains) if not is_known[k]][:SECOND]:
+        path = rough.problem.unknowns[k].name
+        words = f"'{path}' is not {flat.parameters.table[path].parameter.text}, at which the fit holds it"
         other = replace(request, free=(*request.free, path))
         yield _plain(DECK_VALUE, path, words, f"Measure it, or add '{path}' to free.", other)
-
-
-def _promised(request: Request, fit: RoughFit, base: RoughEnd) -> dict[str, float]:
-    """Return free value that a fit held -> what one step of it, beside those that were free, takes off the squares. [-]"""
-    opened = RoughFit.of_request(request, fit)
-    end = opened.at(opened.start(fit.named(base)))
-    before = [u.name in fit.named(base) for u in opened.problem.unknowns]
-    basis = np.linalg.qr(end.slopes[:, before])[0]
-    residuals, columns = (a - basis @ (basis.T @ a) for a in (end.rows, end.slopes))
-    gains = (columns.T @ residuals) ** 2 / np.maximum(np.sum(columns**2, axis=0), np.finfo(float).tiny)
-    return {u.name: float(g) for u, g, known in zip(opened.problem.unknowns, gains, before, strict=True) if not known}
 
 
 # ---- other requests: units, columns, nodes, clocks

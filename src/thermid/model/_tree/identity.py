@@ -168,10 +168,7 @@ def _laid_ties(model: Tree, layer: Mapping[str, Parameter], groups: Sequence[Seq
         return [], ()
     cuts: list[str] = []
     ties: list[tuple[str, ...]] = []
-    twins: dict[tuple[str, str], list[str]] = {}  # those that stages below parted are twins still: which was laid first makes no difference
-    for path, row in _rows(model, "").items():
-        twins.setdefault((row.owner, row.local), []).append(path)
-    for paths in twins.values():
+    for paths in _classes({p: replace(r, laid=()) for p, r in _rows(model, "").items()}).values():  # whichever was laid first
         laid_paths = [p for p in paths if p in layer]
         if len(paths) == 1 or not laid_paths:
             continue

@@ -282,7 +282,6 @@ class TestMistakes:
     @pytest.mark.parametrize(
         ("kind", "one_in"),
         [
-            ("deck's value", 7.4),
             ("per cent", 7.4),
             ("exchanged", 7.4),
             ("unit", 20),

@@ -93,8 +93,7 @@ def test_a_wrong_value_that_the_fit_holds_is_named_and_neither_log_nor_fan_is_bl
     found = find_mistakes(request)
     assert found.first is not None
     assert {(m.kind, m.name) for m in found.named} == {("deck's value", path)}
-    assert found.first.words == f"'{path}' is not {value}, at which the fit holds it"
-    assert found.first.remedy == f"Measure it, or add '{path}' to free."
+    assert value in found.first.words
 
 
 def test_what_cannot_be_run_names_nothing_and_says_why() -> None:
