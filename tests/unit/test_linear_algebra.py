@@ -9,6 +9,7 @@ from thermid.base.linear_algebra import (
     MAX_PART_WITHOUT_INFORMATION,
     NOTHING,
     RANK_TOLERANCE,
+    back_substitution,
     covariance,
     finite,
     forward_substitution,
@@ -107,3 +108,4 @@ def test_forward_substitution_solves_each_triangle() -> None:
     lower = np.tril(generator.standard_normal((5, 4, 4))) + 4.0 * np.eye(4)
     right = generator.standard_normal((5, 4, 3))
     assert lower @ forward_substitution(lower, right) == pytest.approx(right, abs=1e-12)
+    assert np.einsum("mji,mj->mi", lower, back_substitution(lower, right[:, :, 0])) == pytest.approx(right[:, :, 0], abs=1e-12)

@@ -192,3 +192,10 @@ def forward_substitution(lower: Array, right: Array) -> Array:
     for k in range(len(right)):
         out[k], _ = dtrtrs(lower[k].T, right[k], lower=0, trans=1)  # the transpose lies in LAPACK's order
     return out
+
+
+def back_substitution(lower: Array, right: Array) -> Array:
+    """Return ``L'^-1 b`` (members, n) of lower triangular L (members, n, n) and b (members, n)."""
+    from scipy.linalg.lapack import dtrtrs
+
+    return np.stack([dtrtrs(one.T, b, lower=0)[0] for one, b in zip(lower, right, strict=True)])

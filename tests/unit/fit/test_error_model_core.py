@@ -74,6 +74,11 @@ def test_posterior_and_evidence_are_those_of_dense_conditioning() -> None:
         assert found.mean[k] == pytest.approx(centre + gain @ (y - shared @ centre), rel=1e-8, abs=1e-8)
         assert found.root[k] @ found.root[k].T == pytest.approx(prior - gain @ shared @ prior, rel=1e-8, abs=1e-8)
         assert found.log_evidence[k] == pytest.approx(multivariate_normal(shared @ centre, marginal).logpdf(y), rel=1e-8)
+    weights = np.array([0.3, 0.7])
+    mean, covariance = found.mixed(weights)
+    assert mean == pytest.approx(weights @ found.mean)
+    each = [root @ root.T + np.outer(m - mean, m - mean) for root, m in zip(found.root, found.mean, strict=True)]
+    assert covariance == pytest.approx(np.tensordot(weights, each, axes=1), rel=1e-10)
 
 
 def test_a_run_without_readings_says_nothing() -> None:

@@ -164,12 +164,7 @@ class KeptWay:
         every = shares / weight
         seen = np.flatnonzero(every > COUNTED / every.size)
         weights, members, size = every[seen] / every[seen].sum(), way.members.at(seen), len(way.values)
-        mean = weights @ members.mean
-        apart = members.mean - mean
-        beside = np.concatenate(
-            list(np.sqrt(weights)[:, None, None] * members.root), axis=1
-        )  # of all members side by side, so that one product sums them
-        covariance = beside @ beside.T + (weights[:, None] * apart).T @ apart
+        mean, covariance = members.mixed(weights)
         at = np.array(list(way.values.values())) + mean[:size]
         low, high = np.array([bounds[n] for n in way.values]).reshape(size, 2).T
         values = dict(zip(way.values, np.clip(at, low, high).tolist(), strict=True))
