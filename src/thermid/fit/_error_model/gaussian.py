@@ -266,7 +266,7 @@ class RunRows:
         return cls(np.asarray(rows.T @ rows), shared, log_det, len(rows))
 
     @property
-    def keep(self) -> list[int]:
+    def shared_places(self) -> list[int]:
         """Places of the shared unknowns and of the readings."""
         return [*range(self.shared), self.gram.shape[0] - 1]
 
@@ -285,7 +285,7 @@ class RunRows:
         own_columns = slice(self.shared, self.gram.shape[0] - 1)
         inner = np.eye(sizes.shape[1]) + sizes[:, :, None] * self.gram[own_columns, own_columns] * sizes[:, None, :]
         lower: Array = np.linalg.cholesky(inner).astype(float, copy=False)
-        across = forward_substitution(lower, sizes[:, :, None] * self.gram[own_columns][:, self.keep])
+        across = forward_substitution(lower, sizes[:, :, None] * self.gram[own_columns][:, self.shared_places])
         return np.swapaxes(across, 1, 2) @ across, 2.0 * np.log(np.diagonal(lower, axis1=1, axis2=2)).sum(axis=1)
 
 
@@ -364,10 +364,10 @@ def members_of(runs: Sequence[RunRows], centre: Array, sizes: Array, own_sizes: 
     own_sizes : sequence of array (members, o)  The same of the unknowns of each run.
     """
     count, s = sizes.shape
-    kept, log_det, readings = np.zeros((s + 1, s + 1)), np.zeros(count), 0
+    every, log_det, readings = np.zeros((s + 1, s + 1)), np.zeros(count), 0
     taken: Array | None = None
     for run, sizes_of_run in zip(runs, own_sizes, strict=True):
-        kept += run.gram[np.ix_(run.keep, run.keep)]
+        every += run.gram[np.ix_(run.shared_places, run.shared_places)]
         readings += run.count
         log_det += run.log_det
         if sizes_of_run.shape[1]:
@@ -375,7 +375,7 @@ def members_of(runs: Sequence[RunRows], centre: Array, sizes: Array, own_sizes: 
             taken = of_run if taken is None else np.add(taken, of_run, out=of_run)
             log_det += grown
     # in place from here: new memory for every member costs more than the sums
-    total = np.tile(kept, (count, 1, 1)) if taken is None else np.subtract(kept, taken, out=taken)
+    total = np.tile(every, (count, 1, 1)) if taken is None else np.subtract(every, taken, out=taken)
     inner, cross, square = total[:, :s, :s], total[:, :s, s], total[:, s, s]
     moved = inner @ centre
     square = square - (2.0 * cross - moved) @ centre
