@@ -39,6 +39,8 @@ TWICE = 4.0
 """Residuals of twice the stated noise, as a reduced chi-square, make one valley doubtful."""
 CHANCE, MIN_READINGS_OF_TRACE = 0.01, 16
 """Chance that noise alone makes a trace look as if it contradicted its noise, over all traces; shorter traces are not asked."""
+AT_BOUND = "ended at its bound"
+"""Where all readings are met within their noise, a value ends there of noise alone: one descent from the other side settles it."""
 PROVED = 9.0
 """Gain in chi-square, in independent samples, from which another valley is better than that of the given start: three standard errors."""
 GENERATIONS = 300
@@ -143,9 +145,10 @@ def searched(
     ----------
     problem : Problem
     how : str               ``local``: one descent from the start. ``multistart``: further descents from the best of 64 points of the box.
-                            ``auto``: these only where the first descent ends at a bound, unfinished, or with residuals of more than twice
-                            the stated noise; one further descent, from the other side of the start, where residuals contradict the stated
-                            noise at all. ``differential evolution`` and ``cma``: a population over the box, then one descent.
+                            ``auto``: these only where the first descent ends unfinished, with residuals of more than twice the stated
+                            noise, or at a bound without a noise or beside it; one further descent, from the other side of the start, for
+                            another end at a bound, or where residuals contradict the stated noise at all. ``differential evolution`` and
+                            ``cma``: a population over the box, then one descent.
     loss, loss_scale, progress    As in `minimise`. What further starts will cost is told before they are made: to ``progress.ahead(words,
                             seconds)`` where there is one, else as a warning from `WARNED_SEARCH_TIME` on.
     stoppable : bool        Whether the interrupt key ends it with the best fit so far: `Fit.stopped`, not converged.
@@ -167,24 +170,30 @@ def searched(
         return first
     if how == "multistart":
         return search.descents([first], "as asked", DESCENTS)
-    if why := doubts(problem, first):
+    why, beside = doubts(problem, first), contradictions(problem, first)
+    if why and (beside or not why.endswith(AT_BOUND) or not _stated(problem)):
         return search.affordable(first, why)
-    why = contradictions(problem, first)
-    return search.confirmed(first, why) if why else first
+    return search.confirmed(first, why or beside) if why or beside else first
 
 
 def doubts(problem: Problem, minimum: Fit) -> str:
     """Return why one descent may have ended in the wrong valley, or an empty text."""
     if not minimum.converged:
         return "the first descent did not converge"
+    times = _level(problem, minimum)
+    if _stated(problem) and times > TWICE:
+        return f"the residuals are {np.sqrt(times):.2g} times the stated noise"
     error = _errors(problem, minimum)
     for k, u in enumerate(problem.unknowns):
         near = max(1e-4 * u.scale, 0.02 * float(error[k]))
         if u.kind == "parameter" and any(abs(minimum.fitted[k] - b) < near for b in u.fitted_bounds()):
-            return f"'{u.name}' ended at its bound"
-    stated = all(o.noise is not None for o in problem.observations())
-    times = _level(problem, minimum)
-    return f"the residuals are {np.sqrt(times):.2g} times the stated noise" if stated and times > TWICE else ""
+            return f"'{u.name}' {AT_BOUND}"
+    return ""
+
+
+def _stated(problem: Problem) -> bool:
+    """Return whether every sensor states its noise."""
+    return all(o.noise is not None for o in problem.observations())
 
 
 def contradictions(problem: Problem, minimum: Fit) -> str:
@@ -192,7 +201,7 @@ def contradictions(problem: Problem, minimum: Fit) -> str:
 
     Where values are right and nothing is missing, the mean of a trace of n residuals, in units of the noise, lies within a few 1/sqrt(n) of
     zero, and so does the product of neighbours. The sums of a descent hold both. A valley that is not the right one can meet readings
-    within 1.05 times their noise, but its traces lie beside zero by many of these.
+    within 1.05 times their noise, but its traces lie beside zero by many of these. Where all are short, nothing is.
     """
     at = dict(zip((e.record.name for e in problem.experiments), problem.experiments, strict=True))
     worst, where, count = 0.0, "", 0
@@ -208,7 +217,7 @@ def contradictions(problem: Problem, minimum: Fit) -> str:
             if size * math.sqrt(sums.count) > worst:
                 worst, where = size * math.sqrt(sums.count), f"'{sensor}' in {record}"
     beyond = math.erfc(worst / math.sqrt(2.0)) * count
-    return f"residuals of {where} are not noise" if beyond < CHANCE else ""
+    return f"residuals of {where} are not noise" if where and beyond < CHANCE else ""
 
 
 def preferred(population: Population, first: Fit, others: list[Fit]) -> Fit:
