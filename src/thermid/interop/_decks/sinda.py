@@ -446,8 +446,9 @@ def _points(deck: SindaDeck, submodel: str, kind: str, word: str, line: Line) ->
 def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     """Read CONDUCTOR DATA: number, pairs of nodes, value; GEN, SIV and SPV. A contactor named in a comment makes a group of its rows.
 
-    An array of a radiation conductor is its emissivity at the mean of both temperatures, a control of the model. A block of radiation alone, as Thermal Desktop writes one for each group of surfaces that see each other, is one group, and its rows
-    follow the emissivities that its comments state. The rows through an insulation are a group for each submodel.
+    An array of a radiation conductor is its emissivity at the mean of both temperatures, a control of the model. A block of
+    radiation alone, as Thermal Desktop writes one for each group of surfaces that see each other, is one group, and its rows follow the
+    emissivities that its comments state. The rows through an insulation are a group for each submodel.
     """
     block = len(lines) > 1 and all(line.text.lstrip().startswith("-") for line in lines)
     group = _Group(f"radiation_{identifier(submodel)}" if block else "", _followed(deck, lines) if block else {})
