@@ -258,20 +258,12 @@ class JointFit(Calibration):
         values = FittedValues(f"{self.stage}, {stage}", items, self.values.covariance[np.ix_(positions, positions)], self.values.provenance)
         plain = {f.name: getattr(self, f.name) for f in fields(Calibration)}
         store = self._store_at(items, chosen)
-        return Calibration(
-            **plain
-            | {"stage": f"{self.stage}, {stage}", "model": model, "values": values, "store": store, "problem": self._problem_at(chosen)}
+        named = (  # other levels' values are none of this one's
+            replace(u, name=chosen.get(u.name, u.name), kind="elsewhere" if u.kind == "parameter" and u.name not in chosen else u.kind)
+            for u in (self.problem.unknowns if self.problem else ())
         )
-
-    def _problem_at(self, chosen: Mapping[str, str]) -> Problem | None:
-        """Return the fit's problem with the values of one level by their paths in its deck; other levels' values are none of it."""
-        if self.problem is None:
-            return None
-        foreign = {q for q, v in self.values.items() if v.kind in ("parameter", "level") and q not in chosen}
-        unknowns = (
-            replace(u, name=chosen.get(u.name, u.name), kind="elsewhere" if u.name in foreign else u.kind) for u in self.problem.unknowns
-        )
-        return replace(self.problem, unknowns=tuple(unknowns))
+        plain["problem"] = self.problem and replace(self.problem, unknowns=tuple(named))
+        return Calibration(**plain | {"stage": f"{self.stage}, {stage}", "model": model, "values": values, "store": store})
 
     def _store_at(self, items: Mapping[str, FittedValue], chosen: Mapping[str, str]) -> Store:
         """Return what the joint fit found of one level, a submodel or the whole, its values named by their paths in that level's deck."""

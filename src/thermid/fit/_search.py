@@ -39,8 +39,6 @@ TWICE = 4.0
 """Residuals of twice the stated noise, as a reduced chi-square, make one valley doubtful."""
 CHANCE, MIN_READINGS_OF_TRACE = 0.01, 16
 """Chance that noise alone makes a trace look as if it contradicted its noise, over all traces; shorter traces are not asked."""
-AT_BOUND = "ended at its bound"
-"""Where all readings are met within their noise, a value ends there of noise alone: one descent from the other side settles it."""
 PROVED = 9.0
 """Gain in chi-square, in independent samples, from which another valley is better than that of the given start: three standard errors."""
 GENERATIONS = 300
@@ -171,7 +169,7 @@ def searched(
     if how == "multistart":
         return search.descents([first], "as asked", DESCENTS)
     why, beside = doubts(problem, first), contradictions(problem, first)
-    if why and (beside or not why.endswith(AT_BOUND) or not _stated(problem)):
+    if why and (beside or not why.endswith("at its bound") or _level(problem, first) > TWICE):
         return search.affordable(first, why)
     return search.confirmed(first, why or beside) if why or beside else first
 
@@ -180,20 +178,14 @@ def doubts(problem: Problem, minimum: Fit) -> str:
     """Return why one descent may have ended in the wrong valley, or an empty text."""
     if not minimum.converged:
         return "the first descent did not converge"
-    times = _level(problem, minimum)
-    if _stated(problem) and times > TWICE:
-        return f"the residuals are {np.sqrt(times):.2g} times the stated noise"
     error = _errors(problem, minimum)
+    stated = all(o.noise is not None for o in problem.observations())
     for k, u in enumerate(problem.unknowns):
         near = max(1e-4 * u.scale, 0.02 * float(error[k]))
         if u.kind == "parameter" and any(abs(minimum.fitted[k] - b) < near for b in u.fitted_bounds()):
-            return f"'{u.name}' {AT_BOUND}"
-    return ""
-
-
-def _stated(problem: Problem) -> bool:
-    """Return whether every sensor states its noise."""
-    return all(o.noise is not None for o in problem.observations())
+            return f"'{u.name}' ended at its bound{'' if stated else ', and no noise is stated'}"
+    times = _level(problem, minimum)
+    return f"the residuals are {np.sqrt(times):.2g} times the stated noise" if stated and times > TWICE else ""
 
 
 def contradictions(problem: Problem, minimum: Fit) -> str:

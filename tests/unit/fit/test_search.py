@@ -106,12 +106,11 @@ class TestValleys:
     def test_values_at_a_bound_make_it_look_further(self) -> None:
         found = td.calibrate(case(0.5, 1.5), log(near=0.002, far=0.4, noise=None), PATHS, scenario=BENCH)
         assert "ended at its bound" in found.search
-        assert "64 points" in found.search
+        assert found.evaluations > 64
 
     def test_a_bound_where_all_readings_are_met_takes_one_further_descent(self) -> None:
         found = td.calibrate(case(0.5, 1.5), log(near=0.0048, far=0.4), PATHS, scenario=BENCH)
         assert found["near.conductance"].value == pytest.approx(0.005, rel=1e-3)
-        assert found.search.startswith("'near.conductance' ended at its bound: 2 descents")
         assert found.evaluations < 64
 
     def test_other_values_that_fit_as_well_are_told(self) -> None:
