@@ -258,6 +258,11 @@ class JointFit(Calibration):
         values = FittedValues(f"{self.stage}, {stage}", items, self.values.covariance[np.ix_(positions, positions)], self.values.provenance)
         plain = {f.name: getattr(self, f.name) for f in fields(Calibration)}
         store = self._store_at(items, chosen)
+        named = (  # other levels' values are none of this one's
+            replace(u, name=chosen.get(u.name, u.name), kind="elsewhere" if u.kind == "parameter" and u.name not in chosen else u.kind)
+            for u in (self.problem.unknowns if self.problem else ())
+        )
+        plain["problem"] = self.problem and replace(self.problem, unknowns=tuple(named))
         return Calibration(**plain | {"stage": f"{self.stage}, {stage}", "model": model, "values": values, "store": store})
 
     def _store_at(self, items: Mapping[str, FittedValue], chosen: Mapping[str, str]) -> Store:

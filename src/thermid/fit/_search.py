@@ -143,9 +143,10 @@ def searched(
     ----------
     problem : Problem
     how : str               ``local``: one descent from the start. ``multistart``: further descents from the best of 64 points of the box.
-                            ``auto``: these only where the first descent ends at a bound, unfinished, or with residuals of more than twice
-                            the stated noise; one further descent, from the other side of the start, where residuals contradict the stated
-                            noise at all. ``differential evolution`` and ``cma``: a population over the box, then one descent.
+                            ``auto``: these only where the first descent ends unfinished, with residuals of more than twice the stated
+                            noise, or at a bound without a noise or beside it; one further descent, from the other side of the start, for
+                            another end at a bound, or where residuals contradict the stated noise at all. ``differential evolution`` and
+                            ``cma``: a population over the box, then one descent.
     loss, loss_scale, progress    As in `minimise`. What further starts will cost is told before they are made: to ``progress.ahead(words,
                             seconds)`` where there is one, else as a warning from `WARNED_SEARCH_TIME` on.
     stoppable : bool        Whether the interrupt key ends it with the best fit so far: `Fit.stopped`, not converged.
@@ -167,10 +168,10 @@ def searched(
         return first
     if how == "multistart":
         return search.descents([first], "as asked", DESCENTS)
-    if why := doubts(problem, first):
+    why, beside = doubts(problem, first), contradictions(problem, first)
+    if why and (beside or not why.endswith("at its bound") or _level(problem, first) > TWICE):
         return search.affordable(first, why)
-    why = contradictions(problem, first)
-    return search.confirmed(first, why) if why else first
+    return search.confirmed(first, why or beside) if why or beside else first
 
 
 def doubts(problem: Problem, minimum: Fit) -> str:
@@ -178,11 +179,11 @@ def doubts(problem: Problem, minimum: Fit) -> str:
     if not minimum.converged:
         return "the first descent did not converge"
     error = _errors(problem, minimum)
+    stated = all(o.noise is not None for o in problem.observations())
     for k, u in enumerate(problem.unknowns):
         near = max(1e-4 * u.scale, 0.02 * float(error[k]))
         if u.kind == "parameter" and any(abs(minimum.fitted[k] - b) < near for b in u.fitted_bounds()):
-            return f"'{u.name}' ended at its bound"
-    stated = all(o.noise is not None for o in problem.observations())
+            return f"'{u.name}' ended at its bound{'' if stated else ', and no noise is stated'}"
     times = _level(problem, minimum)
     return f"the residuals are {np.sqrt(times):.2g} times the stated noise" if stated and times > TWICE else ""
 
@@ -192,7 +193,7 @@ def contradictions(problem: Problem, minimum: Fit) -> str:
 
     Where values are right and nothing is missing, the mean of a trace of n residuals, in units of the noise, lies within a few 1/sqrt(n) of
     zero, and so does the product of neighbours. The sums of a descent hold both. A valley that is not the right one can meet readings
-    within 1.05 times their noise, but its traces lie beside zero by many of these.
+    within 1.05 times their noise, but its traces lie beside zero by many of these. Where all are short, nothing is.
     """
     at = dict(zip((e.record.name for e in problem.experiments), problem.experiments, strict=True))
     worst, where, count = 0.0, "", 0
@@ -208,7 +209,7 @@ def contradictions(problem: Problem, minimum: Fit) -> str:
             if size * math.sqrt(sums.count) > worst:
                 worst, where = size * math.sqrt(sums.count), f"'{sensor}' in {record}"
     beyond = math.erfc(worst / math.sqrt(2.0)) * count
-    return f"residuals of {where} are not noise" if beyond < CHANCE else ""
+    return f"residuals of {where} are not noise" if where and beyond < CHANCE else ""
 
 
 def preferred(population: Population, first: Fit, others: list[Fit]) -> Fit:

@@ -66,6 +66,8 @@ def test_each_level_sees_the_same_value(campaign: Campaign) -> None:
     assert campaign.joint is not None
     box = campaign.joint.at("box")
     assert list(box.values.parameters) == [HTC, MASS]
+    assert box.problem is not None
+    assert {u.name for u in box.problem.unknowns if u.kind == "parameter"} == {HTC, MASS}  # bands of a record ask for these alone
     assert box[HTC].value == campaign.joint[f"a.{HTC}"].value == box.fitted_model.at(HTC).expression.literal.value
     np.testing.assert_array_equal(box.values.covariance[:2, :2], campaign.joint.values.covariance[:2, :2])
     with pytest.raises(IdentificationError, match=r"the joint fit has no level 'boxx'\. Did you mean 'box'"):

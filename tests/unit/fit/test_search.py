@@ -96,9 +96,22 @@ class TestValleys:
         assert fitted("auto", near).search == ""
         assert fitted("auto", near).evaluations == fitted("local", near).evaluations
 
+    def test_traces_too_short_to_ask_contradict_nothing(self) -> None:
+        full = log(near=0.1, far=1.0)
+        few = td.Record.from_arrays(
+            "few", TIMES[::20], {"T": td.Channel.from_array("T", full["T"].values[::20], unit="K", role="node", target="case", noise=0.05)}
+        )
+        assert td.calibrate(case(0.1, 1.0), few, PATHS, scenario=BENCH).search == ""
+
     def test_values_at_a_bound_make_it_look_further(self) -> None:
         found = td.calibrate(case(0.5, 1.5), log(near=0.002, far=0.4, noise=None), PATHS, scenario=BENCH)
         assert "ended at its bound" in found.search
+        assert found.evaluations > 64
+
+    def test_a_bound_where_all_readings_are_met_takes_one_further_descent(self) -> None:
+        found = td.calibrate(case(0.5, 1.5), log(near=0.0048, far=0.4), PATHS, scenario=BENCH)
+        assert found["near.conductance"].value == pytest.approx(0.005, rel=1e-3)
+        assert found.evaluations < 64
 
     def test_other_values_that_fit_as_well_are_told(self) -> None:
         # equal masses behind the case: their conductances can be exchanged

@@ -16,7 +16,7 @@ import pytest
 import thermid as td
 from thermid.base.errors import OutputError
 from thermid.interop._fmu.export import to_fmu
-from unit.interop.hosts import unpacked
+from unit.interop.hosts import Unpacked, unpacked
 from unit.interop.networks import SIGNALS, TIGHT, hot_box
 
 CLOSE = 1e-5
@@ -159,51 +159,142 @@ def test_parameters_changed_before_the_run_are_exact(name: str, tmp_path: Path) 
         assert np.abs(found[:, k + 1] - ours[node].kelvin).max() < 1e-6, node
 
 
-def test_derivatives_are_those_of_differences(tmp_path: Path) -> None:
-    """Rates, massless temperatures, heats and powers by states, inputs and parameters; the temperatures of every law."""
+def instance(fmu: Unpacked, form: str) -> Any:
+    """An instance in FMPy, made and not yet begun: an FMU3Model or an FMU3Slave."""
     fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed (pip install 'thermid[fmu]')")
-    bent = {"kind": "radiation", "between": ["glue", "wall"], "emissivity": 0.5, "area": "0.02 [m^2]"}
-    model = hot_box(bent=bent)
-    fmu = unpacked(model, SIGNALS.with_(boundaries={"air": "10 [degC]", "wall": "15 [degC]"}, commands={}), tmp_path)
-    refs, written = fmu.references, fmu.written
     described = fmpy.read_model_description(str(fmu.file))
-    known = [*written.states, *written.names("input"), *written.names("parameter")]
-    unknown = [v.name for v in written.variables if v.name.startswith(("der(", "heat.", "power.", "T.seam", "T.glue"))]
-    host = fmpy.fmi3.FMU3Model(
+    host = getattr(fmpy.fmi3, form)(
         guid=described.guid, unzipDirectory=str(fmu.folder), modelIdentifier=described.modelExchange.modelIdentifier, instanceName="d"
     )
     host.instantiate()
+    return host
+
+
+def off_differences(fmu: Unpacked, host: Any, but: str = "") -> tuple[float, str]:
+    """The largest relative difference of directional derivatives from differences of values where a host stands, and by what it is.
+
+    Rates, massless temperatures, heats and powers by states, inputs and parameters, `but` one.
+    """
+    refs, written = fmu.references, fmu.written
+    massless = [v.name for v in written.variables if v.name.startswith("T.") and v.name not in (*written.states, *written.names("input"))]
+    ask = [refs[v.name] for v in written.variables if v.name.startswith(("der(", "heat.", "power."))] + [refs[n] for n in massless]
+    worst = (0.0, "")
+    for name in {*written.states, *written.names("input"), *written.names("parameter")} - {but}:
+        ours = np.array(host.getDirectionalDerivative(ask, [refs[name]], [1.0]))
+        (at,) = host.getFloat64([refs[name]])
+        size, step = np.abs(np.array(host.getFloat64(ask))), 1e-4 * max(abs(at), 1e-3)
+
+        def moved(by: float, ref: int = refs[name], at: float = at) -> np.ndarray:
+            host.setFloat64([ref], [at + by])
+            return np.array(host.getFloat64(ask))
+
+        near, far = ((moved(x) - moved(-x)) / (2.0 * x) for x in (step, 2.0 * step))
+        moved(0.0)
+        left = np.where(np.isin(ask, [refs[n] for n in massless]), 2e-12 * size / step, 0.0)  # by Newton's method, of massless temperatures
+        missed = np.maximum(np.abs(ours - (4.0 * near - far) / 3.0) - left, 0.0)
+        off = float((missed / (np.abs(ours) + 1e-6 * size / max(abs(at), 1.0) + 1e-9)).max())
+        worst = max(worst, (off, name))
+    return worst
+
+
+def test_derivatives_are_those_of_differences(tmp_path: Path) -> None:
+    """The temperatures of every law."""
+    bent = {"kind": "radiation", "between": ["glue", "wall"], "emissivity": 0.5, "area": "0.02 [m^2]"}
+    fmu = unpacked(hot_box(bent=bent), SIGNALS.with_(boundaries={"air": "10 [degC]", "wall": "15 [degC]"}, commands={}), tmp_path)
+    host = instance(fmu, "FMU3Model")
     host.enterInitializationMode(startTime=1000.0)
     host.exitInitializationMode()
-    ask, of = [refs[n] for n in unknown], [refs[n] for n in known]
-
-    def values() -> np.ndarray:
-        return np.array(host.getFloat64(ask))
-
-    worst = (0.0, "")
-    for name, ref in zip(known, of, strict=True):
-        ours = np.array(host.getDirectionalDerivative(ask, [ref], [1.0]))
-        (at,) = host.getFloat64([ref])
-        step = 1e-4 * max(abs(at), 1e-3)
-        states = np.array(host.getFloat64([refs[n] for n in written.states]))
-
-        def moved(by: float, name: str = name, ref: int = ref, at: float = at, states: np.ndarray = states) -> np.ndarray:
-            if name in written.states:
-                place = written.states.index(name)
-                x = states + by * (np.arange(states.size) == place)
-                host.setContinuousStates(np.ascontiguousarray(x).ctypes.data_as(fmpy.fmi3.POINTER(fmpy.fmi3.fmi3Float64)), states.size)
-            else:
-                host.setFloat64([ref], [at + by])
-            return values()
-
-        near, far = ((moved(s) - moved(-s)) / (2.0 * s) for s in (step, 2.0 * step))
-        moved(0.0)
-        theirs = (4.0 * near - far) / 3.0
-        off = float((np.abs(ours - theirs) / (np.abs(ours) + 1e-6 * np.abs(values()) / max(abs(at), 1.0) + 1e-9)).max())
-        worst = max(worst, (off, name))
+    worst = off_differences(fmu, host)
     host.terminate()
     host.freeInstance()
     assert worst[0] < 1e-6, worst
+
+
+SWITCH = {
+    "follows": "b",
+    "modes": {"open": 0.2, "closed": 1},
+    "starts": "open",
+    "transitions": {
+        "warm": {"from": "open", "to": "closed", "above": "28 [degC]"},
+        "cold": {"from": "closed", "to": "open", "below": "20 [degC]"},
+    },
+}
+PID = {"follows": "b", "pid": {"setpoint": "26 [degC]", "band": "9 [K]", "integral_time": "4 [min]"}, "sample": "30 [s]"}
+MELTING = {"latent_heat": "50 [kJ/kg]", "melts_from": "24 [degC]", "melts_to": "26 [degC]"}
+EVENTFUL = {
+    "thermostat": (MODELS["thermostat"][0], "mode.heat", "T.b"),
+    "controls": (
+        deck(
+            conductors={**CONDUCTORS, "out": {**CONDUCTORS["out"], "control": "switch"}},
+            loads={"heat": {"into": "a", "power": "6*power", "control": "duty"}},
+            controls={"switch": SWITCH, "duty": PID},
+        ),
+        "mode.switch",
+        "T.b",
+    ),
+    "melting": (
+        deck(
+            nodes={"a": {"capacitance": "c"}, "b": {"mass": "0.01 [kg]", "specific_heat": "2000 [J/(kg K)]", **MELTING}},
+            loads={"heat": {"into": "a", "power": "3*power"}},
+        ),
+        "",
+        "T.b",
+    ),
+    "fan": (MODELS["fan"][0], "", "T.gas"),
+}
+"""Model, what switches, and the temperature that it goes by."""
+
+
+@pytest.mark.parametrize("name", EVENTFUL)
+def test_derivatives_are_right_on_both_sides_of_an_event(name: str, tmp_path: Path) -> None:
+    """The standard defines them at an instant, with the modes that hold there: after each of 30 steps, over switches between the points."""
+    model, switches, felt = EVENTFUL[name]
+    fmu = unpacked(model, QUIET, tmp_path)
+    host = instance(fmu, "FMU3Slave")
+    host.enterInitializationMode()
+    host.exitInitializationMode()
+    modes, temperatures = [], []
+    for k in range(30):
+        host.doStep(currentCommunicationPoint=17.0 * k, communicationStepSize=17.0)
+        modes += host.getInt32([fmu.references[switches]]) if switches else []
+        temperatures += host.getFloat64([fmu.references[felt]])
+        worst = off_differences(fmu, host, "p.b.mass")  # it moves the melt's temperature by less than Newton's method leaves
+        assert worst[0] < (1e-5 if name == "melting" else 1e-6), (17.0 * (k + 1), worst)  # differences by a stiff tie are coarser
+        if name == "melting":
+            (rate,) = host.getFloat64([fmu.references["der(held.b)"]])
+            (by,) = host.getDirectionalDerivative([fmu.references["der(held.b)"]], [fmu.references["p.b.mass"]], [1.0])
+            assert by == pytest.approx(-rate / 0.01, rel=1e-5, abs=1e-3)
+    host.freeInstance()
+    assert len(set(modes)) == (2 if switches else 0)
+    assert name != "melting" or min(temperatures) < 297.0 < 298.0 < max(temperatures)
+
+
+@pytest.mark.parametrize(("name", "threshold", "moves"), [("thermostat", 304.15, "p.power"), ("controls", 301.15, "T.b")])
+def test_derivatives_change_in_event_mode_alone(name: str, threshold: float, moves: str, tmp_path: Path) -> None:
+    """Model exchange: a microkelvin before a threshold and after it; until the event they are the old mode's."""
+    model, switches, felt = EVENTFUL[name]
+    fmu = unpacked(model, QUIET, tmp_path)
+    host = instance(fmu, "FMU3Model")
+    host.enterInitializationMode()
+    host.exitInitializationMode()
+    host.updateDiscreteStates()
+    host.enterContinuousTimeMode()
+    found, seen = [], []
+    for by, event in ((-1e-6, True), (1e-6, False), (1e-6, True)):
+        host.setFloat64([fmu.references[felt]], [threshold + by])
+        if event:
+            host.enterEventMode()
+            host.updateDiscreteStates()
+            host.enterContinuousTimeMode()
+        seen.append(host.getInt32([fmu.references[switches]])[0])
+        rates = [fmu.references[f"der(T.{n})"] for n in "ab"]
+        found.append(host.getDirectionalDerivative(rates, [fmu.references[moves]], [1.0]))
+        worst = off_differences(fmu, host)
+        assert worst[0] < 1e-6, worst
+    host.freeInstance()
+    assert seen[0] == seen[1] != seen[2]
+    assert found[0] == pytest.approx(found[1], rel=1e-6)
+    assert np.abs(np.subtract(found[1], found[2])).max() > 1e-3
 
 
 @pytest.mark.parametrize(

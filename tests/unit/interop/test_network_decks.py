@@ -738,19 +738,30 @@ def test_a_listing_of_cards_is_read_as_the_cards(tmp_path: Path) -> None:
     assert listing.case() == {**deck.case(), "title": listing.title}
 
 
-def test_cards_of_sinda_g_against_its_own_print(tmp_path: Path) -> None:
-    """From 1000 s, when its steps of 1 s no longer matter, to 4000 s, when logic opens a conductor, which is named.
-
-    Radiation over an array is named too; here it has the array's value below 0 degF, where both its ends are.
-    """
+def test_cards_of_sinda_g_against_its_own_print() -> None:
+    """From 1000 s, when its steps of 1 s no longer matter, to 4000 s, when logic opens a conductor, which is named."""
     file = _public(CARDS_OF_2008)
-    assert read_sinda(file, "BTU s in F").incomplete == "2 statements of SINDA not taken over (conductor option SIV, logic not taken over)"
-    text = file.read_text("latin-1").replace("SIV -90002, 5000,    2,     A15, 1.1936E-12\n", "-90002, 5000, 2, 0.8*1.1936E-12\n")
-    compared = agreement(read_sinda(_write(tmp_path, "a.sin", text), "BTU s in F"), sinda_print(file.with_suffix(".sot")))
+    network = read_sinda(file, "BTU s in F")
+    assert network.incomplete == "1 statement of SINDA not taken over (logic not taken over)"
+    compared = agreement(network, sinda_print(file.with_suffix(".sot")))
     calm = (compared.times > 1000.0) & (compared.times < 4000.0)
     assert calm.sum() == 1499
     assert np.sqrt(np.mean(compared.off[calm] ** 2)) < 0.002
     assert np.abs(compared.off[calm]).max() < 0.035
+
+
+def test_an_array_of_a_radiation_conductor_is_its_emissivity_at_the_mean_temperature(tmp_path: Path) -> None:
+    text = "HEADER CONTROL DATA, GLOBAL\n  abszro = -273.15\n  sigma = 5.670374419e-08\n  UID = SI\nHEADER NODE DATA, A\n  1, 20., 50.\n"
+    text += "  -2, -200., 0.\nHEADER SOURCE DATA, A\n  1, 30.\nHEADER ARRAY DATA, A\n  3 = -100., 0.2, 100., 0.6\n"
+    network = read_network(_write(tmp_path, "paint.inp", text + "HEADER CONDUCTOR DATA, A\n  SIV -1, 1, 2, A3, 0.15\n"))
+    assert [r for r in network.remarks if r.dropped] == []
+    hot, cold = td.steady(network.model(), network.scenario())["A.T1"], 73.15
+    emissivity = 0.4 + 0.002 * (0.5 * (hot + cold) - 273.15)
+    assert 0.15 * emissivity * 5.670374419e-08 * (hot**4 - cold**4) == pytest.approx(30.0, rel=1e-6)
+    at = {"A.T1": hot - 273.15, "A.T2": -200.0}
+    assert balance(network, Printed("STEADY", 0.0, at, dict.fromkeys(at, 0.005))).open() == {}
+    back = network.written_back(network.model().with_values({"A_R1.area": 0.2}))
+    assert "SIV -1, 1, 2, A3, 0.2" in next(iter(back.values()))
 
 
 @pytest.mark.parametrize("more", ["", "  -1, 10., 0.\n  -2, 30., 0.\n"])

@@ -24,7 +24,7 @@ PUBLIC = Path(os.environ.get("THERMID_PUBLIC", "/nowhere"))
 DAVIS = "Space-and-Satellite-Systems-UC-Davis/Structure-Thermal-Desktop"
 MLI = "nodoka716/MLI_test"
 TUTORIALS = f"{DAVIS}/Reference Files and Tutorials"
-METHANE, LOX = "CH4_Vap_9ft_Dia/Rev_C1_wo_solar_wo_earth", "LOX_Liq_12ft_Dia/Rev_A"
+METHANE, LOX, SUNLIT = "CH4_Vap_9ft_Dia/Rev_C1_wo_solar_wo_earth", "LOX_Liq_12ft_Dia/Rev_A", "LOX_Liq_12ft_Dia/Rev_D3_w_solar_w_earth"
 AIR_LAUNCH = "afcarl/Air-Launch-Vehicle-Thermal-Analysis-and-Trade-Study/SINDA"
 DECKS = {
     "bpar907/APSS-2-Thermal-TXRX/case0.inp": "33a04d26c2a1971b04cc73dfd1bdf172ec3093f4d416d32e7d7d81e0f0c04882",
@@ -41,6 +41,7 @@ DECKS = {
     f"{DAVIS}/Working CubeSat Model/case8.inp": "7200892ab6ea639588ea871f821ee721c94b214de72d06e913996e70d3e368f2",
     "mlauryn/EsatanOpt/Radiator/radiator.d": "e784683c76b0daefbf6fcf7335faef5ead285ad40de79987dbb4f0bd7ba7ceeb",
     f"{AIR_LAUNCH}/{LOX}/AL_PLP_a.sin": "ebcc8e799d940d14a8140345eaa1a6edcb74549edebe233cdbbc9ce8008adcd3",
+    f"{AIR_LAUNCH}/{SUNLIT}/AL_PLP_d3.sin": "e9cc71a8b9ab122d691850d523e6e5074005136975a5f1103bdfce87b8bbb130",
     f"{AIR_LAUNCH}/{METHANE}/AL_PLP_c1.sin": "678dce6a1c30d7bf160b7e647bb94c98d4d100454d707c867338b7bbaba12b32",
 }
 """SHA-256 of a deck with the files that it inserts."""

@@ -46,7 +46,7 @@ class Unknown:
     Parameters
     ----------
     name : str              As reported: a parameter's path, ``record: room``, ``sensor T1``.
-    kind : str              'parameter', 'local', 'sensor' or 'shared'.
+    kind : str              'parameter', 'local', 'sensor' or 'shared'; 'elsewhere' of another level of a joint fit.
     targets : tuple         Where it acts.
     start : float           [SI]
     log : bool              Whether it is fitted by its logarithm.

@@ -241,6 +241,11 @@ class NetworkFile:
             "submodels": submodels,
             "set": settings,
             "conductors": {element.name: self._conductor(element, at) for element in self.conductors},
+            "controls": {
+                f"{element.name}_e": {"follows": [_defined(at, end, "conductor", element) for end in element.ends], "table": by}
+                for element in self.conductors
+                if (by := element.table.get("control"))
+            },
             "loads": {
                 element.name: {"into": _defined(at, element.into, "load", element), "power": _watts(element.power), **element.more}
                 for element in self.loads
@@ -251,6 +256,8 @@ class NetworkFile:
     def _conductor(self, conductor: FileConductor, at: Mapping[tuple[str, str], str]) -> dict[str, Any]:
         """Return the table of a conductor, times its factor."""
         table = {"between": [_defined(at, end, "conductor", conductor) for end in conductor.ends], **conductor.table}
+        if "control" in table:
+            table["control"] = f"{conductor.name}_e"
         key = SCALED[table["kind"]]
         value = table.get(key, "1")
         factor = conductor.factor()

@@ -209,6 +209,7 @@ def balance(network: NetworkFile, printed: Printed) -> Balance:
             heat, steep = g * (t[a] - t[b]), (g, g)
         elif element.table["kind"] == "radiation":
             g = float(values[f"{element.name}.area"]) * float(element.table["exchange_factor"]) * STEFAN_BOLTZMANN
+            g *= _at_mean(element.table["control"]["points"], t[a], t[b]) if "control" in element.table else 1.0
             heat, steep = g * (t[a] ** 4 - t[b] ** 4), (4.0 * g * t[a] ** 3, 4.0 * g * t[b] ** 3)
         elif element.table["kind"] == "flow":
             g = float(values[f"{element.name}.mass_flow"])
@@ -216,8 +217,7 @@ def balance(network: NetworkFile, printed: Printed) -> Balance:
             rounding[b] += g * (half[a] + half[b])
             continue
         else:
-            at_mean, conductance = np.array([[float(cell.split()[0]) for cell in pair] for pair in element.table["table"]["points"]]).T
-            g = float(values[f"{element.name}.scale"]) * float(np.interp(0.5 * (t[a] + t[b]) - ICE_POINT, at_mean, conductance))
+            g = float(values[f"{element.name}.scale"]) * _at_mean(element.table["table"]["points"], t[a], t[b])
             heat, steep = g * (t[a] - t[b]), (g, g)
         residuals[a] -= heat
         residuals[b] += heat
@@ -227,3 +227,9 @@ def balance(network: NetworkFile, printed: Printed) -> Balance:
             residuals[at[".".join(load.into)]] += float(values[f"{load.name}.power"])
     inner = [k for k, node in enumerate(network.nodes) if not node.held]
     return Balance({names[k]: -float(residuals[k]) for k in inner}, {names[k]: float(rounding[k]) for k in inner})
+
+
+def _at_mean(points: Sequence[Sequence[str]], a: float, b: float) -> float:
+    """Return the value of a table at the mean of two temperatures. [K]"""
+    grid, values = np.array([[float(cell.split()[0]) for cell in pair] for pair in points]).T
+    return float(np.interp(0.5 * (a + b) - ICE_POINT, grid, values))

@@ -446,8 +446,9 @@ def _points(deck: SindaDeck, submodel: str, kind: str, word: str, line: Line) ->
 def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     """Read CONDUCTOR DATA: number, pairs of nodes, value; GEN, SIV and SPV. A contactor named in a comment makes a group of its rows.
 
-    A block of radiation alone, as Thermal Desktop writes one for each group of surfaces that see each other, is one group, and its rows
-    follow the emissivities that its comments state. The rows through an insulation are a group for each submodel.
+    An array of a radiation conductor is its emissivity at the mean of both temperatures, a control of the model. A block of
+    radiation alone, as Thermal Desktop writes one for each group of surfaces that see each other, is one group, and its rows follow the
+    emissivities that its comments state. The rows through an insulation are a group for each submodel.
     """
     block = len(lines) > 1 and all(line.text.lstrip().startswith("-") for line in lines)
     group = _Group(f"radiation_{identifier(submodel)}" if block else "", _followed(deck, lines) if block else {})
@@ -461,7 +462,7 @@ def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
                 deck.conductors.extend(_generated_conductors(deck, submodel, cells, group, line))
             elif kind == "CAL" and len(cells) > 4 and float(fortran(cells[-1][0])) == 1.0:  # X Y Z / W
                 deck.conductors.extend(_row(deck, submodel, "", [*cells[:3], _product(cells[3:-1])], group, line))
-            elif kind in ("", "SIV", "SPV") and not (kind and first.lstrip().startswith("-")):
+            elif kind in ("", "SIV", "SPV"):
                 deck.conductors.extend(_row(deck, submodel, kind, cells, group, line))
             else:
                 deck.reading.remark(line.where, f"conductor option {kind}: '{line.text.strip()}'")
@@ -567,6 +568,9 @@ def _law(deck: SindaDeck, submodel: str, kind: str, number: int, values: Cells, 
     if kind:
         factor = float(fortran(values[1][0])) if len(values) > 1 else 1.0
         points = _points(deck, submodel, kind, text, line)
+        if number < 0:
+            by = {"points": [[f"{t!r} [degC]", f"{e!r}"] for t, e in points]}
+            return {"kind": "radiation", "exchange_factor": 1.0, "area": with_unit(factor, "m^2", units.exchange_area()), "control": by}
         table = [[f"{t!r} [degC]", f"{g * units.power / units.degree!r} [W/K]"] for t, g in points]
         return {"kind": "table", "table": {"points": table}, "scale": f"{factor!r}"}
     value = deck.reading.value(text, where)

@@ -98,7 +98,7 @@ def test_the_study_is_ready_for_its_report(tmp_path: Path) -> None:
     made = copy_example("sisnav", tmp_path / "sisnav")
     assert made.example.first.startswith("thermid report campaign.toml")
     source = read_campaign(made.folder / "campaign.toml", made.folder)
-    assert all(source.record(name).duration > 0 for name in source.content.records)
+    assert all(source.record(name).duration > 0 for name in source.names())
 
 
 def test_the_first_command_of_a_copy_with_siblings_runs(tmp_path: Path) -> None:
