@@ -96,7 +96,7 @@ def test_on_a_telephone_the_worst_tile_stays_in_view(rack: Page) -> None:
 
 @pytest.mark.parametrize(("width", "height"), [(320, 700), (800, 500)])
 def test_a_narrow_window_and_twice_the_size_need_no_sideways_scrolling(rack: Page, width: int, height: int) -> None:
-    """800 x 500 is a screen of 1600 x 1000 at 200 %."""
+    """800 x 500 is a screen of 1600 x 1000 at 200 %; every view, in the light and the dark, without motion."""
     size = {"width": width, "height": height, "deviceScaleFactor": 2, "mobile": False}
     rack.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
     rack.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-reduced-motion", "value": "reduce"}]})
@@ -106,9 +106,16 @@ def test_a_narrow_window_and_twice_the_size_need_no_sideways_scrolling(rack: Pag
             rack.wait("await pause(300)")
             wide, moving = rack.run("return [document.documentElement.scrollWidth, document.getAnimations().length]")
             assert (wide <= width, moving) == (True, 0)
-            assert rack.serious(False) == []
+            assert [rack.serious(dark) for dark in (False, True)] == [[], []]
+        for path in ("build", "start"):
+            rack.driver.get(f"{rack.address.partition('?')[0]}{path}")
+            rack.until("document.querySelector('[data-ready], [data-node]')", 15)
+            rack.wait("await pause(300)")
+            assert (path, rack.run("return document.documentElement.scrollWidth") <= width) == (path, True)
+            assert [rack.serious(dark) for dark in (False, True)] == [[], []]
     finally:
-        rack.click("[data-view=correlate]")
+        rack.driver.get(rack.address.partition("?")[0])
+        rack.until("window.studio && studio.ready")
         rack.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
