@@ -94,6 +94,18 @@ def test_on_a_telephone_the_worst_tile_stays_in_view(rack: Page) -> None:
         rack.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
+def test_no_name_unit_or_error_is_cut_in_the_table_of_values(rack: Page) -> None:
+    """Of names as deep as those of a full model, and of errors and units as long as they come."""
+    longest = """
+    const row = document.querySelector('[data-slider="skin.effective_htc"]'), put = (s, t) => { row.querySelector(s).textContent = t; };
+    const cells = ['label', '.unit', '.error-of'], old = cells.map((s) => row.querySelector(s).textContent);
+    put('label', 'electronics_box.processor_board.power_supply_to_frame.contact_conductance');
+    put('.unit', 'W/(m² K)'); put('.error-of', '± 1.2e-05');
+    const cut = cells.filter((s) => { const e = row.querySelector(s); return e.scrollWidth > e.clientWidth || e.offsetHeight > row.clientHeight; });
+    cells.forEach((s, k) => put(s, old[k])); return cut;"""
+    assert rack.run(longest) == []
+
+
 @pytest.mark.parametrize(("width", "height"), [(320, 700), (800, 500)])
 def test_a_narrow_window_and_twice_the_size_need_no_sideways_scrolling(rack: Page, width: int, height: int) -> None:
     """800 x 500 is a screen of 1600 x 1000 at 200 %; every view, in the light and the dark, without motion."""
