@@ -101,7 +101,9 @@ def test_no_name_unit_or_error_is_cut_in_the_table_of_values(rack: Page) -> None
     const cells = ['label', '.unit', '.error-of'], old = cells.map((s) => row.querySelector(s).textContent);
     put('label', 'electronics_box.processor_board.power_supply_to_frame.contact_conductance');
     put('.unit', 'W/(m² K)'); put('.error-of', '± 1.2e-05');
-    const cut = cells.filter((s) => { const e = row.querySelector(s); return e.scrollWidth > e.clientWidth || e.offsetHeight > row.clientHeight; });
+    const cut = cells.filter((s) => {
+      const e = row.querySelector(s);
+      return e.scrollWidth > e.clientWidth || e.offsetHeight > row.clientHeight; });
     cells.forEach((s, k) => put(s, old[k])); return cut;"""
     assert rack.run(longest) == []
 
