@@ -94,9 +94,23 @@ def test_on_a_telephone_the_worst_tile_stays_in_view(rack: Page) -> None:
         rack.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 
+def test_no_name_unit_or_error_is_cut_in_the_table_of_values(rack: Page) -> None:
+    """Of names as deep as those of a full model, and of errors and units as long as they come."""
+    longest = """
+    const row = document.querySelector('[data-slider="skin.effective_htc"]'), put = (s, t) => { row.querySelector(s).textContent = t; };
+    const cells = ['label', '.unit', '.error-of'], old = cells.map((s) => row.querySelector(s).textContent);
+    put('label', 'electronics_box.processor_board.power_supply_to_frame.contact_conductance');
+    put('.unit', 'W/(m² K)'); put('.error-of', '± 1.2e-05');
+    const cut = cells.filter((s) => {
+      const e = row.querySelector(s);
+      return e.scrollWidth > e.clientWidth || e.offsetHeight > row.clientHeight; });
+    cells.forEach((s, k) => put(s, old[k])); return cut;"""
+    assert rack.run(longest) == []
+
+
 @pytest.mark.parametrize(("width", "height"), [(320, 700), (800, 500)])
 def test_a_narrow_window_and_twice_the_size_need_no_sideways_scrolling(rack: Page, width: int, height: int) -> None:
-    """800 x 500 is a screen of 1600 x 1000 at 200 %."""
+    """800 x 500 is a screen of 1600 x 1000 at 200 %; every view, in the light and the dark, without motion."""
     size = {"width": width, "height": height, "deviceScaleFactor": 2, "mobile": False}
     rack.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
     rack.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-reduced-motion", "value": "reduce"}]})
@@ -106,9 +120,16 @@ def test_a_narrow_window_and_twice_the_size_need_no_sideways_scrolling(rack: Pag
             rack.wait("await pause(300)")
             wide, moving = rack.run("return [document.documentElement.scrollWidth, document.getAnimations().length]")
             assert (wide <= width, moving) == (True, 0)
-            assert rack.serious(False) == []
+            assert [rack.serious(dark) for dark in (False, True)] == [[], []]
+        for path in ("build", "start"):
+            rack.driver.get(f"{rack.address.partition('?')[0]}{path}")
+            rack.until("document.querySelector('[data-ready], [data-node]')", 15)
+            rack.wait("await pause(300)")
+            assert (path, rack.run("return document.documentElement.scrollWidth") <= width) == (path, True)
+            assert [rack.serious(dark) for dark in (False, True)] == [[], []]
     finally:
-        rack.click("[data-view=correlate]")
+        rack.driver.get(rack.address.partition("?")[0])
+        rack.until("window.studio && studio.ready")
         rack.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
 
 

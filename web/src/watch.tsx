@@ -53,7 +53,7 @@ function foreseen(c: Channel, l: Look): Forecast | undefined {
 function ends(c: Channel, f: Forecast | undefined, l: Look): string {
   if (!f) return "";
   const at = f.at ?? l.forecast_at, when = at < l.end ? ` (from the readings to ${hour(at)})` : "", holds = f.holds == null ? "" : f.holds <= l.end ? "; the rule holds by now" : `; the rule holds about ${hour(f.holds)}${f.late ? `, with 95 % by ${hour(f.late)}` : ""}`;
-  return f.final === null ? `Where ${c.name} will end is not known yet${when}: ${nice(f.declined)}${holds}` : `${c.name} will end at ${f.final.toFixed(2)} °C, ${f.level ?? 95} % from ${f.low.toFixed(2)} to ${f.high.toFixed(2)}${holds}${when}.`;
+  return f.final === null ? `Where ${c.name} will end is not known yet${when}: ${nice(f.declined).replace(/\.$/, "")}${holds}.` : `${c.name} will end at ${f.final.toFixed(2)} °C, ${f.level ?? 95} % from ${f.low.toFixed(2)} to ${f.high.toFixed(2)}${holds}${when}.`;
 }
 const gaps = (c: Channel) => { const by = new Map<string, number>(); for (const g of c.gaps) by.set(g.why, (by.get(g.why) ?? 0) + Math.max(g.count, 1)); return [...by].map(([why, n]) => `${n} × ${why}`).join(", "); };
 const limitsOf = (name: string) => form.value.limits.split(",").map((t) => t.split("=")).filter(([n]) => n?.trim() === name).map(([, v]) => parseFloat(v ?? "")).filter(Number.isFinite);
@@ -104,7 +104,7 @@ function Advice({ w }: { w: Seen }) {
       {w.alarms.map((a) => <p key={`${a.kind} ${a.suspect}`} class="verdict" data-word="not met" data-alarm={a.suspect}><strong>✗ ALARM {a.kind}: {a.suspect}</strong> since {hour(a.since_s)}. {nice(a.because)}</p>)}
       <p class="verdict" data-word={mark}><strong>{word}</strong>{left !== null && left > 0 && <span id="remaining">, the rule holds in about {hour(left)}</span>}: {nice(w.because)}{w.model && ` Model: ${w.model}${w.like ? `, columns as in record ${w.like}` : ""}.`}</p>
       {hidden.length > 0 && <table id="hidden"><caption>Nodes without a sensor, by the model</caption><tbody>{hidden.map(([n, v]) => <tr key={n}><th scope="row">{n}</th><td class="num">{v.value_C.toFixed(2)} ± {v.half_K.toFixed(2)} °C</td></tr>)}</tbody></table>}
-      {w.assumed.length > 0 && <p class="soft">Assumed: {w.assumed.map(nice).join("; ")}.</p>}{w.unused && <p class="soft">{nice(w.unused)}.</p>}
+      {w.assumed.length > 0 && <p class="soft">Assumed: {w.assumed.map((a) => nice(a).replace(/\.$/, "")).join("; ")}.</p>}{w.unused && <p class="soft">{nice(w.unused)}.</p>}
     </div>
   );
 }
