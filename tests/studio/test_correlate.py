@@ -125,7 +125,8 @@ def test_a_narrow_window_and_twice_the_size_need_no_sideways_scrolling(rack: Pag
             rack.driver.get(f"{rack.address.partition('?')[0]}{path}")
             rack.until("document.querySelector('[data-ready], [data-node]')", 15)
             rack.wait("await pause(300)")
-            assert (path, rack.run("return document.documentElement.scrollWidth") <= width) == (path, True)
+            wide = rack.run("return document.documentElement.scrollWidth")
+            assert wide <= width, path
             assert [rack.serious(dark) for dark in (False, True)] == [[], []]
     finally:
         rack.driver.get(rack.address.partition("?")[0])
