@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from by_code import raises_code
-from thermid.base.errors import NameNotFoundError, RecordError
+from thermid.base.errors import NameNotFoundError, RecordError, UnitError
 from thermid.measure._record.channel import Channel, Origin
 from thermid.measure._record.record import Record
 
@@ -174,3 +174,14 @@ def test_the_step_is_that_of_the_readings_whatever_lies_between_them(by: float |
     assert record.delayed(by).step == record.step == 10.0
     assert record.joined(slow, 3.0).step == slow.joined(record, -3.0).step == 10.0
     assert record.mask("case", 100, 200).delayed(by).step == 10.0
+
+
+def test_sizes_of_a_channel_are_amounts_with_their_units() -> None:
+    channel = Channel.from_array("T", [20.0, 21.0], unit="degC", noise="50 [mK]", accuracy="500 [mK]", resolution=0.0625)
+    assert (channel.noise, channel.accuracy, channel.resolution) == pytest.approx((0.05, 0.5, 0.0625))
+    power = Channel.from_array("P", [1.0, 2.0], unit="W", quantity="power", noise="20 [mW]")
+    assert power.noise == pytest.approx(0.02)
+    with pytest.raises(UnitError, match="channel 'T', noise"):
+        Channel.from_array("T", [20.0, 21.0], unit="degC", noise="1 [W]")
+    with pytest.raises(RecordError, match="neither a number nor a text"):
+        Channel.from_array("T", [20.0, 21.0], unit="degC", accuracy=[0.5])

@@ -82,6 +82,10 @@ def frozen(values: ArrayLike, kind: Any) -> NDArray[Any]:
     return copy
 
 
+SIZES: Final = ("noise", "accuracy", "resolution", "common")
+"""Fields of a channel that are sizes of an error or of a step, in its own unit."""
+
+
 @dataclass(frozen=True, eq=False)
 class Channel(Shown):
     """Samples of one sensor or command, and what they are bound to.
@@ -178,13 +182,15 @@ class Channel(Shown):
         name : str                  Its name in the record.
         values : array (samples,)   In `unit`; or with their own, by `thermid.celsius`, or of pint, pandas or xarray.
         unit : str                  Without it, and without a unit of the values, these are SI; temperatures need one.
-        fields                      As of the class.
+        fields                      As of the class; noise, accuracy, resolution and common also as text with a unit, ``"0.5 [K]"``.
 
         Raises
         ------
-        UnitError   When temperatures have no unit, or the unit is of something else.
+        RecordError   When one of these sizes is no amount.
+        UnitError     When temperatures have no unit, or a unit is of something else.
         """
         kind = fields.get("quantity", "temperature")
+        sizes = {w: amount(fields[w], _SI.get(kind, "1"), f"channel '{name}', {w}") for w in SIZES if fields.get(w) is not None}
         with errors_at(f"channel '{name}'"):
             with_unit = quantity(values, unit=unit) if unit else stated(values)
             if with_unit is not None and kind in _SI:
@@ -192,7 +198,7 @@ class Channel(Shown):
             if with_unit is None and kind == "temperature":
                 with_unit = quantity(si_values(values, TEMPERATURE), unit="K")
         samples = np.asarray(values if with_unit is None else with_unit.si, dtype=np.float64)
-        return cls(name, samples, np.isfinite(samples), unit="" if with_unit is None else with_unit.unit.text, **fields)
+        return cls(name, samples, np.isfinite(samples), unit="" if with_unit is None else with_unit.unit.text, **fields | sizes)
 
     def _summary(self) -> str:
         seat = f" of {self.target}" if self.target else ""
