@@ -241,7 +241,7 @@ def not_inherited(
     stages = source.content.stages
     for earlier in (e for e in stages[:k] if e.name in done and e.model != stages[k].model):
         deck = definition_of(source.model(earlier.model, earlier.name))
-        fitted = {p for p, s in done[earlier.name].store.parameters.items() if s.origin.stage == earlier.name}
+        fitted = {p for p, s in done[earlier.name].store.parameters.items() if s.origin.stage == earlier.name and not s.of_logs}
         parts = [f"'{at[:-1]}'" for at, definition in instances(model) if definition == deck and not {at + p for p in fitted} <= reached]
         if parts:
             yield f"{FIRST}what stage '{earlier.name}' fitted is not inherited at {', '.join(parts)}: the values of the deck stay there."

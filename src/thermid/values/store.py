@@ -671,7 +671,7 @@ def graft(model: Model, below: Sequence[tuple[str, Store]]) -> tuple[Store, tupl
             row[columns] = row_of_state
             moved = state.under(part) if part else state
             offered.setdefault(moved.path, []).append((part, moved, row))
-    chosen, remarks = {}, [set_aside for _, _, several in placed for set_aside in several]
+    chosen, remarks = {}, list(dict.fromkeys(set_aside for _, _, several in placed for set_aside in several))
     for path, several in offered.items():
         state, row, remark = _chosen(path, several)
         chosen[path] = (state, row)

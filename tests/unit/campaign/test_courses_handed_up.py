@@ -57,6 +57,7 @@ def test_a_stage_with_a_course_hands_up_its_deck(tmp_path: Path, how: str) -> No
     assert [v.passed for v in found.verdicts] == [True]
     lines = [x for x in str(unit).splitlines() if "start_up.power" in x]
     assert [x.strip().startswith("check:") for x in lines] == ([] if "without" in how else [True]), lines
+    assert "not inherited" not in str(unit)
     for file, fit in zip(found.save(tmp_path / "out"), (gyro, unit), strict=True):
         assert load_store(file)[0] == fit.store
 
