@@ -169,23 +169,34 @@ def searched(
     if how == "multistart":
         return search.descents([first], "as asked", DESCENTS)
     why, beside = doubts(problem, first), contradictions(problem, first)
-    if why and (beside or not why.endswith("at its bound") or _level(problem, first) > TWICE):
-        return search.affordable(first, why)
-    return search.confirmed(first, why or beside) if why or beside else first
+    bound = at_bound(problem, first) if first.converged else ""
+    if why or (bound and (beside or not _noise_is_stated(problem))):
+        return search.affordable(first, bound or why)
+    # where all readings are met within their noise, a value ends at its bound by noise alone: one descent settles it
+    return search.confirmed(first, bound or beside) if bound or beside else first
 
 
 def doubts(problem: Problem, minimum: Fit) -> str:
     """Return why one descent may have ended in the wrong valley, or an empty text."""
     if not minimum.converged:
         return "the first descent did not converge"
+    times = _level(problem, minimum)
+    return f"the residuals are {np.sqrt(times):.2g} times the stated noise" if _noise_is_stated(problem) and times > TWICE else ""
+
+
+def at_bound(problem: Problem, minimum: Fit) -> str:
+    """Return which value ended at its bound, or an empty text."""
     error = _errors(problem, minimum)
-    stated = all(o.noise is not None for o in problem.observations())
     for k, u in enumerate(problem.unknowns):
         near = max(1e-4 * u.scale, 0.02 * float(error[k]))
         if u.kind == "parameter" and any(abs(minimum.fitted[k] - b) < near for b in u.fitted_bounds()):
-            return f"'{u.name}' ended at its bound{'' if stated else ', and no noise is stated'}"
-    times = _level(problem, minimum)
-    return f"the residuals are {np.sqrt(times):.2g} times the stated noise" if stated and times > TWICE else ""
+            return f"'{u.name}' ended at its bound{'' if _noise_is_stated(problem) else ', and no noise is stated'}"
+    return ""
+
+
+def _noise_is_stated(problem: Problem) -> bool:
+    """Return whether every sensor states its noise."""
+    return all(o.noise is not None for o in problem.observations())
 
 
 def contradictions(problem: Problem, minimum: Fit) -> str:

@@ -89,7 +89,7 @@ class Trial:
     diagnosis : Diagnosis or None   What would explain the deviations, where a criterion is not met.
     log_sha256 : str                Hash of the log.
     synthetic : bool                Whether the log was made and not measured.
-    not_shown : tuple of str           What the log does not show: stretches without readings, levels that were not applied.
+    not_shown : tuple of str        What the log does not show: stretches without readings, levels that were not applied.
     remarks : tuple of str          What else a reader must know of the log.
     settled : tuple of Stability    Per settled stretch, what the readings say about it being settled.
     as_logged : dict                Column of a logged boundary -> its lowest and highest reading. [degC]

@@ -303,13 +303,8 @@ def test_derivatives_change_in_event_mode_alone(name: str, threshold: float, mov
 )
 def test_what_follows_a_kept_state_is_the_same_to_the_bit(name: str, turns: int, tmp_path: Path) -> None:
     """However often it is brought back, whatever was stepped in between, as bytes too; over switches, six models of 170 turns each."""
-    fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed (pip install 'thermid[fmu]')")
     fmu = unpacked(*MODELS[name][:2], tmp_path)
-    described = fmpy.read_model_description(str(fmu.file))
-    host = fmpy.fmi3.FMU3Slave(
-        guid=described.guid, unzipDirectory=str(fmu.folder), modelIdentifier=described.coSimulation.modelIdentifier, instanceName="s"
-    )
-    host.instantiate()
+    host = instance(fmu, "FMU3Slave")
     host.enterInitializationMode()
     host.exitInitializationMode()
     ask = [k for n, k in fmu.references.items() if n.partition(".")[0] in ("T", "power", "heat")]
@@ -352,15 +347,10 @@ def test_an_input_that_the_host_drives(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["linear", "thermostat", "massless"])
 def test_steps_that_reach_beyond_the_hosts_are_given_up_where_an_input_changes(name: str, reads: bool, tmp_path: Path) -> None:
     """A load changes every 37 steps of 1 s; those between are read off longer ones, and values that are read first change nothing."""
-    fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed (pip install 'thermid[fmu]')")
     model, scenario, nodes = MODELS[name]
     fmu = unpacked(model, scenario, tmp_path)
     load = next(n for n in fmu.references if n.startswith("load."))
-    described = fmpy.read_model_description(str(fmu.file))
-    host = fmpy.fmi3.FMU3Slave(
-        guid=described.guid, unzipDirectory=str(fmu.folder), modelIdentifier=described.coSimulation.modelIdentifier, instanceName="s"
-    )
-    host.instantiate()
+    host = instance(fmu, "FMU3Slave")
     host.enterInitializationMode()
     host.exitInitializationMode()
     ask, drive, every, count = [fmu.references[f"T.{n}"] for n in nodes], fmu.references[load], 37, 600

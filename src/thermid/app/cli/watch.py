@@ -30,7 +30,7 @@ from thermid.app.cli.options import (
     with_unit,
 )
 from thermid.base.codes import add_codes
-from thermid.base.errors import RecordError
+from thermid.base.errors import RecordError, refuse_unknown
 from thermid.base.extensions import extension
 from thermid.base.units import TEMPERATURE
 from thermid.campaign.stages import RunningTest, running_test
@@ -114,8 +114,7 @@ def watch(
         )
     stated = scenario_of(scenario, boundary, [], None, None) if boundary or scenario is not None else None
     read = pairs(reading, "--read")
-    if unknown := sorted(read.keys() - READ_KEYS):
-        raise RecordError(f"the keys are {', '.join(READ_KEYS)}, not '{unknown[0]}'.", "--read", code="file.unknown-key")
+    refuse_unknown(read, READ_KEYS, "--read")
     test = None if campaign is None else running_test(staged(campaign, data, results, accept), record, stage)
     if test is None:
         deck = None if model is None else fitted_model(model, values, keep)

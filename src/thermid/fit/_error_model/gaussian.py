@@ -364,10 +364,10 @@ def members_of(runs: Sequence[RunRows], centre: Array, sizes: Array, own_sizes: 
     own_sizes : sequence of array (members, o)  The same of the unknowns of each run.
     """
     count, s = sizes.shape
-    every, log_det, readings = np.zeros((s + 1, s + 1)), np.zeros(count), 0
+    products, log_det, readings = np.zeros((s + 1, s + 1)), np.zeros(count), 0
     taken: Array | None = None
     for run, sizes_of_run in zip(runs, own_sizes, strict=True):
-        every += run.gram[np.ix_(run.shared_places, run.shared_places)]
+        products += run.gram[np.ix_(run.shared_places, run.shared_places)]
         readings += run.count
         log_det += run.log_det
         if sizes_of_run.shape[1]:
@@ -375,7 +375,7 @@ def members_of(runs: Sequence[RunRows], centre: Array, sizes: Array, own_sizes: 
             taken = of_run if taken is None else np.add(taken, of_run, out=of_run)
             log_det += grown
     # in place from here: new memory for every member costs more than the sums
-    total = np.tile(every, (count, 1, 1)) if taken is None else np.subtract(every, taken, out=taken)
+    total = np.tile(products, (count, 1, 1)) if taken is None else np.subtract(products, taken, out=taken)
     inner, cross, square = total[:, :s, :s], total[:, :s, s], total[:, s, s]
     moved = inner @ centre
     square = square - (2.0 * cross - moved) @ centre

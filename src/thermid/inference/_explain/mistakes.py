@@ -296,7 +296,9 @@ def _of_deck(request: Request, fit: RoughFit, base: RoughEnd) -> Iterator[Hypoth
     fields = [{*n.fields.values()} for n in flat.nodes] + [{*c.fields.values()} for c in flat.conductors]
     unmoved = set[str]().union(*fields).difference(moving_paths, *(f for f in fields if f & moving_paths))
     paths = tuple(p for p, entry in flat.parameters.table.items() if p in unmoved and entry.parameter.is_literal)
-    rough = RoughFit.of_request(replace(request, free=(*request.free, *paths)), fit) if paths else fit
+    if not paths:
+        return
+    rough = RoughFit.of_request(replace(request, free=(*request.free, *paths)), fit)
     end, is_known = rough.at(rough.start(fit.named(base))), [u.name not in paths for u in rough.problem.unknowns]
     basis = np.linalg.qr(end.slopes[:, is_known])[0]
     residuals, columns = (a - basis @ (basis.T @ a) for a in (end.rows, end.slopes))

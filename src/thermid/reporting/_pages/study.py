@@ -299,7 +299,7 @@ class Structure:
     unseen : dict           Sensor -> run that no fit has seen -> RMSE. [K]
     values : dict           Parameter -> value, error and unit.
     at_bounds : tuple       Parameters that ended at a bound, in words.
-    implausible : tuple          What else is unphysical or unknown, in words.
+    implausible : tuple     What else is unphysical or unknown, in words.
     refused : str           Why it could not be fitted; empty where it was.
     """
 

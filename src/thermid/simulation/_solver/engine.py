@@ -220,13 +220,10 @@ class Modal:
         tables = [s for s in signals if isinstance(s, TableSignal)]
         key = (times.size, float(times[:1].sum()), float(times[-1:].sum()), end)
         if key not in self._grids:
-            grid = np.sort(np.concatenate((times, [0.0, end], *(s.times for s in tables))))
+            grid = np.unique(np.concatenate((times, [0.0, end], *(s.times for s in tables))))
             gaps = np.diff(grid[(grid >= 0.0) & (grid <= end)])
             gaps = gaps[gaps > 1e-15 * end]
-            lengths = np.sort(gaps.astype(np.float32))
-            # how often each length comes; numpy.unique would load numpy.ma, a fifteenth of a first result
-            counts = np.diff(np.flatnonzero(np.concatenate(([True], lengths[1:] != lengths[:-1], [True]))))
-            often = np.sort(counts)[-REMEMBERED_LENGTHS:]
+            often = np.sort(np.unique(gaps.astype(np.float32), return_counts=True)[1])[-REMEMBERED_LENGTHS:]
             self._grids[key] = gaps.size, gaps.size - int(often.sum()) + often.size
         stops = sum(s.times.size for s in tables if s.times.size <= (5000 if s.hold else 500))
         waves = sum(isinstance(s, Sine) for s in signals)

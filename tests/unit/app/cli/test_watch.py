@@ -129,7 +129,7 @@ class TestCommand:
             (("--rule", "soon"), "is not a rule of stability."),
             (("--limit", "U=40"), "'U'"),
             (("--channel", "Q"), "Q"),
-            (("--read", "comma=;"), "time, separator, decimal, clock, not 'comma'"),
+            (("--read", "comma=;"), "no key 'comma'; there are time, separator, decimal, clock."),
         ],
     )
     def test_what_is_refused(self, call: Call, tmp_path: Path, more: tuple[str, ...], word: str) -> None:
