@@ -10,14 +10,10 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
-import tomlkit
-import tomlkit.items
-from tomlkit.exceptions import TOMLKitError
-
 from thermid.base.errors import DeckError, ThermidError
 from thermid.base.files import RESULTS_FILE, command, parse_toml, read_bytes, write_bytes
 from thermid.model._deck.modelfile import model_beside
-from thermid.model._deck.save import place_of
+from thermid.model._deck.save import place_of, toml_item
 from thermid.model._tree.flat import flatten
 
 BOM: Final = "\ufeff"
@@ -288,24 +284,28 @@ def _with(content: Any, edit: Edit, name: str) -> Any:
 
 def _rewritten(text: str, edit: Edit, name: str) -> str:
     """Return a text after an edit, in its own line ends."""
+    from tomlkit import dumps, inline_table, parse, table
+    from tomlkit.exceptions import TOMLKitError
+    from tomlkit.items import Table
+
     mark, plain = text[: text.startswith(BOM)], text.removeprefix(BOM)
     try:
-        document = tomlkit.parse(plain)
+        document = parse(plain)
         home: Any = document
         for key in edit.keys[:-1]:
             if not isinstance(key, int) and key not in home:
-                home[key] = tomlkit.table() if home is document else tomlkit.inline_table()
+                home[key] = table() if home is document else inline_table()
             home = home[key]
         if edit.value is GONE:
             del home[edit.keys[-1]]
         elif isinstance(edit.value, Renamed):
             old = edit.keys[-1]
-            if isinstance(home[old], tomlkit.items.Table):
+            if isinstance(home[old], Table):
                 home[old].display_name = None  # a header is written by its key
             getattr(home, "value", home)._replace(old, edit.value.name, home[old])
         else:
-            home[edit.keys[-1]] = _item(edit.value, home is document)
-        written = tomlkit.dumps(document)
+            home[edit.keys[-1]] = toml_item(edit.value, home is document)
+        written = dumps(document)
     except (TOMLKitError, ThermidError, AttributeError, KeyError, TypeError, ValueError) as error:
         raise _refused(f"this edit cannot be written: {error}.", f"{name}, {'.'.join(map(str, edit.keys))}") from None
     return mark + _ended(written, plain)
@@ -315,13 +315,3 @@ def _ended(text: str, like: str) -> str:
     """Return a text with the line ends of another."""
     crlf = "\r\n" in like and "\n" not in like.replace("\r\n", "")
     return re.sub(r"(?<!\r)\n", "\r\n", text) if crlf else text
-
-
-def _item(value: Any, top: bool) -> Any:
-    """Return a value as TOML holds it: a table at the top of a deck, an inline one elsewhere."""
-    if not isinstance(value, Mapping):
-        return value
-    out = tomlkit.table() if top else tomlkit.inline_table()
-    for key, inner in value.items():
-        out.append(key, _item(inner, False))
-    return out

@@ -5,13 +5,9 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, MutableMapping
 from pathlib import Path
 from typing import Any
-
-import tomlkit
-from tomlkit.container import Container
-from tomlkit.items import InlineTable, Item, Table
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, ThermidError
@@ -124,11 +120,13 @@ def model_text(model: Model, like: Path | None = None, names: Mapping[str, str] 
     data = {k: v for k, v in data.items() if v != {}}
     if like is None:
         return toml_text(data)
-    document = tomlkit.parse(unsealed(like.read_text(encoding="utf-8")))
+    from tomlkit import dumps, parse as parse_text  # 10 ms that a model which is only read does not need
+
+    document = parse_text(unsealed(like.read_text(encoding="utf-8")))
     if "box" not in document and model.box == Model(title="").box:
         del data["box"]
-    _update(document, data)
-    return tomlkit.dumps(document)
+    _update(document, data, top=True)
+    return dumps(document)
 
 
 def _lay(data: dict[str, Any], path: str, value: Any) -> None:
@@ -177,38 +175,36 @@ def _toml(value: Any) -> str:
     return repr(value)
 
 
-def _inline(value: Any) -> Item | Any:
-    if not isinstance(value, dict):
+def toml_item(value: Any, top: bool = False) -> Any:
+    """Return a value as the library of TOML holds it: a table at the top of a deck, an inline one elsewhere."""
+    if not isinstance(value, Mapping):
         return value
-    out = tomlkit.inline_table()
+    from tomlkit import inline_table, table
+
+    out: Any = table() if top else inline_table()
     for key, inner in value.items():
-        out.append(key, _inline(inner))
+        out.append(key, toml_item(inner))
     return out
 
 
-def _update(target: Container | Table | InlineTable | tomlkit.TOMLDocument, data: dict[str, Any]) -> None:
-    """Change what differs, add what is new, drop what is gone; comments stay."""
+def _update(target: MutableMapping[str, Any], data: dict[str, Any], top: bool = False) -> None:
+    """Change what differs in a table of the library of TOML, add what is new, drop what is gone; comments stay."""
     if "points" in target and "over" not in target:
         data = {k: v for k, v in data.items() if (k, v) != ("over", "temperature")}
     if "radiates_to" in target:  # the older name of `sees` stays where a deck has it
         data = {"radiates_to" if k == "sees" else k: v for k, v in data.items()}
     for key in [k for k in target if k not in data]:
-        target.remove(key)
+        del target[key]
     for key, value in data.items():
         old = target.get(key)
-        if isinstance(value, dict) and isinstance(old, Container | Table | InlineTable):
+        if isinstance(value, dict) and isinstance(old, MutableMapping):
             _update(old, value)
-        elif isinstance(value, dict) and isinstance(target, tomlkit.TOMLDocument):
-            table = tomlkit.table()
-            for name, entry in value.items():
-                table.add(name, _inline(entry))
-            target.add(key, table)
         elif old is None or not _say_the_same(_plain(old), value):
-            target[key] = _inline(value)
+            target[key] = toml_item(value, top)
 
 
 def _plain(value: Any) -> Any:
-    return value.unwrap() if isinstance(value, Item | Container) else value
+    return value.unwrap() if hasattr(value, "unwrap") else value
 
 
 def _say_the_same(old: Any, new: Any) -> bool:

@@ -220,10 +220,13 @@ class Modal:
         tables = [s for s in signals if isinstance(s, TableSignal)]
         key = (times.size, float(times[:1].sum()), float(times[-1:].sum()), end)
         if key not in self._grids:
-            grid = np.unique(np.concatenate((times, [0.0, end], *(s.times for s in tables))))
+            grid = np.sort(np.concatenate((times, [0.0, end], *(s.times for s in tables))))
             gaps = np.diff(grid[(grid >= 0.0) & (grid <= end)])
             gaps = gaps[gaps > 1e-15 * end]
-            often = np.sort(np.unique(gaps.astype(np.float32), return_counts=True)[1])[-REMEMBERED_LENGTHS:]
+            equal = np.flatnonzero(
+                np.diff(np.sort(gaps.astype(np.float32)), prepend=-1.0)
+            )  # starts of equal lengths; `unique` loads numpy.ma
+            often = np.sort(np.diff(equal, append=gaps.size))[-REMEMBERED_LENGTHS:]
             self._grids[key] = gaps.size, gaps.size - int(often.sum()) + often.size
         stops = sum(s.times.size for s in tables if s.times.size <= (5000 if s.hold else 500))
         waves = sum(isinstance(s, Sine) for s in signals)
