@@ -223,3 +223,17 @@ def test_explicit_steps_that_one_fast_node_makes_too_short_are_refused_at_once()
     with pytest.raises(SolverError, match=r"1000 steps were not enough, at 0 s .* RKC2 needs short steps .*\. Leave the method out"):
         td.simulate(stiff, ends(), options=td.Options(method="RKC2", max_steps=1000))
     assert td.simulate(stiff, ends(), options=td.Options(method="large")).statistics["method"] == "TR-BDF2 + CG"
+
+
+@pytest.mark.parametrize("asked", ["thermostat", "members", "derivatives"])
+def test_more_nodes_than_the_integrator_takes_are_refused_in_a_sentence(asked: str) -> None:
+    count = 5001
+    nodes = {f"n{k}": {"capacitance": "5 [J/K]"} for k in range(count)}
+    links = {f"c{k}": {"kind": "conduction", "between": [f"n{k}", "air"], "conductance": "1 [W/K]"} for k in range(count)}
+    heater = {"into": "n0", "power": "1 [W]"}
+    if asked == "thermostat":
+        heater["thermostat"] = {"sensor": "n0", "on_below": "25 [degC]", "off_above": "27 [degC]"}
+    chain = td.model_from_dict({"title": "many", "needs": ["air"], "nodes": nodes, "conductors": links, "loads": {"heater": heater}})
+    ready = td.prepare(chain, td.Scenario("s", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="1 [min]"), ["scale.heater"])
+    with pytest.raises(SolverError, match=r"5001 nodes are more than the 5000 that a run takes with thermostats, .* Merge nodes"):
+        ready.ensemble({"scale.heater": [1.0, 1.1]}) if asked == "members" else ready.run(sensitivities=asked == "derivatives")

@@ -237,7 +237,9 @@ def signal_turnings(drawn: Drawn, end: float, offset: float) -> Turnings:
 
 
 LARGE_FROM: Final = 500
-"""Nodes from which a model is run as a large network: the small integrator's dense matrices grow with the third power."""
+MAX_INTEGRATED_NODES: Final = 5000
+"""Nodes that the integrator of small models takes, `Problem::LARGEST` of the kernel: its elimination is direct. [-]"""
+"""Nodes from which a model is run as a large network, where its elements allow that."""
 UNSOLVED: Final = (_kernel.NEWTON_FAILED, _kernel.NON_FINITE, _kernel.STEP_UNDERFLOW, _kernel.RUN_AWAY)
 """How a run ends that reaches where a table has no values."""
 MAY_HAVE_LEFT: Final = ' A table with outside = "refuse" may have left its range: add points, or set outside = "hold".'
@@ -528,8 +530,14 @@ class KernelProblem:
 
         Raises
         ------
-        SolverError   When a control samples more often than a run may take steps, each of which ends at a sample.
+        SolverError   When there are too many nodes, or a control samples more often than a run may take steps, each of which ends at a sample.
         """
+        if len(self.nodes) > MAX_INTEGRATED_NODES:
+            raise SolverError(
+                f"{len(self.nodes)} nodes are more than the {MAX_INTEGRATED_NODES} that a run takes with thermostats, one-way flows, "
+                "controls that follow another node, many members, or derivatives, which a fit needs. Merge nodes, or leave these out.",
+                self.title,
+            )
         for row in (placed.row for placed in self.wiring.structure.factors):
             if row.sample and end / row.sample > options.max_steps:
                 raise SolverError(
