@@ -530,7 +530,7 @@ class KernelProblem:
 
         Raises
         ------
-        SolverError   When there are too many nodes, or a control samples more often than a run may take steps, each of which ends at a sample.
+        SolverError   When there are too many nodes, or a control samples more often than a run may take steps, which end at samples.
         """
         if len(self.nodes) > MAX_INTEGRATED_NODES:
             raise SolverError(
