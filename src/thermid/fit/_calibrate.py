@@ -34,7 +34,7 @@ from thermid.fit._inputs import inputs_of
 from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
 from thermid.fit._problem.experiment import UNSAID_NOISE, Experiment
 from thermid.fit._problem.gather import build_problem
-from thermid.fit._problem.request import LocalSpec, Request, freed, key_for, mean_of, priors_of, weighing
+from thermid.fit._problem.request import LocalSpec, Request, freed, mean_of, priors_of, weighing
 from thermid.fit._problem.residuals import Predictions, Problem, Unknown, pooled, starting_point, wanders
 from thermid.fit._search import Progress, searched
 from thermid.fit._second_clocks import at_clocks, in_turns, widened_by_noise_of_powers, with_clocks
@@ -43,7 +43,7 @@ from thermid.fit._uncertainty.information import Information, Responses, elsewhe
 from thermid.fit._uncertainty.moved import Moves, moves_above
 from thermid.fit._uncertainty.noise import Autocorrelation, TraceNoise, autocorrelation
 from thermid.measure.amounts import short, some
-from thermid.measure.records import Record, noise_seen, open_questions
+from thermid.measure.records import Record, open_questions
 from thermid.model.identity import identity_of
 from thermid.model.laws import TableSignal
 from thermid.model.parameters import CREDIBLE, UNJUDGED, Standing, worst
@@ -167,7 +167,7 @@ def stored(request: Request, problem: Problem, values: FittedValues, responses_o
     responses_of_fit : Responses  What its errors come from.
     """
     positions = [k for k, u in enumerate(problem.unknowns) if u.kind != "local"]
-    key = key_for(request)
+    key = request.fit_key
     rows, sources = responses_of_fit.with_noise(positions, key[:16], f"noise of stage '{values.stage}'")
     is_limited = [not responses_of_fit.unlimited[k] for k in positions]
     origin = ValueOrigin("fit", values.stage, tuple(values.provenance["records"]), key, values.provenance["date"])
@@ -627,8 +627,10 @@ def differing(problem: Problem) -> list[str]:
     out = []
     for e in problem.experiments:
         for a, b in combinations(e.observations, 2):
+            if a.seat != b.seat or a.lag or b.lag:
+                continue
             both, one, other = np.intersect1d(a.index, b.index, return_indices=True)
-            if a.seat != b.seat or a.lag or b.lag or not both.size:
+            if not both.size:
                 continue
             apart = float(np.mean(a.measured[one] - b.measured[other]))
             error = float(np.hypot(a.sigma(problem.noise), b.sigma(problem.noise))) / both.size**0.5
@@ -644,7 +646,7 @@ def differing(problem: Problem) -> list[str]:
 def _seen_noise(problem: Problem) -> dict[tuple[str, str], float]:
     """Return record and sensor -> the noise that the readings show, of those that show some and whose noise is not said to be slow. [K]"""
     noise_of_trace = {
-        (e.record.name, o.sensor): noise_seen(e.record.channels[o.sensor])
+        (e.record.name, o.sensor): e.record.channels[o.sensor].noise_seen
         for e in problem.experiments
         for o in e.observations
         if o.effective_share == 1.0

@@ -33,7 +33,6 @@ from thermid.fit.problem import (
 from thermid.fit.uncertainty import TraceNoise, answers_to_inputs, binned, listed, percent, score_excess
 from thermid.inference.planned_records import Sensor, planned_record, sensors_of
 from thermid.measure.amounts import duration_text, short
-from thermid.measure.records import step_of
 from thermid.model.laws import Constant, Signal, TableSignal, literal
 from thermid.model.parameters import Parameter
 from thermid.model.tree import Model
@@ -552,7 +551,7 @@ def _sensors(source: Calibration | Model) -> tuple[Sensor, ...]:
             if role == "command" or name in out or any(path == s.target and s.role != "node" for s in out.values()):
                 continue
             if role == "node":
-                out[name] = _thermometer(Sensor(name, path, role, c.noise, c.accuracy, step_of(c) or None), source.problem.noise.get(name))
+                out[name] = _thermometer(Sensor(name, path, role, c.noise, c.accuracy, c.step or None), source.problem.noise.get(name))
             else:
                 noisy = experiment.noisy.get(path if role == "boundary" else SCALE + path)
                 noise_and_step = (noisy.white or None, noisy.step or None) if noisy is not None else (c.noise, None)

@@ -12,7 +12,6 @@ from thermid.campaign._cache import changed_since, remember
 from thermid.campaign._file import read_campaign
 from thermid.campaign._stages import keyed, request_of, run_stages
 from thermid.fit._problem import request as room
-from thermid.fit._problem.request import key_for
 from thermid.fit.calibration import KeptFit
 from thermid.fit.problem import LocalSpec, Reading, Request, ingredients_of
 from thermid.simulation.scenarios import Scenario
@@ -67,7 +66,7 @@ def test_a_field_of_a_request_changes_its_own_ingredient_alone(name: str) -> Non
     before, after = plain(), replace(plain(), **{name: value})
     told = [ingredients_of(r, ["key of below"]) for r in (before, after)]
     assert [n for n in told[0] if told[0][n] != told[1][n]] == [reason]
-    assert key_for(before) != key_for(after)
+    assert before.fit_key != after.fit_key
 
 
 def test_what_changes_no_fit_changes_no_key() -> None:
@@ -76,7 +75,7 @@ def test_what_changes_no_fit_changes_no_key() -> None:
     laid = plain().model.with_values({MASS: "1.6 [kg]"}, "stage 'below'")
     found = replace(plain(), model=laid, store=Store({"case.mass": replace(STATE, value=1.7)}))
     assert ingredients_of(found, ["k"]) == ingredients_of(plain(), ["k"]), "what stages below found is in their keys"
-    assert key_for(replace(plain(), model=laid)) != key_for(plain()), "in Python nobody else says what was laid over the deck"
+    assert replace(plain(), model=laid).fit_key != plain().fit_key, "in Python nobody else says what was laid over the deck"
     whole, cut = (ingredients_of(Request(m, ()), []) for m in (pair(), pair().cut("b")))
     assert [n for n in whole if whole[n] != cut[n]] == ["cuts"]
 
@@ -84,7 +83,7 @@ def test_what_changes_no_fit_changes_no_key() -> None:
 def test_requests_in_python_on_other_stores_have_other_keys() -> None:
     """Their noise has the key as its name: it is not to be taken for one and the same."""
     again = Store({"case.mass": replace(STATE, origin=ValueOrigin("fit", "below", key="another fit"))})
-    assert key_for(replace(plain(), store=again)) != key_for(plain())
+    assert replace(plain(), store=again).fit_key != plain().fit_key
 
 
 COMPONENT = leaf("component", 0.20)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from thermid.measure._record.channel import Channel, found_noise, step_of, unrounded
+from thermid.measure._record.channel import Channel, unrounded
 from thermid.measure._record.record import Record
 
 TIMES = np.arange(0.0, 3600.0, 10.0)
@@ -14,20 +14,20 @@ SLOW = 300.0 + 8.0 * (1.0 - np.exp(-TIMES / 900.0))
 
 @pytest.mark.parametrize("step", [0.0625, 0.1, 1.0])
 def test_a_step_is_found(step: float) -> None:
-    assert step_of(Channel.from_array("T", 273.15 + step * np.round((SLOW - 273.15) / step), unit="K")) == pytest.approx(step)
+    assert Channel.from_array("T", 273.15 + step * np.round((SLOW - 273.15) / step), unit="K").step == pytest.approx(step)
 
 
 def test_a_step_that_is_none() -> None:
     rng = np.random.default_rng(3)
-    assert step_of(Channel.from_array("T", SLOW + 0.05 * rng.standard_normal(SLOW.size), unit="K")) == 0.0
+    assert Channel.from_array("T", SLOW + 0.05 * rng.standard_normal(SLOW.size), unit="K").step == 0.0
     uneven = np.array([300.0, 301.37, 302.1, 306.66])[rng.integers(0, 4, 400)]
-    assert step_of(Channel.from_array("T", uneven, unit="K")) == 0.0
+    assert Channel.from_array("T", uneven, unit="K").step == 0.0
 
 
 def test_a_reading_that_never_changes_has_the_step_of_its_last_digit() -> None:
-    assert step_of(Channel.from_array("T", np.full(60, 38.0), unit="degC")) == pytest.approx(1.0)
-    assert step_of(Channel.from_array("T", np.full(60, 38.25), unit="degC")) == pytest.approx(0.01)
-    assert step_of(Channel.from_array("P", np.full(60, 4.0), quantity="power")) == 0.0
+    assert Channel.from_array("T", np.full(60, 38.0), unit="degC").step == pytest.approx(1.0)
+    assert Channel.from_array("T", np.full(60, 38.25), unit="degC").step == pytest.approx(0.01)
+    assert Channel.from_array("P", np.full(60, 4.0), quantity="power").step == 0.0
 
 
 def test_the_mean_of_a_log_in_whole_degrees_is_not_exact() -> None:
@@ -40,15 +40,15 @@ def test_the_mean_of_a_log_in_whole_degrees_is_not_exact() -> None:
 def test_noise_is_told_from_the_signal(signal: str) -> None:
     rng = np.random.default_rng(5)
     true = {"slow": SLOW, "jumps": SLOW + 4.0 * (TIMES % 900.0 > 450.0), "fast": 300.0 + np.sin(TIMES / 40.0)}[signal]
-    assert found_noise(Channel.from_array("T", true + 0.05 * rng.standard_normal(true.size), unit="K")) == pytest.approx(0.05, rel=0.3)
-    assert found_noise(Channel.from_array("T", true, unit="K")) < 0.002
+    assert Channel.from_array("T", true + 0.05 * rng.standard_normal(true.size), unit="K").white_noise == pytest.approx(0.05, rel=0.3)
+    assert Channel.from_array("T", true, unit="K").white_noise < 0.002
 
 
 def test_a_switched_power_has_no_noise() -> None:
-    assert found_noise(Channel.from_array("P", 5.0 * (np.arange(400) % 2), quantity="power")) == 0.0
+    assert Channel.from_array("P", 5.0 * (np.arange(400) % 2), quantity="power").white_noise == 0.0
     rng = np.random.default_rng(1)
     noisy = Channel.from_array("P", 5.0 + 0.2 * rng.standard_normal(400), quantity="power")
-    assert found_noise(noisy) == pytest.approx(0.2, rel=0.25)
+    assert noisy.white_noise == pytest.approx(0.2, rel=0.25)
 
 
 def test_a_slow_signal_behind_its_steps() -> None:

@@ -8,7 +8,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import RecordError
-from thermid.measure._record.channel import Channel, step_of
+from thermid.measure._record.channel import Channel
 from thermid.measure._record.steadiness import RULES, channel_stability, rule_of, since_when
 
 HOUR = 3600.0
@@ -87,8 +87,8 @@ def test_a_coarse_sensor_that_stands_still_is_not_called_stable():
 def test_the_step_of_a_sensor_is_seen_in_its_readings():
     r = record(1.0, noise=0.2, step=0.0625)
     bare = Channel.from_array("T", r["T"].values, unit="K")
-    assert step_of(bare) == pytest.approx(0.0625)
-    assert step_of(Channel.from_array("T", np.random.default_rng(1).standard_normal(100) + 300, unit="K")) == 0.0
+    assert bare.step == pytest.approx(0.0625)
+    assert Channel.from_array("T", np.random.default_rng(1).standard_normal(100) + 300, unit="K").step == 0.0
 
 
 def test_since_when_an_approach_is_stable():

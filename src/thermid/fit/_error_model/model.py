@@ -50,7 +50,6 @@ from thermid.fit._error_model.sizes import (
 )
 from thermid.fit._problem.experiment import Experiment, Observation
 from thermid.fit._problem.residuals import Problem, Unknown, prior_rows
-from thermid.measure.records import noise_seen
 from thermid.simulation.network import Network
 
 GROUPS = tuple(name for name in SIZES if name != "left")
@@ -238,7 +237,7 @@ def traces_of(problem: Problem, i: int, network: Network, heats: Sequence[Depart
 
 def noise_of(e: Experiment, o: Observation) -> float:
     """Return the noise of a reading: as stated, else as neighbouring readings scatter; whatever weight the fit gave them. [K]"""
-    noise = o.noise or noise_seen(e.record.channels[o.sensor])
+    noise = o.noise or e.record.channels[o.sensor].noise_seen
     return (noise if noise > LEAST_NOISE else USUAL_NOISE) / float(np.sqrt(o.effective_share))
 
 

@@ -15,7 +15,7 @@ from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, re
 from thermid.base.expression import Kelvin
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
-from thermid.measure.records import Channel, Record, SecondClock, found_noise, step_of
+from thermid.measure.records import Channel, Record, SecondClock
 from thermid.measure.sensors import SensorPart
 from thermid.model.deck import model_from_dict
 from thermid.model.laws import Constant, Signal, TableSignal, conducted
@@ -822,7 +822,7 @@ def _observation(channel: Channel, seat: Seat, grid: NDArray[np.int64], times: A
         part,
         seat.node,
         seat.lag,
-        step_of(channel),
+        channel.step,
         channel.noise,
     )
 
@@ -834,7 +834,7 @@ def _noise(channel: Channel) -> float | None:
     """
     if channel.noise is None:
         return None
-    rounding = step_of(channel) / np.sqrt(12.0)
+    rounding = channel.step / np.sqrt(12.0)
     return float(np.hypot(channel.noise, rounding)) if channel.resolution is not None or rounding > channel.noise else channel.noise
 
 
@@ -848,12 +848,12 @@ def _of_mean(channel: Channel, role: str, path: str, signal: Signal) -> dict[str
 
 
 def _input_noise(channel: Channel) -> InputNoise:
-    """Return the noise of a logged boundary or power; see `found_noise` for one that nobody stated.
+    """Return the noise of a logged boundary or power; see `Channel.white_noise` for one that nobody stated.
 
     A power has steps where they are stated; a boundary that never changes is one that was set.
     """
     moves = channel.quantity == "temperature" and float(np.ptp(channel.values[channel.valid])) > 0.0
-    step = step_of(channel) if moves or channel.resolution is not None else 0.0
+    step = channel.step if moves or channel.resolution is not None else 0.0
     if channel.noise is not None:
         return InputNoise(channel.noise, step, True)
-    return InputNoise(found_noise(channel), step, False)
+    return InputNoise(channel.white_noise, step, False)

@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from fnmatch import fnmatchcase
+from functools import cached_property
 from importlib.metadata import version
 from typing import Any
 
@@ -153,6 +154,12 @@ class Request:
     accepted: bool = False
     structural_errors: bool = False
     of_logs: tuple[str, ...] = ()
+
+    @cached_property
+    def fit_key(self) -> str:
+        """Its key; of one made in Python, that of all it says, of values laid over its model, and of earlier fits."""
+        below = sorted({s.origin.key for s in self.store.states.values()})
+        return self.key or digest([key_of(self, below), identity_of(self.model)])
 
     @property
     def shared(self) -> Mapping[str, tuple[str, ...]]:
@@ -411,12 +418,6 @@ def ingredients_of(request: Request, below: list[str]) -> dict[str, str]:
 def key_of(request: Request, below: list[str]) -> str:
     """Return the hash of all ingredients of a stage's result."""
     return digest(ingredients_of(request, below))
-
-
-def key_for(request: Request) -> str:
-    """Return the key of a request; of one made in Python, that of all it says, of values laid over its model, and of earlier fits."""
-    below = sorted({s.origin.key for s in request.store.states.values()})
-    return request.key or digest([key_of(request, below), identity_of(request.model)])
 
 
 def _by_hand(request: Request) -> list[str]:

@@ -12,7 +12,7 @@ from thermid.base.errors import SolverError
 from thermid.base.linear_algebra import Array, Bools, covariance, finite, rank
 from thermid.fit._minimisation import Fit, ended
 from thermid.fit._problem.gather import build_problem, problem_of
-from thermid.fit._problem.request import Request, form, key_for, known_before
+from thermid.fit._problem.request import Request, form, known_before
 from thermid.fit._problem.residuals import Problem, Unknown
 from thermid.model.tree import ParameterSet
 from thermid.simulation.solver import Options
@@ -304,7 +304,7 @@ def _stated(request: Request, u: Unknown) -> Source:
     """Return the source that the stated prior of an unknown is; that of an instrument is one and the same in every stage."""
     if u.kind == "parameter":
         words = f"prior of {u.name}, stated in {request.name or request.model.title}"
-        return Source(f"{key_for(request)[:16]}:prior of {u.name}", "stated", STANDARD, words)
+        return Source(f"{request.fit_key[:16]}:prior of {u.name}", "stated", STANDARD, words)
     return Source(f"accuracy: {u.name}", "instrument", STANDARD, f"stated accuracy, {u.name}")
 
 

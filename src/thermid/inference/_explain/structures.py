@@ -39,7 +39,6 @@ from thermid.inference._explain.thresholds import (
 )
 from thermid.inference._explain.weighing import CauseScore, noise_of, weighed_at
 from thermid.measure.amounts import short
-from thermid.measure.records import noise_seen
 from thermid.model.laws import Constant, TableSignal
 from thermid.model.parameters import exact
 from thermid.simulation.runs import simulate
@@ -535,7 +534,7 @@ def _loosely_held(problem: Problem, sizes: Mapping[str, SizedValue]) -> Problem:
     shown: dict[str, float] = {}
     for e in problem.experiments:
         for o in e.observations:
-            shown[o.sensor] = max(shown.get(o.sensor, 1e-3), noise_seen(e.record.channels[o.sensor]))
+            shown[o.sensor] = max(shown.get(o.sensor, 1e-3), e.record.channels[o.sensor].noise_seen)
     problem = replace(problem, noise={**problem.noise, **shown})
     sigma = max((o.sigma(problem.noise) for o in problem.observations()), default=1.0)
     near = max(ABOUT_START * sigma, 1.0)

@@ -6,6 +6,7 @@ import hashlib
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -167,6 +168,33 @@ class Channel(Shown):
                 raise RecordError(f"its {word} is {size:g}; a finite number {least} zero is needed.", where, code="value.outside-range")
         for key, value in (("values", values), ("valid", valid), ("masks", masks), ("unit", self.unit or _SI.get(self.quantity, "1"))):
             object.__setattr__(self, key, value)
+
+    @cached_property
+    def step(self) -> float:
+        """The smallest step of the sensor: as stated, or as its readings show it; zero where they show none. [SI]
+
+        Readings that are all one number have the step of its last digit, in the unit of the file.
+        """
+        return self.resolution if self.resolution is not None else _step_of(self)
+
+    @cached_property
+    def white_noise(self) -> float:
+        """The standard deviation of white noise that the samples show: how far each lies from its neighbours' course. [SI]
+
+        Differences of order k of white noise have binomial(2 k, k) times its variance, and those of anything slow next to nothing, less the
+        higher the order: the smallest of three estimates counts. The median size stands for the root mean square, so that jumps do not
+        count. A power that is switched between few levels has no noise.
+        """
+        valid = self.values[self.valid]
+        if valid.size < SWITCHED or (self.quantity != "temperature" and np.unique(np.round(valid, 9)).size * SWITCHED <= valid.size):
+            return 0.0
+        sizes = [1.4826 * np.median(np.abs(np.diff(valid, k))) / np.sqrt(math.comb(2 * k, k)) for k in ORDERS if valid.size >= SWITCHED + k]
+        return float(min(sizes, default=0.0))
+
+    @property
+    def noise_seen(self) -> float:
+        """What one reading of a temperature shows of noise: `white_noise`, at least what rounding to its steps leaves. [K]"""
+        return max(self.white_noise, self.step / math.sqrt(12.0))
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> FloatArray:
         """Return its readings (samples,), NaN where one is masked. [degC of a temperature, else the unit of the channel]"""
@@ -546,13 +574,8 @@ SWITCHED: Final = 8
 """Samples a level of a power has on average from which it is switched between levels and does not scatter; fewer samples show no noise."""
 
 
-def step_of(channel: Channel) -> float:
-    """Return the smallest step of a sensor: as stated, or as its readings show it; zero where they show none. [SI]
-
-    Readings that are all one number have the step of its last digit, in the unit of the file.
-    """
-    if channel.resolution is not None:
-        return channel.resolution
+def _step_of(channel: Channel) -> float:
+    """Return the step that the readings of a sensor show. [SI]"""
     readings = channel.values[channel.valid]
     levels, count = np.unique(np.round(readings, 6), return_counts=True)
     if levels.size == 1 and channel.quantity == "temperature" and readings.size >= SWITCHED:
@@ -576,25 +599,6 @@ def _last_digit(value: float, text: str) -> float:
         if abs(shown * 10.0**digits - round(shown * 10.0**digits)) < 1e-6 * 10.0**digits:
             return float(of.factor) * 10.0**-digits
     return 0.0
-
-
-def found_noise(channel: Channel) -> float:
-    """Return the standard deviation of white noise that the samples of a channel show: how far each lies from its neighbours' course. [SI]
-
-    Differences of order k of white noise have binomial(2 k, k) times its variance, and those of anything slow next to nothing, less the
-    higher the order: the smallest of three estimates counts. The median size stands for the root mean square, so that jumps do not count. A
-    power that is switched between few levels has no noise.
-    """
-    valid = channel.values[channel.valid]
-    if valid.size < SWITCHED or (channel.quantity != "temperature" and np.unique(np.round(valid, 9)).size * SWITCHED <= valid.size):
-        return 0.0
-    sizes = [1.4826 * np.median(np.abs(np.diff(valid, k))) / np.sqrt(math.comb(2 * k, k)) for k in ORDERS if valid.size >= SWITCHED + k]
-    return float(min(sizes, default=0.0))
-
-
-def noise_seen(channel: Channel) -> float:
-    """Return what one reading of a temperature shows of noise: `found_noise`, at least what rounding to its steps leaves. [K]"""
-    return max(found_noise(channel), step_of(channel) / math.sqrt(12.0))
 
 
 def unrounded(times: FloatArray, values: FloatArray) -> FloatArray:

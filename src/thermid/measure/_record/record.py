@@ -36,7 +36,6 @@ from thermid.measure._record.channel import (
     even_step,
     gap_from,
     gap_limit,
-    step_of,
     strays,
     stretch,
     with_sensor,
@@ -283,7 +282,7 @@ class Record(Samples, Result):
         for channel in self._temperatures(channels, "spikes"):
             centre, spread = windows.hampel(self.times, channel.values, channel.valid, width)
             # a median deviation of zero only says that half the window lies in one level of the sensor, half a step either side
-            allowed = limit if absolute else limit * np.maximum(spread, 1.4826 * 0.5 * step_of(channel))
+            allowed = limit if absolute else limit * np.maximum(spread, 1.4826 * 0.5 * channel.step)
             masked.append(channel.masked(np.abs(channel.values - centre) > allowed, "spike"))
         unit = "K" if absolute else "robust standard deviations"
         return self._noted(

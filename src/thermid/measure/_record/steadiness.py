@@ -15,7 +15,7 @@ import numpy as np
 
 from thermid.base.errors import RecordError, look_up, nearest
 from thermid.base.units import format_value
-from thermid.measure._record.channel import Channel, FloatArray, Samples, step_of, stretch
+from thermid.measure._record.channel import Channel, FloatArray, Samples, stretch
 from thermid.measure._record.rounding import rounding_of_line
 from thermid.measure.amounts import amount, duration_text, positive_seconds
 
@@ -364,7 +364,7 @@ def channel_drift(record: Samples, name: str, start: float, end: float) -> Chann
     channel = record.channel(name)
     inside = (record.times >= start - 1e-9) & (record.times <= end + 1e-9) & channel.valid
     t, y = record.times[inside], channel.values[inside]
-    line = _line(t, y, 0.0, step_of(channel), channel.noise, f"{record.name}, {channel.name}", "rate")
+    line = _line(t, y, 0.0, channel.step, channel.noise, f"{record.name}, {channel.name}", "rate")
     return ChannelStability(channel.name, line.rate, line.rate_error, float(t[0]), float(t[-1]), int(y.size), "")
 
 
@@ -540,7 +540,7 @@ def _value(where: str, channel: Channel, times: FloatArray, inside: np.ndarray, 
     thermal = channel.quantity == "temperature"
     # a boundary that never moves was set, as a fit takes it too; its last digit is no step of a sensor
     was_set = channel.role == "boundary" and channel.resolution is None and not np.ptp(y)
-    step = step_of(channel) if thermal and not was_set else channel.resolution or 0.0
+    step = channel.step if thermal and not was_set else channel.resolution or 0.0
     line = _line(t, y, 0.5 * (times[0] + times[-1]), step, channel.noise, place, "mean")
     if line.worth < min(MIN_INDEPENDENT_SHARE * y.size, MIN_INDEPENDENT_READINGS) and line.scatter > 0.5 * step and line.scatter > 0.0:
         line = _wandering(t, y, line, 0.5 * (times[0] + times[-1]))

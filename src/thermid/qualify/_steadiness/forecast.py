@@ -12,7 +12,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import RecordError, ScenarioError
 from thermid.base.results import Result, Row
 from thermid.measure.amounts import amount, duration_text, positive_seconds, short
-from thermid.measure.records import BoolArray, FloatArray, Record, step_of, stretch, within_log
+from thermid.measure.records import BoolArray, FloatArray, Record, stretch, within_log
 from thermid.measure.steadiness import StabilityRule, rule_of
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
@@ -276,7 +276,7 @@ def forecast(
     half, wanted = amount(within, "K", "within"), rule_of(rule)
     if not half > 0.0:
         raise RecordError(f"half of an interval is above zero, not {half:g} K.", f"{record.name}, within")
-    step = step_of(record.channel(name))
+    step = record.channel(name).step
     final, slow = estimate(with_step(guard.at(float("inf")), step), level), guard.slowest(SLOW_SHARE)
     return Forecast(
         record=record.name,

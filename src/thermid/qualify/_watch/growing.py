@@ -19,7 +19,7 @@ from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError
 from thermid.base.files import COPY, scratch, write_bytes
 from thermid.base.linear_algebra import Array, Bools
 from thermid.measure.readers import UNFINISHED, is_bench_log
-from thermid.measure.records import Channel, Record, found_noise, step_of, usual_step
+from thermid.measure.records import Channel, Record, usual_step
 from thermid.model.laws import TableSignal
 from thermid.simulation.scenarios import Scenario
 
@@ -199,7 +199,7 @@ def smoothed(record: Record) -> Record:
     """Return a record whose logged powers are means over `MEAN_WINDOW` between their switches: the noise of a power meter heats nothing."""
     since, smooth_powers = record.times - record.times[0], []
     for c in record.channels.values():
-        if c.quantity == "power" and c.held and c.valid.all() and found_noise(c) > 0.0:
+        if c.quantity == "power" and c.held and c.valid.all() and c.white_noise > 0.0:
             jumps = np.cumsum(_switched(c))
             begins = np.flatnonzero((np.diff(jumps, prepend=-1) != 0) | (np.diff(np.floor(since / MEAN_WINDOW), prepend=-1.0) != 0.0))
             count = np.diff(begins, append=since.size)
@@ -231,14 +231,14 @@ def noise_of(record: Record, name: str) -> float:
     channel = record.channel(name)
     if channel.noise:
         return channel.noise
-    return max(found_noise(part_of(channel, max(channel.values.size - MIN_READINGS, 0), channel.values.size)), MIN_NOISE)
+    return max(part_of(channel, max(channel.values.size - MIN_READINGS, 0), channel.values.size).white_noise, MIN_NOISE)
 
 
 def _of_mean(channel: Channel, noise: float, many: float) -> float:
     """Return the noise of a mean of readings: of white noise less; of correlated noise, and of rounding that equal ones share, not. [K]"""
     white = noise if channel.part is not None and channel.part.correlation_time else noise / many**0.5
     recent = part_of(channel, max(channel.values.size - MIN_READINGS, 0), channel.values.size)
-    rounding = step_of(recent if channel.resolution is None else channel) / 12.0**0.5
+    rounding = (recent if channel.resolution is None else channel).step / 12.0**0.5
     equal = recent.values.size / (1.0 + np.count_nonzero(np.diff(recent.values[recent.valid])))
     return float(np.hypot(white, rounding * max(equal / many, 1.0) ** 0.5))
 
@@ -313,7 +313,7 @@ def _with_step(channel: Channel) -> Channel:
     if channel.resolution is not None or channel.role not in ("node", "auto") or channel.quantity != "temperature":
         return channel
     recent = part_of(channel, max(channel.values.size - MIN_READINGS, 0), channel.values.size)
-    step = step_of(recent) if np.unique(recent.values[recent.valid]).size > 1 else 0.0
+    step = recent.step if np.unique(recent.values[recent.valid]).size > 1 else 0.0
     return replace(channel, resolution=step) if step > 0.0 else channel
 
 

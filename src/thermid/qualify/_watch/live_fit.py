@@ -17,7 +17,7 @@ import numpy as np
 from thermid.base.linear_algebra import Array, covariance
 from thermid.fit.calibration import minimise
 from thermid.fit.problem import Bench, Compressed, Experiment, Prior, Unknown, bind
-from thermid.measure.records import Record, step_of
+from thermid.measure.records import Record
 from thermid.measure.steadiness import MIN_INDEPENDENT_SHARE, StabilityRule, effective_samples
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
@@ -149,7 +149,7 @@ class _Fit:
         self.prior = np.array([*priors.values()])
         self.z = np.array([before.get(n, 0.0) for n in priors])
         self.sizes = np.array([o.sigma({o.sensor: MIN_NOISE}) for o in self.sensors])
-        self.steps = [step_of(record.channel(o.sensor)) for o in self.sensors]
+        self.steps = [record.channel(o.sensor).step for o in self.sensors]
         self.samples = sum(o.index.size for o in self.sensors)
         self.worth = 0.0
         self.wander: dict[str, float] = {}

@@ -20,7 +20,7 @@ from thermid.base.linear_algebra import HALF_WIDTH_95, Array, Bools
 from thermid.fit.estimation import WIENER, At, Belief, Dynamics, Passing, ProcessNoise
 from thermid.fit.problem import Bench, Experiment, bind
 from thermid.measure.amounts import duration_text, short
-from thermid.measure.records import Channel, Record, found_noise
+from thermid.measure.records import Channel, Record
 from thermid.model.laws import Constant
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
@@ -640,11 +640,11 @@ def _by_powers(experiment: Experiment, node: str) -> float:
     loads = {load.path for load in experiment.network.flat.loads if load.node == node}
     capacity = experiment.network.numbers().capacitances[node]
     record = experiment.record
-    noises = [found_noise(c) for c in record.channels.values() if c.quantity == "power" and (c.target or c.name) in loads]
+    noises = [c.white_noise for c in record.channels.values() if c.quantity == "power" and (c.target or c.name) in loads]
     return float(np.linalg.norm(noises)) * record.step**0.5 / value_of(capacity or 1.0) if noises else 0.0
 
 
 def _is_off(channel: Channel) -> bool:
     """Whether a logged power is no more than its noise, so that no share of it can be missing."""
     readings = channel.values[channel.valid]
-    return not readings.size or float(np.abs(readings).max()) <= OFF * found_noise(channel)
+    return not readings.size or float(np.abs(readings).max()) <= OFF * channel.white_noise

@@ -35,7 +35,7 @@ from thermid.measure.readers import (
     repeated_stamps,
     unit_question,
 )
-from thermid.measure.records import SENSOR_FAULT_CODES, Channel, even_step, gap_from, noise_seen, usual_step
+from thermid.measure.records import SENSOR_FAULT_CODES, Channel, even_step, gap_from, usual_step
 from thermid.reporting._pictures.chart import Panel, Stroke, chart
 from thermid.reporting._pictures.figures import DASHES, SERIES, time_unit
 
@@ -214,7 +214,7 @@ class Look(Result):
         if (
             role == "node"
             and c.good.any()
-            and (noise := round(noise_seen(Channel.from_array(c.name, in_si(c.values[c.good], c.unit), unit="K")), 6))
+            and (noise := round(Channel.from_array(c.name, in_si(c.values[c.good], c.unit), unit="K").noise_seen, 6))
         ):
             options += f', noise = "{short(noise, 2)} [K]"'
         why = f"  # {c.why}{'; no unit in the log' if c.assumed else ''}"
