@@ -355,17 +355,19 @@ def hdf5(data: bytes, file: str, separator: str | None) -> Cells:
     vectors: Vectors = {}
     unpacked = 0
 
+    def elsewhere(name: str, how: str) -> RecordError:
+        text = f"'{name}' is {how}: its values are in other files, which are not read. Save them in this one."
+        return RecordError(text, file, code="record.values-elsewhere")
+
     def visit(name: str, item: Any) -> None:
         nonlocal unpacked
+        for key in item if isinstance(item, library.Group) else ():
+            if isinstance(item.get(key, getlink=True), library.ExternalLink):
+                raise elsewhere(f"{name}/{key}".lstrip("/"), "an external link")
         if not isinstance(item, library.Dataset) or "#" in name or item.ndim == 0 or item.size < 2:
             return
         if item.external or item.is_virtual:
-            how = "a virtual data set" if item.is_virtual else "external storage"
-            raise RecordError(
-                f"'{name}' is {how}: its values are in other files, which are not read. Save them in this one.",
-                file,
-                code="record.values-elsewhere",
-            )
+            raise elsewhere(name, "a virtual data set" if item.is_virtual else "external storage")
         unpacked += item.size * item.dtype.itemsize
         _check_unpacked_size(unpacked, file)
         values = np.squeeze(item[()])
@@ -379,6 +381,7 @@ def hdf5(data: bytes, file: str, separator: str | None) -> Cells:
             vectors.update({f"{name}_{k + 1}": (rows[:, k], unit) for k in range(rows.shape[1])})
 
     with library.File(io.BytesIO(data), "r") as opened:
+        visit("", opened)
         opened.visititems(visit)
     kind = "MATLAB 7.3" if data[:10] == b"MATLAB 7.3" else "HDF5"
     return _of_vectors(vectors, file, kind)
