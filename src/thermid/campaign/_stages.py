@@ -242,10 +242,8 @@ def not_inherited(
     for earlier in (e for e in stages[:k] if e.name in done and e.model != stages[k].model):
         deck = definition_of(source.model(earlier.model, earlier.name))
         fitted = [p for p, s in done[earlier.name].store.parameters.items() if s.origin.stage == earlier.name and not s.of_logs]
-        places: list[str] = []
-        for at in (at for at, definition in instances(model) if definition == deck):
-            missing = [at + p for p in fitted if at + p not in reached]
-            places += [at[:-1]] if at and missing and len(missing) == len(fitted) else missing
+        missing = {at: [at + p for p in fitted if at + p not in reached] for at, definition in instances(model) if definition == deck}
+        places = [p for at, paths in missing.items() for p in ([at[:-1]] if at and 0 < len(fitted) == len(paths) else paths)]
         if places:
             yield f"{FIRST}what stage '{earlier.name}' fitted is not inherited at {quoted(places)}: the values of the deck stay there."
 

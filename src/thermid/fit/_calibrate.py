@@ -553,8 +553,7 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
     if not minimum.converged:
         out.append(f"the fit did not converge: {minimum.message}")
     for u, side, bound in at_bounds(problem, minimum, total):
-        size = FittedValue(u.name, u.to_value(bound), 0, 0, u.log, u.unit, 0, (0, 0)).in_unit
-        shown = f"{size:.6g} {u.unit}".strip()
+        shown = f"{FittedValue(u.name, u.to_value(bound), 0, 0, u.log, u.unit, 0, (0, 0)).in_unit:.6g} {u.unit}".strip()
         out.append(
             f"'{u.name}' ended at its {side} bound {shown}, so its standard error is not meaningful. Widen the bound, or fix the parameter."
         )

@@ -282,7 +282,6 @@ def _written(path: Path, stage: str, before: Request, after: Request, delays: Se
         table["priors"] = tomlkit.item({**dict(table.get("priors", {})), **priors})
     if after.structural_errors:
         table["structural_errors"] = True
-    if after.search != before.search:
         table["search"] = after.search
     moved = {
         c.name: {c.role: str(c.target)}

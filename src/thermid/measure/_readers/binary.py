@@ -355,19 +355,20 @@ def hdf5(data: bytes, file: str, separator: str | None) -> Cells:
     vectors: Vectors = {}
     unpacked = 0
 
-    def elsewhere(name: str, how: str) -> RecordError:
-        text = f"'{name}' is {how}: its values are in other files, which are not read. Save them in this one."
-        return RecordError(text, file, code="record.values-elsewhere")
-
     def visit(name: str, item: Any) -> None:
         nonlocal unpacked
-        for key in item if isinstance(item, library.Group) else ():
-            if isinstance(item.get(key, getlink=True), library.ExternalLink):
-                raise elsewhere(f"{name}/{key}".lstrip("/"), "an external link")
-        if not isinstance(item, library.Dataset) or "#" in name or item.ndim == 0 or item.size < 2:
+        links = [k for k in item if isinstance(item.get(k, getlink=True), library.ExternalLink)] if isinstance(item, library.Group) else []
+        is_vector = isinstance(item, library.Dataset) and "#" not in name and item.ndim > 0 and item.size > 1
+        if links or (is_vector and (item.external or item.is_virtual)):
+            how = "an external link" if links else "a virtual data set" if item.is_virtual else "external storage"
+            raise RecordError(
+                f"'{'/'.join([name, *links[:1]]).lstrip('/')}' is {how}: its values are in other files, which are not read. "
+                "Save them in this one.",
+                file,
+                code="record.values-elsewhere",
+            )
+        if not is_vector:
             return
-        if item.external or item.is_virtual:
-            raise elsewhere(name, "a virtual data set" if item.is_virtual else "external storage")
         unpacked += item.size * item.dtype.itemsize
         _check_unpacked_size(unpacked, file)
         values = np.squeeze(item[()])

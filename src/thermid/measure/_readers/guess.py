@@ -73,11 +73,6 @@ class Column:
     jumps: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     @property
-    def counts(self) -> bool:
-        """Whether it counts rows, states or milliseconds, and measures nothing."""
-        return self.guess == "ignored" and self.why.startswith("counts ")
-
-    @property
     def good(self) -> BoolArray:
         """Where a reading is one (samples,)."""
         return np.asarray(np.isfinite(self.values) & (np.abs(self.values) < MIN_OVERLOAD_READING) & ~np.isin(self.values, list(self.codes)))

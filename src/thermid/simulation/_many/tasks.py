@@ -89,11 +89,10 @@ def _by(pool: Executor, calls: Sequence[Call], whose: str) -> Iterator[tuple[int
     try:
         for call in enumerate(calls):
             open_.add(_handed(pool, call, whose))
-        idle = 0
+        cluster = getattr(pool, "_client", None)  # of Dask's executor
         while open_:
             done = wait(open_, PATIENCE, FIRST_COMPLETED).done
-            idle = 0 if done or _has_workers(pool) else idle + 1
-            if idle > 1:
+            if not done and cluster is not None and not cluster.nthreads():  # without a worker it would wait for one, and say nothing
                 raise _lost(whose)
             open_ -= done
             while done:
@@ -104,12 +103,6 @@ def _by(pool: Executor, calls: Sequence[Call], whose: str) -> Iterator[tuple[int
     finally:
         for future in open_:
             future.cancel()
-
-
-def _has_workers(pool: Executor) -> bool:
-    """Return whether a pool has somebody to do its tasks; a cluster may have lost all, and waits for others."""
-    client = getattr(pool, "_client", None)  # of Dask's executor
-    return client is None or bool(client.nthreads())
 
 
 def _handed(pool: Executor, call: tuple[int, Call], whose: str) -> Future[tuple[int, Any]]:
