@@ -13,7 +13,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import look_up
 from thermid.base.files import CREDIBILITY, write_text
 from thermid.base.results import Result
-from thermid.base.units import NAMES, from_si, unit
+from thermid.base.units import NAMES, counted, from_si, unit
 from thermid.campaign._stages import Campaign
 from thermid.fit.calibration import Calibration
 from thermid.measure.amounts import short
@@ -118,7 +118,7 @@ class CredibilityRecord(Result, Mapping[str, ValueRecord]):
     def __str__(self) -> str:
         """Return it as text, a line a value."""
         counts = ", ".join(f"{n} {state}" for state, n in self.states.items())
-        lines = [f"{self.title}: {len(self)} values, {counts}{' (synthetic data)' if self.synthetic else ''}"]
+        lines = [f"{self.title}: {counted(len(self), 'value')}, {counts}{' (synthetic data)' if self.synthetic else ''}"]
         width = max(map(len, self), default=0)
         for p, v in self.values_.items():
             error = f" +- {short(v.error)}" if v.error else ""

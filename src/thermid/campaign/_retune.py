@@ -208,7 +208,7 @@ class RetunePlan(Result):
         lines += [f"    {d.path} {short_text(d.text)}, {d.origin}, {d.why}" for d in self.replacement.dropped]
         if self.replacement.untied:
             lines.append(f"  no longer shared with other instances: {', '.join(self.replacement.untied)}")
-        lines.append(f"  retuned: {len(self.freed)} interface values, {', '.join(self.freed) or 'none'}")
+        lines.append(f"  retuned interface values: {len(self.freed)}, {', '.join(self.freed) or 'none'}")
         for t in self.touched:
             what = "freed" if not t.held else f"fixed: {t.held}"
             lines.append(f"    {t.stage}: {t.path}  {t.kelvin:.2f} K for 10 %, through {', '.join(t.through)}; {what}")

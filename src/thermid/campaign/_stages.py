@@ -229,7 +229,7 @@ def not_inherited(
     done: Mapping[str, Calibration],
     shared: Mapping[str, Sequence[str]],
 ) -> Iterator[str]:
-    """Yield a remark for every earlier stage whose deck is a part of this model that keeps the deck's values, as nothing inherits them.
+    """Yield a remark for every earlier stage whose deck is a part of this model, with the parts or values that nothing inherits.
 
     Parameters
     ----------
@@ -241,10 +241,11 @@ def not_inherited(
     stages = source.content.stages
     for earlier in (e for e in stages[:k] if e.name in done and e.model != stages[k].model):
         deck = definition_of(source.model(earlier.model, earlier.name))
-        fitted = {p for p, s in done[earlier.name].store.parameters.items() if s.origin.stage == earlier.name and not s.of_logs}
-        parts = [f"'{at[:-1]}'" for at, definition in instances(model) if definition == deck and not {at + p for p in fitted} <= reached]
-        if parts:
-            yield f"{FIRST}what stage '{earlier.name}' fitted is not inherited at {', '.join(parts)}: the values of the deck stay there."
+        fitted = [p for p, s in done[earlier.name].store.parameters.items() if s.origin.stage == earlier.name and not s.of_logs]
+        missing = {at: [at + p for p in fitted if at + p not in reached] for at, definition in instances(model) if definition == deck}
+        places = [p for at, paths in missing.items() for p in ([at[:-1]] if at and 0 < len(fitted) == len(paths) else paths)]
+        if places:
+            yield f"{FIRST}what stage '{earlier.name}' fitted is not inherited at {quoted(places)}: the values of the deck stay there."
 
 
 def counted_twice(store: Store, prior: Sequence[str], records: Sequence[Record]) -> list[str]:

@@ -553,10 +553,9 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
     if not minimum.converged:
         out.append(f"the fit did not converge: {minimum.message}")
     for u, side, bound in at_bounds(problem, minimum, total):
-        shown = FittedValue(u.name, u.to_value(bound), 0, 0, u.log, u.unit, 0, (0, 0)).in_unit
+        shown = f"{FittedValue(u.name, u.to_value(bound), 0, 0, u.log, u.unit, 0, (0, 0)).in_unit:.6g} {u.unit}".strip()
         out.append(
-            f"'{u.name}' ended at its {side} bound {shown:.6g}, so its standard error is not meaningful. Widen the bound, or "
-            "fix the parameter."
+            f"'{u.name}' ended at its {side} bound {shown}, so its standard error is not meaningful. Widen the bound, or fix the parameter."
         )
     for k, u in enumerate(problem.unknowns):
         far = abs(minimum.fitted[k] - u.prior.mean) / u.prior.sd if u.prior is not None and u.kind != "local" else 0.0

@@ -107,6 +107,16 @@ def test_a_part_that_nothing_inherits_is_named(tmp_path: Path) -> None:
     assert any({"'cell'", "'c1'"} <= {*x.replace(":", "").split()} for x in first_lines(found["pack"]) if x.strip().startswith("check:"))
 
 
+@pytest.mark.parametrize("kept_back", [f'only = ["{G}"]', 'without = ["n.capacitance"]'])
+def test_a_value_that_a_stage_keeps_back_is_named_and_its_neighbours_are_not(tmp_path: Path, kept_back: str) -> None:
+    pack = stage_table("pack", PACK, OWN["pack"], f'c1 = {{ stage = "cell", {kept_back} }}')
+    found = campaign(tmp_path, stage_table("cell", CELL, [G, "n.capacitance"]), pack, parts=(CELL, PACK))["pack"]
+    (line,) = [x for x in first_lines(found) if x.strip().startswith("check:") and "stage 'cell'" in x]
+    assert "'c1.n.capacitance'" in line
+    assert G not in line
+    assert "'c1'" not in line
+
+
 def test_a_twin_that_the_deck_above_sets_keeps_that_and_is_named(tmp_path: Path) -> None:
     rack = replace(RACK, sets={f"c2.{G}": "0.22 [W/K]"})
     fit = campaign(tmp_path, *stages_of("fixed"), parts=(CELL, PACK, rack))["rack"]

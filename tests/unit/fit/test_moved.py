@@ -196,7 +196,8 @@ def test_a_step_beyond_the_bounds_or_the_derivatives_is_no_value() -> None:
         assert "->" not in str(move)
         if side:
             assert move.verdict == "moved"
-            assert f"moved {side}, " in str(move)
+            assert f"errors {side}; " in str(move)
+            assert f"{UNDECIDED}, " in str(replace(move, chance=0.2))
     near = log(wide, {"power": "6 [W]"}, {"T": "case"}, samples=61, seed=7)
     assert fit(Request(below.fitted_model, (near,), store=below.store, name="above")).moved["power"].alone == pytest.approx(6.0, rel=0.1)
 

@@ -43,7 +43,10 @@ def hdf5(folder: Path, how: str) -> Path:
     (folder / "secret.txt").write_bytes(np.full(10, 36.6).tobytes())
     with h5py.File(folder / "log.h5", "w") as file:
         file["time"] = np.arange(10.0)
-        if how == "external":
+        file["U"] = np.arange(10.0)
+        if how == "link":
+            file["run/T"] = h5py.ExternalLink(str(folder / "secret.h5"), "T")
+        elif how == "external":
             file.create_dataset("T", (10,), "f8", external=[(str(folder / "secret.txt"), 0, 80)])
         else:
             layout = h5py.VirtualLayout((10,), "f8")
@@ -62,9 +65,10 @@ def test_a_library_that_ends_its_process_ends_not_this_one(tmp_path: Path) -> No
     assert (first.header, first.columns) == (again.header, again.columns) == (("time", "T"), again.columns)
 
 
-@pytest.mark.parametrize("how", ["external", "virtual"])
+@pytest.mark.parametrize("how", ["external", "virtual", "link"])
 def test_values_in_other_files_are_refused(tmp_path: Path, how: str) -> None:
-    with pytest.raises(RecordError, match=f"'T' is .*{how}.* other files, which are not read"):
+    """A linked data set was left out without a word."""
+    with pytest.raises(RecordError, match=f"T' is .*{how}.* other files, which are not read"):
         read_plain(hdf5(tmp_path, how))
 
 

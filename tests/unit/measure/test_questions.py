@@ -131,6 +131,21 @@ def test_two_readings_at_one_time_are_named(tmp_path: Path) -> None:
     assert td.read_record(path, BOUND)["T"].values[99] == pytest.approx(warm[99:101].mean() + 273.15)
 
 
+@pytest.mark.parametrize("name", ["level [mm]", "torque", "pressure", "row count"])
+def test_look_asks_of_columns_that_it_ignores_too(tmp_path: Path, name: str) -> None:
+    """Such a column may be bound by a campaign; one that counts rows differs at every stamp and is none."""
+    rows = np.insert(np.arange(SIZE), 100, 99)
+    other = 40.0 + 0.01 * np.arange(SIZE + 1) if name == "row count" else np.linspace(1.0, 2.0, SIZE)[rows]
+    other[100] += 7.0
+    stamps = [f"{t:g}" for t in TIMES[rows]]
+    look = td.look(write(tmp_path, {n: c[rows] for n, c in columns().items()} | {name: other}, stamps))
+    named = [q for q in look.questions if "different readings" in q]
+    assert [q.startswith("1 time stamp has ") and f"{name.partition(' [')[0]} up to 7 apart" in q for q in named] == [True] * (
+        name != "row count"
+    )
+    assert look.lines()[1 : 1 + len(look.questions)] == [f"  check: {q}" for q in look.questions]
+
+
 def test_a_row_that_is_there_twice_is_no_question(tmp_path: Path) -> None:
     rows = np.insert(np.arange(SIZE), 100, 99)
     path = write(tmp_path, {n: c[rows] for n, c in columns().items()}, [f"{t:g}" for t in TIMES[rows]])

@@ -12,7 +12,7 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError, refuse_unknown
 from thermid.base.results import Result
-from thermid.base.units import si_unit
+from thermid.base.units import counted, si_unit
 from thermid.campaign._judge.limits import STATES, Limits, text_of
 from thermid.measure.amounts import amount
 from thermid.model.tree import Model, ParameterSet
@@ -72,7 +72,7 @@ class Sizing(Result):
     def __str__(self) -> str:
         """Return it as text, a line an end."""
         value, spare = self.best
-        lines = [f"{self.path}: {len(self.windows)} windows within {self.searched[0]:.6g} .. {self.searched[1]:.6g} {self.unit}"]
+        lines = [f"{self.path}: {counted(len(self.windows), 'window')} within {self.searched[0]:.6g} .. {self.searched[1]:.6g} {self.unit}"]
         if len(self.windows) == 1:
             lines = [f"{self.path}: {self.windows[0][0].value:.6g} .. {self.windows[0][1].value:.6g} {self.unit}"]
         if not self.windows:

@@ -282,6 +282,7 @@ def _written(path: Path, stage: str, before: Request, after: Request, delays: Se
         table["priors"] = tomlkit.item({**dict(table.get("priors", {})), **priors})
     if after.structural_errors:
         table["structural_errors"] = True
+        table["search"] = after.search
     moved = {
         c.name: {c.role: str(c.target)}
         for one, other in zip(before.records, after.records, strict=True)

@@ -331,7 +331,7 @@ class Move:
         if math.isnan(self.alone):
             side = "up" if self.deviations > 0.0 else "down"
             where = "this log alone puts it outside its bounds, or so far off that it does not determine the value"
-            return f"{self.path}  {self.printed} {self.unit}: {self.verdict} {side}, {far}; {where}"
+            return f"{self.path}  {self.printed} {self.unit}: {self.verdict}, {far} {side}; {where}"
         low, high = from_si(self.below, self.unit), from_si(self.alone, self.unit)
         change = 100 * (high / low - 1) if low else 0.0
         share = (f" ({change:+.0f} %)" if abs(change) >= 10 else f" ({change:+.2g} %)") if low else ""

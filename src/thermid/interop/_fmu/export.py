@@ -20,7 +20,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import OutputError, ThermidError, refuse_unknown
 from thermid.base.files import FileKind, read_bytes, write_bytes
-from thermid.base.units import unit
+from thermid.base.units import counted, unit
 from thermid.interop._fmu import image as told
 from thermid.interop._fmu.archive import DESCRIPTION
 from thermid.interop._fmu.description import PLAIN, Described, FmuVariable, build_description, describe, structured
@@ -100,8 +100,8 @@ class ExportedFmu:
 
     def __str__(self) -> str:
         """Its size, and what is fixed or not carried."""
-        counts = ", ".join(f"{len(self.names(c))} {c}s" for c in ("parameter", "input", "output"))
-        lines = [f"{self.title}: FMI {self.version}, {len(self.states)} states, {counts}"]
+        counts = ", ".join(counted(len(self.names(c)), c) for c in ("parameter", "input", "output"))
+        lines = [f"{self.title}: FMI {self.version}, {counted(len(self.states), 'state')}, {counts}"]
         return "\n".join([*lines, *(f"  {note}" for note in self.notes)])
 
 

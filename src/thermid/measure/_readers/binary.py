@@ -357,15 +357,18 @@ def hdf5(data: bytes, file: str, separator: str | None) -> Cells:
 
     def visit(name: str, item: Any) -> None:
         nonlocal unpacked
-        if not isinstance(item, library.Dataset) or "#" in name or item.ndim == 0 or item.size < 2:
-            return
-        if item.external or item.is_virtual:
-            how = "a virtual data set" if item.is_virtual else "external storage"
+        links = [k for k in item if isinstance(item.get(k, getlink=True), library.ExternalLink)] if isinstance(item, library.Group) else []
+        is_vector = isinstance(item, library.Dataset) and "#" not in name and item.ndim > 0 and item.size > 1
+        if links or (is_vector and (item.external or item.is_virtual)):
+            how = "an external link" if links else "a virtual data set" if item.is_virtual else "external storage"
             raise RecordError(
-                f"'{name}' is {how}: its values are in other files, which are not read. Save them in this one.",
+                f"'{'/'.join([name, *links[:1]]).lstrip('/')}' is {how}: its values are in other files, which are not read. "
+                "Save them in this one.",
                 file,
                 code="record.values-elsewhere",
             )
+        if not is_vector:
+            return
         unpacked += item.size * item.dtype.itemsize
         _check_unpacked_size(unpacked, file)
         values = np.squeeze(item[()])
@@ -379,6 +382,7 @@ def hdf5(data: bytes, file: str, separator: str | None) -> Cells:
             vectors.update({f"{name}_{k + 1}": (rows[:, k], unit) for k in range(rows.shape[1])})
 
     with library.File(io.BytesIO(data), "r") as opened:
+        visit("", opened)
         opened.visititems(visit)
     kind = "MATLAB 7.3" if data[:10] == b"MATLAB 7.3" else "HDF5"
     return _of_vectors(vectors, file, kind)

@@ -62,7 +62,8 @@ def repeated_stamps(times: FloatArray, columns: Mapping[str, FloatArray]) -> Ite
         worst = max(differ, key=lambda n: float(np.nanmax(spread[n])))
         k = int(np.nanargmax(spread[worst]))
         yield (
-            f"{stamps} time stamps have different readings, of {worst} up to {short(float(spread[worst][k]), 3)} apart at "
+            f"{'1 time stamp has' if stamps == 1 else f'{stamps} time stamps have'} different readings, of {worst} up to "
+            f"{short(float(spread[worst][k]), 3)} apart at "
             f"{duration_text(float(times[first[k]] - times[0]))}: temperatures are averaged, of powers and commands the last is used. "
             "Remove the rows that are wrong, or write stamps that keep them apart."
         )

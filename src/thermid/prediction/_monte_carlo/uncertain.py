@@ -16,7 +16,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import NameNotFoundError, ScenarioError, cap, raising, refuse_unknown
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result
-from thermid.base.units import TEMPERATURE
+from thermid.base.units import TEMPERATURE, counted
 from thermid.fit.calibration import Calibration
 from thermid.model.laws import literal
 from thermid.model.parameters import Standing
@@ -365,7 +365,7 @@ class UncertainRuns(Result):
 
     def __str__(self) -> str:
         """The highest temperatures as a short table, 5 % and 95 % of the members below."""
-        lines = [f"{self.title}, {self.scenario}: {len(self)} members, {len(self.failed)} failed"]
+        lines = [f"{self.title}, {self.scenario}: {counted(len(self), 'member')}, {len(self.failed)} failed"]
         lines += [self.not_counted] if self.not_counted else []
         width = max(len(n) for n in self.nodes)
         for n in self.nodes if self.reached.size else ():
@@ -375,7 +375,7 @@ class UncertainRuns(Result):
             lines.append(f"  the first {self.whole} members were kept whole; all were counted, quantiles may be {self._worst():.2g} mK off")
         lines += [f"  {self.centre}"] if self.centre else []
         if self.assumed:
-            lines.append(f"  demonstration, {len(self.assumed)} assumed parameters")
+            lines.append(f"  demonstration, {counted(len(self.assumed), 'assumed parameter')}")
         return self.standing.over("\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)]))
 
     def _worst(self) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import ThermidError
 from thermid.base.sourced import VERDICTS
-from thermid.base.units import from_si, unit
+from thermid.base.units import counted, from_si, unit
 from thermid.campaign.stages import Campaign, JointFit
 from thermid.campaign.verdicts import Verdict, largest, metric
 from thermid.fit.calibration import Calibration
@@ -425,7 +425,7 @@ def _looks(campaign: Campaign, c: Calibration) -> str:
                 continue
             word = "passed" if v.passed else "failed"
             before = (
-                f"{len(v.failed_before)} failed verdicts before, by other values: no longer independent"
+                f"{counted(len(v.failed_before), 'failed verdict')} before, by other values: no longer independent"
                 if v.failed_before
                 else "not used before"
             )

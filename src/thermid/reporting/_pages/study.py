@@ -10,7 +10,7 @@ from pathlib import Path
 from statistics import median
 
 from thermid.base.arguments import takes_objects
-from thermid.base.units import from_si
+from thermid.base.units import counted, from_si
 from thermid.campaign.stages import Campaign
 from thermid.campaign.studies import Study
 from thermid.campaign.verdicts import metric
@@ -132,7 +132,7 @@ def steps(study: Study) -> list[PageBlock]:
         Heading("2  Box colour"),
         Words(study.reason),
         Facts((("the whole", study.part_boxes[""]),)),
-        folded("Box colours part by part", [_boxes(study)], f"{len(study.part_boxes)} parts"),
+        folded("Box colours part by part", [_boxes(study)], counted(len(study.part_boxes), "part")),
         Heading("3  Theoretical and experimental set-up"),
         Facts(theory),
         *(Words(text) for text in (*study.theory, *study.experiment)),
@@ -187,7 +187,7 @@ def _parts_section(study: Study) -> Section:
     blocks: list[PageBlock] = [
         parts(study),
         Words(f"Values of the decks by their source: {sources}. A value is written once, with its formula or range and the reason."),
-        folded("Source of every value", [provenance(study)], f"{sum(counts.values())} values"),
+        folded("Source of every value", [provenance(study)], counted(sum(counts.values()), "value")),
         folded("Area ledger of the whole", [tables.areas(study.model)]),
     ]
     return Section.of_blocks("parts", "Parts and provenance", blocks)
@@ -265,7 +265,7 @@ def step_log(study: Study, campaign: Campaign) -> Table:
 def _record_section(study: Study, campaign: Campaign) -> Section:
     lines = step_log(study, campaign)
     blocks: list[PageBlock] = [
-        folded("Log of every step", [lines], f"{len(lines.rows)} lines"),
+        folded("Log of every step", [lines], counted(len(lines.rows), "line")),
         *([_verdicts(campaign)] if campaign.verdicts else []),
         folded("Data", [tables.data(campaign)]),
         folded("Models and fits", [tables.models(campaign)]),

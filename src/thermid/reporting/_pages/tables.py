@@ -12,7 +12,7 @@ from importlib.metadata import PackageNotFoundError, version
 import numpy as np
 
 from thermid.base.linear_algebra import HALF_WIDTH_95
-from thermid.base.units import from_si, si_unit, unit
+from thermid.base.units import counted, from_si, si_unit, unit
 from thermid.campaign.stages import Campaign
 from thermid.campaign.verdicts import Check, Verdict, largest, metric
 from thermid.fit.calibration import BLAME, Calibration, instrument_shares, sensor_shares
@@ -262,7 +262,7 @@ def correlations(calibration: Calibration, most: int = 30) -> Table:
     ranked = sorted(calibration.correlations.items(), key=lambda item: -abs(item[1]))
     looks = [("hardly separable", "warn") if abs(c) > HIGH_CORRELATION else ("", "") for _, c in ranked]
     rows: list[Line] = [[a, b, Cell(f"{c:+.2f}", *look)] for ((a, b), c), look in zip(ranked[:most], looks, strict=False)]
-    more = f"; {len(ranked) - most} weaker ones are not shown" if len(ranked) > most else ""
+    more = f"; not shown: {counted(len(ranked) - most, 'weaker one')}" if len(ranked) > most else ""
     caption = f"Those above 0.1{more}; marked above {HIGH_CORRELATION}."
     return Table.of_rows([Head("first"), Head("second"), Head("correlation", True)], rows, caption)
 
@@ -593,7 +593,7 @@ def _unknown(campaign: Campaign) -> Iterator[tuple[str, str]]:
         values = ParameterSet(c.fitted_model).table
         held = [p for p, e in values.items() if e.parameter.source == "assumed" and p not in c.values.assignments]
         if held:
-            yield f"{len(held)} values of {c.model.title} are assumed and were not fitted here, such as {held[0]}.", c.stage
+            yield f"{counted(len(held), 'value')} of {c.model.title} stayed as the deck assumes, such as {held[0]}.", c.stage
 
 
 def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:

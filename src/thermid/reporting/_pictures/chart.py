@@ -183,7 +183,7 @@ def in_words(panels: Sequence[Panel], x_name: tuple[str, str], ends: tuple[float
                 span = f"{y.min():.{digits}f} to {y.max():.{digits}f}"
                 readout.append(f"{line.label}: from {y[0]:.{digits}f} to {y[-1]:.{digits}f} {p.unit}, range {span}")
         if len(p.lines) > 6:
-            readout.append(f"and {len(p.lines) - 6} lines more")
+            readout.append(f"and {len(p.lines) - 6} more")
     return f"{x_name[0].capitalize()} {ends[0]:.4g} to {ends[1]:.4g} {x_name[1]}; " + "; ".join(dict.fromkeys(readout)) + "."
 
 

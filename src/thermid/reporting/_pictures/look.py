@@ -116,7 +116,8 @@ class Look(Result):
         if self.times is not None and self.clock is not None:
             times = self.times.values
             out += board_restarts(times, {c.name: c.values for c in self.columns if c.guess == "ignored" and not c.unit and c.values.size})
-            out += repeated_stamps(times, columns)
+            # a column that is ignored here may still be bound by a campaign, if it counts neither rows nor milliseconds
+            out += repeated_stamps(times, columns | {c.name: c.values for c in self.columns if not c.why.startswith("counts ")})
             out += () if self.times.zone else lost_hour(times, self.clock.texts, warm)
             out += hidden_switches(times, {n: v for n, v in columns.items() if n not in warm})
         return tuple(out)

@@ -304,8 +304,8 @@ def _stabilisation(q: Qualification) -> list[PageBlock]:
         )
         out += [Notes(t.course.remarks, f"Remarks on {t.test.name}")] if t.course.remarks else []
     for t in (t for t in q.trials if t.settled):
-        held = sum(s.stable for s in t.settled)
-        out.append(folded(f"{t.test.name}: as measured", [tables.settled(t)], f"{held} of {len(t.settled)} periods steady by the rule"))
+        held = f"{sum(s.stable for s in t.settled)} of {counted(len(t.settled), 'period')} steady by the rule"
+        out.append(folded(f"{t.test.name}: as measured", [tables.settled(t)], held))
     return out or [Words("No test of this plan waits for its unit, and no steady period was logged.")]
 
 

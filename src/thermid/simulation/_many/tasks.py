@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, as_completed
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from contextlib import ExitStack, contextmanager
 from math import inf
 from time import sleep
@@ -21,8 +21,8 @@ Workers = Executor | str | int | None
 """Who does tasks: any executor of `concurrent.futures` (threads, processes, mpi4py's, Dask's ``client.get_executor()``); the address of a
 Dask scheduler, ``tcp://host:8786``; ``"joblib"``, the backend of `joblib.parallel_config`; a number of processes of this machine; None for
 this process alone."""
-PATIENCE = "20s"
-"""How long a cluster may take to answer."""
+PATIENCE = 20.0
+"""How long a cluster may take to answer, and may be without workers. [s]"""
 PROCESSES_PAY = 20.0
 """Processor time below which processes of this machine cost more than they save. [s]"""
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -89,13 +89,17 @@ def _by(pool: Executor, calls: Sequence[Call], whose: str) -> Iterator[tuple[int
     try:
         for call in enumerate(calls):
             open_.add(_handed(pool, call, whose))
-        for future in as_completed(open_):
-            with _worker_errors_named(whose):
-                result = future.result()
-            open_.discard(future)  # a result is kept by nobody but the caller
-            del future
-            yield result
-            del result
+        cluster = getattr(pool, "_client", None)  # of Dask's executor
+        while open_:
+            done = wait(open_, PATIENCE, FIRST_COMPLETED).done
+            if not done and cluster is not None and not cluster.nthreads():  # without a worker it would wait for one, and say nothing
+                raise _lost(whose)
+            open_ -= done
+            while done:
+                with _worker_errors_named(whose):
+                    result = done.pop().result()
+                yield result
+                del result  # it is kept by nobody but the caller
     finally:
         for future in open_:
             future.cancel()

@@ -15,6 +15,8 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
+from thermid.base.errors import ScenarioError
 from thermid.simulation._many import tasks
 
 pytestmark = [pytest.mark.campaign, pytest.mark.filterwarnings("ignore")]
@@ -98,6 +100,21 @@ def test_a_cluster_gives_the_same_bits_while_its_workers_die(asked: Asked, clust
         told = asked(address)
         late.join()
         assert told == asked()
+
+
+def test_a_cluster_whose_workers_all_die_is_named(
+    cluster: tuple[str, list[subprocess.Popen[bytes]]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from distributed import Client
+
+    address, workers = cluster
+    monkeypatch.setattr(tasks, "PATIENCE", 2.0)
+    with Client(address, timeout="60s", set_as_default=False) as client:
+        client.wait_for_workers(3, timeout=120)
+    for worker in workers:
+        worker.kill()
+    with raises_code("run.worker-lost", ScenarioError, match=address):
+        counted_ensemble(address)
 
 
 MEMORY = """

@@ -131,6 +131,20 @@ def test_a_task_that_a_dying_worker_was_to_get_goes_to_another(monkeypatch: pyte
         assert dict(in_tasks(square, TASKS, pool)) == {k: k * k for k in range(7)}
 
 
+def test_a_cluster_without_workers_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The last worker ended, and the run waited without a word for another one."""
+
+    class Pool(ThreadPoolExecutor):
+        _client = SimpleNamespace(nthreads=dict)
+
+        def submit(self, *_: Any) -> Future[Any]:  # type: ignore[override]
+            return Future()
+
+    monkeypatch.setattr(tasks, "PATIENCE", 0.01)
+    with Pool(1) as pool, raises_code("run.worker-lost", ScenarioError):
+        list(in_tasks(square, TASKS, pool))
+
+
 def test_results_are_kept_by_nobody_but_the_caller() -> None:
     """Tables of counts are megabytes: those that were taken in are not held until the last one comes."""
     with ThreadPoolExecutor(1) as pool:
