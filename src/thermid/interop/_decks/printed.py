@@ -26,7 +26,7 @@ _SUBMODEL = re.compile(r"\s*SUBMODEL NAME = (\w+)")
 _TIME = re.compile(r"^\s*(?:PROBLEM TIME\s+TIMEN|TIME)\s*=\s*([-+.\dE]+)")
 _PRINT = re.compile(r"\bT\s+(\d+)\s*=\s*([-+.\dE]+)")
 _HDF5: Final = b"\x89HDF\r\n\x1a\n"
-_ROUNDING: Final = float(np.finfo(np.float32).eps) / 2.0
+_ROUNDING: Final = float(np.finfo(np.float32).epsneg)
 """Share of a number that single precision rounds to; a TMD has doubles, but no solution is exact to their last digit."""
 _KIND: Final = "file.another-kind"
 

@@ -112,8 +112,9 @@ def agreement(network: NetworkFile, prints: Sequence[Printed]) -> Agreement:
         calm = steady(model, scenario, "mean" if network.start == "steady, mean" else 0.0)
         rows.append([calm[paths[name]] for name in nodes])
     if moving:
-        run = simulate(model, scenario)
-        rows.extend(np.column_stack([np.interp(times, run.times, run[paths[name]].kelvin) for name in nodes]))
+        stored, which = np.unique(times, return_inverse=True)
+        run = simulate(model, scenario, times=stored)
+        rows.extend(np.column_stack([run[paths[name]].kelvin for name in nodes])[which])
     printed = [network.celsius(output.numbers) for output in (*settled, *moving)]
     off = np.array(rows) - ICE_POINT - np.array([[output[name] for name in nodes] for output in printed])
     rounding = max(output.digits[name] for output in (*settled, *moving) for name in nodes) * network.zero_and_degree[1]
