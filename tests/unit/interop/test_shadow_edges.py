@@ -85,13 +85,7 @@ def test_each_edge_moved_within_a_step_of_sinda_leaves_a_tenth_of_the_difference
     later = np.linalg.lstsq(np.column_stack(change), -own.ravel(), rcond=None)[0]
     left = off(later)
     steps = _steps(printed.read_text("latin-1"))
-    before = np.array([max(step for now, step in steps.items() if begin - 1100.0 < now <= begin) for begin, _ in edges])
-    print(
-        name,
-        np.quantile(np.abs(own), [0.5, 0.95]),
-        np.quantile(np.abs(left), [0.5, 0.95]),
-        np.column_stack([later, before]).round(1).tolist(),
-    )
+    before = np.array([steps[max(now for now in steps if now <= begin)] for begin, _ in edges])
     assert np.quantile(np.abs(left), 0.95) < 0.1 * np.quantile(np.abs(own), 0.95)
     assert np.quantile(np.abs(left), 0.95) < 0.05
     assert np.all(np.abs(later) < before)
