@@ -64,7 +64,7 @@ def _form(*words: str, kind: str, name: str, exchange: bool = False, guid: str =
     return Hostile(kind, name, words, guid, exchange, (), tuple(given.items()))
 
 
-CRASH, GONE, LATE, WHERE = "crashed (SIG", "ended its process (exit code", "did not return within 1 s", "could not be loaded"
+CRASH, GONE, LATE, WHERE = "crashed (SIG", "ended its process (exit code", "did not return within 4 s", "could not be loaded"
 EVERY = [
     _call("crash", "segfault", "fmi2Instantiate", CRASH),
     _call("crash", "wild", "fmi2DoStep", CRASH, at=3.0),

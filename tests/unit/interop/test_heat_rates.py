@@ -12,7 +12,8 @@ import pytest
 
 import thermid as td
 from thermid.base.errors import DeckError
-from thermid.interop._decks.results import Agreement, agreement, balance, sinda_print
+from thermid.interop._decks.printed import sinda_print
+from thermid.interop._decks.results import Agreement, agreement, balance
 from thermid.interop._decks.sinda import read_sinda
 
 ORBIT = 600.0

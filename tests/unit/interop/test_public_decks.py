@@ -17,7 +17,8 @@ import pytest
 
 from thermid.interop._decks.esatan import read_esatan
 from thermid.interop._decks.network_file import NetworkFile
-from thermid.interop._decks.results import agreement, sinda_print
+from thermid.interop._decks.printed import sinda_print
+from thermid.interop._decks.results import agreement
 from thermid.interop._decks.sinda import read_sinda
 
 PUBLIC = Path(os.environ.get("THERMID_PUBLIC", "/nowhere"))

@@ -36,7 +36,7 @@ from thermid.base.extensions import require
 from thermid.base.files import COPY, DECK, EQUATIONS, EXPORT, SCENARIO, FileKind, may_write, read_bytes, write_bytes, write_text
 from thermid.base.units import counted
 from thermid.interop.c99 import to_c
-from thermid.interop.decks import NetworkFile, agreement, balance, read_esatan, read_sinda, sinda_print, to_esatan, to_sinda
+from thermid.interop.decks import NetworkFile, agreement, balance, printed_temperatures, read_esatan, read_sinda, to_esatan, to_sinda
 from thermid.interop.equations import equations as derived
 from thermid.interop.fmu import to_fmu
 from thermid.interop.initfcn import read_initfcn
@@ -79,7 +79,7 @@ def import_file(
     results: Annotated[
         Path | None,
         typer.Option(
-            "--results", help="SINDA's printed output (.out): its runs computed anew, and each node's balance at its steady state."
+            "--results", help="SINDA's print (.out) or ESATAN's TMD: its runs computed anew, each node's balance at its steady state."
         ),
     ] = None,
     units: Annotated[
@@ -102,7 +102,7 @@ def import_file(
     network = _network(file, units)
     model, judged, more = network.model(), list[str](), dict[str, object]()
     if results is not None:
-        prints = sinda_print(results)
+        prints = printed_temperatures(results)
         compared = agreement(network, prints)
         judged, more["off_rms_K"] = [str(compared)], float(compared.rms.max())
         for settled in [item for item in prints if item.settled][-1:]:

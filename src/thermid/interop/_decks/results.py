@@ -1,26 +1,19 @@
-"""Temperatures that SINDA or ESATAN printed, and what is left of each node's balance at them."""
+"""Temperatures of a deck's own runs against those that its tool left, and what is left of each node's balance at them."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from thermid.base.errors import DeckError
 from thermid.base.units import counted
-from thermid.interop._decks.cards import SUBMODEL
 from thermid.interop._decks.network_file import NetworkFile
-from thermid.interop._decks.statements import DeckReading
+from thermid.interop._decks.printed import Printed
 from thermid.model.tree import ParameterSet
 from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
 from thermid.simulation.runs import simulate, steady
-
-_SUBMODEL = re.compile(r"\s*SUBMODEL NAME = (\w+)")
-_TIME = re.compile(r"^\s*(?:PROBLEM TIME\s+TIMEN|TIME)\s*=\s*([-+.\dE]+)")
-_PRINT = re.compile(r"\bT\s+(\d+)\s*=\s*([-+.\dE]+)")
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,64 +44,6 @@ class Balance:
         nodes = f"{len(missed)} of {counted(len(self.left), 'node')}"
         head = f"NOT CLOSED: at the printed temperatures {nodes} miss {sum(missed.values()):.4g} W in all"
         return "\n".join([head, *(f"  {node}: {watts:+.4g} W" for node, watts in missed.items())])
-
-
-@dataclass(frozen=True)
-class Printed:
-    """Temperatures of one print, in the file's own unit.
-
-    Parameters
-    ----------
-    routine : str          What SINDA ran: STEADY, TRANSIENT or the name of an older routine; empty where it is not printed.
-    time : float           Its problem time, in the file's unit of time.
-    numbers : dict         Node path -> temperature.
-    digits : dict          Node path -> half a unit of its last digit.
-    """
-
-    routine: str
-    time: float
-    numbers: Mapping[str, float]
-    digits: Mapping[str, float]
-
-    @property
-    def settled(self) -> bool:
-        """Whether it is of a steady state."""
-        return not self.routine.startswith(("TRANS", "FWD", "FORW", "ATS"))
-
-
-def sinda_print(path: str | Path) -> list[Printed]:
-    """Return the prints of a SINDA output in their order.
-
-    Raises
-    ------
-    DeckError   When the file prints no temperatures.
-    """
-    prints: list[Printed] = []
-    numbers: dict[str, float] = {}
-    digits: dict[str, float] = {}
-    submodel, routine, time, headed = "", "", 0.0, False
-    for row in DeckReading().open(Path(path)).split("\n"):
-        if row.startswith(" MODEL ="):
-            headed = True
-        elif headed and row.strip():
-            routine, headed = row.strip(), False
-        elif match := _SUBMODEL.match(row):
-            submodel = match[1]
-        elif match := _TIME.search(row):
-            time, routine = float(match[1]), "TRANSIENT" if "DTIMEU" in row else routine
-        elif "OUTPUT TEMPERATURES" in row:  # SINDA/G has one submodel
-            submodel = SUBMODEL
-        for number, word in _PRINT.findall(row) if submodel else ():
-            key = f"{submodel}.T{int(number)}"
-            if not numbers or key in numbers or (prints[-1].routine, prints[-1].time) != (routine, time):
-                numbers, digits = {}, {}
-                prints.append(Printed(routine, time, numbers, digits))
-            numbers[key] = float(word)
-            mantissa, _, exponent = word.partition("E")
-            digits[key] = 0.5 * 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
-    if not prints:
-        raise DeckError("the file has no printed temperatures (T 1= ... under SUBMODEL NAME).", str(path))
-    return prints
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,8 +112,9 @@ def agreement(network: NetworkFile, prints: Sequence[Printed]) -> Agreement:
         calm = steady(model, scenario, "mean" if network.start == "steady, mean" else 0.0)
         rows.append([calm[paths[name]] for name in nodes])
     if moving:
-        run = simulate(model, scenario)
-        rows.extend(np.column_stack([np.interp(times, run.times, run[paths[name]].kelvin) for name in nodes]))
+        stored, which = np.unique(times, return_inverse=True)
+        run = simulate(model, scenario, times=stored)
+        rows.extend(np.column_stack([run[paths[name]].kelvin for name in nodes])[which])
     printed = [network.celsius(output.numbers) for output in (*settled, *moving)]
     off = np.array(rows) - ICE_POINT - np.array([[output[name] for name in nodes] for output in printed])
     rounding = max(output.digits[name] for output in (*settled, *moving) for name in nodes) * network.zero_and_degree[1]

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
+from weakref import finalize
 
 import numpy as np
 
@@ -162,6 +163,7 @@ class FmuFile(FmuDescribed):
         self.why = "" if self.directional else "the FMU offers none" if self.exchange else "it has co-simulation alone"
         self._agreeing: dict[tuple[int, ...], bool] = {}
         self._stack = ExitStack()
+        finalize(self, self._stack.close)  # of a model in a circle of references too: a `__del__` comes after those of the pipes there
         self._program: ConfinedProgram | None = None
 
     def _offers_directions(self) -> bool:
@@ -194,11 +196,6 @@ class FmuFile(FmuDescribed):
             self._program = ConfinedProgram(self.path, notes, (_CODE, str(self.path), str(folder / "fmu"), str(notes)))
             self._stack.callback(self._program.stop)
         return self._program
-
-    def __del__(self) -> None:
-        """End the process, and remove what was unpacked."""
-        if hasattr(self, "_stack"):
-            self._stack.close()
 
     def __reduce__(self) -> tuple[type[FmuFile], tuple[Path, bool]]:
         """Copy it by its path."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,7 +13,7 @@ from thermid.base.errors import MissingExtraError, NameNotFoundError, ScenarioEr
 from thermid.base.extensions import missing
 from thermid.base.linear_algebra import Array
 from thermid.prediction._monte_carlo.chunks import Job, run_members_of
-from thermid.simulation.runs import Workers, in_tasks
+from thermid.simulation.runs import JobFolder, Workers, digest, in_tasks
 
 MIN_MEMBERS_PER_INPUT = 30
 """Members per input below which shares are not distinguishable from chance. [-]"""
@@ -105,7 +106,15 @@ class Sobol:
         return "\n".join(lines)
 
 
-def sobol_of(job: Job, node: str, time: float | None = None, *, base: int = 512, executor: Workers = None) -> Sobol:
+def sobol_of(
+    job: Job,
+    node: str,
+    time: float | None = None,
+    *,
+    base: int = 512,
+    executor: Workers = None,
+    folder: str | os.PathLike[str] | None = None,
+) -> Sobol:
     """Return Sobol's indices of a temperature with respect to everything that a job draws; values that a fit left open count as one group.
 
     Saltelli's design and estimators (Computer Physics Communications 181, 2010), by SALib.
@@ -116,7 +125,7 @@ def sobol_of(job: Job, node: str, time: float | None = None, *, base: int = 512,
     node : str      One of the nodes that are kept.
     time : float    When; the highest of the run when not given. [s]
     base : int      A power of two; the runs are this times the groups and two.
-    executor        As in `uncertain_runs`.
+    executor, folder        As in `uncertain_runs`.
 
     Raises
     ------
@@ -145,7 +154,14 @@ def sobol_of(job: Job, node: str, time: float | None = None, *, base: int = 512,
     }
     numbers = np.asarray(design.sample(problem, base, calc_second_order=False, seed=job.seed)).T
     tasks = [(f"run {k} of the design", (job, numbers[:, k : k + job.chunk], path, time)) for k in range(0, numbers.shape[1], job.chunk)]
-    temperatures = dict(in_tasks(_temperature_of, tasks, executor))
+    store = JobFolder.below(folder, digest((job.key(), "sobol", path, time, base))) if folder is not None else None
+    loaded = {k: store.load(f"runs_{k}") for k in range(len(tasks))} if store is not None else {}
+    temperatures = {k: arrays["temperatures"] for k, arrays in loaded.items() if arrays is not None}
+    open_ = [k for k in range(len(tasks)) if k not in temperatures]
+    for at, part in in_tasks(_temperature_of, [tasks[k] for k in open_], executor):
+        temperatures[open_[at]] = part
+        if store is not None:
+            store.save(f"runs_{open_[at]}", {"temperatures": part})
     result = np.concatenate([temperatures[k] for k in range(len(temperatures))])
     indices = analysis.analyze(problem, result, calc_second_order=False, seed=job.seed)
     first, total, errors = ({n: float(x) for n, x in zip(names, indices[k], strict=True)} for k in ("S1", "ST", "ST_conf"))

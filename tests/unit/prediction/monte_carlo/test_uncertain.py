@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import thermid as td
 from thermid.base.errors import NameNotFoundError, ScenarioError
 from thermid.prediction._budget import Target
 from thermid.prediction._known import normal_sources
-from thermid.prediction._monte_carlo import chunks as campaign_runs
+from thermid.prediction._monte_carlo import chunks as campaign_runs, drivers
 from thermid.prediction._monte_carlo.drivers import drivers_of
 from thermid.prediction._monte_carlo.hold import hold
 from thermid.prediction._monte_carlo.uncertain import begun_at
@@ -413,6 +414,28 @@ def test_sobol_of_a_sum_is_its_variances() -> None:
     assert [found.total["air"], found.total["scale.heater"]] == pytest.approx(by_hand / by_hand.sum(), abs=0.03)
     assert found.runs == 256 * 4
     assert "air" in str(found).splitlines()[1]
+
+
+def test_sobol_goes_on_where_it_was_interrupted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    job = replace(runs(nodes=["body"], every="30 [min]").job, chunk=100)
+    whole, begun = td.qualify.sobol_of(job, "body", 3600.0, base=64), 0
+
+    def interrupted(*task: Any) -> Any:
+        nonlocal begun
+        begun += 1
+        if begun == 2:
+            raise KeyboardInterrupt
+        return run(*task)
+
+    run = drivers.run_members_of
+    monkeypatch.setattr(drivers, "run_members_of", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        td.qualify.sobol_of(job, "body", 3600.0, base=64, folder=tmp_path)
+    again = td.qualify.sobol_of(job, "body", 3600.0, base=64, folder=tmp_path)
+    assert begun == 2 + 2  # of three groups of runs one was there
+    assert (again.first, again.total, again.errors) == (whole.first, whole.total, whole.errors)
+    td.qualify.sobol_of(job, "body", 1800.0, base=64, folder=tmp_path)
+    assert begun == 4 + 3  # another time is another job
 
 
 @pytest.mark.parametrize(
