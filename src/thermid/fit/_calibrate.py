@@ -61,6 +61,8 @@ ASIDE, STRAINED = 3.0, 5.0
 one record takes up so far from what is known of it is physics that the model lacks, or a prior that is wrong. [-]"""
 NOISE_RATIO, NO_NOISE = 1.5, 1e-3
 """Factor between stated noise and the noise that readings show, from which it is said; what they show below which they have none [K]."""
+ERROR_OF_SEEN_NOISE = 1.6
+"""Standard error of the logarithm of the noise that white readings show, times the root of their number; 20 to 500 were simulated. [-]"""
 CHANCE_DEVIATIONS = 3.0
 """Standard deviations of chi-square by chance, from which residuals that wander are asked whether the structure lacks something. [-]"""
 REFUTED = 1e-3
@@ -108,7 +110,7 @@ def _missed(request: Request, problem: Problem, minimum: Fit, spread: Autocorrel
         size = float(np.sqrt(t.correlated_variance)) * sigma
         if request.adequate:
             limit, what = request.adequate, "'adequate'"
-        elif o.noise is not None and o.noise <= NOISE_RATIO * shown.get((t.record, t.sensor), math.inf):
+        elif o.noise is not None and o.noise <= math.prod(shown.get((t.record, t.sensor), (math.inf, 1.0))):
             size = scatter[t.record, t.sensor] if size > 0.0 else 0.0
             limit, what = MAX_RESIDUAL_TO_NOISE * o.noise, f"{MAX_RESIDUAL_TO_NOISE:g} times its stated noise"
         else:  # nothing stated, or more than the readings show
@@ -642,22 +644,29 @@ def differing(problem: Problem) -> list[str]:
     return out[:1]
 
 
-def _seen_noise(problem: Problem) -> dict[tuple[str, str], float]:
-    """Return record and sensor -> the noise that the readings show, of those that show some and whose noise is not said to be slow. [K]"""
-    noise_of_trace = {
-        (e.record.name, o.sensor): e.record.channels[o.sensor].noise_seen
+def _seen_noise(problem: Problem) -> dict[tuple[str, str], tuple[float, float]]:
+    """Return record and sensor -> the noise that the readings show [K], and the factor from which a stated one differs by more than chance.
+
+    Of those that show some, and whose noise is not said to be slow.
+    """
+    return {
+        (e.record.name, o.sensor): (
+            channel.noise_seen,
+            max(NOISE_RATIO, math.exp(CHANCE_DEVIATIONS * ERROR_OF_SEEN_NOISE / math.sqrt(channel.valid.sum()))),
+        )
         for e in problem.experiments
         for o in e.observations
-        if o.effective_share == 1.0
+        if o.effective_share == 1.0 and (channel := e.record.channels[o.sensor]).noise_seen > NO_NOISE
     }
-    return {key: size for key, size in noise_of_trace.items() if size > NO_NOISE}
 
 
 def _noise_apart(problem: Problem) -> list[str]:
     """Return one remark on sensors whose stated noise is far from what their readings show; the farthest is named."""
     shown, stated = _seen_noise(problem), {(e.record.name, o.sensor): o.noise for e in problem.experiments for o in e.observations}
     apart = {
-        key: (noise, size) for key, size in shown.items() if (noise := stated[key]) and abs(math.log(noise / size)) > math.log(NOISE_RATIO)
+        key: (noise, size)
+        for key, (size, ratio) in shown.items()
+        if (noise := stated[key]) and abs(math.log(noise / size)) > math.log(ratio)
     }
     if not apart:
         return []
@@ -871,7 +880,9 @@ def _suspect(fit: Calibration, spread: Autocorrelation) -> bool:
     stated = all(o.noise is not None for o in fit.problem.observations())
     slow = _slow(spread) if _wandering(spread) else []
     # squares of what wanders in units of the noise that the readings show
-    more = [max(taken[key] / shown_noise[key], 1.0) ** 2 if (key := (t.record, t.sensor)) in shown_noise else float(stated) for t in slow]
+    more = [
+        max(taken[key] / shown_noise[key][0], 1.0) ** 2 if (key := (t.record, t.sensor)) in shown_noise else float(stated) for t in slow
+    ]
     squares = [t.samples * (t.white_variance + t.correlated_variance) * m for t, m in zip(slow, more, strict=True)]
     count = sum(t.samples for t in slow)
     return bool(slow) and (
