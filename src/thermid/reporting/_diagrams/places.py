@@ -266,7 +266,7 @@ def _on_page(
     return cards, page
 
 
-def grid(weight: Array, rows: int, cell: tuple[float, float], order: Array | None = None) -> tuple[int, int, list[tuple[int, int]]]:
+def grid(weight: Array, rows: int, cell: tuple[float, float], order: Array) -> tuple[int, int, list[tuple[int, int]]]:
     """Return columns and rows of a grid that holds all cards, and the column and row of each, neighbours near one another.
 
     First by eigenvectors of the graph's Laplacian, then by exchanges that shorten the lines.
@@ -276,7 +276,7 @@ def grid(weight: Array, rows: int, cell: tuple[float, float], order: Array | Non
     weight : array (cards, cards)   How strongly each two belong together; symmetric.
     rows : int                      Of the grid.
     cell : (width, height)          Distance of neighbouring places. [px]
-    order : array (cards, 2)        What orders the cards across and down; by default the second and third of `eigenvectors`.
+    order : array (cards, 2)        What orders the cards across and down.
 
     References
     ----------
@@ -287,12 +287,11 @@ def grid(weight: Array, rows: int, cell: tuple[float, float], order: Array | Non
     spots = [(c, r) for r in range(rows) for c in range(columns)]
     if count < 3:
         return columns, rows, spots[:count]
-    flat = eigenvectors(weight)[:, 1:3] if order is None else order
-    across = np.argsort(flat[:, 0], kind="stable")
+    across = np.argsort(order[:, 0], kind="stable")
     place = np.full(len(spots), -1)
     for k in range(columns):  # columns from left to right by the one vector, within each by the other
         share = across[k * rows : (k + 1) * rows]
-        for row, card in enumerate(share[np.argsort(flat[share, 1], kind="stable")]):
+        for row, card in enumerate(share[np.argsort(order[share, 1], kind="stable")]):
             place[card] = row * columns + k
     free = [k for k in range(len(spots)) if k not in set(place[:count].tolist())]
     place[count:] = free
