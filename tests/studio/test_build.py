@@ -72,10 +72,11 @@ class Person:
 
     def choose(self, selector: str, value: str) -> None:
         """Take one of a list: the list is opened, and one of its lines clicked."""
-        from selenium.webdriver.support.ui import Select
+        from selenium.webdriver.common.by import By
 
         self.actions += 1
-        Select(self.element(selector)).select_by_value(value)
+        options = self.element(selector).find_elements(By.TAG_NAME, "option")
+        next(o for o in options if o.get_property("value") == value).click()
         self.settle()
 
     def drop(self, selector: str, file: Path) -> None:
