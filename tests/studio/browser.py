@@ -58,7 +58,7 @@ def needed() -> None:
         pytest.skip("no Chromium with its driver (Debian: chromium, chromium-driver)")
 
 
-def _chromium(width: int, height: int, profile: str) -> Any:
+def _chromium(width: int, height: int, profile: str, traced: bool) -> Any:
     """Return the driver of a new Chromium."""
     from selenium.webdriver import Chrome
     from selenium.webdriver.chrome.options import Options
@@ -69,6 +69,8 @@ def _chromium(width: int, height: int, profile: str) -> Any:
         options.add_argument(flag)
     options.binary_location = str(CHROMIUM)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    if traced:
+        options.add_experimental_option("perfLoggingPrefs", {"traceCategories": "toplevel"})
     return Chrome(options=options, service=Service(DRIVER))
 
 
@@ -114,11 +116,12 @@ class Page:
     ----------
     address : str           Where the studio is.
     width, height : int     Of the window. [px]
+    traced : bool           Whether the performance log has the tasks of every thread.
     """
 
-    def __init__(self, address: str, width: int = 1600, height: int = 1000) -> None:
+    def __init__(self, address: str, width: int = 1600, height: int = 1000, traced: bool = False) -> None:
         self.address, self._profile = address, tempfile.mkdtemp()
-        self.driver = _firefox(width, height) if FIREFOX else _chromium(width, height, self._profile)
+        self.driver = _firefox(width, height) if FIREFOX else _chromium(width, height, self._profile, traced)
         self.driver.set_script_timeout(120)
         self.asked: list[str] = []
         self.said: list[str] = []
@@ -231,9 +234,9 @@ class Page:
 
 
 @contextlib.contextmanager
-def page(address: str, width: int = 1600, height: int = 1000) -> Iterator[Page]:
+def page(address: str, width: int = 1600, height: int = 1000, traced: bool = False) -> Iterator[Page]:
     """Yield a page of a studio, opened."""
-    made = Page(address, width, height)
+    made = Page(address, width, height, traced)
     try:
         yield made.open()
     finally:

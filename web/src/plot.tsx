@@ -41,17 +41,6 @@ export function nearest(list: ArrayLike<number>, v: number): number {
   return Math.abs(list[low]! - v) < Math.abs(list[high]! - v) ? low : high;
 }
 
-// pictures are drawn one after the other, and the page answers in between: no task is longer than a few of them
-const waiting = new Set<() => void>();
-function soon(draw: () => void) {
-  if (waiting.add(draw).size === 1) setTimeout(next);
-}
-function next() {
-  const begun = performance.now();
-  for (const draw of waiting) { waiting.delete(draw); draw(); if (performance.now() - begun > 12) break; }
-  if (waiting.size) setTimeout(next);
-}
-
 function ranges(p: Props): Shown {
   let x0 = Infinity, x1 = -Infinity, low = Infinity, high = -Infinity, rest = 2 * (p.sigma || 0);
   for (const l of p.lines) if (l.x.length) { x0 = Math.min(x0, l.x[0]!); x1 = Math.max(x1, l.x[l.x.length - 1]!); }
@@ -145,7 +134,7 @@ function options(host: HTMLElement, now: { p: Props; s: Shown }): uPlot.Options 
 export function Plot(p: Props) {
   const host = useRef<HTMLDivElement>(null), made = useRef<uPlot | null>(null), now = useRef({ p, s: ranges(p) });
   now.current.p = p; now.current.s = ranges(p);
-  const show = useRef(() => {
+  const show = () => {
     const u = made.current, s = now.current.s;
     if (!u) return;
     // the strip has the lower part of the height: its scale goes on above it
@@ -154,7 +143,7 @@ export function Plot(p: Props) {
       u.setData([null, ...now.current.p.lines.map((l) => [l.x, l.y])] as unknown as uPlot.AlignedData, false);
       u.setScale("x", { min: s.x[0], max: s.x[1] }); u.setScale("y", { min: s.y[0], max: s.y[1] }); u.setScale("r", { min: -s.rest, max: top });
     });
-  }).current;
+  };
   const key = `${p.lines.length} ${p.sigma !== undefined} ${scheme.value}`;
   useEffect(() => {
     const box = host.current!, u = made.current = new uPlot(options(box, now.current), [null, ...p.lines.map((l) => [l.x, l.y])] as unknown as uPlot.AlignedData, box);
@@ -163,7 +152,7 @@ export function Plot(p: Props) {
     watch.observe(box);
     return () => { watch.disconnect(); u.destroy(); made.current = null; };
   }, [key]);
-  useEffect(() => soon(show), [p.lines, p.window, p.sigma, p.over, p.under]);
+  useEffect(show, [p.lines, p.window, p.sigma, p.over, p.under]);
   const keys = (e: KeyboardEvent) => {
     const [a, b] = now.current.s.x, whole = ranges({ ...now.current.p, window: null }).x, to = zoomed(e.key, [a, b], whole);
     if (to === undefined || e.ctrlKey || e.metaKey || !p.onWindow) return;
