@@ -135,7 +135,8 @@ def test_a_narrow_window_and_twice_the_size_need_no_sideways_scrolling(rack: Pag
         rack.emulate(**still)
         rack.wait("await pause(300)")
         assert rack.run(MOVING) == [], name
-        assert rack.run("return document.documentElement.scrollWidth") <= width, name
+        wide = rack.run("return document.documentElement.scrollWidth")
+        assert wide <= width, name
         assert [rack.serious(dark, **still) for dark in (False, True)] == [[], []], name
 
     try:

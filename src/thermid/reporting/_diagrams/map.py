@@ -194,20 +194,20 @@ def network_map(
     return _svg(drawing, plan, title if title is not None else model.title, model.title)
 
 
-def fitting_map(model: Model, most: tuple[float, float], **told: Any) -> str:
+def fitting_map(model: Model, size: tuple[float, float], **state: Any) -> str:
     """Return the map of a model as it is inside a page, no larger than a size: its innermost parts are folded, and those around them.
 
     Parameters
     ----------
     model : Model           What to draw.
-    most : (width, height)  A map whose outermost parts are folded may be larger all the same. [px]
-    told                    As in `network_map`.
+    size : (width, height)  A map whose outermost parts are folded may be larger all the same. [px]
+    state                   As in `network_map`.
     """
     parts = parts_of(model)
     svg = ""
     for level in range(max((p.count(".") + 1 for p in parts), default=0), -1, -1):
-        svg = network_map(model, folded=[p for p in parts if p.count(".") == level], **told)
-        if not oversized(svg, most):
+        svg = network_map(model, folded=[p for p in parts if p.count(".") == level], **state)
+        if not oversized(svg, size):
             break
     return svg.replace(' xmlns="http://www.w3.org/2000/svg"', "", 1)  # which a page does not need
 

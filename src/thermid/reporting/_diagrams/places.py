@@ -237,7 +237,10 @@ def _placed_cards(
     mean = (sum(w for w, _ in sizes) / max(count, 1) + GUTTER[0], sum(h for _, h in sizes) / max(count, 1) + GUTTER[1])
     best = min(range(1, count + 1), key=lambda r: abs(math.log(-(-count // r) * mean[0] / (r * mean[1] * ASPECT))), default=1)
     tries = [(best + more, vectors) for more, vectors in STARTS if 1 <= best + more <= count and count > max(vectors)]
-    flat = eigenvectors(weight)
+    laplacian = np.diag(weight.sum(axis=1) + 1e-3) - weight + 1e-3 / max(count, 1)
+    vectors_ = np.linalg.eigh(laplacian)[1]  # in columns, the constant one first
+    largest = vectors_[np.argmax(np.abs(vectors_), axis=0), np.arange(count)]
+    flat = np.round(vectors_ * np.sign(largest), 9)  # rounding errors of the library decide nothing
     pages = [_on_page(rows, sizes, grid(weight, lines_, mean, flat[:, vectors]), foot) for lines_, vectors in tries or [(best, (0, 0))]]
     pairs = np.array(ends, dtype=int).reshape(-1, 2)
     return min(pages, key=lambda m: tangles(*_corners(m[0]), pairs))
@@ -269,7 +272,7 @@ def _on_page(
 def grid(weight: Array, rows: int, cell: tuple[float, float], order: Array) -> tuple[int, int, list[tuple[int, int]]]:
     """Return columns and rows of a grid that holds all cards, and the column and row of each, neighbours near one another.
 
-    First by eigenvectors of the graph's Laplacian, then by exchanges that shorten the lines.
+    First by eigenvectors of the graph's Laplacian, which the caller gives, then by exchanges that shorten the lines.
 
     Parameters
     ----------
@@ -296,14 +299,6 @@ def grid(weight: Array, rows: int, cell: tuple[float, float], order: Array) -> t
     free = [k for k in range(len(spots)) if k not in set(place[:count].tolist())]
     place[count:] = free
     return columns, rows, [spots[k] for k in _exchanged(weight, place, np.array(spots, dtype=float) * cell)[:count].tolist()]
-
-
-def eigenvectors(weight: Array) -> Array:
-    """Return the eigenvectors of the graph's Laplacian in columns, the constant one first."""
-    laplacian = np.diag(weight.sum(axis=1) + 1e-3) - weight + 1e-3 / max(len(weight), 1)
-    flat = np.linalg.eigh(laplacian)[1]
-    largest = flat[np.argmax(np.abs(flat), axis=0), np.arange(len(flat))]
-    return np.array(np.round(flat * np.sign(largest), 9))  # rounding errors of the library decide nothing
 
 
 def _exchanged(weight: Array, place: Array, where: Array) -> Array:

@@ -95,7 +95,6 @@ def report(
     check_page(to)
     sheets = Sheets.beside(to, tables_to, audience)
     records, of = tables.made_records(campaign)
-    coefficients, others = tables.levels(campaign)
     stages = [_stage(f"stage-{k}", c, campaign, sheets) for k, c in enumerate(campaign.fits, 1)] if audience != "summary" else []
     paragraphs = [p for text in ([notes] if isinstance(notes, str) else notes) for p in text.split("\n\n") if p.strip()]
     return write_page(
@@ -111,12 +110,10 @@ def report(
         coverage=_coverage(campaign) if audience != "summary" else None,
         bands=_bands(campaign) if audience != "summary" else (None, []),
         front=front(campaign),
-        coefficients=coefficients,
-        others=others,
+        levels=tables.levels(campaign),
         overview=figures.overview(_dots(campaign)) if campaign.stages else None,
         stages=stages,
         values=_joined(stages) if audience == "agency" else [],
-        kept=[title[0].lower() + title[1:] for _, title in (INSTRUMENTS, *ANNEX)],
         predictions=[_prediction(f"prediction-{k}", title, s, campaign) for k, (title, s) in enumerate(scenarios, 1)],
         data=tables.data(campaign),
         models=tables.models(campaign),
@@ -163,6 +160,10 @@ ANNEX = (
 """Tables of a stage that open on demand, and stand in files alone on a page that is not for all."""
 
 
+BULK = ", ".join(title[0].lower() + title[1:] for _, title in (INSTRUMENTS, *ANNEX))
+"""What files alone have of a stage on a page that is not for all."""
+
+
 def _stage(key: str, c: Calibration, campaign: Campaign, sheets: Sheets) -> Part:
     """Return what the page says of one stage."""
     samples = sum(s.samples for s in c.sensors.values())
@@ -206,6 +207,7 @@ def _stage(key: str, c: Calibration, campaign: Campaign, sheets: Sheets) -> Part
         "oversized": "sheet" if oversized(picture) else "column" if not whole and oversized(picture, BRIEF_MAP) else "",
         "traces": _traces(c.blocks, f"{key}-trace", sheets.audience, fits={id(b): c for b in c.blocks}, most=BRIEF),
         "tables": shown,
+        "bulk": BULK,
         "annex": annex if whole else [],
         "trust": trust(campaign, c) if whole else (),
     }
@@ -236,7 +238,10 @@ def _traces(
     if audience == "all":
         chosen, which = figures.choose(blocks), "for each sensor those with the lowest, the median and the highest RMSE, and others between"
     else:
-        chosen, which = [(b, "") for b in figures.furthest(blocks, most)], "those furthest off, in deviations of their noise"
+        chosen, which = (
+            [(b, "") for b in sorted(blocks, key=lambda b: -float(np.mean(b.weighted**2)))[:most]],
+            "those furthest off, in deviations of their noise",
+        )
     if len(chosen) < len(blocks):
         text = f"{len(chosen)} of {len(blocks)} traces are drawn: {which}. All statistics count every trace."
     drives = {(id(fits[id(b)]), b.record): driving(fits[id(b)], b.record) for b, _ in chosen}
@@ -334,8 +339,8 @@ def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) ->
     powers = {load: float(np.broadcast_to(w, solution.times.shape)[-1]) for load, w in solution.load_powers.items()}
     end = f"{title}: temperatures at the end"
     flows = {name: float(w[-1]) for name, w in solution.heat_flows.items()}
-    told = {"temperatures": final, "flows": flows, "powers": powers, "title": end}
-    pictures = [fitting_map(m, SHEET, **told) for m in _models_of(solution, campaign)]
+    end_state = {"temperatures": final, "flows": flows, "powers": powers, "title": end}
+    pictures = [fitting_map(m, SHEET, **end_state) for m in _models_of(solution, campaign)]
     length = duration(float(solution.times[-1] - solution.times[0]))
     return {
         "key": key,

@@ -105,11 +105,6 @@ def choose(blocks: Sequence[SensorTrace], most: int = MOST_TRACES) -> list[tuple
     return [(b, marks.get(id(b), "")) for b in blocks if id(b) in chosen]
 
 
-def furthest(blocks: Sequence[SensorTrace], most: int) -> list[SensorTrace]:
-    """Return the traces with the largest residuals in deviations of their noise, the worst first."""
-    return sorted(blocks, key=lambda b: -float(np.mean(b.weighted**2)))[:most]
-
-
 POWER_PANEL = 62.0
 """What the panel of the power adds to the height of a figure. [px]"""
 
@@ -185,7 +180,7 @@ def compared(
     return Graphic(markup, tuple(entries))
 
 
-SMALL = (300.0, 176.0)
+NARROW_TRACE = (300.0, 176.0)
 """Size of a trace of which three stand beside one another on a sheet. [px]"""
 
 
@@ -204,7 +199,7 @@ def trace(
     """
     rmse = float(np.sqrt(np.mean(block.residuals**2)))
     predicted = block.measured - block.residuals
-    size = SMALL if narrow else TRACE
+    size = NARROW_TRACE if narrow else TRACE
     return compared(block.times, block.measured, predicted, key, f"{label}, RMSE {rmse:.3g} K", drive=drive, limit=limit, size=size)
 
 
