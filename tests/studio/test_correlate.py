@@ -156,7 +156,7 @@ def test_a_narrow_window_and_twice_the_size_need_no_sideways_scrolling(rack: Pag
 
 SET = "const i = document.getElementById(arguments[0]); i.value = arguments[1]; i.dispatchEvent(new Event('change'))"
 FASTER = float(os.environ.get("THERMID_REPLAY", "720"))
-"""How many times faster a log is replayed; the issue's sixty takes nine minutes a log."""
+"""How many times faster a log is replayed; sixty takes nine minutes a log, and every look is then compared, otherwise eight of them."""
 STEP = 10.0
 """Time between two lines of the log. [s]"""
 TRUE_SPEED = 20
@@ -210,7 +210,7 @@ def test_a_log_of_six_hours_is_watched_as_the_command_watches_it(tmp_path: Path,
     print(f"{len(times)} looks over {(times[-1] - times[0]) / 3600.0:.1f} h of the log, {FASTER:g} times faster, {slow} at true speed")
     assert len(times) >= 3
     assert slow >= 1
-    for at in times:
+    for at in times if FASTER <= 60.0 else times[:: max(len(times) // 8, 1)]:
         prefix = [*whole[:2], *(line for line in whole[2:] if float(line.split(",")[0]) <= at)]
         part = tmp_path / "part.csv"
         part.write_text("".join(prefix), encoding="utf-8")
