@@ -29,7 +29,7 @@ CHOOSE = "const c = document.querySelector(arguments[0]); c.value = arguments[1]
 def shoot(page: Page, folder: Path, name: str) -> None:
     """Save what is on a page, whole, at every width, light and dark."""
     for scheme in ("light", "dark"):
-        page.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-color-scheme", "value": scheme}]})
+        page.emulate(color_scheme=scheme)
         for width, height in WIDTHS.items():
             size = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500}
             page.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import thermid as td
 from docs.pages import NUMBER, near
 from studio.browser import CHROMIUM, DRIVER, Page
 from thermid.app.cli.summary import show_campaign
@@ -137,10 +138,20 @@ def test_the_page_begins_with_its_answer_and_is_as_long_as_promised(
     modules: dict[str, ModuleType], done: Any, tmp_path: Path, audience: str, most: int | None
 ) -> None:
     """First figure within 700 px at 1600 and on the first sheet; 6.5 pt and more; no sheet but the last under a quarter full."""
+    check_sheets(lambda to: modules["page"].main(done, tmp_path / to, audience), most)
+
+
+def test_the_campaign_of_nine_stages_is_read_on_fifteen_sheets(done: Any, tmp_path: Path) -> None:
+    """The same of `thermid report --for agency` on the study's campaign."""
+    check_sheets(lambda to: td.reporting.report(done.constant, to=tmp_path / to, audience="agency"), 15)
+
+
+def check_sheets(write: Callable[[str], Path], most: int | None) -> None:
+    """Fail where a report's first figure comes late, its letters are small, or its sheets are many or hardly filled."""
     pytest.importorskip("selenium", reason="selenium is not installed (extra test)")
     if CHROMIUM is None or DRIVER is None:
         pytest.skip("no Chromium with its driver (Debian: chromium, chromium-driver)")
-    made = modules["page"].main(done, tmp_path / "report.html", audience)
+    made = write("report.html")
     first = "return document.querySelector('figure svg').getBoundingClientRect()"
     with contextlib.closing(Page("file:")) as shown:
         shown.driver.get(made.as_uri())
@@ -151,8 +162,8 @@ def test_the_page_begins_with_its_answer_and_is_as_long_as_promised(
         shown.driver.get(made.as_uri())
         assert shown.run(first)["bottom"] <= (297 - 34) / 25.4 * 96
         assert [text for text in shown.run(SMALLEST) if text[1] < 6.5] == []
-    sheets = filled(modules["page"].main(done, tmp_path / "report.pdf", audience))
-    print(f"{audience}: {len(sheets)} sheets")
+    sheets = filled(write("report.pdf"))
+    print(f"{len(sheets)} sheets")
     assert most is None or len(sheets) <= most
     assert [round(share, 2) for share in sheets[:-1] if share < 0.25] == []
 

@@ -19,6 +19,8 @@ from typing import Any
 import pytest
 
 CHROMIUM, DRIVER = shutil.which("chromium"), shutil.which("chromedriver")
+FIREFOX = os.environ.get("THERMID_BROWSER", "") == "firefox"
+"""Whether Firefox is asked for (Debian: firefox-esr; and Mozilla's geckodriver): what only Chromium can be told is left out then."""
 QUIET = (
     "--headless=new",
     "--no-sandbox",
@@ -50,8 +52,38 @@ def needed() -> None:
     """Skip with a message where a browser, its driver or the studio's extra is missing."""
     for module in ("selenium", "uvicorn", "starlette"):
         pytest.importorskip(module, reason=f"{module} is not installed (extras studio and test)")
-    if CHROMIUM is None or DRIVER is None:
+    if FIREFOX and shutil.which("geckodriver") is None:
+        pytest.fail("THERMID_BROWSER=firefox needs geckodriver on the PATH")
+    if not FIREFOX and (CHROMIUM is None or DRIVER is None):
         pytest.skip("no Chromium with its driver (Debian: chromium, chromium-driver)")
+
+
+def _chromium(width: int, height: int, profile: str, traced: bool) -> Any:
+    """Return the driver of a new Chromium."""
+    from selenium.webdriver import Chrome
+    from selenium.webdriver.chrome.options import Options
+    from selenium.webdriver.chrome.service import Service
+
+    options = Options()
+    for flag in (*QUIET, f"--window-size={width},{height}", f"--user-data-dir={profile}"):
+        options.add_argument(flag)
+    options.binary_location = str(CHROMIUM)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    if traced:
+        options.add_experimental_option("perfLoggingPrefs", {"traceCategories": "toplevel"})
+    return Chrome(options=options, service=Service(DRIVER))
+
+
+def _firefox(width: int, height: int) -> Any:
+    """Return the driver of a new Firefox."""
+    from selenium.webdriver import Firefox
+    from selenium.webdriver.firefox.options import Options
+    from selenium.webdriver.firefox.service import Service
+
+    options = Options()
+    for flag in ("-headless", f"--width={width}", f"--height={height}"):
+        options.add_argument(flag)
+    return Firefox(options=options, service=Service(shutil.which("geckodriver"), log_output=subprocess.DEVNULL))
 
 
 @contextlib.contextmanager
@@ -84,20 +116,12 @@ class Page:
     ----------
     address : str           Where the studio is.
     width, height : int     Of the window. [px]
+    traced : bool           Whether the performance log has the tasks of every thread.
     """
 
-    def __init__(self, address: str, width: int = 1600, height: int = 1000) -> None:
-        from selenium.webdriver import Chrome
-        from selenium.webdriver.chrome.options import Options
-        from selenium.webdriver.chrome.service import Service
-
+    def __init__(self, address: str, width: int = 1600, height: int = 1000, traced: bool = False) -> None:
         self.address, self._profile = address, tempfile.mkdtemp()
-        options = Options()
-        for flag in (*QUIET, f"--window-size={width},{height}", f"--user-data-dir={self._profile}"):
-            options.add_argument(flag)
-        options.binary_location = str(CHROMIUM)
-        options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-        self.driver = Chrome(options=options, service=Service(DRIVER))
+        self.driver = _firefox(width, height) if FIREFOX else _chromium(width, height, self._profile, traced)
         self.driver.set_script_timeout(120)
         self.asked: list[str] = []
         self.said: list[str] = []
@@ -145,7 +169,9 @@ class Page:
         assert seen, f"{selector} is not shown"
 
     def widths(self) -> Iterator[int]:
-        """Yield the widths of a desk, a tablet and a telephone, each taken on. [px]"""
+        """Yield the widths of a desk, a tablet and a telephone, each taken on; Firefox cannot be told one. [px]"""
+        if FIREFOX:
+            pytest.skip("Firefox takes on no size of a telephone")
         for width in (1600, 1024, 390):
             size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 500}
             self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
@@ -155,6 +181,8 @@ class Page:
     def meeting(self) -> list[tuple[int, int, str, str]]:
         """Return width [px], place and names of every two sections that share more than an edge: five widths, twenty places of the page."""
         found = []
+        if FIREFOX:
+            pytest.skip("Firefox takes on no size of a telephone")
         for width in (1920, 1600, 1300, 820, 390):
             size = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 500}
             self.driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", size)
@@ -166,21 +194,29 @@ class Page:
         self.run("window.scrollTo(0, 0)")
         return found
 
-    def serious(self, dark: bool) -> list[Any]:
+    def emulate(self, **features: str) -> None:
+        """Take on what a person prefers, such as `color_scheme="dark"` or `reduced_motion="reduce"`, and nothing else."""
+        preferred = [{"name": f"prefers-{name.replace('_', '-')}", "value": value} for name, value in features.items()]
+        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": preferred})
+
+    def serious(self, dark: bool, **preferred: str) -> list[Any]:
         """Return what axe-core calls serious or critical in the page as it stands, sizes of targets too, in the light or the dark."""
         pytest.importorskip("selenium_axe_python", reason="selenium-axe-python is not installed (extra test)")
-        scheme = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
-        self.driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": scheme})
+        if not FIREFOX:
+            self.emulate(color_scheme="dark" if dark else "light", **preferred)
         if not self.run("return Boolean(window.axe)"):
             self.run(files("selenium_axe_python").joinpath("axe-core/axe.min.js").read_text(encoding="utf-8"))
-        rules = "{ rules: { 'target-size': { enabled: true } } }"  # of WCAG 2.2, which axe leaves out by itself
+        contrast = "" if not FIREFOX else ", 'color-contrast': { enabled: false }"  # which takes Firefox minutes
+        rules = f"{{ rules: {{ 'target-size': {{ enabled: true }}{contrast} }} }}"  # of WCAG 2.2, which axe leaves out by itself
         found = self.wait(
             f"return (await axe.run(document, {rules})).violations.map((v) => [v.impact, v.id, v.nodes.map((n) => n.html.slice(0, 120))])"
         )
         return [v for v in found if v[0] in ("serious", "critical")]
 
     def listen(self) -> None:
-        """Take over what the console said and what the page asked for since last time."""
+        """Take over what the console said and what the page asked for since last time; Firefox hands out neither."""
+        if FIREFOX:
+            return
         self.said += [entry["message"] for entry in self.driver.get_log("browser") if entry["level"] in ("SEVERE", "WARNING")]
         for entry in self.driver.get_log("performance"):
             message = json.loads(entry["message"])["message"]
@@ -202,9 +238,9 @@ class Page:
 
 
 @contextlib.contextmanager
-def page(address: str, width: int = 1600, height: int = 1000) -> Iterator[Page]:
+def page(address: str, width: int = 1600, height: int = 1000, traced: bool = False) -> Iterator[Page]:
     """Yield a page of a studio, opened."""
-    made = Page(address, width, height)
+    made = Page(address, width, height, traced)
     try:
         yield made.open()
     finally:

@@ -26,6 +26,14 @@ from .browser import Page, needed, studio
 MOST_ACTIONS = 60
 EVIL = '"><script>window.evil = 1</script><img src=x onerror="window.evil = 1">'
 
+DROP = """
+const files = new DataTransfer(); files.items.add(new File([arguments[2]], arguments[1], { type: 'text/csv' }));
+for (const type of ['dragenter', 'dragover', 'drop']) {
+  document.querySelector(arguments[0]).dispatchEvent(new DragEvent(type, { bubbles: true, cancelable: true, dataTransfer: files })); }
+"""
+PICTURES = os.environ.get("THERMID_PICTURES", "")
+"""Folder in which the walk of the document's pair leaves a picture of each step; none without it."""
+
 
 class Person:
     """What a person does on a page: a click, a field filled, a key; Tab and arrows count a tenth.
@@ -60,6 +68,21 @@ class Person:
         self.actions += 1
         self.element(selector).send_keys(Keys.CONTROL + "a")
         self.element(selector).send_keys(text + Keys.ENTER)
+        self.settle()
+
+    def choose(self, selector: str, value: str) -> None:
+        """Take one of a list: the list is opened, and one of its lines clicked."""
+        from selenium.webdriver.common.by import By
+
+        self.actions += 1
+        options = self.element(selector).find_elements(By.TAG_NAME, "option")
+        next(o for o in options if o.get_property("value") == value).click()
+        self.settle()
+
+    def drop(self, selector: str, file: Path) -> None:
+        """Let a file go over an element, as the system does when it was dragged out of a folder."""
+        self.actions += 1
+        self.page.run(DROP, selector, file.name, file.read_text(encoding="utf-8"))
         self.settle()
 
     def give(self, selector: str, file: Path) -> None:
@@ -428,17 +451,20 @@ def test_a_part_with_a_fan_and_a_schedule_is_built_and_fitted(build: Callable[..
 def test_the_documents_pair_is_built_tuned_fitted_saved_and_flown(page: Page, folder: Path, tmp_path: Path) -> None:
     """Processor over power supply: from nothing to a vacuum run, by hand and by a fit, with its log dropped on the page."""
     log, person = write_pair_log(tmp_path / "pair test.csv"), Person(page)
-    choose = "const c = document.querySelector(arguments[0]); c.value = arguments[1]; c.dispatchEvent(new Event('change'))"
+
+    def shot(step: str) -> None:
+        if PICTURES:
+            page.wait("await pause(300)")
+            page.driver.save_screenshot(str(Path(PICTURES) / f"pair_{step}.png"))
+
     person.fill("#new-name", "pair")
     page.until("window.studio && window.studio.ready", 15)
     for name, mass in (("proc", "1.53"), ("supply", "0.78")):
         person.click("[data-shape=mass]")
         person.fill("#sheet-name", name)
-        page.run(choose, "#sheet-heat", "mass")
+        person.choose("#sheet-heat", "mass")
         page.until("document.querySelector('#field-mass')", 15)
-        page.run("document.querySelector('[aria-label=\"Unit of mass\"]').value = 'kg'")
-        page.run("document.querySelector('[aria-label=\"Unit of mass\"]').dispatchEvent(new Event('change'))")
-        person.settle()
+        person.choose("[aria-label='Unit of mass']", "kg")
         person.fill("#field-mass", mass)
         person.fill("#field-specific_heat", "960")
     person.click("[data-shape=boundary]")
@@ -452,8 +478,10 @@ def test_the_documents_pair_is_built_tuned_fitted_saved_and_flown(page: Page, fo
     for node, name in ((proc, "electronics"), (supply, "converter")):
         person.click("[data-shape=load]", node)
         person.fill("#sheet-name", name)
-    person.give("#log-file", log)
+    shot("1_built")
+    person.drop(".canvas", log)
     page.until("document.querySelector('#columns')", 15)
+    shot("2_log")
     free = ("proc_supply.contact_conductance", "proc_air.effective_htc", "supply_air.effective_htc")
     person.click(*(f"[data-path='{path}']" for path in free), "#save", "#write")
     page.until("document.getElementById('save').disabled", 15)
@@ -464,9 +492,11 @@ def test_the_documents_pair_is_built_tuned_fitted_saved_and_flown(page: Page, fo
     slider = person.element("[id='s-proc_supply.contact_conductance']")
     before = page.run("return studio.state.runs[0].curves.map((c) => c.rmse)")
     slider.send_keys("\ue012" * 40)
+    person.actions += 0.1 * 40
     page.until(f"studio.state.runs[0].curves[0].rmse !== {before[0]} && !document.getElementById('undo').disabled")
     person.click("#write-back")
     page.until("document.querySelector('#write-now')", 15)
+    shot("3_tuned_by_hand")
     person.click("#write-now")
     page.until("document.getElementById('status').textContent.includes('Written: pair.toml')")
     page.clean()
@@ -480,6 +510,7 @@ def test_the_documents_pair_is_built_tuned_fitted_saved_and_flown(page: Page, fo
         person.click("#merge")  # the deck was written meanwhile
     person.click("#fit")
     page.until("document.querySelector('#fitted')", 30)
+    shot("4_fitted")
     person.click("#take-fit", "#save", "#write")
     page.until("document.getElementById('save').disabled", 15)
     model = load_model(deck)
@@ -492,12 +523,14 @@ def test_the_documents_pair_is_built_tuned_fitted_saved_and_flown(page: Page, fo
 
     person.click("[data-pane=if]")
     page.until("document.querySelector('#if-gas')", 15)
-    page.run(choose, "#if-gas", "vacuum")
+    person.choose("#if-gas", "vacuum")
     person.click("#if-run")
     page.until("document.querySelector('#if-refused')", 15)  # radiation hides in the coefficients: a finish is asked for
-    page.run(choose, "#if-finish", "aluminium, polished")
+    shot("5_vacuum_refused")
+    person.choose("#if-finish", "aluminium, polished")
     person.click("#if-give")
     page.until("document.querySelectorAll('.whatif .tile').length >= 2", 30)
+    shot("6_in_vacuum")
     person.click("#save", "#write")
     page.until("document.getElementById('save').disabled", 15)
     flown = load_model(deck)

@@ -34,6 +34,7 @@ function edgeOf(at: Point, to: Point): Point {
 
 const given = (e: Element) => e.fields.filter((f) => f.given && !["area", "htc"].includes(f.name) || (f.given && e.fields.filter((g) => g.given).length === 1));
 const rounded = (text: string) => (Number.isFinite(Number(text)) ? shown(Number(text)) : text);
+const cut = (text: string, most: number) => (text.length > most ? `${text.slice(0, most - 1)}…` : text);
 const valueOf = (e: Element) => e.logged || given(e).map((f) => (f.law ? "by a law" : `${rounded(f.number)}${f.expression || f.unit === "1" ? "" : ` ${nice(f.unit)}`}`)).join(", ");
 const turns = (e: Element) => (e.schedule?.on ? ", in turns" : "");
 const lacking = (e: Element) => given(e).some((f) => f.missing);
@@ -181,8 +182,8 @@ export function Canvas() {
               <g key={id} transform={`translate(${x} ${y})`} class={`node ${n.shape} ${chosen.value === id ? "chosen" : ""} ${tool.value?.ends.includes(n.name) ? "picked" : ""} ${lacking(n) ? "lacking" : ""}`} tabindex={0} role="button" data-node={n.name}
                 aria-pressed={chosen.value === id} aria-label={`${n.shape} ${n.name}, ${low}${heats.length ? `, loads ${heats.map((l) => `${l.name} ${valueOf(l)}`).join(", ")}` : ""}`} onPointerDown={(e) => down(e, "move", n.name)}>
                 <rect x={-W / 2} y={-H / 2} width={W} height={H} rx={n.shape === "boundary" ? H / 2 : 8} />
-                <text y={heats.length ? -10 : -2} class="name">{n.name.length > 18 ? `${n.name.slice(0, 17)}…` : n.name}</text><text y={heats.length ? 5 : 15} class="value">{low}</text>
-                {heats.map((l, k) => <text key={l.name} y={20 + 13 * k} class={`heat ${lacking(l) ? "lacking" : ""}`} data-load={l.name} onPointerDown={(e) => { e.stopPropagation(); chosen.value = idOf(l); }}>{`→ ${l.name} ${valueOf(l)}${turns(l)}`}</text>)}
+                <text y={heats.length ? -10 : -2} class="name">{cut(n.name, 18)}</text><text y={heats.length ? 5 : 15} class="value">{low}</text>
+                {heats.map((l, k) => <text key={l.name} y={20 + 13 * k} class={`heat ${lacking(l) ? "lacking" : ""}`} data-load={l.name} onPointerDown={(e) => { e.stopPropagation(); chosen.value = idOf(l); }}>{cut(`→ ${l.name} ${valueOf(l)}${turns(l)}`, 24)}<title>{`${l.name} ${valueOf(l)}`}</title></text>)}
                 {(n.sensor || bound.includes(n.name)) && <text x={W / 2 - 14} y={-H / 2 + 16} class="sensor">◉<title>{bound.includes(n.name) ? "has a column of the log" : "is measured or judged"}</title></text>}
                 <circle class="handle" cx={W / 2} r={7} onPointerDown={(e) => down(e, "join", n.name)}><title>Drag to another node to join them</title></circle>
               </g>

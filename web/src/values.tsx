@@ -31,7 +31,7 @@ function Row({ x }: { x: Track }) {
   return (
     <div class={`row slider ${v !== x.value ? "moved" : ""} ${chosen.value && (x.path === chosen.value || x.path.startsWith(`${chosen.value}.`)) ? "chosen" : ""}`} data-slider={x.path}>
       <input type="checkbox" checked={tick.value} aria-label={`let the fit move ${x.path}`} onChange={(e) => { const next = new Set(ticked.value); if (e.currentTarget.checked) next.add(x.path); else next.delete(x.path); ticked.value = next; }} />
-      <label for={id} title={told} onClick={() => void moves(x)}>{x.path}</label>
+      <label for={id} title={`${x.path}: ${told}`} onClick={() => void moves(x)}><bdi>{x.path}</bdi></label>
       <input class="number" type="number" step="any" min={x.low} max={x.high} value={typed(v)} aria-label={unitOf(x) ? `${x.path} in ${unitOf(x)}` : x.path} onChange={(e) => { if (!write(e.currentTarget.value)) e.currentTarget.value = typed(mine.value); }} />
       <span class="unit">{unitOf(x)}</span>
       <span class="error-of" title={still ? "standard error of the fit" : ""}>{still ? `± ${shown(x.error, 2)}` : other !== null && other !== v && other ? `${shown(100 * (v / other - 1), 2)} %` : ""}</span>

@@ -347,7 +347,7 @@ class _System:
         first = len(held) - self.size.size
         state = _Water(held[first:, 0].copy(), np.zeros(self.area.size), np.zeros(2))
         film, mean = np.zeros((self.area.size, self.times.size)), np.zeros((self.area.size, self.times.size - 1))
-        moved, scale, width = np.zeros((2, self.area.size)), self._scale(state), 1.0
+        moved, scale, width = np.zeros((2, self.area.size)), float(max(state.vapour.max(), self.known.max(initial=0.0), 1e-9)), 1.0
         for i in range(self.times.size - 1):
             course = _Interval(self, i, scale)
             tried, width = 2.0 * width, 0.0
@@ -359,10 +359,6 @@ class _System:
                 state = after
             held[first:, i + 1], film[:, i + 1] = state.vapour, state.film
         return film, mean, moved, state.through
-
-    def _scale(self, state: _Water) -> float:
-        """Return the size of vapour densities that occur. [kg/m^3]"""
-        return float(max(state.vapour.max(), self.known.max(initial=0.0), 1e-9))
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,11 +14,11 @@ import pytest
 import thermid as td
 from thermid.base.errors import ScenarioError
 from thermid.campaign.stages import Campaign
-from thermid.reporting._blocks.content import Cell, Head, Section, Table, folded
+from thermid.reporting._blocks.content import Cell, Head, Section, Table, folded, oversized
 from thermid.reporting._blocks.numbering import LONG, SHOWN, Sheets, csv_of, numbered
-from thermid.reporting._diagrams.heat import MAX_CHIPS, heat_map
+from thermid.reporting._diagrams.map import fitting_map
 from thermid.reporting._pages.campaign import report
-from thermid.reporting._pages.front import decisive, front
+from thermid.reporting._pages.front import NETWORK_SIZE, decisive, front
 from thermid.reporting._pictures import correlation
 from webpage import crossings, limited
 
@@ -164,34 +164,35 @@ def _chain(count: int) -> td.Model:
     return td.model_from_dict({"title": "chain", "needs": ["air"], "nodes": nodes, "conductors": joints | out, "loads": heater})
 
 
-@pytest.mark.parametrize("count", [1, 2, 5, MAX_CHIPS, MAX_CHIPS + 5])
+CARD = re.compile(r'<rect class="card[^"]*" x="([\d.]+)" y="([\d.]+)" width="([\d.]+)" height="([\d.]+)"')
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 25])
 def test_the_coloured_network_says_temperatures_and_heat(count: int) -> None:
     model = _chain(count)
     temperatures = {f"n{k}": 300.0 + 2.0 * k for k in range(count)} | {"air": 298.0}
     flows = {f"j{k}": -2.0 for k in range(count - 1)} | {"out": 2.0}
-    picture = heat_map(model, temperatures, flows, {"heater": 2.0})
-    assert picture == heat_map(model, temperatures, flows, {"heater": 2.0})
-    chips = re.findall(r'<rect class="chip" x="([\d.]+)" y="([\d.]+)" width="([\d.]+)" height="([\d.]+)"', picture)
-    assert len(chips) == count  # every node is its own part here
-    boxes = [tuple(map(float, c)) for c in chips]
+    told = {"temperatures": temperatures, "flows": flows, "powers": {"heater": 2.0}}
+    picture = fitting_map(model, NETWORK_SIZE, **told)
+    assert picture == fitting_map(model, NETWORK_SIZE, **told)
+    boxes = [tuple(map(float, c)) for c in CARD.findall(picture)]
     for k, (x, y, w, h) in enumerate(boxes):
-        assert 0 <= x <= 620 - w
         for u, v, s, t in boxes[:k]:
             assert x + w <= u or u + s <= x or y + h <= v or v + t <= y
-    assert "n0 26.9 °C" in picture  # what a screen reader says
-    if count > 1:
-        assert f"n{count - 1} to n{count - 2}: 2 W" in picture.replace("\u2009", " ")
+    assert "26.9 °C" in picture
+    assert "+2 W" in picture.replace("\u2009", " ")
+    assert "→ air 2 W" in picture.replace("\u2009", " ")
 
 
-def test_massless_nodes_between_two_others_are_part_of_the_line(campaign: Campaign) -> None:
-    model = campaign["submodel"].fitted_model
-    run = td.simulate(model, td.Scenario("s", boundaries={"room": "24 [degC]"}, start="24 [degC]", duration="5 [h]"))
-    temperatures = dict(zip(run.nodes, run.temperatures[-1].tolist(), strict=True))
-    flows = {k: float(v[-1]) for k, v in run.heat_flows.items()}
-    picture = heat_map(model, temperatures, flows, {})
-    assert picture.count('class="chip"') == 2
-    heat = abs(flows["stack.first"])
-    assert f": {heat:.3g} W</title>" in picture
+def test_parts_are_folded_until_the_network_fits() -> None:
+    """From the innermost out, and no more than needed: those of the measurement unit before the unit itself."""
+    model = td.load_model(Path(__file__).parents[3] / "examples" / "sisnav" / "m_Sd.toml")
+    cards = {}
+    for name, size in (("whole", (3000.0, 3000.0)), ("inner", (900.0, 700.0)), ("outer", (10.0, 10.0))):
+        picture = fitting_map(model, size)
+        assert oversized(picture, size) == (name == "outer")
+        cards[name] = len(CARD.findall(picture))
+    assert cards["whole"] >= cards["inner"] > cards["outer"] >= 3
 
 
 def test_the_matrix_frames_and_marks_what_is_not_met() -> None:

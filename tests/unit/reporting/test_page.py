@@ -144,7 +144,7 @@ def test_identifiers_are_unique_and_every_reference_has_its_end(page: Page) -> N
 
 def test_diagrams_traces_and_predictions_are_drawn(page: Page) -> None:
     pictures = [a for a in page.all("svg")]
-    assert sum(a.get("class") == "thermid-map" for a in pictures) == 4  # two stages, two ends of a prediction
+    assert sum(a.get("class") == "thermid-map" for a in pictures) == 5  # the one that decides, two stages, two ends of a prediction
     plots = [a["aria-label"] for a in pictures if a.get("class") == "plot"]
     for name in ("T box in alone", "T a in together", "T b in together", "T a in held out", "T b in held out"):
         assert sum(p.startswith(name) for p in plots) == 1 + (name == "T a in held out")  # what decides stands at the top too

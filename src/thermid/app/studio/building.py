@@ -117,7 +117,7 @@ class Building:
         columns = [c for c, t in channels.items() if isinstance(t, Mapping) and t.get("load") == element["name"]]
         if element["table"] != "loads" or not columns:
             return element
-        return {**element, "logged": "from the log", "fields": [f | {"missing": False} for f in element["fields"]]}
+        return {**element, "logged": "logged", "fields": [f | {"missing": False} for f in element["fields"]]}
 
     def _parameters(self) -> list[dict[str, Any]]:
         """Return the values that a fit may find, and whether it is asked to."""

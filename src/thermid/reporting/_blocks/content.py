@@ -282,10 +282,10 @@ SHEET = (820.0, 1250.0)
 """Width and height of a diagram whose letters have 6.5 pt where it fills a sheet. [px]"""
 
 
-def oversized(svg: str) -> bool:
-    """Return whether a diagram is too large for a sheet with letters that can be read."""
+def oversized(svg: str, most: tuple[float, float] = SHEET) -> bool:
+    """Return whether a diagram is wider or higher than a size [px]; by default too large for a sheet with letters that can be read."""
     sizes = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', svg)
-    return sizes is not None and any(float(size) > most for size, most in zip(sizes.groups(), SHEET, strict=True))
+    return sizes is not None and any(float(size) > largest for size, largest in zip(sizes.groups(), most, strict=True))
 
 
 @dataclass(frozen=True)

@@ -6,14 +6,15 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from itertools import pairwise
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from thermid.base.dual import value_of
 from thermid.model.tree import FlatConductor, Model
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting._diagrams.diagram import STYLES, FoldedModel, conductances, fold, pooled, quantity, tint, watts
+from thermid.reporting._blocks.content import oversized
+from thermid.reporting._diagrams.diagram import STYLES, FoldedModel, conductances, fold, parts_of, pooled, quantity, tint, watts
 from thermid.reporting._diagrams.layout import clipped, width_of
 from thermid.reporting._diagrams.places import Card, MapPlaces, Point, docked, places
 from thermid.simulation.network import Numbers, compile_network
@@ -191,6 +192,24 @@ def network_map(
     plan = places(nodes, pairs, {n: i.width for n, i in items.items()}, FOOT)
     drawing = _Drawing(plain, items, shown.joined, heat, shown.values, shown.flows, shown.kelvins, marked)
     return _svg(drawing, plan, title if title is not None else model.title, model.title)
+
+
+def fitting_map(model: Model, size: tuple[float, float], **state: Any) -> str:
+    """Return the map of a model as it is inside a page, no larger than a size: its innermost parts are folded, and those around them.
+
+    Parameters
+    ----------
+    model : Model           What to draw.
+    size : (width, height)  A map whose outermost parts are folded may be larger all the same. [px]
+    state                   As in `network_map`.
+    """
+    parts = parts_of(model)
+    svg = ""
+    for level in range(max((p.count(".") + 1 for p in parts), default=0), -1, -1):
+        svg = network_map(model, folded=[p for p in parts if p.count(".") == level], **state)
+        if not oversized(svg, size):
+            break
+    return svg.replace(' xmlns="http://www.w3.org/2000/svg"', "", 1)  # which a page does not need
 
 
 def _svg(drawing: _Drawing, plan: MapPlaces, label: str, title: str) -> str:

@@ -237,7 +237,10 @@ def _placed_cards(
     mean = (sum(w for w, _ in sizes) / max(count, 1) + GUTTER[0], sum(h for _, h in sizes) / max(count, 1) + GUTTER[1])
     best = min(range(1, count + 1), key=lambda r: abs(math.log(-(-count // r) * mean[0] / (r * mean[1] * ASPECT))), default=1)
     tries = [(best + more, vectors) for more, vectors in STARTS if 1 <= best + more <= count and count > max(vectors)]
-    flat = eigenvectors(weight)
+    laplacian = np.diag(weight.sum(axis=1) + 1e-3) - weight + 1e-3 / max(count, 1)
+    vectors_ = np.linalg.eigh(laplacian)[1]  # in columns, the constant one first
+    largest = vectors_[np.argmax(np.abs(vectors_), axis=0), np.arange(count)]
+    flat = np.round(vectors_ * np.sign(largest), 9)  # rounding errors of the library decide nothing
     pages = [_on_page(rows, sizes, grid(weight, lines_, mean, flat[:, vectors]), foot) for lines_, vectors in tries or [(best, (0, 0))]]
     pairs = np.array(ends, dtype=int).reshape(-1, 2)
     return min(pages, key=lambda m: tangles(*_corners(m[0]), pairs))
@@ -266,17 +269,17 @@ def _on_page(
     return cards, page
 
 
-def grid(weight: Array, rows: int, cell: tuple[float, float], order: Array | None = None) -> tuple[int, int, list[tuple[int, int]]]:
+def grid(weight: Array, rows: int, cell: tuple[float, float], order: Array) -> tuple[int, int, list[tuple[int, int]]]:
     """Return columns and rows of a grid that holds all cards, and the column and row of each, neighbours near one another.
 
-    First by eigenvectors of the graph's Laplacian, then by exchanges that shorten the lines.
+    First by eigenvectors of the graph's Laplacian, which the caller gives, then by exchanges that shorten the lines.
 
     Parameters
     ----------
     weight : array (cards, cards)   How strongly each two belong together; symmetric.
     rows : int                      Of the grid.
     cell : (width, height)          Distance of neighbouring places. [px]
-    order : array (cards, 2)        What orders the cards across and down; by default the second and third of `eigenvectors`.
+    order : array (cards, 2)        What orders the cards across and down.
 
     References
     ----------
@@ -287,24 +290,15 @@ def grid(weight: Array, rows: int, cell: tuple[float, float], order: Array | Non
     spots = [(c, r) for r in range(rows) for c in range(columns)]
     if count < 3:
         return columns, rows, spots[:count]
-    flat = eigenvectors(weight)[:, 1:3] if order is None else order
-    across = np.argsort(flat[:, 0], kind="stable")
+    across = np.argsort(order[:, 0], kind="stable")
     place = np.full(len(spots), -1)
     for k in range(columns):  # columns from left to right by the one vector, within each by the other
         share = across[k * rows : (k + 1) * rows]
-        for row, card in enumerate(share[np.argsort(flat[share, 1], kind="stable")]):
+        for row, card in enumerate(share[np.argsort(order[share, 1], kind="stable")]):
             place[card] = row * columns + k
     free = [k for k in range(len(spots)) if k not in set(place[:count].tolist())]
     place[count:] = free
     return columns, rows, [spots[k] for k in _exchanged(weight, place, np.array(spots, dtype=float) * cell)[:count].tolist()]
-
-
-def eigenvectors(weight: Array) -> Array:
-    """Return the eigenvectors of the graph's Laplacian in columns, the constant one first."""
-    laplacian = np.diag(weight.sum(axis=1) + 1e-3) - weight + 1e-3 / max(len(weight), 1)
-    flat = np.linalg.eigh(laplacian)[1]
-    largest = flat[np.argmax(np.abs(flat), axis=0), np.arange(len(flat))]
-    return np.array(np.round(flat * np.sign(largest), 9))  # rounding errors of the library decide nothing
 
 
 def _exchanged(weight: Array, place: Array, where: Array) -> Array:

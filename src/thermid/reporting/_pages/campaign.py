@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -22,10 +23,11 @@ from thermid.fit.uncertainty import MOVED, NOT_REJECTED, UNDECIDED, Move, MovedG
 from thermid.inference.criticism import criticise
 from thermid.inference.diagnosis import energy_balance
 from thermid.inference.intervals import identifiability
-from thermid.model.tree import Model, Names
+from thermid.model.tree import Model, Names, flatten
 from thermid.reporting._blocks.content import (
     DASH,
     SAME_AS_ABOVE,
+    SHEET,
     Cell,
     Graphic,
     Head,
@@ -41,8 +43,7 @@ from thermid.reporting._blocks.content import (
 )
 from thermid.reporting._blocks.extras import check_page, write_page
 from thermid.reporting._blocks.numbering import Sheets
-from thermid.reporting._diagrams.heat import heat_map
-from thermid.reporting._diagrams.map import network_map
+from thermid.reporting._diagrams.map import fitting_map
 from thermid.reporting._pages import tables
 from thermid.reporting._pages.courses import drives as driving
 from thermid.reporting._pages.front import VERDICTS_TABLE, front
@@ -94,7 +95,7 @@ def report(
     check_page(to)
     sheets = Sheets.beside(to, tables_to, audience)
     records, of = tables.made_records(campaign)
-    coefficients, others = tables.levels(campaign)
+    stages = [_stage(f"stage-{k}", c, campaign, sheets) for k, c in enumerate(campaign.fits, 1)] if audience != "summary" else []
     paragraphs = [p for text in ([notes] if isinstance(notes, str) else notes) for p in text.split("\n\n") if p.strip()]
     return write_page(
         "page.html.jinja",
@@ -105,14 +106,14 @@ def report(
         record_count=of,
         notes=[p for p in (campaign.note, *paragraphs) if p],
         verdicts=replace(tables.verdicts(campaign, audience == "summary"), key=VERDICTS_TABLE) if campaign.verdicts else None,
-        held_out=_held_out(campaign) if audience != "summary" else None,
+        held_out=_held_out(campaign, audience) if audience != "summary" else None,
         coverage=_coverage(campaign) if audience != "summary" else None,
         bands=_bands(campaign) if audience != "summary" else (None, []),
         front=front(campaign),
-        coefficients=coefficients,
-        others=others,
+        levels=tables.levels(campaign),
         overview=figures.overview(_dots(campaign)) if campaign.stages else None,
-        stages=[_stage(f"stage-{k}", c, campaign, sheets) for k, c in enumerate(campaign.fits, 1)] if audience != "summary" else [],
+        stages=stages,
+        values=_joined(stages) if audience == "agency" else [],
         predictions=[_prediction(f"prediction-{k}", title, s, campaign) for k, (title, s) in enumerate(scenarios, 1)],
         data=tables.data(campaign),
         models=tables.models(campaign),
@@ -122,11 +123,32 @@ def report(
     )
 
 
-def _inline(svg: str) -> str:
-    """Return an SVG as it is inside a page, where it needs no name space."""
-    return svg.replace(' xmlns="http://www.w3.org/2000/svg"', "", 1)
+JOINED = (
+    ("parameters", "Parameters before and after"),
+    ("moved", "Values against the levels below"),
+    ("sensors", "Sensors"),
+)
+"""Tables of every stage that an agency has as one, since most stages have few lines."""
 
 
+def _joined(stages: Sequence[Part]) -> list[Table]:
+    """Return tables of all stages, each with the stage's name in front of its lines."""
+    out = []
+    for name, title in JOINED:
+        mine = [(str(s["name"]), t) for s in stages if (t := cast("Mapping[str, Table]", s["tables"])[name]).rows]
+        rows = [[group_cell(stage, k), *row] for stage, t in mine for k, row in enumerate(t.rows)]
+        if rows:
+            captions = [t.caption.split(". ") for _, t in mine]
+            shared = [
+                words.rstrip(".")
+                for words in captions[0]
+                if words and all(words.rstrip(".") in [w.rstrip(".") for w in c] for c in captions)
+            ]
+            out.append(Table.of_rows([Head("stage"), *mine[0][1].columns], rows, "".join(f"{words}. " for words in shared).strip(), title))
+    return out
+
+
+INSTRUMENTS = ("instruments", "Instruments")
 ANNEX = (
     ("inputs", "Inputs, with their sources"),
     ("records", "Every record and sensor"),
@@ -136,6 +158,10 @@ ANNEX = (
     ("held", "All values, with what they hide"),
 )
 """Tables of a stage that open on demand, and stand in files alone on a page that is not for all."""
+
+
+BULK = ", ".join(title[0].lower() + title[1:] for _, title in (INSTRUMENTS, *ANNEX))
+"""What files alone have of a stage on a page that is not for all."""
 
 
 def _stage(key: str, c: Calibration, campaign: Campaign, sheets: Sheets) -> Part:
@@ -164,34 +190,39 @@ def _stage(key: str, c: Calibration, campaign: Campaign, sheets: Sheets) -> Part
         "inputs": tables.inputs(c),
     }
     logged = {load for e in c.experiments for load in (*e.scenario.loads, *e.scenario.commands)}
-    picture = _inline(network_map(c.fitted_model, logged=logged, title=f"{c.stage}: the model with its fitted values"))
-    annex = [(title, shown[name]) for name, title in ANNEX if shown[name].rows]
-    if sheets.audience != "all":
-        for title, table in annex:
-            sheets.keep(table, f"{c.stage} {title}")
     whole = sheets.audience == "all"
+    title = f"{c.stage}: the model with its fitted values"
+    picture = fitting_map(c.fitted_model, SHEET if whole else BRIEF_MAP, logged=logged, title=title)
+    annex = [(title, shown[name]) for name, title in ANNEX if shown[name].rows]
+    for name, title in (INSTRUMENTS, *ANNEX):
+        if not whole and shown[name].rows:
+            sheets.keep(shown[name], f"{c.stage} {title}")
     return {
         "key": key,
         "name": c.stage,
         "model": c.model,
         "facts": facts,
         "warnings": c.warnings,
-        "diagram": picture if whole or not oversized(picture) else "",
-        "oversized": oversized(picture),
-        "traces": _traces(c.blocks, f"{key}-trace", fits={id(b): c for b in c.blocks}, most=figures.MOST_TRACES if whole else BRIEF),
+        "diagram": picture if whole or len(flatten(c.fitted_model).nodes) > 1 else "",
+        "oversized": "sheet" if oversized(picture) else "column" if not whole and oversized(picture, BRIEF_MAP) else "",
+        "traces": _traces(c.blocks, f"{key}-trace", sheets.audience, fits={id(b): c for b in c.blocks}, most=BRIEF),
         "tables": shown,
+        "bulk": BULK,
         "annex": annex if whole else [],
         "trust": trust(campaign, c) if whole else (),
     }
 
 
-BRIEF = 4
-"""Traces of a stage on a page that is not for all."""
+BRIEF = 3
+"""Traces of a stage on a page that is not for all, beside its map."""
+BRIEF_MAP = (550.0, 440.0)
+"""Size of its map there, at most: two thirds of a sheet, with letters of 6.5 pt. [px]"""
 
 
 def _traces(
     blocks: Sequence[SensorTrace],
     key: str,
+    audience: str,
     models: Mapping[int, str] | None = None,
     *,
     fits: Mapping[int, Calibration],
@@ -203,21 +234,24 @@ def _traces(
     `models` names the model of each block by its identity, where several stand together; `fits` says of which fit each is, and `judged`
     by which verdict.
     """
-    chosen = figures.choose(blocks, most)
     text = f"All {len(blocks)} traces." if len(blocks) > 1 else ""
-    if len(chosen) < len(blocks):
-        text = (
-            f"{len(chosen)} of {len(blocks)} traces are drawn: for each sensor those with the lowest, the median and the highest RMSE, "
-            "and others evenly between them. All statistics count every trace."
+    if audience == "all":
+        chosen, which = figures.choose(blocks), "for each sensor those with the lowest, the median and the highest RMSE, and others between"
+    else:
+        chosen, which = (
+            [(b, "") for b in sorted(blocks, key=lambda b: -float(np.mean(b.weighted**2)))[:most]],
+            "those furthest off, in deviations of their noise",
         )
+    if len(chosen) < len(blocks):
+        text = f"{len(chosen)} of {len(blocks)} traces are drawn: {which}. All statistics count every trace."
     drives = {(id(fits[id(b)]), b.record): driving(fits[id(b)], b.record) for b, _ in chosen}
     drawn: list[Part] = []
     for k, (b, mark) in enumerate(chosen):
         limit, met = _limit(b, (judged or {}).get(id(b)))
         title = f"{b.sensor} in {b.record}: measured and simulated"
-        graphic = figures.trace(b, f"{key}-{k}", title, drives[id(fits[id(b)]), b.record], limit)
+        graphic = figures.trace(b, f"{key}-{k}", title, drives[id(fits[id(b)]), b.record], limit, narrow=audience == "agency")
         drawn.append({"block": b, "mark": mark, "model": (models or {}).get(id(b), ""), "met": met, "drawn": graphic})
-    return {"drawn": drawn, "text": text, "opened": len(chosen) <= MAX_OPEN_TRACES}
+    return {"drawn": drawn, "of": len(blocks), "text": text, "opened": len(chosen) <= MAX_OPEN_TRACES}
 
 
 def _limit(block: SensorTrace, verdict: Verdict | None) -> tuple[float | None, str]:
@@ -228,7 +262,7 @@ def _limit(block: SensorTrace, verdict: Verdict | None) -> tuple[float | None, s
     return None, ""
 
 
-def _held_out(campaign: Campaign) -> Part | None:
+def _held_out(campaign: Campaign, audience: str) -> Part | None:
     """Return the traces of all verdicts; a record that several of them judge is drawn once a model."""
     blocks = {(v.model, b.record, b.sensor): (b, v) for v in campaign.verdicts for b in v.blocks}
     if not blocks:
@@ -237,7 +271,7 @@ def _held_out(campaign: Campaign) -> Part | None:
     fits = {id(b): v.prediction for b, v in blocks.values() if v.prediction is not None}
     judged = {id(b): v for b, v in blocks.values()}
     several = models if len(set(models.values())) > 1 else None
-    return _traces([b for b, _ in blocks.values()], "held-out", several, fits=fits, judged=judged)
+    return _traces([b for b, _ in blocks.values()], "held-out", audience, several, fits=fits, judged=judged)
 
 
 def _coverage(campaign: Campaign) -> Graphic | None:
@@ -305,10 +339,8 @@ def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) ->
     powers = {load: float(np.broadcast_to(w, solution.times.shape)[-1]) for load, w in solution.load_powers.items()}
     end = f"{title}: temperatures at the end"
     flows = {name: float(w[-1]) for name, w in solution.heat_flows.items()}
-    pictures = []
-    for m in _models_of(solution, campaign):
-        drawn_whole = _inline(network_map(m, temperatures=final, flows=flows, powers=powers, title=end))
-        pictures.append(heat_map(m, final, flows, powers, title=end) if oversized(drawn_whole) else drawn_whole)
+    end_state = {"temperatures": final, "flows": flows, "powers": powers, "title": end}
+    pictures = [fitting_map(m, SHEET, **end_state) for m in _models_of(solution, campaign)]
     length = duration(float(solution.times[-1] - solution.times[0]))
     return {
         "key": key,

@@ -13,14 +13,28 @@ from thermid.campaign.verdicts import Check, Verdict, largest, metric
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem import SensorTrace
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting._blocks.content import Figures, Graphic, PageBlock, Plot, Words, capitalised, duration, number, plain
-from thermid.reporting._diagrams.heat import heat_map
+from thermid.reporting._blocks.content import (
+    Figures,
+    Graphic,
+    PageBlock,
+    Picture,
+    Plot,
+    Words,
+    capitalised,
+    duration,
+    number,
+    oversized,
+    plain,
+)
+from thermid.reporting._diagrams.map import fitting_map
 from thermid.reporting._pages.courses import course_of, drives
 from thermid.reporting._pictures import correlation, figures
 
 SYNTHETIC = "synthetic"
 LEAD = (620.0, 284.0)
 """Size of the figure that decides. [px]"""
+NETWORK_SIZE = (612.0, 400.0)
+"""Size of the network beside it, at most, so that its letters have 6.5 pt on paper. [px]"""
 DECIDES, NETWORK, MATRIX, VERDICTS_TABLE = "fig-decides", "fig-network", "fig-matrix", "table-verdicts"
 
 
@@ -90,18 +104,18 @@ def front(campaign: Campaign) -> list[PageBlock]:
     trace = decisive(campaign)
     if trace is None:
         return []
-    plots = [_decides(trace)]
     network = _network(trace)
-    plots += [network] if network is not None else []
+    beside = [network] if network is not None and not oversized(network.drawn.markup, NETWORK_SIZE) else []
     charts = list(_charts(campaign))
     blocks: list[PageBlock] = [
         Words(trace.sentence(), (DECIDES, NETWORK, MATRIX, VERDICTS_TABLE)),
-        Figures(tuple(plots), lead=True),
+        Figures((_decides(trace), *beside), lead=True),
     ]
     wide = [p for p in charts if p.key == MATRIX and not p.drawn.narrow]
     blocks += [Figures(tuple(wide), wide=True)] if wide else []
     rest = tuple(p for p in charts if p not in wide)
-    return [*blocks, Figures(rest)] if rest else blocks
+    blocks += [Figures(rest)] if rest else []
+    return [*blocks, Picture(network.drawn.markup, network.caption)] if network is not None and not beside else blocks
 
 
 def _tag(c: Calibration) -> str:
@@ -132,7 +146,7 @@ def _network(decisive: Decisive) -> Plot | None:
     temperatures = dict(zip(run.nodes, run.temperatures[-1].tolist(), strict=True))
     flows = {k: float(v[-1]) for k, v in run.heat_flows.items()}
     powers = {k: float(np.broadcast_to(v, run.times.shape)[-1]) for k, v in run.load_powers.items()}
-    markup = heat_map(model, temperatures, flows, powers)
+    markup = fitting_map(model, NETWORK_SIZE, temperatures=temperatures, flows=flows, powers=powers)
     caption = f"{model.title} at that moment, as simulated: temperatures by colour, heat flows by width."
     return Plot(Graphic(markup, ()), caption, _tag(decisive.fit), NETWORK)
 

@@ -11,7 +11,7 @@ import numpy as np
 from thermid.base.linear_algebra import Array
 from thermid.fit.problem import SensorTrace
 from thermid.physics.constants import ICE_POINT
-from thermid.reporting._blocks.content import Graphic, LegendEntry
+from thermid.reporting._blocks.content import NARROW, Graphic, LegendEntry
 from thermid.reporting._pictures.chart import Area, Panel, Stroke, chart, nice_ticks, number_text
 from thermid.simulation.runs import Solution
 
@@ -122,6 +122,10 @@ def driven(drive: RecordDrive | None, begin: float, end: float) -> tuple[list[St
     return ambient, [] if drive.power is None else [Stroke("power", times, drive.power[inside], ("--s3", SERIES[3]), 1.4)]
 
 
+TRACE = (440.0, 280.0)
+"""Size of a trace, without the panel of the power. [px]"""
+
+
 def compared(
     times: Array,
     measured: Array,
@@ -133,7 +137,7 @@ def compared(
     wide: float = 0.0,
     drive: RecordDrive | None = None,
     limit: float | None = None,
-    size: tuple[float, float] = (440, 280),
+    size: tuple[float, float] = TRACE,
 ) -> Graphic:
     """Return readings with the simulation over them, their difference below, and what drove them: the one layout of every such figure.
 
@@ -167,15 +171,22 @@ def compared(
     if limit is not None:
         differences += [Stroke("limit, residual", ends, np.full(2, s * limit), ("--f-ink", INK), 1.3, "6 2.5") for s in (1.0, -1.0)]
         entries.append(LegendEntry("limit, residual", "--f-ink", "6 2.5", width=1.3))
-    panels = [Panel("temperature", "°C", lines, bands, share=2.4), Panel(below, "K", differences, low, (0.0,))]
-    panels += [Panel("power", "W", [replace(line, x=line.x / length) for line in power], share=0.7, zero=True)] if power else []
+    named = size[0] > NARROW  # in a narrow figure units alone find room beside the axes
+    panels = [Panel("temperature" * named, "°C", lines, bands, share=2.4), Panel(below * named, "K", differences, low, (0.0,))]
+    panels += [Panel("power" * named, "W", [replace(line, x=line.x / length) for line in power], share=0.7, zero=True)] if power else []
     tall = size[1] + (POWER_PANEL if power else 0.0)
     markup = chart(panels, key=key, label=label, x_name=("time", unit), size=(size[0], tall))
     entries += [LegendEntry("sensor, 95 %", "--f-measured", "band")] if wide > 0 else []
     return Graphic(markup, tuple(entries))
 
 
-def trace(block: SensorTrace, key: str, label: str, drive: RecordDrive | None = None, limit: float | None = None) -> Graphic:
+NARROW_TRACE = (300.0, 176.0)
+"""Size of a trace of which three stand beside one another on a sheet. [px]"""
+
+
+def trace(
+    block: SensorTrace, key: str, label: str, drive: RecordDrive | None = None, limit: float | None = None, *, narrow: bool = False
+) -> Graphic:
     """Return measured against simulated readings of one sensor in one record, with the residuals and what drove them below.
 
     Parameters
@@ -184,10 +195,12 @@ def trace(block: SensorTrace, key: str, label: str, drive: RecordDrive | None = 
     key : str               Prefix of the figure's identifiers, different for every figure of a page.
     label : str             What a screen reader says before what is seen.
     drive, limit            As in `compared`.
+    narrow : bool           Whether three of it stand beside one another.
     """
     rmse = float(np.sqrt(np.mean(block.residuals**2)))
     predicted = block.measured - block.residuals
-    return compared(block.times, block.measured, predicted, key, f"{label}, RMSE {rmse:.3g} K", drive=drive, limit=limit)
+    size = NARROW_TRACE if narrow else TRACE
+    return compared(block.times, block.measured, predicted, key, f"{label}, RMSE {rmse:.3g} K", drive=drive, limit=limit, size=size)
 
 
 def _spread(count: int) -> Array:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hand_written import hand_written
 from planted import campaign
 from thermid.app.studio.building import CARD_ROOM, Building
 from thermid.app.studio.draft import journal_of, merged_text
@@ -23,6 +24,7 @@ from thermid.measure.readers import read_record
 from thermid.model.deck import load_model, model_from_dict
 from thermid.simulation.runs import simulate
 from thermid.simulation.scenarios import Scenario
+from torture.elements import network
 from two_masses import write_log
 
 
@@ -244,16 +246,19 @@ def random_command(rng: random.Random, building: Building) -> dict[str, Any]:
 
 @pytest.mark.parametrize("decks", [1, pytest.param(200, marks=pytest.mark.campaign)])
 def test_forty_commands_and_their_undoing_give_the_same_bytes(tmp_path: Path, decks: int) -> None:
+    """Of random networks of every kind of element, written as people write decks; a value that is set changes the line that it is on."""
     done = 0
     for seed in range(decks):
         rng, file = random.Random(seed), tmp_path / f"deck{seed}.toml"
-        ends = rng.choice(["\n", "\r\n"])
-        text = f'# a deck\ntitle = "d{seed}" # its name\nneeds = ["room"]\n\n[nodes] # masses\n'
-        text += 'a = { capacitance = "5 [J/K]" } # weighed\nb.capacitance = "7 [J/K]"\n\n[conductors.j]\nkind = "conduction"\n'
-        text += 'between = ["a", "b"] # ends\nconductance = "2 [W/K]"\n# the end'
-        first = (rng.choice([b"", b"\xef\xbb\xbf"])) + text.replace("\n", ends).encode()
+        deck = network(seed).deck
+        first = hand_written(deck, rng)
         file.write_bytes(first)
         building = Building(file)
+        load = next(iter(deck["loads"]))
+        do(building, "set", keys=["loads", load, "power"], value="7.25 [W]", source="")
+        lines = zip(first.decode().splitlines(), building.draft.deck.text.splitlines(), strict=True)
+        pairs = [(a, b) for a, b in lines if a != b]
+        assert ["7.25 [W]" in b for _, b in pairs] == [True], pairs
         for _ in range(40):
             try:
                 before = building.draft
