@@ -280,7 +280,7 @@ def test_a_structure_that_lacks_a_mass_is_not_credible_or_its_interval_holds(noi
 @pytest.mark.parametrize(("noise", "said"), [(0.05, False), (0.15, True)])
 def test_ninety_readings_do_not_contradict_a_right_noise_by_chance(noise: float, said: bool) -> None:
     """By the factor of 1.5 alone these were said to scatter by .033 K; the noise that 90 readings show is known to a factor of 1.18."""
-    times, conductance = np.linspace(0.0, 9000.0, 90), {"value": "1 [W/K]", "min": 0.1, "max": 10}
+    times = np.linspace(0.0, 9000.0, 90)
     case = td.model_from_dict(
         {
             "title": "case",
