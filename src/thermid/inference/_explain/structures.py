@@ -294,7 +294,12 @@ class _Searching:
                 break
             best = better
         best = self._challenged(self._simplest(self._pruned(best)))
-        self._straighten(best)
+        # refit what a law that bends may stand for: a contact in its place, which of equals is the simpler one
+        for place in [k for k, change in enumerate(best.changes) if change.bends]:
+            plain = None if self.budget.over else self._without(best, place)
+            scores = self._scores(plain) if plain else []
+            for score in [s for s in scores if not s.change.nodes and not s.change.bends][:CHALLENGES]:
+                self._refitted(plain or best, score)
         return StructureSearch(
             tuple(self.done),
             self._simplest(best),
@@ -385,14 +390,6 @@ class _Searching:
         self.done.append(structure)
         return structure
 
-    def _straighten(self, best: FittedStructure) -> None:
-        """Refit what a law that bends may stand for: a contact in its place, which of equals is the simpler one."""
-        for place in [k for k, change in enumerate(best.changes) if change.bends]:
-            plain = None if self.budget.over else self._without(best, place)
-            scores = self._scores(plain) if plain else []
-            for score in [s for s in scores if not s.change.nodes and not s.change.bends][:CHALLENGES]:
-                self._refitted(plain or best, score)
-
     def log(self, one: FittedStructure) -> float:
         """Return the logarithm of how likely readings are, under the noise of the likeliest structure."""
         return float(one.weighing.averaged[noise_of(s.weighing for s in self.done)])
@@ -481,11 +478,6 @@ def _promised(problem: Problem, at: Array, values_before: Mapping[str, float], a
     return 0.5 * float(residuals @ residuals + step @ step), larger
 
 
-def sizes_of(changes: Sequence[MissingElement]) -> dict[str, SizedValue]:
-    """Return path -> prior of what several changes add."""
-    return {path: size for c in changes for path, size in c.sizes.items()}
-
-
 def fitted_structure(
     changes: tuple[MissingElement, ...],
     request: Request,
@@ -508,7 +500,7 @@ def fitted_structure(
     IdentificationError     When its budget is used up, or it does not end.
     SolverError             When a record cannot be run.
     """
-    sizes = sizes_of(changes)
+    sizes = {path: size for c in changes for path, size in c.sizes.items()}
     problem = _loosely_held(build_problem(request), sizes)
     at = starting_point(problem.unknowns)
     for k, u in enumerate(problem.unknowns):
