@@ -92,10 +92,9 @@ def sizes_at(points: Array) -> Array:
 
 def deviations(columns: Sequence[UnknownColumn], sizes: Array) -> Array:
     """Return the prior's standard deviations (members, columns) of unknowns at sizes (members, groups)."""
-    out = np.empty((len(sizes), len(columns)))
-    for k, c in enumerate(columns):
-        out[:, k] = c.size * (sizes[:, GROUPS.index(c.group)] if c.group else 1.0)
-    return out
+    with_one = np.column_stack([sizes, np.ones(len(sizes))])
+    places = [GROUPS.index(c.group) if c.group else len(GROUPS) for c in columns]
+    return np.asarray(np.take(with_one, np.array(places, dtype=int), axis=1) * np.array([c.size for c in columns], dtype=float))
 
 
 def reach(u: Unknown) -> float:
@@ -165,22 +164,25 @@ class RunsOfFit:
 
     @cached_property
     def _rows_by_remainder(self) -> dict[tuple[float, float], list[RunRows]]:
-        """Size and time of what no element explains -> what each run says; filled as they are asked about."""
-        return {}
+        """Size and time of what no element explains, of `left_prior` -> what the priors of the fit say, and each run."""
+        shared = len(self.values) + len(self.columns)
+        prior_residuals, rows = prior_rows(self.problem.unknowns, self.problem.coupled, self.fitted)
+        acting = rows[:, self.values].any(axis=1)
+        joined = np.column_stack([rows[acting][:, self.values], np.zeros((int(acting.sum()), len(self.columns))), -prior_residuals[acting]])
+        priors = RunRows(joined.T @ joined, shared, 0.0, 0)
+        remainders = [*left_prior()]
+        by_run = [
+            run_rows(t, [Wander(SIZES["left"].value * size, part * span) for size, part in remainders], shared)
+            for t, span in zip(self.traces, self.spans, strict=True)
+        ]
+        return {remainder: [priors, *(several[k] for several in by_run)] for k, remainder in enumerate(remainders)}
 
     def posterior(self, centre: Array, sizes: Array, remainder: tuple[float, float]) -> Members:
         """Return values and columns given the readings, at sizes (members, groups) and a size and time of what no element explains."""
-        values = len(self.values)
-        shared = values + len(self.columns)
-        rows = self._rows_by_remainder.get(remainder)
-        if rows is None:
-            size, part = SIZES["left"].value * remainder[0], remainder[1]
-            rows = [run_rows(t, Wander(size, part * span), shared) for t, span in zip(self.traces, self.spans, strict=True)]
-            self._rows_by_remainder[remainder] = rows
         wide = np.array([reach(self.problem.unknowns[k]) for k in self.values])
-        every = np.column_stack([np.broadcast_to(wide, (len(sizes), values)), deviations(self.columns, sizes)])
+        every = np.column_stack([np.broadcast_to(wide, (len(sizes), len(self.values))), deviations(self.columns, sizes)])
         own_deviations = [deviations(c, sizes) for c in self.own]
-        return members_of([self._priors(), *rows], centre, every, [np.zeros((len(sizes), 0)), *own_deviations])
+        return members_of(self._rows_by_remainder[remainder], centre, every, [np.zeros((len(sizes), 0)), *own_deviations])
 
     def likeliest(self, bent: Sequence[int], centre: Array) -> tuple[float, Array, Array]:
         """Return what the readings say against some unknowns here, the step to where they say least, and standard errors.
@@ -192,13 +194,6 @@ class RunsOfFit:
         posteriors = [self.posterior(centre, usual, remainder) for remainder in prior]
         logs = [log + float(f.log_evidence[0]) for log, f in zip(prior.values(), posteriors, strict=True)]
         return step_to_mode(logs, [f.mean[0][bent] for f in posteriors], [f.root[0][bent] for f in posteriors])
-
-    def _priors(self) -> RunRows:
-        """Return the priors of the fit as rows about its values."""
-        prior_residuals, rows = prior_rows(self.problem.unknowns, self.problem.coupled, self.fitted)
-        acting = rows[:, self.values].any(axis=1)
-        joined = np.column_stack([rows[acting][:, self.values], np.zeros((int(acting.sum()), len(self.columns))), -prior_residuals[acting]])
-        return RunRows(joined.T @ joined, len(self.values) + len(self.columns), 0.0, 0)
 
 
 def alone_in(problem: Problem, i: int) -> list[int]:
