@@ -622,8 +622,6 @@ def budget_of(
     scenario: Scenario,
     stated: Stated | Sequence[Stated] = (),
     *,
-    model: Model | None = None,
-    at: str = "",
     without: Sequence[str] = (),
     as_logged: bool = False,
 ) -> Budget:
@@ -634,8 +632,6 @@ def budget_of(
     source_of_values : Model, Calibration, Known, or fitted values  What is known.
     scenario : Scenario     What is done to the model.
     stated : dict, Spread, or several   What else is not known exactly: name or pattern of parameters -> spread as text; see `read_spread`.
-    model : Model           What fitted values are laid over; a fit's own by default.
-    at : str                The submodel that the values belong to.
     without : sequence      Sources that are not counted: kinds (``structural``, ``misfit``), causes or names; the result states this.
     as_logged : bool        Whether rooms and powers of the scenario are what instruments of a fit read; else they are what acts.
 
@@ -643,7 +639,7 @@ def budget_of(
     ------
     IdentificationError   When a value is spread twice, or has no finite error; when a coefficient that must be separated cannot be.
     """
-    source = known_of(source_of_values, model, at)
+    source = known_of(source_of_values)
     statements = [stated] if isinstance(stated, Mapping | Spread) else list(stated)
     plain: list[Spread | Groups] = [expanded(s, source.model) if isinstance(s, Mapping) else s for s in statements]
     rows = rows_of(source)

@@ -33,6 +33,7 @@ from thermid.inference._explain.thresholds import (
     FREE_STEP,
     MAX_SEPARATING_READINGS,
     PROMISED_STEP,
+    REFITS_OF_A_ROUND,
     SEARCHED,
     TIE,
     WIDE_ERRORS,
@@ -218,7 +219,6 @@ def search_structure(
     *,
     changes: Callable[[Fitted], Sequence[MissingElement]] | None = None,
     rounds: int = 6,
-    width: int = 4,
     evaluations: int = EVALUATIONS,
     begin: Mapping[str, float] | None = None,
 ) -> StructureSearch:
@@ -229,7 +229,6 @@ def search_structure(
     request : Request       The fit with the structure to begin from.
     changes : callable      Changes of a fitted structure; those of the catalogue by default.
     rounds : int            Most changes, one after the other.
-    width : int             Refits of single changes in each round; pairs of the three with the best scores are refitted too.
     evaluations : int       Budget after which no refit begins, and one that runs is given up.
     begin : dict            Unknown -> value in the fitted form to begin from; the request's own starts by default.
 
@@ -240,7 +239,7 @@ def search_structure(
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):
-        return _Searching(request, changes or (lambda structure: list(changes_of(structure))), width, EvaluationBudget(evaluations)).run(
+        return _Searching(request, changes or (lambda structure: list(changes_of(structure))), EvaluationBudget(evaluations)).run(
             rounds, begin or {}
         )
 
@@ -271,10 +270,8 @@ class EvaluationBudget:
 class _Searching:
     """State of one search: what was fitted, what was refused."""
 
-    def __init__(
-        self, request: Request, changes: Callable[[Fitted], Sequence[MissingElement]], width: int, budget: EvaluationBudget
-    ) -> None:
-        self.request, self.changes, self.width, self.budget = request, changes, width, budget
+    def __init__(self, request: Request, changes: Callable[[Fitted], Sequence[MissingElement]], budget: EvaluationBudget) -> None:
+        self.request, self.changes, self.budget = request, changes, budget
         self.done: list[FittedStructure] = []
         self.refused: list[tuple[str, str]] = []
         self.scored = 0
@@ -312,7 +309,7 @@ class _Searching:
     def _round(self, best: FittedStructure) -> FittedStructure | None:
         """Return the best structure one or two changes on; None where the readings support none."""
         scores = self._scores(best)
-        chosen = [s for s in scores[: self.width] if s.gain > 0.5]
+        chosen = [s for s in scores[:REFITS_OF_A_ROUND] if s.gain > 0.5]
         pairs = [_pair(a, b) for k, a in enumerate(scores[:3]) for b in scores[k + 1 : 3] if min(a.gain, b.gain) > TIE]
         refitted = [self._refitted(best, score) for score in chosen]
         single = max((self.log(m) for m in refitted if m is not None and m.possible), default=-np.inf)

@@ -22,6 +22,8 @@ from thermid.measure.amounts import amount, duration_text, positive_seconds
 R = TypeVar("R", bound=Samples)
 
 HOUR: Final = 3600.0
+MAX_LOOKS: Final = 120
+"""Times at which it is asked at most since when a channel is stable."""
 MIN_JUDGED_WINDOW: Final = 300.0
 """Shortest window over which a rule without one of its own is judged on readings. [s]"""
 MIN_READINGS_OF_STRETCH: Final = 8
@@ -374,20 +376,19 @@ def _judged(record: Samples, name: str, rule: StabilityRule, start: float, end: 
     return replace(drift, verdict=verdict_of(drift.rate, drift.error, rule.rate))
 
 
-def since_when(record: Samples, name: str, rule: StabilityRule, since: float = -np.inf, looks: int = 120) -> float | None:
+def since_when(record: Samples, name: str, rule: StabilityRule, since: float = -np.inf) -> float | None:
     """Return the earliest time from which a channel stays stable to the end of the record, or None. [s]
 
     Parameters
     ----------
     record, name, rule, since   As in `channel_stability`.
-    looks : int                 Times at which the question is asked, at most.
     """
     begin = max(since, float(record.times[0]))
     first = begin + max(rule.window, MIN_JUDGED_WINDOW, MIN_READINGS_OF_STRETCH * record.step)
     if first > record.times[-1]:
         return None
     earliest: float | None = None
-    looks = min(looks, int((record.times[-1] - first) / record.step) + 2)  # more often than there are readings says nothing more
+    looks = min(MAX_LOOKS, int((record.times[-1] - first) / record.step) + 2)  # more often than there are readings says nothing more
     for at in np.linspace(first, float(record.times[-1]), looks)[::-1]:
         try:
             verdict = channel_stability(record, name, rule, float(at), begin).verdict
