@@ -654,11 +654,8 @@ def budget_of(
     for path, gas in contacts.items():
         also = next((t.also for t in make.targets if t.name == path), ())
         make = make.with_one(gas, GAS_IN_JOINTS, Target(path, "factor", also))
-    make = replace(
-        make,
-        followed=followed_by(source.discrepancies),
-        said={p: variance_and_shift for k in source.discrepancies for p, variance_and_shift in k.of_assumed.items()},
-    ).with_stated(plain)
+    of_assumed = {p: variance_and_shift for k in source.discrepancies for p, variance_and_shift in k.of_assumed.items()}
+    make = replace(make, followed=followed_by(source.discrepancies), said=of_assumed).with_stated(plain)
     unseen = UNSEEN if split_model.runner is not None else ""
     unsought = UNSOUGHT if source.fit is not None and asks(source.fit) else ""
     whole = replace(make, remarks=tuple(r for r in (unseen, unsought, remark) if r))

@@ -558,14 +558,8 @@ class _Runs:
         stored = kernel.advance(self.times.size, self.threads)
         failed = _failed(engine, kernel, numbers, self.options)
         turnings = _turnings(engine, kernel, numbers, self.wanted, kept_nodes, failed, self.options)
-        return _GroupRun(
-            _Recovery(engine, numbers, kept_nodes),
-            stored,
-            self.times,
-            failed,
-            turnings,
-            {"steps": kernel.steps, "rejected": kernel.rejected, "one_by_one": int(kernel.alone.sum()), "simd": kernel.simd},
-        )
+        statistics = {"steps": kernel.steps, "rejected": kernel.rejected, "one_by_one": int(kernel.alone.sum()), "simd": kernel.simd}
+        return _GroupRun(_Recovery(engine, numbers, kept_nodes), stored, self.times, failed, turnings, statistics)
 
     def key(self, values: Mapping[str, Array]) -> str:
         """Return a hash of all that counts at values (members,) depend on."""

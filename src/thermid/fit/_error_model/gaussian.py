@@ -70,8 +70,7 @@ def innovations(times: Array, columns: Array, noise: Array, wanders: Sequence[Wa
             scales[:, place, 0], log_dets[place] = noise, 2.0 * float(np.log(noise).sum())
     out, state = np.empty((times.size, len(wanders), columns.shape[1])), np.zeros((len(wanders), columns.shape[1]))
     for k, row in enumerate(columns):
-        state = memory[k] * state
-        apart = row - state
+        apart = row - (state := memory[k] * state)
         out[k] = apart / scales[k]
         state = state + gains[k] * apart
     return np.ascontiguousarray(np.swapaxes(out, 0, 1)), log_dets

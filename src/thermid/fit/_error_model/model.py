@@ -92,9 +92,8 @@ def sizes_at(points: Array) -> Array:
 
 def deviations(columns: Sequence[UnknownColumn], sizes: Array) -> Array:
     """Return the prior's standard deviations (members, columns) of unknowns at sizes (members, groups)."""
-    with_one = np.column_stack([sizes, np.ones(len(sizes))])
-    places = [GROUPS.index(c.group) if c.group else len(GROUPS) for c in columns]
-    return np.asarray(np.take(with_one, np.array(places, dtype=int), axis=1) * np.array([c.size for c in columns], dtype=float))
+    places = np.array([GROUPS.index(c.group) if c.group else len(GROUPS) for c in columns], dtype=int)
+    return np.asarray(np.take(np.column_stack([sizes, np.ones(len(sizes))]), places, axis=1) * np.array([c.size for c in columns]))
 
 
 def reach(u: Unknown) -> float:
@@ -171,18 +170,16 @@ class RunsOfFit:
         joined = np.column_stack([rows[acting][:, self.values], np.zeros((int(acting.sum()), len(self.columns))), -prior_residuals[acting]])
         priors = RunRows(joined.T @ joined, shared, 0.0, 0)
         remainders = [*left_prior()]
-        by_run = [
-            run_rows(t, [Wander(SIZES["left"].value * size, part * span) for size, part in remainders], shared)
-            for t, span in zip(self.traces, self.spans, strict=True)
-        ]
+        wanders = [[Wander(SIZES["left"].value * size, part * span) for size, part in remainders] for span in self.spans]
+        by_run = [run_rows(t, w, shared) for t, w in zip(self.traces, wanders, strict=True)]
         return {remainder: [priors, *(several[k] for several in by_run)] for k, remainder in enumerate(remainders)}
 
     def posterior(self, centre: Array, sizes: Array, remainder: tuple[float, float]) -> Members:
         """Return values and columns given the readings, at sizes (members, groups) and a size and time of what no element explains."""
         wide = np.array([reach(self.problem.unknowns[k]) for k in self.values])
         every = np.column_stack([np.broadcast_to(wide, (len(sizes), len(self.values))), deviations(self.columns, sizes)])
-        own_deviations = [deviations(c, sizes) for c in self.own]
-        return members_of(self._rows_by_remainder[remainder], centre, every, [np.zeros((len(sizes), 0)), *own_deviations])
+        own = [np.zeros((len(sizes), 0)), *(deviations(c, sizes) for c in self.own)]  # the priors of the fit have none
+        return members_of(self._rows_by_remainder[remainder], centre, every, own)
 
     def likeliest(self, bent: Sequence[int], centre: Array) -> tuple[float, Array, Array]:
         """Return what the readings say against some unknowns here, the step to where they say least, and standard errors.
@@ -310,8 +307,8 @@ def left_prior() -> dict[tuple[float, float], float]:
 
     edges = np.r_[0.0, 0.5 * (np.array(LEFT_SIZES[1:]) + LEFT_SIZES[:-1]), np.inf]
     mass = 2.0 * np.diff(ndtr(edges))
-    out = {(0.0, LEFT_TIMES[0]): float(np.log(mass[0]))}
-    return out | {(s, t): float(np.log(m / len(LEFT_TIMES))) for s, m in zip(LEFT_SIZES[1:], mass[1:], strict=True) for t in LEFT_TIMES}
+    others = [(s, t, m / len(LEFT_TIMES)) for s, m in zip(LEFT_SIZES[1:], mass[1:], strict=True) for t in LEFT_TIMES]
+    return {(s, t): float(np.log(m)) for s, t, m in [(0.0, LEFT_TIMES[0], mass[0]), *others]}
 
 
 def points_of(problem: Problem, fitted: Array) -> dict[str, OperatingPoint]:

@@ -279,7 +279,5 @@ class SensorRows:
 def run_rows(traces: Sequence[SensorRows], wanders: Sequence[Wander], shared: int) -> list[RunRows]:
     """Return what a run's sensors say of unknowns, the first of which other runs share, with each of several processes."""
     parts = [innovations(t.times, np.column_stack([t.rows, t.residuals]), t.noise, wanders) for t in traces]
-    return [
-        RunRows.of_rows(np.concatenate([rows[k] for rows, _ in parts]), shared, sum(float(logs[k]) for _, logs in parts))
-        for k in range(len(wanders))
-    ]
+    every, logs = np.concatenate([rows for rows, _ in parts], axis=1), sum((log for _, log in parts), np.zeros(len(wanders)))
+    return [RunRows.of_rows(rows, shared, float(log)) for rows, log in zip(every, logs, strict=True)]

@@ -22,8 +22,6 @@ from thermid.measure.amounts import amount, duration_text, positive_seconds
 R = TypeVar("R", bound=Samples)
 
 HOUR: Final = 3600.0
-MAX_LOOKS: Final = 120
-"""Times at which it is asked at most since when a channel is stable."""
 MIN_JUDGED_WINDOW: Final = 300.0
 """Shortest window over which a rule without one of its own is judged on readings. [s]"""
 MIN_READINGS_OF_STRETCH: Final = 8
@@ -388,7 +386,7 @@ def since_when(record: Samples, name: str, rule: StabilityRule, since: float = -
     if first > record.times[-1]:
         return None
     earliest: float | None = None
-    looks = min(MAX_LOOKS, int((record.times[-1] - first) / record.step) + 2)  # more often than there are readings says nothing more
+    looks = min(120, int((record.times[-1] - first) / record.step) + 2)  # more often than there are readings says nothing more
     for at in np.linspace(first, float(record.times[-1]), looks)[::-1]:
         try:
             verdict = channel_stability(record, name, rule, float(at), begin).verdict
