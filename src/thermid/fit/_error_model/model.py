@@ -178,8 +178,8 @@ class RunsOfFit:
         """Return values and columns given the readings, at sizes (members, groups) and a size and time of what no element explains."""
         wide = np.array([reach(self.problem.unknowns[k]) for k in self.values])
         every = np.column_stack([np.broadcast_to(wide, (len(sizes), len(self.values))), deviations(self.columns, sizes)])
-        own = [np.zeros((len(sizes), 0)), *(deviations(c, sizes) for c in self.own)]  # the priors of the fit have none
-        return members_of(self._rows_by_remainder[remainder], centre, every, own)
+        own_deviations = [np.zeros((len(sizes), 0)), *(deviations(c, sizes) for c in self.own)]  # the priors of the fit have none
+        return members_of(self._rows_by_remainder[remainder], centre, every, own_deviations)
 
     def likeliest(self, bent: Sequence[int], centre: Array) -> tuple[float, Array, Array]:
         """Return what the readings say against some unknowns here, the step to where they say least, and standard errors.
