@@ -12,7 +12,7 @@ from recovery.noise_cases import CONSUMERS, KINDS, Cell, campaign
 
 pytestmark = pytest.mark.recovery
 ROOT = Path(__file__).parents[2]
-QUICK = {"fit": 5, "profile": 2, "next_test": 2, "steady point": 6, "energy_balance": 3}
+QUICK = {"fit": 3, "profile": 2, "next_test": 1, "steady point": 6, "energy_balance": 2}
 SEED = 20261122
 
 

@@ -250,7 +250,6 @@ def refuse_unknown(
     where: str = "",
     refusal: str = "no key '{}'; there are {known}.",
     error: type[ThermidError] = RecordError,
-    code: str = "name.unknown",
 ) -> None:
     """Refuse the first of some names that is not known, with the nearest one that is.
 
@@ -262,7 +261,6 @@ def refuse_unknown(
     refusal : str           The message: `{}` stands for the name, `{known}` for all that are known, `{near}` for the nearest of these; the
                             nearest follows at the end where the message has no place for it.
     error : type            Kind of error.
-    code : str              Its code.
 
     Raises
     ------
@@ -272,7 +270,7 @@ def refuse_unknown(
         if not isinstance(name, Hashable) or name not in allowed:
             text = refusal if "{near}" in refusal else f"{refusal}{{near}}"
             words = {"{}": str(name), "{known}": ", ".join(allowed) or "none", "{near}": nearest(str(name), allowed)}
-            raise error("".join(words.get(part, part) for part in _PLACES.split(text)), where, code=code)
+            raise error("".join(words.get(part, part) for part in _PLACES.split(text)), where, code="name.unknown")
 
 
 def look_up(name: K, table: Mapping[K, V], refusal: str, where: str = "", error: type[ThermidError] = NameNotFoundError) -> V:

@@ -176,7 +176,11 @@ def shared_parameters(source: CampaignSource, levels: list[Level], top: str, don
     for members in {id(groups[k]): groups[k] for k in fitted}.values():
         above = tuple(p for k, p in by_top.items() if k in members)
         order = [level.name for level in levels if any(level.name in fitted.get(k, ()) for k in members)]
-        name = above[0] if above else _own_name(levels, members, order)
+        if above:
+            name = above[0]
+        else:  # the uppermost model does not have it: the last stage that fitted it, and its path there
+            level = next(one for one in levels if one.name == order[-1])
+            name = f"{level.name}: " + next(p for p in level.literals() if members & set(level.keys(p)))
         start = next((starts[k] for level in reversed(levels) for k in members if k in starts and level.name in fitted[k][-1:]), None)
         classes[name] = Value(frozenset(members), above, tuple(order), start)
     return Shared(classes, levels)
@@ -190,12 +194,6 @@ def _by_deck(levels: Sequence[Level]) -> Iterable[list[Key]]:
         for path, one in local_identities(model, definition_of(model)).items():
             out.setdefault((one.owner, one.local), []).extend(level.keys(path))
     return out.values()
-
-
-def _own_name(levels: Sequence[Level], keys: set[Key], fitted: Sequence[str]) -> str:
-    """Return the name of a value that the uppermost model does not have: the last stage that fitted it, and its path there."""
-    level = next(one for one in levels if one.name == fitted[-1])
-    return f"{level.name}: " + next(p for p in level.literals() if keys & set(level.keys(p)))
 
 
 def _free(level: Level) -> Iterator[str]:

@@ -328,7 +328,9 @@ class Search:
         total = first.evaluations + second.evaluations
         if second.stopped:
             return _stopped(first, [first, second], total)
-        if _ended_alike(problem, first, second):
+        # whether two descents ended at the same values, within half a standard error of the better one
+        error = _errors(problem, min((first, second), key=lambda f: f.cost))
+        if (np.abs(first.fitted - second.fitted) <= 0.5 * np.where(error > 0.0, error, np.inf)).all():
             return replace(
                 first, evaluations=total, search=f"{why}: a second descent, from the other side of the start, ended at the same values"
             )
@@ -378,7 +380,11 @@ class Search:
 
     def _screened(self, why: str, many: int) -> tuple[Array, Array]:
         """Return points of the box (`SCREENED`, parameters), and their costs."""
-        shares, begun = _spread_out(self.population), time.perf_counter()
+        from scipy.stats import qmc
+
+        begun = time.perf_counter()
+        # points of the unit cube (SCREENED, parameters), spread evenly (Sobol, scrambled)
+        shares = np.asarray(qmc.Sobol(self.population.at.size, rng=np.random.default_rng(1)).random(SCREENED))
         costs = [self.population.costs(shares[:BATCH])]
         seconds = (time.perf_counter() - begun) * (SCREENED / BATCH - 1.0) + many * float(np.mean(self.spent))
         self.tell(f"up to {counted(many, 'descent')} from the best of {SCREENED} points ({why})", seconds)
@@ -403,19 +409,6 @@ def _stopped(first: Fit, ends: list[Fit], count: int) -> Fit:
     whole = sum(not end.stopped for end in ends)
     message = f"stopped by the user after {counted(whole, 'descent')}, at the best values so far"
     return replace(best, evaluations=count, message=message, converged=False, stopped=True, search="")
-
-
-def _ended_alike(problem: Problem, a: Fit, b: Fit) -> bool:
-    """Whether two descents ended at the same values, within half a standard error of the better one."""
-    error = _errors(problem, min((a, b), key=lambda f: f.cost))
-    return bool((np.abs(a.fitted - b.fitted) <= 0.5 * np.where(error > 0.0, error, np.inf)).all())
-
-
-def _spread_out(population: Population) -> Array:
-    """Return points of the unit cube (SCREENED, parameters), spread evenly (Sobol, scrambled)."""
-    from scipy.stats import qmc
-
-    return np.asarray(qmc.Sobol(population.at.size, rng=np.random.default_rng(1)).random(SCREENED))
 
 
 def _end_of(search: Search, start: Array) -> Fit | None:

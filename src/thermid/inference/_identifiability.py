@@ -324,27 +324,25 @@ def identifiability(
     every: str | float | None = None,
     local: Mapping[str, Any] | None = None,
     priors: Mapping[str, Any] | None = None,
-    tell: float = TELL,
 ) -> Identifiability:
     """Return what readings tell of parameters: of a fit that was made, of logs before a fit, or of a test before any log exists.
 
     Parameters
     ----------
-    model : Model or Calibration    A calibration is asked about itself, and nothing else is given but `tell`.
+    model : Model or Calibration    A calibration is asked about itself, and nothing else is given.
     records : Record(s)             Logs; none for a planned test.
     free : sequence of str          Paths of the parameters to fit.
     scenario : Scenario(s)          What the logs do not say; of a planned test, all that is done.
     sensors : dict                  Of a planned test: node, boundary or load -> noise as text, or ``{noise, accuracy, name}``.
     every : str or float            Interval of a planned test's readings. [s]
     local, priors                   As in `calibrate`.
-    tell : float                    Relative error above which a parameter counts as hardly known. [-]
 
     Raises
     ------
     IdentificationError   When nothing is free, or there are neither records nor sensors.
     """
     if isinstance(model, Calibration):
-        return _after(model, tell)
+        return _after(model)
     if not free:
         raise IdentificationError("no parameter is free. Name the parameters to fit.", model.title)
     many = (records,) if isinstance(records, Record) else tuple(records)
@@ -356,23 +354,23 @@ def identifiability(
     scenarios = dict(scenario) if isinstance(scenario, Mapping) else {"*": scenario} if scenario else {}
     specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
     request = Request(model, many, tuple(free), scenarios, specs, priors=priors_of(model, priors or {}, model.title))
-    return identifiability_of(request, "planned" if planned else "before", tell)
+    return identifiability_of(request, "planned" if planned else "before")
 
 
-def identifiability_of(request: Request, stage: str = "before", tell: float = TELL) -> Identifiability:
+def identifiability_of(request: Request, stage: str = "before") -> Identifiability:
     """Return what the records of a request tell, at the values where its fit would start; see `identifiability`."""
     problem = build_problem(request)
     start = starting_point(problem.unknowns)
-    result = _identifiability_at(request.name or request.model.title, stage, problem, start, 1.0, tell)
+    result = _identifiability_at(request.name or request.model.title, stage, problem, start, 1.0)
     return replace(result, inputs=InputTable() if stage == "planned" else inputs_of(request, problem.experiments, problem.unknowns))
 
 
-def _after(fit: Calibration, tell: float) -> Identifiability:
+def _after(fit: Calibration) -> Identifiability:
     """Return what the records of a fit told, at its end."""
     if fit.problem is None:
         raise IdentificationError("this calibration was not made by a fit in this session; repeat the fit.", fit.stage)
     at = np.array([fit.fitted[u.name] for u in fit.problem.unknowns])
-    result = _identifiability_at(fit.stage, "after", fit.problem, at, max(1.0, fit.reduced_chi_square) ** 0.5, tell)
+    result = _identifiability_at(fit.stage, "after", fit.problem, at, max(1.0, fit.reduced_chi_square) ** 0.5)
     # where residuals wander, the fit's own errors count it
     grown = {p: fit.values[p].error / k.error if k.error > 0 else 1.0 for p, k in result.parameters.items()}
     return replace(
@@ -385,15 +383,15 @@ def _after(fit: Calibration, tell: float) -> Identifiability:
     )
 
 
-def _identifiability_at(title: str, stage: str, problem: Problem, at: Array, spread: float, tell: float) -> Identifiability:
+def _identifiability_at(title: str, stage: str, problem: Problem, at: Array, spread: float) -> Identifiability:
     info = Information.of_problem(problem, at, spread)
     if not info.parameters:
         raise IdentificationError("no parameter is free. Name the parameters to fit.", title)
     bound = structural_groups(info, elsewhere(problem, info, spread))
     # what a prior alone splits is said once
-    groups = [*bound, *(g for g in practical_groups(info, tell) if not any(set(g.names) <= set(b.names) for b in bound))]
+    groups = [*bound, *(g for g in practical_groups(info, TELL) if not any(set(g.names) <= set(b.names) for b in bound))]
     parameters = _known_parameters(info)
-    doubtful = [p for p, k in parameters.items() if not k.relative <= tell]
+    doubtful = [p for p, k in parameters.items() if not k.relative <= TELL]
     helps = cures(problem, info, groups, doubtful) if doubtful else ()
     return Identifiability(title, stage, problem.samples, info.rank(), parameters, tuple(groups), helps, info, problem)
 

@@ -147,19 +147,14 @@ def _long_enough(sampler: Any, start: Array, steps: int, names: Sequence[str], s
     while True:
         done = sampler.iteration
         chain = sampler.get_chain(discard=done // 5)
-        lags = _lags(chain)
+        emcee = optional("emcee", "a posterior")
+        lags = np.asarray(emcee.autocorr.integrated_time(chain, quiet=True, tol=0), dtype=float)
         length = float(chain.shape[0] / lags.max())
         if length > MIN_LENGTH:
             return np.asarray(chain.reshape(-1, chain.shape[2])), float(lags.max())
         if done >= EXTENSION * steps:
             raise IdentificationError(_too_short(chain, names, done, length), stage, code="fit.chains-too-short")
         sampler.run_mcmc(None, done)
-
-
-def _lags(chain: Array) -> Array:
-    """Return the autocorrelation time in steps of each parameter of chains (steps, walkers, parameters)."""
-    emcee = optional("emcee", "a posterior")
-    return np.asarray(emcee.autocorr.integrated_time(chain, quiet=True, tol=0), dtype=float)
 
 
 def _too_short(chain: Array, names: Sequence[str], steps: int, length: float) -> str:

@@ -126,11 +126,6 @@ def followed_by(discrepancies: Sequence[Discrepancy]) -> dict[str, dict[str, flo
     return out
 
 
-def said_of_assumed(discrepancies: Sequence[Discrepancy]) -> dict[str, tuple[float, float]]:
-    """Return assumed value -> variance that the readings of a fit leave it, and how far away they ask it to be; of two the later's. [SI]"""
-    return {p: variance_and_shift for k in discrepancies for p, variance_and_shift in k.of_assumed.items()}
-
-
 def narrowed(law: Distribution, nominal: float, variance_and_shift: tuple[float, float] | None) -> Distribution:
     """Return the law of an assumed value once the readings of a fit are counted beside it; `nominal` is the value that the fit took.
 
@@ -143,15 +138,6 @@ def narrowed(law: Distribution, nominal: float, variance_and_shift: tuple[float,
     share = law.variance / (law.variance + variance)
     variance_left = share * variance + (share * shift) ** 2
     return Normal(nominal, variance_left**0.5) if variance_left < MAX_VARIANCE_LEFT * law.variance else law
-
-
-def split_needed(model: Model, scenario: Scenario, spread_names: Sequence[str]) -> list[str]:
-    """Return the surfaces whose effective coefficient a scenario takes apart, and whose emissivity is not among the known values."""
-    network = compile_network(model)
-    media = scenario.media()
-    roots = network.flat.parameters.literal_behind
-    effective = [c for c in network.flat.conductors if c.kind == "effective" and c.emissivity and not media.as_printed]
-    return [c.path for c in effective if media.changed(c.gas) and not {roots(c.emissivity), c.emissivity} & {*spread_names}]
 
 
 def split_rows(
@@ -167,7 +153,13 @@ def split_rows(
     lawful : collection Surfaces whose radiation stands in a law of their own.
     """
     values = knowledge.placed[-1] if knowledge.values else FittedValues(knowledge.model.title, {}, np.zeros((0, 0)))
-    thin = split_needed(knowledge.model, scenario, [*knowledge.assigned, *map(knowledge.model.canonical, named)])
+    # surfaces whose effective coefficient a scenario takes apart, and whose emissivity is not among the known values
+    spread_names = [*knowledge.assigned, *map(knowledge.model.canonical, named)]
+    network = compile_network(knowledge.model)
+    media = scenario.media()
+    roots = network.flat.parameters.literal_behind
+    effective = [c for c in network.flat.conductors if c.kind == "effective" and c.emissivity and not media.as_printed]
+    thin = [c.path for c in effective if media.changed(c.gas) and not {roots(c.emissivity), c.emissivity} & {*spread_names}]
     surfaces = knowledge.discrepancies[-1].surfaces if knowledge.discrepancies else {}
     thin = [p for p in thin if p in surfaces and p not in lawful]
     if not thin:
@@ -252,19 +244,6 @@ def expanded(stated: Mapping[str, Any], model: Model) -> list[tuple[list[str], A
         remaining = ([p for p in paths if p not in taken] for paths in same.values())
         out += [(paths, how) for paths in remaining if paths]
     return out
-
-
-def check_moves(names: Sequence[str], model: Model, scenario: Scenario) -> None:
-    """Refuse the spread of a deck's power where the scenario gives that power."""
-    driven = {f"{path}.power": load for load in scenario.loads for path in (load, model.canonical(load))}
-    still = next((n for n in names if n in driven or model.canonical(n) in driven), "")
-    if still:
-        load = driven.get(still, driven.get(model.canonical(still), ""))
-        raise IdentificationError(
-            f"the scenario gives the power of '{load}', so a spread of the deck's '{still}' has no effect. Spread 'scale.{load}' in "
-            "per cent.",
-            model.title,
-        )
 
 
 def lasting(scenario: Scenario) -> Scenario:
@@ -359,7 +338,7 @@ class Budget:
     remarks : tuple of str          What a reader must know.
     standing : Standing             Of the values that it rests on.
     followed : dict                 Assumed value -> fitted value -> what it moves by for one more SI unit of the assumed one; fitted form.
-    said : dict                     Assumed value -> what readings say of it, as `said_of_assumed` returns it.
+    said : dict                     Assumed value -> variance that the readings leave it, and how far away they ask it to be. [SI]
     """
 
     model: Model
@@ -549,8 +528,20 @@ class Budget:
         if not names:
             return self
         ready = prepare(self.model, lasting(self.scenario), tuple(dict.fromkeys(names)))
-        check_moves(names, self.model, self.scenario)
-        owners = {ready.canonical(n): cause for t, cause in self._owners().items() for n in (t.name, *t.also)}
+        # refuse the spread of a deck's power where the scenario gives that power
+        driven = {f"{path}.power": load for load in self.scenario.loads for path in (load, self.model.canonical(load))}
+        still = next((n for n in names if n in driven or self.model.canonical(n) in driven), "")
+        if still:
+            load = driven.get(still, driven.get(self.model.canonical(still), ""))
+            raise IdentificationError(
+                f"the scenario gives the power of '{load}', so a spread of the deck's '{still}' has no effect. Spread 'scale.{load}' in "
+                "per cent.",
+                self.model.title,
+            )
+        # parameter -> the cause that spreads it first
+        acting = [(t, row) for t, row in zip(self.targets, self.gain, strict=True) if t.form in ("add", "log", "factor") and row.any()]
+        first = {t: self.causes[int(np.flatnonzero(row)[0])] for t, row in acting}
+        owners = {ready.canonical(n): cause for t, cause in first.items() for n in (t.name, *t.also)}
         out = self
         for s in spreads:
             cause = s.cause if isinstance(s, Spread) else "stated"
@@ -560,11 +551,6 @@ class Budget:
                 owners[name] = cause
             out = out._joint(s, ready) if isinstance(s, Spread) else out._single(s, ready)
         return out
-
-    def _owners(self) -> dict[Target, str]:
-        """Return parameter -> the cause that spreads it first."""
-        acting = [(t, row) for t, row in zip(self.targets, self.gain, strict=True) if t.form in ("add", "log", "factor") and row.any()]
-        return {t: self.causes[int(np.flatnonzero(row)[0])] for t, row in acting}
 
     def _single(self, groups: Groups, ready: Simulator) -> Budget:
         out = self
@@ -636,8 +622,6 @@ def budget_of(
     scenario: Scenario,
     stated: Stated | Sequence[Stated] = (),
     *,
-    model: Model | None = None,
-    at: str = "",
     without: Sequence[str] = (),
     as_logged: bool = False,
 ) -> Budget:
@@ -648,8 +632,6 @@ def budget_of(
     source_of_values : Model, Calibration, Known, or fitted values  What is known.
     scenario : Scenario     What is done to the model.
     stated : dict, Spread, or several   What else is not known exactly: name or pattern of parameters -> spread as text; see `read_spread`.
-    model : Model           What fitted values are laid over; a fit's own by default.
-    at : str                The submodel that the values belong to.
     without : sequence      Sources that are not counted: kinds (``structural``, ``misfit``), causes or names; the result states this.
     as_logged : bool        Whether rooms and powers of the scenario are what instruments of a fit read; else they are what acts.
 
@@ -657,7 +639,7 @@ def budget_of(
     ------
     IdentificationError   When a value is spread twice, or has no finite error; when a coefficient that must be separated cannot be.
     """
-    source = known_of(source_of_values, model, at)
+    source = known_of(source_of_values)
     statements = [stated] if isinstance(stated, Mapping | Spread) else list(stated)
     plain: list[Spread | Groups] = [expanded(s, source.model) if isinstance(s, Mapping) else s for s in statements]
     rows = rows_of(source)
@@ -672,7 +654,8 @@ def budget_of(
     for path, gas in contacts.items():
         also = next((t.also for t in make.targets if t.name == path), ())
         make = make.with_one(gas, GAS_IN_JOINTS, Target(path, "factor", also))
-    make = replace(make, followed=followed_by(source.discrepancies), said=said_of_assumed(source.discrepancies)).with_stated(plain)
+    of_assumed = {p: variance_and_shift for k in source.discrepancies for p, variance_and_shift in k.of_assumed.items()}
+    make = replace(make, followed=followed_by(source.discrepancies), said=of_assumed).with_stated(plain)
     unseen = UNSEEN if split_model.runner is not None else ""
     unsought = UNSOUGHT if source.fit is not None and asks(source.fit) else ""
     whole = replace(make, remarks=tuple(r for r in (unseen, unsought, remark) if r))
@@ -765,7 +748,11 @@ def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tupl
     spread = budget.spread
     spread |= {f"{n.removeprefix('scale.')}.power" for n in spread if n.startswith("scale.")}
     spread |= {f"{budget.model.canonical(load)}.power" for load in budget.scenario.loads}
-    spread |= _emissivities_of_laws(budget)
+    # emissivities that laws of elements count, as the share of radiation in a coefficient
+    lawful = {p for way in budget.ways for kept_way in way.kept for p in kept_way.laws}
+    flat = compile_network(budget.model).flat
+    stated = [c.emissivity for c in flat.conductors if c.path in lawful and c.emissivity]
+    spread |= {name for e in stated for name in (e, flat.parameters.literal_behind(e))}
     loose = assumed_values(budget.model, budget.scenario, spread)
     if not loose:
         return ()
@@ -790,14 +777,6 @@ def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tupl
     if worst and effect[worst] > 0.0 and len(loose) > 1:
         words += f"; {_costliest([a.path for a in loose], effects_of_node[worst])}"
     return ((LeftOut(words, max(effect.values(), default=0.0)), effect),)
-
-
-def _emissivities_of_laws(budget: Budget) -> set[str]:
-    """Return the emissivities that laws of elements count, as the share of radiation in a coefficient."""
-    lawful = {p for way in budget.ways for kept_way in way.kept for p in kept_way.laws}
-    flat = compile_network(budget.model).flat
-    stated = [c.emissivity for c in flat.conductors if c.path in lawful and c.emissivity]
-    return {name for e in stated for name in (e, flat.parameters.literal_behind(e))}
 
 
 def _solved_again(budget: Budget, paths: Sequence[str]) -> dict[str, dict[str, float]]:

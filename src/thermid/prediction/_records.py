@@ -330,7 +330,10 @@ def record_bands(calibration: Calibration, shown: Calibration, without: Sequence
     local = {u.name: float(shown.fitted[u.name]) for u in shown.problem.unknowns}
     below = Budget.of_rows(rows_of(knowledge), knowledge.model, e.bare).below(knowledge.errors)
     laws = {n: (mean, sd) for n, (mean, sd, _) in values_of_run.items()}
-    bands = _banded(calibration, shown, local, laws, beside_rows(below), without)
+    # value -> how it follows the sources of a budget
+    used = np.flatnonzero(below.gain.any(axis=0))
+    named = ((n, t, row[used]) for t, row in zip(below.targets, below.gain, strict=True) for n in (t.name, *t.also))
+    bands = _banded(calibration, shown, local, laws, {n: BesideRow(row, t.form == "log") for n, t, row in named if row.any()}, without)
     listed = (
         [LeftOut(f"the temperature of {', '.join(open_)}, which is assumed: no fit shows how it differs between runs")] if open_ else []
     )
@@ -338,13 +341,6 @@ def record_bands(calibration: Calibration, shown: Calibration, without: Sequence
     locally = tuple(dict.fromkeys(i.name for i in shown.local))
     remarks = (*budget.remarks, *_follow_commands(bands, e.scenario))
     return RecordPrediction(calibration.stage, e.record.name, bands, locally, remarks, omitted, calibration.standing)
-
-
-def beside_rows(budget: Budget) -> dict[str, BesideRow]:
-    """Return value -> how it follows the sources of a budget."""
-    used = np.flatnonzero(budget.gain.any(axis=0))
-    named = ((n, t, row[used]) for t, row in zip(budget.targets, budget.gain, strict=True) for n in (t.name, *t.also))
-    return {n: BesideRow(row, t.form == "log") for n, t, row in named if row.any()}
 
 
 def _banded(

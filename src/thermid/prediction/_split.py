@@ -295,7 +295,13 @@ def _prior(network: Network, c: FlatConductor, priors: Mapping[str, Any]) -> Emi
     value = float(value_of(network.numbers().values[root]))
     chosen = next((v for k, v in priors.items() if network.flat.names.model.canonical(k) in (root, c.emissivity)), None)
     if chosen is not None:
-        mean, sd = _mean_and_sd(chosen, value, c.path)
+        # mean and standard deviation of an emissivity [-] from a pair, or from what `read_spread` takes
+        if not isinstance(chosen, Mapping) and not (isinstance(chosen, list | tuple) and len(chosen) == 2):
+            raise IdentificationError(
+                f"a prior of an emissivity is a pair such as (0.06, 0.005), not {chosen!r}.", c.path, code="value.wrong-kind"
+            )
+        law = read_spread(chosen if isinstance(chosen, Mapping) else dict(zip(("mean", "sd"), chosen, strict=True)), "1", value, c.path)
+        mean, sd = law.mean, math.sqrt(law.variance)
         if not (0.0 < mean <= 1.0 and sd >= 0.0):
             raise IdentificationError(f"an emissivity of {mean:g} +- {sd:g} is not a valid prior. Give a mean from 0 to 1.", c.path)
         return EmissivityPrior(mean, sd / mean, f"an emissivity of {mean:.3g} +- {sd:.2g}")
@@ -313,16 +319,6 @@ def _prior(network: Network, c: FlatConductor, priors: Mapping[str, Any]) -> Emi
     if low is not None and high is not None and 0.0 < low < high:
         return EmissivityPrior(value, math.log(high / low) / SPAN, f"an emissivity of {low:g} to {high:g}")
     return EmissivityPrior(value, 0.0, f"an emissivity of {value:.3g}, taken as exact")
-
-
-def _mean_and_sd(prior: Any, value: float, where: str) -> tuple[float, float]:
-    """Return mean and standard deviation of an emissivity [-] from a pair, or from what `read_spread` takes."""
-    if not isinstance(prior, Mapping) and not (isinstance(prior, list | tuple) and len(prior) == 2):
-        raise IdentificationError(
-            f"a prior of an emissivity is a pair such as (0.06, 0.005), not {prior!r}.", where, code="value.wrong-kind"
-        )
-    law = read_spread(prior if isinstance(prior, Mapping) else dict(zip(("mean", "sd"), prior, strict=True)), "1", value, where)
-    return law.mean, math.sqrt(law.variance)
 
 
 @takes_objects

@@ -341,6 +341,10 @@ def before_fit(fit: Calibration, scenario: Scenario | None = None) -> Before:
     budget = budget_of(knowledge, scenario) if scenario is not None else Budget.of_rows(rows, knowledge.model)
     states = fit.store.states
     instruments = _beside_values(instruments_of(knowledge), budget)
+    # sensor -> times from the start of each record [s] and what the fit says that it read. [K]
+    predicted: dict[str, list[tuple[Array, Array]]] = {}
+    for b in fit.blocks:
+        predicted.setdefault(b.sensor, []).append((b.times - b.times[0], b.predicted))
     return Before(
         budget,
         instruments,
@@ -351,7 +355,7 @@ def before_fit(fit: Calibration, scenario: Scenario | None = None) -> Before:
         {o.sensor: o.sigma(fit.problem.noise) for o in fit.problem.observations()} if fit.problem is not None else {},
         fit.request.untie if fit.request is not None else False,
         any(e.scenario.environment for e in fit.experiments),
-        _predicted_readings(fit),
+        predicted,
         tuple(t.name for t in budget.targets if t.form == "log" and t.name not in rows.names),
     )
 
@@ -377,14 +381,6 @@ def _beside_values(instruments: Rows, budget: Budget) -> Rows:
         matrix=instruments.matrix[rest],
     )
     return rows_of_values.beside(others)
-
-
-def _predicted_readings(fit: Calibration) -> dict[str, list[tuple[Array, Array]]]:
-    """Return sensor -> times from the start of each record [s] and what the fit says that it read. [K]"""
-    out: dict[str, list[tuple[Array, Array]]] = {}
-    for b in fit.blocks:
-        out.setdefault(b.sensor, []).append((b.times - b.times[0], b.predicted))
-    return out
 
 
 def before_model(model: Model, priors: Mapping[str, Any], scenario: Scenario | None = None) -> Before:

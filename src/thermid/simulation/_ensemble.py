@@ -172,11 +172,8 @@ class Ensemble(Result):
 
         Members that are above it at any time: ``(ensemble.highest(node) > 50.0).mean()``.
         """
-        return np.asarray((self._whole_or_refuse(node) > kelvin(limit)).mean(axis=1))
-
-    def _whole_or_refuse(self, node: str) -> Array:
         self.temperatures(node)
-        return self._whole(self._stored_node(node))
+        return np.asarray((self._whole(self._stored_node(node)) > kelvin(limit)).mean(axis=1))
 
     def _whole(self, path: str) -> Array:
         """Return the temperatures (times, members that reached the end). [K]"""
@@ -561,7 +558,8 @@ class _Runs:
         stored = kernel.advance(self.times.size, self.threads)
         failed = _failed(engine, kernel, numbers, self.options)
         turnings = _turnings(engine, kernel, numbers, self.wanted, kept_nodes, failed, self.options)
-        return _GroupRun(_Recovery(engine, numbers, kept_nodes), stored, self.times, failed, turnings, _statistics(kernel))
+        statistics = {"steps": kernel.steps, "rejected": kernel.rejected, "one_by_one": int(kernel.alone.sum()), "simd": kernel.simd}
+        return _GroupRun(_Recovery(engine, numbers, kept_nodes), stored, self.times, failed, turnings, statistics)
 
     def key(self, values: Mapping[str, Array]) -> str:
         """Return a hash of all that counts at values (members,) depend on."""
@@ -638,15 +636,10 @@ def run_members(
     if executor is None:
         group = runs.group(values)
         return ensemble(group.failed, group.statistics, network.find, group.temperature, {}, group.turnings, warnings)
-    parts = _all_run(runs, values, members, executor)
+    tasks = [(f"members from {first} on", (runs, v)) for first, v in _tasks(values, members, runs.at_once)]
+    parts = [group for _, group in sorted(in_tasks(_Runs.group, tasks, executor), key=itemgetter(0))]
     failed, turnings = _one_after_another(parts)
     return ensemble(failed, added([p.statistics for p in parts]), network.find, partial(_traces_of, parts), {}, turnings, warnings)
-
-
-def _all_run(runs: _Runs, values: Mapping[str, Array], members: int, executor: Workers) -> list[_GroupRun]:
-    """Return the groups of all members, run by workers."""
-    tasks = [(f"members from {first} on", (runs, v)) for first, v in _tasks(values, members, runs.at_once)]
-    return [group for _, group in sorted(in_tasks(_Runs.group, tasks, executor), key=itemgetter(0))]
 
 
 def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executor: Workers, job: str | os.PathLike[str] | None) -> Counted:
@@ -828,10 +821,6 @@ class _Ended:
     node: int
     time: float
     final_temperatures: Array
-
-
-def _statistics(kernel: Any) -> dict[str, Any]:
-    return {"steps": kernel.steps, "rejected": kernel.rejected, "one_by_one": int(kernel.alone.sum()), "simd": kernel.simd}
 
 
 def _no_traces(name: str) -> Array:

@@ -40,12 +40,8 @@ def studio(
         def ready(address: str) -> None:
             typer.echo(f"studio: {address}  (this machine only; end it with Ctrl+C)")
             if browser:
-                webbrowser.open(_leading_to(address, folder).as_uri())
+                # a page in a private folder that leads to an address: the arguments of a browser are seen by every user of the machine
+                page = f'<!doctype html><meta charset="utf-8"><title>studio</title><meta http-equiv="refresh" content="0; url={address}">\n'
+                webbrowser.open(write_text(folder / "studio.html", page, PAGE).as_uri())
 
         serve(room, port, ready)
-
-
-def _leading_to(address: str, folder: Path) -> Path:
-    """Return a page in a private folder that leads to an address: the arguments of a browser are seen by every user of the machine."""
-    page = f'<!doctype html><meta charset="utf-8"><title>studio</title><meta http-equiv="refresh" content="0; url={address}">\n'
-    return write_text(folder / "studio.html", page, PAGE)

@@ -104,18 +104,6 @@ class Criteria:
         sensor_limits = {s: _parsed(t, f"{where}.sensors.{s}") for s, t in table.get("sensors", {}).items()}
         return cls(name, sensors=sensor_limits, where=where, **fields, **limits)
 
-    def limits_at(self, sensor: str) -> Mapping[str, float]:
-        """Metric -> limit at a sensor. [K]
-
-        Raises
-        ------
-        IdentificationError   When nothing is asked of it.
-        """
-        limits = {**self.limits, **self.sensors.get(sensor, {})}
-        if not limits:
-            raise IdentificationError(f"'{sensor}' has no criterion. Give it at least one limit: rmse, max_error or mean_error.")
-        return limits
-
 
 def known_criteria() -> tuple[str, ...]:
     """Keys of the limits: every metric, its aliases, and ``each``."""
@@ -278,7 +266,10 @@ class Check:
 def judge_sensors(criteria: Criteria, deviations: Sequence[Deviation]) -> Iterator[Check]:
     """Yield every criterion at every sensor, by the sensor's own limits where it has some."""
     for d in deviations:
-        for key, limit in criteria.limits_at(d.sensor).items():
+        limits = {**criteria.limits, **criteria.sensors.get(d.sensor, {})}
+        if not limits:
+            raise IdentificationError(f"'{d.sensor}' has no criterion. Give it at least one limit: rmse, max_error or mean_error.")
+        for key, limit in limits.items():
             yield _at_sensors(criteria, d.kind, d.case, key, limit, [d])
 
 

@@ -339,7 +339,6 @@ def propose(
     roles: Roles,
     records: Sequence[Record],
     evaluations: int = EVALUATIONS,
-    noise: Mapping[str, float] | None = None,
     facts: StatedFacts = StatedFacts(),
 ) -> Proposal:
     """Propose a structure for logs.
@@ -349,14 +348,13 @@ def propose(
     roles : Roles           What the columns are.
     records : sequence      The logs, read with these roles.
     evaluations : int       Budget of the search.
-    noise : dict            Column -> noise where it is known; from the log elsewhere. [K]
     facts : StatedFacts           Accuracy of thermometers, masses, paths, a deck to begin with.
 
     Raises
     ------
     IdentificationError     When nothing in the log moves: no part's temperature changes by more than its noise.
     """
-    prepared, sizes = [], dict(noise or {})
+    prepared, sizes = [], dict[str, float]()
     for record in records:
         one, estimated_noise = with_noise(record, sizes, facts.accuracy)
         prepared.append(one)

@@ -328,15 +328,11 @@ def hidden_mass(name: str, course: ElementCourse, node: str, time: float) -> Dep
     return DepartureHeat(name, ((node, TableSignal(t, watts, False)),))
 
 
-def knots_of(course: ElementCourse, time: float) -> Array:
-    """Return the instants of hats that hold a process with a time constant: two a time constant, at most `ROOM_KNOTS` a run. [s]"""
-    end = float(course.times[-1])
-    return np.linspace(0.0, end, int(np.clip(np.ceil(2.0 * end / time), 2, ROOM_KNOTS)) + 1)
-
-
 def room_heats(network: Network, course: ElementCourse, boundary: str, time: float) -> list[DepartureHeat]:
     """Return what a room puts into nodes that departs as an Ornstein-Uhlenbeck process, per independent normal number. [1 K]"""
-    knots = knots_of(course, time)
+    # instants of hats that hold a process with a time constant: two a time constant, at most `ROOM_KNOTS` a run. [s]
+    end = float(course.times[-1])
+    knots = np.linspace(0.0, end, int(np.clip(np.ceil(2.0 * end / time), 2, ROOM_KNOTS)) + 1)
     root = np.linalg.cholesky(np.exp(-np.abs(knots[:, None] - knots) / time) + 1e-12 * np.eye(knots.size))
     shapes = np.array([np.interp(course.times, knots, column) for column in root.T])
     ends = {c.path: c for c in network.flat.conductors}

@@ -43,8 +43,8 @@ class Wander:
         return np.asarray(self.size**2 * np.exp(-np.abs(times[:, None] - times) / self.time))
 
 
-def innovations(times: Array, columns: Array, noise: Array, wander: Wander) -> tuple[Array, float]:
-    """Return columns made white, and the logarithm of the determinant of the covariance that they were divided by.
+def innovations(times: Array, columns: Array, noise: Array, wanders: Sequence[Wander]) -> tuple[Array, Array]:
+    """Return columns made white (wanders, m, k), and the logarithms (wanders,) of the determinants of what they were divided by.
 
     Readings with an Ornstein-Uhlenbeck process and white noise are passed through the Kalman filter of the process; innovation k over
     ``sqrt(S_k)`` is white and of variance one. What is done to the readings is done to the columns of H.
@@ -54,21 +54,26 @@ def innovations(times: Array, columns: Array, noise: Array, wander: Wander) -> t
     times : array (m,)      Increasing. [s]
     columns : array (m, k)  [K]
     noise : array (m,)      Standard deviation of the white noise. [K]
+    wanders : sequence      Processes that are tried.
     """
-    if wander.size == 0.0:
-        return np.asarray(columns / noise[:, None]), 2.0 * float(np.log(noise).sum())
-    memory = np.exp(-np.diff(times, prepend=times[0]) / wander.time)
-    out, state, variance, log_det = np.empty_like(columns), np.zeros(columns.shape[1]), wander.size**2, 0.0
-    for k, (memory_of_step, white_variance) in enumerate(zip(memory.tolist(), (noise**2).tolist(), strict=True)):
-        state = memory_of_step * state
-        variance = memory_of_step**2 * variance + wander.size**2 * (1.0 - memory_of_step**2)
-        total = variance + white_variance
-        apart = columns[k] - state
-        out[k] = apart / total**0.5
-        log_det += float(np.log(total))
-        state = state + (variance / total) * apart
-        variance = variance * white_variance / total
-    return out, log_det
+    scales, gains, log_dets = np.empty((times.size, len(wanders), 1)), np.empty((times.size, len(wanders), 1)), np.zeros(len(wanders))
+    memory = np.stack([np.exp(-np.diff(times, prepend=times[0]) / w.time) for w in wanders], axis=1)[:, :, None]
+    for place, wander in enumerate(wanders):
+        variance = wander.size**2
+        for k, (memory_of_step, white_variance) in enumerate(zip(memory[:, place, 0].tolist(), (noise**2).tolist(), strict=True)):
+            variance = memory_of_step**2 * variance + wander.size**2 * (1.0 - memory_of_step**2)
+            total = variance + white_variance
+            scales[k, place], gains[k, place] = total**0.5, variance / total
+            log_dets[place] += float(np.log(total))
+            variance = variance * white_variance / total
+        if wander.size == 0.0:
+            scales[:, place, 0], log_dets[place] = noise, 2.0 * float(np.log(noise).sum())
+    out, state = np.empty((times.size, len(wanders), columns.shape[1])), np.zeros((len(wanders), columns.shape[1]))
+    for k, row in enumerate(columns):
+        apart = row - (state := memory[k] * state)
+        out[k] = apart / scales[k]
+        state = state + gains[k] * apart
+    return np.ascontiguousarray(np.swapaxes(out, 0, 1)), log_dets
 
 
 @dataclass(frozen=True, eq=False)

@@ -515,20 +515,16 @@ def _widened(fit: Calibration, moved: Mapping[str, float], variances: Mapping[st
     far = {p: x for p, x in moved.items() if p in logs and abs(x) > BEYOND_WIDENING and x**2 > SURE_MOVE**2 * variances[p]}
     # with a stated `adequate` it is the user's to say what residuals may be
     if far and not (is_requested or stated) and fit.own.fair:
-        fit = _inadequate(fit, max(far, key=lambda p: abs(far[p])), far)
+        worst = max(far, key=lambda p: abs(far[p]))
+        size = far[worst]
+        by = f"{short(100.0 * math.expm1(size), 2)} %" if abs(size) < math.log(LARGE_MOVE) else f"more than a factor of {LARGE_MOVE:g}"
+        because = f"what the structure may lack would move '{worst}' by {by}, and the residuals ask for it"
+        accepted = fit.request is not None and fit.request.accepted
+        fit = replace(fit, own=Standing("not adequate", because, fit.stage, accepted)).judged(fit.rests, fit.verdict)
         items = {p: replace(v, standing=fit.values[p].standing) for p, v in items.items()}
     grown = {p: v.error / fit.values[p].error for p, v in items.items() if v.kind == "parameter" and fit.values[p].error > 0.0}
     warnings = (*fit.warnings, _words(grown, is_requested))
     return replace(fit, values=replace(fit.values, items_=items), structural_errors=True, warnings=warnings)
-
-
-def _inadequate(fit: Calibration, worst: str, far: Mapping[str, float]) -> Calibration:
-    """Return a fit whose values the readings ask to move so far that a wider error does not do."""
-    size = far[worst]
-    by = f"{short(100.0 * math.expm1(size), 2)} %" if abs(size) < math.log(LARGE_MOVE) else f"more than a factor of {LARGE_MOVE:g}"
-    because = f"what the structure may lack would move '{worst}' by {by}, and the residuals ask for it"
-    accepted = fit.request is not None and fit.request.accepted
-    return replace(fit, own=Standing("not adequate", because, fit.stage, accepted)).judged(fit.rests, fit.verdict)
 
 
 def _words(grown: Mapping[str, float], is_requested: bool) -> str:

@@ -91,10 +91,8 @@ def sizes_at(points: Array) -> Array:
 
 def deviations(columns: Sequence[UnknownColumn], sizes: Array) -> Array:
     """Return the prior's standard deviations (members, columns) of unknowns at sizes (members, groups)."""
-    out = np.empty((len(sizes), len(columns)))
-    for k, c in enumerate(columns):
-        out[:, k] = c.size * (sizes[:, GROUPS.index(c.group)] if c.group else 1.0)
-    return out
+    places = np.array([GROUPS.index(c.group) if c.group else len(GROUPS) for c in columns], dtype=int)
+    return np.asarray(np.take(np.column_stack([sizes, np.ones(len(sizes))]), places, axis=1) * np.array([c.size for c in columns]))
 
 
 def reach(u: Unknown) -> float:
@@ -164,22 +162,23 @@ class RunsOfFit:
 
     @cached_property
     def _rows_by_remainder(self) -> dict[tuple[float, float], list[RunRows]]:
-        """Size and time of what no element explains -> what each run says; filled as they are asked about."""
-        return {}
+        """Size and time of what no element explains, of `left_prior` -> what the priors of the fit say, and each run."""
+        shared = len(self.values) + len(self.columns)
+        prior_residuals, rows = prior_rows(self.problem.unknowns, self.problem.coupled, self.fitted)
+        acting = rows[:, self.values].any(axis=1)
+        joined = np.column_stack([rows[acting][:, self.values], np.zeros((int(acting.sum()), len(self.columns))), -prior_residuals[acting]])
+        priors = RunRows(joined.T @ joined, shared, 0.0, 0)
+        remainders = [*left_prior()]
+        wanders = [[Wander(SIZES["left"].value * size, part * span) for size, part in remainders] for span in self.spans]
+        by_run = [run_rows(t, w, shared) for t, w in zip(self.traces, wanders, strict=True)]
+        return {remainder: [priors, *(several[k] for several in by_run)] for k, remainder in enumerate(remainders)}
 
     def posterior(self, centre: Array, sizes: Array, remainder: tuple[float, float]) -> Members:
         """Return values and columns given the readings, at sizes (members, groups) and a size and time of what no element explains."""
-        values = len(self.values)
-        shared = values + len(self.columns)
-        rows = self._rows_by_remainder.get(remainder)
-        if rows is None:
-            size, part = SIZES["left"].value * remainder[0], remainder[1]
-            rows = [run_rows(t, Wander(size, part * span), shared) for t, span in zip(self.traces, self.spans, strict=True)]
-            self._rows_by_remainder[remainder] = rows
         wide = np.array([reach(self.problem.unknowns[k]) for k in self.values])
-        every = np.column_stack([np.broadcast_to(wide, (len(sizes), values)), deviations(self.columns, sizes)])
-        own_deviations = [deviations(c, sizes) for c in self.own]
-        return members_of([self._priors(), *rows], centre, every, [np.zeros((len(sizes), 0)), *own_deviations])
+        every = np.column_stack([np.broadcast_to(wide, (len(sizes), len(self.values))), deviations(self.columns, sizes)])
+        own_deviations = [np.zeros((len(sizes), 0)), *(deviations(c, sizes) for c in self.own)]  # the priors of the fit have none
+        return members_of(self._rows_by_remainder[remainder], centre, every, own_deviations)
 
     def likeliest(self, bent: Sequence[int], centre: Array) -> tuple[float, Array, Array]:
         """Return what the readings say against some unknowns here, the step to where they say least, and standard errors.
@@ -191,13 +190,6 @@ class RunsOfFit:
         posteriors = [self.posterior(centre, usual, remainder) for remainder in prior]
         logs = [log + float(f.log_evidence[0]) for log, f in zip(prior.values(), posteriors, strict=True)]
         return step_to_mode(logs, [f.mean[0][bent] for f in posteriors], [f.root[0][bent] for f in posteriors])
-
-    def _priors(self) -> RunRows:
-        """Return the priors of the fit as rows about its values."""
-        prior_residuals, rows = prior_rows(self.problem.unknowns, self.problem.coupled, self.fitted)
-        acting = rows[:, self.values].any(axis=1)
-        joined = np.column_stack([rows[acting][:, self.values], np.zeros((int(acting.sum()), len(self.columns))), -prior_residuals[acting]])
-        return RunRows(joined.T @ joined, len(self.values) + len(self.columns), 0.0, 0)
 
 
 def alone_in(problem: Problem, i: int) -> list[int]:
@@ -314,8 +306,8 @@ def left_prior() -> dict[tuple[float, float], float]:
 
     edges = np.r_[0.0, 0.5 * (np.array(LEFT_SIZES[1:]) + LEFT_SIZES[:-1]), np.inf]
     mass = 2.0 * np.diff(ndtr(edges))
-    out = {(0.0, LEFT_TIMES[0]): float(np.log(mass[0]))}
-    return out | {(s, t): float(np.log(m / len(LEFT_TIMES))) for s, m in zip(LEFT_SIZES[1:], mass[1:], strict=True) for t in LEFT_TIMES}
+    others = [(s, t, m / len(LEFT_TIMES)) for s, m in zip(LEFT_SIZES[1:], mass[1:], strict=True) for t in LEFT_TIMES]
+    return {(s, t): float(np.log(m)) for s, t, m in [(0.0, LEFT_TIMES[0], mass[0]), *others]}
 
 
 def points_of(problem: Problem, fitted: Array) -> dict[str, OperatingPoint]:

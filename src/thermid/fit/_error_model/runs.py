@@ -275,12 +275,9 @@ class SensorRows:
         """Return some of the unknowns, in an order."""
         return replace(self, rows=self.rows[:, list(columns)])
 
-    def white(self, wander: Wander) -> tuple[Array, float]:
-        """Return white rows and residuals (m, unknowns + 1), and ln det of what they were divided by."""
-        return innovations(self.times, np.column_stack([self.rows, self.residuals]), self.noise, wander)
 
-
-def run_rows(traces: Sequence[SensorRows], wander: Wander, shared: int) -> RunRows:
-    """Return what a run's sensors say of unknowns, the first of which other runs share."""
-    parts = [t.white(wander) for t in traces]
-    return RunRows.of_rows(np.concatenate([rows for rows, _ in parts]), shared, sum(log for _, log in parts))
+def run_rows(traces: Sequence[SensorRows], wanders: Sequence[Wander], shared: int) -> list[RunRows]:
+    """Return what a run's sensors say of unknowns, the first of which other runs share, with each of several processes."""
+    parts = [innovations(t.times, np.column_stack([t.rows, t.residuals]), t.noise, wanders) for t in traces]
+    every, logs = np.concatenate([rows for rows, _ in parts], axis=1), sum((log for _, log in parts), np.zeros(len(wanders)))
+    return [RunRows.of_rows(rows, shared, float(log)) for rows, log in zip(every, logs, strict=True)]

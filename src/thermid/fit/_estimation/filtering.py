@@ -183,8 +183,8 @@ def chance(probability: float) -> str:
     return f"p = {probability:.2g}" if probability >= 1e-6 else "p < 1e-6"
 
 
-def whiteness(sensor: str, standard: Array, unknowns: int = 0) -> Whiteness:
-    """Return whether standardised innovations (readings,) are white; `unknowns` that were fitted to them take as many lags."""
+def whiteness(sensor: str, standard: Array) -> Whiteness:
+    """Return whether standardised innovations (readings,) are white."""
     from scipy.special import gammaincc
 
     n = standard.size
@@ -193,6 +193,5 @@ def whiteness(sensor: str, standard: Array, unknowns: int = 0) -> Whiteness:
     power = float(off @ off)
     r = np.array([float(off[k:] @ off[:-k]) / power if power > 0 else 0.0 for k in range(1, lags + 1)])
     q = n * (n + 2.0) * float(np.sum(r**2 / (n - np.arange(1, lags + 1))))
-    freedom = max(lags - unknowns, 1)
-    size, probability = float(np.sqrt(np.mean(standard**2))), float(gammaincc(0.5 * freedom, 0.5 * q))
+    size, probability = float(np.sqrt(np.mean(standard**2))), float(gammaincc(0.5 * lags, 0.5 * q))
     return Whiteness(sensor, n, lags, float(r[0]), size, probability, effective_samples(standard))

@@ -83,11 +83,6 @@ class Passing:
             at = names == key
             self._forced[:, at] += along(s.start, first[:, at]) + along(s.slope, (last - first)[:, at])
 
-    def _linear_step(self, belief: Belief, place: int) -> tuple[Belief, FilterStep]:
-        s = self._steps[self.dynamics.lengths[place]]
-        mean = np.asarray(np.einsum("mij,mj->mi", s.transition, belief.mean - self.about) + self._forced[:, place])
-        return moved(belief, s.transition, mean, s.noise), FilterStep(s.transition, s.noise, belief, mean)
-
     # linearised anew at every step
 
     def _bent_step(self, belief: Belief, begin: float, end: float, halvings: int = 0) -> tuple[Belief, list[FilterStep]]:
@@ -117,7 +112,9 @@ class Passing:
     def ahead(self, belief: Belief, place: int) -> tuple[Belief, tuple[FilterStep, ...]]:
         """Return the belief at the next time of the grid after `place`, no reading in between, and the legs to it."""
         if self.dynamics.linear:
-            out, leg = self._linear_step(belief, place)
+            s = self._steps[self.dynamics.lengths[place]]
+            mean = np.asarray(np.einsum("mij,mj->mi", s.transition, belief.mean - self.about) + self._forced[:, place])
+            out, leg = moved(belief, s.transition, mean, s.noise), FilterStep(s.transition, s.noise, belief, mean)
             return out, (leg,)
         later, legs = self._bent_step(belief, float(self.dynamics.grid[place]), float(self.dynamics.grid[place + 1]))
         return later, tuple(legs)

@@ -314,16 +314,11 @@ def starts_of(
         return Kelvin(first_reading(record, base.start, window)), initial, readings, ()
     if base.start not in ("", MEASURED):
         return base.start, initial, readings, ()
-    loose = tuple(n for n in first if n not in initial and _massive(network, n) and _can_start(network, n))
+    runner = network.flat.names.model.runner  # of somebody else's program a start may follow from others
+    loose = tuple(n for n in first if n not in initial and _massive(network, n) and (runner is None or n in runner.starts))
     initial |= {n: Kelvin(first[n]) for n in loose}
     mean = Kelvin(np.mean(list(first.values())))
     return (mean if base.start == MEASURED or len(network.boundaries) != 1 else ""), initial, readings, loose
-
-
-def _can_start(network: Network, node: str) -> bool:
-    """Whether the start of a node can be set; of somebody else's program it may follow from others."""
-    runner = network.flat.names.model.runner
-    return runner is None or node in runner.starts
 
 
 def _massive(network: Network, node: str) -> bool:

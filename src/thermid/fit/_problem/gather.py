@@ -44,7 +44,11 @@ def build_problem(request: Request) -> Problem:
     experiments = tuple(
         bind(request.model, r, request.scenario(r), request.window, request.weights, request.held_errors) for r in request.records
     )
-    _check_weights(request, experiments, where)
+    sensors = {o.sensor for e in experiments for o in e.observations}
+    for sensor, weight in request.weights.items():
+        refuse_unknown([sensor], sensors, where, "a weight is given for '{}', which is not a sensor of this fit.", IdentificationError)
+        if not (math.isfinite(weight) and weight > 0):
+            raise IdentificationError(f"the weight of '{sensor}' must be above zero. To leave a sensor out, ignore it.", where)
     return problem_of(request, experiments)
 
 
@@ -67,14 +71,6 @@ def problem_of(request: Request, experiments: Sequence[Experiment], opened: Sequ
     coupled = ((below.at, below.mean, below.root),) if below.at.size else ()
     noise = {o.sensor: 1.0 for e in experiments for o in e.observations}
     return Problem(settled, tuple(unknowns), noise, request.options, dict(request.held_bias), coupled)
-
-
-def _check_weights(request: Request, experiments: Sequence[Experiment], where: str) -> None:
-    sensors = {o.sensor for e in experiments for o in e.observations}
-    for sensor, weight in request.weights.items():
-        refuse_unknown([sensor], sensors, where, "a weight is given for '{}', which is not a sensor of this fit.", IdentificationError)
-        if not (math.isfinite(weight) and weight > 0):
-            raise IdentificationError(f"the weight of '{sensor}' must be above zero. To leave a sensor out, ignore it.", where)
 
 
 def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unknown]:

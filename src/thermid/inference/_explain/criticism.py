@@ -13,7 +13,7 @@ from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.fit.calibration import Calibration, fit as refit
-from thermid.fit.problem import Experiment, Request
+from thermid.fit.problem import Request
 from thermid.inference._explain.candidates import missing_elements
 from thermid.inference._explain.heats import unlogged_powers
 from thermid.inference._explain.structures import FittedStructure, adopted, fitted_structure, promises
@@ -272,7 +272,14 @@ def running_locals(fit: Calibration) -> list[str]:
     """
     from scipy.special import fdtrc
 
-    means = {e.record.name: _mean_inputs(e) for e in fit.experiments}
+    means = {
+        e.record.name: {
+            c.target or c.name: float(c.values[c.valid].mean())
+            for c in e.record.channels.values()
+            if c.role in ("load", "command") and c.valid.any()
+        }
+        for e in fit.experiments
+    }
     names = list(dict.fromkeys(n for table in means.values() for n in table))
     out = []
     for local in dict.fromkeys(v.name for v in fit.local):
@@ -297,12 +304,6 @@ def running_locals(fit: Calibration) -> list[str]:
         if best[0] < 0.01:
             out.append(f"{best[1]} (by chance: {short(best[0])}). It compensates heat that the model lacks.")
     return out
-
-
-def _mean_inputs(experiment: Experiment) -> dict[str, float]:
-    """Return mean of every logged power and command of a record."""
-    channels = experiment.record.channels.values()
-    return {c.target or c.name: float(c.values[c.valid].mean()) for c in channels if c.role in ("load", "command") and c.valid.any()}
 
 
 def _traces(fit: Calibration) -> list[TraceCriticism]:

@@ -124,10 +124,13 @@ def _explained(fit: Calibration, request: Request) -> tuple[ExplainedFit, ...]:
         for start in change.starts if change is not None else ():
             if min((t.fit.reduced_chi_square for t in attempts), default=np.inf) > NOISY:
                 attempts += [t for t in [_tried(open_request, change, FIRST_SWITCH_POSITION, clock, start)] if t is not None]
-    if not attempts or _unproved(fit, max(attempts, key=_likeliest)):
+    if not attempts:
         return ()
+    best = max(attempts, key=_likeliest)
+    if best.fit.reduced_chi_square > NOISY or _over(best.weighing, _weighed(fit, None)) < 0.5 * VERY_STRONG:
+        return ()  # it leaves more than noise, or is not much better than the fit of the deck
     if clock is not None and clock.sampled:
-        at, _ = _instant(open_request, max(attempts, key=_likeliest), clock)
+        at, _ = _instant(open_request, best, clock)
         begun = {id(t.change): _values(t.fit) for t in attempts}
         there = [t for c in changes if (t := _tried(open_request, c, at, clock, begun.get(id(c), {}))) is not None]
         attempts = [x for t in _nearly_as_likely(there or attempts) for x in _over_instants(open_request, t, clock)]
@@ -163,11 +166,6 @@ def _promises(fit: Calibration, request: Request, change: MissingElement | None,
 
 def _likeliest(t: _Tried) -> float:
     return t.weighing.best
-
-
-def _unproved(fit: Calibration, best: _Tried) -> bool:
-    """Whether the best of several defects leaves more than noise, or is not much better than the fit of the deck."""
-    return best.fit.reduced_chi_square > NOISY or _over(best.weighing, _weighed(fit, None)) < 0.5 * VERY_STRONG
 
 
 def _nearly_as_likely(attempts: Sequence[_Tried]) -> list[_Tried]:

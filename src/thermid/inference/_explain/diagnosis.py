@@ -18,7 +18,7 @@ from thermid.base.results import Result
 from thermid.fit.calibration import Calibration
 from thermid.inference._explain.candidates import Fault, faults_of
 from thermid.inference._explain.causes import GROUPS
-from thermid.inference._explain.thresholds import DIAGNOSED, DIAGNOSED_ROUNDS, DIAGNOSED_STRETCHES, EXPLAINS
+from thermid.inference._explain.thresholds import DIAGNOSED, DIAGNOSED_ROUNDS, DIAGNOSED_STRETCHES, EXPLAINS, LEFT_BY_EVERY_MODEL
 from thermid.simulation.runs import Simulator, prepare
 
 NOTHING = "nothing"
@@ -55,19 +55,19 @@ class Case:
 class FaultBench:
     """All logs together: deviations as one vector, their covariance, the response of every candidate."""
 
-    def __init__(self, cases: Sequence[Case], candidates: Sequence[Fault], floor: float, accuracy: Mapping[str, float]) -> None:
+    def __init__(self, cases: Sequence[Case], candidates: Sequence[Fault], accuracy: Mapping[str, float]) -> None:
         self.cases, self.candidates = cases, candidates
         self.nominal = [c.run({}) for c in cases]
         self.d = np.concatenate([c.deviations.ravel() for c in cases])
-        self._covariance = self._errors(floor, accuracy)
+        self._covariance = self._errors(accuracy)
 
-    def _errors(self, floor: float, accuracy: Mapping[str, float]) -> Array:
+    def _errors(self, accuracy: Mapping[str, float]) -> Array:
         """Return the covariance of the deviations where nothing is wrong: noise, constant errors of sensors, a part that wanders."""
         blocks, owner = [], []
         for c in self.cases:
             near = np.exp(-np.abs(c.centres[:, None] - c.centres[None, :]) / (0.2 * (np.ptp(c.centres) or 1.0)))
             for k, s in enumerate(c.sensors):
-                blocks.append(np.diag(c.errors[k] ** 2) + floor**2 * near)
+                blocks.append(np.diag(c.errors[k] ** 2) + LEFT_BY_EVERY_MODEL**2 * near)
                 owner += [s] * c.centres.size
         out = np.zeros((len(owner), len(owner)))
         at = 0
@@ -235,7 +235,6 @@ def diagnose(
     *,
     spread: Mapping[str, Any] | None = None,
     accuracy: float = 0.3,
-    floor: float = 0.1,
 ) -> Diagnosis:
     """Bayesian fault diagnosis: which group of parameters would explain the deviations of readings from a model.
 
@@ -249,7 +248,6 @@ def diagnose(
     fits : Calibration(s)   Results of `compare`, a record each or several.
     spread : dict           Fitted paths -> standard deviation, with a unit or SI: what the model's values leave open counts as expected.
     accuracy : float        Standard deviation of a sensor's constant error, where its channel states none. [K]
-    floor : float           Standard deviation of what every model leaves, wandering over a fifth of a log. [K]
 
     Raises
     ------
@@ -266,7 +264,7 @@ def diagnose(
     grown, candidates = faults_of(several[0].fitted_model, {s: o.seat for s, o in noted.items()})
     extra = list(spread or {})
     cases = [c for t in several for c in cases_of(t, grown, candidates, extra)]
-    bench = FaultBench(cases, candidates, floor, accuracies)
+    bench = FaultBench(cases, candidates, accuracies)
     if extra:
         columns = [
             np.concatenate(

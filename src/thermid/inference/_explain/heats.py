@@ -197,7 +197,12 @@ def air_paths(e: Experiment, boundary: str) -> list[FlatConductor]:
 
 def heats_of(request: Request, fit: RoughFit, base: RoughEnd, logged: Collection[str]) -> Iterator[Heat]:
     """Yield heats that would explain a misfit: the best window of each node and boundary by one evaluation, and unlogged loads."""
-    order = np.argsort([-_misfit(fit, base, i) for i in range(len(fit.problem.experiments))])
+    order = np.argsort(
+        [
+            -float(sum(np.sum((t.whiten @ r) ** 2) for t, r in zip(fit.traces, base.left, strict=True) if t.experiment == i))
+            for i in range(len(fit.problem.experiments))
+        ]
+    )
     for i in order[:2].tolist():
         e = fit.problem.experiments[i]
         span = e.scenario.seconds
@@ -212,10 +217,6 @@ def _largest(fit: RoughFit) -> float:
     """Return the largest power that logs and scenarios give, 1 W at least. [W]"""
     bounds = (s.bounds for e in fit.problem.experiments for s in e.scenario.loads.values())
     return max([1.0, *(float(np.abs(w).max()) for w in bounds if np.size(w))])
-
-
-def _misfit(fit: RoughFit, base: RoughEnd, experiment: int) -> float:
-    return float(sum(np.sum((t.whiten @ r) ** 2) for t, r in zip(fit.traces, base.left, strict=True) if t.experiment == experiment))
 
 
 def stores_of(e: Experiment) -> tuple[str, ...]:

@@ -158,7 +158,7 @@ def _mistakes_of(request: Request, name: str) -> Mistakes:
         request = _worst(request, fit, base)
         fit, before = RoughFit.of_request(request), fit.named(base)
         base = fit.best(before, None)  # of fewer records an unknown of one may have another name
-    candidates = hypotheses(request, fit, base)
+    candidates = [*_of_deck(request, fit, base), *_of_requests(request, fit), *_of_readings(fit, base), *_of_heats(request, fit, base)]
     quick = [(h, _fitted(h, fit, base)) for h in candidates]
     ranked = sorted((f for f in quick if f[1] is not None), key=lambda f: -_gain(f[0], f[1], base))
     placed = sorted((f for h, _ in ranked[:SECOND] for f in _placed(h, fit, base)), key=lambda f: -_gain(f[0], f[1], base))
@@ -273,18 +273,6 @@ class Hypothesis:
     read: Mapping[str, tuple[str, float]] = field(default_factory=dict)
 
 
-def hypotheses(request: Request, fit: RoughFit, base: RoughEnd) -> list[Hypothesis]:
-    """Return the mistakes that are worth a fit.
-
-    Parameters
-    ----------
-    request : Request   What the fit was asked.
-    fit : RoughFit      It, over thinned readings.
-    base : RoughEnd     Its end.
-    """
-    return [*_of_deck(request, fit, base), *_of_requests(request, fit), *_of_readings(fit, base), *_of_heats(request, fit, base)]
-
-
 # ---- values of the deck that the fit holds
 
 
@@ -354,10 +342,6 @@ def _from_fahrenheit(values: Array) -> Array:
     return (values - ICE_POINT - 32.0) / DEGREE + ICE_POINT
 
 
-def _paced(factor: float, record: Record) -> Record:
-    return replace(record, times=factor * record.times)
-
-
 def _decks(network: Network) -> dict[str, float]:
     """Return load -> power by the deck. [W]"""
     values = network.flat.parameters.evaluate({})
@@ -402,7 +386,7 @@ def _units(request: Request) -> Iterator[Hypothesis]:
     for factor, text in ((60.0, "minutes"), (3600.0, "hours"), (1e-3, "milliseconds")):
         if any(r.second is not None for r in request.records):
             break
-        other = _with(request, partial(_paced, factor))
+        other = replace(request, records=tuple(replace(r, times=factor * r.times) for r in request.records))
         time = request.records[0].origin.time
         words = f"the times '{time}' are in {text} but were read in seconds"
         unit = {"minutes": "min", "hours": "h", "milliseconds": "ms"}[text]

@@ -166,12 +166,15 @@ class RoughFit:
         """
         full_problem = build_problem(request)
         unknowns = tuple(_held(request.model, u) for u in full_problem.unknowns)
-        problem = replace(full_problem, unknowns=(*unknowns, *(_about_zero(u, sd) for u, sd in amounts)))
+        problem = replace(full_problem, unknowns=(*unknowns, *(replace(u, prior=Prior(0.0, sd)) for u, sd in amounts)))
         errors = {(t.record, t.sensor): t for t in like.traces} if like is not None else {}
         traces, meshes, airs = [], [], []
         for i, e in enumerate(problem.experiments):
             centres, edges = _stretches(e.times)
-            meshes.append(_mesh(edges))
+            # instants at which a record is simulated [s], and the stretch of each
+            share = (np.arange(INSTANTS_PER_STRETCH) + 0.5) / INSTANTS_PER_STRETCH
+            mesh = (edges[:-1, None] + share[None, :] * np.diff(edges)[:, None]).ravel()
+            meshes.append((mesh, np.repeat(np.arange(edges.size - 1), INSTANTS_PER_STRETCH)))
             air = next(iter(e.scenario.boundaries.values()))
             airs.append(np.broadcast_to(np.asarray(air.at(centres), dtype=float), centres.shape))
             for k, o in enumerate(e.observations):
@@ -319,10 +322,6 @@ def _held(model: Model, u: Unknown) -> Unknown:
     return replace(u, prior=Prior(u.to_fitted(u.start), sd))
 
 
-def _about_zero(u: Unknown, sd: float) -> Unknown:
-    return replace(u, prior=Prior(0.0, sd))
-
-
 def _stretches(times: Array) -> tuple[Array, Array]:
     """Return the middle of every stretch of a record, and the edges between them; each holds readings. [s]"""
     if times.size <= STRETCHES_PER_RECORD:
@@ -334,13 +333,6 @@ def _stretches(times: Array) -> tuple[Array, Array]:
         parts = [times[place == k] for k in np.unique(place)]
     between = [0.5 * (before[-1] + right[0]) for before, right in pairwise(parts)]
     return np.array([p.mean() for p in parts]), np.array([times[0], *between, times[-1]])
-
-
-def _mesh(edges: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Return instants at which a record is simulated [s], and the stretch of each."""
-    share = (np.arange(INSTANTS_PER_STRETCH) + 0.5) / INSTANTS_PER_STRETCH
-    mesh = (edges[:-1, None] + share[None, :] * np.diff(edges)[:, None]).ravel()
-    return mesh, np.repeat(np.arange(edges.size - 1), INSTANTS_PER_STRETCH)
 
 
 def _means(times: Array, values: Array, edges: Array) -> tuple[Array, NDArray[np.int64]]:

@@ -33,6 +33,7 @@ from thermid.inference._explain.thresholds import (
     FREE_STEP,
     MAX_SEPARATING_READINGS,
     PROMISED_STEP,
+    REFITS_OF_A_ROUND,
     SEARCHED,
     TIE,
     WIDE_ERRORS,
@@ -217,7 +218,6 @@ def search_structure(
     *,
     changes: Callable[[Fitted], Sequence[MissingElement]] | None = None,
     rounds: int = 6,
-    width: int = 4,
     evaluations: int = EVALUATIONS,
     begin: Mapping[str, float] | None = None,
 ) -> StructureSearch:
@@ -228,7 +228,6 @@ def search_structure(
     request : Request       The fit with the structure to begin from.
     changes : callable      Changes of a fitted structure; those of the catalogue by default.
     rounds : int            Most changes, one after the other.
-    width : int             Refits of single changes in each round; pairs of the three with the best scores are refitted too.
     evaluations : int       Budget after which no refit begins, and one that runs is given up.
     begin : dict            Unknown -> value in the fitted form to begin from; the request's own starts by default.
 
@@ -239,7 +238,7 @@ def search_structure(
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):
-        return _Searching(request, changes or (lambda structure: list(changes_of(structure))), width, EvaluationBudget(evaluations)).run(
+        return _Searching(request, changes or (lambda structure: list(changes_of(structure))), EvaluationBudget(evaluations)).run(
             rounds, begin or {}
         )
 
@@ -270,10 +269,8 @@ class EvaluationBudget:
 class _Searching:
     """State of one search: what was fitted, what was refused."""
 
-    def __init__(
-        self, request: Request, changes: Callable[[Fitted], Sequence[MissingElement]], width: int, budget: EvaluationBudget
-    ) -> None:
-        self.request, self.changes, self.width, self.budget = request, changes, width, budget
+    def __init__(self, request: Request, changes: Callable[[Fitted], Sequence[MissingElement]], budget: EvaluationBudget) -> None:
+        self.request, self.changes, self.budget = request, changes, budget
         self.done: list[FittedStructure] = []
         self.refused: list[tuple[str, str]] = []
         self.scored = 0
@@ -293,7 +290,12 @@ class _Searching:
                 break
             best = better
         best = self._challenged(self._simplest(self._pruned(best)))
-        self._straighten(best)
+        # refit what a law that bends may stand for: a contact in its place, which of equals is the simpler one
+        for place in [k for k, change in enumerate(best.changes) if change.bends]:
+            plain = None if self.budget.over else self._without(best, place)
+            scores = self._scores(plain) if plain else []
+            for score in [s for s in scores if not s.change.nodes and not s.change.bends][:CHALLENGES]:
+                self._refitted(plain or best, score)
         return StructureSearch(
             tuple(self.done),
             self._simplest(best),
@@ -306,7 +308,7 @@ class _Searching:
     def _round(self, best: FittedStructure) -> FittedStructure | None:
         """Return the best structure one or two changes on; None where the readings support none."""
         scores = self._scores(best)
-        chosen = [s for s in scores[: self.width] if s.gain > 0.5]
+        chosen = [s for s in scores[:REFITS_OF_A_ROUND] if s.gain > 0.5]
         pairs = [_pair(a, b) for k, a in enumerate(scores[:3]) for b in scores[k + 1 : 3] if min(a.gain, b.gain) > TIE]
         refitted = [self._refitted(best, score) for score in chosen]
         single = max((self.log(m) for m in refitted if m is not None and m.possible), default=-np.inf)
@@ -383,14 +385,6 @@ class _Searching:
             return None
         self.done.append(structure)
         return structure
-
-    def _straighten(self, best: FittedStructure) -> None:
-        """Refit what a law that bends may stand for: a contact in its place, which of equals is the simpler one."""
-        for place in [k for k, change in enumerate(best.changes) if change.bends]:
-            plain = None if self.budget.over else self._without(best, place)
-            scores = self._scores(plain) if plain else []
-            for score in [s for s in scores if not s.change.nodes and not s.change.bends][:CHALLENGES]:
-                self._refitted(plain or best, score)
 
     def log(self, one: FittedStructure) -> float:
         """Return the logarithm of how likely readings are, under the noise of the likeliest structure."""
@@ -480,11 +474,6 @@ def _promised(problem: Problem, at: Array, values_before: Mapping[str, float], a
     return 0.5 * float(residuals @ residuals + step @ step), larger
 
 
-def sizes_of(changes: Sequence[MissingElement]) -> dict[str, SizedValue]:
-    """Return path -> prior of what several changes add."""
-    return {path: size for c in changes for path, size in c.sizes.items()}
-
-
 def fitted_structure(
     changes: tuple[MissingElement, ...],
     request: Request,
@@ -507,7 +496,7 @@ def fitted_structure(
     IdentificationError     When its budget is used up, or it does not end.
     SolverError             When a record cannot be run.
     """
-    sizes = sizes_of(changes)
+    sizes = {path: size for c in changes for path, size in c.sizes.items()}
     problem = _loosely_held(build_problem(request), sizes)
     at = starting_point(problem.unknowns)
     for k, u in enumerate(problem.unknowns):

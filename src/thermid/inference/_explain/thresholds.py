@@ -66,6 +66,8 @@ DIAGNOSED_STRETCHES: Final = 24
 """Stretches of time into which every log is thinned."""
 DIAGNOSED_ROUNDS, DIAGNOSED = 4, 6
 """Steps in which the size of a fault is found beside the equations, and how many of the likeliest faults are looked at so."""
+LEFT_BY_EVERY_MODEL: Final = 0.1
+"""Standard deviation of what every model leaves, wandering over a fifth of a log. [K]"""
 EXPLAINS: Final = 0.7
 """Part of the weighted squares that a fault must take away to be called the explanation."""
 
@@ -132,6 +134,8 @@ UNDETERMINED: Final = 0.5
 
 TIE: Final = 3.0
 """Logarithm of a Bayes factor below which two causes, or structures, cannot be separated: 20 to 1 (Kass and Raftery 1995). [-]"""
+REFITS_OF_A_ROUND: Final = 4
+"""Refits of single changes in each round; pairs of the three with the best scores are refitted too."""
 PROMISED_STEP: Final = 1.5
 """Standard deviation that a promise allows each logarithm, so that one step is not believed farther than it can be. [-]"""
 FREE_STEP: Final = 20.0

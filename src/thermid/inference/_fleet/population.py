@@ -256,12 +256,6 @@ class PopulationFit:
         change = np.einsum("a,eab,b->e", along, self._moved, along)
         return float(2.0 * (c @ along) ** 2 / max(change @ self.of_omega @ change, 1e-300))
 
-    def errors_of_pushes(self) -> Array:
-        """Return the standard deviations (units, values) of ``W_i (d_i - X_i beta)``."""
-        at = self.at
-        variance = np.diagonal(at.weights, axis1=1, axis2=2) - np.einsum("nia,ab,nib->ni", at.carried, at.spread, at.carried)
-        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
-
 
 def _begun(summaries: Summaries, together: Bools) -> Array:
     """Return an Omega (values, values) to begin at: how far what units say is apart, and steps of expectation and maximisation from there.
@@ -412,8 +406,11 @@ def distances(population: PopulationFit) -> Array:
 
     The score of a shift of one value of one unit: ``W_i (d_i - X_i beta)`` over its standard deviation.
     """
-    errors = population.errors_of_pushes()
-    return np.divide(population.at.pushes, errors, out=np.zeros_like(errors), where=errors > 1e-9 * errors.max(axis=0))
+    # standard deviations (units, values) of ``W_i (d_i - X_i beta)``
+    at = population.at
+    variance = np.diagonal(at.weights, axis1=1, axis2=2) - np.einsum("nia,ab,nib->ni", at.carried, at.spread, at.carried)
+    errors: Array = np.sqrt(np.maximum(variance, 0.0))
+    return np.divide(at.pushes, errors, out=np.zeros_like(errors), where=errors > 1e-9 * errors.max(axis=0))
 
 
 def odd_units(population: PopulationFit) -> list[Odd]:

@@ -168,9 +168,11 @@ def read_unit(unit: FleetUnit, start: Array | None, mean: Array, root: Array, no
     across = information[np.ix_(at, others)] @ symmetric_inverse(information[np.ix_(others, others)])
     marginal = information[np.ix_(at, at)] - across @ information[np.ix_(others, at)]
     freedom = problem.effective_samples - taken
+    # a symmetric matrix without negative directions
+    sizes, vectors = np.linalg.eigh(0.5 * (marginal + marginal.T))
     return UnitSummary(
         end.fitted,
-        _upright(marginal),
+        np.asarray((vectors * np.maximum(sizes, 0.0)) @ vectors.T),
         score[at] - across @ score[others],
         here.chi_square,
         freedom,
@@ -178,12 +180,6 @@ def read_unit(unit: FleetUnit, start: Array | None, mean: Array, root: Array, no
         here.sums,
         end.converged,
     )
-
-
-def _upright(matrix: Array) -> Array:
-    """Return a symmetric matrix without negative directions."""
-    sizes, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    return np.asarray((vectors * np.maximum(sizes, 0.0)) @ vectors.T)
 
 
 @takes_objects
@@ -246,7 +242,10 @@ def fleet_of(requests: Mapping[str, Request], covariates: Covariates, title: str
         raise IdentificationError(f"a fleet needs at least three units, and there are {len(requests)}.", title, code="fleet.too-small")
     with threadpool_limits(limits=1):
         units = [FleetUnit.from_request(name, request) for name, request in requests.items()]
-        unknowns = _common_values(units, title)
+        unknowns = tuple(units[0].unknowns)
+        for unit in units[1:]:
+            if [(u.name, u.log) for u in unit.unknowns] != [(u.name, u.log) for u in unknowns]:
+                raise IdentificationError(f"'{unit.name}' has other free values than '{units[0].name}'.", title, code="fleet.units-differ")
         design = CovariateDesign.from_covariates([u.name for u in units], covariates, len(unknowns))
         count, numbers = len(units), len(unknowns) * (len(unknowns) + 1) // 2
         full = count >= FEWEST_UNITS * numbers or len(unknowns) == 1
@@ -255,20 +254,6 @@ def fleet_of(requests: Mapping[str, Request], covariates: Covariates, title: str
         remarks = _remarks(units, together, numbers, answers, settled)
         model = next(iter(requests.values())).model
         return _summed(title, units, unknowns, design, reference, population, remarks, model)
-
-
-def _common_values(units: Sequence[FleetUnit], title: str) -> tuple[Unknown, ...]:
-    """Return the values that all units have.
-
-    Raises
-    ------
-    IdentificationError   When two units differ in them.
-    """
-    first = units[0].unknowns
-    for unit in units[1:]:
-        if [(u.name, u.log) for u in unit.unknowns] != [(u.name, u.log) for u in first]:
-            raise IdentificationError(f"'{unit.name}' has other free values than '{units[0].name}'.", title, code="fleet.units-differ")
-    return tuple(first)
 
 
 def _iterated(

@@ -374,20 +374,19 @@ def _judged(record: Samples, name: str, rule: StabilityRule, start: float, end: 
     return replace(drift, verdict=verdict_of(drift.rate, drift.error, rule.rate))
 
 
-def since_when(record: Samples, name: str, rule: StabilityRule, since: float = -np.inf, looks: int = 120) -> float | None:
+def since_when(record: Samples, name: str, rule: StabilityRule, since: float = -np.inf) -> float | None:
     """Return the earliest time from which a channel stays stable to the end of the record, or None. [s]
 
     Parameters
     ----------
     record, name, rule, since   As in `channel_stability`.
-    looks : int                 Times at which the question is asked, at most.
     """
     begin = max(since, float(record.times[0]))
     first = begin + max(rule.window, MIN_JUDGED_WINDOW, MIN_READINGS_OF_STRETCH * record.step)
     if first > record.times[-1]:
         return None
     earliest: float | None = None
-    looks = min(looks, int((record.times[-1] - first) / record.step) + 2)  # more often than there are readings says nothing more
+    looks = min(120, int((record.times[-1] - first) / record.step) + 2)  # more often than there are readings says nothing more
     for at in np.linspace(first, float(record.times[-1]), looks)[::-1]:
         try:
             verdict = channel_stability(record, name, rule, float(at), begin).verdict

@@ -43,7 +43,9 @@ def save_model(model: Model, path: str | os.PathLike[str], like: str | os.PathLi
     files: dict[Path, Model] = {}
     names = _part_names(model, target)
     _collect(model, target, files, names)
-    files = {file: part for file, part in files.items() if file == target or not _says(file, part)}
+    # a part's deck that thermid did not write and that says the same already stays as its author wrote it
+    same = {f for f, part in files.items() if f != target and f.is_file() and not DECK.titled(part.title).wrote(f) and _equals(f, part)}
+    files = {file: part for file, part in files.items() if file not in same}
     texts = {file: model_text(part, pattern if file == target else None, names) for file, part in files.items()}
     # a deck that is changed in its place, comments kept, carries its content on; every other file is looked at before any is written
     changed = target if pattern is not None and target.exists() and pattern.samefile(target) else None
@@ -52,13 +54,6 @@ def save_model(model: Model, path: str | os.PathLike[str], like: str | os.PathLi
         may_write(file, kind)
     for file, text in texts.items():
         write_text(file, text, kinds[file])
-
-
-def _says(path: Path, model: Model) -> bool:
-    """Whether a deck that thermid did not write says the same already: it stays as its author wrote it."""
-    if not path.is_file() or DECK.titled(model.title).wrote(path):
-        return False
-    return _equals(path, model)
 
 
 def _part_names(model: Model, target: Path) -> dict[str, str]:

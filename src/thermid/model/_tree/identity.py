@@ -471,14 +471,15 @@ def to_dict(model: Tree, bare: bool = False) -> dict[str, Any]:
     out["submodels"] = {n: {"use": to_dict(s.model, bare), "bind": s.bound()} for n, s in model.submodels.items()}
     out["set"] = {n: written(p) for n, p in model.settings.items()}
     if not bare:
-        out["layers"] = [_layer_to(layer) for layer in model.layers]
+        out["layers"] = [
+            {
+                "origin": x.origin,
+                "values": {n: written(p) for n, p in x.values.items()},
+                **({"ties": [list(g) for g in x.ties]} if x.ties else {}),
+            }
+            for x in model.layers
+        ]
         out["cuts"] = list(model.cuts)
     out["aliases"] = dict(model.aliases)
     out["made_in"] = {gas: made_to(state) for gas, state in model.made_in.items()}
     return {k: v for k, v in out.items() if v not in ({}, [])}
-
-
-def _layer_to(layer: Layer) -> dict[str, Any]:
-    """Return a layer as a dictionary, with the groups of paths that it lays as one value."""
-    out = {"origin": layer.origin, "values": {n: written(p) for n, p in layer.values.items()}}
-    return {**out, "ties": [list(group) for group in layer.ties]} if layer.ties else out

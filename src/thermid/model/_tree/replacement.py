@@ -108,7 +108,9 @@ def replaced(model: M, raw: str, new: M, keep: Sequence[str] = ()) -> tuple[M, R
         after = lay_values(after, {k: before[model.canonical(k)].parameter}, before[model.canonical(k)].origin)
     now = parameter_table(after)
     own_values = {f"{path}.{p}": e for p, e in parameter_table(without_layers(old)).items()}
-    laid_values = {p: e for p, e in before.items() if inside(p, path) and _differs(e, own_values.get(p))}
+    # what somebody above the part's own deck gave, or a stage of the part
+    as_in_deck = {p: (e.parameter.text, e.origin) for p, e in own_values.items()}
+    laid_values = {p: e for p, e in before.items() if inside(p, path) and as_in_deck.get(p) != (e.parameter.text, e.origin)}
     still_laid = tuple(p for p in laid_values if p in now and now[p].origin == laid_values[p].origin)
     gone = {p: e for p, e in laid_values.items() if p not in still_laid}
     values = ParameterSet(model)
@@ -145,11 +147,6 @@ def coefficients(model: Tree, values: ParameterSet, part: str) -> set[str]:
 def without_layers(model: Tree) -> Tree:
     """Return a model without the values that were laid over it and its parts; what is cut from its twins stays so."""
     return replace(model, layers=(), submodels={n: s.with_model(without_layers(s.model)) for n, s in model.submodels.items()})
-
-
-def _differs(now: Entry, deck: Entry | None) -> bool:
-    """Return whether somebody above the part's own deck, or a stage of the part, gave a value."""
-    return deck is None or (now.parameter.text, now.origin) != (deck.parameter.text, deck.origin)
 
 
 def _above(entry: Entry, old: Tree) -> bool:

@@ -419,10 +419,10 @@ class RunCost:
         )
 
     @classmethod
-    def of_members(cls, job: Job, members: int, members_kept: int, keep: bool = False) -> RunCost:
+    def of_members(cls, job: Job, members: int, members_kept: int) -> RunCost:
         """Return what so many members take, from two small chunks that are run for it."""
         seconds_per_member, besides, chunk = pace_of(job)
-        remaining, whole = members - members_kept, members if keep else job.whole(members)
+        remaining, whole = members - members_kept, job.whole(members)
         points = sum(getattr(t, part).nbytes for t in chunk.turnings.values() for part in PARTS)
         size = whole * 2.0 * (chunk.temperatures.nbytes + points) / TRIED[1]  # as chunks, and all together
         if whole < members:

@@ -328,11 +328,6 @@ class UncertainRuns(Result):
         quantiles, error = self.counts[self.job.model.canonical(node)].read(share)
         return quantiles, error
 
-    def turnings_of(self, node: str) -> MemberTurnings | None:
-        """Return the turning points of a node between samples in the members that reached the end; None where they were not followed."""
-        self.node_temperatures(node)
-        return self._followed(node)[1]
-
     def furthest(self, node: str, sign: float = 1.0) -> Array:
         """Return the highest (sign 1) or lowest (-1) temperature of each member that reached the end, between samples too. [K]"""
         self.node_temperatures(node)

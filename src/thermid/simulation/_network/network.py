@@ -133,7 +133,9 @@ class Network:
     def parts(self, overrides: Mapping[str, Number] | None = None) -> Mapping[str, Any]:
         """Return parameters and rows by element, as `numbers` has them; `varied` starts from these."""
         replaced = dict(overrides or {})
-        return self._evaluate(replaced, self._static()) if replaced else self._static()
+        if not replaced:
+            return self._static()
+        return self._at(replaced, self.memo.value(("reached", tuple(replaced)), lambda: self._reached(tuple(replaced))), self._static())
 
     def varied(self, base_parts: Mapping[str, Any], overrides: Mapping[str, Number], names: tuple[str, ...]) -> Varied:
         """Return what depends on some parameters at other values of these, and only that.
@@ -164,11 +166,6 @@ class Network:
         """Return parameters and rows at the model's own values."""
         flat = self.flat
         return self.memo.value("static", lambda: self._at({}, _Reached(flat.parameters.order, flat.nodes, flat.conductors, flat.loads), {}))
-
-    def _evaluate(self, overrides: Mapping[str, Number], base_parts: Mapping[str, Any]) -> dict[str, Any]:
-        """Return parameters and rows with some parameters replaced; what does not depend on them stays as it was."""
-        names = tuple(overrides)
-        return self._at(overrides, self.memo.value(("reached", names), lambda: self._reached(names)), base_parts)
 
     def _at(self, overrides: Mapping[str, Number], changed: _Reached, base_parts: Mapping[str, Any]) -> dict[str, Any]:
         """Return `base_parts` with what changed evaluated anew."""
@@ -245,16 +242,10 @@ def _both_ways(c: FlatConductor, row: ConductorRow) -> tuple[ConductorRow, ...]:
     """Return a stream that may turn as two, the flow of one of which is zero; any other row as it is."""
     if not c.reversible:
         return (row,)
-    first: Number = row.law.coefficients[0]
-    ahead, back = (row.law.scaled(share) for share in _signs(first))
+    flow: Any = value_of(row.law.coefficients[0])
+    above: Any = 1.0 * (flow > 0.0)  # by what it is multiplied for its part above zero, and less for that below
+    ahead, back = row.law.scaled(above), row.law.scaled(above - 1.0)
     return replace(row, law=ahead), replace(row, ends=row.ends[::-1], law=back, turned=True)
-
-
-def _signs(number: Number) -> tuple[Number, Number]:
-    """Return by what a number is multiplied for its part above zero, and less for that below."""
-    value: Any = value_of(number)
-    above: Any = 1.0 * (value > 0.0)
-    return above, above - 1.0
 
 
 def _capacitance(node: FlatNode, values: Mapping[str, Any]) -> Number | None:

@@ -56,7 +56,15 @@ class Streams:
         ------
         ScenarioError   When a stream that names no fluid has another pressure than that of the ground at an end.
         """
-        _check_named(flat, media)
+        for c in streams_of(flat.conductors):
+            off = [n for n in c.ends if not _on_ground(media.pressure(n))]
+            if off and not fluid_of(c):
+                raise ScenarioError(
+                    f"'{c.path}' has no fluid, and the pressure in {quoted(off)} is not atmospheric. The flow of a gas depends on "
+                    'pressure, that of a liquid does not. Write fluid = "air" (or another gas; its density then follows), or '
+                    'fluid = "liquid".',
+                    c.where,
+                )
         gas, inner = tuple(c for c in streams_of(flat.conductors) if fluid_of(c) in GASES), {n.path for n in flat.nodes}
         return cls(gas, _shares(gas, values, inner), _lines(gas, inner), unfed(flat), media)
 
@@ -282,18 +290,6 @@ def _lines(streams: Sequence[FlatConductor], inner: set[str]) -> dict[str, tuple
         nodes = list(dict.fromkeys([*(n for key in joined for n in lines[key]), *c.ends]))
         line |= dict.fromkeys((n for n in nodes if n in passed), nodes)
     return {c.path: tuple(next((line[n] for n in c.ends if n in passed), c.ends)) for c in streams}
-
-
-def _check_named(flat: Flat, media: Media) -> None:
-    """Refuse a stream that names no fluid where the pressure at an end is another than that of the ground."""
-    for c in streams_of(flat.conductors):
-        off = [n for n in c.ends if not _on_ground(media.pressure(n))]
-        if off and not fluid_of(c):
-            raise ScenarioError(
-                f"'{c.path}' has no fluid, and the pressure in {quoted(off)} is not atmospheric. The flow of a gas depends on "
-                'pressure, that of a liquid does not. Write fluid = "air" (or another gas; its density then follows), or fluid = "liquid".',
-                c.where,
-            )
 
 
 def _on_ground(pressure: Signal) -> bool:

@@ -636,7 +636,12 @@ def _settled(problem: KernelProblem, a: Assembled, time: float, gradients: bool,
             # a state far away lies in one direction: steps towards it get longer
             reach = 2.0 * reach if float(np.abs(step).max()) > reach else LARGEST_MOVE
             if float(temperatures.max()) > MAX_TEMPERATURE:
-                raise SolverError(_too_hot(problem, balance, temperatures), where)
+                node = np.array(problem.nodes)[balance.own][int(temperatures.argmax())]
+                raise SolverError(
+                    f"at rest '{node}' would be above {MAX_TEMPERATURE:,.0f} K: more heat is supplied than its paths to a boundary "
+                    "carry. Check its power and these conductances; a unit may be wrong.",
+                    where,
+                )
         else:
             temperatures = _drifted(temperatures, heat, jacobian, k - DIRECT)
         if close:
@@ -743,15 +748,6 @@ def _solved(jacobian: Array, leaving: Array | None, heat: Array) -> Array | None
     except np.linalg.LinAlgError:
         return None
     return step if np.isfinite(step).all() and np.linalg.cond(jacobian) <= 1e15 else None
-
-
-def _too_hot(problem: KernelProblem, balance: _Balance, temperatures: Array) -> str:
-    """Return where a steady state lies that no model means."""
-    node = np.array(problem.nodes)[balance.own][int(temperatures.argmax())]
-    return (
-        f"at rest '{node}' would be above {MAX_TEMPERATURE:,.0f} K: more heat is supplied than its paths to a boundary carry. "
-        "Check its power and these conductances; a unit may be wrong."
-    )
 
 
 def _moved(balance: _Balance, temperatures: Array, step: Array, imbalance: float, reach: float) -> Array:

@@ -16,6 +16,8 @@ from thermid.simulation._solver.sparse import NONE, SparseNetwork
 
 MOST_NEWTON = 60
 LARGEST_MOVE = 100.0
+LAST_STEP: Final = 1e-5
+"""Largest change of the last step of Newton's method. [K]"""
 MOST_DIRECT: Final = 1500
 """Nodes up to which a step is solved by elimination, which takes less than the search for multigrid's levels."""
 LOOSE: Final = 1e-2
@@ -24,12 +26,8 @@ WITHOUT_MULTIGRID = 200_000
 """Nodes above which Jacobi's preconditioner would take minutes."""
 
 
-def settle_large(network: SparseNetwork, time: float, where: str, accuracy: float = 1e-5) -> tuple[Array, dict[str, Any]]:
+def settle_large(network: SparseNetwork, time: float, where: str) -> tuple[Array, dict[str, Any]]:
     """Return the steady temperatures (nodes,) [K] with the inputs of one time held, and how they were found.
-
-    Parameters
-    ----------
-    accuracy : float    Largest change of the last step of Newton's method. [K]
 
     Raises
     ------
@@ -68,7 +66,7 @@ def settle_large(network: SparseNetwork, time: float, where: str, accuracy: floa
         if failed or not np.isfinite(size):
             raise SolverError(_no_steady(network), where)
         temperatures = _moved(problem, time, temperatures, change * min(1.0, LARGEST_MOVE / max(size, 1e-300)), heat)
-        if size < accuracy:
+        if size < LAST_STEP:
             method = f"Newton, {made_by}" if precondition is None else f"Newton + CG, {made_by}"
             return temperatures, {"method": method, "newton": k + 1, "iterations": iterations, "last_change": size}
     raise SolverError(unsettled(any(not g.fixed for g in network.loads)), where)

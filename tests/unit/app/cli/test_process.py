@@ -44,6 +44,7 @@ def test_exit_code_and_streams_of_a_refusal(accelerometer: Path) -> None:
     assert said.returncode == 2
     assert said.stdout == ""
     assert said.stderr.startswith("error: accelerometer.toml:15, surfaces.skin: ")
+    assert "\x1b[" not in said.stderr
     assert "Traceback" not in said.stderr
 
 
