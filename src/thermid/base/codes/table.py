@@ -588,6 +588,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "A start in balance holds inputs that change in time.",
         "Give the time or period of the balance.",
     ),
+    "run.too-many-nodes": CodeMeaning(
+        "error",
+        "The model has more nodes than the integrator takes that a thermostat, a one-way flow, a fit or many members need.",
+        "Merge nodes, or leave these out.",
+    ),
     "run.upper-bound": CodeMeaning(
         "remark",
         "In vacuum as printed every coefficient is zero, radiation too.",

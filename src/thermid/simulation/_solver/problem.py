@@ -537,6 +537,7 @@ class KernelProblem:
                 f"{len(self.nodes)} nodes are more than the {MAX_INTEGRATED_NODES} that a run takes with thermostats, one-way flows, "
                 "controls that follow another node, many members, or derivatives, which a fit needs. Merge nodes, or leave these out.",
                 self.title,
+                code="run.too-many-nodes",
             )
         for row in (placed.row for placed in self.wiring.structure.factors):
             if row.sample and end / row.sample > options.max_steps:
