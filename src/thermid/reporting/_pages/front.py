@@ -12,6 +12,7 @@ from thermid.campaign.stages import Campaign
 from thermid.campaign.verdicts import Check, Verdict, largest, metric
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem import SensorTrace
+from thermid.model.tree import flatten
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting._blocks.content import (
     Figures,
@@ -143,7 +144,9 @@ def _network(decisive: Decisive) -> Plot | None:
     if run is None:
         return None
     model = decisive.fit.fitted_model
-    temperatures = dict(zip(run.nodes, run.temperatures[-1].tolist(), strict=True))
+    flat = flatten(model)
+    inside = {*(n.path for n in flat.nodes), *flat.names.boundaries}  # a sensor that lags has a node in the run, and none in the model
+    temperatures = {n: t for n, t in zip(run.nodes, run.temperatures[-1].tolist(), strict=True) if n in inside}
     flows = {k: float(v[-1]) for k, v in run.heat_flows.items()}
     powers = {k: float(np.broadcast_to(v, run.times.shape)[-1]) for k, v in run.load_powers.items()}
     markup = fitting_map(model, NETWORK_SIZE, temperatures=temperatures, flows=flows, powers=powers)
