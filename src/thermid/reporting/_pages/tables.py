@@ -218,7 +218,7 @@ def sensors(calibration: Calibration) -> Table:
 
 
 def instruments(calibration: Calibration) -> Table:
-    """Return the constant errors that were found for logged boundaries and powers."""
+    """Return the corrections that were found for logged boundaries and powers."""
     rows: list[Line] = [
         [
             name.removesuffix(" error"),
@@ -229,8 +229,9 @@ def instruments(calibration: Calibration) -> Table:
         for name, v in calibration.values.items()
         if v.kind == "shared"
     ]
-    columns = [Head("logged channel"), Head("constant error", True), Head("± total", True), Head("unit")]
-    return Table.of_rows(columns, rows, "Added to a logged temperature; a factor on a logged power.")
+    columns = [Head("logged channel"), Head("correction", True), Head("± total", True), Head("unit")]
+    words = "Added to a logged temperature, so negative for a sensor that reads high; a factor on a logged power."
+    return Table.of_rows(columns, rows, words)
 
 
 def records(calibration: Calibration) -> Table:
