@@ -45,11 +45,12 @@ class Evidence:
         if (left, time) not in self._rows:
             shared = len(self.runs.values) + len(self.runs.columns)
             pairs = zip(self.runs.traces, self.runs.spans, strict=True)
-            self._rows[left, time] = [run_rows(t, Wander(left, time * span), shared) for t, span in pairs]
+            self._rows[left, time] = [run_rows(t, [Wander(left, time * span)], shared)[0] for t, span in pairs]
         wide = np.array([reach(self.runs.problem.unknowns[k]) for k in self.runs.values])
         every = np.column_stack([np.broadcast_to(wide, (len(sizes), wide.size)), deviations(self.runs.columns, sizes)])
         own = [np.zeros((len(sizes), 0)), *(deviations(c, sizes) for c in self.runs.own)]
-        return members_of([self.runs._priors(), *self._rows[left, time]], self.centre, every, own).log_evidence
+        priors = next(iter(self.runs._rows_by_remainder.values()))[0]
+        return members_of([priors, *self._rows[left, time]], self.centre, every, own).log_evidence
 
     @property
     def concerned(self) -> list[str]:

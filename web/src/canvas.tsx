@@ -183,7 +183,7 @@ export function Canvas() {
                 aria-pressed={chosen.value === id} aria-label={`${n.shape} ${n.name}, ${low}${heats.length ? `, loads ${heats.map((l) => `${l.name} ${valueOf(l)}`).join(", ")}` : ""}`} onPointerDown={(e) => down(e, "move", n.name)}>
                 <rect x={-W / 2} y={-H / 2} width={W} height={H} rx={n.shape === "boundary" ? H / 2 : 8} />
                 <text y={heats.length ? -10 : -2} class="name">{cut(n.name, 18)}</text><text y={heats.length ? 5 : 15} class="value">{low}</text>
-                {heats.map((l, k) => <text key={l.name} y={20 + 13 * k} class={`heat ${lacking(l) ? "lacking" : ""}`} data-load={l.name} onPointerDown={(e) => { e.stopPropagation(); chosen.value = idOf(l); }}>{cut(`→ ${l.name} ${valueOf(l)}${turns(l)}`, 24)}<title>{`${l.name} ${valueOf(l)}`}</title></text>)}
+                {heats.map((l, k) => <text key={l.name} y={20 + 13 * k} class={`heat ${lacking(l) ? "lacking" : ""}`} data-load={l.name} onPointerDown={(e) => { e.stopPropagation(); chosen.value = idOf(l); }}>{cut(`→ ${l.name} ${valueOf(l)}${turns(l)}`, 24)}<title>{`${l.name} ${valueOf(l)}${turns(l)}`}</title></text>)}
                 {(n.sensor || bound.includes(n.name)) && <text x={W / 2 - 14} y={-H / 2 + 16} class="sensor">◉<title>{bound.includes(n.name) ? "has a column of the log" : "is measured or judged"}</title></text>}
                 <circle class="handle" cx={W / 2} r={7} onPointerDown={(e) => down(e, "join", n.name)}><title>Drag to another node to join them</title></circle>
               </g>

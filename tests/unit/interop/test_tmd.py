@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import DeckError
 from thermid.interop._decks.esatan import read_esatan
 from thermid.interop._decks.printed import printed_temperatures
@@ -134,8 +135,20 @@ def test_other_binary_results_are_refused_by_name(tmp_path: Path, monkeypatch: p
     with pytest.raises(DeckError, match="damaged"):
         printed_temperatures(tmp_path / "cut.TMD")
     monkeypatch.setenv("THERMID_CAPS", "unpacked=100")
-    with pytest.raises(DeckError, match="20 temperatures"):
+    with raises_code("cap.exceeded", DeckError, match="^.*: it has 40 values"):
         printed_temperatures(_write_tmd(tmp_path / "large.TMD", [([0.0, 1.0, 2.0, 3.0], np.zeros((4, 5)))]))
+    with pytest.raises(DeckError, match="it has 3 times and 5 nodes, but values of 4 and 5"):
+        printed_temperatures(_write_tmd(tmp_path / "longer.TMD", [([0.0, 1.0, 2.0], np.zeros((4, 5)))]))
+
+
+def test_a_print_whose_time_is_rounded_beyond_the_end_is_judged_at_the_end(tmp_path: Path) -> None:
+    (tmp_path / "plate.d").write_text(DECK, encoding="latin-1")
+    network = read_esatan(tmp_path / "plate.d")
+    end = td.simulate(network.model(), network.scenario(), times=[7200.0])
+    columns = ["PLATE_BOX.T1", "PLATE_BOX.T2", "PLATE.T1", "", "PLATE_T99"]
+    kelvin = np.array([[end[path].kelvin[-1] if path else ZERO for path in columns]] * 2)
+    agreed = agreement(network, printed_temperatures(_write_tmd(tmp_path / "late.TMD", [([7199.0, 7200.004], kelvin - ZERO)])))
+    assert np.abs(agreed.off[-1]).max() < 1e-6
 
 
 PUBLIC = Path(os.environ.get("THERMID_PUBLIC", "/nowhere"))

@@ -590,7 +590,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     ),
     "run.too-many-nodes": CodeMeaning(
         "error",
-        "The model has more nodes than the integrator takes that a thermostat, a one-way flow, a fit or many members need.",
+        "The model has more nodes than a run with a thermostat, a one-way flow, a fit or many members takes.",
         "Merge nodes, or leave these out.",
     ),
     "run.upper-bound": CodeMeaning(

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.errors import DeckError, cap, raising
+from thermid.base.errors import DeckError, ThermidError, cap, raising
 from thermid.base.extensions import optional
 from thermid.base.files import read_bytes
 from thermid.interop._decks.cards import SUBMODEL
@@ -72,6 +72,8 @@ def printed_temperatures(path: str | Path) -> list[Printed]:
     try:
         with library.File(io.BytesIO(data), "r") as opened:
             return [output for _, analysis in _in_order(opened, "AnalysisSet") for output in _solutions(analysis, file)]
+    except ThermidError:
+        raise
     except (KeyError, ValueError, IndexError, TypeError, OSError, RecursionError) as error:
         raise DeckError(
             f"this HDF5 file is damaged or no TMD of ESATAN (version 01.00 of the file is known): {error}.", file, code=_KIND
@@ -94,8 +96,10 @@ def _solutions(analysis: Any, file: str) -> Iterator[Printed]:
     kind = list(analysis["thermalNodesStringAttributes"]).index(b"Type")
     for _, solution in _in_order(analysis, "DataGroup"):
         times, real = solution["times"][()], solution["thermalNodesRealData"]
-        if real.dtype.itemsize * times.size * len(nodes) > cap("unpacked"):
-            raise DeckError(f"it has {times.size * len(nodes)} temperatures.{raising('unpacked')}", file, code="cap.exceeded")
+        if real.shape[:2] != (times.size, len(nodes)):
+            raise ValueError(f"it has {times.size} times and {len(nodes)} nodes, but values of {real.shape[0]} and {real.shape[1]}")
+        if real.dtype.itemsize * real.size > cap("unpacked"):
+            raise DeckError(f"it has {real.size} values.{raising('unpacked')}", file, code="cap.exceeded")
         celsius = real[:, :, attribute] + (float(analysis.attrs["TAbs"]) - ICE_POINT)
         inactive = solution["thermalNodesStringData"][0, :, kind] == b"X"
         for time, row in zip(times.tolist(), celsius, strict=True):

@@ -106,7 +106,8 @@ def agreement(network: NetworkFile, prints: Sequence[Printed]) -> Agreement:
     if not nodes:
         raise DeckError("the print has none of the deck's nodes, so it is of another case.", network.title)
     model, scenario = network.model(), network.scenario()
-    times = [output.time * network.seconds - network.begin for output in moving]
+    # a print's time is rounded: the last may lie beyond the end of the run, by its last digit
+    times = [min(max(output.time * network.seconds - network.begin, 0.0), scenario.seconds) for output in moving]
     rows = []
     if settled:
         calm = steady(model, scenario, "mean" if network.start == "steady, mean" else 0.0)

@@ -160,7 +160,7 @@ ANNEX = (
 """Tables of a stage that open on demand, and stand in files alone on a page that is not for all."""
 
 
-BULK = ", ".join(title[0].lower() + title[1:] for _, title in (INSTRUMENTS, *ANNEX))
+BULK = "; ".join(title[0].lower() + title[1:] for _, title in (INSTRUMENTS, *ANNEX))
 """What files alone have of a stage on a page that is not for all."""
 
 

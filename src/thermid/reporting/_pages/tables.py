@@ -373,12 +373,12 @@ def data(campaign: Campaign) -> Table:
         if record is not None:
             file, begins = record.origin.file, record.origin.start or DASH
             length, samples = duration(record.duration), str(record.times.size)
-            steps = "; ".join(record.steps) or "nothing"
+            steps = "; ".join(record.steps) or "as they were read"
         rows.append([Cell(name, "", "main"), ", ".join(uses), kind, file, begins, length, samples, Cell(sha[:12], sha, "code"), steps])
     caption, last = "Hover over a checksum to see all of it.", {cells[-1] for cells in rows}
     begun = [cells[4] for cells in rows if cells[4] != DASH]
     if len(rows) > 1 and len(last) == 1:
-        columns, rows, caption = columns[:-1], [cells[:-1] for cells in rows], f"{caption} All were prepared by: {last.pop()}."
+        columns, rows, caption = columns[:-1], [cells[:-1] for cells in rows], f"{caption} All were prepared alike: {last.pop()}."
     if not begun:
         columns, rows = [*columns[:4], *columns[5:]], [[*cells[:4], *cells[5:]] for cells in rows]
     return Table.of_rows(columns, rows, caption)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, as_completed
 from contextlib import ExitStack, contextmanager
 from math import inf
 from time import sleep
@@ -91,18 +91,27 @@ def _by(pool: Executor, calls: Sequence[Call], whose: str) -> Iterator[tuple[int
             open_.add(_handed(pool, call, whose))
         cluster = getattr(pool, "_client", None)  # of Dask's executor
         while open_:
-            done = wait(open_, PATIENCE, FIRST_COMPLETED).done
-            if not done and cluster is not None and not cluster.nthreads():  # without a worker it would wait for one, and say nothing
-                raise _lost(whose)
-            open_ -= done
-            while done:
+            ready = as_completed(open_, None if cluster is None else PATIENCE)
+            while (future := _next(ready)) is not None:
+                open_.discard(future)
                 with _worker_errors_named(whose):
-                    result = done.pop().result()
+                    result = future.result()
+                del future
                 yield result
                 del result  # it is kept by nobody but the caller
+            if open_ and cluster is not None and not cluster.nthreads():  # without a worker it would wait for one, and say nothing
+                raise _lost(whose)
     finally:
         for future in open_:
             future.cancel()
+
+
+def _next(ready: Iterator[Future[tuple[int, Any]]]) -> Future[tuple[int, Any]] | None:
+    """Return the next task that is done; None where all are, or none was in time."""
+    try:
+        return next(ready, None)
+    except TimeoutError:
+        return None
 
 
 def _handed(pool: Executor, call: tuple[int, Call], whose: str) -> Future[tuple[int, Any]]:

@@ -237,9 +237,9 @@ def signal_turnings(drawn: Drawn, end: float, offset: float) -> Turnings:
 
 
 LARGE_FROM: Final = 500
+"""Nodes from which a model is run as a large network, where its elements allow that."""
 MAX_INTEGRATED_NODES: Final = 5000
 """Nodes that the integrator of small models takes, `Problem::LARGEST` of the kernel: its elimination is direct. [-]"""
-"""Nodes from which a model is run as a large network, where its elements allow that."""
 UNSOLVED: Final = (_kernel.NEWTON_FAILED, _kernel.NON_FINITE, _kernel.STEP_UNDERFLOW, _kernel.RUN_AWAY)
 """How a run ends that reaches where a table has no values."""
 MAY_HAVE_LEFT: Final = ' A table with outside = "refuse" may have left its range: add points, or set outside = "hold".'
