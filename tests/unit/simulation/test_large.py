@@ -225,6 +225,17 @@ def test_explicit_steps_that_one_fast_node_makes_too_short_are_refused_at_once()
     assert td.simulate(stiff, ends(), options=td.Options(method="large")).statistics["method"] == "TR-BDF2 + CG"
 
 
+def test_many_nodes_that_are_joined_to_a_boundary_alone_have_a_steady_state() -> None:
+    nodes = {f"n{k}": {"capacitance": "5 [J/K]"} for k in range(600)}
+    links = {f"c{k}": {"kind": "conduction", "between": [f"n{k}", "air"], "conductance": "2 [W/K]"} for k in range(600)}
+    star = td.model_from_dict(
+        {"title": "star", "needs": ["air"], "nodes": nodes, "conductors": links, "loads": {"q": {"into": "n7", "power": "1 [W]"}}}
+    )
+    settled = td.steady(star, td.Scenario("s", boundaries={"air": "20 [degC]"}))
+    assert settled["n7"] == pytest.approx(293.65, abs=1e-6)
+    assert settled["n8"] == pytest.approx(293.15, abs=1e-6)
+
+
 @pytest.mark.parametrize("asked", ["thermostat", "members", "derivatives"])
 def test_more_nodes_than_the_integrator_takes_are_refused_in_a_sentence(asked: str) -> None:
     count = 5001

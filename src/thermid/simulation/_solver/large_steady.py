@@ -118,13 +118,11 @@ class _Matrix:
         between = [g for g in network.rows if g.boundary == NONE]
         self.between = np.concatenate([np.zeros(0, dtype=bool), *(np.full(g.first.size, g.boundary == NONE) for g in network.rows)])
         self.ends = tuple(np.concatenate([np.zeros(0, dtype=np.int32), *(getattr(g, e) for g in between)]) for e in ("first", "second"))
-        both = (np.concatenate((first, second)), np.concatenate((second, first)))
-        ones = np.concatenate((-values, -values))
-        links = coo_array((ones, both), shape=(self.size, self.size)).tocsr()
         total = np.bincount(first, values, self.size) + np.bincount(second, values, self.size)
-        from scipy.sparse import diags_array
-
-        self.links = (links + diags_array(total)).tocsr()
+        every = np.arange(self.size)
+        # the diagonal is there for a node without links too: the slopes of its rows are added to it
+        both: Any = np.concatenate((first, second, every)), np.concatenate((second, first, every))
+        self.links = coo_array((np.concatenate((-values, -values, total)), both), shape=(self.size, self.size)).tocsr()
         self.links.sort_indices()
         rows = np.repeat(np.arange(self.links.shape[0], dtype=np.int32), np.diff(self.links.indptr))
         self.where = np.flatnonzero(self.links.indices == rows)
