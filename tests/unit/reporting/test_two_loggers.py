@@ -83,13 +83,35 @@ def test_two_thermometers_of_one_room_show_the_offset_with_its_sign() -> None:
     def room(times: np.ndarray) -> np.ndarray:
         return 295.0 + 2.0 * np.tanh((times - 1500.0) / 200.0) + 0.02 * rng.standard_normal(times.size)
 
-    early, late = LogCourse("a", False, t, room(t)), LogCourse("b", False, t[:200], 0.9 * room(t[:200] + 250.0) + 30.0)
+    early, late = (
+        LogCourse("a", False, t, room(t), heated=False),
+        LogCourse("b", False, t[:200], 0.9 * room(t[:200] + 250.0) + 30.0, heated=False),
+    )
     found, back = common_step([early], [late]), common_step([late], [early])
     assert found is not None
     assert back is not None
     assert found.offset == pytest.approx(250.0, abs=4.0 * found.error)
     assert back.offset == pytest.approx(-250.0, abs=4.0 * back.error)
     assert found.error < 20.0
+
+
+@pytest.mark.parametrize(("name", "candidate"), [("converter", True), ("Plate", False)])
+def test_a_lag_that_a_shift_explains_is_an_error_of_the_offset_unless_both_are_one_place(name: str, candidate: bool) -> None:
+    """A plate 200 s behind a converter that cools: no reading tells that from a clock that is 200 s wrong."""
+    rng, t = np.random.default_rng(6), np.arange(0.0, 18000.0, 30.0)
+
+    def warm(times: np.ndarray) -> np.ndarray:
+        switches = ((1800.0, 20.0), (9000.0, -11.0), (14400.0, -9.0))
+        return 295.0 + sum(p * (1.0 - np.exp(-np.clip(times - s, 0.0, None) / 1500.0)) for s, p in switches)
+
+    own, lag = np.arange(0.0, 8600.0, 10.0), 200.0 if candidate else 0.0
+    plate = LogCourse("plate", False, t, warm(t - lag) + 0.05 * rng.standard_normal(t.size))
+    found = common_step([plate], [LogCourse(name, False, own, warm(own + 9385.0) + 0.05 * rng.standard_normal(own.size))])
+    assert found is not None
+    assert not found.lags
+    assert found.candidate is candidate
+    assert abs(found.offset - 9385.0) < 2.0 * found.error
+    assert (found.error > 60.0) is candidate
 
 
 def test_a_rise_is_not_matched_with_a_fall() -> None:
