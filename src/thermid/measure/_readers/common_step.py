@@ -127,7 +127,9 @@ class CommonStep:
 
 
 def common_step(first: Sequence[LogCourse], second: Sequence[LogCourse]) -> CommonStep | None:
-    """Return the offset that two logs show with the least error, or else the candidate that explains most; None where no course of one explains a course of the other.
+    """Return the offset that two logs show with the least error, or else the candidate that explains most.
+
+    None where no course of one explains a course of the other.
 
     An error above a tenth of the shorter log is no step either. Temperatures of two places follow a step at different times: two of each
     log are needed, and what the pairs disagree by is an error of the offset. So is how much later one place may be than the other: a shift
