@@ -252,8 +252,8 @@ def test_offsets_by_stamps_are_of_two_clocks_and_a_third_log_is_chained_to_the_o
     assert found[1]["at"]["stamps"]
     assert found[1]["at"]["offset"] == pytest.approx(step["offset"] - 125.0)
     text = "\n".join(clock_lines([first, second, third]))
-    assert "by their time stamps; two loggers' clocks may differ by minutes: give a range to have it fitted" in text
-    assert "no range is fitted for a log whose temperatures are compared" in text
+    assert text.count("by time stamps") == 1
+    assert "td.inference.align" in text
     assert [type(j["offset"]) for j in joined_lines([first, second, third])] == [str, str]
 
 
@@ -263,8 +263,8 @@ def test_one_range_at_most_is_proposed_and_a_name_that_both_have_is_said(tmp_pat
     offsets = [j["offset"] for j in joined_lines([board, *powers])]
     assert sorted(type(o).__name__ for o in offsets) == ["list", "str"]
     text = "\n".join(clock_lines([board, *powers]))
-    assert "a fit finds one clock at a time: that of" in text
-    assert "'P' is a column of ab.csv and of abc.csv: change its heading in one of them" in text
+    assert "one clock at a time" in text
+    assert "of ab.csv and of abc.csv" in text
 
 
 def test_a_clock_by_two_places_is_a_candidate_in_the_line_to_copy(tmp_path: Path) -> None:
@@ -276,7 +276,7 @@ def test_a_clock_by_two_places_is_a_candidate_in_the_line_to_copy(tmp_path: Path
     assert found["step"]["candidate"]
     assert abs(found["step"]["offset"] - 300.0) < 2.0 * found["step"]["error"]
     text = "\n".join(clock_lines(looks))
-    assert "(a candidate: one of two places may lag the other)" in text
-    assert "  # no more than a candidate: second +- " in text
+    assert "(a candidate" in text
+    assert "candidate: second +- " in text
     (pair,) = joined_lines(looks)
     assert isinstance(pair["offset"], str)

@@ -33,8 +33,8 @@ MAX_OFFSET_ERROR = 0.1
 """Error of an offset, in lengths of the shorter log, from which there is no step that both show. [-]"""
 TWO_PLACES = 1.2
 """Scatter about each other from which two temperatures are of two places, in that from reading to reading. [-]"""
-TRIED_TIMES, QUARTER = 40, 0.25
-"""Lengths of time that are tried for how quickly a temperature changes, and the part of its range that it changes by in one. [-]"""
+QUARTER = 0.25
+"""Part of its range that a temperature changes by in the time that one place may lag another by. [-]"""
 FINER = 3
 """How often offsets are tried again, eight times as close about the best."""
 
@@ -175,17 +175,17 @@ def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
     lags = not (a.power or b.power) and left > target.size * (TWO_PLACES * noise) ** 2
     candidate = not (a.power or b.power) and a.heated and a.name.casefold() != b.name.casefold()
     late = max(_quarter_time(a), _quarter_time(b)) / 3.0**0.5 if candidate else 0.0  # later or earlier by any time up to that one
-    error = float(np.linalg.norm([error, np.std(refined_offsets), late]))
+    error = float(np.hypot(np.hypot(error, np.std(refined_offsets)), late))
     return CommonStep(sign * float(np.median(refined_offsets)), error, a.name, b.name, explained, lags, candidate)
 
 
 def _quarter_time(course: LogCourse) -> float:
     """Return the shortest time in which a temperature changes by a quarter of its range: what one place may lag another by. [s]"""
-    for length in np.geomspace(course.times[-1] / 200.0, course.times[-1], TRIED_TIMES):
+    for length in np.geomspace(0.01 * course.times[-1], course.times[-1], 32):
         later = np.interp(course.times + length, course.times, course.values)
         if float(np.max(np.abs(later - course.values))) >= QUARTER * float(np.ptp(course.values)):
-            return float(length)
-    return float(course.times[-1])
+            break
+    return float(length)
 
 
 def _scatter(course: LogCourse) -> float:

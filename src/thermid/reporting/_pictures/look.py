@@ -345,23 +345,23 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
     error. [s] Of all earlier logs it is the one that leads to the first one without stamps, or else with the least error. `at` is the
     offset from the first log by the steps and stamps between them, with the error of the steps. [s] It is left out where there is no step.
     """
-    starts, courses = [_time_of_day(each) for each in looks], [each.courses() for each in looks]
-    places: list[_Place] = [_Place(0.0)]
+    starts, courses = [_time_of_day(one) for one in looks], [one.courses() for one in looks]
+    places: list[_OffsetSoFar] = [_OffsetSoFar(0.0)]
     out = []
     for k, further in enumerate(looks[1:], 1):
         entry: dict[str, Any] = {"file": further.path.name, "record": further.name, "offset": _late(starts[0], starts[k])}
-        found = [(j, step) for j in range(k) if (step := common_step(courses[j], courses[k])) is not None]
+        steps = [(j, step) for j in range(k) if (step := common_step(courses[j], courses[k])) is not None]
         # what two places may lag by says nothing beside stamps that agree with it
-        kept = [(j, step) for j, step in found if not step.candidate or _contradicted(step, starts[j], starts[k]) is not False]
-        place = _Place(entry["offset"], stamped=True)
-        if kept:
-            j, step = min(kept, key=lambda f: (places[f[0]].at is None, places[f[0]].stamped, f[1].candidate, f[1].error))
+        usable = [(j, step) for j, step in steps if not step.candidate or _contradicted(step, starts[j], starts[k]) is not False]
+        place = _OffsetSoFar(entry["offset"], stamped=True)
+        if usable:
+            j, step = min(usable, key=lambda f: (places[f[0]].at is None, places[f[0]].stamped, f[1].candidate, f[1].error))
             wrong = _contradicted(step, starts[j], starts[k])
             entry["step"] = {"offset": step.offset, "error": step.error, "columns": [step.first, step.second]}
             entry["step"] |= {"after": looks[j].path.name, "stamps": _late(starts[j], starts[k]), "candidate": step.candidate}
             before = places[j]
             if not wrong and before.at is not None:
-                place = _Place(before.at + step.offset, float(np.hypot(before.error, step.error)), before.stamped)
+                place = _OffsetSoFar(before.at + step.offset, float(np.hypot(before.error, step.error)), before.stamped)
                 entry["at"] = {"offset": place.at, "error": place.error, "stamps": place.stamped}
         places.append(place)
         out.append(entry)
@@ -369,7 +369,7 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
 
 
 @dataclass(frozen=True)
-class _Place:
+class _OffsetSoFar:
     """Where a log begins on the clock of the first one, with the error of the steps that say so [s], and whether stamps do too."""
 
     at: float | None
@@ -401,18 +401,15 @@ def clock_lines(looks: Sequence[Look]) -> list[str]:
     ]
     for f, other in zip(clocks, looks[1:], strict=True):
         lines += _by_step(f, looks[0], other)
-    if any("at" not in f for f in with_stamp):
-        lines.append("  by their time stamps; two loggers' clocks may differ by minutes: give a range to have it fitted")
     compared = {f["record"] for f, other in zip(clocks, looks[1:], strict=True) if any(c.guess == "temperature" for c in other.columns)}
+    for f in (f for f in with_stamp if "at" not in f):
+        advice = "td.inference.align finds it by a model" if f["record"] in compared else "give a range to have it fitted"
+        lines.append(f"  {f['file']} is placed by time stamps; two loggers' clocks may differ by minutes: {advice}")
     ranged = [f for f in clocks if "at" in f and not f["at"]["stamps"] and f["record"] not in compared]
     fitted = max(ranged, key=lambda f: f["at"]["error"], default=None)
     for f in clocks:
         if f in ranged and f is not fitted:
             lines.append(f"  a fit finds one clock at a time: that of {f['file']} is stated here, and is within {' .. '.join(_range(f))}")
-    if any(f["record"] in compared for f in clocks):
-        lines.append(
-            "  no range is fitted for a log whose temperatures are compared: join it the other way round, or call td.inference.align"
-        )
     for k, other in enumerate(looks):
         names = {c.name: before for before in looks[:k] for c in before.columns if c.guess in _SHOWN}
         lines += [
@@ -444,7 +441,7 @@ def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
     begins = f"{clock['file']} begins {_digits(abs(late), 4)} s {side} {step['after']}, +- {_digits(error, 2)} s"
     text = f"  by a common step of {a} and {b}, {begins}"
     if step["candidate"]:
-        text += " (a candidate: one of two places may lag the other)"
+        text += " (a candidate: one of two places may lag the other; td.inference.align finds it by a model)"
     if step["stamps"] is not None and "at" not in clock:
         text += f"; its stamps are {abs(late - step['stamps']):.3g} s away from that: one of the clocks is wrong, or heat arrives late"
     return [text]
