@@ -103,7 +103,8 @@ def test_a_lag_that_a_shift_explains_is_an_error_of_the_offset_unless_both_are_o
 
     def warm(times: np.ndarray) -> np.ndarray:
         switches = ((1800.0, 20.0), (9000.0, -11.0), (14400.0, -9.0))
-        return 295.0 + sum(p * (1.0 - np.exp(-np.clip(times - s, 0.0, None) / 1500.0)) for s, p in switches)
+        rise: np.ndarray = np.sum([p * (1.0 - np.exp(-np.clip(times - s, 0.0, None) / 1500.0)) for s, p in switches], axis=0)
+        return 295.0 + rise
 
     own, lag = np.arange(0.0, 8600.0, 10.0), 200.0 if candidate else 0.0
     plate = LogCourse("plate", False, t, warm(t - lag) + 0.05 * rng.standard_normal(t.size))

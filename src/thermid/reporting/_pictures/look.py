@@ -370,7 +370,7 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
 
 @dataclass(frozen=True)
 class _OffsetSoFar:
-    """Where a log begins on the clock of the first one, with the error of the steps that say so [s], and whether stamps do too."""
+    """Where a log begins on the clock of the first one, with the error of the steps that it is from [s], and whether stamps are used."""
 
     at: float | None
     error: float = 0.0
