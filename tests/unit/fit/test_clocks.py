@@ -218,7 +218,7 @@ def test_records_that_cannot_be_joined() -> None:
     first, second = logs(130.0, 1.0)
     with pytest.raises(RecordError, match="must be above zero"):
         first.joined(second, 0.0, 0.0)
-    with pytest.raises(RecordError, match=r"'T' is a channel in both logs\."):
+    with pytest.raises(RecordError, match=r"'T' is a channel in both logs\. Change its heading in one of the files, or bind it there by"):
         first.joined(first)
     with pytest.raises(RecordError, match="do not overlap"):
         first.joined(second, 5000.0)

@@ -26,6 +26,18 @@ def test_a_counter_in_milliseconds_is_a_clock(tmp_path: Path, name: str) -> None
     assert seen.times.kind in ("milliseconds, by its name", "ms")
 
 
+def test_a_counter_beside_stamps_has_no_faults(tmp_path: Path) -> None:
+    """It counts beyond what an instrument writes for an overload."""
+    path = tmp_path / "c.txt"
+    lines = [f"09:{k:02d}:00.000 -> {60000 * k + 310},{22 + 0.1 * k:.2f}" for k in range(40)]
+    path.write_text("\n".join(["09:00:00.000 -> millis,T1 [degC]", *lines]) + "\n")
+    seen = look(path)
+    (counter,) = [c for c in seen.columns if c.name == "millis"]
+    assert counter.values.max() > 1e6
+    assert counter.faults == {}
+    assert "faults" not in seen.campaign()
+
+
 def test_a_counter_that_begins_again_is_a_restart_of_the_board(tmp_path: Path) -> None:
     path = tmp_path / "b.csv"
     path.write_text("\n".join(["millis,T1,T2", *rows(), *rows(30)]) + "\n")

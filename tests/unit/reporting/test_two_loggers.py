@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+import tomllib
 from pathlib import Path
 from types import ModuleType
 
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 
 from thermid.measure.readers import LogCourse, common_step
-from thermid.reporting.pictures import clock_lines, clocks_of, look
+from thermid.reporting.pictures import Look, clock_lines, clocks_of, look
 
 
 @pytest.fixture(scope="module")
@@ -83,13 +84,36 @@ def test_two_thermometers_of_one_room_show_the_offset_with_its_sign() -> None:
     def room(times: np.ndarray) -> np.ndarray:
         return 295.0 + 2.0 * np.tanh((times - 1500.0) / 200.0) + 0.02 * rng.standard_normal(times.size)
 
-    early, late = LogCourse("a", False, t, room(t)), LogCourse("b", False, t[:200], 0.9 * room(t[:200] + 250.0) + 30.0)
+    early, late = (
+        LogCourse("a", False, t, room(t), heated=False),
+        LogCourse("b", False, t[:200], 0.9 * room(t[:200] + 250.0) + 30.0, heated=False),
+    )
     found, back = common_step([early], [late]), common_step([late], [early])
     assert found is not None
     assert back is not None
     assert found.offset == pytest.approx(250.0, abs=4.0 * found.error)
     assert back.offset == pytest.approx(-250.0, abs=4.0 * back.error)
     assert found.error < 20.0
+
+
+@pytest.mark.parametrize(("name", "candidate"), [("converter", True), ("Plate", False)])
+def test_a_lag_that_a_shift_explains_is_an_error_of_the_offset_unless_both_are_one_place(name: str, candidate: bool) -> None:
+    """A plate 200 s behind a converter that cools: no reading tells that from a clock that is 200 s wrong."""
+    rng, t = np.random.default_rng(6), np.arange(0.0, 18000.0, 30.0)
+
+    def warm(times: np.ndarray) -> np.ndarray:
+        switches = ((1800.0, 20.0), (9000.0, -11.0), (14400.0, -9.0))
+        rise: np.ndarray = np.sum([p * (1.0 - np.exp(-np.clip(times - s, 0.0, None) / 1500.0)) for s, p in switches], axis=0)
+        return 295.0 + rise
+
+    own, lag = np.arange(0.0, 8600.0, 10.0), 200.0 if candidate else 0.0
+    plate = LogCourse("plate", False, t, warm(t - lag) + 0.05 * rng.standard_normal(t.size))
+    found = common_step([plate], [LogCourse(name, False, own, warm(own + 9385.0) + 0.05 * rng.standard_normal(own.size))])
+    assert found is not None
+    assert not found.lags
+    assert found.candidate is candidate
+    assert abs(found.offset - 9385.0) < 2.0 * found.error
+    assert (found.error > 60.0) is candidate
 
 
 def test_a_rise_is_not_matched_with_a_fall() -> None:
@@ -186,3 +210,74 @@ def test_beside_stamps_two_temperatures_show_no_common_step(tmp_path: Path) -> N
     (found,) = clocks_of([look(tmp_path / "a.csv"), look(tmp_path / "b.csv")])
     assert found["offset"] == 0.0
     assert "step" not in found
+
+
+LAGS = {"case": 2000.0, "plate": 1400.0, "board": 300.0, "coil": 1000.0}
+
+
+def bench_log(path: Path, names: tuple[str, ...], late: float, clock: str = "", *, length: float = 16000.0, step: float = 20.0) -> Look:
+    """Write temperatures that follow a power of two switches, or that power where no names are given, and return what is in the file."""
+    own = np.arange(0.0, length, step)
+    t, rng = own + late, np.random.default_rng(len(path.stem))
+    switches = ((1200.0, 14.0), (6600.0, 8.0), (11400.0, -22.0))
+    read = [
+        25.0 + sum(p * (1.0 - np.exp(-np.clip(t - s, 0.0, None) / LAGS[n])) for s, p in switches) + 0.03 * rng.standard_normal(t.size)
+        for n in names
+    ]
+    read = read or [np.sum([p * (t >= s) for s, p in switches], axis=0)]
+    head = [f"{n} [degC]" for n in names] or ["P [W]"]
+    begin = None if not clock else np.datetime64(f"2026-05-14T{clock}")
+    times = [f"{k:g}" if begin is None else str(begin + np.timedelta64(round(k), "s")) for k in own]
+    rows = [",".join([at, *(f"{v:.2f}" for v in row)]) for at, row in zip(times, np.transpose(read), strict=True)]
+    path.write_text("\n".join([",".join(["time [s]" if begin is None else "stamp", *head]), *rows]) + "\n")
+    return look(path)
+
+
+def joined_lines(looks: list[Look]) -> list[dict[str, object]]:
+    """Return what the line to copy says."""
+    (line,) = [text for text in clock_lines(looks) if text.startswith("    joined ")]
+    return list(tomllib.loads(line.strip())["joined"])
+
+
+def test_offsets_by_stamps_are_of_two_clocks_and_a_third_log_is_chained_to_the_one_that_it_fits(tmp_path: Path) -> None:
+    """The stamps of the first are 200 s ahead. The powers follow the board only: the case and the plate are in the first log alone."""
+    first = bench_log(tmp_path / "first.csv", ("case",), 0.0, "08:33:20", length=5000.0)
+    second = bench_log(tmp_path / "second.csv", ("board",), 75.0, "08:31:15")
+    third = bench_log(tmp_path / "third.csv", (), -40.0, step=5.0)
+    found = clocks_of([first, second, third])
+    assert found[0]["offset"] == -125.0
+    assert "at" not in found[0]
+    step = found[1]["step"]
+    assert (step["after"], step["columns"]) == ("second.csv", ["board", "P"])
+    assert abs(step["offset"] + 115.0) < 3.0 * step["error"]
+    assert found[1]["at"]["stamps"]
+    assert found[1]["at"]["offset"] == pytest.approx(step["offset"] - 125.0)
+    text = "\n".join(clock_lines([first, second, third]))
+    assert text.count("by time stamps") == 1
+    assert "td.inference.align" in text
+    assert [type(j["offset"]) for j in joined_lines([first, second, third])] == [str, str]
+
+
+def test_one_range_at_most_is_proposed_and_a_name_that_both_have_is_said(tmp_path: Path) -> None:
+    board = bench_log(tmp_path / "board.csv", ("board",), 0.0)
+    powers = [bench_log(tmp_path / f"{name}.csv", (), late, step=5.0) for name, late in (("ab", 60.0), ("abc", 90.0))]
+    offsets = [j["offset"] for j in joined_lines([board, *powers])]
+    assert sorted(type(o).__name__ for o in offsets) == ["list", "str"]
+    text = "\n".join(clock_lines([board, *powers]))
+    assert "one clock at a time" in text
+    assert "of ab.csv and of abc.csv" in text
+
+
+def test_a_clock_by_two_places_is_a_candidate_in_the_line_to_copy(tmp_path: Path) -> None:
+    looks = [
+        bench_log(tmp_path / "first.csv", ("case", "plate"), 0.0),
+        bench_log(tmp_path / "second.csv", ("board", "coil"), 300.0, length=14000.0),
+    ]
+    (found,) = clocks_of(looks)
+    assert found["step"]["candidate"]
+    assert abs(found["step"]["offset"] - 300.0) < 2.0 * found["step"]["error"]
+    text = "\n".join(clock_lines(looks))
+    assert "(a candidate" in text
+    assert "candidate: second +- " in text
+    (pair,) = joined_lines(looks)
+    assert isinstance(pair["offset"], str)

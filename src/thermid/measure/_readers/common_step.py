@@ -33,6 +33,8 @@ MAX_OFFSET_ERROR = 0.1
 """Error of an offset, in lengths of the shorter log, from which there is no step that both show. [-]"""
 TWO_PLACES = 1.2
 """Scatter about each other from which two temperatures are of two places, in that from reading to reading. [-]"""
+QUARTER = 0.25
+"""Part of its range that a temperature changes by in the time that one place may lag another by. [-]"""
 FINER = 3
 """How often offsets are tried again, eight times as close about the best."""
 
@@ -111,6 +113,8 @@ class CommonStep:
     first, second : str Columns that it was found from.
     explained : float   Part of the squares that the second explains. [-]
     lags : bool         Whether both are temperatures, and differ by more than noise: of two places, one later than the other.
+    candidate : bool    Whether both are temperatures that a power heats, and nothing says that they are of one place: the error then has
+                        by how much one may follow the other, even where a shift explains all of it.
     """
 
     offset: float
@@ -119,13 +123,17 @@ class CommonStep:
     second: str
     explained: float
     lags: bool = False
+    candidate: bool = False
 
 
 def common_step(first: Sequence[LogCourse], second: Sequence[LogCourse]) -> CommonStep | None:
-    """Return the offset that two logs show with the least error; None where no course of one explains a course of the other.
+    """Return the offset that two logs show with the least error, or else the candidate that explains most.
+
+    None where no course of one explains a course of the other.
 
     An error above a tenth of the shorter log is no step either. Temperatures of two places follow a step at different times: two of each
-    log are needed, and what the pairs disagree by is an error of the offset.
+    log are needed, and what the pairs disagree by is an error of the offset. So is how much later one place may be than the other: a shift
+    may explain a lag whole.
     """
     offsets = [one for a in first for b in second if a.moves and b.moves and (one := _compared(a, b)) is not None]
     length = min((c.times[-1] for c in (*first, *second) if c.moves), default=0.0)
@@ -134,7 +142,7 @@ def common_step(first: Sequence[LogCourse], second: Sequence[LogCourse]) -> Comm
         offsets, places = [f for f in offsets if not f.lags], []
     spread = float(np.std([f.offset for f in places])) if places else 0.0
     offsets = [replace(f, error=float(np.hypot(f.error, spread))) if f.lags else f for f in offsets]
-    best = min(offsets, key=lambda f: f.error, default=None)
+    best = min(offsets, key=lambda f: (f.candidate, -f.explained if f.candidate else f.error), default=None)
     return best if best is not None and best.error <= MAX_OFFSET_ERROR * length else None
 
 
@@ -165,9 +173,19 @@ def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
     left, shares = _solved(rows, target)
     noise = float(np.hypot(_scatter(effect), shares[-1] * _scatter(cause)))
     lags = not (a.power or b.power) and left > target.size * (TWO_PLACES * noise) ** 2
-    return CommonStep(
-        sign * float(np.median(refined_offsets)), float(np.hypot(error, np.std(refined_offsets))), a.name, b.name, explained, lags
-    )
+    candidate = not (a.power or b.power) and a.heated and a.name.casefold() != b.name.casefold()
+    late = max(_quarter_time(a), _quarter_time(b)) / 3.0**0.5 if candidate else 0.0  # later or earlier by any time up to that one
+    error = float(np.hypot(np.hypot(error, np.std(refined_offsets)), late))
+    return CommonStep(sign * float(np.median(refined_offsets)), error, a.name, b.name, explained, lags, candidate)
+
+
+def _quarter_time(course: LogCourse) -> float:
+    """Return the shortest time in which a temperature changes by a quarter of its range: what one place may lag another by. [s]"""
+    for length in np.geomspace(0.01 * course.times[-1], course.times[-1], 32):
+        later = np.interp(course.times + length, course.times, course.values)
+        if float(np.max(np.abs(later - course.values))) >= QUARTER * float(np.ptp(course.values)):
+            break
+    return float(length)
 
 
 def _scatter(course: LogCourse) -> float:

@@ -386,7 +386,10 @@ class Record(Samples, Result):
         both = sorted(set(self.channels) & set(other.channels))
         if both:
             raise RecordError(
-                f"'{both[0]}' is a channel in both logs. Rename it in one of them.", f"{self.name}, {other.name}", code="record.name-twice"
+                f"'{both[0]}' is a channel in both logs. Change its heading in one of the files, or bind it there by the name of its node: "
+                f'NODE = "{both[0]}".',
+                f"{self.name}, {other.name}",
+                code="record.name-twice",
             )
         there = offset + rate * other.times
         if there[-1] <= self.times[0] or there[0] >= self.times[-1]:

@@ -341,29 +341,51 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
     """Return of each further log how it may be joined with the first one, by the times of day of their first stamps and by a common step.
 
     `offset` is by how much its first sample is late on the first one, if both clocks are right; None where one has no stamps. [s]
-    `step` has the same by a step of a power or temperature that both logs show, with its standard error. [s] Beside stamps only a power
-    counts: two temperatures are of two places, which follow a step at different times.
+    `step` has by how much it is late on the earlier log `after`, by a step of a power or temperature that both show, with its standard
+    error. [s] Of all earlier logs it is the one that leads to the first one without stamps, or else with the least error. `at` is the
+    offset from the first log by the steps and stamps between them, with the error of the steps. [s] It is left out where there is no step.
     """
-    if len(looks) < 2:
-        return []
-    first, out = _time_of_day(looks[0]), []
-    for further in looks[1:]:
-        own_start = _time_of_day(further)
-        late = None if first is None or own_start is None else (own_start - first + 0.5 * DAY) % DAY - 0.5 * DAY
-        here, there = looks[0].courses(), further.courses()
-        heated = any(c.power for c in (*here, *there))
-        step: CommonStep | None = common_step(here, there) if late is None or heated else None
-        step_entry = {"step": {"offset": step.offset, "error": step.error, "columns": [step.first, step.second]}} if step else {}
-        out.append({"file": further.path.name, "record": further.name, "offset": late, **step_entry})
+    starts, courses = [_time_of_day(one) for one in looks], [one.courses() for one in looks]
+    places: list[_OffsetSoFar] = [_OffsetSoFar(0.0)]
+    out = []
+    for k, further in enumerate(looks[1:], 1):
+        entry: dict[str, Any] = {"file": further.path.name, "record": further.name, "offset": _late(starts[0], starts[k])}
+        steps = [(j, step) for j in range(k) if (step := common_step(courses[j], courses[k])) is not None]
+        # what two places may lag by says nothing beside stamps that agree with it
+        usable = [(j, step) for j, step in steps if not step.candidate or _contradicted(step, starts[j], starts[k]) is not False]
+        place = _OffsetSoFar(entry["offset"], stamped=True)
+        if usable:
+            j, step = min(usable, key=lambda f: (places[f[0]].at is None, places[f[0]].stamped, f[1].candidate, f[1].error))
+            wrong = _contradicted(step, starts[j], starts[k])
+            entry["step"] = {"offset": step.offset, "error": step.error, "columns": [step.first, step.second]}
+            entry["step"] |= {"after": looks[j].path.name, "stamps": _late(starts[j], starts[k]), "candidate": step.candidate}
+            before = places[j]
+            if not wrong and before.at is not None:
+                place = _OffsetSoFar(before.at + step.offset, float(np.hypot(before.error, step.error)), before.stamped)
+                entry["at"] = {"offset": place.at, "error": place.error, "stamps": place.stamped}
+        places.append(place)
+        out.append(entry)
     return out
 
 
-def _is(text: str, slot: str) -> bool:
-    """Whether a text is a unit of a slot's dimension."""
-    try:
-        return unit(text).dimension == unit(slot).dimension
-    except ThermidError:
-        return False
+@dataclass(frozen=True)
+class _OffsetSoFar:
+    """Where a log begins on the clock of the first one, with the error of the steps that it is from [s], and whether stamps are used."""
+
+    at: float | None
+    error: float = 0.0
+    stamped: bool = False
+
+
+def _late(first: float | None, second: float | None) -> float | None:
+    """Return by how much one time of day is later than another, by half a day at most; None where one is not known. [s]"""
+    return None if first is None or second is None else (second - first + 0.5 * DAY) % DAY - 0.5 * DAY
+
+
+def _contradicted(step: CommonStep, first: float | None, second: float | None) -> bool | None:
+    """Return whether stamps are further from a common step than that may be off; None without stamps."""
+    late = _late(first, second)
+    return None if late is None else abs(step.offset - late) > MAX_OFFSET_ERRORS * step.error
 
 
 def clock_lines(looks: Sequence[Look]) -> list[str]:
@@ -379,12 +401,31 @@ def clock_lines(looks: Sequence[Look]) -> list[str]:
     ]
     for f, other in zip(clocks, looks[1:], strict=True):
         lines += _by_step(f, looks[0], other)
-    pairs = ", ".join(f'{{ record = "{f["record"]}", offset = {_offset(f)} }}' for f in clocks)
+    compared = {f["record"] for f, other in zip(clocks, looks[1:], strict=True) if any(c.guess == "temperature" for c in other.columns)}
+    for f in (f for f in with_stamp if "at" not in f):
+        advice = "td.inference.align finds it by a model" if f["record"] in compared else "give a range to have it fitted"
+        lines.append(f"  {f['file']} is placed by time stamps; two loggers' clocks may differ by minutes: {advice}")
+    ranged = [f for f in clocks if "at" in f and not f["at"]["stamps"] and f["record"] not in compared]
+    fitted = max(ranged, key=lambda f: f["at"]["error"], default=None)
+    for f in clocks:
+        if f in ranged and f is not fitted:
+            lines.append(f"  a fit finds one clock at a time: that of {f['file']} is stated here, and is within {' .. '.join(_range(f))}")
+    for k, other in enumerate(looks):
+        names = {c.name: before for before in looks[:k] for c in before.columns if c.guess in _SHOWN}
+        lines += [
+            f"  '{c.name}' is a column of {names[c.name].path.name} and of {other.path.name}: change its heading in one of them"
+            for c in other.columns
+            if c.guess in _SHOWN and c.name in names
+        ]
+    pairs = ", ".join(f'{{ record = "{f["record"]}", offset = {_offset(f, f is fitted)} }}' for f in clocks)
+    open_ones = ", ".join(
+        f"{f['record']} +- {_digits(f['at']['error'], 2)} s" for f in clocks if "at" in f and f["step"]["candidate"] and f is not fitted
+    )
     return [
         *lines,
-        f"Join them in [records.{looks[0].name}]; a pair as offset is a range in which the fit finds it:",
+        f"Join them in [records.{looks[0].name}]" + ("; a pair as offset is a range in which the fit finds it:" if fitted else ":"),
         "",
-        f"    joined   = [{pairs}]",
+        f"    joined   = [{pairs}]" + (f"  # no more than a candidate: {open_ones}" if open_ones else ""),
     ]
 
 
@@ -397,36 +438,52 @@ def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
     late, error = round(step["offset"], 3), step["error"]
     a, b = step["columns"]
     side = "after" if late >= 0 else "before"
-    text = f"  by a common step of {a} and {b}, {clock['file']} begins {abs(late):.4g} s {side} {first.path.name}, +- {error:.2g} s"
-    if _stamps_disagree(clock):
-        text += f"; its stamps are {abs(late - clock['offset']):.3g} s away from that: one of the clocks is wrong, or heat arrives late"
+    begins = f"{clock['file']} begins {_digits(abs(late), 4)} s {side} {step['after']}, +- {_digits(error, 2)} s"
+    text = f"  by a common step of {a} and {b}, {begins}"
+    if step["candidate"]:
+        text += " (a candidate: one of two places may lag the other; td.inference.align finds it by a model)"
+    if step["stamps"] is not None and "at" not in clock:
+        text += f"; its stamps are {abs(late - step['stamps']):.3g} s away from that: one of the clocks is wrong, or heat arrives late"
     return [text]
 
 
-def _stamps_disagree(clock: dict[str, Any]) -> bool:
-    """Return whether the stamps of a clock are further from its common step than that may be off."""
-    stamps, step = clock["offset"], clock["step"]
-    return stamps is not None and abs(step["offset"] - stamps) > MAX_OFFSET_ERRORS * step["error"]
+def _digits(value: float, count: int) -> str:
+    """Return a number with some digits, or all before its point."""
+    return f"{value:.{count}g}" if abs(value) < 10.0**count else f"{value:.0f}"
 
 
 def _bare(look: Look) -> str:
     return "is not readable yet" if look.times is None else "has no time stamps"
 
 
-def _offset(clock: dict[str, Any]) -> str:
-    """Return the offset of a further log as a campaign writes it: a range about a common step, that of the stamps, or a gap to fill.
+def _offset(clock: dict[str, Any], fitted: bool) -> str:
+    """Return the offset of a further log as a campaign writes it: a range about a common step, one number, or a gap to fill.
 
     Stamps of two computers may be a minute apart, so where a step agrees with them the fit looks within the errors of the step.
     """
-    stamps = clock["offset"]
-    if "step" not in clock or _stamps_disagree(clock):
-        return '"... [s]"' if stamps is None else f'"{stamps:.6g} [s]"'
-    late, error = round(clock["step"]["offset"], 3), clock["step"]["error"]
-    return f'["{late - MAX_OFFSET_ERRORS * error:.4g} [s]", "{late + MAX_OFFSET_ERRORS * error:.4g} [s]"]'
+    if fitted:
+        low, high = _range(clock)
+        return f'["{low} [s]", "{high} [s]"]'
+    late = clock["at"]["offset"] if "at" in clock else clock["offset"]
+    return '"... [s]"' if late is None else f'"{_digits(late, 4) if "at" in clock else format(late, ".6g")} [s]"'
+
+
+def _range(clock: dict[str, Any]) -> tuple[str, str]:
+    """Return the ends of the range that errors of steps leave for an offset, as written. [s]"""
+    late, reach = round(clock["at"]["offset"], 3), MAX_OFFSET_ERRORS * clock["at"]["error"]
+    return _digits(late - reach, 4), _digits(late + reach, 4)
 
 
 MAX_OFFSET_ERRORS = 4.0
 """Standard errors of an offset that a fit may look for it in, and beyond which stamps disagree with it. [-]"""
+
+
+def _is(text: str, slot: str) -> bool:
+    """Whether a text is a unit of a slot's dimension."""
+    try:
+        return unit(text).dimension == unit(slot).dimension
+    except ThermidError:
+        return False
 
 
 def _standing(panels: Sequence[Panel], legend: Sequence[tuple[str, str, str]], name: str, unit_name: str) -> str:
