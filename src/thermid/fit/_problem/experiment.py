@@ -560,7 +560,7 @@ class Experiment:
     shared : dict               Channel -> (name in the wiring, sd in its unit): constant errors of logged boundaries and powers.
     readings : dict             Node or boundary -> channel whose first reading, less its constant error, stands for its temperature at the
                                 start (of a boundary: throughout).
-    loose : tuple of str        Observed nodes whose start nothing gives but their own readings.
+    loose : dict                Observed node whose start nothing gives but its own readings -> the sensors that read it at the start.
     hidden : dict               Node without a sensor -> its start, where nothing gives it and the log does not begin at rest.
     tips : dict                 Tip of a sensor -> the node on which it sits, at whose temperature it starts.
     ticks : Ticks or None       What was logged on a second clock that is known within a range only.
@@ -577,7 +577,7 @@ class Experiment:
     observations: tuple[Observation, ...]
     shared: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     readings: Mapping[str, str] = field(default_factory=dict)
-    loose: tuple[str, ...] = ()
+    loose: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     tips: Mapping[str, str] = field(default_factory=dict)
     ticks: Ticks | None = None
     noisy: Mapping[str, InputNoise] = field(default_factory=dict)
@@ -703,7 +703,8 @@ def bind(
     observations = tuple(
         _observation(c, seats.get(c.name, Seat(path, path)), grid, times, (weights or {}).get(c.name, 1.0)) for c, path in observed
     )
-    first = _first_readings(record, observations, window)
+    start_sensors = _start_sensors(record, observations)
+    first = {seat: float(np.mean([first_reading(record, s, window) for s in sensors])) for seat, sensors in start_sensors.items()}
     start, initial, readings, loose = starts_of(record, _as_it_starts(model, base, first), network, first, window)
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
@@ -723,7 +724,11 @@ def bind(
     hidden = _hidden_starts(full, network, first, record, driven, observations, tips) if base.start == "" else {}
     if hidden:
         full = replace(full, initial={**full.initial, **{n: Kelvin(h.mean) for n, h in hidden.items()}})
-    return Experiment(record, model, network, full, times, observations, inputs.shared, readings, loose, tips, ticks, noisy, means, hidden)
+    return Experiment(
+        *(record, model, network, full, times, observations, inputs.shared, readings),
+        {node: start_sensors[node] for node in loose},
+        *(tips, ticks, noisy, means, hidden),
+    )
 
 
 def _as_it_starts(model: Model, base: Scenario, first: Mapping[str, float]) -> Scenario:
@@ -733,12 +738,19 @@ def _as_it_starts(model: Model, base: Scenario, first: Mapping[str, float]) -> S
     return replace(base, initial={**{n: Kelvin(t) for n, t in model.runner.starts.items() if n not in first}, **base.initial})
 
 
-def _first_readings(record: Record, observations: Sequence[Observation], window: float) -> dict[str, float]:
-    """Return observed node -> its first reading, the mean of those of its sensors. [K]"""
-    several: dict[str, list[float]] = {}
+def _start_sensors(record: Record, observations: Sequence[Observation]) -> dict[str, tuple[str, ...]]:
+    """Return observed node -> the sensors whose first readings say where it starts: those that have read when the first reads again.
+
+    One that begins later says where the node is by then.
+    """
+    several: dict[str, dict[str, Array]] = {}
     for o in observations:
-        several.setdefault(o.seat, []).append(first_reading(record, o.sensor, window))
-    return {seat: float(np.mean(readings)) for seat, readings in several.items()}
+        several.setdefault(o.seat, {})[o.sensor] = record.times[record.channel(o.sensor).valid][:2]
+    out = {}
+    for seat, times in several.items():
+        again = min((t for t in times.values() if t.size), key=lambda t: float(t[0]), default=np.zeros(1))[-1]
+        out[seat] = tuple(sensor for sensor, t in times.items() if not t.size or t[0] <= again)
+    return out
 
 
 def _hidden_starts(
