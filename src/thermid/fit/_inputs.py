@@ -231,11 +231,9 @@ def _starts(request: Request, e: Experiment) -> Iterator[Input]:
             spread = f"+- {short(start.sd)} K" + ("" if fitted else ", not counted")
             source = "assumed", f"no sensor and not at rest: balance of its neighbours {spread}"
         elif node in e.loose:
-            sensors, fitted = e.loose[node], request.fit_start
-            words = (
-                f"mean of the first readings of {' and '.join(sensors)}" if fitted and sensors[1:] else f"first reading of {sensors[-1]}"
-            )
-            source = "log", words
+            (*others, sensor), fitted = e.loose[node], request.fit_start
+            words = f"mean of the first readings of {', '.join(others)} and {sensor}"
+            source = "log", words if fitted and others else f"first reading of {sensor}"
         elif node in readings:
             source = "log", f"first reading of {readings[node]}"
         elif e.model.runner is not None and node not in e.model.runner.starts:

@@ -292,9 +292,9 @@ def first_reading(record: Record, name: str, window: float = 0.0) -> float:
 
 
 def starts_of(
-    record: Record, base: Scenario, network: Network, first: Mapping[str, float], window: float
-) -> tuple[Any, dict[str, Any], dict[str, str], tuple[str, ...]]:
-    """Return start, initial temperatures, nodes that start at a channel's first reading, and nodes that start at their own."""
+    record: Record, base: Scenario, network: Network, first: Mapping[str, float], begun: Mapping[str, tuple[str, ...]], window: float
+) -> tuple[Any, dict[str, Any], dict[str, str], dict[str, tuple[str, ...]]]:
+    """Return start, initial temperatures, nodes that start at a channel's first reading, and those at their own with its sensors."""
     initial: dict[str, Any] = {}
     readings: dict[str, str] = {}
 
@@ -311,11 +311,11 @@ def starts_of(
         for node in network.nodes:
             if node not in initial and _massive(network, node):
                 lay(node, base.start)
-        return Kelvin(first_reading(record, base.start, window)), initial, readings, ()
+        return Kelvin(first_reading(record, base.start, window)), initial, readings, {}
     if base.start not in ("", MEASURED):
-        return base.start, initial, readings, ()
+        return base.start, initial, readings, {}
     runner = network.flat.names.model.runner  # of somebody else's program a start may follow from others
-    loose = tuple(n for n in first if n not in initial and _massive(network, n) and (runner is None or n in runner.starts))
+    loose = {n: s for n, s in begun.items() if n not in initial and _massive(network, n) and (runner is None or n in runner.starts)}
     initial |= {n: Kelvin(first[n]) for n in loose}
     mean = Kelvin(np.mean(list(first.values())))
     return (mean if base.start == MEASURED or len(network.boundaries) != 1 else ""), initial, readings, loose
@@ -703,9 +703,8 @@ def bind(
     observations = tuple(
         _observation(c, seats.get(c.name, Seat(path, path)), grid, times, (weights or {}).get(c.name, 1.0)) for c, path in observed
     )
-    start_sensors = _start_sensors(record, observations)
-    first = {seat: float(np.mean([first_reading(record, s, window) for s in sensors])) for seat, sensors in start_sensors.items()}
-    start, initial, readings, loose = starts_of(record, _as_it_starts(model, base, first), network, first, window)
+    first, begun = _first_readings(record, observations, window)
+    start, initial, readings, loose = starts_of(record, _as_it_starts(model, base, first), network, first, begun, window)
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
     duration = last - zero
@@ -724,11 +723,7 @@ def bind(
     hidden = _hidden_starts(full, network, first, record, driven, observations, tips) if base.start == "" else {}
     if hidden:
         full = replace(full, initial={**full.initial, **{n: Kelvin(h.mean) for n, h in hidden.items()}})
-    return Experiment(
-        *(record, model, network, full, times, observations, inputs.shared, readings),
-        {node: start_sensors[node] for node in loose},
-        *(tips, ticks, noisy, means, hidden),
-    )
+    return Experiment(record, model, network, full, times, observations, inputs.shared, readings, loose, tips, ticks, noisy, means, hidden)
 
 
 def _as_it_starts(model: Model, base: Scenario, first: Mapping[str, float]) -> Scenario:
@@ -738,19 +733,21 @@ def _as_it_starts(model: Model, base: Scenario, first: Mapping[str, float]) -> S
     return replace(base, initial={**{n: Kelvin(t) for n, t in model.runner.starts.items() if n not in first}, **base.initial})
 
 
-def _start_sensors(record: Record, observations: Sequence[Observation]) -> dict[str, tuple[str, ...]]:
-    """Return observed node -> the sensors whose first readings say where it starts: those that have read when the first reads again.
+def _first_readings(
+    record: Record, observations: Sequence[Observation], window: float
+) -> tuple[dict[str, float], dict[str, tuple[str, ...]]]:
+    """Return observed node -> its first reading, the mean of those of its sensors [K], and these sensors.
 
-    One that begins later says where the node is by then.
+    They are those that have read when the first one reads again: one that begins later says where the node is by then.
     """
     several: dict[str, dict[str, Array]] = {}
     for o in observations:
         several.setdefault(o.seat, {})[o.sensor] = record.times[record.channel(o.sensor).valid][:2]
-    out = {}
-    for seat, times in several.items():
-        again = min((t for t in times.values() if t.size), key=lambda t: float(t[0]), default=np.zeros(1))[-1]
-        out[seat] = tuple(sensor for sensor, t in times.items() if not t.size or t[0] <= again)
-    return out
+    begun = {}
+    for node, times in several.items():
+        earliest = min(times.values(), key=lambda t: (t.size == 0, *t))
+        begun[node] = tuple(sensor for sensor, t in times.items() if t.size == 0 or t[0] <= earliest[-1])
+    return {n: float(np.mean([first_reading(record, s, window) for s in sensors])) for n, sensors in begun.items()}, begun
 
 
 def _hidden_starts(
