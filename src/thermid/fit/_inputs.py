@@ -215,7 +215,6 @@ def _loads(e: Experiment, free: Collection[str]) -> Iterator[Input]:
 
 def _starts(request: Request, e: Experiment) -> Iterator[Input]:
     """Yield the starts of all nodes that store heat; those of sensors' tips follow their nodes."""
-    sensors = {o.seat: o.sensor for o in e.observations}
     local = {_place(e, n) for n in request.locals_of(e.record) if n.startswith("initial.")}
     readings = {**e.readings, **{_place(e, n): r.channel for n, r in request.readings.items() if n.startswith("initial.")}}
     massive = {n.path for n in e.network.flat.nodes if n.fields} - {*e.tips}
@@ -232,7 +231,9 @@ def _starts(request: Request, e: Experiment) -> Iterator[Input]:
             spread = f"+- {short(start.sd)} K" + ("" if fitted else ", not counted")
             source = "assumed", f"no sensor and not at rest: balance of its neighbours {spread}"
         elif node in e.loose:
-            source, fitted = ("log", f"first reading of {sensors[node]}"), request.fit_start
+            (*others, sensor), fitted = e.loose[node], request.fit_start
+            words = f"mean of the first readings of {', '.join(others)} and {sensor}"
+            source = "log", words if fitted and others else f"first reading of {sensor}"
         elif node in readings:
             source = "log", f"first reading of {readings[node]}"
         elif e.model.runner is not None and node not in e.model.runner.starts:

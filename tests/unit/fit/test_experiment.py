@@ -10,7 +10,10 @@ import pytest
 
 from thermid.base.errors import IdentificationError, NameNotFoundError, RecordError, ScenarioError
 from thermid.fit._calibrate import calibrate
+from thermid.fit._inputs import inputs_of
 from thermid.fit._problem.experiment import bind, first_reading
+from thermid.fit._problem.gather import build_problem
+from thermid.fit._problem.request import Request
 from thermid.measure.readers import read_record
 from thermid.measure.records import Channel, Record
 from thermid.model.laws import Constant, TableSignal
@@ -144,7 +147,7 @@ class TestStarts:
         stack = pair()
         record = log(stack, {}, {"A": "a.case", "B": "b.case"}, boundary="room", samples=31, start="30 [degC]")
         found = bind(stack, record, Scenario("s", start="measured"))
-        assert found.loose == ("a.case", "b.case")
+        assert tuple(found.loose) == ("a.case", "b.case")
         assert found.scenario.initial["a.case"] == first_reading(record, "A")
         assert found.scenario.start == pytest.approx(np.mean([first_reading(record, n) for n in "AB"]), rel=1e-15)
 
@@ -152,12 +155,12 @@ class TestStarts:
         stack = pair()
         record = log(stack, {}, {"A": "a.case"}, boundary="room", samples=31)
         found = bind(stack, record)
-        assert found.loose == ("a.case",)
+        assert tuple(found.loose) == ("a.case",)
         assert found.scenario.start == ""
 
     def test_boundary(self, model: Model, record: Record) -> None:
         found = bind(model, record, Scenario("s", start="air"))
-        assert found.loose == ()
+        assert not found.loose
         assert found.scenario.start == "air"
         assert found.scenario.initial == {}
 
@@ -175,7 +178,7 @@ class TestStarts:
     def test_one_node_by_a_channel(self, model: Model, record: Record) -> None:
         found = bind(model, record, Scenario("s", initial={"case": "T"}))
         assert found.readings == {"case": "T"}
-        assert found.loose == ()
+        assert not found.loose
 
     def test_an_unknown_word_is_refused(self, model: Model, record: Record) -> None:
         with pytest.raises(ScenarioError, match=r"'RAUM' is neither a temperature nor a boundary\."):
@@ -233,3 +236,39 @@ def test_a_boundary_without_a_temperature_is_refused(model: Model, record: Recor
 def test_a_scenario_for_a_record_that_is_not_there(model: Model, record: Record) -> None:
     with pytest.raises(RecordError, match=r"a scenario is given for 'bensch', which is not a record of this fit\. Did you mean 'bench'"):
         calibrate(model, record, [HTC], scenario={"bensch": Scenario("s")})
+
+
+def later(record: Record, sensor: str, hours: float) -> Record:
+    """Return a record in which a sensor begins to read only after some time."""
+    channel = record[sensor]
+    return record.with_channels(replace(channel, valid=channel.valid & (record.times >= 3600.0 * hours)))
+
+
+class TestASensorThatBeginsLater:
+    @pytest.fixture
+    def two(self) -> Record:
+        """Two sensors on one node that warms by 14 K within the hours before the second one begins, listed last."""
+        return later(log(box(), {}, {"T": "case", "T2": "case"}, loads={"heat": 4.0}), "T2", 2.0)
+
+    def test_says_nothing_of_the_start_of_its_node(self, model: Model, two: Record) -> None:
+        found = bind(model, two)
+        assert two["T2"].values[two["T2"].valid][0] > first_reading(two, "T") + 5.0
+        assert found.scenario.initial["case"] == pytest.approx(first_reading(two, "T"))
+        assert found.loose == {"case": ("T",)}
+
+    def test_says_it_where_no_other_does(self, model: Model, two: Record) -> None:
+        alone = two.select("T2", "ROOM")
+        assert bind(model, alone).scenario.initial["case"] == pytest.approx(first_reading(two, "T2"))
+
+    def test_counts_where_it_has_read_when_the_first_reads_again(self, model: Model, two: Record) -> None:
+        beside = later(log(box(), {}, {"T": "case", "T2": "case"}, loads={"heat": 4.0}), "T2", 1.0 / 60.0)
+        mean = np.mean([first_reading(beside, s) for s in ("T", "T2")])
+        assert bind(model, beside).scenario.initial["case"] == pytest.approx(mean)
+
+    @pytest.mark.parametrize("fit_start", [True, False])
+    def test_is_not_where_a_run_begins(self, model: Model, two: Record, fit_start: bool) -> None:
+        request = Request(model, (two,), free=(HTC,), fit_start=fit_start)
+        found = build_problem(request)
+        (start,) = (i for i in inputs_of(request, found.experiments).rows if i.kind == "start")
+        assert start.words == "first reading of T"
+        assert start.mean == pytest.approx(first_reading(two, "T"))

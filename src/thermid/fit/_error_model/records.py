@@ -64,7 +64,7 @@ def problem_of_record(
     bare_problem = build_problem(bare)
     e = bare_problem.experiments[0]
     starts: dict[str, list[str]] = {}
-    for node, sensor in [*e.readings.items(), *((o.seat, o.sensor) for o in e.observations if o.seat in e.loose)]:
+    for node, sensor in [*e.readings.items(), *((n, s) for n, sensors in e.loose.items() for s in sensors)]:
         starts.setdefault(sensor, []).append(f"initial.{node}")
     sensors = {o.sensor: o for o in e.observations}
     taken = {*own_laws, *(f"{t.name}" for u in bare_problem.unknowns if u.kind == "local" for t in u.targets)}

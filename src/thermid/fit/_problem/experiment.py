@@ -292,9 +292,9 @@ def first_reading(record: Record, name: str, window: float = 0.0) -> float:
 
 
 def starts_of(
-    record: Record, base: Scenario, network: Network, first: Mapping[str, float], window: float
-) -> tuple[Any, dict[str, Any], dict[str, str], tuple[str, ...]]:
-    """Return start, initial temperatures, nodes that start at a channel's first reading, and nodes that start at their own."""
+    record: Record, base: Scenario, network: Network, first: Mapping[str, float], begun: Mapping[str, tuple[str, ...]], window: float
+) -> tuple[Any, dict[str, Any], dict[str, str], dict[str, tuple[str, ...]]]:
+    """Return start, initial temperatures, nodes that start at a channel's first reading, and those at their own with its sensors."""
     initial: dict[str, Any] = {}
     readings: dict[str, str] = {}
 
@@ -311,11 +311,11 @@ def starts_of(
         for node in network.nodes:
             if node not in initial and _massive(network, node):
                 lay(node, base.start)
-        return Kelvin(first_reading(record, base.start, window)), initial, readings, ()
+        return Kelvin(first_reading(record, base.start, window)), initial, readings, {}
     if base.start not in ("", MEASURED):
-        return base.start, initial, readings, ()
+        return base.start, initial, readings, {}
     runner = network.flat.names.model.runner  # of somebody else's program a start may follow from others
-    loose = tuple(n for n in first if n not in initial and _massive(network, n) and (runner is None or n in runner.starts))
+    loose = {n: s for n, s in begun.items() if n not in initial and _massive(network, n) and (runner is None or n in runner.starts)}
     initial |= {n: Kelvin(first[n]) for n in loose}
     mean = Kelvin(np.mean(list(first.values())))
     return (mean if base.start == MEASURED or len(network.boundaries) != 1 else ""), initial, readings, loose
@@ -560,7 +560,7 @@ class Experiment:
     shared : dict               Channel -> (name in the wiring, sd in its unit): constant errors of logged boundaries and powers.
     readings : dict             Node or boundary -> channel whose first reading, less its constant error, stands for its temperature at the
                                 start (of a boundary: throughout).
-    loose : tuple of str        Observed nodes whose start nothing gives but their own readings.
+    loose : dict                Observed node whose start nothing gives but its own readings -> the sensors that read it at the start.
     hidden : dict               Node without a sensor -> its start, where nothing gives it and the log does not begin at rest.
     tips : dict                 Tip of a sensor -> the node on which it sits, at whose temperature it starts.
     ticks : Ticks or None       What was logged on a second clock that is known within a range only.
@@ -577,7 +577,7 @@ class Experiment:
     observations: tuple[Observation, ...]
     shared: Mapping[str, tuple[str, float]] = field(default_factory=dict)
     readings: Mapping[str, str] = field(default_factory=dict)
-    loose: tuple[str, ...] = ()
+    loose: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     tips: Mapping[str, str] = field(default_factory=dict)
     ticks: Ticks | None = None
     noisy: Mapping[str, InputNoise] = field(default_factory=dict)
@@ -703,8 +703,8 @@ def bind(
     observations = tuple(
         _observation(c, seats.get(c.name, Seat(path, path)), grid, times, (weights or {}).get(c.name, 1.0)) for c, path in observed
     )
-    first = _first_readings(record, observations, window)
-    start, initial, readings, loose = starts_of(record, _as_it_starts(model, base, first), network, first, window)
+    first, begun = _first_readings(record, observations, window)
+    start, initial, readings, loose = starts_of(record, _as_it_starts(model, base, first), network, first, begun, window)
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
     duration = last - zero
@@ -733,12 +733,21 @@ def _as_it_starts(model: Model, base: Scenario, first: Mapping[str, float]) -> S
     return replace(base, initial={**{n: Kelvin(t) for n, t in model.runner.starts.items() if n not in first}, **base.initial})
 
 
-def _first_readings(record: Record, observations: Sequence[Observation], window: float) -> dict[str, float]:
-    """Return observed node -> its first reading, the mean of those of its sensors. [K]"""
-    several: dict[str, list[float]] = {}
+def _first_readings(
+    record: Record, observations: Sequence[Observation], window: float
+) -> tuple[dict[str, float], dict[str, tuple[str, ...]]]:
+    """Return observed node -> its first reading, the mean of those of its sensors [K], and these sensors.
+
+    They are those that have read when the first one reads again: one that begins later says where the node is by then.
+    """
+    several: dict[str, dict[str, Array]] = {}
     for o in observations:
-        several.setdefault(o.seat, []).append(first_reading(record, o.sensor, window))
-    return {seat: float(np.mean(readings)) for seat, readings in several.items()}
+        several.setdefault(o.seat, {})[o.sensor] = record.times[record.channel(o.sensor).valid][:2]
+    begun = {}
+    for node, times in several.items():
+        earliest = min(times.values(), key=lambda t: (t.size == 0, *t))
+        begun[node] = tuple(sensor for sensor, t in times.items() if t.size == 0 or t[0] <= earliest[-1])
+    return {n: float(np.mean([first_reading(record, s, window) for s in sensors])) for n, sensors in begun.items()}, begun
 
 
 def _hidden_starts(

@@ -234,8 +234,7 @@ def _starts(request: Request, experiment: Experiment) -> dict[str, _Start]:
     """Return name in the wiring -> the first reading that stands there."""
     readings: dict[str, tuple[str, str]] = {f"initial.{node}": (sensor, "") for node, sensor in experiment.readings.items()}
     if not request.fit_start:
-        sensors = {o.seat: o.sensor for o in experiment.observations}
-        readings |= {f"initial.{node}": (sensors[node], "") for node in experiment.loose}
+        readings |= {f"initial.{node}": (sensors[-1], "") for node, sensors in experiment.loose.items()}
     readings |= {wired(experiment, raw): (r.channel, r.offset) for raw, r in request.readings.items()}
     readings |= {tip: readings[name] for name in tuple(readings) for tip in _tips(experiment, name)}
     for raw in request.locals_of(experiment.record):

@@ -137,7 +137,7 @@ def cases_of(fit: Calibration, grown: Any, candidates: Sequence[Fault], extra: S
             deviations[k] = np.interp(centres, centres[filled], sums[filled] / count[filled])
             noise = float(e.observations[k].noise or 0.05) if k < len(e.observations) else 0.05
             errors[k] = np.where(filled, noise / np.sqrt(np.maximum(count, 1)), 10.0)
-        begun = {o.sensor: tuple(f"initial.{n}" for n in e.loose if n == o.seat) for o in e.observations}
+        begun = {o.sensor: tuple(f"initial.{n}" for n, sensors in e.loose.items() if o.sensor in sensors) for o in e.observations}
         for node, sensor in e.readings.items():
             begun[sensor] = (*begun.get(sensor, ()), f"initial.{node}")
         starts = {s: tuple(dict.fromkeys(names)) for s, names in begun.items() if names}

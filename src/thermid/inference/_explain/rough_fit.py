@@ -17,6 +17,8 @@ from thermid.fit.calibration import descend
 from thermid.fit.problem import Observation, Prior, Problem, Request, Unknown, build_problem
 from thermid.model.tree import Model, parameter_table
 
+MAX_OFF_CENTRE = 0.25
+"""How far the mean time of a sensor's readings may be from the middle of the stretch in which it begins or ends, in its length. [-]"""
 STRETCHES_PER_RECORD, INSTANTS_PER_STRETCH = 40, 4
 """Stretches into which every record is thinned, and instants in each at which the model is looked at."""
 HONEST_MISFIT_SHARE = 0.015
@@ -178,7 +180,7 @@ class RoughFit:
             air = next(iter(e.scenario.boundaries.values()))
             airs.append(np.broadcast_to(np.asarray(air.at(centres), dtype=float), centres.shape))
             for k, o in enumerate(e.observations):
-                measured, counts = _means(e.times[o.index], o.measured, edges)
+                measured, counts = _means(e.times[o.index], o.measured, edges, centres)
                 name = (e.record.name, o.sensor)
                 source, factor = (read or {}).get(o.sensor, (o.sensor, 1.0))
                 error_of_trace = errors.get((e.record.name, source))
@@ -335,13 +337,22 @@ def _stretches(times: Array) -> tuple[Array, Array]:
     return np.array([p.mean() for p in parts]), np.array([times[0], *between, times[-1]])
 
 
-def _means(times: Array, values: Array, edges: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Return the mean reading of every stretch and how many there are; between neighbours where there is none."""
+def _means(times: Array, values: Array, edges: Array, centres: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Return the mean reading of every stretch and how many there are; between neighbours where there is none.
+
+    The stretch in which a sensor begins or ends counts as one without readings where these are far from its middle: the run is compared
+    with them by its mean over the whole stretch.
+    """
     count = edges.size - 1
     place = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, count - 1)
     counts = np.bincount(place, minlength=count)
     sums = np.bincount(place, values, minlength=count)
     filled = np.flatnonzero(counts)
+    off_centre = np.abs(np.bincount(place, times, minlength=count)[filled] / counts[filled] - centres[filled])
+    partly = filled[off_centre > MAX_OFF_CENTRE * np.diff(edges)[filled]]
+    ends = np.intersect1d(partly, filled[[0, -1]])
+    if ends.size < filled.size:
+        counts[ends], filled = 0, np.setdiff1d(filled, ends)
     means = np.interp(np.arange(count), filled, sums[filled] / counts[filled])
     return means, counts
 

@@ -128,3 +128,15 @@ def test_the_text_says_the_word_and_every_criterion(found: Calibration) -> None:
     assert third.endswith("limit 0.0001 K: NOT met")
     assert any("inside the 95 % band" in line for line in bands)
     assert bands[-1].lstrip().startswith("worst stretch: ")
+
+
+def test_a_second_sensor_that_begins_later_does_not_move_the_start(found: Calibration) -> None:
+    held = run("held", 3, loads={"heat": 4.0})
+    begun = held.times >= 7200.0
+    both = held.with_channels(replace(held["T"], name="T2", valid=begun))  # an Arduino that started again, its two files joined
+    assert both["T2"].values[begun][0] > both["T"].values[0] + 8.0
+    limit = Criteria(max_error="0.2 [K]")
+    (alone,) = validate(found, held, limit).checks
+    judged = {c.sensor: c for c in validate(found, both, limit).checks}
+    assert alone.met
+    assert judged["T"].found == pytest.approx(alone.found, abs=1e-6)
