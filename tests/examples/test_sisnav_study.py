@@ -143,7 +143,7 @@ def test_the_page_begins_with_its_answer_and_is_as_long_as_promised(
 
 def test_the_campaign_of_nine_stages_is_read_on_fifteen_sheets(done: Any, tmp_path: Path) -> None:
     """The same of `thermid report --for agency` on the study's campaign."""
-    check_sheets(lambda to: td.reporting.report(done.constant, to=tmp_path / to, audience="agency"), 15)
+    check_sheets(lambda to: td.report(done.constant, to=tmp_path / to, audience="agency"), 15)
 
 
 def check_sheets(write: Callable[[str], Path], most: int | None) -> None:
