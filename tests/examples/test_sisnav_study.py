@@ -84,7 +84,7 @@ def test_hidden_temperatures_lie_in_their_bands(done: Any) -> None:
 
 @pytest.mark.xfail(
     strict=True,
-    reason="missed: 100 % of the moments are inside; half-widths are 3 to 20 times the RMS error, the model of error is too wide for this unit",
+    reason="missed: 100 % of the moments are inside; half-widths are 3 to 20 times the RMS error: too wide for this unit",
 )
 def test_bands_of_hidden_temperatures_are_no_wider_than_they_say(done: Any) -> None:
     """A 95 % band holds 95 % of the moments on average."""
