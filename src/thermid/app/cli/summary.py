@@ -91,6 +91,24 @@ def _top(campaign: Campaign) -> Iterator[str]:
         yield f"worst hold-out sensor: {_check_text(c)}, in {v.record}"
     for name, mistakes in campaign.mistakes.items():
         yield from (f"{name}: {line}" for line in mistakes.lines())
+    for words, stages in _common(campaign).items():
+        where = f"all {len(stages)} stages" if len(stages) == len(campaign.stages) else f"stages {', '.join(stages)}"
+        yield f"{words} ({where}; -v says more of each)"
+
+
+def _common(campaign: Campaign) -> dict[str, list[str]]:
+    """Return what several stages are to be checked for, in the same words -> these stages."""
+    said: dict[str, list[str]] = {}
+    for name, fit in campaign.stages.items():
+        for words in dict.fromkeys(_clause(w) for w in fit.warnings if w.startswith(FIRST) and w not in _questions_to_owner(campaign)):
+            said.setdefault(words, []).append(name)
+    return {words: stages for words, stages in said.items() if len(stages) > 1}
+
+
+def _clause(warning: str) -> str:
+    """Return what a warning says before it comes to the names and figures of its own stage."""
+    before, named, _ = warning.partition("'")
+    return before.rpartition(", ")[0] if named and ", " in before else warning
 
 
 def _questions_to_owner(campaign: Campaign) -> tuple[str, ...]:
@@ -109,7 +127,8 @@ def _block(campaign: Campaign, name: str, fit: Calibration) -> StageRows:
     worst = max(fit.sensors.items(), key=lambda item: item[1].rmse, default=None)
     sensor = f"worst sensor {worst[0]}, RMSE {short(worst[1].rmse, 2)} K" if worst is not None else "tuned by hand"
     assumed = fit.inputs.assumed
-    notes = [f"{name}: {w}" for w in fit.warnings if w.startswith(FIRST) and w not in _questions_to_owner(campaign)]
+    elsewhere = {*_questions_to_owner(campaign), *_common(campaign)}
+    notes = [f"{name}: {w}" for w in fit.warnings if w.startswith(FIRST) and not {w, _clause(w)} & elsewhere]
     for why, partly in (("neither log nor scenario gives it", False), ("its channel begins late or ends early", True)):
         inputs = ", ".join(dict.fromkeys(f"{i.name} ({i.kind})" for i in assumed if i.partly == partly))
         if inputs:

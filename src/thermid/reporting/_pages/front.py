@@ -34,7 +34,7 @@ from thermid.reporting._pictures import correlation, figures
 SYNTHETIC = "synthetic"
 LEAD = (620.0, 284.0)
 """Size of the figure that decides. [px]"""
-NETWORK_SIZE = (612.0, 400.0)
+NETWORK_SIZE = (648.0, 400.0)
 """Size of the network beside it, at most, so that its letters have 6.5 pt on paper. [px]"""
 DECIDES, NETWORK, MATRIX, VERDICTS_TABLE = "fig-decides", "fig-network", "fig-matrix", "table-verdicts"
 
