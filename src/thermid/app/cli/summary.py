@@ -91,24 +91,24 @@ def _top(campaign: Campaign) -> Iterator[str]:
         yield f"worst hold-out sensor: {_check_text(c)}, in {v.record}"
     for name, mistakes in campaign.mistakes.items():
         yield from (f"{name}: {line}" for line in mistakes.lines())
-    for words, stages in _common(campaign).items():
+    for clause, stages in _common(campaign).items():
         where = f"all {len(stages)} stages" if len(stages) == len(campaign.stages) else f"stages {', '.join(stages)}"
-        yield f"{words} ({where}; -v says more of each)"
+        yield f"{clause} ({where}; -v says more of each)"
 
 
 def _common(campaign: Campaign) -> dict[str, list[str]]:
     """Return what several stages are to be checked for, in the same words -> these stages."""
-    said: dict[str, list[str]] = {}
+    stages_of: dict[str, list[str]] = {}
     for name, fit in campaign.stages.items():
-        for words in dict.fromkeys(_clause(w) for w in fit.warnings if w.startswith(FIRST) and w not in _questions_to_owner(campaign)):
-            said.setdefault(words, []).append(name)
-    return {words: stages for words, stages in said.items() if len(stages) > 1}
+        for clause in dict.fromkeys(_clause(w) for w in fit.warnings if w.startswith(FIRST) and w not in _questions_to_owner(campaign)):
+            stages_of.setdefault(clause, []).append(name)
+    return {clause: stages for clause, stages in stages_of.items() if len(stages) > 1}
 
 
 def _clause(warning: str) -> str:
     """Return what a warning says before it comes to the names and figures of its own stage."""
-    before, named, _ = warning.partition("'")
-    return before.rpartition(", ")[0] if named and ", " in before else warning
+    before, quote, _ = warning.partition("'")
+    return before.rpartition(", ")[0] if quote and ", " in before else warning
 
 
 def _questions_to_owner(campaign: Campaign) -> tuple[str, ...]:
