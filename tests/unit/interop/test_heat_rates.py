@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
 import re
 from pathlib import Path
 
@@ -11,6 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from public_files import public_file
 from thermid.base.errors import DeckError
 from thermid.interop._decks.printed import sinda_print
 from thermid.interop._decks.results import Agreement, agreement, balance
@@ -196,6 +195,7 @@ def test_a_transient_print_is_judged_as_a_transient(tmp_path: Path) -> None:
     out, agreed = _printed(case)
     assert np.abs(agreed.off).max() < 2e-4
     assert np.isnan(agreed.times).tolist() == [True, False, False, False]
+    assert {each.time_digit for each in sinda_print(out)} == {0.05}
     settled = [each for each in sinda_print(out) if each.settled]
     assert len(settled) == 2
     assert set(balance(read_sinda(case), settled[-1]).open()) == {"PLATE.T1", "PLATE.T4", "FIN.T2"}  # means of the courses, not of the file
@@ -253,7 +253,6 @@ def test_arrays_of_another_submodel_are_tables_over_temperature(tmp_path: Path) 
     assert [row[1] for row in points] == ["220.0 [J/(kg K)]", "340.0 [J/(kg K)]", "360.0 [J/(kg K)]"]
 
 
-PUBLIC = Path(os.environ.get("THERMID_PUBLIC", "/nowhere"))
 DAVIS = "Space-and-Satellite-Systems-UC-Davis/Structure-Thermal-Desktop"
 TUTORIAL = f"{DAVIS}/Reference Files and Tutorials/CRTech Tutorials/2. ModelBrowser_63/case1.cc"
 SHA = {
@@ -264,11 +263,7 @@ SHA = {
 
 
 def _public(name: str) -> Path:
-    file = PUBLIC / name
-    if not file.is_file():
-        pytest.skip(f"{name} is not under THERMID_PUBLIC")
-    assert hashlib.sha256(file.read_bytes()).hexdigest() == SHA[name]
-    return file
+    return public_file(name, SHA[name])
 
 
 def test_rates_of_three_files_of_which_each_leaves_nodes_out() -> None:

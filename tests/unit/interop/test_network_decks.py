@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +10,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from public_files import public_file
 from thermid.base.errors import DeckError, ThermidError
 from thermid.interop._decks.esatan import read_esatan
 from thermid.interop._decks.network_file import NetworkFile
@@ -472,7 +471,6 @@ def test_a_model_of_ones_own_is_written_and_read_back(tmp_path: Path) -> None:
         to_esatan(model, room)
 
 
-PUBLIC = Path(os.environ.get("THERMID_PUBLIC", "/nowhere"))
 CARDS_OF_2008 = "afcarl/Air-Launch-Vehicle-Thermal-Analysis-and-Trade-Study/SINDA/LOX_Liq_12ft_Dia/Rev_A/AL_PLP_a.sin"
 SHA = {
     "bpar907/APSS-2-Thermal-TXRX/case0.cc": "595976262a34c2c2bc118b143d8a87c12484fbae092f1fa545d7e175b9e62cc3",
@@ -483,11 +481,7 @@ SHA = {
 
 
 def _public(name: str) -> Path:
-    file = PUBLIC / name
-    if not file.is_file():
-        pytest.skip(f"{name} is not under THERMID_PUBLIC")
-    assert hashlib.sha256(file.read_bytes()).hexdigest() == SHA[name]
-    return file
+    return public_file(name, SHA[name])
 
 
 def test_a_deck_of_thermal_desktop_against_sindas_own_print() -> None:

@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from public_files import public_file
 from thermid.interop._decks.esatan import read_esatan
 from thermid.interop._decks.network_file import NetworkFile
 from thermid.interop._decks.printed import sinda_print
 from thermid.interop._decks.results import agreement
 from thermid.interop._decks.sinda import read_sinda
 
-PUBLIC = Path(os.environ.get("THERMID_PUBLIC", "/nowhere"))
 DAVIS = "Space-and-Satellite-Systems-UC-Davis/Structure-Thermal-Desktop"
 MLI = "nodoka716/MLI_test"
 TUTORIALS = f"{DAVIS}/Reference Files and Tutorials"
@@ -49,9 +49,7 @@ DECKS = {
 
 
 def _public(name: str) -> Path:
-    file = PUBLIC / name
-    if not file.is_file():
-        pytest.skip(f"{name} is not under THERMID_PUBLIC")
+    file = public_file(name)
     assert hashlib.sha256(b"".join(f.read_bytes() for f in _files(file) if f.is_file())).hexdigest() == DECKS[name]
     return file
 

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 import thermid as td
+from public_files import public_file
 from thermid.interop._decks.network_file import FileCourse
 from thermid.interop._decks.printed import printed_temperatures
 from thermid.interop._decks.results import agreement
 from thermid.interop._decks.sinda import read_sinda
 
-PUBLIC = Path(os.environ.get("THERMID_PUBLIC", "/nowhere"))
 DAVIS = "Space-and-Satellite-Systems-UC-Davis/Structure-Thermal-Desktop/OLD_Working CubseSAT Model/case1"
 MLI = "nodoka716/MLI_test"
 SHA = {
@@ -58,10 +55,7 @@ def _moved(course: FileCourse, edges: list[tuple[float, float, float]]) -> FileC
 @pytest.mark.parametrize("name", SHA)
 def test_each_edge_moved_within_a_step_of_sinda_leaves_a_tenth_of_the_difference(name: str) -> None:
     """SINDA takes the heat of a step from its middle: all nodes then miss, or have in excess, the same seconds of sun."""
-    printed = PUBLIC / f"{name}.out"
-    if not printed.is_file():
-        pytest.skip(f"{name} is not under THERMID_PUBLIC")
-    assert hashlib.sha256(printed.read_bytes()).hexdigest() == SHA[name]
+    printed = public_file(f"{name}.out", SHA[name])
     network, prints = read_sinda(printed.with_suffix(".inp")), printed_temperatures(printed)
     calm = td.steady(network.model(), network.scenario(), "mean")
     nodes = tuple(node if node.held else replace(node, celsius=calm[node.path] - 273.15) for node in network.nodes)

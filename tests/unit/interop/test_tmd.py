@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
+from public_files import public_file
 from thermid.base.errors import DeckError
 from thermid.interop._decks.esatan import read_esatan
 from thermid.interop._decks.printed import printed_temperatures
@@ -147,11 +146,12 @@ def test_a_print_whose_time_is_rounded_beyond_the_end_is_judged_at_the_end(tmp_p
     end = td.simulate(network.model(), network.scenario(), times=[7200.0])
     columns = ["PLATE_BOX.T1", "PLATE_BOX.T2", "PLATE.T1", "", "PLATE_T99"]
     kelvin = np.array([[end[path].kelvin[-1] if path else ZERO for path in columns]] * 2)
-    agreed = agreement(network, printed_temperatures(_write_tmd(tmp_path / "late.TMD", [([7199.0, 7200.004], kelvin - ZERO)])))
+    agreed = agreement(network, printed_temperatures(_write_tmd(tmp_path / "late.TMD", [([7199.0, 7200.0002], kelvin - ZERO)])))
     assert np.abs(agreed.off[-1]).max() < 1e-6
+    with pytest.raises(DeckError, match=r"the print of 7300 is not within .* begins at 0 and ends at 7200"):
+        agreement(network, printed_temperatures(_write_tmd(tmp_path / "other.TMD", [([7199.0, 7300.0], kelvin - ZERO)])))
 
 
-PUBLIC = Path(os.environ.get("THERMID_PUBLIC", "/nowhere"))
 DISC, SATELLITE = "pycanha-project/pycanha-core/test/data/esatan/DISCTR_TRANSIENT.TMD", "harper25/ESATAN_PostProcessing/GSG_SAT_POLAR.TMD"
 SHA = {
     DISC: "9ca61502d675d9de25860547dcaf7861d6fd0153d4d7f1ff23ac1162a588de17",
@@ -160,11 +160,7 @@ SHA = {
 
 
 def _public(name: str) -> Path:
-    file = PUBLIC / name
-    if not file.is_file():
-        pytest.skip(f"{name} is not under THERMID_PUBLIC")
-    assert hashlib.sha256(file.read_bytes()).hexdigest() == SHA[name]
-    return file
+    return public_file(name, SHA[name])
 
 
 def _deck_of(tmd: Path) -> str:

@@ -41,12 +41,14 @@ class Printed:
     time : float           Its problem time, in the file's unit of time.
     numbers : dict         Node path -> temperature.
     digits : dict          Node path -> half a unit of its last digit.
+    time_digit : float     Half a unit of the last digit of the time.
     """
 
     routine: str
     time: float
     numbers: Mapping[str, float]
     digits: Mapping[str, float]
+    time_digit: float = 0.0
 
     @property
     def settled(self) -> bool:
@@ -105,7 +107,7 @@ def _solutions(analysis: Any, file: str) -> Iterator[Printed]:
         for time, row in zip(times.tolist(), celsius, strict=True):
             numbers = {name: float(t) for name, t, out in zip(nodes, row, inactive, strict=True) if not out}
             digits = {name: _ROUNDING * abs(t) for name, t in numbers.items()}
-            yield Printed("TRANSIENT" if times.size > 1 else "STEADY", time, numbers, digits)
+            yield Printed("TRANSIENT" if times.size > 1 else "STEADY", time, numbers, digits, _ROUNDING * abs(time))
 
 
 def _owner(models: Any, k: int) -> str:
@@ -125,7 +127,7 @@ def sinda_print(path: str | Path) -> list[Printed]:
     prints: list[Printed] = []
     numbers: dict[str, float] = {}
     digits: dict[str, float] = {}
-    submodel, routine, time, headed = "", "", 0.0, False
+    submodel, routine, time, time_digit, headed = "", "", 0.0, 0.0, False
     for row in DeckReading().open(Path(path)).split("\n"):
         if row.startswith(" MODEL ="):
             headed = True
@@ -134,17 +136,21 @@ def sinda_print(path: str | Path) -> list[Printed]:
         elif match := _SUBMODEL.match(row):
             submodel = match[1]
         elif match := _TIME.search(row):
-            time, routine = float(match[1]), "TRANSIENT" if "DTIMEU" in row else routine
+            time, time_digit, routine = float(match[1]), _half_digit(match[1]), "TRANSIENT" if "DTIMEU" in row else routine
         elif "OUTPUT TEMPERATURES" in row:  # SINDA/G has one submodel
             submodel = SUBMODEL
         for number, word in _PRINT.findall(row) if submodel else ():
             key = f"{submodel}.T{int(number)}"
             if not numbers or key in numbers or (prints[-1].routine, prints[-1].time) != (routine, time):
                 numbers, digits = {}, {}
-                prints.append(Printed(routine, time, numbers, digits))
-            numbers[key] = float(word)
-            mantissa, _, exponent = word.partition("E")
-            digits[key] = 0.5 * 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))
+                prints.append(Printed(routine, time, numbers, digits, time_digit))
+            numbers[key], digits[key] = float(word), _half_digit(word)
     if not prints:
         raise DeckError("the file has no printed temperatures (T 1= ... under SUBMODEL NAME).", str(path))
     return prints
+
+
+def _half_digit(word: str) -> float:
+    """Return half a unit of the last digit of a printed number."""
+    mantissa, _, exponent = word.partition("E")
+    return 0.5 * 10.0 ** (int(exponent or 0) - len(mantissa.partition(".")[2]))

@@ -106,8 +106,7 @@ def agreement(network: NetworkFile, prints: Sequence[Printed]) -> Agreement:
     if not nodes:
         raise DeckError("the print has none of the deck's nodes, so it is of another case.", network.title)
     model, scenario = network.model(), network.scenario()
-    # a print's time is rounded: the last may lie beyond the end of the run, by its last digit
-    times = [min(max(output.time * network.seconds - network.begin, 0.0), scenario.seconds) for output in moving]
+    times = [_within(output, network, scenario.seconds) for output in moving]
     rows = []
     if settled:
         calm = steady(model, scenario, "mean" if network.start == "steady, mean" else 0.0)
@@ -120,6 +119,20 @@ def agreement(network: NetworkFile, prints: Sequence[Printed]) -> Agreement:
     off = np.array(rows) - ICE_POINT - np.array([[output[name] for name in nodes] for output in printed])
     rounding = max(output.digits[name] for output in (*settled, *moving) for name in nodes) * network.zero_and_degree[1]
     return Agreement(np.array([*[np.nan] * len(settled), *times]), nodes, off, rounding, tuple(paths.keys() - set(nodes)))
+
+
+def _within(output: Printed, network: NetworkFile, end: float) -> float:
+    """Return the time of a print in the deck's run [s], which the rounding of its last digit may put beyond an end of that."""
+    time = output.time * network.seconds - network.begin
+    inside = min(max(time, 0.0), end)
+    if abs(time - inside) > output.time_digit * network.seconds + 1e-9 * end:
+        raise DeckError(
+            f"the print of {output.time:g} is not within the deck's run: it begins at {network.begin / network.seconds:g} and ends at "
+            f"{(network.begin + end) / network.seconds:g}, in the deck's unit of time. Give the print of this case, or correct its times.",
+            network.title,
+            code="value.outside-range",
+        )
+    return inside
 
 
 def balance(network: NetworkFile, printed: Printed) -> Balance:
