@@ -125,7 +125,6 @@ FORM = "({})"
 class Grammar(BaseModel):
     """Base of every grammar: reads a file, and lists its faults."""
 
-    model_config = ConfigDict(defer_build=True)  # a table inside another is built with that one only: a tenth of a first result's time
     fault: ClassVar[type[ThermidError]] = DeckError
     """What a fault of the file is."""
     lead: ClassVar[str] = ""

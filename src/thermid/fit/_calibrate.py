@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from functools import partial
 from importlib.metadata import version
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -110,7 +110,7 @@ def _missed(request: Request, problem: Problem, minimum: Fit, spread: Autocorrel
         size = float(np.sqrt(t.correlated_variance)) * sigma
         if request.adequate:
             limit, what = request.adequate, "'adequate'"
-        elif o.noise is not None and o.noise <= math.prod(shown.get((t.record, t.sensor), (math.inf, 1.0))):
+        elif o.noise is not None and ((seen := shown.get((t.record, t.sensor))) is None or o.noise <= seen.ratio * seen.size):
             size = scatter[t.record, t.sensor] if size > 0.0 else 0.0
             limit, what = MAX_RESIDUAL_TO_NOISE * o.noise, f"{MAX_RESIDUAL_TO_NOISE:g} times its stated noise"
         else:  # nothing stated, or more than the readings show
@@ -644,13 +644,17 @@ def differing(problem: Problem) -> list[str]:
     return out[:1]
 
 
-def _seen_noise(problem: Problem) -> dict[tuple[str, str], tuple[float, float]]:
-    """Return record and sensor -> the noise that the readings show [K], and the factor from which a stated one differs by more than chance.
+class _SeenNoise(NamedTuple):
+    """The noise that readings show [K], and the factor from which a stated one differs from it by more than chance."""
 
-    Of those that show some, and whose noise is not said to be slow.
-    """
+    size: float
+    ratio: float
+
+
+def _seen_noise(problem: Problem) -> dict[tuple[str, str], _SeenNoise]:
+    """Return record and sensor -> the noise of its readings, of those that show some and whose noise is not said to be slow."""
     return {
-        (e.record.name, o.sensor): (
+        (e.record.name, o.sensor): _SeenNoise(
             channel.noise_seen,
             max(NOISE_RATIO, math.exp(CHANCE_DEVIATIONS * ERROR_OF_SEEN_NOISE / math.sqrt(channel.valid.sum()))),
         )
@@ -881,7 +885,7 @@ def _suspect(fit: Calibration, spread: Autocorrelation) -> bool:
     slow = _slow(spread) if _wandering(spread) else []
     # squares of what wanders in units of the noise that the readings show
     more = [
-        max(taken[key] / shown_noise[key][0], 1.0) ** 2 if (key := (t.record, t.sensor)) in shown_noise else float(stated) for t in slow
+        max(taken[key] / shown_noise[key].size, 1.0) ** 2 if (key := (t.record, t.sensor)) in shown_noise else float(stated) for t in slow
     ]
     squares = [t.samples * (t.white_variance + t.correlated_variance) * m for t, m in zip(slow, more, strict=True)]
     count = sum(t.samples for t in slow)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit._calibrate import calibrate, fit
+from thermid.fit._calibrate import ERROR_OF_SEEN_NOISE, calibrate, fit
 from thermid.fit._calibration import Calibration
 from thermid.fit._minimisation import covariances, ended
 from thermid.fit._problem.request import Request, known_before
@@ -297,6 +297,14 @@ def test_ninety_readings_do_not_contradict_a_right_noise_by_chance(noise: float,
     record = Record.from_arrays("bench", times, {"T": Channel.from_array("T", readings, unit="K", role="node", target="case", noise=noise)})
     found = calibrate(case, record, ["g.conductance", "case.capacitance"], scenario=given)
     assert any("the stated noise of 'T' is" in w for w in found.warnings) == said
+
+
+@pytest.mark.parametrize("samples", [40, 90, 500])
+def test_the_noise_that_white_readings_show_scatters_as_its_constant_says(samples: int) -> None:
+    rng = np.random.default_rng(3)
+    readings = 300.0 + 0.05 * rng.standard_normal((400, samples))
+    logs = np.log([Channel.from_array("T", each, unit="K").white_noise for each in readings])
+    assert np.std(logs) * samples**0.5 == pytest.approx(ERROR_OF_SEEN_NOISE, rel=0.15)  # four errors of the scatter of 400 draws
 
 
 @pytest.mark.parametrize(("stated", "said"), [(0.05, False), (0.07, False), (0.15, True), (0.02, True)])

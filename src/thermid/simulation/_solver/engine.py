@@ -223,9 +223,8 @@ class Modal:
             grid = np.sort(np.concatenate((times, [0.0, end], *(s.times for s in tables))))
             gaps = np.diff(grid[(grid >= 0.0) & (grid <= end)])
             gaps = gaps[gaps > 1e-15 * end]
-            equal = np.flatnonzero(
-                np.diff(np.sort(gaps.astype(np.float32)), prepend=-1.0)
-            )  # starts of equal lengths; `unique` loads numpy.ma
+            # where equal lengths start; numpy.unique would load numpy.ma, which nothing else of a first result needs
+            equal = np.flatnonzero(np.diff(np.sort(gaps.astype(np.float32)), prepend=-1.0))
             often = np.sort(np.diff(equal, append=gaps.size))[-REMEMBERED_LENGTHS:]
             self._grids[key] = gaps.size, gaps.size - int(often.sum()) + often.size
         stops = sum(s.times.size for s in tables if s.times.size <= (5000 if s.hold else 500))
