@@ -117,9 +117,9 @@ class Setting:
                 if h.name in wanted and h.name not in heats:
                     heats[h.name] = h
                     sizes[wanted[h.name]] = deviation(c, kept_way.sizes, beyond) if any(h is other for _, other in alone) else 1.0
-        carriers |= {wanted[n]: tuple(f"scale.{load}" for load in h.loads) for n, h in heats.items()}
-        loads = tuple(f"scale.{n}" for h in heats.values() for n in h.loads)
-        wide = Wiring(*with_heats(network, conditions, heats.values()), (*ready.free, *loads))
+        scales = {n: (h.scale,) if h.into else () for n, h in heats.items()}
+        carriers |= {wanted[n]: names for n, names in scales.items()}
+        wide = Wiring(*with_heats(network, conditions, heats.values()), (*ready.free, *(s for names in scales.values() for s in names)))
         return cls(budget, ready, carriers, at, replace(ready, _wiring=wide, _engine=Engine(wide)), sizes)
 
     @property

@@ -269,9 +269,9 @@ class DepartureHeat:
     into: tuple[tuple[str, Any], ...]
 
     @property
-    def loads(self) -> tuple[str, ...]:
-        """Names of the loads that stand for it."""
-        return tuple(f"{self.name} into {node}" for node, _ in self.into)
+    def scale(self) -> str:
+        """What frees its size in a network of `with_heats`."""
+        return f"scale.{self.name}"
 
 
 def moved_heat(name: str, network: Network, ends: tuple[str, str], times: Array, watts: Array) -> DepartureHeat:
@@ -281,12 +281,12 @@ def moved_heat(name: str, network: Network, ends: tuple[str, str], times: Array,
 
 
 def with_heats(network: Network, scenario: Scenario, heats: Iterable[DepartureHeat]) -> tuple[Network, Scenario]:
-    """Return a network and its scenario with loads of zero size; ``scale.<load>`` frees their size."""
+    """Return a network and its scenario with loads whose sizes are free."""
     loads, powers = [], {}
     for h in heats:
-        for name, (node, watts) in zip(h.loads, h.into, strict=True):
-            loads.append(FlatLoad(name, node, node, {}))
-            powers[name] = watts
+        for node, watts in h.into:
+            loads.append(FlatLoad(f"{h.name} into {node}", node, node, {}, scale=h.name))
+            powers[loads[-1].path] = watts
     return replace(network, flat=replace(network.flat, loads=(*network.flat.loads, *loads))), scenario.with_(loads=powers)
 
 

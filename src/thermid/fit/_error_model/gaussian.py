@@ -68,12 +68,15 @@ def innovations(times: Array, columns: Array, noise: Array, wanders: Sequence[Wa
             variance = variance * white_variance / total
         if wander.size == 0.0:
             scales[:, place, 0], log_dets[place] = noise, 2.0 * float(np.log(noise).sum())
-    out, state = np.empty((times.size, len(wanders), columns.shape[1])), np.zeros((len(wanders), columns.shape[1]))
-    for k, row in enumerate(columns):
-        apart = row - (state := memory[k] * state)
-        out[k] = apart / scales[k]
-        state = state + gains[k] * apart
-    return np.ascontiguousarray(np.swapaxes(out, 0, 1)), log_dets
+    out = np.empty((len(wanders), times.size, columns.shape[1]))
+    state, apart = np.zeros_like(out[:, 0]), np.empty_like(out[:, 0])
+    for k, row in enumerate(columns):  # in place: new memory costs as much as the sums
+        state *= memory[k]
+        np.subtract(row, state, out=apart)
+        np.divide(apart, scales[k], out=out[:, k])
+        apart *= gains[k]
+        state += apart
+    return out, log_dets
 
 
 @dataclass(frozen=True, eq=False)

@@ -219,9 +219,9 @@ def traces_of(problem: Problem, i: int, network: Network, heats: Sequence[Depart
     """Return the sensors of a run, with derivatives by every unknown and heat."""
     wide = widened(problem, i, *with_heats(network, problem.experiments[i].scenario, heats), heats)
     at = np.concatenate([fitted, np.zeros(len(heats))])
-    slopes = wide.slopes(0, at)
+    blocks, slopes = wide.blocks_and_slopes(0, at)
     out = []
-    for k, (o, block) in enumerate(zip(wide.experiments[0].observations, wide.blocks_of(0, at), strict=True)):
+    for k, (o, block) in enumerate(zip(wide.experiments[0].observations, blocks, strict=True)):
         noise = np.full(block.times.size, noise_of(wide.experiments[0], o))
         out.append(SensorRows(block.times, block.residuals, noise, -slopes[o.index, k, :] * block.noise))
     return tuple(out)

@@ -235,7 +235,7 @@ def widened(problem: Problem, i: int, network: Network, scenario: Any, heats: Se
     unknowns_of_run = [
         replace(u, targets=tuple(replace(t, experiment=0) for t in u.targets if t.experiment == i)) for u in problem.unknowns
     ]
-    more = [Unknown(h.name, "pattern", tuple(Influence(0, f"scale.{n}") for n in h.loads), 0.0) for h in heats]
+    more = [Unknown(h.name, "pattern", (Influence(0, h.scale),) if h.into else (), 0.0) for h in heats]
     return replace(problem, experiments=(experiment,), unknowns=(*unknowns_of_run, *more), coupled=())
 
 

@@ -432,8 +432,7 @@ def compressed_in_full(
 ) -> tuple[Array, Array, float, list[tuple[str, str, Sums]]]:
     """Return what `Problem.compressed` takes of one experiment, from all of its residuals: rows, slopes, chi-square, sums."""
     experiment = problem.experiments[i]
-    slopes = problem.slopes(i, fitted)  # first: a run with derivatives holds what the blocks need
-    blocks = problem.blocks_of(i, fitted)
+    blocks, slopes = problem.blocks_and_slopes(i, fitted)
     full = np.concatenate([slopes[o.index, k, :] for k, o in enumerate(experiment.observations)])
     return as_triangle(blocks, full, loss, loss_scale)
 
@@ -548,9 +547,12 @@ class Problem:
 
     def blocks_of(self, i: int, fitted: Array) -> list[SensorTrace]:
         """Return measured and predicted readings of every sensor of a record."""
-        out, bench = [], self.bench(i, fitted)
         x, _ = self.inputs(i, fitted)
-        columns, _ = bench.temperatures(x, False, self.options)
+        return self._blocks(i, fitted, self.bench(i, fitted).temperatures(x, False, self.options)[0])
+
+    def _blocks(self, i: int, fitted: Array, columns: Array) -> list[SensorTrace]:
+        """Return the same of temperatures (times, sensors) of the sensors' nodes. [K]"""
+        out, bench = [], self.bench(i, fitted)
         for k, o in enumerate(bench.experiment.observations):
             bias, _ = self._bias(o.sensor, fitted)
             predicted = columns[o.index, k] + bias
@@ -655,6 +657,15 @@ class Problem:
 
     def slopes(self, i: int, fitted: Array, times: Array | None = None) -> Array:
         """Return d weighted residuals / d fitted (times, sensors, unknowns) of an experiment, at its own times or at others [s]."""
+        return self._slopes(i, fitted, times)[1]
+
+    def blocks_and_slopes(self, i: int, fitted: Array) -> tuple[list[SensorTrace], Array]:
+        """Return `blocks_of` and `slopes` of an experiment at its own times, from one run."""
+        columns, slopes = self._slopes(i, fitted, None)
+        return self._blocks(i, fitted, columns), slopes
+
+    def _slopes(self, i: int, fitted: Array, times: Array | None) -> tuple[Array, Array]:
+        """Return the temperatures (times, sensors) of the sensors' nodes [K], and `slopes`."""
         bench = self.bench(i, fitted)
         x, chain = self.inputs(i, fitted)
         columns, derivatives = bench.temperatures(x, bool(x.size), self.options, times)
@@ -666,7 +677,7 @@ class Problem:
             if position is not None:
                 out[:, k, position] -= 1.0
             out[:, k, :] /= o.sigma(self.noise)
-        return np.asarray(out)
+        return columns, np.asarray(out)
 
     def prior_rows(self, fitted: Array) -> tuple[Array, Array]:
         """Return the residuals of the priors and their derivatives."""

@@ -97,7 +97,8 @@ class FlatConductor:
 class FlatLoad:
     """A heat load: field -> parameter path; one that a surface absorbs has the area that joints take, and its flux by the boundaries.
 
-    `recipe` gives what of a flux is absorbed where reflections between faces count. [m^2]
+    `recipe` gives what of a flux is absorbed where reflections between faces count [m^2]. The factor on its power is ``scale.<path>``, or
+    ``scale.<scale>`` of all loads that share one.
     """
 
     path: str
@@ -111,6 +112,7 @@ class FlatLoad:
     controls: tuple[str, ...] = ()
     cycle: Signal | None = None
     recipe: Callable[[Mapping[str, Any]], Any] | None = None
+    scale: str = ""
 
     @property
     def follows_temperature(self) -> bool:

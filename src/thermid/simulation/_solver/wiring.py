@@ -498,6 +498,7 @@ class Wiring:
         self.scenario = normalised(network, scenario)
         self.free = tuple(free)
         self.parameters = tuple(n for n in self.free if n in network.flat.parameters.table)
+        self._scales = {load.path: f"scale.{load.scale or load.path}" for load in network.flat.loads}
         for name in self.free:
             self._check_free(name)
         self.schedule = read_schedule(network, self.scenario)
@@ -536,7 +537,7 @@ class Wiring:
         head, _, node = name.partition(".")
         if name in self.parameters or name in self.network.boundaries or (head == "initial" and node in self.network.nodes):
             return
-        if head == "reading" or (head == "scale" and node in {load.path for load in self.network.flat.loads}):
+        if head == "reading" or name in self._scales.values():
             return
         names = [*self.network.flat.parameters.table, *self.network.boundaries, *(f"initial.{n}" for n in self.network.nodes)]
         raise ScenarioError(f"no parameter '{name}' can be free.{nearest(name, names)}", self.network.title, code="name.unknown")
@@ -827,12 +828,13 @@ class Wiring:
 
     def _power(self, load: str, watts: Number, numbers: Numbers, values: Mapping[str, Number]) -> Number:
         """Return what multiplies a load's input: the deck's power, a gain in its place, or 1 where the input is in watts."""
+        scale = self._scales[load]
         if load in self.scenario.gains:
             gain: Number = numbers.values[self.scenario.gains[load]]
-            return gain * values[f"scale.{load}"] if f"scale.{load}" in values else gain
+            return gain * values[scale] if scale in values else gain
         if f"watts {load}" in self.signals:
-            return values.get(f"scale.{load}", 1.0)
-        return watts * values[f"scale.{load}"] if f"scale.{load}" in values else watts
+            return values.get(scale, 1.0)
+        return watts * values[scale] if scale in values else watts
 
     def _initial_of(self, node: str, offsets: Mapping[str, Number], values: Mapping[str, Number]) -> Number:
         """Return the initial temperature of a node; NaN stands for one that is still to be solved for. [K]"""
