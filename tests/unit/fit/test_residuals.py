@@ -7,14 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from thermid.fit._error_model.elements import DepartureHeat, with_heats
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Reading, Request
 from thermid.fit._problem.residuals import FAILED, Problem, Unknown, loss_of
 from thermid.fit._uncertainty.information import Information
 from thermid.measure.records import Channel
 from thermid.model.deck import model_from_dict
+from thermid.model.laws import Constant
+from thermid.simulation.network import compile_network
 from thermid.simulation.scenarios import Scenario
-from thermid.simulation.solver import Options
+from thermid.simulation.solver import Engine, Options, Wiring
 from unit.fit.bench import HTC, MASS, box, deck, log, metered, pair
 
 STEP = 3e-5
@@ -188,3 +191,32 @@ def test_scattering_readings_hold_less_information_and_a_prior_is_relative_to_it
     info = Information((one,), np.array([5.0]), np.zeros((0, 1)), np.zeros((0, 1)), np.zeros((0, 1)))
     assert info.prior_row(0, 0.05)[0, 0] == pytest.approx(1.0 / 0.25)
     assert info.errors(more=info.prior_row(0, 0.05))[0] == pytest.approx(0.05)
+
+
+def test_readings_and_derivatives_of_one_run_are_those_of_two() -> None:
+    data = log(box(), {}, {"T": "case"}, accuracy=0.5, samples=41)
+    problem = build_problem(Request(box(), (data,), (HTC, MASS)))
+    at = np.array([u.to_fitted(u.start) for u in problem.unknowns])
+    blocks, slopes_of_run = problem.blocks_and_slopes(0, at)
+    for block, other in zip(blocks, problem.blocks_of(0, at), strict=True):
+        np.testing.assert_allclose(block.predicted, other.predicted, atol=1e-9)
+    np.testing.assert_array_equal(slopes_of_run, problem.slopes(0, at))
+
+
+def test_heats_into_several_nodes_have_one_derivative_the_sum_of_theirs() -> None:
+    plain, scenario = compile_network(pair()), Scenario("two", boundaries={"room": "20 [degC]"}, start="20 [degC]", duration="1 [h]")
+    watts = {"a.case": -2.0, "b.case": 3.0}
+    into = {node: Constant(w) for node, w in watts.items()}
+    both = DepartureHeat("moved", tuple(into.items()))
+    alone = [DepartureHeat(f"moved {node}", ((node, power),)) for node, power in into.items()]
+    times = np.linspace(0.0, 3600.0, 7)
+
+    def slopes_of(heats: list[DepartureHeat]) -> np.ndarray:
+        wiring = Wiring(*with_heats(plain, scenario, heats), [h.scale for h in heats])
+        engine = Engine(wiring)
+        start = engine.started(wiring.assemble(np.zeros(len(heats))), True)
+        return engine.integrate(start, times, tuple(watts), 3600.0, EXACT, True).sensitivities
+
+    together, each = slopes_of([both]), slopes_of(alone)
+    assert np.abs(together).max() > 0.1
+    np.testing.assert_allclose(together[:, :, 0], each.sum(axis=2), atol=1e-9)
