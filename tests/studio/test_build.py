@@ -452,7 +452,7 @@ def test_a_log_that_is_dropped_is_sent_once(page: Page, tmp_path: Path, place: s
     log, person = write_pair_log(tmp_path / "pair test.csv"), Person(page)
     person.fill("#new-name", "pair")
     page.until("document.querySelector('.drop')", 15)
-    page.run("window.sent = []; const all = window.fetch; window.fetch = (url, ...more) => { sent.push(String(url)); return all(url, ...more); }")
+    page.run("window.sent = []; const all = fetch; window.fetch = (url, ...more) => { sent.push(String(url)); return all(url, ...more); }")
     person.drop(place, log)
     page.until("document.querySelector('#columns')", 15)
     assert len(page.run("return sent.filter((url) => url.includes('draft/log/'))")) == 1
