@@ -447,6 +447,17 @@ def test_a_part_with_a_fan_and_a_schedule_is_built_and_fitted(build: Callable[..
     assert fitted.value == pytest.approx(float(COOLED["surfaces"]["fins"]["effective_htc"].split()[0]), rel=0.01)  # type: ignore[index]
 
 
+@pytest.mark.parametrize("place", [".canvas", ".drop"])
+def test_a_log_that_is_dropped_is_sent_once(page: Page, tmp_path: Path, place: str) -> None:
+    log, person = write_pair_log(tmp_path / "pair test.csv"), Person(page)
+    person.fill("#new-name", "pair")
+    page.until("document.querySelector('.drop')", 15)
+    page.run("window.sent = []; const all = fetch; window.fetch = (url, ...more) => { sent.push(String(url)); return all(url, ...more); }")
+    person.drop(place, log)
+    page.until("document.querySelector('#columns')", 15)
+    assert len(page.run("return sent.filter((url) => url.includes('draft/log/'))")) == 1
+
+
 @pytest.mark.campaign
 def test_the_documents_pair_is_built_tuned_fitted_saved_and_flown(page: Page, folder: Path, tmp_path: Path) -> None:
     """Processor over power supply: from nothing to a vacuum run, by hand and by a fit, with its log dropped on the page."""

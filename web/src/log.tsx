@@ -44,7 +44,7 @@ export function Log() {
   const running = job.value.ended === false, bound = log ? Object.keys(log.channels).length : 0;
   return (
     <div class="log">
-      <div class={`drop ${over ? "over" : ""}`} onDragOver={(e) => { e.preventDefault(); setOver(true); }} onDragLeave={() => setOver(false)} onDrop={(e) => { e.preventDefault(); setOver(false); void dropped(e.dataTransfer?.files); }}>
+      <div class={`drop ${over ? "over" : ""}`} onDragOver={() => setOver(true)} onDragLeave={() => setOver(false)} onDrop={() => setOver(false)}>
         <label>Drop a log here, or <input id="log-file" type="file" onChange={(e) => dropped(e.currentTarget.files)} /></label>
         {state.logs.length > 0 && <label>or one of the folder <select id="log-known" value="" onChange={(e) => e.currentTarget.value && command({ do: "log", file: e.currentTarget.value })}><option value="">…</option>{state.logs.map((l) => <option key={l} value={l}>{l}</option>)}</select></label>}
       </div>

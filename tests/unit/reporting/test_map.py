@@ -195,7 +195,7 @@ def test_temperatures_heat_and_scales_are_written() -> None:
     assert text.count(f">{coldest:.1f} °C<") >= 2
     assert ">+3.2 W<" in text
     assert ">0 W<" in text
-    labels = [float(w) for w in re.findall(r'class="halo label">([\d.]+) W<', text)]
+    labels = [float(w) for w in re.findall(r'class="label">([\d.]+) W<', text)]
     assert labels == sorted(labels, reverse=True)
     assert len(labels) > 10
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import sys
 import time
@@ -134,7 +135,13 @@ def test_the_page_loads_nothing_and_runs_nothing(page: Page) -> None:
     assert all(ref.startswith("#") for ref in re.findall(r"url\(([^)]*)\)", page.source))
 
 
-def test_identifiers_are_unique_and_every_reference_has_its_end(page: Page) -> None:
+@pytest.mark.parametrize("audience", ["all", "agency", "summary"])
+def test_identifiers_are_unique_and_every_reference_has_its_end(campaign: Campaign, tmp_path: Path, audience: str) -> None:
+    values = campaign["component"].values
+    vague = {p: replace(v, error=math.inf) for p, v in values.items()}
+    told = replace(campaign["component"], values=replace(values, items_=vague))
+    page = Page(report(replace(campaign, stages={**campaign.stages, "component": told}), to=tmp_path / "r.html", audience=audience))
+    assert "the logs do not determine it" in page.text
     ids = [a["id"] for _, a in page.elements if "id" in a]
     assert len(set(ids)) == len(ids)
     ends = re.findall(r'href="#([^"]+)"|url\(#([^)]+)\)', page.source)

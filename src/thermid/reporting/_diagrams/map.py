@@ -49,7 +49,6 @@ CSS: Final = """
 .thermid-map .wire{fill:none;stroke:var(--m-wire);stroke-width:1.4;stroke-linejoin:round}.thermid-map .head{fill:var(--m-wire)}
 .thermid-map .dotted{stroke-linecap:round;stroke-width:2.4}
 .thermid-map .badge{fill:var(--m-badge);stroke:var(--m-edge)}
-.thermid-map .halo{paint-order:stroke;stroke:var(--m-paper);stroke-width:4px;stroke-linejoin:round}
 """
 
 
@@ -377,7 +376,8 @@ def _labels(drawing: _Drawing, plan: MapPlaces) -> Iterator[str]:
             if inside and all(box[2] <= t[0] or t[2] <= box[0] or box[3] <= t[1] or t[3] <= box[1] for t in taken):
                 taken.append(box)
                 place = f'x="{x:.1f}" y="{y + 3.5:.1f}" text-anchor="middle" font-size="{MIN_LETTER_SIZE:g}"'
-                yield f'<text {place} class="halo label">{escape(words)}</text>'
+                size = f'x="{box[0] + 2.0:.1f}" y="{box[1] + 1.0:.1f}" width="{wide - 4.0:.1f}" height="13" rx="3"'
+                yield f'<rect class="paper" {size}/><text {place} class="label">{escape(words)}</text>'
                 break
 
 

@@ -119,7 +119,7 @@ def report(
         models=tables.models(campaign),
         versions=tables.versions(),
         sheets=sheets,
-        seen=glance(campaign, {"verdicts": "verdicts"} | {c.stage: f"stage-{k}" for k, c in enumerate(campaign.fits, 1)}),
+        seen=glance(campaign, {"verdicts": "verdicts"} | {str(s["name"]): str(s["key"]) for s in stages}),
     )
 
 

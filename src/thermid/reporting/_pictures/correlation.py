@@ -112,8 +112,6 @@ def scatter(measured: Sequence[Array], predicted: Sequence[Array]) -> Graphic:
         (x1, y1), (x2, y2) = at(a, a + shift), at(b, b + shift)
         look = f"stroke-width:{1.3 if shift == 0 else 0.9};stroke-dasharray:{dash or 'none'}"
         out.append(f'<path d="M{x1:.1f} {y1:.1f}L{x2:.1f} {y2:.1f}" style="fill:none;stroke:var(--f-soft,{SOFT});{look}"/>')
-        if shift > 0:
-            out.append(f'<text x="{x1 + 3:.1f}" y="{y1 + 4:.1f}" >{shift:g} K</text>')
     step = max(1, x.size // MAX_SCATTER_DOTS)
     dots = "".join(f"M{at(v, w)[0]:.1f} {at(v, w)[1]:.1f}h.01" for v, w in zip(x[::step].tolist(), y[::step].tolist(), strict=True))
     look = f"fill:none;stroke:var(--f-simulated,{SIMULATED});stroke-width:3.4;stroke-linecap:round;stroke-opacity:.55"
