@@ -425,6 +425,7 @@ class KernelProblem:
         self.refuses = refuses(wiring.network, wiring.assemble(np.zeros(0)).numbers)
         self.held = self._laid_out(refuse=False) if self.refuses else self.problem
         self.nodes = s.nodes
+        self.memo = Memo()
 
     def _laid_out(self, refuse: bool) -> Any:
         """Return the kernel's problem; without `refuse` tables are held where a run would be refused, for searches that pass there."""
