@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -115,7 +114,7 @@ FINE = Options(error=2.0 * MAX_RETURN_ERROR, inputs=1e-4)
 METHODS = ("auto", "integrator", "modal")
 """Methods of ordinary models by the name that `Options.method` gives them."""
 REMEMBERED_LENGTHS = 64  # lengths of stretches that the kernel has in mind, at least
-SMALL = 60
+WITHOUT_LARGE = 60
 """Nodes below which no network is worth the methods of large ones."""
 MAX_NODES_FOR_MODES = 300  # nodes beyond which modes cost more than any noise asks of steps
 
@@ -335,21 +334,20 @@ class Engine(KernelProblem):
             raise ScenarioError(
                 f"unknown method '{method}'.{nearest(method, methods)} There are {', '.join(methods)}.", self.title, code="name.unknown"
             )
-        if method not in LARGE_METHODS:
+        if method not in LARGE_METHODS or (method == "auto" and len(self.nodes) < WITHOUT_LARGE):
             return False
-        why = "sensitivities are requested, which large networks do not have" if gradients else self._refusal
+        why = (
+            "sensitivities are requested, which large networks do not have"
+            if gradients
+            else self.memo.value("refusal", lambda: refusal(self))
+        )
         if why and method != "auto":
             raise ScenarioError(f"method '{method}' cannot run this model: {why}. Leave the method out.", self.title)
         if why or method != "auto" or len(self.nodes) > MAX_INTEGRATED_NODES:
             return not why
-        if len(self.nodes) < SMALL:
-            return False
-        steps, large = seconds_by_steps(self, options.error)
+        projected = any(isinstance(s, TableSignal) and s.times.size > (5000 if s.hold else 500) for s in self.inputs)
+        steps, large = seconds_by_steps(self, options.error, projected)
         return large < steps and (bool(self.modal.obstacle) or large < self.modal.work(times, end).modal)
-
-    @cached_property
-    def _refusal(self) -> str:
-        return refusal(self)
 
     def integrate(
         self,

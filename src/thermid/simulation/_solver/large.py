@@ -15,7 +15,6 @@ import numpy as np
 from thermid import _kernel
 from thermid.base.errors import SolverError
 from thermid.base.linear_algebra import Array, Ints
-from thermid.model.laws import TableSignal
 from thermid.simulation._network.rows import same_both_ways
 from thermid.simulation._solver.extremes import Turnings
 from thermid.simulation._solver.large_steady import settle_large
@@ -44,14 +43,12 @@ METHODS: Final[Mapping[str, int]] = {
 """Methods of large networks by the name that `Options.method` gives them."""
 NAMES: Final = {_kernel.LARGE_AUTO: "", _kernel.LARGE_RKC2: "RKC2", _kernel.LARGE_TRBDF2: "TR-BDF2 + CG"}
 KINDS: Final = {"mean": 0, "highest": 1, "lowest": 2}
-COARSE: Final = 3e-3
+COUNTED_AT: Final = 3e-3
 """Error at which steps were counted. [K]"""
 RATES_APART: Final = 14.0
 """Ratio of the largest rate to the mean one beyond which the kernel takes TR-BDF2. [-]"""
-SETTLED_WITHIN: Final = 50.0
+USUAL_CHANGE: Final = 50.0
 """Temperatures further apart at the start, boundaries included, ask for shorter steps of second order. [K]"""
-PROJECTED: Final = 500
-"""Points of an input beyond which a step does not end at each. [-]"""
 Gone: TypeAlias = tuple[tuple[str, ...], tuple[Ints, Ints, Array] | None]
 """Eliminated nodes, and each as a sum of temperatures of nodes and boundaries, in the kernel's form: begins, places, weights."""
 
@@ -173,7 +170,7 @@ def _part_of_step(network: SparseNetwork, initial: Array) -> float:
     """
     held = [network.boundary(k, np.zeros(1)) for k in range(len(network.boundaries))]
     change = float(np.ptp(np.concatenate((initial[network.capacities > 0.0], *held))))
-    return min(1.0, (SETTLED_WITHIN / max(change, 1e-300)) ** 0.5)
+    return float(min(1.0, (USUAL_CHANGE / max(change, 1e-300)) ** 0.5))
 
 
 def _message(raw: Any, options: Options, end: float, name: Any, follows: bool) -> str:
@@ -297,10 +294,8 @@ def sparse_of(problem: KernelProblem, a: Assembled) -> SparseNetwork:
 
 def laid_out(problem: KernelProblem, a: Assembled) -> LargeLayout:
     """Return where a model's numbers stand in its large network, found once."""
-    return problem.memo.value("large", lambda: _laid_out(problem, a))
-
-
-def _laid_out(problem: KernelProblem, a: Assembled) -> LargeLayout:
+    if (layout := problem.memo.get("layout")) is not None:
+        return layout  # type: ignore[no-any-return]
     s, stored = problem.wiring.structure, a.reduced.stored
     follows = s.coefficient_input
     index = {n: k for k, n in enumerate(n for n in problem.nodes if n not in stored)}
@@ -320,39 +315,41 @@ def _laid_out(problem: KernelProblem, a: Assembled) -> LargeLayout:
             continue
         law = form, second - n if second >= n else NONE, follower, id(curve)
         curves[id(curve)] = curve
-        groups.setdefault((*law, len(places) > 1), []).append((first, min(second, n), *(*places, 0)[:2]))
+        groups.setdefault((*law, len(places) > 1), []).append((first, min(second, n), places[0], places[:2][-1]))
     rows = []
-    for (*law, curve_id, scaled), members in groups.items():
+    for (form, boundary, follower, curve_id, scaled), members in groups.items():
         first, second, coefficients, exponents = ints(members).T
         of = first, np.where(second < n, second, 0).astype(np.int32), coefficients, exponents if scaled else ints([])
-        rows.append(RowsOfLaw((*law, curves[curve_id]), *(np.ascontiguousarray(part) for part in of)))  # type: ignore[arg-type]
-    return LargeLayout(n, place, ints(links).reshape(-1, 3), tuple(rows))
+        rows.append(RowsOfLaw((form, boundary, follower, curves[curve_id]), *(np.ascontiguousarray(part) for part in of)))
+    return problem.memo.setdefault("layout", LargeLayout(n, place, ints(links).reshape(-1, 3), tuple(rows)))  # type: ignore[no-any-return]
 
 
-def seconds_by_steps(problem: KernelProblem, error: float) -> tuple[float, float]:
-    """Return about how long a smooth run takes by the integrator, and as a large network, found once for an error [K]. [s]"""
-    return problem.memo.value(("seconds", error), lambda: _seconds_by_steps(problem, error))
+def seconds_by_steps(problem: KernelProblem, error: float, projected: bool) -> tuple[float, float]:
+    """Return about how long a run takes by the integrator, and as a large network, found once. [s]
 
+    As measured on grids and dense radiation of 27 to 1000 nodes, where temperatures changed by 10 to 400 K (docs/design/simulation.md).
 
-def _seconds_by_steps(problem: KernelProblem, error: float) -> tuple[float, float]:
-    """As measured on grids and dense radiation of 27 to 1000 nodes, where a run changes by 10 to 400 K (docs/design/simulation.md)."""
+    Parameters
+    ----------
+    error : float       [K]
+    projected : bool    Whether steps go over points of an input, whose noise then asks for more of second order than of fourth.
+    """
+    if (seconds := problem.memo.get((error, projected))) is not None:
+        return seconds  # type: ignore[no-any-return]
     a = problem.wiring.assemble(gradients=False)
-    layout = laid_out(problem, a)
-    n, links, rows = len(problem.nodes), len(layout.links), sum(g.first.size for g in layout.rows)
-    parts = COARSE / max(error, 1e-9)
-    steps = 35.0 * parts**0.15
-    product = 0.25 if problem.problem.products >= n**3 / 3.0 else 1.3  # of a dense elimination many go into one instruction
-    step = 90.0 * (n + len(problem.wiring.structure.conductors)) + product * problem.problem.products
-    capacity, between = np.zeros(layout.size), a.coefficients[layout.links[:, 2]]
+    layout, n, products = laid_out(problem, a), len(problem.nodes), problem.problem.products
+    links, rows, tighter = len(layout.links), sum(g.first.size for g in layout.rows), COUNTED_AT / max(error, 1e-9)
+    steps = 35.0 * tighter**0.15
+    step = 90.0 * (n + len(problem.wiring.structure.conductors)) + products * (0.25 if products >= n**3 / 3.0 else 1.3)  # dense, sparse
+    capacity, tied = np.zeros(layout.size), np.zeros(layout.size)
     np.add.at(capacity, layout.places, problem.capacities(a))
-    tied = np.bincount(layout.links[:, :2].ravel(), np.repeat(between, 2), layout.size)
-    uneven = not capacity.all() or 2.0 * float((tied / capacity).max(initial=0.0)) * capacity.sum() > RATES_APART * tied.sum()
-    noisy = any(isinstance(s, TableSignal) and s.times.size > PROJECTED for s in problem.inputs)
-    if uneven:  # gradients of TR-BDF2 a step of the integrator
-        sweeps, sweep = max(80.0 * parts**0.28, 400.0 * noisy), 150.0 + 2.7 * links + 3.0 * rows
-    else:  # stages of RKC2
-        sweeps, sweep = max(19.0 * parts**0.24, 100.0 * noisy), 150.0 + 2.7 * links + 6.5 * rows
-    return 1e-9 * steps * step, 1e-9 * (300e3 + 2500.0 * n + steps * sweeps * sweep)
+    np.add.at(tied, layout.links[:, :2], a.coefficients[layout.links[:, 2]][:, None])
+    if not capacity.all() or 2.0 * float((tied / capacity).max(initial=0.0)) * capacity.sum() > RATES_APART * tied.sum():
+        sweeps, sweep = max(80.0 * tighter**0.28, 400.0 * projected), 150.0 + 2.7 * links + 3.0 * rows  # gradients of TR-BDF2
+    else:
+        sweeps, sweep = max(19.0 * tighter**0.24, 100.0 * projected), 150.0 + 2.7 * links + 6.5 * rows  # stages of RKC2
+    seconds = 1e-9 * steps * step, 1e-9 * (300e3 + 2500.0 * n + steps * sweeps * sweep)
+    return problem.memo.setdefault((error, projected), seconds)  # type: ignore[no-any-return]
 
 
 def _levelled(problem: KernelProblem, a: Assembled, temperatures: Array) -> Array:
