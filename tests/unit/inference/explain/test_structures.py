@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +14,7 @@ from thermid.fit.calibration import fit
 from thermid.fit.problem import Request
 from thermid.inference._explain.candidates import Fitted, changes_of
 from thermid.inference._explain.structures import TIE, adopted, fitted_structure, search_structure
+from thermid.simulation.runs import Workers
 from unit.fit.bench import HTC, MASS, box, log
 
 BARE = {"surfaces/skin/effective_htc": "6 [W/(m^2 K)]", "nodes/case/mass": "1.5 [kg]"}
@@ -50,6 +52,19 @@ def test_what_was_planted_is_proposed(truth: dict[str, Any], node: str, words: s
     assert found.likelihood(found.proposed) > 2 * TIE
     assert found.proposed.rmse == pytest.approx(0.05, rel=0.1)
     assert str(found).startswith("Proposed: ")
+
+
+@pytest.mark.parametrize("evaluations", [10_000, 60])
+@pytest.mark.parametrize("workers", [ThreadPoolExecutor(2), pytest.param(2, marks=pytest.mark.campaign)])
+def test_refits_in_tasks_are_the_same_bits_and_take_the_same_budget(workers: Workers, evaluations: int) -> None:
+    request = asked(box(BARE | INNER), samples=101)
+    alone, together = (search_structure(request, rounds=2, evaluations=evaluations, executor=who) for who in (None, workers))
+    assert str(alone) == str(together)
+    assert alone.refused == together.refused
+    assert (alone.evaluations, alone.scored) == (together.evaluations, together.scored)
+    for one, other in zip(alone.structures, together.structures, strict=True):
+        assert one.end.fitted.tobytes() == other.end.fitted.tobytes()
+        assert one.weighing.averaged.tobytes() == other.weighing.averaged.tobytes()
 
 
 def test_nothing_is_proposed_where_nothing_is_missing() -> None:
