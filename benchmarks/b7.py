@@ -202,7 +202,7 @@ def at_error(case: Grid, error: float, right: Array, rounds: int) -> list[dict[s
                 continue
             wall, cpu, _ = timed(entry["solve"])
             entry["seconds"], entry["cpu_seconds"] = min(wall, entry["seconds"]), min(cpu, entry["cpu_seconds"])
-            entry["spent"] += wall
+            entry["spent"] += cpu
     best = min((e["cpu_seconds"] for e in racing if e["right"]), default=np.nan)
     return [
         {k: v for k, v in e.items() if k not in ("solve", "spent", "part")}
@@ -229,4 +229,4 @@ def _cheapest(
         off = float(np.abs(kelvin - right).max())
         if off <= error or cpu > most:
             break
-    return {"part": part, "solve": solve, "spent": wall, "seconds": wall, "cpu_seconds": cpu, "max_error_K": off, "right": off <= error}
+    return {"part": part, "solve": solve, "spent": cpu, "seconds": wall, "cpu_seconds": cpu, "max_error_K": off, "right": off <= error}

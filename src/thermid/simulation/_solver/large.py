@@ -47,7 +47,7 @@ COUNTED_AT: Final = 3e-3
 """Error at which steps were counted. [K]"""
 RATES_APART: Final = 14.0
 """Ratio of the largest rate to the mean one beyond which the kernel takes TR-BDF2. [-]"""
-USUAL_CHANGE: Final = 50.0
+USUAL_CHANGE: Final = 60.0
 """Temperatures further apart at the start, boundaries included, ask for shorter steps of second order. [K]"""
 Gone: TypeAlias = tuple[tuple[str, ...], tuple[Ints, Ints, Array] | None]
 """Eliminated nodes, and each as a sum of temperatures of nodes and boundaries, in the kernel's form: begins, places, weights."""
@@ -340,7 +340,7 @@ def seconds_by_steps(problem: KernelProblem, error: float, projected: bool) -> t
     layout, n, products = laid_out(problem, a), len(problem.nodes), problem.problem.products
     links, rows, tighter = len(layout.links), sum(g.first.size for g in layout.rows), COUNTED_AT / max(error, 1e-9)
     steps = 35.0 * tighter**0.15
-    step = 90.0 * (n + len(problem.wiring.structure.conductors)) + products * (0.25 if products >= n**3 / 3.0 else 1.3)  # dense, sparse
+    step = 90.0 * (n + len(problem.wiring.structure.conductors)) + products * (0.25 if products >= n**3 / 3.0 else 0.9)  # dense, sparse
     capacity, tied = np.zeros(layout.size), np.zeros(layout.size)
     np.add.at(capacity, layout.places, problem.capacities(a))
     np.add.at(tied, layout.links[:, :2], a.coefficients[layout.links[:, 2]][:, None])
