@@ -1,5 +1,6 @@
 // Python bindings: arrays in, arrays out. Shapes and indices are checked here; messages of failed runs are made in Python.
 #include <cmath>
+
 #include "bindings/bind.hpp"
 #include "network/followers.hpp"
 
