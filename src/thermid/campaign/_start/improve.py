@@ -157,8 +157,9 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
     request = before.request
     refuse_unseen(request.model, "a search for another structure")
     may = _may_delay(source, request)
-    catalogue = lambda req: [c for c in changes_of(req) if may or not c.delay]  # noqa: E731
-    first = search_structure(request, changes=catalogue, evaluations=evaluations, executor=executor)
+    first = search_structure(
+        request, changes=lambda s: [c for c in changes_of(s) if may or not c.delay], evaluations=evaluations, executor=executor
+    )
     if first.proposed is first.start:
         return Improved(first, before, before, ())
     longest = 2.0 * sum(c.delay for c in first.proposed.changes)
@@ -176,10 +177,7 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
     )
     remaining = max(evaluations - first.evaluations, evaluations // 2)
     then = search_structure(
-        late,
-        changes=lambda req: [c for c in changes_of(req) if _beside_a_delay(c, late.records)],
-        evaluations=remaining,
-        executor=executor,
+        late, changes=lambda s: [c for c in changes_of(s) if _beside_a_delay(c, late.records)], evaluations=remaining, executor=executor
     )
     new, longest = adopted(then.proposed), max(longest, float(f"{2.0 * max(value for value, _ in delays_found.values()):.3g}"))
     new = replace(new, records=tuple(_rebound(_ranged(old, longest), one) for old, one in zip(request.records, new.records, strict=True)))

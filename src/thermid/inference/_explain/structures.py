@@ -499,7 +499,7 @@ def fitted_structure(
     sizes, chosen = _added(changes)
     problem = _loosely_held(build_problem(request), sizes)
     end, weighing = _ended(problem, request, sizes, chosen, values_before, start or {}, budget or EvaluationBudget())
-    return _of(changes, request, problem, end, weighing)
+    return _structure_at(changes, request, problem, end, weighing)
 
 
 def fitted_structures(
@@ -525,10 +525,10 @@ def fitted_structures(
             except (ThermidError, np.linalg.LinAlgError) as error:
                 yield str(error)
         return
-    left = budget.allowed - budget.spent
+    allowed = budget.allowed - budget.spent
     added = [_added(changes) for changes, _, _ in tries]
     tasks = [
-        (f"the refit of {changes[-1].name}", (request, *sizes_and_chosen, values_before, start, left))
+        (f"the refit of {changes[-1].name}", (request, *sizes_and_chosen, values_before, start, allowed))
         for (changes, request, start), sizes_and_chosen in zip(tries, added, strict=True)
     ]
     outcomes = sorted(in_tasks(_ended_in_task, tasks, executor), key=itemgetter(0))
@@ -542,7 +542,7 @@ def fitted_structures(
         if isinstance(outcome, str):
             yield outcome
         else:
-            yield _of(changes, request, _loosely_held(build_problem(request), sizes), *outcome)
+            yield _structure_at(changes, request, _loosely_held(build_problem(request), sizes), *outcome)
 
 
 def _added(changes: Sequence[MissingElement]) -> tuple[dict[str, SizedValue], float]:
@@ -556,12 +556,12 @@ def _ended_in_task(
     chosen: float,
     values_before: Mapping[str, float],
     start: Mapping[str, float],
-    left: float,
+    allowed: float,
 ) -> tuple[tuple[Fit, CauseScore] | str, int]:
     """Return where a fit ended, or why it did not, and the evaluations that it took."""
     from threadpoolctl import threadpool_limits
 
-    budget = EvaluationBudget(left)
+    budget = EvaluationBudget(allowed)
     try:
         with threadpool_limits(limits=1):
             problem = _loosely_held(build_problem(request), sizes)
@@ -586,7 +586,9 @@ def _ended(
     return end, weighed_at(problem, end.fitted, sizes, request.loss, request.loss_scale).less(chosen)
 
 
-def _of(changes: tuple[MissingElement, ...], request: Request, problem: Problem, end: Fit, weighing: CauseScore) -> FittedStructure:
+def _structure_at(
+    changes: tuple[MissingElement, ...], request: Request, problem: Problem, end: Fit, weighing: CauseScore
+) -> FittedStructure:
     numbers = problem.experiments[0].network.numbers()
     nodes = sum(c is not None and float(value_of(c)) > 0 for c in numbers.capacitances.values())
     return FittedStructure(changes, request, problem, end, weighing, nodes)
