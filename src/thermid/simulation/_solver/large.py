@@ -125,10 +125,6 @@ def integrate(
     """
     sizes = [w.nodes.size for w in watched]
     weights = [w.weights if w.weights.size == w.nodes.size else np.full(w.nodes.size, 1.0 / max(w.nodes.size, 1)) for w in watched]
-    # Steps of second order are as long as the cube root of tolerance / change lets them, so the more there is to settle the more of them
-    # add up within a time constant: the error of a run is tolerance^(2/3) change^(1/3).
-    held = [network.boundary(k, np.zeros(1)) for k in range(len(network.boundaries))]
-    change = float(np.ptp(np.concatenate((initial[network.capacities > 0.0], *held))))
     raw = network.problem.integrate(
         np.ascontiguousarray(initial),
         0.0,
@@ -140,7 +136,7 @@ def integrate(
         np.concatenate([np.zeros(0), *weights]),
         np.ascontiguousarray(field_times, dtype=float),
         method=METHODS[options.method],
-        tolerance=options.of_large_step * min(1.0, (USUAL_CHANGE / max(change, 1e-300)) ** 0.5),
+        tolerance=options.of_large_step * _part_of_step(network, initial),
         turnings=extremes,
         **limits(options, network.inputs, end),
     )
@@ -164,6 +160,17 @@ def integrate(
     energies = (raw.load_energy, raw.boundary_energy)
     turnings = by_column(raw.turnings, len(watched)) if extremes else None
     return LargeAnswer(raw.traces, raw.fields, initial, raw.final_temperatures, raw.final_states, *energies, statistics, turnings)
+
+
+def _part_of_step(network: SparseNetwork, initial: Array) -> float:
+    """Return by how much less a step may err where a run begins far from rest.
+
+    Steps of second order are as long as the cube root of ``tolerance / change`` lets them, so the more there is to settle the more of them
+    add up within a time constant: the error of a run is ``tolerance**(2/3) change**(1/3)``.
+    """
+    held = [network.boundary(k, np.zeros(1)) for k in range(len(network.boundaries))]
+    change = float(np.ptp(np.concatenate((initial[network.capacities > 0.0], *held))))
+    return float(min(1.0, (USUAL_CHANGE / max(change, 1e-300)) ** 0.5))
 
 
 def _message(raw: Any, options: Options, end: float, name: Any, follows: bool) -> str:
