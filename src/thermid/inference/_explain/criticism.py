@@ -357,12 +357,13 @@ def _tried(fit: Calibration, request: Request, executor: Workers) -> list[Candid
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):
-        base = fitted_structure((), request, fit.fitted)
+        budget = EvaluationBudget()
+        base = fitted_structure((), request, fit.fitted, budget=budget)
         before, refused = base.rmse, list[tuple[str, str]]()
         tried_structures: list[tuple[str, FittedStructure | None]] = []
         scores = promises(base, (*missing_elements(fit, request), *unlogged_powers(request)), refused)
         tries = [((s.change,), s.change.request, s.start) for s in scores[:REFITTED]]
-        refits = chain(fitted_structures(tries, base.fitted, EvaluationBudget(), executor), repeat(None))
+        refits = chain(fitted_structures(tries, base.fitted, budget, executor), repeat(None))
         for score, outcome in zip(scores, refits, strict=False):
             if isinstance(outcome, str):
                 refused.append((score.change.name, outcome))

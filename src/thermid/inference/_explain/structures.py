@@ -10,6 +10,7 @@ What one evaluation with derivatives promises of a change says whether it is ref
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import itemgetter
@@ -31,6 +32,7 @@ from thermid.inference._explain.thresholds import (
     CHALLENGES,
     CHOSEN,
     EVALUATIONS,
+    EVALUATIONS_OF_A_REFIT,
     FREE_STEP,
     MAX_SEPARATING_READINGS,
     PROMISED_STEP,
@@ -246,10 +248,10 @@ def search_structure(
 
 
 class EvaluationBudget:
-    """Evaluations that a search may still take."""
+    """Evaluations that a search may still take, and the least that one took. [s]"""
 
     def __init__(self, allowed: float = math.inf) -> None:
-        self.allowed, self.spent = allowed, 0
+        self.allowed, self.spent, self.pace = allowed, 0, math.inf
 
     @property
     def over(self) -> bool:
@@ -281,8 +283,8 @@ class _Searching:
 
     def run(self, rounds: int, begin: Mapping[str, float]) -> StructureSearch:
         """Search from the request's own structure."""
-        best = fitted_structure((), self.request, begin, budget=EvaluationBudget())
-        self.budget.spent = best.end.evaluations
+        best = fitted_structure((), self.request, begin, budget=(first := EvaluationBudget()))
+        self.budget.spent, self.budget.pace, self.rounds = best.end.evaluations, first.pace, rounds
         self.done.append(best)
         complete = False
         for _ in range(rounds):
@@ -358,7 +360,7 @@ class _Searching:
     def _refitted(self, best: FittedStructure, scores: Sequence[PromisedChange]) -> list[FittedStructure]:
         """Return the structures that could be fitted, of those that promise most."""
         tries = [((*best.changes, score.change), score.change.request, score.start) for score in scores]
-        outcomes = list(fitted_structures(tries, best.fitted, self.budget, self.executor))
+        outcomes = list(fitted_structures(tries, best.fitted, self.budget, self.executor, self.rounds))
         self.refused += [(score.change.name, why) for score, why in zip(scores, outcomes, strict=False) if isinstance(why, str)]
         structures = [one for one in outcomes if not isinstance(one, str)]
         self.done += structures
@@ -507,6 +509,7 @@ def fitted_structures(
     values_before: Mapping[str, float],
     budget: EvaluationBudget,
     executor: Workers,
+    rounds: int = 1,
 ) -> Iterator[FittedStructure | str]:
     """Yield structures as `fitted_structure` does, or why one could not be fitted, in order, until the budget is used up.
 
@@ -515,6 +518,7 @@ def fitted_structures(
     tries : sequence    Changes, the request with them, and where new unknowns begin.
     values_before, budget   As there; what is fitted in tasks counts in order, so that the same is given up.
     executor : see `Workers`
+    rounds : int        How often as much may be asked for: processes of this machine begin where all of it is worth them.
     """
     if executor is None:
         for changes, request, start in tries:
@@ -531,7 +535,8 @@ def fitted_structures(
         (f"the refit of {changes[-1].name}", (request, *sizes_and_chosen, values_before, start, allowed))
         for (changes, request, start), sizes_and_chosen in zip(tries, added, strict=True)
     ]
-    outcomes = sorted(in_tasks(_ended_in_task, tasks, executor), key=itemgetter(0))
+    ahead = EVALUATIONS_OF_A_REFIT * budget.pace * len(tasks) * rounds
+    outcomes = sorted(in_tasks(_ended_in_task, tasks, executor, seconds=ahead), key=itemgetter(0))
     for (changes, request, _), (sizes, _), (_, (outcome, spent)) in zip(tries, added, outcomes, strict=True):
         if budget.over:
             return
@@ -580,7 +585,9 @@ def _ended(
     budget: EvaluationBudget,
 ) -> tuple[Fit, CauseScore]:
     """Return where a fit ended, and how likely readings are there."""
+    begun = time.process_time()
     end = minimise(problem, request.loss, request.loss_scale, _from(problem, values_before, start), budget.watch(request.name), SEARCHED)
+    budget.pace = min(budget.pace, (time.process_time() - begun) / max(end.evaluations, 1))
     if not np.isfinite(end.cost):
         raise IdentificationError("its fit does not end at a finite cost.", request.name)
     return end, weighed_at(problem, end.fitted, sizes, request.loss, request.loss_scale).less(chosen)

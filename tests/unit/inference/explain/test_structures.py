@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
+import multiprocessing
+from collections.abc import Callable
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
@@ -14,7 +16,6 @@ from thermid.fit.calibration import fit
 from thermid.fit.problem import Request
 from thermid.inference._explain.candidates import Fitted, changes_of
 from thermid.inference._explain.structures import TIE, adopted, fitted_structure, search_structure
-from thermid.simulation.runs import Workers
 from unit.fit.bench import HTC, MASS, box, log
 
 BARE = {"surfaces/skin/effective_htc": "6 [W/(m^2 K)]", "nodes/case/mass": "1.5 [kg]"}
@@ -55,10 +56,12 @@ def test_what_was_planted_is_proposed(truth: dict[str, Any], node: str, words: s
 
 
 @pytest.mark.parametrize("evaluations", [10_000, 60])
-@pytest.mark.parametrize("workers", [ThreadPoolExecutor(2), pytest.param(2, marks=pytest.mark.campaign)])
-def test_refits_in_tasks_are_the_same_bits_and_take_the_same_budget(workers: Workers, evaluations: int) -> None:
+@pytest.mark.parametrize("pool", [ThreadPoolExecutor, pytest.param(ProcessPoolExecutor, marks=pytest.mark.campaign)])
+def test_refits_in_tasks_are_the_same_bits_and_take_the_same_budget(pool: Callable[..., Executor], evaluations: int) -> None:
     request = asked(box(BARE | INNER), samples=101)
-    alone, together = (search_structure(request, rounds=2, evaluations=evaluations, executor=who) for who in (None, workers))
+    context = {"mp_context": multiprocessing.get_context("forkserver")} if pool is ProcessPoolExecutor else {}
+    with pool(2, **context) as workers:
+        alone, together = (search_structure(request, rounds=2, evaluations=evaluations, executor=who) for who in (None, workers))
     assert str(alone) == str(together)
     assert alone.refused == together.refused
     assert (alone.evaluations, alone.scored) == (together.evaluations, together.scored)
