@@ -14,6 +14,7 @@ import sys
 import time
 from typing import Any
 
+import b7
 import network
 import numpy as np
 import pytest
@@ -73,3 +74,19 @@ def test_cold_start(benchmark: Any, code: str, bound: float) -> None:
     benchmark.pedantic(start, args=(code,), rounds=5, warmup_rounds=1)
     ratio = benchmark.extra_info["ratio"] = benchmark.stats.stats.min / min(seconds("import numpy") for _ in range(5))
     assert ratio < bound
+
+
+@pytest.mark.filterwarnings("ignore:Custom sparse Jacobian")  # said of every pattern that comes with a Jacobian
+def test_stating_the_error_costs_little_more_than_the_best_way(benchmark: Any) -> None:
+    """Of B7's small networks: CVODE and forced methods at their cheapest setting that is right."""
+    pytest.importorskip("sksundae")
+    cases = [(case, case.cvode(1e-12)()) for case in (b7.grid(family, nodes) for family, nodes in b7.QUICK)]
+
+    def ratios() -> list[float]:
+        rows = [b7.at_error(case, error, right, 5)[0] for case, right in cases for error in b7.ERRORS]
+        assert all(row["right"] for row in rows)
+        return [row["ratio"] for row in rows]
+
+    found = benchmark.extra_info["ratios"] = benchmark.pedantic(ratios, rounds=1)
+    assert np.median(found) < 1.6
+    assert max(found) < 2.5

@@ -1,4 +1,6 @@
 // Python bindings: arrays in, arrays out. Shapes and indices are checked here; messages of failed runs are made in Python.
+#include <cmath>
+
 #include "bindings/bind.hpp"
 #include "network/followers.hpp"
 
@@ -229,7 +231,8 @@ NB_MODULE(_kernel, m) {
         .def("load_powers", [](const Problem& p, Reals c, In<double, 2> T, Reals t, std::optional<In<int32_t, 2>> on) {
             return rows_of(p, c, T, t, true, on); }, "coef"_a, "T_all"_a, "t"_a, "on"_a = nb::none())
         .def_prop_ro("nodes", [](const Problem& p) { return p.n; }).def_prop_ro("boundaries", [](const Problem& p) { return p.nb; })
-        .def_prop_ro("coefficients", [](const Problem& p) { return p.nc; });
+        .def_prop_ro("coefficients", [](const Problem& p) { return p.nc; })
+        .def_prop_ro("products", [](const Problem& p) { return p.elimination.full ? std::pow(p.n, 3) / 3.0 : p.elimination.products(); });
     bind_ensemble(m);
     m.def("tableau", &tableau);
     bind_laws(m);

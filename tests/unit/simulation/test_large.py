@@ -45,15 +45,62 @@ def ends(**more: Any) -> td.Scenario:
     return td.Scenario("ends", boundaries={"left": "300 [K]", "right": right}, start="300 [K]", duration="1 [h]").with_(**more)
 
 
-def test_many_nodes_are_run_as_a_large_network_and_it_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    small = td.simulate(chain(40), ends())
-    assert small.statistics["method"] not in LARGE
-    monkeypatch.setattr(problem, "LARGE_FROM", 40)
-    run = td.simulate(chain(40), ends(), options=td.Options(error=4e-5))
+def test_many_nodes_are_run_as_a_large_network_and_it_is_said() -> None:
+    assert td.simulate(chain(40), ends()).statistics["method"] not in LARGE
+    small = td.simulate(chain(600), ends(), options=td.Options(method="integrator"))
+    run = td.simulate(chain(600), ends(), options=td.Options(error=1e-3))
     assert run.statistics["method"] in LARGE
-    np.testing.assert_allclose(run.temperatures, small.temperatures, atol=1e-4)
+    np.testing.assert_allclose(run.temperatures, small.temperatures, atol=1e-3)
     assert run.heat_balance().relative < 1e-7
-    np.testing.assert_allclose(run.heat_flow("g3"), small.heat_flow("g3"), atol=1e-3)
+    np.testing.assert_allclose(run.heat_flow("g3"), small.heat_flow("g3"), atol=4e-3)
+
+
+def enclosure(faces: int, held: str) -> tuple[td.Model, td.Scenario]:
+    """Faces of 250 to 700 K that all see each other; the first ones are tied to a room."""
+    rng = np.random.default_rng(7)
+    sees = {"kind": "radiation", "exchange_factor": 1.0, "area": f"{0.5 / faces!r} [m^2]"}
+    pairs = [(f"n{i}", f"n{j}") for i in range(faces) for j in range(i)]
+    conductors: dict[str, Any] = {f"r{k}": {**sees, "between": list(pair)} for k, pair in enumerate(pairs)}
+    conductors |= {f"g{k}": {"kind": "conduction", "between": [f"n{k}", "room"], "conductance": "0.05 [W/K]"} for k in range(faces // 4)}
+    nodes = {f"n{k}": {"capacitance": f"{c!r} [J/K]"} for k, c in enumerate(rng.uniform(20.0, 80.0, faces).tolist())}
+    model = td.model_from_dict({"title": "faces", "needs": ["room"], "nodes": nodes, "conductors": conductors})
+    initial = {f"n{k}": td.quantity(t, unit="K") for k, t in enumerate(rng.uniform(250.0, 700.0, faces).tolist())}
+    return model, td.Scenario("cooling", boundaries={"room": held}, start="290 [K]", initial=initial, duration="1 [h]")
+
+
+@pytest.mark.parametrize("method", ["RKC2", "TR-BDF2"])
+@pytest.mark.parametrize("error", [3e-3, 1e-4])
+def test_far_from_rest_a_large_network_keeps_the_error_that_is_stated(method: str, error: float) -> None:
+    """Steps of second order for a change of 50 K erred by 1.3 to 1.7 times as much here."""
+    model, scenario = enclosure(24, "290 [K]")
+    right = td.simulate(model, scenario, options=td.Options(error=1e-7, method="integrator"), every="1 [min]")
+    run = td.simulate(model, scenario, options=td.Options(error=error, method=method), every="1 [min]")
+    assert float(np.abs(run.temperatures - right.temperatures).max()) < error
+
+
+def test_the_way_of_least_work_depends_on_the_error_and_on_noise() -> None:
+    """What benchmarks/b7.py measured: of second order while the error is loose, the integrator for a tight one, and for noise."""
+    model = (
+        td.Block(
+            size=("50 [mm]", "50 [mm]", "50 [mm]"),
+            cells=(5, 5, 5),
+            conductivity="20 [W/(m K)]",
+            density="2700 [kg/m^3]",
+            specific_heat="900 [J/(kg K)]",
+        )
+        .exchanging("all", "air", htc="10 [W/(m^2 K)]", emissivity=0.9)
+        .model()
+    )
+    calm = td.Scenario("room", boundaries={"air": "290 [K]"}, start="320 [K]", duration="1 [h]")
+    samples = np.linspace(0.0, 3600.0, 3601)
+    log = TableSignal(samples, 290.0 + 0.05 * np.random.default_rng(1).standard_normal(3601))
+
+    def way(scenario: td.Scenario, error: float) -> str:
+        return str(td.simulate(model, scenario, options=td.Options(error=error)).statistics["method"])
+
+    assert way(calm, 3e-3) in LARGE
+    assert way(calm, 1e-6) == "integrator"
+    assert way(calm.with_(boundaries={"air": log}), 3e-3) == "integrator"
 
 
 @pytest.mark.parametrize("method", ["RKC2", "TR-BDF2"])

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from thermid.app.cli.options import CampaignPath, Data, Json, Results, Whole, leave, pairs, say, staged
+from thermid.app.cli.options import CampaignPath, Cluster, Data, Json, Processes, Results, Whole, executor_of, leave, pairs, say, staged
 from thermid.app.cli.screen import working
 from thermid.base.errors import NameNotFoundError, nearest
 from thermid.fit.calibration import Calibration
@@ -41,6 +41,8 @@ def criticise(
     stage: Stage = "",
     data: Data = None,
     results: Results = None,
+    workers: Processes = 1,
+    cluster: Cluster = "",
     verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
@@ -53,7 +55,7 @@ def criticise(
     with working("") as progress:
         for k, (name, fit) in enumerate(fits.items()):
             progress.now(f"refits of stage {name}", k / len(fits))
-            criticisms[name] = criticism.criticise(fit)
+            criticisms[name] = criticism.criticise(fit, executor=executor_of(workers, cluster))
     say(as_json, {"stages": {n: c.to_dict() for n, c in criticisms.items()}}, "\n\n".join(map(str, criticisms.values())), verbose)
     leave(worst(f.standing for f in fits.values()))
 

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from thermid.app.cli.options import CampaignPath, Data, Json, leave, pairs, say, staged
+from thermid.app.cli.options import CampaignPath, Cluster, Data, Json, Processes, executor_of, leave, pairs, say, staged
 from thermid.app.cli.screen import show, working
 from thermid.app.cli.summary import show_campaign
 from thermid.base.errors import IdentificationError, ScenarioError, refuse_unknown
@@ -183,6 +183,8 @@ def improve(
     stage: Annotated[str, typer.Option("--stage", help="The stage; the last one by default.")] = "",
     evaluations: Annotated[int, typer.Option("--evaluations", help="Budget of the search of a structure, in runs.")] = EVALUATIONS,
     data: Data = None,
+    workers: Processes = 1,
+    cluster: Cluster = "",
     as_json: Json = False,
 ) -> None:
     """Search for a better structure of a stage and write its files.
@@ -190,7 +192,7 @@ def improve(
     Deck and campaign are written beside the old ones, with a comparison before and after.
     """
     with working("searching for a structure"):
-        improved_model = improved.improve(campaign, stage, evaluations, data)
+        improved_model = improved.improve(campaign, stage, evaluations, data, executor=executor_of(workers, cluster))
     content = {
         "changes": list(improved_model.changes),
         "gain": improved_model.search.likelihood(improved_model.search.proposed),

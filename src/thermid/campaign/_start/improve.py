@@ -22,6 +22,7 @@ from thermid.inference.criticism import EVALUATIONS, MissingElement, StructureSe
 from thermid.measure.amounts import short
 from thermid.measure.records import Record
 from thermid.model.deck import save_model
+from thermid.simulation.runs import Workers
 from thermid.simulation.solver import refuse_unseen
 
 if TYPE_CHECKING:
@@ -126,7 +127,7 @@ def _rmse(fitted: Calibration, sensor: str) -> float:
     return float(np.median([table[sensor].rmse for table in fitted.statistics.values() if sensor in table]))
 
 
-def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: Path | None = None) -> Improved:
+def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: Path | None = None, *, executor: Workers = None) -> Improved:
     """Search for the next structure of a stage and write it beside the campaign.
 
     Parameters
@@ -135,6 +136,7 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
     stage : str         One of its stages; the last by default.
     evaluations : int   Budget of the search.
     data : Path         Folder of logs outside the project.
+    executor            As in `ensemble`: who makes the refits of a round, and of the stages below; the same proposal from all.
 
     Raises
     ------
@@ -146,7 +148,7 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
     name = stage or names[-1]
     if name not in names:
         raise DeckError(f"no stage '{name}'.{nearest(name, names)}", path.name, code="name.unknown")
-    before = run_stages(path, data=data, cache=path.parent / "results").stages[name]
+    before = run_stages(path, data=data, cache=path.parent / "results", executor=executor).stages[name]
     if before.request is None or not before.request.records:
         raise DeckError(
             f"stage '{name}' has values tuned by hand and fits nothing, so structures cannot be compared. Give a stage that fits records.",
@@ -155,7 +157,9 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
     request = before.request
     refuse_unseen(request.model, "a search for another structure")
     may = _may_delay(source, request)
-    first = search_structure(request, changes=lambda req: [c for c in changes_of(req) if may or not c.delay], evaluations=evaluations)
+    first = search_structure(
+        request, changes=lambda s: [c for c in changes_of(s) if may or not c.delay], evaluations=evaluations, executor=executor
+    )
     if first.proposed is first.start:
         return Improved(first, before, before, ())
     longest = 2.0 * sum(c.delay for c in first.proposed.changes)
@@ -173,9 +177,7 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
     )
     remaining = max(evaluations - first.evaluations, evaluations // 2)
     then = search_structure(
-        late,
-        changes=lambda req: [c for c in changes_of(req) if _beside_a_delay(c, late.records)],
-        evaluations=remaining,
+        late, changes=lambda s: [c for c in changes_of(s) if _beside_a_delay(c, late.records)], evaluations=remaining, executor=executor
     )
     new, longest = adopted(then.proposed), max(longest, float(f"{2.0 * max(value for value, _ in delays_found.values()):.3g}"))
     new = replace(new, records=tuple(_rebound(_ranged(old, longest), one) for old, one in zip(request.records, new.records, strict=True)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import chain, repeat
 from typing import Any
 
 import numpy as np
@@ -16,11 +17,11 @@ from thermid.fit.calibration import Calibration, fit as refit
 from thermid.fit.problem import Request
 from thermid.inference._explain.candidates import missing_elements
 from thermid.inference._explain.heats import unlogged_powers
-from thermid.inference._explain.structures import FittedStructure, adopted, fitted_structure, promises
+from thermid.inference._explain.structures import EvaluationBudget, FittedStructure, adopted, fitted_structure, fitted_structures, promises
 from thermid.inference._explain.thresholds import FEWEST_RECORDS, MOST_LAGS, REFITTED, SURE_SLOPE, TIE, VERY_STRONG, WORTH_A_WORD
 from thermid.inference._explain.weighing import noise_of
 from thermid.measure.amounts import short
-from thermid.simulation.runs import simulate
+from thermid.simulation.runs import Workers, simulate
 from thermid.simulation.solver import refuse_unseen
 
 
@@ -234,13 +235,14 @@ class Criticism(Result):
 
 
 @takes_objects
-def criticise(fit: Calibration, elements: bool | None = None) -> Criticism:
+def criticise(fit: Calibration, elements: bool | None = None, *, executor: Workers = None) -> Criticism:
     """Residual analysis of a fit: are the residuals white noise, and which missing element would explain them?
 
     Parameters
     ----------
     fit : Calibration   The fit.
     elements : bool     Whether missing elements are tried in refits; by default only where residuals are not independent, or too large.
+    executor            As in `ensemble`: who makes the refits; the same answer from all.
 
     Raises
     ------
@@ -261,7 +263,7 @@ def criticise(fit: Calibration, elements: bool | None = None) -> Criticism:
         refuse_unseen(fit.model, "a search for missing elements")
     if not wanted:
         return Criticism(fit.stage, traces, (), checks)
-    return Criticism(fit.stage, traces, tuple(_tried(fit, fit.request)), checks)
+    return Criticism(fit.stage, traces, tuple(_tried(fit, fit.request, executor)), checks)
 
 
 def running_locals(fit: Calibration) -> list[str]:
@@ -350,20 +352,23 @@ def _traces(fit: Calibration) -> list[TraceCriticism]:
     return out
 
 
-def _tried(fit: Calibration, request: Request) -> list[Candidate]:
+def _tried(fit: Calibration, request: Request, executor: Workers) -> list[Candidate]:
     """Return every missing element, the best supported first; those that promise most are refitted, and what is suggested in full."""
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):
-        base = fitted_structure((), request, fit.fitted)
+        budget = EvaluationBudget()
+        base = fitted_structure((), request, fit.fitted, budget=budget)
         before, refused = base.rmse, list[tuple[str, str]]()
         tried_structures: list[tuple[str, FittedStructure | None]] = []
-        for n, score in enumerate(promises(base, (*missing_elements(fit, request), *unlogged_powers(request)), refused)):
-            try:
-                begun = (score.change.request, base.fitted, score.start)
-                tried_structures.append((score.change.name, fitted_structure((score.change,), *begun) if n < REFITTED else None))
-            except (ThermidError, np.linalg.LinAlgError) as error:
-                refused.append((score.change.name, str(error)))
+        scores = promises(base, (*missing_elements(fit, request), *unlogged_powers(request)), refused)
+        tries = [((s.change,), s.change.request, s.start) for s in scores[:REFITTED]]
+        refits = chain(fitted_structures(tries, base.fitted, budget, executor), repeat(None))
+        for score, outcome in zip(scores, refits, strict=False):
+            if isinstance(outcome, str):
+                refused.append((score.change.name, outcome))
+            else:
+                tried_structures.append((score.change.name, outcome))
     noise = noise_of([base.weighing, *(one.weighing for _, one in tried_structures if one is not None)])
     out: list[tuple[Candidate, FittedStructure | None]] = []
     for name, one in tried_structures:

@@ -10,8 +10,10 @@ What one evaluation with derivatives promises of a change says whether it is ref
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -30,6 +32,7 @@ from thermid.inference._explain.thresholds import (
     CHALLENGES,
     CHOSEN,
     EVALUATIONS,
+    EVALUATIONS_OF_A_REFIT,
     FREE_STEP,
     MAX_SEPARATING_READINGS,
     PROMISED_STEP,
@@ -42,7 +45,7 @@ from thermid.inference._explain.weighing import CauseScore, noise_of, weighed_at
 from thermid.measure.amounts import short
 from thermid.model.laws import Constant, TableSignal
 from thermid.model.parameters import exact
-from thermid.simulation.runs import simulate
+from thermid.simulation.runs import Workers, in_tasks, simulate
 from thermid.simulation.scenarios import Scenario
 
 
@@ -220,6 +223,7 @@ def search_structure(
     rounds: int = 6,
     evaluations: int = EVALUATIONS,
     begin: Mapping[str, float] | None = None,
+    executor: Workers = None,
 ) -> StructureSearch:
     """Search for changes of structure that readings support.
 
@@ -230,6 +234,7 @@ def search_structure(
     rounds : int            Most changes, one after the other.
     evaluations : int       Budget after which no refit begins, and one that runs is given up.
     begin : dict            Unknown -> value in the fitted form to begin from; the request's own starts by default.
+    executor : see `Workers`    Who makes the refits of a round: the same structures from all.
 
     Raises
     ------
@@ -238,16 +243,15 @@ def search_structure(
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(limits=1):
-        return _Searching(request, changes or (lambda structure: list(changes_of(structure))), EvaluationBudget(evaluations)).run(
-            rounds, begin or {}
-        )
+        catalogue = changes or (lambda structure: list(changes_of(structure)))
+        return _Searching(request, catalogue, EvaluationBudget(evaluations), executor).run(rounds, begin or {})
 
 
 class EvaluationBudget:
-    """Evaluations that a search may still take."""
+    """Evaluations that a search may still take, and the least that one took. [s]"""
 
     def __init__(self, allowed: float = math.inf) -> None:
-        self.allowed, self.spent = allowed, 0
+        self.allowed, self.spent, self.pace = allowed, 0, math.inf
 
     @property
     def over(self) -> bool:
@@ -269,16 +273,18 @@ class EvaluationBudget:
 class _Searching:
     """State of one search: what was fitted, what was refused."""
 
-    def __init__(self, request: Request, changes: Callable[[Fitted], Sequence[MissingElement]], budget: EvaluationBudget) -> None:
-        self.request, self.changes, self.budget = request, changes, budget
+    def __init__(
+        self, request: Request, changes: Callable[[Fitted], Sequence[MissingElement]], budget: EvaluationBudget, executor: Workers
+    ) -> None:
+        self.request, self.changes, self.budget, self.executor = request, changes, budget, executor
         self.done: list[FittedStructure] = []
         self.refused: list[tuple[str, str]] = []
         self.scored = 0
 
     def run(self, rounds: int, begin: Mapping[str, float]) -> StructureSearch:
         """Search from the request's own structure."""
-        best = fitted_structure((), self.request, begin, budget=EvaluationBudget())
-        self.budget.spent = best.end.evaluations
+        best = fitted_structure((), self.request, begin, budget=(first := EvaluationBudget()))
+        self.budget.spent, self.budget.pace, self.rounds = best.end.evaluations, first.pace, rounds
         self.done.append(best)
         complete = False
         for _ in range(rounds):
@@ -294,8 +300,7 @@ class _Searching:
         for place in [k for k, change in enumerate(best.changes) if change.bends]:
             plain = None if self.budget.over else self._without(best, place)
             scores = self._scores(plain) if plain else []
-            for score in [s for s in scores if not s.change.nodes and not s.change.bends][:CHALLENGES]:
-                self._refitted(plain or best, score)
+            self._refitted(plain or best, [s for s in scores if not s.change.nodes and not s.change.bends][:CHALLENGES])
         return StructureSearch(
             tuple(self.done),
             self._simplest(best),
@@ -310,25 +315,25 @@ class _Searching:
         scores = self._scores(best)
         chosen = [s for s in scores[:REFITS_OF_A_ROUND] if s.gain > 0.5]
         pairs = [_pair(a, b) for k, a in enumerate(scores[:3]) for b in scores[k + 1 : 3] if min(a.gain, b.gain) > TIE]
-        refitted = [self._refitted(best, score) for score in chosen]
-        single = max((self.log(m) for m in refitted if m is not None and m.possible), default=-np.inf)
+        refitted = self._refitted(best, chosen)
+        single = max((self.log(m) for m in refitted if m.possible), default=-np.inf)
         # a pair is worth a refit where no single change is proved
         if single < self.log(best) + TIE:
-            refitted += [self._refitted(best, pair) for pair in pairs]
+            refitted += self._refitted(best, pairs)
         able = self._proved(refitted, best, len(scores))
         if not able:
             return None
         top = max(self.log(m) for m in able)
         return min((m for m in able if self.log(m) > top - TIE), key=self._rank)
 
-    def _proved(self, candidates: Sequence[FittedStructure | None], best: FittedStructure, tried: int) -> list[FittedStructure]:
+    def _proved(self, candidates: Sequence[FittedStructure], best: FittedStructure, tried: int) -> list[FittedStructure]:
         """Return the structures with which readings are likelier than with the best by more than chance among those tried gives.
 
         The best of many that do nothing gains about the logarithm of their number, and every mass more that one change brings, such as a
         lag of each sensor, gains by chance as a change of its own would.
         """
         threshold = self.log(best) + math.log(max(tried, 1))
-        return [m for m in candidates if m and m.possible and self.log(m) > threshold + TIE * max(m.nodes - best.nodes, 1)]
+        return [m for m in candidates if m.possible and self.log(m) > threshold + TIE * max(m.nodes - best.nodes, 1)]
 
     def _challenged(self, best: FittedStructure) -> FittedStructure:
         """Return the best after the likeliest structures of one mass more were refitted.
@@ -338,7 +343,7 @@ class _Searching:
         """
         while not self.budget.over:
             scores = [s for s in self._scores(best) if s.change.nodes == 1][:CHALLENGES]
-            able = self._proved([self._refitted(best, score) for score in scores], best, len(scores))
+            able = self._proved(self._refitted(best, scores), best, len(scores))
             if not able:
                 break
             best = max(able, key=lambda m: self.log(m))
@@ -352,16 +357,14 @@ class _Searching:
         self.scored, self.budget.spent = self.scored + count, self.budget.spent + count
         return scored
 
-    def _refitted(self, best: FittedStructure, score: PromisedChange) -> FittedStructure | None:
-        if self.budget.over:
-            return None
-        try:
-            structure = fitted_structure((*best.changes, score.change), score.change.request, best.fitted, score.start, self.budget)
-        except (ThermidError, np.linalg.LinAlgError) as error:
-            self.refused.append((score.change.name, str(error)))
-            return None
-        self.done.append(structure)
-        return structure
+    def _refitted(self, best: FittedStructure, scores: Sequence[PromisedChange]) -> list[FittedStructure]:
+        """Return the structures that could be fitted, of those that promise most."""
+        tries = [((*best.changes, score.change), score.change.request, score.start) for score in scores]
+        outcomes = list(fitted_structures(tries, best.fitted, self.budget, self.executor, self.rounds))
+        self.refused += [(score.change.name, why) for score, why in zip(scores, outcomes, strict=False) if isinstance(why, str)]
+        structures = [one for one in outcomes if not isinstance(one, str)]
+        self.done += structures
+        return structures
 
     def _pruned(self, best: FittedStructure) -> FittedStructure:
         """Return the structure without changes that others have made superfluous."""
@@ -408,10 +411,9 @@ def _pair(a: PromisedChange, b: PromisedChange) -> PromisedChange:
     return PromisedChange(a.change.beside(b.change), {**a.start, **b.start}, a.gain + b.gain)
 
 
-def _from(problem: Problem, best: FittedStructure, start: Mapping[str, float]) -> Array:
+def _from(problem: Problem, values_before: Mapping[str, float], start: Mapping[str, float]) -> Array:
     """Return where a refit begins: at the values of the fit before, new ones at their start."""
     at = starting_point(problem.unknowns)
-    values_before = best.fitted
     for k, u in enumerate(problem.unknowns):
         if u.name in start:
             at[k] = u.to_fitted(start[u.name])
@@ -438,7 +440,7 @@ def promises(best: FittedStructure, changes: Iterable[MissingElement], refused: 
         promises_of_starts = []
         for start in change.starts or ({},):
             try:
-                after, larger = _promised(problem, _from(problem, best, start), values_before, change.additive)
+                after, larger = _promised(problem, _from(problem, values_before, start), values_before, change.additive)
                 promises_of_starts.append((before - after, {**start, **larger}))
             except ThermidError:
                 continue
@@ -496,21 +498,106 @@ def fitted_structure(
     IdentificationError     When its budget is used up, or it does not end.
     SolverError             When a record cannot be run.
     """
-    sizes = {path: size for c in changes for path, size in c.sizes.items()}
+    sizes, chosen = _added(changes)
     problem = _loosely_held(build_problem(request), sizes)
-    at = starting_point(problem.unknowns)
-    for k, u in enumerate(problem.unknowns):
-        if start and u.name in start:
-            at[k] = u.to_fitted(start[u.name])
-        elif u.name in values_before:
-            at[k] = values_before[u.name]
+    end, weighing = _ended(problem, request, sizes, chosen, values_before, start or {}, budget or EvaluationBudget())
+    return _structure_at(changes, request, problem, end, weighing)
 
-    end = minimise(problem, request.loss, request.loss_scale, at, (budget or EvaluationBudget()).watch(request.name), SEARCHED)
+
+def fitted_structures(
+    tries: Sequence[tuple[tuple[MissingElement, ...], Request, Mapping[str, float]]],
+    values_before: Mapping[str, float],
+    budget: EvaluationBudget,
+    executor: Workers,
+    rounds: int = 1,
+) -> Iterator[FittedStructure | str]:
+    """Yield structures as `fitted_structure` does, or why one could not be fitted, in order, until the budget is used up.
+
+    Parameters
+    ----------
+    tries : sequence    Changes, the request with them, and where new unknowns begin.
+    values_before, budget   As there; what is fitted in tasks counts in order, so that the same is given up.
+    executor : see `Workers`
+    rounds : int        How often as much may be asked for: processes of this machine begin where all of it is worth them.
+    """
+    if executor is None:
+        for changes, request, start in tries:
+            if budget.over:
+                return
+            try:
+                yield fitted_structure(changes, request, values_before, start, budget)
+            except (ThermidError, np.linalg.LinAlgError) as error:
+                yield str(error)
+        return
+    allowed = budget.allowed - budget.spent
+    added = [_added(changes) for changes, _, _ in tries]
+    tasks = [
+        (f"the refit of {changes[-1].name}", (request, *sizes_and_chosen, values_before, start, allowed))
+        for (changes, request, start), sizes_and_chosen in zip(tries, added, strict=True)
+    ]
+    ahead = EVALUATIONS_OF_A_REFIT * budget.pace * len(tasks) * rounds
+    outcomes = sorted(in_tasks(_ended_in_task, tasks, executor, seconds=ahead), key=itemgetter(0))
+    for (changes, request, _), (sizes, _), (_, (outcome, spent)) in zip(tries, added, outcomes, strict=True):
+        if budget.over:
+            return
+        try:
+            budget.watch(request.name)(spent, math.nan)
+        except IdentificationError as error:
+            budget.spent, outcome = int(budget.allowed), str(error)
+        if isinstance(outcome, str):
+            yield outcome
+        else:
+            yield _structure_at(changes, request, _loosely_held(build_problem(request), sizes), *outcome)
+
+
+def _added(changes: Sequence[MissingElement]) -> tuple[dict[str, SizedValue], float]:
+    """Return path -> prior of what changes add, and by how much numbers that were chosen for them make readings less likely. [-]"""
+    return {path: size for c in changes for path, size in c.sizes.items()}, CHOSEN * sum(c.chosen for c in changes)
+
+
+def _ended_in_task(
+    request: Request,
+    sizes: Mapping[str, SizedValue],
+    chosen: float,
+    values_before: Mapping[str, float],
+    start: Mapping[str, float],
+    allowed: float,
+) -> tuple[tuple[Fit, CauseScore] | str, int]:
+    """Return where a fit ended, or why it did not, and the evaluations that it took."""
+    from threadpoolctl import threadpool_limits
+
+    budget = EvaluationBudget(allowed)
+    try:
+        with threadpool_limits(limits=1):
+            problem = _loosely_held(build_problem(request), sizes)
+            return _ended(problem, request, sizes, chosen, values_before, start, budget), budget.spent
+    except (ThermidError, np.linalg.LinAlgError) as error:
+        return str(error), budget.spent
+
+
+def _ended(
+    problem: Problem,
+    request: Request,
+    sizes: Mapping[str, SizedValue],
+    chosen: float,
+    values_before: Mapping[str, float],
+    start: Mapping[str, float],
+    budget: EvaluationBudget,
+) -> tuple[Fit, CauseScore]:
+    """Return where a fit ended, and how likely readings are there."""
+    begun = time.process_time()
+    end = minimise(problem, request.loss, request.loss_scale, _from(problem, values_before, start), budget.watch(request.name), SEARCHED)
+    budget.pace = min(budget.pace, (time.process_time() - begun) / max(end.evaluations, 1))
     if not np.isfinite(end.cost):
         raise IdentificationError("its fit does not end at a finite cost.", request.name)
+    return end, weighed_at(problem, end.fitted, sizes, request.loss, request.loss_scale).less(chosen)
+
+
+def _structure_at(
+    changes: tuple[MissingElement, ...], request: Request, problem: Problem, end: Fit, weighing: CauseScore
+) -> FittedStructure:
     numbers = problem.experiments[0].network.numbers()
     nodes = sum(c is not None and float(value_of(c)) > 0 for c in numbers.capacitances.values())
-    weighing = weighed_at(problem, end.fitted, sizes, request.loss, request.loss_scale).less(CHOSEN * sum(c.chosen for c in changes))
     return FittedStructure(changes, request, problem, end, weighing, nodes)
 
 

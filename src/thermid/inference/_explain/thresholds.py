@@ -134,6 +134,8 @@ UNDETERMINED: Final = 0.5
 
 TIE: Final = 3.0
 """Logarithm of a Bayes factor below which two causes, or structures, cannot be separated: 20 to 1 (Kass and Raftery 1995). [-]"""
+EVALUATIONS_OF_A_REFIT: Final = 20
+"""What a refit is expected to take, by which processes are begun or not. [-]"""
 REFITS_OF_A_ROUND: Final = 4
 """Refits of single changes in each round; pairs of the three with the best scores are refitted too."""
 PROMISED_STEP: Final = 1.5

@@ -22,8 +22,8 @@ from thermid.physics.constants import ICE_POINT
 from thermid.simulation._network.controls import PHASE, state_of
 from thermid.simulation._network.network import held_in, unreached
 from thermid.simulation._scenarios.scenario import MEAN, STEADY
-from thermid.simulation._solver.large import METHODS as LARGE_METHODS, Gone, integrate_model, refusal, settle_model
-from thermid.simulation._solver.problem import Answer, KernelProblem, Options, Traces, by_column, ints, unsettled
+from thermid.simulation._solver.large import METHODS as LARGE_METHODS, Gone, integrate_model, refusal, seconds_by_steps, settle_model
+from thermid.simulation._solver.problem import MAX_INTEGRATED_NODES, Answer, KernelProblem, Options, Traces, by_column, ints, unsettled
 from thermid.simulation._solver.wiring import Assembled, Wiring
 
 
@@ -114,6 +114,8 @@ FINE = Options(error=2.0 * MAX_RETURN_ERROR, inputs=1e-4)
 METHODS = ("auto", "integrator", "modal")
 """Methods of ordinary models by the name that `Options.method` gives them."""
 REMEMBERED_LENGTHS = 64  # lengths of stretches that the kernel has in mind, at least
+WITHOUT_LARGE = 60
+"""Nodes below which no network is worth the methods of large ones."""
 MAX_NODES_FOR_MODES = 300  # nodes beyond which modes cost more than any noise asks of steps
 
 
@@ -319,8 +321,8 @@ class Engine(KernelProblem):
         runner: Runner | None = self.wiring.network.flat.names.model.runner
         return runner
 
-    def _as_large(self, options: Options, gradients: bool) -> bool:
-        """Return whether a model is run as a large network: asked for by name, or large and of a form that can be.
+    def _as_large(self, options: Options, gradients: bool, times: Array, end: float) -> bool:
+        """Return whether a model is run as a large network: asked for by name, or of a form that can be and cheaper so.
 
         Raises
         ------
@@ -332,12 +334,20 @@ class Engine(KernelProblem):
             raise ScenarioError(
                 f"unknown method '{method}'.{nearest(method, methods)} There are {', '.join(methods)}.", self.title, code="name.unknown"
             )
-        if method not in LARGE_METHODS or (method == "auto" and not self.is_large):
+        if method not in LARGE_METHODS or (method == "auto" and len(self.nodes) < WITHOUT_LARGE):
             return False
-        why = "sensitivities are requested, which large networks do not have" if gradients else refusal(self)
+        why = (
+            "sensitivities are requested, which large networks do not have"
+            if gradients
+            else self.memo.value("refusal", lambda: refusal(self))
+        )
         if why and method != "auto":
             raise ScenarioError(f"method '{method}' cannot run this model: {why}. Leave the method out.", self.title)
-        return not why
+        if why or method != "auto" or len(self.nodes) > MAX_INTEGRATED_NODES:
+            return not why
+        projected = any(isinstance(s, TableSignal) and s.times.size > (5000 if s.hold else 500) for s in self.inputs)
+        steps, large = seconds_by_steps(self, options.error, projected)
+        return large < steps and (bool(self.modal.obstacle) or large < self.modal.work(times, end).modal)
 
     def integrate(
         self,
@@ -358,7 +368,7 @@ class Engine(KernelProblem):
         """
         if (runner := self.runner) is not None:
             return runner.run(self, a, times, nodes, end, gradients)
-        if self._as_large(options, gradients):
+        if self._as_large(options, gradients, times, end):
             return integrate_model(self, a, times, nodes, end, options, self._sums(a) if extremes else None)
         index = self._index()
         why = self.modal.refusal(options.method, times, end, gradients)

@@ -26,12 +26,13 @@ from thermid.simulation._solver.problem import (
     KernelProblem,
     Options,
     by_column,
+    ints,
     limits,
     runs_away,
     unsolved,
 )
 from thermid.simulation._solver.sparse import NONE, LoadGroup, RowGroup, SparseNetwork, link_arrays
-from thermid.simulation._solver.wiring import Assembled, PlacedConductor
+from thermid.simulation._solver.wiring import Assembled
 
 METHODS: Final[Mapping[str, int]] = {
     "auto": _kernel.LARGE_AUTO,
@@ -42,6 +43,12 @@ METHODS: Final[Mapping[str, int]] = {
 """Methods of large networks by the name that `Options.method` gives them."""
 NAMES: Final = {_kernel.LARGE_AUTO: "", _kernel.LARGE_RKC2: "RKC2", _kernel.LARGE_TRBDF2: "TR-BDF2 + CG"}
 KINDS: Final = {"mean": 0, "highest": 1, "lowest": 2}
+COUNTED_AT: Final = 3e-3
+"""Error at which steps were counted. [K]"""
+RATES_APART: Final = 14.0
+"""Ratio of the largest rate to the mean one beyond which the kernel takes TR-BDF2. [-]"""
+USUAL_CHANGE: Final = 60.0
+"""Temperatures further apart at the start, boundaries included, ask for shorter steps of second order. [K]"""
 Gone: TypeAlias = tuple[tuple[str, ...], tuple[Ints, Ints, Array] | None]
 """Eliminated nodes, and each as a sum of temperatures of nodes and boundaries, in the kernel's form: begins, places, weights."""
 
@@ -129,7 +136,7 @@ def integrate(
         np.concatenate([np.zeros(0), *weights]),
         np.ascontiguousarray(field_times, dtype=float),
         method=METHODS[options.method],
-        tolerance=options.of_large_step,
+        tolerance=options.of_large_step * _part_of_step(network, initial),
         turnings=extremes,
         **limits(options, network.inputs, end),
     )
@@ -153,6 +160,17 @@ def integrate(
     energies = (raw.load_energy, raw.boundary_energy)
     turnings = by_column(raw.turnings, len(watched)) if extremes else None
     return LargeAnswer(raw.traces, raw.fields, initial, raw.final_temperatures, raw.final_states, *energies, statistics, turnings)
+
+
+def _part_of_step(network: SparseNetwork, initial: Array) -> float:
+    """Return by how much less a step may err where a run begins far from rest.
+
+    Steps of second order are as long as the cube root of ``tolerance / change`` lets them, so the more there is to settle the more of them
+    add up within a time constant: the error of a run is ``tolerance**(2/3) change**(1/3)``.
+    """
+    held = [network.boundary(k, np.zeros(1)) for k in range(len(network.boundaries))]
+    change = float(np.ptp(np.concatenate((initial[network.capacities > 0.0], *held))))
+    return float(min(1.0, (USUAL_CHANGE / max(change, 1e-300)) ** 0.5))
 
 
 def _message(raw: Any, options: Options, end: float, name: Any, follows: bool) -> str:
@@ -203,14 +221,56 @@ def refusal(problem: KernelProblem) -> str:
     return ""
 
 
+@dataclass(frozen=True, eq=False)
+class RowsOfLaw:
+    """Conductors of one law that end at one boundary, or between nodes, as they are laid out for all values.
+
+    Parameters
+    ----------
+    law : (str, int, int, Curve or None)        Form, boundary, input and curve, as in `RowGroup`.
+    first, second, coefficients : array (rows,) Nodes, and places of what scales the heat flow.
+    exponents : array (rows,)                   Places of the second coefficient; empty where the law has none.
+    """
+
+    law: tuple[str, int, int, Any]
+    first: Ints
+    second: Ints
+    coefficients: Ints
+    exponents: Ints
+
+
+@dataclass(frozen=True, eq=False)
+class LargeLayout:
+    """Where the numbers of a model stand in its large network; the same for all values.
+
+    Parameters
+    ----------
+    size : int                          Nodes of the large network.
+    places : array (nodes,)             Of every node of the model; that of the heat that a node holds is the node's own.
+    links : array (links, 3)            Nodes of the constant links between nodes, and places of their conductances.
+    rows : tuple of RowsOfLaw
+    """
+
+    size: int
+    places: Ints
+    links: Ints
+    rows: tuple[RowsOfLaw, ...]
+
+
 def sparse_of(problem: KernelProblem, a: Assembled) -> SparseNetwork:
     """Return a model's numbers as flat arrays."""
     s, c = problem.wiring.structure, a.coefficients
     follows = s.coefficient_input
-    stored = a.reduced.stored
-    place = _places(problem, a)
-    first = [n for n in problem.nodes if n not in stored]
-    links, rows = _conductors([p for p in s.conductors if p.row.name not in stored], c, follows, place, len(first))
+    layout = laid_out(problem, a)
+    place = layout.places
+    links = link_arrays(layout.links[:, 0], layout.links[:, 1], c[layout.links[:, 2]], layout.size)
+    rows = []
+    for group in layout.rows:
+        form, boundary, follower, curve = group.law
+        values, exponents = c[group.coefficients], c[group.exponents]
+        for exponent in dict.fromkeys(exponents.tolist()) if exponents.size else (0.0,):
+            of = exponents == exponent if exponents.size else slice(None)
+            rows.append(RowGroup(form, boundary, group.first[of], group.second[of], values[of], exponent, follower, curve))
     loads = []
     for tag, (row, node, places, j, _) in enumerate(s.loads):
         law = np.zeros((4, 1))
@@ -223,59 +283,82 @@ def sparse_of(problem: KernelProblem, a: Assembled) -> SparseNetwork:
         loads.append(LoadGroup(row.form, tag, target, law, follows[places[0]], row.curve, control, settings))
     gains = tuple(follows[g] if g >= 0 else NONE for g in s.gain)
     offsets = np.array([c[k] for k in s.offset], dtype=float)
-    capacities, stores = np.zeros(len(first)), {}
-    index = {n: k for k, n in enumerate(first)}
+    capacities, stores = np.zeros(layout.size), {}
     np.add.at(capacities, place, problem.capacities(a))  # that of a node stands with what holds its heat
-    for name, store in stored.values():
-        stores[index[name]] = store.curve
+    for name, (_, store) in a.reduced.stored.items():
+        stores[int(place[problem.nodes.index(name)])] = store.curve
     return SparseNetwork(
         capacities, links, rows, loads, problem.load_names, problem.wiring.network.boundaries, gains, offsets, tuple(problem.inputs), stores
     )
 
 
-def _places(problem: KernelProblem, a: Assembled) -> Ints:
-    """Return the place in the large network of every node; that of the heat that a node holds is the node's own."""
-    stored = a.reduced.stored
-    rows = {n: k for k, n in enumerate(n for n in problem.nodes if n not in stored)}
-    return np.array([rows[stored[n][0] if n in stored else n] for n in problem.nodes], dtype=np.int32)
+def laid_out(problem: KernelProblem, a: Assembled) -> LargeLayout:
+    """Return where a model's numbers stand in its large network, found once."""
+    if (layout := problem.memo.get("layout")) is not None:
+        return layout  # type: ignore[no-any-return]
+    s, stored = problem.wiring.structure, a.reduced.stored
+    follows = s.coefficient_input
+    index = {n: k for k, n in enumerate(n for n in problem.nodes if n not in stored)}
+    place, n = ints([index[stored[m][0] if m in stored else m] for m in problem.nodes]), len(index)
+    links: list[tuple[int, int, int]] = []
+    groups: dict[tuple[Any, ...], list[tuple[int, int, int, int]]] = {}
+    curves = {}
+    for row, one, other, places in s.conductors:
+        first, second = (int(place[k]) if k < place.size else k - place.size + n for k in (one, other))
+        if row.name in stored or min(first, second) >= n:
+            continue  # heat between two given temperatures changes no unknown
+        if first >= n:
+            first, second = second, first
+        form, curve, follower = row.form, row.curve, follows[places[0]]
+        if form == "linear" and second < n and follower < 0:
+            links.append((first, second, places[0]))
+            continue
+        law = form, second - n if second >= n else NONE, follower, id(curve)
+        curves[id(curve)] = curve
+        groups.setdefault((*law, len(places) > 1), []).append((first, min(second, n), places[0], places[:2][-1]))
+    rows = []
+    for (form, boundary, follower, curve_id, scaled), members in groups.items():
+        first, second, coefficients, exponents = ints(members).T
+        of = first, np.where(second < n, second, 0).astype(np.int32), coefficients, exponents if scaled else ints([])
+        rows.append(RowsOfLaw((form, boundary, follower, curves[curve_id]), *(np.ascontiguousarray(part) for part in of)))
+    return problem.memo.setdefault("layout", LargeLayout(n, place, ints(links).reshape(-1, 3), tuple(rows)))  # type: ignore[no-any-return]
+
+
+def seconds_by_steps(problem: KernelProblem, error: float, projected: bool) -> tuple[float, float]:
+    """Return about how long a run takes by the integrator, and as a large network, found once. [s]
+
+    As measured on grids and dense radiation of 27 to 1000 nodes, where temperatures changed by 10 to 400 K (docs/design/simulation.md).
+
+    Parameters
+    ----------
+    error : float       [K]
+    projected : bool    Whether steps go over points of an input, whose noise then asks for more of second order than of fourth.
+    """
+    if (seconds := problem.memo.get((error, projected))) is not None:
+        return seconds  # type: ignore[no-any-return]
+    a = problem.wiring.assemble(gradients=False)
+    layout, n, products = laid_out(problem, a), len(problem.nodes), problem.problem.products
+    links, rows, tighter = len(layout.links), sum(g.first.size for g in layout.rows), COUNTED_AT / max(error, 1e-9)
+    steps = 35.0 * tighter**0.15
+    step = 90.0 * (n + len(problem.wiring.structure.conductors)) + products * (0.25 if products >= n**3 / 3.0 else 0.9)  # dense, sparse
+    capacity, tied = np.zeros(layout.size), np.zeros(layout.size)
+    np.add.at(capacity, layout.places, problem.capacities(a))
+    np.add.at(tied, layout.links[:, :2], a.coefficients[layout.links[:, 2]][:, None])
+    if not capacity.all() or 2.0 * float((tied / capacity).max(initial=0.0)) * capacity.sum() > RATES_APART * tied.sum():
+        sweeps, sweep = max(80.0 * tighter**0.28, 400.0 * projected), 150.0 + 2.7 * links + 3.0 * rows  # gradients of TR-BDF2
+    else:
+        sweeps, sweep = max(19.0 * tighter**0.24, 100.0 * projected), 150.0 + 2.7 * links + 6.5 * rows  # stages of RKC2
+    seconds = 1e-9 * steps * step, 1e-9 * (300e3 + 2500.0 * n + steps * sweeps * sweep)
+    return problem.memo.setdefault((error, projected), seconds)  # type: ignore[no-any-return]
 
 
 def _levelled(problem: KernelProblem, a: Assembled, temperatures: Array) -> Array:
     """Return what the small integrator solves for, levels too, from the temperatures of a large network. [K]"""
-    levels = temperatures[_places(problem, a)]
+    levels = temperatures[laid_out(problem, a).places]
     for k, name in enumerate(problem.nodes):
         if name in a.reduced.stored:
             levels[k] = float(a.reduced.stored[name][1].level(levels[k]))
     return levels
-
-
-def _conductors(table: Sequence[PlacedConductor], c: Array, follows: Sequence[int], place: Ints, n: int) -> tuple[Any, list[RowGroup]]:
-    """Return the constant links between nodes, and the other conductors in groups."""
-    links: list[tuple[int, int, float]] = []
-    groups: dict[tuple[Any, ...], list[tuple[int, int, float]]] = {}
-    curves = {}
-    for row, one, other, places in table:
-        form, curve = row.form, row.curve
-        a, b = (int(place[k]) if k < place.size else k - place.size + n for k in (one, other))
-        if a >= n and b >= n:
-            continue  # heat between two given temperatures changes no unknown
-        first, second = (b, a) if a >= n else (a, b)
-        follower = follows[places[0]]
-        if form == "linear" and second < n and follower < 0:
-            links.append((first, second, c[places[0]]))
-            continue
-        exponent = c[places[1]] if len(places) > 1 else 0.0
-        boundary = second - n if second >= n else NONE
-        groups.setdefault((form, boundary, follower, id(curve), exponent), []).append((first, 0 if boundary >= 0 else second, c[places[0]]))
-        curves[id(curve)] = curve
-    ends = np.array([link[:2] for link in links], dtype=np.int32).reshape(-1, 2)
-    arrays = link_arrays(ends[:, 0], ends[:, 1], np.array([link[2] for link in links], dtype=float), n)
-    rows = []
-    for (form, boundary, follower, curve_id, exponent), members in groups.items():
-        pairs = np.array([member[:2] for member in members], dtype=np.int32)
-        values = np.array([member[2] for member in members], dtype=float)
-        rows.append(RowGroup(form, boundary, pairs[:, 0], pairs[:, 1], values, float(exponent), follower, curves[curve_id]))
-    return arrays, rows
 
 
 def integrate_model(
@@ -283,10 +366,11 @@ def integrate_model(
 ) -> Answer:
     """Return what `Engine.integrate` does, by the integrator of large networks; turning points where eliminated nodes are given."""
     network = sparse_of(problem, a)
-    place, size = _places(problem, a), network.capacities.size
+    place, size = laid_out(problem, a).places, network.capacities.size
     held = np.array([n in a.reduced.stored for n in problem.nodes], dtype=bool)
-    index = {name: int(place[k]) + (size if held[k] else 0) for k, name in enumerate(problem.nodes)}
-    watched = [Watched("mean", np.array([index[n]], dtype=np.int32), np.ones(1)) for n in nodes]
+    index = dict(zip(problem.nodes, (place + size * held).tolist(), strict=True))
+    wanted, whole = ints([index[n] for n in nodes]), np.ones(1)
+    watched = [Watched("mean", wanted[k : k + 1], whole) for k in range(wanted.size)]
     names = [n for n in problem.nodes if n not in a.reduced.stored]
     lost, sums = gone or ((), None)
     if sums is not None:

@@ -61,12 +61,16 @@ class Traces:
     slopes: Array
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
+    @cached_property
+    def _columns(self) -> dict[str, int]:
+        return {name: k for k, name in enumerate(self.kept)}
+
     def temperature(self, name: str) -> Array:
         """Return the temperature (times,) of a node or boundary; where specific heat changes, that of the heat it holds. [K]"""
-        if held_in(name) in self.kept:
+        if held_in(name) in self._columns:
             return self.memo.value(name, lambda: self._of_heat(name)[0])
-        if name in self.kept:
-            return self.stored[:, self.kept.index(name)]
+        if name in self._columns:
+            return self.stored[:, self._columns[name]]
         return self.memo.value(name, lambda: self._recovered(name))
 
     def _of_heat(self, name: str) -> tuple[Array, Array]:
@@ -75,12 +79,12 @@ class Traces:
         Of a melt that supercools, on the branch on which the node itself stands.
         """
         state = held_in(name)
-        store, level = self.assembled.reduced.stored[state][1], self.stored[:, self.kept.index(state)]
+        store, level = self.assembled.reduced.stored[state][1], self.stored[:, self._columns[state]]
         kelvin, slope = value_and_slope(store.curve, level)
-        if store.melt is None or name not in self.kept:
+        if store.melt is None or name not in self._columns:
             return kelvin, slope
         melt, rise = value_and_slope(store.melt.curve, level)
-        temperature = self.stored[:, self.kept.index(name)]
+        temperature = self.stored[:, self._columns[name]]
         liquid = np.abs(melt - temperature) < np.abs(kelvin - temperature)
         return np.where(liquid, melt, kelvin), np.where(liquid, rise, slope)
 
@@ -93,10 +97,10 @@ class Traces:
     def slope(self, name: str) -> Array:
         """Return the derivatives (times, free) of the temperature of a node or boundary. [K per unit]"""
         size = self.slopes.shape[2]
-        if (state := held_in(name)) in self.kept:
-            return self._of_heat(name)[1][:, None] * self.slopes[:, self.kept.index(state), :]
-        if name in self.kept:
-            return self.slopes[:, self.kept.index(name), :]
+        if (state := held_in(name)) in self._columns:
+            return self._of_heat(name)[1][:, None] * self.slopes[:, self._columns[state], :]
+        if name in self._columns:
+            return self.slopes[:, self._columns[name], :]
         if name in self.wiring.network.boundaries:
             return np.broadcast_to(gradient_of(self.assembled.offsets[name], size), (self.times.size, size))
         weights = dict(self.assembled.reduced.recover)[name]
@@ -424,7 +428,7 @@ class KernelProblem:
         self.problem = self._laid_out(refuse=True)
         self.refuses = refuses(wiring.network, wiring.assemble(np.zeros(0)).numbers)
         self.held = self._laid_out(refuse=False) if self.refuses else self.problem
-        self.nodes = s.nodes
+        self.nodes, self.memo = s.nodes, Memo()
 
     def _laid_out(self, refuse: bool) -> Any:
         """Return the kernel's problem; without `refuse` tables are held where a run would be refused, for searches that pass there."""

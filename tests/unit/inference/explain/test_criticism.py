@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -96,6 +97,10 @@ def test_nothing_speaks_for_an_element_that_the_log_cannot_tell() -> None:
     assert mass.evidence < 2.0
     assert max(mass.widths) < 2.0
     assert found.suggested is None
+    together = td.inference.criticise(fit, elements=True, executor=ThreadPoolExecutor(2))
+    assert [(c.name, c.evidence, c.widths, c.refused) for c in together.candidates] == [
+        (c.name, c.evidence, c.widths, c.refused) for c in found.candidates
+    ]
 
 
 class TestMeasures:

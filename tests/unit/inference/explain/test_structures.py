@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import multiprocessing
+from collections.abc import Callable
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
@@ -50,6 +53,21 @@ def test_what_was_planted_is_proposed(truth: dict[str, Any], node: str, words: s
     assert found.likelihood(found.proposed) > 2 * TIE
     assert found.proposed.rmse == pytest.approx(0.05, rel=0.1)
     assert str(found).startswith("Proposed: ")
+
+
+@pytest.mark.parametrize("evaluations", [10_000, 60])
+@pytest.mark.parametrize("pool", [ThreadPoolExecutor, pytest.param(ProcessPoolExecutor, marks=pytest.mark.campaign)])
+def test_refits_in_tasks_are_the_same_bits_and_take_the_same_budget(pool: Callable[..., Executor], evaluations: int) -> None:
+    request = asked(box(BARE | INNER), samples=101)
+    context = {"mp_context": multiprocessing.get_context("forkserver")} if pool is ProcessPoolExecutor else {}
+    with pool(2, **context) as workers:
+        alone, together = (search_structure(request, rounds=2, evaluations=evaluations, executor=who) for who in (None, workers))
+    assert str(alone) == str(together)
+    assert alone.refused == together.refused
+    assert (alone.evaluations, alone.scored) == (together.evaluations, together.scored)
+    for one, other in zip(alone.structures, together.structures, strict=True):
+        assert one.end.fitted.tobytes() == other.end.fitted.tobytes()
+        assert one.weighing.averaged.tobytes() == other.weighing.averaged.tobytes()
 
 
 def test_nothing_is_proposed_where_nothing_is_missing() -> None:
