@@ -49,7 +49,7 @@ from thermid.model.deck import load_model
 from thermid.model.laws import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.physics.htc import compare_htc
-from thermid.reporting.diagrams import diagram as drawn, network_map
+from thermid.reporting.diagrams import network_map
 from thermid.reporting.objects import comparison_object, solution_object
 from thermid.simulation import runs as transient
 from thermid.simulation.runs import margin_lines, margins, output_times, steady
@@ -300,15 +300,13 @@ def diagram(
     to: Annotated[Path, typer.Option("--to", help="The SVG file to write.")],
     force: Force = False,
     fold: Annotated[list[str], typer.Option("--fold", help="A submodel drawn as one mass; may be repeated.")] = [],  # noqa: B006
-    ladder: Annotated[bool, typer.Option("--ladder", help="All nodes in one column, with every conductance written.")] = False,
 ) -> None:
     """Draw a model as SVG: masses, conductors, loads, boundaries.
 
-    A map with every node once; --fold draws a submodel as a single mass. With --ladder, one column with submodels as boxes.
+    A map with every node once; --fold draws a submodel as a single mass.
     """
     check_ending(to, DRAWING)
-    model = load_model(deck)
-    write_text(to, (drawn if ladder else network_map)(model, folded=fold) + "\n", DRAWING)
+    write_text(to, network_map(load_model(deck), folded=fold) + "\n", DRAWING)
     typer.echo(f"diagram: {to}")
 
 
