@@ -238,14 +238,14 @@ def export(
         written = to_fmu(model, conditions, to, fmi)
         answer(standing, as_json, {"file": to.name, **written.to_dict()}, f"{written}\nwritten: {to}")
     name = to.stem if to is not None else ""
-    if form == "octave":
-        text = to_octave(model, conditions, name=name)
-    elif form == "c":
-        text = to_c(model, conditions, name=name, step=literal(step, "s", "--step") if step is not None else None)
-    elif form == "modelica":
-        text = to_modelica(model, conditions, name=name, library=library or "modelica")
-    else:
-        text = {"spice": to_spice, "sinda": to_sinda, "esatan": to_esatan}[form](model, conditions)
+    text = {
+        "octave": lambda: to_octave(model, conditions, name=name),
+        "c": lambda: to_c(model, conditions, name=name, step=literal(step, "s", "--step") if step is not None else None),
+        "modelica": lambda: to_modelica(model, conditions, name=name, library=library or "modelica"),
+        "spice": lambda: to_spice(model, conditions),
+        "sinda": lambda: to_sinda(model, conditions),
+        "esatan": lambda: to_esatan(model, conditions),
+    }[form]()
     if not standing.fair and not as_json:
         show(standing.line(), err=True)  # what is written is for another tool to read
     _say(text, to, as_json, EXPORT, COMMENTS[form], standing=standing.to_dict())

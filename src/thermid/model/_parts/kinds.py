@@ -201,6 +201,11 @@ def _lead(f: Fields) -> Law:
     return _fin(f, 0)
 
 
+def _lead_loss(f: Fields) -> Law:
+    """Return what a lead loses from one end to its surroundings."""
+    return _fin(f, 1)
+
+
 def _fin(f: Fields, which: int) -> Law:
     """Return one conductance of a lead's two-port in air, bare, and with radiation alone where that is known, made linear at 20 degC."""
     section = 0.25 * math.pi * f["diameter"] ** 2 if "diameter" in f else f["cross_section"]
@@ -332,7 +337,7 @@ KINDS: Final[Mapping[str, Kind]] = {
         | {"htc": "W/(m^2 K)", "effective_htc": "W/(m^2 K)", "emissivity": "1"},
         optional=_ALL({"perimeter", "count", "htc", "effective_htc", "emissivity"}),
         words=_ALL({"to"}),
-        loss=lambda f: _fin(f, 1),  # from one end to the surroundings
+        loss=_lead_loss,
     ),
     "heat_pipe": Kind(
         _heat_pipe,
