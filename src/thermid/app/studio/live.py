@@ -207,6 +207,6 @@ def _like_a_record(path: Path, campaign: Campaign, stated: Scenario | None, bare
     last = next(s.records for s in campaign.source.content.stages if s.name == list(campaign)[-1]) if campaign.source is not None else ()
     like = max(alike, key=lambda name: (name in last, len(records[name].channels)))  # whose columns are those of the model
     test = running_test(campaign, like)
-    columns = BoundColumns(model=test.model, options=test.options, tables=_as_told(test.table.channels, told), bound=test.bound)
-    columns.remarks = test.remarks
+    tables = _as_told(test.table.channels, told)
+    columns = BoundColumns(model=test.model, options=test.options, tables=tables, bound=test.bound, remarks=test.remarks)
     return _Bound(replace(bare, columns=columns, scenario=stated, conditions=test.conditions), like)
