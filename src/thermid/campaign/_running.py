@@ -10,11 +10,11 @@ from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, RecordError
 from thermid.campaign._file import bound_by, scenario_of
 from thermid.campaign._stages import Campaign
-from thermid.fit.problem import first_reading
+from thermid.fit.calibration import first_reading
 from thermid.measure.records import Record
 from thermid.model.tree import Model
 from thermid.simulation.network import compile_network
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 
 if TYPE_CHECKING:
     from thermid.campaign._schema import RecordTable, StageTable

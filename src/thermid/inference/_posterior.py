@@ -16,8 +16,7 @@ from thermid.base.errors import IdentificationError, NameNotFoundError, SolverEr
 from thermid.base.extensions import optional
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array, covariance
 from thermid.base.results import Result, Row
-from thermid.fit.calibration import Calibration, box_of
-from thermid.fit.problem import Compressed, Problem, Unknown, wanders
+from thermid.fit.calibration import Calibration, Compressed, Problem, Unknown, box_of, wanders
 from thermid.simulation.runs import Workers, in_tasks
 
 MIN_LENGTH = 50

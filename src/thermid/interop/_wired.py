@@ -17,12 +17,10 @@ from thermid.base.dual import real_power, value_of
 from thermid.base.errors import DeckError, ScenarioError
 from thermid.base.files import EXPORT, write_text
 from thermid.base.units import si_unit
-from thermid.model.elements import HINGES
-from thermid.model.laws import Constant, Curve, Drawn, TableSignal, slopes, whole
+from thermid.model.elements import HINGES, Constant, Curve, Drawn, TableSignal, slopes, whole
 from thermid.model.tree import Model
 from thermid.simulation.network import SMOOTHING, ConductorRow, Network, Numbers, refuse_controls, signal_of
-from thermid.simulation.runs import network_for
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, network_for
 from thermid.simulation.solver import Engine, Wiring
 
 MOVING = tuple(HINGES.values())

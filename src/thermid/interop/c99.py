@@ -20,10 +20,10 @@ from thermid.base.errors import DeckError, SolverError
 from thermid.base.linear_algebra import Array
 from thermid.interop._rodas import COUPLED, DRIFT, GAMMA, STAGES, TIMES
 from thermid.interop._wired import Text, Wired, Writer, exported, identifiers, one_line, wired
-from thermid.model.laws import Constant, Curve, Drawn, Sine, TableSignal
+from thermid.model.elements import Constant, Curve, Drawn, Sine, TableSignal
 from thermid.model.tree import Model
 from thermid.simulation.network import curve_arrays, tables_behind
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import Engine, Options, Wiring
 
 C = Writer("C", gas=True, hinges=True, smooth=True, loads=True, schedules=True)

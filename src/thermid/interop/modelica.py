@@ -12,11 +12,11 @@ from pathlib import Path
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, ScenarioError, refuse_unknown
 from thermid.interop._wired import Formula, HeatSource, Text, Wired, Writer, exported, identifiers, one_line, table_points, wired
-from thermid.model.laws import Constant, Curve, Drawn, Sine, TableSignal
+from thermid.model.elements import Constant, Curve, Drawn, Sine, TableSignal
 from thermid.model.tree import Model
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.simulation.network import SMOOTHING, ConductorRow
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 
 MODELICA = Writer("Modelica", loads=True, schedules=True)
 LIBRARIES = {"modelica": "Modelica.Thermal.HeatTransfer", "none": "Library"}

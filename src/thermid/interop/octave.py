@@ -21,11 +21,11 @@ from thermid.interop._wired import (
     table_points,
     wired,
 )
-from thermid.model.laws import Constant, Curve, Drawn, Sine, TableSignal
+from thermid.model.elements import Constant, Curve, Drawn, Sine, TableSignal
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.network import ConductorRow
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 
 FUNCTION_NAMES = ("parameters", "derived", "initial", "derivatives")
 """Names of the functions in the file."""

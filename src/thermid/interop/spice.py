@@ -10,11 +10,11 @@ from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError
 from thermid.interop._wired import HeatSource, Wired, conductance_text, exported, identifiers, number_text, one_line, table_points, wired
-from thermid.model.laws import EXTENSION_REACH, Constant, Curve, Drawn, Sine, TableSignal
+from thermid.model.elements import EXTENSION_REACH, Constant, Curve, Drawn, Sine, TableSignal
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.network import ConductorRow
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 
 MIN_STEPS_PER_RUN = 5000
 """The largest step is this part of the run."""

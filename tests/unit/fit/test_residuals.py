@@ -13,7 +13,7 @@ from thermid.fit._problem.residuals import FAILED, Problem, Unknown, loss_of
 from thermid.fit._uncertainty.information import Information
 from thermid.measure.records import Channel
 from thermid.model.deck import model_from_dict
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import Options
 from unit.fit.bench import HTC, MASS, box, deck, log, metered, pair
 

@@ -45,9 +45,9 @@ from thermid.base.files import DRAWING, NETCDF, TABLE, check_ending, write_text
 from thermid.base.toml_files import read_toml
 from thermid.campaign.stages import check_campaign
 from thermid.campaign.verdicts import Limits, compare_models, size, worst_case
-from thermid.fit.problem import InputTable
+from thermid.fit.calibration import InputTable
 from thermid.model.deck import load_model
-from thermid.model.laws import literal
+from thermid.model.elements import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.physics.htc import compare_htc
 from thermid.reporting.diagrams import network_map

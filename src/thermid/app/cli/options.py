@@ -19,8 +19,7 @@ from thermid.base.files import NETCDF, PAPER, PICTURE, check_ending, command, ma
 from thermid.campaign.stages import Campaign, read_campaign, run_stages
 from thermid.measure.amounts import pairs as pairs, with_unit as with_unit
 from thermid.model.deck import load_model
-from thermid.model.laws import literal
-from thermid.model.parameters import Standing
+from thermid.model.elements import Standing, literal
 from thermid.model.tree import Model
 from thermid.prediction.bands import Filed, filed
 from thermid.reporting.objects import VIEW_SCHEMA, clean

@@ -23,7 +23,7 @@ from thermid.app.cli.options import (
     with_unit,
 )
 from thermid.base.toml_files import read_toml
-from thermid.model.laws import literal
+from thermid.model.elements import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.site.moisture import Moisture, moisture as moist_run
 

@@ -35,11 +35,10 @@ from thermid.campaign.stages import RunningTest, running_test
 from thermid.measure.amounts import amount, duration_text
 from thermid.measure.records import Record
 from thermid.measure.steadiness import rule_of
-from thermid.model.laws import literal
-from thermid.model.parameters import UNJUDGED, Standing
+from thermid.model.elements import UNJUDGED, Standing, literal
 from thermid.qualify.watch import BoundColumns, GrowingLog, TemperatureLimit, Watcher, WatchLook, WatchRequest, played
 from thermid.reporting.objects import clean
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 from thermid.values.store import model_standing
 
 if TYPE_CHECKING:

@@ -15,14 +15,13 @@ from thermid.base.errors import ScenarioError, ThermidError, look_up, refuse_unk
 from thermid.base.sourced import weigh
 from thermid.base.toml_files import project_root, read_toml
 from thermid.campaign.verdicts import LimitCheck, Limits, Margin, check_limits, margins, read_limits, spans
-from thermid.model.parameters import UNJUDGED, Standing
+from thermid.model.elements import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.bands import Band, Knowledge, foresee
 from thermid.qualify.plans import Qualification, Trial, load_plan, lock_status, run_plan
 from thermid.qualify.profiles import ProfileRun, ThermalProfile, load_profile, profile_names, profile_of, run_profile, typed
 from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Solution, simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, Solution, simulate
 
 
 @dataclass(frozen=True)

@@ -14,13 +14,12 @@ from thermid.campaign.stages import Campaign, running_test
 from thermid.measure.amounts import pairs, with_unit
 from thermid.measure.readers import log_cells, name_and_unit
 from thermid.measure.steadiness import StabilityRule
-from thermid.model.laws import literal
-from thermid.model.parameters import UNJUDGED
+from thermid.model.elements import UNJUDGED, literal
 from thermid.model.tree import Model
 from thermid.qualify.watch import BoundColumns, TemperatureLimit, Watcher, WatchRequest, roles_in
 from thermid.reporting.objects import clean
 from thermid.simulation.network import compile_network
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 from thermid.values.store import model_standing
 
 WATCHED_ROLES = ("node", "boundary", "load")

@@ -16,8 +16,7 @@ from thermid.base.files import may_write, read_text, unsealed, write_text
 from thermid.campaign._file import CampaignSource, read_campaign
 from thermid.campaign._stages import run_stages
 from thermid.campaign._start.templates import TEMPLATE
-from thermid.fit.calibration import Calibration, fit
-from thermid.fit.problem import LocalSpec, Request
+from thermid.fit.calibration import Calibration, LocalSpec, Request, fit
 from thermid.inference.criticism import EVALUATIONS, MissingElement, StructureSearch, adopted, changes_of, search_structure
 from thermid.measure.amounts import short
 from thermid.measure.records import Record

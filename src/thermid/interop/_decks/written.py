@@ -11,11 +11,11 @@ from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError
 from thermid.interop._wired import HeatSource, Wired, exported, number_text, one_line, table_points, wired
-from thermid.model.laws import Constant, Drawn, TableSignal
+from thermid.model.elements import Constant, Drawn, TableSignal
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
 from thermid.simulation.network import ConductorRow
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 
 MAX_SUBMODEL_LETTERS: Final = 24
 """Letters of a submodel's name; SINDA/FLUINT takes 32."""

@@ -26,11 +26,10 @@ from thermid.interop._fmu.archive import DESCRIPTION
 from thermid.interop._fmu.description import PLAIN, Described, FmuVariable, build_description, describe, structured
 from thermid.interop._fmu.image import MARK, OPERATIONS, image, still
 from thermid.interop._wired import Formula, identifiers, named, one_line
-from thermid.model.laws import Constant, Curve
+from thermid.model.elements import Constant, Curve
 from thermid.model.tree import Model
 from thermid.simulation.network import Numbers
-from thermid.simulation.runs import network_for
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, network_for
 from thermid.simulation.solver import Assembled, Engine, Wiring
 
 VERSIONS: Final = ("2.0", "3.0")

@@ -14,7 +14,7 @@ from thermid.base.units import counted, from_si
 from thermid.campaign.stages import Campaign
 from thermid.campaign.studies import Study
 from thermid.campaign.verdicts import metric
-from thermid.model.parameters import Parameter
+from thermid.model.elements import Parameter
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting._blocks.content import (
