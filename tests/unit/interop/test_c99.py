@@ -12,8 +12,7 @@ import pytest
 
 import thermid as td
 from thermid.interop import c99 as writing
-from thermid.interop._rodas import COUPLED, DRIFT, GAMMA, STAGES, TIMES
-from thermid.interop.c99 import nice_steps, step_grid, to_c
+from thermid.interop.c99 import COUPLED, DRIFT, GAMMA, STAGES, TIMES, nice_steps, step_grid, to_c
 from unit.interop.networks import SIGNALS, hot_box
 from unit.interop.programs import FAST, STRICT, c99
 

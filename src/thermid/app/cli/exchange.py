@@ -224,8 +224,7 @@ def export(
 
     The scenario is written with it. What the format cannot say is refused.
     """
-    forms = (*COMMENTS, "fmu")
-    refuse_unknown([form], forms, "--as", f"a model is not written as '{{}}'.{{near}} There are {', '.join(forms)}.", DeckError)
+    refuse_unknown([form], (*COMMENTS, "fmu"), "--as", "a model is not written as '{}'.{near} There are {known}.", DeckError)
     model, standing = judged_model(deck, values, keep_values, param, accept)
     conditions = scenario_of(scenario, boundary, load, start, duration, vacuum, as_printed)
     if step is not None and form != "c":

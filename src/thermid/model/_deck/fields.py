@@ -219,4 +219,5 @@ class UsedTable(StrictTable):
 
 
 def value_table(raw: Any) -> dict[str, Any]:
+    """Return a value as the table that a deck may write for it."""
     return raw.table() if isinstance(raw, ValueTable) else {"value": raw}
