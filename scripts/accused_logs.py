@@ -20,7 +20,7 @@ import numpy as np
 
 import thermid as td
 from thermid.base.errors import ThermidError
-from thermid.fit.problem import LocalSpec, Request
+from thermid.fit.calibration import LocalSpec, Request
 from thermid.inference.criticism import Mistakes, find_mistakes
 
 ROOT = Path(__file__).parent.parent

@@ -24,7 +24,7 @@ from thermid.base.errors import ThermidError
 from thermid.campaign._start.proposal import Proposal
 from thermid.campaign._start.roles import SURROUNDINGS, Power, with_noise
 from thermid.campaign.start import Roles, propose
-from thermid.fit.problem import Request, build_problem, starting_point
+from thermid.fit.calibration import Request, build_problem, starting_point
 from thermid.inference._explain.structures import TIE
 from thermid.inference.criticism import FittedStructure, adopted, fitted_structure
 

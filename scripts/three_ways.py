@@ -21,8 +21,7 @@ import numpy as np
 import thermid as td
 from thermid.campaign._joint import fit_jointly
 from thermid.campaign.stages import CampaignSource, read_campaign, request_of, scenario_of
-from thermid.fit.calibration import fit
-from thermid.fit.problem import Request
+from thermid.fit.calibration import Request, fit
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "levels.md"

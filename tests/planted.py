@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import thermid as td
-from thermid.model.laws import TableSignal
+from thermid.model.elements import TableSignal
 
 PART = """
 title  = "part"

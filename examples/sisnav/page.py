@@ -26,7 +26,7 @@ from thermid.reporting._blocks.content import (
     folded,
 )
 from thermid.reporting._pages import tables
-from thermid.reporting.diagrams import diagram
+from thermid.reporting.diagrams import network_map
 from thermid.reporting.pages import Table, study_report
 
 WATERMARK = "Demonstration: 22 assumed parameters, synthetic data"
@@ -133,7 +133,7 @@ def figures(work: Work) -> Section:
     for name, caption in PICTURES.items():
         model = td.load_model(HERE / f"{name}.toml")
         temperatures = td.steady(model, BENCH)
-        pictures.append(Picture(inline(diagram(model, temperatures=temperatures, title=name)), caption))
+        pictures.append(Picture(inline(network_map(model, temperatures=temperatures, title=name)), caption))
     spice = td.interop.to_spice(td.load_model(HERE / "EleGFO.toml"), BENCH)
     blocks: list[PageBlock] = [
         Words("Measured means read by the virtual laboratory's sensors. The document's own curves are not public and were not copied."),

@@ -23,7 +23,7 @@ import work
 import thermid as td
 from thermid.reporting._blocks.content import Graphic
 from thermid.reporting._pages.study import parts
-from thermid.reporting.diagrams import diagram
+from thermid.reporting.diagrams import network_map
 from thermid.reporting.pages import Table
 
 TARGET = work.HERE.parents[1] / "docs" / "studies"
@@ -68,7 +68,7 @@ def figures(done: work.Work) -> dict[str, str]:
     out = {}
     for name in ("m_PrE", "m_Sd"):
         model = td.load_model(work.HERE / f"{name}.toml")
-        out[f"{name}.svg"] = diagram(model, temperatures=td.steady(model, work.BENCH), title=name) + "\n"
+        out[f"{name}.svg"] = network_map(model, temperatures=td.steady(model, work.BENCH), title=name) + "\n"
     shown = {"fig17_EleGFO": drawings.FIG_17[3], "fig25_m_IMU_FOG1": drawings.FIG_25[3], "fig26_m_Sd_PrS": drawings.FIG_26[0]}
     for name, panel in shown.items():
         out[f"{name}.svg"] = standalone(drawings.panel(done, panel, name), f"{panel.label}, synthetic data")

@@ -18,8 +18,7 @@ from structures import HERE, LOOSE, SENSORS, TRAINING, UNSEEN, bound, request
 
 import thermid as td
 from thermid.campaign.stages import CampaignSource, read_campaign
-from thermid.fit.calibration import fit
-from thermid.fit.problem import LocalSpec
+from thermid.fit.calibration import LocalSpec, fit
 from thermid.inference.criticism import FittedStructure, StructureSearch, adopted, search_structure
 
 COARSE, FINE, JUDGED = 30.0, 15.0, 5.0

@@ -23,8 +23,7 @@ from candidates import Candidate, candidates
 import thermid as td
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.campaign.stages import CampaignSource, read_campaign
-from thermid.fit.calibration import fit
-from thermid.fit.problem import LocalSpec, Reading, Request
+from thermid.fit.calibration import LocalSpec, Reading, Request, fit
 
 HERE = Path(__file__).parent
 TRAINING = {

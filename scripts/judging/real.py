@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 import thermid as td
-from thermid.fit.calibration import Calibration, fit
-from thermid.fit.problem import LocalSpec, Request, priors_of
+from thermid.fit.calibration import Calibration, LocalSpec, Request, fit, priors_of
 from thermid.prediction.bands import RecordPrediction, predict_record
 
 from . import runs as rr, scores as s

@@ -12,8 +12,7 @@ import numpy as np
 
 import thermid as td
 from thermid.base.errors import ThermidError
-from thermid.fit.calibration import Calibration, fit
-from thermid.fit.problem import LocalSpec, Request
+from thermid.fit.calibration import Calibration, LocalSpec, Request, fit
 from thermid.prediction.bands import RecordPrediction, predict_record
 
 ROOT = Path(__file__).parents[2]

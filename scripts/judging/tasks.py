@@ -10,8 +10,8 @@ import numpy as np
 
 import thermid as td
 from thermid.measure.records import Channel, Record
-from thermid.model.laws import TableSignal
-from thermid.simulation.scenarios import Scenario
+from thermid.model.elements import TableSignal
+from thermid.simulation.runs import Scenario
 
 from . import benches as b
 

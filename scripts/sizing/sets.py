@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 
 import thermid as td
-from thermid.fit.calibration import Calibration, fit
-from thermid.fit.problem import LocalSpec, Request, priors_of
-from thermid.model.laws import TableSignal
-from thermid.simulation.scenarios import Scenario
+from thermid.fit.calibration import Calibration, LocalSpec, Request, fit, priors_of
+from thermid.model.elements import TableSignal
+from thermid.simulation.runs import Scenario
 
 Array = np.ndarray
 ICE = 273.15

@@ -26,9 +26,15 @@ from thermid.model.tree import Model as Model
 from thermid.prediction.bands import Prediction as Prediction, predict as predict
 from thermid.reporting.pages import report as report
 from thermid.reporting.pictures import look as look
-from thermid.simulation.runs import Solution as Solution, ensemble as ensemble, prepare as prepare, simulate as simulate, steady as steady
+from thermid.simulation.runs import (
+    Scenario as Scenario,
+    Solution as Solution,
+    ensemble as ensemble,
+    prepare as prepare,
+    simulate as simulate,
+    steady as steady,
+)
 from thermid.simulation.scenario_files import load_scenario as load_scenario
-from thermid.simulation.scenarios import Scenario as Scenario
 from thermid.simulation.solver import Options as Options
 from thermid.values.fitted import load_values as load_values
 

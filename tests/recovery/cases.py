@@ -15,8 +15,7 @@ from thermid.fit.calibration import calibrate
 from thermid.measure.records import Channel, Record
 from thermid.model.deck import load_model, model_from_dict
 from thermid.model.tree import Model
-from thermid.simulation.runs import simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, simulate
 
 STACK = Path(__file__).parents[2] / "examples" / "02_stack" / "m_PrE.toml"
 ICE = 273.15

@@ -19,10 +19,9 @@ from thermid.base.errors import ThermidError
 from thermid.fit.calibration import Calibration, fit
 from thermid.inference.criticism import adopted, criticise, search_structure
 from thermid.measure.records import Channel, Record
-from thermid.model.laws import TableSignal
+from thermid.model.elements import TableSignal
 from thermid.model.tree import Model
-from thermid.simulation.runs import simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, simulate
 
 TIMES = np.arange(0.0, 21600.0 + 1.0, 60.0)
 SEED = 20261123

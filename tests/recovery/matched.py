@@ -14,8 +14,7 @@ from thermid.measure.records import Record
 from thermid.model.deck import load_model, model_from_dict
 from thermid.model.tree import Model
 from thermid.prediction.bands import predict
-from thermid.simulation.runs import simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, simulate
 
 STEP = 0.0625
 """Of a DS18B20. [K]"""

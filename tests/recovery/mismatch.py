@@ -17,8 +17,7 @@ from thermid.measure.records import Channel, Record
 from thermid.model.deck import load_model, model_from_dict
 from thermid.model.tree import Model
 from thermid.prediction.bands import predict
-from thermid.simulation.runs import simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, simulate
 
 STEP = 0.0625
 SCENARIOS = ("as fitted", "room at +61 C", "room at -34 C", "double power", "half the power")

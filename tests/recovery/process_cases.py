@@ -11,7 +11,7 @@ import numpy as np
 from thermid.fit._estimation.estimate import likelihood_of
 from thermid.fit._estimation.filtering import whiteness
 from thermid.fit._estimation.process import read_process
-from thermid.fit.problem import Request, build_problem
+from thermid.fit.calibration import Request, build_problem
 from unit.fit.estimation.house import VALUES, Array, Truth, drawn, house
 
 NAMES: Final = (*VALUES, "noise of wall", "reading noise of indoor")

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from thermid.fit._uncertainty.moved import Shift, Test, shifts
 from thermid.fit._uncertainty.noise import Binned, Weighed, correlation, weighed
-from thermid.fit.uncertainty import Move
+from thermid.fit.calibration import Move
 
 __all__ = ["CELLS", "Cell", "Count", "counted"]
 

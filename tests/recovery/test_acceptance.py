@@ -9,13 +9,11 @@ import pytest
 
 from recovery.cases import ICE, STACK
 from thermid.base.expression import quantity
-from thermid.fit.calibration import Calibration, calibrate, fit
-from thermid.fit.problem import Request
+from thermid.fit.calibration import Calibration, Request, calibrate, fit
 from thermid.measure.records import Channel, Record
 from thermid.model.deck import load_model, model_from_dict
 from thermid.model.tree import Model, ParameterSet
-from thermid.simulation.runs import Solution, simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, Solution, simulate
 from thermid.values.fitted import FittedValues
 
 pytestmark = pytest.mark.recovery

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from thermid.base.errors import SolverError
-from thermid.fit.calibration import Fit, covariances, minimise
-from thermid.fit.problem import Compressed, Sums, Unknown
+from thermid.fit.calibration import Compressed, Fit, Sums, Unknown, covariances, minimise
 
 pytestmark = pytest.mark.recovery
 TABLES: dict[str, dict[str, Any]] = tomllib.loads((Path(__file__).parent / "nist.toml").read_text(encoding="utf-8"))

@@ -10,7 +10,7 @@ import pytest
 import thermid as td
 from recovery.cases import draw, stack_interfaces
 from thermid.fit._search import Population, evolved
-from thermid.fit.problem import Request, build_problem
+from thermid.fit.calibration import Request, build_problem
 
 pytestmark = pytest.mark.recovery
 BENCH = replace(stack_interfaces(), accuracy=0.0, meter=0.0)

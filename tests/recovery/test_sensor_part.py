@@ -11,15 +11,13 @@ from thermid.base.errors import ThermidError
 from thermid.base.expression import celsius
 from thermid.campaign.verdicts import Criteria, validate
 from thermid.fit._minimisation import ended
-from thermid.fit.calibration import Calibration, calibrate, covariances
-from thermid.fit.problem import attached
+from thermid.fit.calibration import Calibration, attached, calibrate, covariances
 from thermid.measure._record.channel import with_sensor
 from thermid.measure.records import Channel, Record
 from thermid.measure.sensors import SensorCertificate, SensorPart
 from thermid.model.deck import model_from_dict
 from thermid.model.tree import Model
-from thermid.simulation.runs import simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, simulate
 
 pytestmark = pytest.mark.recovery
 

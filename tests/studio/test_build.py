@@ -17,8 +17,7 @@ from thermid.campaign.stages import check_campaign
 from thermid.fit.calibration import calibrate
 from thermid.measure.readers import read_record
 from thermid.model.deck import load_model
-from thermid.simulation.runs import simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, simulate
 from two_masses import COOLED, HEATERS, PAIR, write_cooled_log, write_heaters_log, write_log, write_pair_log
 
 from .browser import Page, needed, studio

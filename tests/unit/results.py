@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 import thermid as td
-from thermid.model.laws import TableSignal
+from thermid.model.elements import TableSignal
 from unit.fit.bench import HTC, MASS, box, log, metered, pair
 from unit.fit.test_sensor_matrix import FINISH, Cell
 from unit.qualify.project import project

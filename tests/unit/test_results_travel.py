@@ -20,8 +20,8 @@ import pytest
 import thermid
 import thermid as td
 from thermid.base.memo import Memo
-from thermid.fit.problem import Experiment, Problem
-from thermid.model.laws import Constant
+from thermid.fit.calibration import Experiment, Problem
+from thermid.model.elements import Constant
 from thermid.simulation.network import Media, Network
 from unit.results import numbers, of_a_fit, of_a_run, that_take_longer
 

@@ -15,7 +15,7 @@ import thermid as td
 from thermid.app.cli.app import app
 from thermid.campaign.stages import check_campaign
 from thermid.measure.records import Channel
-from thermid.model.laws import TableSignal
+from thermid.model.elements import TableSignal
 
 ZERO = 273.15
 NOISE = 0.05
@@ -220,7 +220,7 @@ def test_residuals_are_not_white_and_white_in_one_output() -> None:
         said += wandering
         assert not (wandering and "residuals white: yes" in str(fit))
     assert said
-    from thermid.fit.problem import SensorStatistics
+    from thermid.fit.calibration import SensorStatistics
 
     assert SensorStatistics(0.1, 0.0, 0.2, 1000, 0.0, 0.0, 1000.0).white
     assert not SensorStatistics(0.1, 0.0, 0.2, 1000, 0.0, 0.0, 400.0).white

@@ -24,7 +24,7 @@ from thermid.prediction._reduction.macro import host_values
 from thermid.prediction.reduction import assumed
 from thermid.qualify.plans import deliver
 from thermid.reporting._diagrams.diagram import STYLES
-from thermid.reporting.diagrams import diagram
+from thermid.reporting.diagrams import network_map
 from unit.model.every_kind import firsts
 
 # every kind of element is drawn ------------------------------------------------------------------------------------------------------
@@ -71,10 +71,9 @@ def test_a_lead_and_every_other_kind_is_drawn(tmp_path: Path) -> None:
     """A deck with a lead, or a heat pipe, ended `diagram`, `report` and the studio with a KeyError."""
     assert set(EXAMPLES) == set(KINDS) == set(STYLES)
     model = one_of_each()
-    plain = diagram(model)
+    plain = network_map(model)
     for kind in KINDS:
         assert f"k_{kind} ({kind})" in plain
-    assert {"lead", "heat loss of a lead", "heat pipe"} <= {text.split("<")[0] for text in plain.split(">")}
     file = tmp_path / "box.toml"
     save_model(model, file)
     project = Project(file)

@@ -14,7 +14,7 @@ from thermid.base.errors import DeckError, SolverError
 from thermid.model._laws.curves import curve
 from thermid.model._laws.stores import store
 from thermid.model._tree.identity import to_dict
-from thermid.model.laws import evaluate, slopes
+from thermid.model.elements import evaluate, slopes
 
 CONDUCTANCE = [(0.0, 0.1), (10.0, 0.1), (20.0, 0.5), (40.0, 0.3)]
 LARGE = ["RKC2", "TR-BDF2"]

@@ -126,7 +126,9 @@ class Link:
             before = self._duties or (-1, -1)
             for k, duty in enumerate(duties):
                 if duty != before[k]:
-                    self._drop(f"heater,{k + 1},")
+                    self._open = {
+                        n: c for n, c in self._open.items() if not c[0].startswith(f"heater,{k + 1},")
+                    }  # a newer one replaces them
                     self.add(f"heater,{k + 1},{duty}")
             self._duties = duties
         out = []
@@ -163,10 +165,6 @@ class Link:
         number, word = fields
         command = self._open.pop(int(number), None) if number.isdigit() else None
         return f"{command[0]}: {word}" if command is not None and word != "ok" else ""
-
-    def _drop(self, beginning: str) -> None:
-        """Forget commands that a newer one replaces."""
-        self._open = {n: command for n, command in self._open.items() if not command[0].startswith(beginning)}
 
 
 class FaultWatch:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from thermid.base.errors import IdentificationError, SolverError, ThermidError
-from thermid.fit.calibration import Calibration
-from thermid.fit.problem import Request
+from thermid.fit.calibration import Calibration, Request
 from thermid.inference.criticism import Mistakes, find_mistakes
 from thermid.measure.records import stray_readings
 

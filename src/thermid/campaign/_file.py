@@ -14,13 +14,13 @@ from thermid.base.extensions import by_grammar, extension
 from thermid.base.memo import Memo
 from thermid.base.toml_files import Places, read_toml, resolve_inside
 from thermid.campaign._cache import file_name, log_kept
-from thermid.fit.problem import LocalSpec
+from thermid.fit.calibration import LocalSpec
 from thermid.measure.readers import read_record
 from thermid.measure.records import Channel, Record
 from thermid.model.deck import load_model
-from thermid.model.laws import literal
+from thermid.model.elements import literal
 from thermid.model.tree import Model
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 
 if TYPE_CHECKING:
     from thermid.campaign._schema import CampaignFile, RecordTable, ScenarioTable, StageTable, VerdictTable

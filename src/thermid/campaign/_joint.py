@@ -15,9 +15,22 @@ import numpy as np
 
 from thermid.base.errors import IdentificationError, look_up, nearest, refuse_unknown
 from thermid.campaign._cache import recall, remember
-from thermid.fit.calibration import Calibration, fit_problem
-from thermid.fit.problem import Influence, Prior, Problem, Request, Unknown, build_problem, is_glob, matching, prior_of
-from thermid.fit.uncertainty import Moves, moves_from, part_of
+from thermid.fit.calibration import (
+    Calibration,
+    Influence,
+    Moves,
+    Prior,
+    Problem,
+    Request,
+    Unknown,
+    build_problem,
+    fit_problem,
+    is_glob,
+    matching,
+    moves_from,
+    part_of,
+    prior_of,
+)
 from thermid.model.identity import definition_of, instances, local_identities, without_layers
 from thermid.model.tree import Model, ParameterSet
 from thermid.values.fitted import FittedValue, FittedValues

@@ -20,9 +20,9 @@ from thermid.base.units import TEMPERATURE
 from thermid.campaign._file import read_campaign
 from thermid.campaign._judge.metrics import Residuals, metric
 from thermid.campaign._stages import Campaign
-from thermid.fit.problem import SensorTrace
+from thermid.fit.calibration import SensorTrace
 from thermid.model.deck import load_model
-from thermid.model.laws import literal
+from thermid.model.elements import literal
 from thermid.model.tree import Model, Names, node_boxes, part_boxes
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.runs import Solution

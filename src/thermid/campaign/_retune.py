@@ -18,17 +18,14 @@ from thermid.base.results import Result
 from thermid.campaign._file import CampaignSource, read_campaign
 from thermid.campaign._joint import Level, places_of
 from thermid.campaign._stages import Campaign, Notice, progress_of, request_of
-from thermid.fit.calibration import Calibration, fit
-from thermid.fit.problem import Request, key_of
+from thermid.fit.calibration import Calibration, Request, fit, key_of
 from thermid.model.deck import load_model
+from thermid.model.elements import Constant, Standing, exact
 from thermid.model.identity import PlaceStart, Replacement, definition_of, inside, instances, short_text, touching
-from thermid.model.laws import Constant
-from thermid.model.parameters import Standing, exact
 from thermid.model.tree import Model, Names, ParameterSet, ledger
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.network import compile_network
-from thermid.simulation.runs import steady
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, steady
 from thermid.values.fitted import view
 from thermid.values.store import Normal, Source, State, Store, ValueOrigin, graft
 

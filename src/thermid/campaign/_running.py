@@ -10,11 +10,11 @@ from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, RecordError
 from thermid.campaign._file import bound_by, scenario_of
 from thermid.campaign._stages import Campaign
-from thermid.fit.problem import first_reading
+from thermid.fit.calibration import first_reading
 from thermid.measure.records import Record
 from thermid.model.tree import Model
 from thermid.simulation.network import compile_network
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 
 if TYPE_CHECKING:
     from thermid.campaign._schema import RecordTable, StageTable
@@ -97,7 +97,7 @@ def running_test(campaign: Campaign, record: str = "", stage: str = "") -> Runni
     model = campaign[name].fitted_model
     stage_table = next(s for s in source.content.stages if s.name == name)
     table = source.table_of(_named(record, list(source.content.records), campaign.title))
-    first = {n: (t.start, 0.0) for n, t in {**stage_table.local, **table.local}.items() if "." not in n and t.start in _channels(table)}
+    first = {n: (t.start, 0.0) for n, t in {**stage_table.local, **table.local}.items() if "." not in n and t.start in table.channels}
     values = compile_network(model).numbers().values
     for n, reading in stage_table.readings.items():
         channel, path = (reading, "") if isinstance(reading, str) else (reading.channel, reading.offset)
@@ -110,8 +110,3 @@ def _named(record: str, names: Sequence[str], title: str) -> str:
     if not record and len(names) > 1:
         raise RecordError(f"the campaign has several records. Name the one that the log is like: {', '.join(names)}.", title)
     return record or names[0]
-
-
-def _channels(table: RecordTable) -> set[str]:
-    """Return the names of the channels of a record."""
-    return set(table.channels)

@@ -32,19 +32,30 @@ from thermid.campaign._file import CampaignSource, accepting, local_of, read_cam
 from thermid.campaign._joint import JointFit, fit_jointly, joint_key
 from thermid.campaign._judge.criteria import Criteria
 from thermid.campaign._judge.verdict import Verdict, look, not_judged, validate
-from thermid.fit.calibration import FIRST, Calibration, KeptFit, fit
+from thermid.fit.calibration import (
+    FIRST,
+    Calibration,
+    KeptFit,
+    LocalSpec,
+    Reading,
+    Request,
+    digest,
+    fit,
+    freed,
+    ingredients_of,
+    priors_of,
+    shared_paths,
+    weighing,
+)
 from thermid.fit.power import SHAPES, recovered
-from thermid.fit.problem import LocalSpec, Reading, Request, digest, freed, ingredients_of, priors_of, shared_paths, weighing
 from thermid.inference.criticism import Mistakes
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import Record
+from thermid.model.elements import Standing, literal, worst
 from thermid.model.identity import definition_of, instances
-from thermid.model.laws import literal
-from thermid.model.parameters import Standing, worst
 from thermid.model.tree import Model, ParameterSet, parameter_table
 from thermid.prediction.bands import hand_values
-from thermid.simulation.runs import Workers, in_tasks
-from thermid.simulation.scenarios import STEADY, Scenario
+from thermid.simulation.runs import STEADY, Scenario, Workers, in_tasks
 from thermid.values.store import Store, graft
 
 if TYPE_CHECKING:

@@ -12,8 +12,7 @@ from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, erro
 from thermid.campaign._cache import recall
 from thermid.campaign._file import CampaignSource, local_of, read_campaign, scenario_of
 from thermid.campaign._stages import Notice, keyed, progress_of, readings_of, request_of, run_stages
-from thermid.fit.calibration import Calibration, fit
-from thermid.fit.problem import Input, InputTable, LocalSpec, Request, build_problem, inputs_of
+from thermid.fit.calibration import Calibration, Input, InputTable, LocalSpec, Request, build_problem, fit, inputs_of
 from thermid.inference.fleets import Fleet, fleet_of
 from thermid.inference.intervals import Identifiability, identifiability, identifiability_of
 from thermid.measure.records import open_questions, stray_readings

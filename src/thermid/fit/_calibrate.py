@@ -44,12 +44,10 @@ from thermid.fit._uncertainty.moved import Moves, moves_above
 from thermid.fit._uncertainty.noise import Autocorrelation, TraceNoise, autocorrelation
 from thermid.measure.amounts import short, some
 from thermid.measure.records import Record, open_questions
+from thermid.model.elements import CREDIBLE, UNJUDGED, Standing, TableSignal, worst
 from thermid.model.identity import identity_of
-from thermid.model.laws import TableSignal
-from thermid.model.parameters import CREDIBLE, UNJUDGED, Standing, worst
 from thermid.model.tree import Model, deck_text, parameter_table, unlumped
-from thermid.simulation.runs import Workers
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, Workers
 from thermid.values.fitted import FittedValue, FittedValues, view
 from thermid.values.store import LaterTable, State, Store, ValueOrigin
 

@@ -21,8 +21,8 @@ from thermid.fit._problem.residuals import Predictions, Problem, SensorStatistic
 from thermid.fit._uncertainty.moved import Moves
 from thermid.fit._uncertainty.noise import Autocorrelation
 from thermid.measure.amounts import digits, short
+from thermid.model.elements import UNJUDGED, Standing, worst
 from thermid.model.identity import cuts_of
-from thermid.model.parameters import UNJUDGED, Standing, worst
 from thermid.model.tree import Model, parameter_table
 from thermid.physics.constants import ICE_POINT
 from thermid.values.fitted import FittedValue, FittedValues, save_store

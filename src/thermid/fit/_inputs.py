@@ -13,7 +13,7 @@ from thermid.fit._problem.request import Request
 from thermid.fit._problem.residuals import Unknown
 from thermid.measure.amounts import short
 from thermid.measure.records import Channel
-from thermid.model.laws import Signal
+from thermid.model.elements import Signal
 from thermid.physics.constants import ICE_POINT
 
 Source = Literal["assumed", "deck", "scenario", "log"]

@@ -26,9 +26,9 @@ from thermid.fit._problem.request import LocalSpec, Request
 from thermid.fit._problem.residuals import SHIFT, Compressed, Problem, SensorTrace, Unknown, as_triangle, clock_at, loss_of, starting_point
 from thermid.fit._uncertainty.noise import Binned, autocorrelation_of_traces, trace_in_stretches
 from thermid.measure.records import Record
-from thermid.model.laws import TableSignal
+from thermid.model.elements import TableSignal
 from thermid.model.tree import Model
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 
 GRID_OFFSETS, GRID_RATES, GRID_ROUNDS = 25, 5, 5
 

@@ -1,4 +1,4 @@
-"""Fits: calibrate, its result, the solver and the search for a start."""
+"""Fits: what is compared and what is free, calibrate and its result, the errors of fitted values."""
 
 from thermid.fit._calibrate import (
     calibrate as calibrate,
@@ -15,6 +15,7 @@ from thermid.fit._calibration import (
     instrument_shares as instrument_shares,
     sensor_shares as sensor_shares,
 )
+from thermid.fit._inputs import Input as Input, InputTable as InputTable, input_lines as input_lines, inputs_of as inputs_of
 from thermid.fit._minimisation import (
     Fit as Fit,
     KeptFit as KeptFit,
@@ -22,5 +23,75 @@ from thermid.fit._minimisation import (
     descend as descend,
     minimise as minimise,
 )
+from thermid.fit._problem.experiment import (
+    MEASURED as MEASURED,
+    SCALE as SCALE,
+    Experiment as Experiment,
+    Observation as Observation,
+    as_found as as_found,
+    at_their_seats as at_their_seats,
+    attached as attached,
+    bind as bind,
+    first_reading as first_reading,
+    power_while_on as power_while_on,
+    role_and_target as role_and_target,
+)
+from thermid.fit._problem.gather import build_problem as build_problem, prior_of as prior_of, wired as wired
+from thermid.fit._problem.request import (
+    LocalSpec as LocalSpec,
+    Reading as Reading,
+    Request as Request,
+    digest as digest,
+    freed as freed,
+    ingredients_of as ingredients_of,
+    is_glob as is_glob,
+    key_of as key_of,
+    matching as matching,
+    priors_of as priors_of,
+    shared_paths as shared_paths,
+    weighing as weighing,
+)
+from thermid.fit._problem.residuals import (
+    Bench as Bench,
+    Compressed as Compressed,
+    Influence as Influence,
+    Prior as Prior,
+    Problem as Problem,
+    SensorStatistics as SensorStatistics,
+    SensorTrace as SensorTrace,
+    Sums as Sums,
+    Unknown as Unknown,
+    parameter_unknown as parameter_unknown,
+    prior_rows as prior_rows,
+    starting_point as starting_point,
+    wanders as wanders,
+)
 from thermid.fit._search import box_of as box_of
 from thermid.fit._second_clocks import Alignment as Alignment, align as align
+from thermid.fit._uncertainty.groups import (
+    Group as Group,
+    listed as listed,
+    percent as percent,
+    practical_groups as practical_groups,
+    structural_groups as structural_groups,
+)
+from thermid.fit._uncertainty.information import Information as Information, elsewhere as elsewhere
+from thermid.fit._uncertainty.moved import (
+    MOVED as MOVED,
+    NOT_REJECTED as NOT_REJECTED,
+    UNDECIDED as UNDECIDED,
+    Move as Move,
+    MovedGroup as MovedGroup,
+    Moves as Moves,
+    moves_from as moves_from,
+    part_of as part_of,
+)
+from thermid.fit._uncertainty.noise import (
+    TraceNoise as TraceNoise,
+    answers_to_inputs as answers_to_inputs,
+    autocorrelation as autocorrelation,
+    binned as binned,
+    evidences as evidences,
+    score_excess as score_excess,
+    stretch_means as stretch_means,
+)

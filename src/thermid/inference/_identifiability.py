@@ -13,29 +13,33 @@ from thermid.base.errors import IdentificationError, SolverError
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.base.units import counted, from_si
-from thermid.fit.calibration import Calibration
-from thermid.fit.problem import (
+from thermid.fit.calibration import (
+    Calibration,
     Experiment,
+    Group,
+    Information,
     InputTable,
     LocalSpec,
     Problem,
     Request,
     Unknown,
     build_problem,
+    elsewhere,
     input_lines,
     inputs_of,
+    listed,
+    percent,
+    practical_groups,
     priors_of,
     starting_point,
+    structural_groups,
 )
-from thermid.fit.uncertainty import Group, Information, elsewhere, listed, percent, practical_groups, structural_groups
 from thermid.inference.planned_records import planned_record, sensors_of
 from thermid.measure.records import Record
-from thermid.model.elements import HeatLoad
-from thermid.model.laws import TableSignal
-from thermid.model.parameters import parameter
+from thermid.model.elements import HeatLoad, TableSignal, parameter
 from thermid.model.tree import Model
 from thermid.simulation.network import compile_network
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 
 EASY_PRIOR = 0.05
 """A prior that is easily had: 5 %."""

@@ -16,8 +16,7 @@ from thermid.base.errors import IdentificationError, NameNotFoundError, SolverEr
 from thermid.base.extensions import optional
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array, covariance
 from thermid.base.results import Result, Row
-from thermid.fit.calibration import Calibration, box_of
-from thermid.fit.problem import Compressed, Problem, Unknown, wanders
+from thermid.fit.calibration import Calibration, Compressed, Problem, Unknown, box_of, wanders
 from thermid.simulation.runs import Workers, in_tasks
 
 MIN_LENGTH = 50
@@ -122,7 +121,7 @@ def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: in
     size = len(density.at)
     count = walkers or max(12, 2 * size + 2)
     rng = np.random.default_rng(seed)
-    near = _FitProposals.of_covariance(density.rest[density.at], density.widths(fit))
+    near = _FitProposals(density.rest[density.at], np.asarray(np.linalg.cholesky(density.widths(fit)), dtype=float))
     start = near.middle + rng.standard_normal((count, size)) @ near.root.T
     start = np.clip(start, density.box[:, 0], density.box[:, 1])
     moves = [(emcee.moves.MHMove(near), AT_ONCE), (emcee.moves.StretchMove(), 1.0 - AT_ONCE)]
@@ -183,11 +182,6 @@ class _FitProposals:
 
     middle: Array
     root: Array
-
-    @classmethod
-    def of_covariance(cls, middle: Array, covariance: Array) -> _FitProposals:
-        """Return it."""
-        return cls(middle, np.asarray(np.linalg.cholesky(covariance), dtype=float))
 
     def log(self, points: Array) -> Array:
         """Return the logarithm of the density at points (points, parameters), but for a constant."""

@@ -13,8 +13,7 @@ from thermid.base.errors import IdentificationError, NameNotFoundError, SolverEr
 from thermid.base.linear_algebra import Array, covariance
 from thermid.base.results import PlottedTrace, Result
 from thermid.base.units import from_si
-from thermid.fit.calibration import Calibration, minimise
-from thermid.fit.problem import Compressed, Problem, Unknown
+from thermid.fit.calibration import Calibration, Compressed, Problem, Unknown, minimise
 from thermid.inference._identifiability import Identifiability
 from thermid.simulation.runs import Workers, in_tasks
 

@@ -10,10 +10,9 @@ import numpy as np
 
 from thermid.base.errors import IdentificationError, nearest
 from thermid.measure.records import Channel, Record
-from thermid.model.laws import literal
+from thermid.model.elements import literal
 from thermid.model.tree import Model
-from thermid.simulation.runs import network_for, output_times, simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, network_for, output_times, simulate
 
 
 @dataclass(frozen=True)

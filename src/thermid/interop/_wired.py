@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
+import os
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,13 +15,12 @@ import numpy as np
 
 from thermid.base.dual import real_power, value_of
 from thermid.base.errors import DeckError, ScenarioError
+from thermid.base.files import EXPORT, write_text
 from thermid.base.units import si_unit
-from thermid.model.elements import HINGES
-from thermid.model.laws import Constant, Curve, Drawn, TableSignal, slopes, whole
+from thermid.model.elements import HINGES, Constant, Curve, Drawn, TableSignal, slopes, whole
 from thermid.model.tree import Model
 from thermid.simulation.network import SMOOTHING, ConductorRow, Network, Numbers, refuse_controls, signal_of
-from thermid.simulation.runs import network_for
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, network_for
 from thermid.simulation.solver import Engine, Wiring
 
 MOVING = tuple(HINGES.values())
@@ -594,3 +594,10 @@ def with_formulas(network: Network) -> Numbers:
     values = network.numbers().values
     expressions: dict[str, Any] = {path: named(path, value_of(value)) for path, value in values.items()}
     return network.numbers(expressions)
+
+
+def exported(text: str, path: str | os.PathLike[str] | None, comment: str) -> str:
+    """Return a model as written, also in the file at `path` where there is one; `comment` begins a comment of the language."""
+    if path is not None:
+        write_text(path, text, EXPORT, comment)
+    return text

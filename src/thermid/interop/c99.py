@@ -17,13 +17,12 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, SolverError
-from thermid.base.files import EXPORT, write_text
 from thermid.base.linear_algebra import Array
-from thermid.interop._wired import Text, Wired, Writer, identifiers, one_line, wired
-from thermid.model.laws import Constant, Curve, Drawn, Sine, TableSignal
+from thermid.interop._wired import Text, Wired, Writer, exported, identifiers, one_line, wired
+from thermid.model.elements import Constant, Curve, Drawn, Sine, TableSignal
 from thermid.model.tree import Model
 from thermid.simulation.network import curve_arrays, tables_behind
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import Engine, Options, Wiring
 
 C = Writer("C", gas=True, hinges=True, smooth=True, loads=True, schedules=True)
@@ -128,10 +127,7 @@ def to_c(
             model.title,
         )
     length, stated = (step, stated_error(w, step)) if step is not None else chosen_step(w, error)
-    text = _Header(w, called, length, stated).text()
-    if target is not None:
-        write_text(target, text, EXPORT, "//")
-    return text
+    return exported(_Header(w, called, length, stated).text(), target, "//")
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,12 @@ from pathlib import Path
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, ScenarioError, refuse_unknown
-from thermid.base.files import EXPORT, write_text
-from thermid.interop._wired import Formula, HeatSource, Text, Wired, Writer, identifiers, one_line, table_points, wired
-from thermid.model.laws import Constant, Curve, Drawn, Sine, TableSignal
+from thermid.interop._wired import Formula, HeatSource, Text, Wired, Writer, exported, identifiers, one_line, table_points, wired
+from thermid.model.elements import Constant, Curve, Drawn, Sine, TableSignal
 from thermid.model.tree import Model
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.simulation.network import SMOOTHING, ConductorRow
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 
 MODELICA = Writer("Modelica", loads=True, schedules=True)
 LIBRARIES = {"modelica": "Modelica.Thermal.HeatTransfer", "none": "Library"}
@@ -158,10 +157,7 @@ def to_modelica(
         )
     refuse_unknown([library], tuple(LIBRARIES), "--library", "there is no library '{}'.{near} There are {known}.", DeckError)
     w = wired(model, scenario, MODELICA)
-    text = "\n".join(_Package(w, called, library).lines()) + "\n"
-    if target is not None:
-        write_text(target, text, EXPORT, "//")
-    return text
+    return exported("\n".join(_Package(w, called, library).lines()) + "\n", target, "//")
 
 
 class _Package:

@@ -9,13 +9,23 @@ from pathlib import Path
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError
-from thermid.base.files import EXPORT, write_text
-from thermid.interop._wired import Text, Wired, conductance_text, identifiers, number_text, one_line, refuse_crooked, table_points, wired
-from thermid.model.laws import Constant, Curve, Drawn, Sine, TableSignal
+from thermid.interop._wired import (
+    Text,
+    Wired,
+    conductance_text,
+    exported,
+    identifiers,
+    number_text,
+    one_line,
+    refuse_crooked,
+    table_points,
+    wired,
+)
+from thermid.model.elements import Constant, Curve, Drawn, Sine, TableSignal
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.network import ConductorRow
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 
 FUNCTION_NAMES = ("parameters", "derived", "initial", "derivatives")
 """Names of the functions in the file."""
@@ -56,10 +66,7 @@ def to_octave(model: Model, scenario: Scenario, path: str | os.PathLike[str] | N
         )
     w = wired(model, scenario, "Octave")
     refuse_crooked(w, "Octave")
-    text = "\n".join(_Writer(w, called).lines()) + "\n"
-    if target is not None:
-        write_text(target, text, EXPORT, "%")
-    return text
+    return exported("\n".join(_Writer(w, called).lines()) + "\n", target, "%")
 
 
 HEAD = f"""\

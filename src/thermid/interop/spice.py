@@ -9,13 +9,12 @@ from collections.abc import Iterator
 from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError
-from thermid.base.files import EXPORT, write_text
-from thermid.interop._wired import HeatSource, Wired, conductance_text, identifiers, number_text, one_line, table_points, wired
-from thermid.model.laws import EXTENSION_REACH, Constant, Curve, Drawn, Sine, TableSignal
+from thermid.interop._wired import HeatSource, Wired, conductance_text, exported, identifiers, number_text, one_line, table_points, wired
+from thermid.model.elements import EXTENSION_REACH, Constant, Curve, Drawn, Sine, TableSignal
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.network import ConductorRow
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 
 MIN_STEPS_PER_RUN = 5000
 """The largest step is this part of the run."""
@@ -43,11 +42,7 @@ def to_spice(model: Model, scenario: Scenario, path: str | os.PathLike[str] | No
     DeckError       When a law or a load cannot be written.
     ScenarioError   When the scenario does not fit the model or follows a schedule.
     """
-    w = wired(model, scenario, "SPICE")
-    text = "\n".join(_Netlist(w).lines()) + "\n"
-    if path is not None:
-        write_text(path, text, EXPORT, "*")
-    return text
+    return exported("\n".join(_Netlist(wired(model, scenario, "SPICE")).lines()) + "\n", path, "*")
 
 
 class _Netlist:

@@ -1,5 +1,36 @@
-"""Elements of a network: nodes, conductors, loads, controls, enclosures, and the kinds of conductor."""
+"""Elements of a network, the parameters that they have, and what their laws are made of: signals, curves, stores."""
 
+from thermid.model._laws.curves import (
+    EXTENSION_REACH as EXTENSION_REACH,
+    Curve as Curve,
+    evaluate as evaluate,
+    slopes as slopes,
+    value_and_slope as value_and_slope,
+    whole as whole,
+)
+from thermid.model._laws.law import law as law
+from thermid.model._laws.signal import (
+    Constant as Constant,
+    Drawn as Drawn,
+    MeanOf as MeanOf,
+    Mixed as Mixed,
+    Signal as Signal,
+    Sine as Sine,
+    TableSignal as TableSignal,
+    added as added,
+    check_span as check_span,
+    common_cycle as common_cycle,
+    conducted as conducted,
+    in_run as in_run,
+    joined as joined,
+    literal as literal,
+    multiplied as multiplied,
+    own_signal as own_signal,
+    pulses as pulses,
+    signal as signal,
+    together as together,
+)
+from thermid.model._laws.stores import HeatStore as HeatStore, Melt as Melt
 from thermid.model._parts.controls import COMPLEMENT as COMPLEMENT, named_control as named_control
 from thermid.model._parts.elements import (
     LOAD_SLOTS as LOAD_SLOTS,
@@ -15,5 +46,16 @@ from thermid.model._parts.kinds import (
     HINGES as HINGES,
     KINDS as KINDS,
     Law as Law,
+)
+from thermid.model._parts.parameter import (
+    CREDIBLE as CREDIBLE,
+    POSITIVE as POSITIVE,
+    UNJUDGED as UNJUDGED,
+    Parameter as Parameter,
+    Standing as Standing,
+    State as State,
+    exact as exact,
+    parameter as parameter,
+    worst as worst,
 )
 from thermid.model._parts.takes import exposed_area as exposed_area

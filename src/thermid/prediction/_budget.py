@@ -19,13 +19,12 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import MAX_GAS_CONDUCTANCE, Discrepancy, losing_gas
 from thermid.fit.error_model import ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES, ErrorModel, KeptWay, SeenValue
 from thermid.inference.criticism import asks
-from thermid.model.parameters import UNJUDGED, Standing
+from thermid.model.elements import UNJUDGED, Standing
 from thermid.model.tree import Model, parameter_table
 from thermid.prediction._known import Knowledge, Rows, known_of, normal_sources, rows_of
 from thermid.prediction._split import split_values
 from thermid.simulation.network import Network, compile_network
-from thermid.simulation.runs import Simulator, network_for, prepare
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, Simulator, network_for, prepare
 from thermid.values.fitted import FittedValues
 from thermid.values.spreads import cut
 from thermid.values.store import Distribution, LeftOut, Logarithm, Normal, Shifted, Source, Uniform, uniforms

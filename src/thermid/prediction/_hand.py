@@ -16,8 +16,8 @@ from thermid.base.errors import DeckError, errors_at
 from thermid.base.extensions import refuse_another_kind
 from thermid.base.toml_files import Places
 from thermid.base.units import TEMPERATURE
-from thermid.fit.problem import parameter_unknown
-from thermid.model.laws import literal
+from thermid.fit.calibration import parameter_unknown
+from thermid.model.elements import literal
 from thermid.model.tree import Model, ParameterSet, deck_text
 from thermid.values.fitted import FittedValues, load_store, read_values, values_of
 from thermid.values.spreads import read_spread

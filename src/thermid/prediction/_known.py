@@ -15,7 +15,7 @@ from thermid.base.results import Result, Row
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import KEY, Discrepancy, kept_in
 from thermid.fit.error_model import KEY as ERRORS, ErrorModel
-from thermid.model.parameters import Standing, worst
+from thermid.model.elements import Standing, worst
 from thermid.model.tree import Model
 from thermid.values.fitted import FittedValue, FittedValues, as_store
 from thermid.values.store import (

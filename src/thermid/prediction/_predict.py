@@ -23,7 +23,7 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES, NormalMixture
 from thermid.inference.criticism import ExplainedFit, explained, summary
 from thermid.measure.amounts import duration_text, short
-from thermid.model.parameters import UNJUDGED, Standing, worst
+from thermid.model.elements import UNJUDGED, Standing, worst
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction._budget import (
@@ -40,8 +40,7 @@ from thermid.prediction._budget import (
 )
 from thermid.prediction._known import Knowledge, Rows
 from thermid.prediction._setting import Drawn, Linear, Setting
-from thermid.simulation.runs import Solution, simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, Solution, simulate
 from thermid.simulation.solver import Options
 from thermid.values.store import LeftOut, Normal, Source, State
 

@@ -17,7 +17,18 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.linear_algebra import Array
 from thermid.base.units import TEMPERATURE
-from thermid.fit.calibration import Calibration, fit as fitted_to
+from thermid.fit.calibration import (
+    Calibration,
+    Experiment,
+    LocalSpec,
+    Reading,
+    Request,
+    as_found,
+    first_reading,
+    fit as fitted_to,
+    stretch_means,
+    wired,
+)
 from thermid.fit.discrepancy import BALANCE, OwnValue, own_value, own_values_kept
 from thermid.fit.error_model import (
     ROOM,
@@ -33,22 +44,11 @@ from thermid.fit.error_model import (
     shared_with,
     split,
 )
-from thermid.fit.problem import (
-    Experiment,
-    LocalSpec,
-    Reading,
-    Request,
-    as_found,
-    first_reading,
-    wired,
-)
-from thermid.fit.uncertainty import stretch_means
 from thermid.measure.records import Record
-from thermid.model.laws import Constant, TableSignal, literal
-from thermid.model.parameters import UNJUDGED, Standing
+from thermid.model.elements import UNJUDGED, Constant, Standing, TableSignal, literal
 from thermid.prediction._budget import AVERAGED, Budget, budget_of, first_line, in_order
 from thermid.prediction._known import Knowledge, rows_of
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 from thermid.values.store import LeftOut, error_table_of
 
 TIMES_OF_BAND = 300

@@ -17,8 +17,7 @@ from thermid.base.errors import SolverError
 from thermid.base.linear_algebra import Array, Bools
 from thermid.fit.error_model import DepartureHeat, course_of, deviation, with_heats, with_laws
 from thermid.prediction._budget import Budget, Target, combined
-from thermid.simulation.runs import Ensemble, Simulator, Solution, prepare
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Ensemble, Scenario, Simulator, Solution, prepare
 from thermid.simulation.solver import Engine, MemberTurnings, Wiring
 from thermid.values.store import Shifted, deviated
 

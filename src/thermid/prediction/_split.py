@@ -21,16 +21,14 @@ from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import discrepancy_kept
-from thermid.model.elements import exposed_area
-from thermid.model.parameters import Standing, worst
+from thermid.model.elements import Standing, exposed_area, worst
 from thermid.model.tree import FlatConductor, Model
 from thermid.physics.air import dry_air
 from thermid.physics.finishes import SPAN, finish
 from thermid.physics.plates import body_htc, conduction_floor
 from thermid.physics.radiation import linearised_htc
 from thermid.simulation.network import Network, compile_network
-from thermid.simulation.runs import steady
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, steady
 from thermid.values.fitted import FittedValue, FittedValues
 from thermid.values.spreads import read_spread
 from thermid.values.store import model_standing

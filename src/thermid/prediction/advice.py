@@ -15,34 +15,37 @@ from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
 from thermid.base.linear_algebra import Array, variance
 from thermid.base.results import Result, Shown
-from thermid.fit.calibration import Calibration
-from thermid.fit.error_model import ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES
-from thermid.fit.problem import (
+from thermid.fit.calibration import (
     SCALE,
+    Calibration,
     Experiment,
     Prior,
     Problem,
     Request,
+    TraceNoise,
     Unknown,
+    answers_to_inputs,
+    binned,
     build_problem,
+    listed,
     parameter_unknown,
+    percent,
     prior_of,
     priors_of,
     role_and_target,
+    score_excess,
 )
-from thermid.fit.uncertainty import TraceNoise, answers_to_inputs, binned, listed, percent, score_excess
+from thermid.fit.error_model import ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES
 from thermid.inference.planned_records import Sensor, planned_record, sensors_of
 from thermid.measure.amounts import duration_text, short
-from thermid.model.laws import Constant, Signal, TableSignal, literal
-from thermid.model.parameters import Parameter
+from thermid.model.elements import Constant, Parameter, Signal, TableSignal, literal
 from thermid.model.tree import Model
 from thermid.physics.finishes import finish
 from thermid.prediction._budget import AVERAGED, Budget, budget_of
 from thermid.prediction._known import Knowledge, Rows, instruments_of, rows_of
 from thermid.prediction._predict import WayAnswer, mixed_answer
 from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Workers, in_tasks, network_for
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, Workers, in_tasks, network_for
 from thermid.values.store import Normal, Source
 
 CHAMBER_STEP = 20.0

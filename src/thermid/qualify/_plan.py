@@ -21,10 +21,10 @@ from thermid.base.toml_files import Places, project_root, read_json, read_toml, 
 from thermid.base.units import TEMPERATURE, counted
 from thermid.campaign.stages import run_stages
 from thermid.campaign.verdicts import CRITERIA, POLICIES, Criteria, Limits, load_limits, read_limits
-from thermid.fit.uncertainty import listed
+from thermid.fit.calibration import listed
 from thermid.measure.steadiness import rule_of
 from thermid.model.deck import load_model
-from thermid.model.laws import literal
+from thermid.model.elements import literal
 from thermid.prediction.bands import Knowledge, filed
 from thermid.prediction.reduction import macro_model
 

@@ -18,7 +18,7 @@ from thermid.base.results import Result
 from thermid.base.sourced import VERDICTS, weigh
 from thermid.base.units import counted
 from thermid.campaign.verdicts import Limits, Margin, margins
-from thermid.model.parameters import Standing
+from thermid.model.elements import Standing
 from thermid.model.tree import parameter_table
 from thermid.prediction.bands import IN_TESTS, SILENT, UNFITTED, Foresight, Knowledge, assumed_values, widened
 from thermid.qualify._plan import LockStatus, Plan, load_plan, lock_status, note_look

@@ -35,7 +35,7 @@ from thermid.measure.amounts import duration_text
 from thermid.measure.readers import read_record
 from thermid.measure.records import Record
 from thermid.measure.steadiness import rule_of
-from thermid.model.laws import literal
+from thermid.model.elements import literal
 from thermid.model.tree import flatten
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
 from thermid.prediction.bands import Foresight, Knowledge, foresee

@@ -24,7 +24,7 @@ from thermid.base.errors import ScenarioError, SolverError, ThermidError, refuse
 from thermid.base.expression import kelvin
 from thermid.base.linear_algebra import Array, Bools, Indices
 from thermid.base.results import PlottedTrace, Result
-from thermid.model.laws import Constant
+from thermid.model.elements import Constant
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation._many.counted import Counted, added

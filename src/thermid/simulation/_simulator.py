@@ -19,8 +19,7 @@ from thermid.base.expression import quantity, seconds, si_values
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Shown
 from thermid.base.units import TEMPERATURE, unit
-from thermid.model.laws import Constant, literal
-from thermid.model.parameters import POSITIVE
+from thermid.model.elements import POSITIVE, Constant, literal
 from thermid.model.tree import Model, streams_of
 from thermid.simulation._ensemble import Ensemble, run_members
 from thermid.simulation._many.tasks import Workers

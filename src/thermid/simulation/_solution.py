@@ -17,8 +17,7 @@ from thermid.base.files import NETCDF, NETCDF_SOURCE, TABLE, replacing
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
 from thermid.base.results import PlottedTrace, Result, Row
-from thermid.model.elements import degrees
-from thermid.model.laws import evaluate, literal
+from thermid.model.elements import degrees, evaluate, literal
 from thermid.physics.constants import ICE_POINT
 from thermid.physics.correlations import GapLaw, correlation
 from thermid.simulation._network.network import Network

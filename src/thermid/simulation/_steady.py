@@ -15,7 +15,7 @@ from thermid.base.expression import Kelvin
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result, Row
 from thermid.model.blocks import Block
-from thermid.model.laws import literal
+from thermid.model.elements import literal
 from thermid.model.tree import Model, Names
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation._block import BlockSolution, steady_block, steady_levels_of_block

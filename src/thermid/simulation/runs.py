@@ -1,4 +1,4 @@
-"""Runs of a model: transient, steady and many at once, with their solutions."""
+"""Scenarios, and runs of a model in them: transient, steady and many at once, with their solutions."""
 
 from thermid.simulation._block import BlockSolution as BlockSolution
 from thermid.simulation._draws import draw as draw
@@ -8,6 +8,7 @@ from thermid.simulation._many.counted import Counted as Counted
 from thermid.simulation._many.kept import JobFolder as JobFolder, digest as digest
 from thermid.simulation._many.tally import PILOT as PILOT
 from thermid.simulation._many.tasks import Workers as Workers, in_tasks as in_tasks
+from thermid.simulation._scenarios.scenario import STEADY as STEADY, Scenario as Scenario, Start as Start
 from thermid.simulation._simulator import (
     Simulator as Simulator,
     ensemble as ensemble,

@@ -17,9 +17,9 @@ from thermid.base.results import Shown
 from thermid.base.sourced import Figure
 from thermid.base.units import TEMPERATURE
 from thermid.measure.readers import read_plain
-from thermid.model.laws import Constant, Signal, TableSignal, joined, literal, signal
+from thermid.model.elements import Constant, Signal, TableSignal, joined, literal, signal
 from thermid.simulation.network import MAX_IRRADIATION, Environment, Irradiation
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 from thermid.site._atmosphere import HIGHEST_ALTITUDE, UPPER, Air, standard_atmosphere, upper_atmosphere
 from thermid.site.exposure import molecular_heating, si_number
 

@@ -8,8 +8,7 @@ import numpy as np
 
 from thermid.base.errors import ScenarioError
 from thermid.base.linear_algebra import Array
-from thermid.model.elements import degrees
-from thermid.model.laws import Constant, Signal, TableSignal, joined, literal, signal
+from thermid.model.elements import Constant, Signal, TableSignal, degrees, joined, literal, signal
 from thermid.simulation.network import Irradiation
 
 SOLAR_CONSTANT = 1361.0

@@ -13,14 +13,11 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError, SolverError, look_up, refuse_unknown
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result
-from thermid.model.elements import HeatLoad
-from thermid.model.laws import Constant, Signal, TableSignal, check_span, signal
-from thermid.model.parameters import parameter
+from thermid.model.elements import Constant, HeatLoad, Signal, TableSignal, check_span, parameter, signal
 from thermid.model.tree import Flat, FlatConductor, Model
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Solution, simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, Solution, simulate
 from thermid.site.vapour import Followed, Volume, WaterBalance, follow
 
 MAX_CHANGE_BETWEEN_PASSES: Final = 1e-3

@@ -11,8 +11,7 @@ import numpy as np
 
 from thermid.base.errors import ScenarioError, nearest
 from thermid.base.linear_algebra import Array
-from thermid.model.elements import degrees
-from thermid.model.laws import Constant, Signal, TableSignal, multiplied
+from thermid.model.elements import Constant, Signal, TableSignal, degrees, multiplied
 from thermid.simulation.network import Irradiation
 from thermid.site.exposure import planet_share, si_number
 

@@ -14,13 +14,12 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError
 from thermid.base.linear_algebra import Array
 from thermid.base.units import TEMPERATURE
-from thermid.model.elements import Facing, degrees
-from thermid.model.laws import Constant, MeanOf, Mixed, Signal, TableSignal, literal, signal
+from thermid.model.elements import Constant, Facing, MeanOf, Mixed, Signal, TableSignal, degrees, literal, signal
 from thermid.physics.air import dry_air
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.physics.correlations import forced_plate_nusselt
 from thermid.simulation.network import Environment
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 from thermid.site._moist import dew_point, vapour_pressure
 from thermid.site.exposure import cloudless_sky, driving_rain, si_number, sky_share
 from thermid.site.site import Site

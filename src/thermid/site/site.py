@@ -18,8 +18,7 @@ import numpy as np
 from thermid.base.errors import MissingExtraError, ScenarioError, ThermidError
 from thermid.base.extensions import missing
 from thermid.base.linear_algebra import Array
-from thermid.model.elements import degrees
-from thermid.model.laws import literal
+from thermid.model.elements import degrees, literal
 from thermid.site._atmosphere import standard_atmosphere
 
 if TYPE_CHECKING:

@@ -12,8 +12,7 @@ import numpy as np
 from thermid.base.errors import ScenarioError
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Shown
-from thermid.model.elements import Facing
-from thermid.model.laws import Mixed, Signal, TableSignal
+from thermid.model.elements import Facing, Mixed, Signal, TableSignal
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.simulation.network import Sky
 from thermid.site.exposure import on_plane, sky_share

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from thermid.base.dual import value_of
 from thermid.base.errors import ScenarioError
 from thermid.base.linear_algebra import Array, Bools
-from thermid.model.elements import exposed_area
-from thermid.model.laws import Signal
+from thermid.model.elements import Signal, exposed_area
 from thermid.model.tree import FlatConductor
 from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
 from thermid.simulation.network import VACUUM_LIMIT

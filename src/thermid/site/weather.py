@@ -15,7 +15,7 @@ from thermid.base.errors import MissingDataError, MissingExtraError, NameNotFoun
 from thermid.base.extensions import missing
 from thermid.base.files import was_read
 from thermid.base.results import Result
-from thermid.base.units import TEMPERATURE, from_si
+from thermid.base.units import TEMPERATURE, from_si, unit
 from thermid.measure.amounts import amount
 from thermid.measure.readers import read_plain
 from thermid.measure.records import FloatArray
@@ -59,33 +59,34 @@ QUANTITIES: Final = {
 USUAL: Final = {"dry_bulb": "degC", "dew_point": "degC", "humidity": "%", "cloud": "%", "rain": "mm/h"}
 """Units of a table's columns whose header names none; SI otherwise."""
 
-# column of pvlib -> quantity, factor, shift, and what the format writes where a value is missing
+# column of pvlib -> quantity, its unit (clouds in tenths), and what the format writes where a value is missing
 _EPW: Final = {
-    "temp_air": ("dry_bulb", 1.0, 273.15, 99.9),
-    "temp_dew": ("dew_point", 1.0, 273.15, 99.9),
-    "relative_humidity": ("humidity", 0.01, 0.0, 999.0),
-    "atmospheric_pressure": ("pressure", 1.0, 0.0, 999999.0),
-    "wind_speed": ("wind", 1.0, 0.0, 999.0),
-    "wind_direction": ("wind_direction", 1.0, 0.0, 999.0),
-    "dni": ("direct_normal", 1.0, 0.0, 9999.0),
-    "dhi": ("diffuse", 1.0, 0.0, 9999.0),
-    "ghi": ("global", 1.0, 0.0, 9999.0),
-    "ghi_infrared": ("infrared", 1.0, 0.0, 9999.0),
-    "total_sky_cover": ("cloud", 0.1, 0.0, 99.0),
-    "liquid_precipitation_depth": ("rain", 1 / 3.6e6, 0.0, 999.0),
+    "temp_air": ("dry_bulb", "degC", 99.9),
+    "temp_dew": ("dew_point", "degC", 99.9),
+    "relative_humidity": ("humidity", "%", 999.0),
+    "atmospheric_pressure": ("pressure", "Pa", 999999.0),
+    "wind_speed": ("wind", "m/s", 999.0),
+    "wind_direction": ("wind_direction", "1", 999.0),
+    "dni": ("direct_normal", "W/m^2", 9999.0),
+    "dhi": ("diffuse", "W/m^2", 9999.0),
+    "ghi": ("global", "W/m^2", 9999.0),
+    "ghi_infrared": ("infrared", "W/m^2", 9999.0),
+    "total_sky_cover": ("cloud", "dm/m", 99.0),
+    "liquid_precipitation_depth": ("rain", "mm/h", 999.0),
 }
+_TMY3_MISSING: Final = -9900.0
 _TMY3: Final = {
-    "temp_air": ("dry_bulb", 1.0, 273.15, -9900.0),
-    "temp_dew": ("dew_point", 1.0, 273.15, -9900.0),
-    "relative_humidity": ("humidity", 0.01, 0.0, -9900.0),
-    "pressure": ("pressure", 100.0, 0.0, -9900.0),
-    "wind_speed": ("wind", 1.0, 0.0, -9900.0),
-    "wind_direction": ("wind_direction", 1.0, 0.0, -9900.0),
-    "dni": ("direct_normal", 1.0, 0.0, -9900.0),
-    "dhi": ("diffuse", 1.0, 0.0, -9900.0),
-    "ghi": ("global", 1.0, 0.0, -9900.0),
-    "TotCld (tenths)": ("cloud", 0.1, 0.0, -9900.0),
-    "Lprecip depth (mm)": ("rain", 1 / 3.6e6, 0.0, -9900.0),
+    "temp_air": ("dry_bulb", "degC", _TMY3_MISSING),
+    "temp_dew": ("dew_point", "degC", _TMY3_MISSING),
+    "relative_humidity": ("humidity", "%", _TMY3_MISSING),
+    "pressure": ("pressure", "hPa", _TMY3_MISSING),
+    "wind_speed": ("wind", "m/s", _TMY3_MISSING),
+    "wind_direction": ("wind_direction", "1", _TMY3_MISSING),
+    "dni": ("direct_normal", "W/m^2", _TMY3_MISSING),
+    "dhi": ("diffuse", "W/m^2", _TMY3_MISSING),
+    "ghi": ("global", "W/m^2", _TMY3_MISSING),
+    "TotCld (tenths)": ("cloud", "dm/m", _TMY3_MISSING),
+    "Lprecip depth (mm)": ("rain", "mm/h", _TMY3_MISSING),
 }
 
 
@@ -400,15 +401,16 @@ def _delta(seconds: float) -> Any:
     return pandas.Timedelta(seconds=seconds)
 
 
-def _converted(data: pandas.DataFrame, table: Mapping[str, tuple[str, float, float, float]]) -> dict[str, FloatArray]:
+def _converted(data: pandas.DataFrame, table: Mapping[str, tuple[str, str, float]]) -> dict[str, FloatArray]:
     """Return quantities in SI, missing ones as NaN."""
     out = {}
-    for column, (name, factor, shift, absent) in table.items():
+    for column, (name, text, absent) in table.items():
         if column in data:
             raw = np.asarray(data[column], dtype=np.float64)
             # codes for a missing value stand at, or beyond, the format's own
             gone = raw <= absent if absent < 0 else raw >= absent
-            out[name] = np.where(gone, np.nan, raw * factor + shift)
+            written = unit(text)
+            out[name] = np.where(gone, np.nan, raw * float(written.factor) + float(written.offset))
     return out
 
 

@@ -21,8 +21,8 @@ from thermid.base.linear_algebra import Array, square_root
 from thermid.base.results import Row, Shown
 from thermid.base.toml_files import Places
 from thermid.base.units import counted, from_si, unit
+from thermid.model.elements import UNJUDGED, Parameter, Standing, exact, worst
 from thermid.model.identity import Dropped
-from thermid.model.parameters import UNJUDGED, Parameter, Standing, exact, worst
 from thermid.values.store import COVARIANCE_KINDS, LeftOut, Normal, Source, State, Store, ValueOrigin, deviated, domain, error_table_of
 
 VALUES_SCHEMA = 2

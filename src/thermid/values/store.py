@@ -19,8 +19,8 @@ from thermid.base.expression import parse
 from thermid.base.linear_algebra import Array, symmetric_inverse
 from thermid.base.results import Row, Shown
 from thermid.base.units import counted
+from thermid.model.elements import UNJUDGED, Parameter, Standing, exact, worst
 from thermid.model.identity import Dropped, Identity, depth, inside, instances, local_identities, rows_of_decks
-from thermid.model.parameters import UNJUDGED, Parameter, Standing, exact, worst
 from thermid.model.tree import SET, Entry, Model, deck_text, parameter_table
 
 Kind = Literal["data", "instrument", "stated", "structural", "misfit", "variant"]

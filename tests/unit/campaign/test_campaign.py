@@ -18,8 +18,8 @@ from thermid.base.errors import IdentificationError, NameNotFoundError, StoppedE
 from thermid.campaign._file import read_campaign
 from thermid.campaign._stages import Campaign, request_of, run_stages
 from thermid.fit._problem.request import in_full
-from thermid.fit.problem import key_of
-from thermid.model.laws import TableSignal
+from thermid.fit.calibration import key_of
+from thermid.model.elements import TableSignal
 from thermid.reporting.pages import report
 from thermid.values.fitted import load_values
 from unit.fit.bench import HTC, MASS
@@ -639,7 +639,7 @@ def test_a_corrected_unit_runs_a_finished_stage_again(project: Path, tmp_path: P
     """The hash of a log is of its numbers as they are written, so what makes temperatures of them belongs to the key of a stage."""
     from dataclasses import replace
 
-    from thermid.fit.problem import key_of
+    from thermid.fit.calibration import key_of
 
     request = run_stages(project).requests["box"]
     (record,) = request.records

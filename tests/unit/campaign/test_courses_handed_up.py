@@ -11,7 +11,7 @@ from thermid.fit.power import PowerCourse
 from thermid.model.deck import load_model
 from thermid.prediction._known import known_of
 from thermid.prediction.bands import filed, predict
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 from thermid.values.fitted import load_store, load_values
 from unit.fit.project import write_log
 from unit.fit.trees import joined, leaf, record_of, record_table, stage_table, write_decks

@@ -10,8 +10,7 @@ import pytest
 from thermid.base.errors import NameNotFoundError
 from thermid.campaign._stages import counted_twice
 from thermid.fit._problem.request import known_before
-from thermid.fit.calibration import Calibration, fit
-from thermid.fit.problem import Request
+from thermid.fit.calibration import Calibration, Request, fit
 from thermid.measure.records import Record
 from thermid.model.tree import Model
 from unit.fit.bench import box, log, pair

@@ -12,9 +12,8 @@ from thermid.campaign._cache import changed_since, remember
 from thermid.campaign._file import read_campaign
 from thermid.campaign._stages import keyed, request_of, run_stages
 from thermid.fit._problem import request as room
-from thermid.fit.calibration import KeptFit
-from thermid.fit.problem import LocalSpec, Reading, Request, ingredients_of
-from thermid.simulation.scenarios import Scenario
+from thermid.fit.calibration import KeptFit, LocalSpec, Reading, Request, ingredients_of
+from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import Options
 from thermid.values.store import State, Store, ValueOrigin
 from unit.fit.bench import HTC, MASS, box, log, pair

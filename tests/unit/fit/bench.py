@@ -11,10 +11,9 @@ import numpy as np
 from thermid.base.expression import quantity
 from thermid.measure.records import Channel, Record
 from thermid.model.deck import model_from_dict
-from thermid.model.laws import Signal
+from thermid.model.elements import Signal
 from thermid.model.tree import Model
-from thermid.simulation.runs import simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, simulate
 
 ICE = 273.15
 HTC, MASS, AREA = "skin.effective_htc", "case.mass", "skin.area"

@@ -13,7 +13,7 @@ from thermid.app.cli.summary import show_campaign
 from thermid.base.errors import DeckError, IdentificationError, RecordError
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
-from thermid.model.laws import TableSignal
+from thermid.model.elements import TableSignal
 
 BOX = td.model_from_dict(
     {

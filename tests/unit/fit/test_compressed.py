@@ -15,7 +15,7 @@ from thermid.fit._problem.residuals import Predictions, Problem, Sums, compresse
 from thermid.fit._uncertainty.information import EXACT
 from thermid.measure.records import Record
 from thermid.model.deck import model_from_dict
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 from unit.fit.bench import HTC, MASS, box, deck, log, metered, pair
 
 

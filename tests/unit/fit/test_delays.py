@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from thermid.base.errors import RecordError, ThermidError
 from thermid.fit._second_clocks import widened_by_noise_of_powers
-from thermid.model.laws import TableSignal
+from thermid.model.elements import TableSignal
 from unit.fit.test_clocks import AIR, BOX, FREE
 
 TIMES = np.arange(0.0, 1801.0, 5.0)

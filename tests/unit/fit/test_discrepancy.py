@@ -16,8 +16,7 @@ from thermid.measure.records import Channel, Record
 from thermid.model.tree import Model
 from thermid.prediction._known import values_at
 from thermid.prediction.bands import predict
-from thermid.simulation.runs import simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, simulate
 from thermid.values.fitted import load_values
 from unit.fit.bench import HTC, MASS, box, room
 

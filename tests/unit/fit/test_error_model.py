@@ -13,7 +13,7 @@ from thermid.base.errors import IdentificationError
 from thermid.fit._error_model.courses import OperatingPoint
 from thermid.fit._error_model.elements import JointLaw, SurfaceLaw, class_of, with_laws
 from thermid.fit.error_model import SIZES, ErrorModel
-from thermid.model.laws import TableSignal
+from thermid.model.elements import TableSignal
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.bands import Band
 from thermid.simulation.network import compile_network

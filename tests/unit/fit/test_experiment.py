@@ -16,9 +16,9 @@ from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.measure.readers import read_record
 from thermid.measure.records import Channel, Record
-from thermid.model.laws import Constant, TableSignal
+from thermid.model.elements import Constant, TableSignal
 from thermid.model.tree import Model
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 from unit.fit.bench import HTC, ICE, MASS, box, log, metered, pair, room
 
 

@@ -18,7 +18,7 @@ from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.fit._uncertainty.information import responses
 from thermid.measure.records import Record
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import Options
 from unit.fit.bench import AREA, HTC, MASS, box, log, metered, pair
 

@@ -17,9 +17,9 @@ from thermid.fit._problem.request import LocalSpec, Reading, Request
 from thermid.fit._problem.residuals import Prior, Unknown, parameter_unknown
 from thermid.measure.records import Record
 from thermid.model.deck import model_from_dict
-from thermid.model.parameters import parameter
+from thermid.model.elements import parameter
 from thermid.prediction.bands import predict
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 from thermid.values.store import Normal, Source, State, Store, ValueOrigin
 from unit.fit.bench import AREA, HTC, MASS, PAIR, box, log, metered, pair
 

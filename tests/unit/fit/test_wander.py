@@ -16,8 +16,7 @@ from thermid.fit._problem.residuals import Unknown
 from thermid.fit._uncertainty.noise import _beside, _leaning, binned, correlation
 from thermid.measure.records import Channel, Record
 from thermid.model.deck import load_model
-from thermid.simulation.runs import simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, simulate
 from unit.fit.bench import HTC, MASS, box, log, room
 
 NOISE, SLOW, TIME = 0.05, 0.15, 900.0

@@ -12,8 +12,7 @@ from thermid.base.expression import quantity
 from thermid.measure.records import Channel, Record
 from thermid.model.deck import load_model
 from thermid.model.tree import Model
-from thermid.simulation.runs import simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, simulate
 from unit.fit.project import write_log
 
 DECK = "0.30 [W/K]"

@@ -10,7 +10,7 @@ import pytest
 import thermid as td
 from thermid.base.errors import IdentificationError
 from thermid.campaign.stages import survey
-from thermid.fit.uncertainty import percent
+from thermid.fit.calibration import percent
 from unit.fit.bench import AREA, HTC, MASS, box, log, metered, pair
 from unit.fit.project import make_project
 

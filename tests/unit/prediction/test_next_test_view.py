@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit.calibration import Calibration, fit
-from thermid.fit.problem import Request
+from thermid.fit.calibration import Calibration, Request, fit
 from unit.fit.bench import box, log, pair
 
 BLACK = {"surfaces/skin/emissivity": {"value": "0.85", "min": 0.7, "max": 0.95}}

@@ -11,12 +11,10 @@ import pytest
 
 import thermid as td
 from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError
-from thermid.fit.calibration import Calibration, calibrate, fit
-from thermid.fit.problem import Request
+from thermid.fit.calibration import Calibration, Request, calibrate, fit
 from thermid.prediction._budget import Spread
 from thermid.prediction._predict import Prediction, predict
-from thermid.simulation.runs import simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, simulate
 from unit.fit.bench import HTC, MASS, box, log, pair
 
 HOT = Scenario("hot", boundaries={"air": "40 [degC]"}, start="24 [degC]", duration="3 [h]")

@@ -11,7 +11,7 @@ import pytest
 
 import thermid as td
 from thermid.base.errors import ThermidError
-from thermid.fit.problem import Unknown, prior_of
+from thermid.fit.calibration import Unknown, prior_of
 from thermid.prediction._predict import foresee
 from thermid.values.spreads import read_spread
 

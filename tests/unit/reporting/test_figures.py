@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit.problem import SensorTrace
+from thermid.fit.calibration import SensorTrace
 from thermid.reporting._pictures import chart, figures
 from thermid.reporting._pictures.chart import Panel, Stroke, thinned
 from thermid.reporting._pictures.figures import Dots, choose, coverage, overview, prediction, time_unit, trace

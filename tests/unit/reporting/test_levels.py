@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from thermid.fit.uncertainty import Move, MovedGroup, Moves
+from thermid.fit.calibration import Move, MovedGroup, Moves
 from thermid.reporting._blocks.content import DASH
 from thermid.reporting._pages.campaign import moved
 

@@ -209,7 +209,7 @@ def test_a_folded_part_is_one_node_that_unfolds() -> None:
 
 def test_the_command_draws_it(tmp_path: Path) -> None:
     to = tmp_path / "map.svg"
-    for more, kind in (([], "thermid-map"), (["--fold", "u1"], "thermid-map"), (["--ladder"], "thermid-diagram")):
+    for more, kind in (([], "thermid-map"), (["--fold", "u1"], "thermid-map")):
         arguments = ["thermid", "diagram", str(BOX), *more, "--to", str(to), "--force"]
         with mock.patch.object(sys, "argv", arguments), pytest.raises(SystemExit) as left:
             main()

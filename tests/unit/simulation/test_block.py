@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.model.laws import TableSignal
+from thermid.model.elements import TableSignal
 
 from .large_cases import NODES, warm_block, warming_room
 

@@ -10,8 +10,8 @@ import pytest
 
 import thermid as td
 from thermid.base.errors import ThermidError
-from thermid.fit.problem import bind
-from thermid.model.laws import TableSignal
+from thermid.fit.calibration import bind
+from thermid.model.elements import TableSignal
 
 LOG = """time_s,room,wall [degC],h,k [W/(m^2 K)],heat,drive,p,w,sun
 1000,20,21,5,3,4,50,101325,0,0

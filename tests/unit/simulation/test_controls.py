@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from controlled import Controlled
 from thermid.base.errors import SolverError
-from thermid.reporting.diagrams import diagram
+from thermid.reporting.diagrams import network_map
 
 AIR, START = 293.15, 295.65
 TIGHT = td.Options(error=4e-9, method="integrator")
@@ -446,7 +446,7 @@ def test_check_and_diagram_know_controls() -> None:
     model = td.model_from_dict(written)
     (found,) = [f for f in model.check() if "control" in f.message]
     assert (found.code, "'spare'" in found.message) == ("model.unused", True)
-    drawn = diagram(model)
+    drawn = network_map(model)
     assert "2 W/K \u00d7 (1 - governor)" in drawn
     assert "12 W \u00d7 governor" in drawn
 

@@ -15,7 +15,7 @@ import pytest
 import thermid as td
 from thermid import _kernel
 from thermid.base.errors import NameNotFoundError, ScenarioError, UnitError
-from thermid.model.laws import TableSignal
+from thermid.model.elements import TableSignal
 from thermid.simulation._ensemble import assemble_members
 from thermid.values.fitted import FittedValue, FittedValues
 

@@ -14,7 +14,7 @@ import thermid as td
 from oracle import Oracle, flatten, si
 from switched import switched
 from thermid.campaign.verdicts import Limits, check_limits, check_readings, margins
-from thermid.model.laws import TableSignal
+from thermid.model.elements import TableSignal
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.members import hold
 from thermid.simulation._solution import Trace

@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.base.errors import SolverError
-from thermid.model.laws import TableSignal
+from thermid.model.elements import TableSignal
 from thermid.simulation._simulator import prepare
 from thermid.simulation._solver import large_steady, problem
 

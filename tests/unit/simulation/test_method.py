@@ -9,7 +9,7 @@ import pytest
 
 import thermid as td
 from thermid.base.errors import ScenarioError, SolverError
-from thermid.model.laws import TableSignal
+from thermid.model.elements import TableSignal
 
 
 def _model(**law: Any) -> td.Model:

@@ -12,7 +12,7 @@ import pytest
 
 import thermid as td
 from thermid.base.errors import RecordError, ScenarioError, ThermidError
-from thermid.model.laws import Constant, MeanOf, Mixed, Signal, Sine, TableSignal, added, common_cycle, joined, multiplied, signal
+from thermid.model.elements import Constant, MeanOf, Mixed, Signal, Sine, TableSignal, added, common_cycle, joined, multiplied, signal
 from thermid.prediction._monte_carlo.uncertain import begun_at
 from thermid.site.ascent import Trajectory
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import thermid as td
-from thermid.model.laws import Constant
+from thermid.model.elements import Constant
 from thermid.site._moist import mass_transfer_coefficient, saturation_pressure, vapour_density, vapour_pressure
 from thermid.site.moisture import Moisture
 from thermid.site.vapour import follow

@@ -27,14 +27,12 @@ from thermid.fit.discrepancy import Discrepancy, OperatingPoint, OwnValue
 from thermid.measure.records import Channel, Record
 from thermid.measure.sensors import SensorCertificate
 from thermid.model.deck import load_model, model_from_dict, save_model
-from thermid.model.elements import KINDS
+from thermid.model.elements import KINDS, Standing
 from thermid.model.identity import Dropped
-from thermid.model.parameters import Standing
 from thermid.model.tree import Model
 from thermid.prediction._known import known_of
 from thermid.prediction.bands import filed, hand_values
-from thermid.simulation.runs import simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, simulate
 from thermid.values.fitted import load_store, load_values, save_store
 from thermid.values.store import DISTRIBUTIONS, Cut, Distribution, LeftOut, Logarithm, Normal, Shifted, Source, State, Store, ValueOrigin
 from unit.model.every_kind import firsts

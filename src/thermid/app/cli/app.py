@@ -106,7 +106,7 @@ COMMANDS = {
         "build.diagram",
         "Build",
         "Draw a model as SVG: masses, conductors, loads, boundaries.",
-        ("thermid diagram box.toml --to box.svg", "thermid diagram box.toml --ladder --to ladder.svg"),
+        ("thermid diagram box.toml --to box.svg", "thermid diagram stack.toml --to stack.svg --fold ele"),
     ),
     "moisture": Place(
         "site.moisture",

@@ -28,8 +28,9 @@ from thermid.app.cli.options import (
     Vacuum,
     ValuesPath,
     Whole,
+    answer,
     fitted_model,
-    leave,
+    judged_model,
     moments,
     pairs,
     say,
@@ -44,12 +45,12 @@ from thermid.base.files import DRAWING, NETCDF, TABLE, check_ending, write_text
 from thermid.base.toml_files import read_toml
 from thermid.campaign.stages import check_campaign
 from thermid.campaign.verdicts import Limits, compare_models, size, worst_case
-from thermid.fit.problem import InputTable
+from thermid.fit.calibration import InputTable
 from thermid.model.deck import load_model
-from thermid.model.laws import literal
+from thermid.model.elements import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.physics.htc import compare_htc
-from thermid.reporting.diagrams import diagram as drawn, network_map
+from thermid.reporting.diagrams import network_map
 from thermid.reporting.objects import comparison_object, solution_object
 from thermid.simulation import runs as transient
 from thermid.simulation.runs import margin_lines, margins, output_times, steady
@@ -137,14 +138,13 @@ def simulate(
         solution.to_csv(csv)
     if netcdf is not None:
         solution.to_netcdf(netcdf)
-    lines = [standing.over(str(solution))]
+    lines = [str(solution)]
     for t in times:
         lines.append(f"  at {t:g} s: " + ", ".join(f"{n} {float(solution[n].at(t)):.3f}" for n in solution.nodes) + " degC")
     lines.append("  time constants: " + ", ".join(f"{c:.6g} s" for c in solution.time_constants))
     balance = solution.heat_balance()
     lines.append(f"  heat: loads {balance.loads:.6g} J, to boundaries {balance.boundaries:.6g} J, stored {balance.stored:.6g} J")
-    say(as_json, solution_object(solution, final, times) | {"standing": standing.to_dict()}, "\n".join(lines))
-    leave(standing)
+    answer(standing, as_json, solution_object(solution, final, times), "\n".join(lines))
 
 
 def steady_state(
@@ -172,8 +172,7 @@ def steady_state(
 
     --flows adds where the heat goes: between groups, by node and by conductor.
     """
-    model = fitted_model(deck, values, keep_values, param)
-    standing = model_standing(model).accept(accept or ())
+    model, standing = judged_model(deck, values, keep_values, param, accept)
     limits = {pattern: _ends(text, pattern) for pattern, text in pairs(limit, "--limit").items()}
     conditions = scenario_of(scenario, boundary, load, None, None, vacuum)
     settled = steady(model, conditions, when if when in ("mean", "periodic") else with_unit(when, "s"))
@@ -183,7 +182,7 @@ def steady_state(
     first, hottest = rows[0], max(rows, key=lambda m: m.highest)
     least = f", least margin {first.margin:.2f} K at {first.node}" if np.isfinite(first.margin) else ""
     head = f"{model.title}, steady, {settled.held}: hottest {hottest.node} {hottest.highest - ICE_POINT:.2f} degC{least}"
-    lines = [standing.over(head), *(f"  warning: {r}" for r in settled.remarks), *margin_lines(rows)]
+    lines = [head, *(f"  warning: {r}" for r in settled.remarks), *margin_lines(rows)]
     lines += heat.lines(groups) if flows and heat is not None else []
     nodes = {
         m.node: {"C": settled[m.node] - ICE_POINT, "lowest_C": m.lowest - ICE_POINT, "highest_C": m.highest - ICE_POINT}
@@ -191,13 +190,8 @@ def steady_state(
         for m in rows
     }
     content = {"held": settled.held, "warnings": list(settled.remarks), "nodes": nodes, "standing": standing.to_dict()}
-    say(
-        as_json,
-        content | ({"heat": heat.to_dict(groups)} if flows and heat is not None else {}),
-        "\n".join(lines),
-        verbose or (None if flows else False),
-    )
-    leave(standing)
+    content |= {"heat": heat.to_dict(groups)} if flows and heat is not None else {}
+    answer(standing, as_json, content, "\n".join(lines), verbose or (None if flows else False))
 
 
 def compare_versions(
@@ -239,14 +233,12 @@ def size_value(
     Each end names the limit that binds there; --spread gives it an error and the value that holds in 95 %. Without any such value the least
     violation is stated.
     """
-    model = fitted_model(deck, values, keep_values, param)
-    standing = model_standing(model).accept(accept or ())
+    model, standing = judged_model(deck, values, keep_values, param, accept)
     ends = between.split("..") if between is not None else None
     window = (ends[0], ends[-1]) if ends is not None else None
     scenarios = [load_scenario(file) for file in scenario]
     sizing = size(model, value, _limits(limit), scenarios, between=window, margin=margin, spread=pairs(spread, "--spread"))
-    say(as_json, sizing.to_dict() | {"standing": standing.to_dict()}, standing.over(str(sizing)))
-    leave(standing)
+    answer(standing, as_json, sizing.to_dict(), sizing)
 
 
 def worst(
@@ -268,12 +260,10 @@ def worst(
     Powers and boundaries of a passive network stand at their ends; up to four other values are searched, and the share of their ranges that
     may be worse is stated.
     """
-    model = fitted_model(deck, values, keep_values, param)
-    standing = model_standing(model).accept(accept or ())
+    model, standing = judged_model(deck, values, keep_values, param, accept)
     box = {name: (text.split("..")[0].strip(), text.split("..")[-1].strip()) for name, text in pairs(ranges, "--range").items()}
     cases = worst_case(model, _limits(limit), load_scenario(scenario), box)
-    say(as_json, cases.to_dict() | {"standing": standing.to_dict()}, standing.over(str(cases)))
-    leave(standing)
+    answer(standing, as_json, cases.to_dict(), cases)
 
 
 def _limits(texts: list[str]) -> list[Limits]:
@@ -300,15 +290,13 @@ def diagram(
     to: Annotated[Path, typer.Option("--to", help="The SVG file to write.")],
     force: Force = False,
     fold: Annotated[list[str], typer.Option("--fold", help="A submodel drawn as one mass; may be repeated.")] = [],  # noqa: B006
-    ladder: Annotated[bool, typer.Option("--ladder", help="All nodes in one column, with every conductance written.")] = False,
 ) -> None:
     """Draw a model as SVG: masses, conductors, loads, boundaries.
 
-    A map with every node once; --fold draws a submodel as a single mass. With --ladder, one column with submodels as boxes.
+    A map with every node once; --fold draws a submodel as a single mass.
     """
     check_ending(to, DRAWING)
-    model = load_model(deck)
-    write_text(to, (drawn if ladder else network_map)(model, folded=fold) + "\n", DRAWING)
+    write_text(to, network_map(load_model(deck), folded=fold) + "\n", DRAWING)
     typer.echo(f"diagram: {to}")
 
 

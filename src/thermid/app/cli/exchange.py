@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,7 +23,8 @@ from thermid.app.cli.options import (
     Start,
     Vacuum,
     ValuesPath,
-    fitted_model,
+    answer,
+    judged_model,
     leave,
     pairs,
     say,
@@ -44,9 +44,7 @@ from thermid.interop.modelica import to_modelica
 from thermid.interop.octave import to_octave
 from thermid.interop.spice import to_spice
 from thermid.model.deck import load_model, model_from_dict, save_model, toml_text
-from thermid.model.laws import literal
-from thermid.model.tree import Model
-from thermid.simulation.scenarios import Scenario
+from thermid.model.elements import literal
 from thermid.values.store import model_standing
 
 COMMENTS = {"octave": "%", "c": "//", "modelica": "//", "spice": "*", "sinda": "C", "esatan": "#"}
@@ -143,8 +141,7 @@ def write_back(
     The copies are equal but for the numbers that changed, each with a comment.
     """
     network = _network(file, units)
-    model = fitted_model(deck, values, keep_values, param)
-    standing = model_standing(model).accept(accept or ())
+    model, standing = judged_model(deck, values, keep_values, param, accept)
     texts, rest = network.written_back(model), network.not_written_back(model)
     targets = {to / Path(name).name: text for name, text in texts.items()}
     if targets:
@@ -227,41 +224,30 @@ def export(
 
     The scenario is written with it. What the format cannot say is refused.
     """
-    forms = (*COMMENTS, "fmu")
-    refuse_unknown([form], forms, "--as", f"a model is not written as '{{}}'.{{near}} There are {', '.join(forms)}.", DeckError)
-    model = fitted_model(deck, values, keep_values, param)
+    refuse_unknown([form], (*COMMENTS, "fmu"), "--as", "a model is not written as '{}'.{near} There are {known}.", DeckError)
+    model, standing = judged_model(deck, values, keep_values, param, accept)
     conditions = scenario_of(scenario, boundary, load, start, duration, vacuum, as_printed)
     if step is not None and form != "c":
         raise DeckError(f"a step is of a C header; '{form}' has no steps of its own.", "--step")
     if library is not None and form != "modelica":
         raise DeckError(f"a library is of a Modelica package; '{form}' has none.", "--library")
     if form == "fmu":
-        _export_fmu(model, conditions, to, fmi, accept or (), as_json)
-        return
+        if to is None:
+            raise OutputError("an FMU is a file of bytes: give it a name, --to model.fmu.", "--as fmu")
+        written = to_fmu(model, conditions, to, fmi)
+        answer(standing, as_json, {"file": to.name, **written.to_dict()}, f"{written}\nwritten: {to}")
     name = to.stem if to is not None else ""
-    if form == "octave":
-        text = to_octave(model, conditions, name=name)
-    elif form == "c":
-        text = to_c(model, conditions, name=name, step=literal(step, "s", "--step") if step is not None else None)
-    elif form == "modelica":
-        text = to_modelica(model, conditions, name=name, library=library or "modelica")
-    else:
-        text = {"spice": to_spice, "sinda": to_sinda, "esatan": to_esatan}[form](model, conditions)
-    standing = model_standing(model).accept(accept or ())
+    text = {
+        "octave": lambda: to_octave(model, conditions, name=name),
+        "c": lambda: to_c(model, conditions, name=name, step=literal(step, "s", "--step") if step is not None else None),
+        "modelica": lambda: to_modelica(model, conditions, name=name, library=library or "modelica"),
+        "spice": lambda: to_spice(model, conditions),
+        "sinda": lambda: to_sinda(model, conditions),
+        "esatan": lambda: to_esatan(model, conditions),
+    }[form]()
     if not standing.fair and not as_json:
         show(standing.line(), err=True)  # what is written is for another tool to read
     _say(text, to, as_json, EXPORT, COMMENTS[form], standing=standing.to_dict())
-    leave(standing)
-
-
-def _export_fmu(model: Model, conditions: Scenario, to: Path | None, version: str, accept: Sequence[str], as_json: bool) -> None:
-    """Write an FMU, and say what is fixed in it."""
-    if to is None:
-        raise OutputError("an FMU is a file of bytes: give it a name, --to model.fmu.", "--as fmu")
-    written = to_fmu(model, conditions, to, version)
-    standing = model_standing(model).accept(accept)
-    shown = {"file": to.name, **written.to_dict(), "standing": standing.to_dict()}
-    say(as_json, shown, standing.over(f"{written}\nwritten: {to}"))
     leave(standing)
 
 

@@ -14,7 +14,7 @@ from thermid.base.errors import NameNotFoundError, nearest
 from thermid.fit.calibration import Calibration
 from thermid.inference import criticism
 from thermid.inference.diagnosis import plausibility as ranges_of
-from thermid.model.parameters import worst
+from thermid.model.elements import worst
 
 Stage = Annotated[str, typer.Option("--stage", help="One stage; all that were fitted to logs without it.")]
 

@@ -49,11 +49,10 @@ from thermid.base.toml_files import kind_of_text
 from thermid.campaign import studies as origins
 from thermid.campaign.stages import Campaign, file_name, fleet_in, local_of, plain_readings, read_campaign, scenario_of, survey
 from thermid.campaign.studies import plan_retune
-from thermid.fit.calibration import Calibration
+from thermid.fit.calibration import Calibration, LocalSpec
 from thermid.fit.error_model import SIZES
 from thermid.fit.estimation import estimated
-from thermid.fit.problem import LocalSpec
-from thermid.model.laws import literal
+from thermid.model.elements import literal
 from thermid.prediction import bands as prediction
 from thermid.prediction.bands import predict_record
 from thermid.prediction.members import load_hold

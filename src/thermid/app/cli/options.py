@@ -19,14 +19,14 @@ from thermid.base.files import NETCDF, PAPER, PICTURE, check_ending, command, ma
 from thermid.campaign.stages import Campaign, read_campaign, run_stages
 from thermid.measure.amounts import pairs as pairs, with_unit as with_unit
 from thermid.model.deck import load_model
-from thermid.model.laws import literal
-from thermid.model.parameters import Standing
+from thermid.model.elements import Standing, literal
 from thermid.model.tree import Model
 from thermid.prediction.bands import Filed, filed
 from thermid.reporting.objects import VIEW_SCHEMA, clean
 from thermid.reporting.pages import check_page, page_to_pdf
 from thermid.simulation.runs import Workers
 from thermid.simulation.scenario_files import Scenario, load_scenario
+from thermid.values.store import model_standing
 
 Deck = Annotated[Path, typer.Argument(help="A deck (TOML).")]
 CampaignPath = Annotated[Path, typer.Argument(help="A campaign (TOML).")]
@@ -166,6 +166,12 @@ def leave(standing: Standing, code: int = 0) -> NoReturn:
     raise SystemExit(min(code, standing.exit_code, key=PRECEDENCE.index))
 
 
+def answer(standing: Standing, as_json: bool, content: Mapping[str, Any], text: object, verbose: bool | None = None) -> NoReturn:
+    """Print an answer below the standing of the values that it rests on, as `say` does, and end the command by that."""
+    say(as_json, {**content, "standing": standing.to_dict()}, standing.over(str(text)), verbose)
+    leave(standing)
+
+
 NEEDS = {PICTURE.name: "report", NETCDF.name: "export"}
 """Kind of file -> the extra that writes it."""
 
@@ -232,6 +238,14 @@ def fitted_model(deck: Path, values: Path | None, keep: bool = False, param: Seq
         say_first(filled, values)
         model = filled.model
     return model.with_values(pairs(list(param), "--param"), "command line") if param else model
+
+
+def judged_model(
+    deck: Path, values: Path | None, keep: bool = False, param: Sequence[str] = (), accept: Sequence[str] | None = None
+) -> tuple[Model, Standing]:
+    """Return a model as `fitted_model` does, and how far its values may be trusted, stages that are accepted as they are apart."""
+    model = fitted_model(deck, values, keep, param)
+    return model, model_standing(model).accept(accept or ())
 
 
 def say_first(filled: Filed, file: Path) -> None:

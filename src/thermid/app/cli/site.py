@@ -16,18 +16,16 @@ from thermid.app.cli.options import (
     KeepValues,
     Start,
     ValuesPath,
-    fitted_model,
-    leave,
+    answer,
+    judged_model,
     pairs,
-    say,
     scenario_of,
     with_unit,
 )
 from thermid.base.toml_files import read_toml
-from thermid.model.laws import literal
+from thermid.model.elements import literal
 from thermid.physics.constants import ICE_POINT
 from thermid.site.moisture import Moisture, moisture as moist_run
-from thermid.values.store import model_standing
 
 
 def moisture(
@@ -47,25 +45,23 @@ def moisture(
 
     Minutes of condensation, water on the surface, and when it is dry again are printed too.
     """
-    model = fitted_model(deck, values, keep_values)
-    standing = model_standing(model).accept(accept or ())
+    model, standing = judged_model(deck, values, keep_values, accept=accept)
     conditions = scenario_of(scenario, boundary, [], start, duration)
     written = read_toml(scenario)[0].get("environment", {}) if scenario is not None else {}
     humidities: dict[str, Any] = {
         gas: conditions.environment[gas].humidity for gas, table in written.items() if gas != "*" and "humidity" in table
     }
     humidities |= {gas: literal(with_unit(text, "1"), "1", "--humidity") for gas, text in pairs(humidity, "--humidity").items()}
-    answer = moist_run(model, conditions, humidities, every=with_unit(every, "s"))
-    say(as_json, {**_object(answer), "standing": standing.to_dict()}, standing.over(str(answer)))
-    leave(standing)
+    run = moist_run(model, conditions, humidities, every=with_unit(every, "s"))
+    answer(standing, as_json, _object(run), run)
 
 
-def _object(answer: Moisture) -> dict[str, Any]:
+def _object(run: Moisture) -> dict[str, Any]:
     """Return the object of ``thermid moisture --json``."""
     surfaces = {}
-    for name, s in answer.surfaces.items():
+    for name, s in run.surfaces.items():
         k = int(s.margin.argmin())
-        dew = float(answer.dew_points[s.gas][k])
+        dew = float(run.dew_points[s.gas][k])
         surfaces[name] = {
             "gas": s.gas,
             "least_margin_K": float(s.margin[k]) if dew > 0.0 else None,
@@ -76,7 +72,7 @@ def _object(answer: Moisture) -> dict[str, Any]:
             "film_kg_m2": float(s.film.max()),
             "latent_J": s.heat,
         }
-    solution, water = answer.solution, answer.water
+    solution, water = run.solution, run.water
     return {
         "title": solution.title,
         "scenario": solution.scenario,
@@ -90,5 +86,5 @@ def _object(answer: Moisture) -> dict[str, Any]:
             "dried_kg": water.dried,
             "relative": water.relative,
         },
-        "warnings": [*answer.warnings, *solution.warnings],
+        "warnings": [*run.warnings, *solution.warnings],
     }

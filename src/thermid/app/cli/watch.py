@@ -15,10 +15,8 @@ import numpy as np
 import typer
 
 from thermid.app.cli.options import (
-    Accept,
     Boundaries,
     Data,
-    KeepValues,
     Results,
     ScenarioPath,
     ValuesPath,
@@ -37,11 +35,10 @@ from thermid.campaign.stages import RunningTest, running_test
 from thermid.measure.amounts import amount, duration_text
 from thermid.measure.records import Record
 from thermid.measure.steadiness import rule_of
-from thermid.model.laws import literal
-from thermid.model.parameters import UNJUDGED, Standing
+from thermid.model.elements import UNJUDGED, Standing, literal
 from thermid.qualify.watch import BoundColumns, GrowingLog, TemperatureLimit, Watcher, WatchLook, WatchRequest, played
 from thermid.reporting.objects import clean
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 from thermid.values.store import model_standing
 
 if TYPE_CHECKING:
@@ -82,7 +79,6 @@ def watch(
     since: Annotated[str, typer.Option("--since", help="When conditions last changed.")] = "start",
     model: Annotated[Path | None, typer.Option("--model", help="Deck of the unit: nodes without sensors, faults with suspects.")] = None,
     values: ValuesPath = None,
-    keep: KeepValues = False,
     campaign: LikeCampaign = None,
     record: Annotated[str, typer.Option("--record", help="The record of the campaign that the log is like.")] = "",
     stage: Annotated[str, typer.Option("--stage", help="The stage whose values are used; the last one by default.")] = "",
@@ -95,7 +91,6 @@ def watch(
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object per look and line.")] = False,
     data: Data = None,
     results: Results = None,
-    accept: Accept = None,
 ) -> None:
     """Watch a running test: when to stop, and what went wrong.
 
@@ -115,13 +110,14 @@ def watch(
     stated = scenario_of(scenario, boundary, [], None, None) if boundary or scenario is not None else None
     read = pairs(reading, "--read")
     refuse_unknown(read, READ_KEYS, "--read")
-    test = None if campaign is None else running_test(staged(campaign, data, results, accept), record, stage)
+    test = None if campaign is None else running_test(staged(campaign, data, results), record, stage)
     if test is None:
-        deck = None if model is None else fitted_model(model, values, keep)
+        deck = None if model is None else fitted_model(model, values)
         columns = BoundColumns(*_column_bindings(channel, full_scale), model=deck, options=read)
     else:
-        columns = _columns_of(test, read)
-    standing = UNJUDGED if columns.model is None else model_standing(columns.model).accept(accept or ())
+        tables = dict(test.table.channels)
+        columns = BoundColumns(model=test.model, options=test.options | read, tables=tables, bound=test.bound, remarks=test.remarks)
+    standing = UNJUDGED if columns.model is None else model_standing(columns.model)
     request = _request(columns, test, stated, required, rule, within, limit, slowest, since)
     with ExitStack() as open_:
         line = open_.enter_context(extension("serial_port", PORT, str(log))(log, capture)) if _is_port(log) else None
@@ -132,13 +128,6 @@ def watch(
             records = _growing(GrowingLog(path, lambda piece: columns.read(piece, path.stem)), step, since, line)
         look = _looks(records, request, standing, as_json)
     leave(standing, 4 if look is None else 1 if look.alarms else {"stop": 0}.get(look.advice.word, 4))
-
-
-def _columns_of(test: RunningTest, read: dict[str, str]) -> BoundColumns:
-    """Return the columns of a log that is like a record of a campaign."""
-    columns = BoundColumns(model=test.model, options=test.options | read, tables=dict(test.table.channels), bound=test.bound)
-    columns.remarks = test.remarks
-    return columns
 
 
 def _column_bindings(channel: list[str], full_scale: list[str]) -> tuple[dict[str, str], dict[str, str], dict[str, str]]:

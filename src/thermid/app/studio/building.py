@@ -22,14 +22,13 @@ from thermid.base.toml_files import read_toml, resolve_inside
 from thermid.base.units import from_si
 from thermid.campaign.stages import request_of
 from thermid.campaign.start import word
-from thermid.fit.calibration import Calibration, fit
-from thermid.fit.problem import Request, build_problem
+from thermid.fit.calibration import Calibration, Request, build_problem, fit
 from thermid.model.deck import Edit
 from thermid.model.tree import Model, parameter_table
 from thermid.reporting.diagrams import card_places
 from thermid.reporting.objects import fit_object
 from thermid.simulation.network import compile_network
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 
 Body = Mapping[str, Any]
 PLACE_GRID: Final = 8.0

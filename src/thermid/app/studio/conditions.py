@@ -17,8 +17,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.physics.finishes import FINISHES
 from thermid.prediction.bands import split
 from thermid.simulation.network import compile_network
-from thermid.simulation.runs import simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, simulate
 
 GASES: Final = ("air", "vacuum", "printed")
 

@@ -15,14 +15,13 @@ from thermid.base.errors import ScenarioError, ThermidError, look_up, refuse_unk
 from thermid.base.sourced import weigh
 from thermid.base.toml_files import project_root, read_toml
 from thermid.campaign.verdicts import LimitCheck, Limits, Margin, check_limits, margins, read_limits, spans
-from thermid.model.parameters import UNJUDGED, Standing
+from thermid.model.elements import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.bands import Band, Knowledge, foresee
 from thermid.qualify.plans import Qualification, Trial, load_plan, lock_status, run_plan
 from thermid.qualify.profiles import ProfileRun, ThermalProfile, load_profile, profile_names, profile_of, run_profile, typed
 from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Solution, simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, Solution, simulate
 
 
 @dataclass(frozen=True)
@@ -376,7 +375,13 @@ def outcome_object(outcome: Outcome, window: Window = None) -> dict[str, Any]:
         "passed": outcome.passed,
         "test": None if outcome.trial is None else outcome.trial.to_dict(),
         "worst": _check(outcome.worst) if outcome.worst is not None else None,
-        "phases": [] if run is None else [_phase(p) for p in run.phases],
+        "phases": []
+        if run is None
+        else [
+            {"name": p.name, "cycle": p.cycle, "kind": p.kind if p.power else "off", "from": p.start, "to": p.end}
+            | {"rule": p.rule, "slowest": p.slowest}
+            for p in run.phases
+        ],
         "levels": [] if run is None else _levels(run),
         "nodes": len(solution.nodes),
         "curves": [_curve(outcome, n, window) for n in outcome.shown],
@@ -499,11 +504,6 @@ def _curve(outcome: Outcome, node: str, window: Window) -> dict[str, Any]:
         at, error = thinned_curve(band.times, 1.96 * band.error, window, 200)
         out |= {"band_times": at, "band": error, "band_values": np.interp(at, trace.times, trace.celsius)}
     return out
-
-
-def _phase(p: Any) -> dict[str, Any]:
-    shade = p.kind if p.power else "off"
-    return {"name": p.name, "cycle": p.cycle, "kind": shade, "from": p.start, "to": p.end, "rule": p.rule, "slowest": p.slowest}
 
 
 def _levels(run: ProfileRun) -> list[dict[str, Any]]:

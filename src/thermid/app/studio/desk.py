@@ -13,13 +13,11 @@ from thermid.app.studio.curves import MAX_SENT_POINTS, RunCurves, ThinnedCurve, 
 from thermid.base.errors import NameNotFoundError, refuse_unknown
 from thermid.base.linear_algebra import Array
 from thermid.base.units import from_si, in_si, unit
-from thermid.fit.calibration import Calibration, in_place
-from thermid.fit.problem import Bench, Problem, Sums, Unknown
+from thermid.fit.calibration import Bench, Calibration, Problem, Sums, Unknown, in_place
 from thermid.model.tree import Entry, Model, deck_text, parameter_table
 from thermid.reporting.diagrams import network_map, parts_of
 from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Simulator, Solution, prepare
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, Simulator, Solution, prepare
 from thermid.values.store import LeftOut, State, Store, ValueOrigin
 
 ICE = 273.15

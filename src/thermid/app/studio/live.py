@@ -14,13 +14,12 @@ from thermid.campaign.stages import Campaign, running_test
 from thermid.measure.amounts import pairs, with_unit
 from thermid.measure.readers import log_cells, name_and_unit
 from thermid.measure.steadiness import StabilityRule
-from thermid.model.laws import literal
-from thermid.model.parameters import UNJUDGED
+from thermid.model.elements import UNJUDGED, literal
 from thermid.model.tree import Model
 from thermid.qualify.watch import BoundColumns, TemperatureLimit, Watcher, WatchRequest, roles_in
 from thermid.reporting.objects import clean
 from thermid.simulation.network import compile_network
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 from thermid.values.store import model_standing
 
 WATCHED_ROLES = ("node", "boundary", "load")
@@ -207,6 +206,6 @@ def _like_a_record(path: Path, campaign: Campaign, stated: Scenario | None, bare
     last = next(s.records for s in campaign.source.content.stages if s.name == list(campaign)[-1]) if campaign.source is not None else ()
     like = max(alike, key=lambda name: (name in last, len(records[name].channels)))  # whose columns are those of the model
     test = running_test(campaign, like)
-    columns = BoundColumns(model=test.model, options=test.options, tables=_as_told(test.table.channels, told), bound=test.bound)
-    columns.remarks = test.remarks
+    tables = _as_told(test.table.channels, told)
+    columns = BoundColumns(model=test.model, options=test.options, tables=tables, bound=test.bound, remarks=test.remarks)
     return _Bound(replace(bare, columns=columns, scenario=stated, conditions=test.conditions), like)

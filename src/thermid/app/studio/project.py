@@ -28,8 +28,7 @@ from thermid.campaign.stages import (
 )
 from thermid.campaign.studies import RetunePlan, plan_retune
 from thermid.campaign.verdicts import Verdict
-from thermid.fit.calibration import Calibration, fit, fit_problem
-from thermid.fit.problem import Request, build_problem
+from thermid.fit.calibration import Calibration, Request, build_problem, fit, fit_problem
 from thermid.model.deck import DeckDocument, load_model
 from thermid.model.tree import Model, ParameterSet, parameter_table
 from thermid.reporting.pages import Table, levels

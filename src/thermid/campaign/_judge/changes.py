@@ -16,8 +16,7 @@ from thermid.base.results import Result
 from thermid.base.units import si_unit
 from thermid.model.tree import Model, ParameterSet, identities
 from thermid.simulation.network import Numbers, compile_network
-from thermid.simulation.runs import steady
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, steady
 
 MAX_DIFFERENCE_OF_EQUALS: Final = 1e-9
 """Relative difference below which two numbers are one number written twice."""

@@ -17,11 +17,10 @@ from thermid.base.results import Result, Row
 from thermid.base.sourced import VERDICTS, weigh
 from thermid.campaign._judge.criteria import CRITERIA, Check, Criteria, Deviation, judge
 from thermid.campaign._judge.metrics import Residuals
-from thermid.fit.calibration import Calibration
-from thermid.fit.uncertainty import listed
+from thermid.fit.calibration import Calibration, listed
 from thermid.measure.readers import log_cells, name_and_unit, read_record
 from thermid.measure.records import Record, gap_from, usual_step
-from thermid.model.parameters import UNJUDGED, Standing
+from thermid.model.elements import UNJUDGED, Standing
 from thermid.values.store import model_standing
 
 Window = tuple[float, float]

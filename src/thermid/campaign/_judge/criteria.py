@@ -15,7 +15,7 @@ from thermid.base.extensions import by_grammar
 from thermid.base.sourced import check_mark
 from thermid.base.toml_files import Places
 from thermid.campaign._judge.metrics import METRICS, Residuals, metric, metric_keys
-from thermid.model.laws import literal
+from thermid.model.elements import literal
 from thermid.physics.constants import ICE_POINT
 
 KINDS = ("steady", "transient")

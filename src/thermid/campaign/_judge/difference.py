@@ -12,8 +12,7 @@ from thermid.base.errors import NameNotFoundError, refuse_unknown
 from thermid.base.results import Result
 from thermid.campaign._judge.metrics import Residuals, rmse
 from thermid.model.tree import Model
-from thermid.simulation.runs import simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, simulate
 
 
 @dataclass(frozen=True)

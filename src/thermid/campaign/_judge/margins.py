@@ -17,7 +17,7 @@ from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.results import Result
 from thermid.base.sourced import Figure, weakest
 from thermid.campaign._judge.limits import Limits, times_in_state
-from thermid.model.parameters import UNJUDGED, Standing
+from thermid.model.elements import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.bands import Foresight
 

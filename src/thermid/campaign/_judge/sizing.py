@@ -17,8 +17,7 @@ from thermid.campaign._judge.limits import STATES, Limits, text_of
 from thermid.measure.amounts import amount
 from thermid.model.tree import Model, ParameterSet
 from thermid.prediction.bands import Knowledge, predict
-from thermid.simulation.runs import simulate, steady
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, simulate, steady
 
 RANGE_SAMPLES: Final = 33
 """Values of the range at which every limit is evaluated before its crossings are sought between them."""

@@ -21,13 +21,12 @@ from thermid.base.toml_files import read_json
 from thermid.base.units import counted
 from thermid.campaign._judge.criteria import Check, Criteria, Deviation, judge_sensors
 from thermid.campaign._judge.metrics import Residuals
-from thermid.fit.calibration import Calibration, fit
-from thermid.fit.problem import Request, SensorStatistics, SensorTrace
+from thermid.fit.calibration import Calibration, Request, SensorStatistics, SensorTrace, fit
 from thermid.measure.records import Record
-from thermid.model.parameters import UNJUDGED, Standing
+from thermid.model.elements import UNJUDGED, Standing
 from thermid.model.tree import Model
 from thermid.prediction.bands import RecordPrediction, record_bands, record_request
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 
 FILE = "looks.json"
 

@@ -26,7 +26,7 @@ from thermid.campaign._judge.sizing import extremes
 from thermid.measure.amounts import amount
 from thermid.model.tree import Model
 from thermid.simulation.network import Network, compile_network
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 
 SHARE_WORSE: Final = 0.01
 """Share of what is searched that may be worse than the result, in 95 % of searches (Wilks 1941). [-]"""

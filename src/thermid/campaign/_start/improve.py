@@ -16,8 +16,7 @@ from thermid.base.files import may_write, read_text, unsealed, write_text
 from thermid.campaign._file import CampaignSource, read_campaign
 from thermid.campaign._stages import run_stages
 from thermid.campaign._start.templates import TEMPLATE
-from thermid.fit.calibration import Calibration, fit
-from thermid.fit.problem import LocalSpec, Request
+from thermid.fit.calibration import Calibration, LocalSpec, Request, fit
 from thermid.inference.criticism import EVALUATIONS, MissingElement, StructureSearch, adopted, changes_of, search_structure
 from thermid.measure.amounts import short
 from thermid.measure.records import Record
@@ -107,7 +106,7 @@ class Improved:
 
     def rows(self) -> list[dict[str, Any]]:
         """Return sensor, RMSE before and after [K], median over records, and independent samples per record."""
-        return [{"sensor": s, "before_K": _rmse(self.before, s), "after_K": _rmse(self.after, s)} for s in self.before.sensors]
+        return [{"sensor": s, "before_K": self.before.median_rmse(s), "after_K": self.after.median_rmse(s)} for s in self.before.sensors]
 
     def __str__(self) -> str:
         """Return the proposal, both fits side by side, and the files."""
@@ -121,10 +120,6 @@ class Improved:
             lines.append(f"  {'free values':<16}{len(self.before.fitted):>10}{len(self.after.fitted):>10}")
             lines += [f"wrote {file}" for file in self.files]
         return "\n".join(lines)
-
-
-def _rmse(fitted: Calibration, sensor: str) -> float:
-    return float(np.median([table[sensor].rmse for table in fitted.statistics.values() if sensor in table]))
 
 
 def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: Path | None = None, *, executor: Workers = None) -> Improved:

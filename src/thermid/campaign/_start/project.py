@@ -18,12 +18,11 @@ from thermid.campaign._start.roles import SURROUNDINGS, thinned_step
 from thermid.campaign._start.schemas import headed, may_write_schemas, write_schemas
 from thermid.campaign._start.switching import instants_text, with_instants
 from thermid.campaign._start.templates import ROOT, TEMPLATE
-from thermid.fit.calibration import fit
-from thermid.fit.problem import LocalSpec, Request
+from thermid.fit.calibration import LocalSpec, Request, fit
 from thermid.inference.criticism import FittedStructure
 from thermid.measure.records import Record
 from thermid.model.deck import model_text
-from thermid.model.parameters import parameter
+from thermid.model.elements import parameter
 from thermid.model.tree import Model
 
 FITTED, HOLDOUT_NAME = 0.7, "holdout"

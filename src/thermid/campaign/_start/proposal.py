@@ -13,7 +13,7 @@ from thermid.base.errors import DeckError, IdentificationError, ThermidError, re
 from thermid.campaign._start.physical import SLOWEST_SENSOR, KnownMass, not_physical, too_far, weights
 from thermid.campaign._start.roles import ACCURACY, Power, Roles, part_name, with_noise
 from thermid.campaign._start.switching import Instants, found_instants, instants_text, with_instants
-from thermid.fit.problem import LocalSpec, Request, first_reading
+from thermid.fit.calibration import LocalSpec, Request, first_reading
 from thermid.inference.criticism import (
     EVALUATIONS,
     Fitted,
@@ -28,9 +28,9 @@ from thermid.inference.diagnosis import RangeCheck
 from thermid.measure.amounts import duration_text
 from thermid.measure.records import Record
 from thermid.model.deck import model_from_dict
-from thermid.model.laws import literal
+from thermid.model.elements import literal
 from thermid.model.tree import Model, ParameterSet
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 
 MOST_MASSES = 4
 """Masses that a proposal may have, those of measured parts included; more measured parts than that stay."""

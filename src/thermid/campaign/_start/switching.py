@@ -13,7 +13,7 @@ import numpy as np
 
 from thermid.base.errors import ThermidError
 from thermid.base.linear_algebra import Indices
-from thermid.fit.problem import build_problem
+from thermid.fit.calibration import build_problem
 from thermid.inference.criticism import CHALLENGES, Fitted, FittedStructure, MissingElement, fitted_structure, promises
 from thermid.measure.records import FloatArray, Record
 

@@ -38,12 +38,11 @@ from thermid.fit._error_model.sizes import (
     OTHER_FINISH,
     ROOM_KNOTS,
 )
-from thermid.model.elements import CARRIED_BY, Law
-from thermid.model.laws import Curve, TableSignal
+from thermid.model.elements import CARRIED_BY, Curve, Law, TableSignal
 from thermid.model.tree import FlatConductor, FlatLoad
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.simulation.network import Network
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 
 EXPONENT_OF, SHARE_OF, TREND_OF, BEND_OF = "exponent", "radiation", "trend", "bend"
 """What of a law is not known: of a surface and of a joint."""

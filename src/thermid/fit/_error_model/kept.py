@@ -49,9 +49,8 @@ from thermid.fit._error_model.sizes import (
 )
 from thermid.fit._problem.residuals import Problem, Unknown
 from thermid.measure.amounts import short
-from thermid.model.elements import CARRIED_BY
+from thermid.model.elements import CARRIED_BY, Standing
 from thermid.model.identity import identity_of
-from thermid.model.parameters import Standing
 from thermid.simulation.network import Network
 
 KEY = "errors"

@@ -20,8 +20,8 @@ from thermid.fit._problem.experiment import SCALE, Experiment
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.fit._problem.residuals import Influence, Prior, Problem, Unknown
-from thermid.model.laws import Constant
-from thermid.simulation.scenarios import Scenario
+from thermid.model.elements import Constant
+from thermid.simulation.runs import Scenario
 from thermid.values.store import Store
 
 VALUES, START, INSTRUMENT, ROOM = "values", "start of the run", "instrument", "room"

@@ -36,7 +36,7 @@ from thermid.fit._error_model.sizes import (
     ROOM_TIME,
 )
 from thermid.fit._problem.residuals import Influence, Problem, Unknown
-from thermid.model.laws import TableSignal
+from thermid.model.elements import TableSignal
 from thermid.model.tree import FlatConductor
 from thermid.simulation.network import Network
 

@@ -22,7 +22,7 @@ from thermid.base.memo import Memo
 from thermid.fit._estimation.process import ProcessNoise
 from thermid.fit._problem.experiment import UNSAID_NOISE, Experiment
 from thermid.fit._problem.residuals import Bench
-from thermid.model.laws import Sine, TableSignal
+from thermid.model.elements import Sine, TableSignal
 from thermid.simulation.solver import Assembled, Traces
 
 MAX_CURVATURE_ERROR: Final = 1e-4

@@ -24,9 +24,9 @@ from thermid.fit._problem.request import LocalSpec, Request, freed, priors_of
 from thermid.fit._problem.residuals import Problem
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import Record
-from thermid.model.laws import literal
+from thermid.model.elements import literal
 from thermid.model.tree import Model
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import refuse_unseen
 from thermid.values.fitted import FittedValue, FittedValues
 

@@ -18,7 +18,7 @@ from thermid.fit._estimation.outlook import OpenLoopScore, course, members_about
 from thermid.fit._problem.request import Request
 from thermid.measure.amounts import duration_text, short
 from thermid.model.tree import Model
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 from thermid.values.fitted import FittedValues
 
 PROCESS, OUTPUT = "process noise", "output error"

@@ -17,8 +17,8 @@ from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.fit._problem.residuals import Problem
 from thermid.measure.records import Channel, Record
-from thermid.model.laws import literal
-from thermid.simulation.scenarios import Scenario
+from thermid.model.elements import literal
+from thermid.simulation.runs import Scenario
 
 ORIGINS: Final = 8
 """Moments from which a left-out stretch is foreseen, at most."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from thermid.base.errors import IdentificationError, ThermidError, nearest
-from thermid.model.laws import literal
+from thermid.model.elements import literal
 from thermid.simulation.network import Network
 
 WIENER, MARKOV = "wiener", "gauss-markov"

@@ -24,13 +24,11 @@ from thermid.fit._uncertainty.noise import Binned, TraceNoise, answers_to_inputs
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import Record
 from thermid.model.deck import model_from_dict
-from thermid.model.elements import HeatLoad
-from thermid.model.laws import Constant, TableSignal, literal
+from thermid.model.elements import Constant, HeatLoad, TableSignal, literal
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.network import compile_network
-from thermid.simulation.runs import simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, simulate
 from thermid.values.spreads import deviation
 
 LAW_STARTS, LAW_STEP = 12, 1e-6

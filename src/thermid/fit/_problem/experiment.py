@@ -18,10 +18,10 @@ from thermid.base.memo import Memo
 from thermid.measure.records import Channel, Record, SecondClock
 from thermid.measure.sensors import SensorPart
 from thermid.model.deck import model_from_dict
-from thermid.model.laws import Constant, Signal, TableSignal, conducted
+from thermid.model.elements import Constant, Signal, TableSignal, conducted
 from thermid.model.tree import Model, Names, Submodel
 from thermid.simulation.network import Network, compile_network
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import Engine, Wiring
 from thermid.values.fitted import FittedValue
 

@@ -14,7 +14,7 @@ from thermid.fit._problem.experiment import OFFSET, RATE, SCALE, Experiment, bin
 from thermid.fit._problem.request import Request, known_before, mean_of
 from thermid.fit._problem.residuals import Influence, Prior, Problem, Unknown, parameter_unknown
 from thermid.measure.sensors import SensorPart
-from thermid.model.laws import Constant, TableSignal
+from thermid.model.elements import Constant, TableSignal
 from thermid.physics.finishes import finish
 from thermid.values.spreads import read_spread
 

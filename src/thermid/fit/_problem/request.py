@@ -22,10 +22,10 @@ from thermid.base.units import TEMPERATURE, from_si, unit
 from thermid.fit._problem.experiment import first_reading
 from thermid.fit._problem.residuals import Unknown
 from thermid.measure.records import Channel, Record
+from thermid.model.elements import Constant, literal
 from thermid.model.identity import definition_of, identity_of, inside, local_identities
-from thermid.model.laws import Constant, literal
 from thermid.model.tree import Model, ParameterSet, Tree
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import Options
 from thermid.values.spreads import read_spread
 from thermid.values.store import Source, State, Store

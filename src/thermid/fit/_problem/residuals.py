@@ -17,7 +17,7 @@ from thermid.base.linear_algebra import HALF_WIDTH_95, Array
 from thermid.base.memo import Memo
 from thermid.base.units import Dimension
 from thermid.fit._problem.experiment import OFFSET, RATE, Experiment, Observation
-from thermid.model.parameters import POSITIVE, Parameter
+from thermid.model.elements import POSITIVE, Parameter
 from thermid.simulation.solver import Engine, Options, Squares, Traces, Weighing, Wiring, kept_for
 
 

@@ -17,7 +17,7 @@ from thermid.fit._minimisation import Fit, covariances
 from thermid.fit._problem.experiment import SCALE, Experiment, InputNoise, Observation
 from thermid.fit._problem.residuals import Bench, Problem, SensorTrace, loss_of
 from thermid.measure.records import blur_of, shared_rounding, unrounded
-from thermid.model.laws import Constant, Signal, TableSignal
+from thermid.model.elements import Constant, Signal, TableSignal
 from thermid.model.tree import FlatLoad
 
 MAX_STRETCHES = 80

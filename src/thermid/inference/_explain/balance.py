@@ -13,18 +13,16 @@ from thermid.base.errors import DeckError, RecordError
 from thermid.base.expression import Kelvin
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
-from thermid.fit.calibration import Calibration
-from thermid.fit.problem import at_their_seats, attached, bind, role_and_target
+from thermid.fit.calibration import Calibration, at_their_seats, attached, bind, role_and_target
 from thermid.inference._explain.thresholds import BALANCE_STEP
 from thermid.measure.amounts import short
 from thermid.measure.records import Record
 from thermid.measure.steadiness import SteadyPoint, SteadyValue
-from thermid.model.laws import Constant
+from thermid.model.elements import Constant
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.network import refuse_controllers
-from thermid.simulation.runs import steady
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, steady
 from thermid.simulation.solver import Engine, Wiring
 
 

@@ -13,18 +13,15 @@ import numpy as np
 
 from thermid.base.dual import value_of
 from thermid.base.linear_algebra import Array
-from thermid.fit.calibration import Calibration
+from thermid.fit.calibration import MEASURED, Calibration, Experiment, LocalSpec, Problem, Request, first_reading
 from thermid.fit.power import PowerCourse
-from thermid.fit.problem import MEASURED, Experiment, LocalSpec, Problem, Request, first_reading
 from thermid.inference._explain.causes import SIZES, SizedValue
 from thermid.inference._explain.thresholds import BEGINS, COLD, MOST_PLACES, PACES, SETTLING_PACES, SLOWEST_MASS, SLOWEST_SAMPLES, TIP
 from thermid.measure.amounts import short
-from thermid.model.elements import Conductor, HeatLoad, Node
-from thermid.model.laws import Curve
-from thermid.model.parameters import parameter
+from thermid.model.elements import Conductor, Curve, HeatLoad, Node, parameter
 from thermid.model.tree import Model
 from thermid.simulation.network import Network, compile_network
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 
 ADDED = "suspected_link_"
 Judge = Callable[[Any], tuple[str, bool]]

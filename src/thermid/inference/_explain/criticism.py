@@ -13,8 +13,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
-from thermid.fit.calibration import Calibration, fit as refit
-from thermid.fit.problem import Request
+from thermid.fit.calibration import Calibration, Request, fit as refit
 from thermid.inference._explain.candidates import missing_elements
 from thermid.inference._explain.heats import unlogged_powers
 from thermid.inference._explain.structures import EvaluationBudget, FittedStructure, adopted, fitted_structure, fitted_structures, promises

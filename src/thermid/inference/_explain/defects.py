@@ -17,9 +17,8 @@ import numpy as np
 
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Indices
-from thermid.fit.calibration import Calibration, fit_problem
+from thermid.fit.calibration import MEASURED, Calibration, Experiment, Request, Unknown, build_problem, fit_problem, starting_point
 from thermid.fit.discrepancy import FREE_AIR, constant_coefficients
-from thermid.fit.problem import MEASURED, Experiment, Request, Unknown, build_problem, starting_point
 from thermid.inference._explain.candidates import Fitted, MissingElement, hidden_defects
 from thermid.inference._explain.causes import SizedValue
 from thermid.inference._explain.thresholds import (
@@ -45,7 +44,7 @@ from thermid.inference._explain.weighing import CauseScore, noise_of, shares, we
 from thermid.measure.amounts import short
 from thermid.measure.records import Channel, Record
 from thermid.model.elements import CARRIED_BY
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,21 +11,17 @@ import numpy as np
 from thermid.base.errors import ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.base.units import format_value
-from thermid.fit.calibration import Calibration
+from thermid.fit.calibration import Calibration, Experiment, Influence, Request, Unknown, build_problem
 from thermid.fit.power import ONE_TURN, SHAPES, PowerCourse, watts, with_load
-from thermid.fit.problem import Experiment, Influence, Request, Unknown, build_problem
 from thermid.inference._explain.candidates import MissingElement, first_step, laid_open
 from thermid.inference._explain.causes import SIZES, SizedValue
 from thermid.inference._explain.rough_fit import MAX_DESCENT_STEPS, MAX_RANKING_STEPS, RoughEnd, RoughFit
 from thermid.inference._explain.thresholds import MANY_LOADS, MAX_HEATED_NODES, MAX_WINDOW_SEARCHES, PULSES, TELLING_DIFFERENCE
 from thermid.measure.amounts import duration_text, short
-from thermid.model.elements import HeatLoad
-from thermid.model.laws import TableSignal
-from thermid.model.parameters import parameter
+from thermid.model.elements import HeatLoad, TableSignal, parameter
 from thermid.model.tree import FlatConductor, parameter_table
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.runs import Solution, prepare
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, Solution, prepare
 
 PLACED = "unlogged_heat_"
 MOVING = ("convection", "effective")

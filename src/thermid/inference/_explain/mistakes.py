@@ -17,7 +17,7 @@ import numpy as np
 
 from thermid.base.errors import ThermidError
 from thermid.base.linear_algebra import Array
-from thermid.fit.problem import Prior, Request, Unknown
+from thermid.fit.calibration import Prior, Request, Unknown
 from thermid.inference._explain.candidates import Fitted, plain_lacks
 from thermid.inference._explain.causes import DECK_VALUE, MISTAKES, SIZES
 from thermid.inference._explain.heats import Heat, heats_of, stores_of

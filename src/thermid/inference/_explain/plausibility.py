@@ -13,11 +13,10 @@ from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.base.results import Result
-from thermid.fit.calibration import Calibration
-from thermid.fit.problem import power_while_on
+from thermid.fit.calibration import Calibration, power_while_on
 from thermid.inference._explain.thresholds import BARE, CORRELATION, EFFICIENCY, EMISSIVITY, FORCED, SPECIFIC_HEAT, UNDETERMINED
 from thermid.measure.amounts import short
-from thermid.model.laws import literal
+from thermid.model.elements import literal
 from thermid.model.tree import FlatConductor
 from thermid.physics.air import dry_air
 from thermid.physics.materials import materials

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from thermid.base.errors import SolverError
 from thermid.base.linear_algebra import Array
 from thermid.base.units import unit
-from thermid.fit.calibration import descend
-from thermid.fit.problem import Observation, Prior, Problem, Request, Unknown, build_problem
+from thermid.fit.calibration import Observation, Prior, Problem, Request, Unknown, build_problem, descend
 from thermid.model.tree import Model, parameter_table
 
 MAX_OFF_CENTRE = 0.25

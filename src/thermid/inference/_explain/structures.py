@@ -22,8 +22,7 @@ from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.base.units import from_si, unit
-from thermid.fit.calibration import Fit, minimise
-from thermid.fit.problem import Prior, Problem, Request, Unknown, build_problem, starting_point
+from thermid.fit.calibration import Fit, Prior, Problem, Request, Unknown, build_problem, minimise, starting_point
 from thermid.inference._explain.candidates import Fitted, MissingElement, changes_of
 from thermid.inference._explain.causes import SizedValue
 from thermid.inference._explain.thresholds import (
@@ -43,10 +42,8 @@ from thermid.inference._explain.thresholds import (
 )
 from thermid.inference._explain.weighing import CauseScore, noise_of, weighed_at
 from thermid.measure.amounts import short
-from thermid.model.laws import Constant, TableSignal
-from thermid.model.parameters import exact
-from thermid.simulation.runs import Workers, in_tasks, simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.model.elements import Constant, TableSignal, exact
+from thermid.simulation.runs import Scenario, Workers, in_tasks, simulate
 
 
 @dataclass(frozen=True, eq=False)

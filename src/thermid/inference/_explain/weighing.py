@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thermid.base.linear_algebra import Array
-from thermid.fit.problem import Problem
-from thermid.fit.uncertainty import binned, evidences
+from thermid.fit.calibration import Problem, binned, evidences
 from thermid.inference._explain.causes import SizedValue
 from thermid.inference._explain.thresholds import MAX_SEEN_STRETCHES, WIDTHS
 

@@ -12,11 +12,10 @@ from thermid.base.errors import IdentificationError, quoted, refuse_unknown
 from thermid.base.linear_algebra import Array, square_root
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.base.units import counted, from_si, unit as unit_of
-from thermid.fit.problem import Unknown
+from thermid.fit.calibration import Unknown
 from thermid.inference._fleet.population import PopulationFit, distances
 from thermid.model.tree import Model
-from thermid.simulation.runs import Ensemble, Workers, ensemble
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Ensemble, Scenario, Workers, ensemble
 
 Covariates = Mapping[str, Mapping[str, float | str]]
 """Unit -> name -> number, such as its mass, or text, such as its batch."""

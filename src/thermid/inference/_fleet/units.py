@@ -18,9 +18,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, quoted
 from thermid.base.linear_algebra import Array, Bools, inverse_square_root, square_root, symmetric_inverse
 from thermid.base.units import counted
-from thermid.fit.calibration import minimise, requested
-from thermid.fit.problem import Problem, Request, Sums, Unknown, build_problem
-from thermid.fit.uncertainty import autocorrelation
+from thermid.fit.calibration import Problem, Request, Sums, Unknown, autocorrelation, build_problem, minimise, requested
 from thermid.inference._fleet.fleet import CovariateDesign, Covariates, Effect, Fleet, OddUnit, PopulationValue, SharedVariation
 from thermid.inference._fleet.population import (
     PopulationFit,
@@ -33,8 +31,7 @@ from thermid.inference._fleet.population import (
 )
 from thermid.measure.records import Record
 from thermid.model.tree import Model
-from thermid.simulation.runs import Workers, in_tasks
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, Workers, in_tasks
 
 LINEARISATIONS = 12
 """Linearisations at most."""

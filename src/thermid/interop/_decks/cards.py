@@ -23,11 +23,6 @@ _CONSTANT: Final = re.compile(r"^(\s*)\s(\d+)\s*[,=]")
 _BEGIN: Final = re.compile(r"\s*(\d+)\s*(?:,|$)")
 
 
-def are_cards(text: str) -> bool:
-    """Return whether a deck has cards for headers."""
-    return re.search(r"^\s*BCD\s+3NODE\b", text, re.MULTILINE | re.IGNORECASE) is not None
-
-
 def card_blocks(lines: Iterator[Line]) -> Iterator[tuple[str, str, list[Line]]]:
     """Yield header, submodel and rows of each block, registers made of numbered constants as a block of their own."""
     header, rows, words = "", list[Line](), list[str]()

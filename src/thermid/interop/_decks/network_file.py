@@ -19,7 +19,7 @@ from thermid.interop._decks.emissivities import FileEmissivity
 from thermid.model.deck import model_from_dict
 from thermid.model.tree import Model, ParameterSet
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 
 GROUP: Final[Mapping[str, float]] = {"value": 1.0, "min": 0.05, "max": 20.0}
 """A factor of all conductors that one statement of the deck's author made: what an analyst correlates."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from thermid.base.errors import DeckError, ThermidError
 from thermid.base.units import counted
-from thermid.interop._decks.cards import are_cards, card_blocks
+from thermid.interop._decks.cards import card_blocks
 from thermid.interop._decks.emissivities import FileEmissivity, optical_properties, read_emissivities
 from thermid.interop._decks.heat_rates import CALL, SUFFIX, CommentedArrays, heat_rates, owner_of
 from thermid.interop._decks.network_file import (
@@ -154,7 +154,7 @@ def read_sinda(path: str | Path, units: str = "") -> NetworkFile:
     deck.title = path.stem
     if units:
         deck.units.take(units)
-    old = are_cards(text)
+    old = re.search(r"^\s*BCD\s+3NODE\b", text, re.MULTILINE | re.IGNORECASE) is not None
     if old:
         deck.units.sigma = 1.0
     deck.steps.extend(card_blocks(numbered(text, str(path))) if old else _blocks(deck, path, text, ()))

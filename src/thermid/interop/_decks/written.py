@@ -10,13 +10,12 @@ from typing import Final
 from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError
-from thermid.base.files import EXPORT, write_text
-from thermid.interop._wired import HeatSource, Wired, number_text, one_line, table_points, wired
-from thermid.model.laws import Constant, Drawn, TableSignal
+from thermid.interop._wired import HeatSource, Wired, exported, number_text, one_line, table_points, wired
+from thermid.model.elements import Constant, Drawn, TableSignal
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
 from thermid.simulation.network import ConductorRow
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 
 MAX_SUBMODEL_LETTERS: Final = 24
 """Letters of a submodel's name; SINDA/FLUINT takes 32."""
@@ -38,10 +37,7 @@ def to_sinda(model: Model, scenario: Scenario, path: str | os.PathLike[str] | No
     DeckError       When a law, a load or a boundary cannot be written.
     ScenarioError   When the scenario does not fit the model or follows a schedule.
     """
-    text = "\n".join(_Sinda(wired(model, scenario, "SINDA")).lines()) + "\n"
-    if path is not None:
-        write_text(path, text, EXPORT, "C ")
-    return text
+    return exported("\n".join(_Sinda(wired(model, scenario, "SINDA")).lines()) + "\n", path, "C ")
 
 
 @takes_objects
@@ -60,10 +56,7 @@ def to_esatan(model: Model, scenario: Scenario, path: str | os.PathLike[str] | N
     DeckError       When a law, a load or a boundary cannot be written.
     ScenarioError   When the scenario does not fit the model or follows a schedule.
     """
-    text = "\n".join(_Esatan(wired(model, scenario, "ESATAN")).lines()) + "\n"
-    if path is not None:
-        write_text(path, text, EXPORT, "#")
-    return text
+    return exported("\n".join(_Esatan(wired(model, scenario, "ESATAN")).lines()) + "\n", path, "#")
 
 
 class _Deck:

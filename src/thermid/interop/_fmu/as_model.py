@@ -21,7 +21,7 @@ from thermid.base.linear_algebra import Array
 from thermid.base.units import NAMES, TEMPERATURE, Dimension, unit
 from thermid.interop._fmu.host import FmuFile, FmuSetting, InputCourse
 from thermid.model.deck import model_from_dict
-from thermid.model.laws import Constant, Drawn, TableSignal
+from thermid.model.elements import Constant, Drawn, TableSignal
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.solver import Answer, Assembled, Engine, Wiring

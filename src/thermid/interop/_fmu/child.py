@@ -162,7 +162,7 @@ class _Exchange(_FmuRun):
 
     def _go(self) -> tuple[Array, Array]:
         self.n, self.since, self.events = len(self.file.states), 0.0, 0
-        self.moves = self._first_moves()
+        self.moves = np.array([[way.values.get(r, 0.0) for way in self.ways] for r in self.file.states]).reshape(self.n, len(self.ways))
         self.seeds = [_Seed.of_direction(self.file.states, way) for way in self.ways]
         due = self._settle_events()
         self._enter()
@@ -189,14 +189,6 @@ class _Exchange(_FmuRun):
                     slopes[place] = self._derived(self.wanted)
                 place += 1
         return outputs, slopes
-
-    def _first_moves(self) -> Array:
-        """Return the derivatives (states, ways) of the states as the run begins."""
-        out = np.zeros((self.n, len(self.ways)))
-        for k, way in enumerate(self.ways):
-            for i, reference in enumerate(self.file.states):
-                out[i, k] = way.values.get(reference, 0.0)
-        return out
 
     def _enter(self) -> None:
         self.fmu.enterContinuousTimeMode()

@@ -26,11 +26,10 @@ from thermid.interop._fmu.archive import DESCRIPTION
 from thermid.interop._fmu.description import PLAIN, Described, FmuVariable, build_description, describe, structured
 from thermid.interop._fmu.image import MARK, OPERATIONS, image, still
 from thermid.interop._wired import Formula, identifiers, named, one_line
-from thermid.model.laws import Constant, Curve
+from thermid.model.elements import Constant, Curve
 from thermid.model.tree import Model
-from thermid.simulation.network import Network, Numbers
-from thermid.simulation.runs import network_for
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.network import Numbers
+from thermid.simulation.runs import Scenario, network_for
 from thermid.simulation.solver import Assembled, Engine, Wiring
 
 VERSIONS: Final = ("2.0", "3.0")
@@ -133,7 +132,9 @@ def to_fmu(model: Model, scenario: Scenario, to: str | Path, version: str = "3.0
             f"an FMU takes at most {MAX_KERNEL_NODES} nodes; this model has {len(network.nodes)}. Reduce it first: thermid reduce.",
             model.title,
         )
-    wiring = Wiring(network, scenario, free_parameters(network, scenario))
+    table = network.flat.parameters
+    scheduled = {table.literal_behind(network.flat.names.model.canonical(raw)) for raw in scenario.schedule}
+    wiring = Wiring(network, scenario, tuple(p for p in table.order if table.table[p].parameter.is_literal and p not in scheduled))
     wiring.gone = ()  # parameters may change what elimination would rest on
     draft = _Draft(wiring, formulas_of(wiring))
     identifier = next(iter(identifiers([model.title or "model"]).values()))
@@ -380,13 +381,6 @@ class OfferedFormulas:
     symbols: tuple[Symbol, ...]
     coefficients: tuple[Formula | float, ...]
     refused: Mapping[str, str]
-
-
-def free_parameters(network: Network, scenario: Scenario) -> tuple[str, ...]:
-    """Return the parameters that a host might set: values of their own, not those that follow a schedule."""
-    table = network.flat.parameters
-    scheduled = {table.literal_behind(network.flat.names.model.canonical(raw)) for raw in scenario.schedule}
-    return tuple(p for p in table.order if table.table[p].parameter.is_literal and p not in scheduled)
 
 
 def formulas_of(wiring: Wiring) -> OfferedFormulas:

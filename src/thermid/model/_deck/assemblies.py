@@ -19,7 +19,7 @@ from thermid.base.errors import DeckError, ThermidError
 from thermid.base.expression import parse
 from thermid.base.grammar import StrictTable
 from thermid.base.units import unit
-from thermid.model._deck.fields import Raw, ValueTable, plain
+from thermid.model._deck.fields import Raw, plain, value_table
 from thermid.model._deck.rows import Reader, rows_of_file
 from thermid.model._laws.signal import literal
 from thermid.model._parts.kinds import KINDS
@@ -47,10 +47,6 @@ class Assembly:
     values: Mapping[str, Any] = field(default_factory=dict)
 
 
-def _written(raw: Any) -> dict[str, Any]:
-    return raw.table() if isinstance(raw, ValueTable) else {"value": raw}
-
-
 class _Values:
     """Values of an element: what is a number stands in its deck, what has names is set by the deck that uses it."""
 
@@ -61,7 +57,7 @@ class _Values:
 
     def take(self, name: str, raw: Any, **details: Any) -> None:
         """Take a value under its name; `details` is what is said of it beside what is written."""
-        table = _written(raw)
+        table = value_table(raw)
         if isinstance(table["value"], str) and self._names(table["value"], name):
             self.set[name] = table
             table = {"value": f"1 [{self.units[name]}]"}
@@ -152,7 +148,7 @@ class PackageTable(StrictTable):
             ports = {need: need for need in ("to", "sees") if need in self.top}
             deck["surfaces"] = {"top": values.inner("top", self.top, "convection", "effective", "radiation") | {"of": "case"} | ports}
         deck["loads"] = {"heat": {"into": "junction", "power": "0 [W]"}}
-        power = {"heat.power": _written(self.power)} if self.power is not None else {}
+        power = {"heat.power": value_table(self.power)} if self.power is not None else {}
         offers = [*nodes, *deck.get("surfaces", {})]
         deck |= {"needs": list(bind), "offers": offers, "parameters": values.parameters}
         return Assembly(deck, bind, {**values.set, **power})
@@ -222,7 +218,7 @@ class LadderTable(StrictTable):
             }
         deck = {"title": f"ladder {name}", "needs": ["to"], "offers": list(nodes), "parameters": parameters, "nodes": nodes}
         deck |= {"conductors": conductors, "loads": {"heat": {"into": "junction", "power": "0 [W]"}}}
-        return Assembly(deck, {"to": self.to}, {"heat.power": _written(self.power)} if self.power is not None else {})
+        return Assembly(deck, {"to": self.to}, {"heat.power": value_table(self.power)} if self.power is not None else {})
 
 
 def _rows(file: str, where: str, read: Reader | None) -> list[tuple[list[str], str]]:

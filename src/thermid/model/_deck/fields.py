@@ -210,11 +210,14 @@ class UsedTable(StrictTable):
         return Use(
             bind={need: node if isinstance(node, str) else node.to for need, node in self.bind.items()},
             sees={need: node.sees for need, node in self.bind.items() if not isinstance(node, str)},
-            values={path: [_table(v) for v in raw] if isinstance(raw, list) else _table(raw) for path, raw in self.values.items()},
+            values={
+                path: [value_table(v) for v in raw] if isinstance(raw, list) else value_table(raw) for path, raw in self.values.items()
+            },
             count=count,
             chain=self.chain,
         )
 
 
-def _table(raw: Any) -> dict[str, Any]:
+def value_table(raw: Any) -> dict[str, Any]:
+    """Return a value as the table that a deck may write for it."""
     return raw.table() if isinstance(raw, ValueTable) else {"value": raw}

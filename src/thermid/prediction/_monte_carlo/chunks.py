@@ -16,8 +16,7 @@ from thermid.base.linear_algebra import Array, Indices
 from thermid.model.tree import Model
 from thermid.prediction._budget import Budget
 from thermid.prediction._setting import Setting
-from thermid.simulation.runs import PILOT, Counted, JobFolder, Workers, digest, in_tasks
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import PILOT, Counted, JobFolder, Scenario, Workers, digest, in_tasks
 from thermid.simulation.solver import MemberTurnings, Options
 
 PARTS = ("members", "times", "kelvin")

@@ -19,7 +19,7 @@ from thermid.base.results import PlottedTrace, Result, Shown
 from thermid.base.toml_files import Places, read_toml, resolve_inside
 from thermid.fit.error_model import UNEXPLAINED
 from thermid.model.deck import load_model
-from thermid.model.parameters import UNJUDGED, Standing
+from thermid.model.elements import UNJUDGED, Standing
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction._budget import OFF, SILENT, UNFITTED

@@ -18,8 +18,7 @@ from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result
 from thermid.base.units import TEMPERATURE, counted
 from thermid.fit.calibration import Calibration
-from thermid.model.laws import literal
-from thermid.model.parameters import Standing
+from thermid.model.elements import Standing, literal
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction._budget import AVERAGED, Budget, Spread, assumed_left_out, budget_of, check_variants, first_line, in_order
@@ -29,8 +28,7 @@ from thermid.prediction._predict import BENT, WayAnswer, centre_words, mixed_ans
 from thermid.prediction._reduction.macro import assumed
 from thermid.prediction._setting import Setting
 from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Counted, JobFolder, Workers, output_times, simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Counted, JobFolder, Scenario, Workers, output_times, simulate
 from thermid.simulation.solver import MemberTurnings, Options
 from thermid.values.fitted import FittedValues
 from thermid.values.store import Choice, LeftOut, Source, model_standing

@@ -18,14 +18,12 @@ from thermid.base.errors import DeckError, ScenarioError
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.model.deck import model_from_dict
-from thermid.model.elements import KINDS, LOAD_SLOTS
+from thermid.model.elements import KINDS, LOAD_SLOTS, literal
 from thermid.model.identity import made_to
-from thermid.model.laws import literal
 from thermid.model.tree import FlatConductor, FlatLoad, Model
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.simulation.network import ConductorRow, Network, Numbers, conductance, control_names
-from thermid.simulation.runs import Solution, network_for, simulate
-from thermid.simulation.scenarios import STEADY, Scenario, Start
+from thermid.simulation.runs import STEADY, Scenario, Solution, Start, network_for, simulate
 
 COMPARED_SAMPLES = 201
 """Samples of a run by which reductions are compared."""

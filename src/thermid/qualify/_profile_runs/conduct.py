@@ -22,14 +22,13 @@ from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
 from thermid.measure.amounts import duration_text
 from thermid.measure.steadiness import StabilityRule, rule_of
-from thermid.model.laws import Constant, Signal, TableSignal, literal, multiplied
+from thermid.model.elements import Constant, Signal, TableSignal, literal, multiplied
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify._profile_runs.profile_run import Phase, ProfileRun, SettledWater
 from thermid.qualify._profiles.profile import ProfileStep, ThermalProfile, ordered
 from thermid.simulation.network import Environment, compile_network
-from thermid.simulation.runs import network_for, simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, network_for, simulate
 from thermid.simulation.solver import Assembled, Engine, Options, Traces, Wiring, settle
 
 TAIL = 1e6

@@ -13,8 +13,7 @@ from thermid.base.results import PlottedTrace, Result
 from thermid.measure.amounts import duration_text
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify._profiles.profile import ThermalProfile
-from thermid.simulation.runs import Solution, Trace
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, Solution, Trace
 
 
 class WetSurface(Protocol):

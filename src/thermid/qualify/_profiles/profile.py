@@ -18,7 +18,7 @@ from thermid.base.sourced import check_mark, weakest
 from thermid.base.toml_files import Places
 from thermid.base.units import TEMPERATURE
 from thermid.measure.steadiness import rule_of
-from thermid.model.laws import literal
+from thermid.model.elements import literal
 from thermid.physics.constants import ATMOSPHERE, ICE_POINT
 from thermid.qualify._profiles.numbers import SLOTS, USUAL, WORDS
 

@@ -17,8 +17,7 @@ from thermid.measure.steadiness import StabilityRule, rule_of
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify._steadiness.approach import Approach, Mixture, approach
-from thermid.simulation.runs import simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, simulate
 
 MIN_FORECAST_READINGS: Final = 40
 """Readings below which nothing is forecast."""

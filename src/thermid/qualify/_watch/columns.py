@@ -36,6 +36,7 @@ class BoundColumns:
     options : dict          What else `read_record` is told: time, separator, decimal, clock, units.
     tables : dict           Column -> its table as in a campaign, where one says what the columns are.
     bound : callable        What is done to a record that was read.
+    remarks : tuple of str  What a reader must know; of columns by a model's names, which ones are not used.
     """
 
     told: Mapping[str, str] = field(default_factory=dict)
@@ -45,7 +46,7 @@ class BoundColumns:
     options: Mapping[str, Any] = field(default_factory=dict)
     tables: dict[str, Any] = field(default_factory=dict)
     bound: Callable[[Record], Record] = field(default=lambda record: record)
-    remarks: tuple[str, ...] = field(default=(), init=False)
+    remarks: tuple[str, ...] = ()
 
     def read(self, path: Path, name: str) -> Record:
         """Return the record of a log.

@@ -15,8 +15,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from thermid.base.linear_algebra import Array, covariance
-from thermid.fit.calibration import minimise
-from thermid.fit.problem import Bench, Compressed, Experiment, Prior, Unknown, bind
+from thermid.fit.calibration import Bench, Compressed, Experiment, Prior, Unknown, bind, minimise
 from thermid.measure.records import Record
 from thermid.measure.steadiness import MIN_INDEPENDENT_SHARE, StabilityRule, effective_samples
 from thermid.model.tree import Model
@@ -24,7 +23,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.qualify._steadiness.forecast import MIN_FORECAST_READINGS, EndForecast, IntervalEstimate
 from thermid.qualify._watch.growing import MIN_NOISE
 from thermid.qualify._watch.suspects import suspects_of
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import Options, Traces, kept_for, settle
 
 TRUST: Final = 0.3

@@ -13,7 +13,7 @@ from thermid.qualify._watch.columns import BoundColumns
 from thermid.qualify._watch.growing import read_whole_lines
 from thermid.qualify._watch.stopping import Stopping, TemperatureLimit
 from thermid.qualify._watch.watcher import Watcher, WatchLook
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify._steadiness.forecast import MIN_FORECAST_READINGS, Forecast, forecast
 from thermid.qualify._watch.live_fit import LiveFit, ModelForecast
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 
 RISK: Final = 0.01
 """Probability of one wrong stop on a plateau, at most: in a whole test where no known power is switched."""

@@ -17,11 +17,11 @@ import numpy as np
 from thermid.base.dual import value_of
 from thermid.base.errors import RecordError, SolverError
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array, Bools
+from thermid.fit.calibration import Bench, Experiment, bind
 from thermid.fit.estimation import WIENER, At, Belief, Dynamics, Passing, ProcessNoise
-from thermid.fit.problem import Bench, Experiment, bind
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import Channel, Record
-from thermid.model.laws import Constant
+from thermid.model.elements import Constant
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify._watch.columns import roles_in
@@ -43,7 +43,7 @@ from thermid.qualify._watch.live_fit import CAPACITANCE_SPREAD, TRUST, unknowns_
 from thermid.qualify._watch.stopping import WAIT, StopAdvice, Stopping
 from thermid.qualify._watch.suspects import SuspectValue, ambients_of, suspects_of
 from thermid.simulation.network import compile_network
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import Traces, settle
 
 MIN_JUMP_CHANGES: Final = 8.0

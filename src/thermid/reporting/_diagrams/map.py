@@ -14,8 +14,20 @@ from thermid.base.dual import value_of
 from thermid.model.tree import FlatConductor, Model
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting._blocks.content import oversized
-from thermid.reporting._diagrams.diagram import STYLES, FoldedModel, conductances, fold, parts_of, pooled, quantity, tint, watts
-from thermid.reporting._diagrams.layout import clipped, width_of
+from thermid.reporting._diagrams.diagram import (
+    STYLES,
+    FoldedModel,
+    clipped,
+    conductances,
+    fold,
+    parts_of,
+    pooled,
+    quantity,
+    times,
+    tint,
+    watts,
+    width_of,
+)
 from thermid.reporting._diagrams.places import Card, MapPlaces, Point, docked, places
 from thermid.simulation.network import Numbers, compile_network
 
@@ -244,7 +256,7 @@ def _item(
     power = f"+{quantity(sum(watts_), 'W')}" if watts_ and (sum(watts_) or powers is not None) else ""
     power = "as logged" if loads and not load_powers else power
     texts = {path: "" if v is None else quantity(v, "W") for path, v in load_powers.items()}
-    tip = "; ".join(f"{x.path} into {node}: {texts.get(x.path, 'as logged')}" for x in loads)
+    tip = "; ".join(f"{x.path} into {node}: {texts.get(x.path, 'as logged')}{times(x.controls)}" for x in loads)
     mine = tuple(badges.get(node, ()))
     fields = next(n.fields for n in shown.plain.flat.nodes if n.path == node)
     part = f"{node}." in shown.plain.parts

@@ -17,9 +17,7 @@ from thermid.base.sourced import VERDICTS
 from thermid.base.units import counted, from_si, unit
 from thermid.campaign.stages import Campaign, JointFit
 from thermid.campaign.verdicts import Verdict, largest, metric
-from thermid.fit.calibration import Calibration
-from thermid.fit.problem import SensorTrace
-from thermid.fit.uncertainty import MOVED, NOT_REJECTED, UNDECIDED, Move, MovedGroup
+from thermid.fit.calibration import MOVED, NOT_REJECTED, UNDECIDED, Calibration, Move, MovedGroup, SensorTrace
 from thermid.inference.criticism import criticise
 from thermid.inference.diagnosis import energy_balance
 from thermid.inference.intervals import identifiability

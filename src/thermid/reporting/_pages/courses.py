@@ -9,8 +9,7 @@ from thermid.base.linear_algebra import Array
 from thermid.fit.calibration import Calibration
 from thermid.model.tree import Model, flatten
 from thermid.reporting._pictures.figures import RecordDrive
-from thermid.simulation.runs import Solution, simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, Solution, simulate
 
 SHOWN_TIMES = 400
 """Times of a run."""

@@ -10,8 +10,7 @@ import numpy as np
 from thermid.base.sourced import VERDICTS
 from thermid.campaign.stages import Campaign
 from thermid.campaign.verdicts import Check, Verdict, largest, metric
-from thermid.fit.calibration import Calibration
-from thermid.fit.problem import SensorTrace
+from thermid.fit.calibration import Calibration, SensorTrace
 from thermid.model.tree import flatten
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting._blocks.content import (

@@ -14,7 +14,7 @@ from thermid.base.units import counted, from_si
 from thermid.campaign.stages import Campaign
 from thermid.campaign.studies import Study
 from thermid.campaign.verdicts import metric
-from thermid.model.parameters import Parameter
+from thermid.model.elements import Parameter
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting._blocks.content import (
@@ -124,6 +124,11 @@ def steps(study: Study) -> list[PageBlock]:
     rows: list[Line] = [
         [Cell(str(k), "", "main"), a.name, _state(a.state), ", ".join(a.stages) or a.note or DASH] for k, a in enumerate(study.actions, 1)
     ]
+    boxes: list[Line] = [
+        [Cell(path or study.model.title, "", "main"), study.model.submodel(path).title if path else "the whole", box]
+        for path, box in study.part_boxes.items()
+    ]
+    box_table = Table.of_rows([Head("part"), Head("deck"), Head("box colour, with those inside")], boxes)
     actions = Table.of_rows([Head("no."), Head("action", wrapped=True), Head("state"), Head("stages", wrapped=True)], rows)
     return [
         Heading("1  Knowledge and intended use"),
@@ -132,7 +137,7 @@ def steps(study: Study) -> list[PageBlock]:
         Heading("2  Box colour"),
         Words(study.reason),
         Facts((("the whole", study.part_boxes[""]),)),
-        folded("Box colours part by part", [_boxes(study)], counted(len(study.part_boxes), "part")),
+        folded("Box colours part by part", [box_table], counted(len(study.part_boxes), "part")),
         Heading("3  Theoretical and experimental set-up"),
         Facts(theory),
         *(Words(text) for text in (*study.theory, *study.experiment)),
@@ -146,14 +151,6 @@ def steps(study: Study) -> list[PageBlock]:
 
 def _state(state: str) -> Cell:
     return Cell(f"✓ {state}", "", "good") if state == "done" else Cell(state, "", "soft")
-
-
-def _boxes(study: Study) -> Table:
-    rows: list[Line] = [
-        [Cell(path or study.model.title, "", "main"), study.model.submodel(path).title if path else "the whole", box]
-        for path, box in study.part_boxes.items()
-    ]
-    return Table.of_rows([Head("part"), Head("deck"), Head("box colour, with those inside")], rows)
 
 
 def _instruments(study: Study) -> Table:

@@ -15,8 +15,7 @@ from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.units import counted, from_si, si_unit, unit
 from thermid.campaign.stages import Campaign
 from thermid.campaign.verdicts import Check, Verdict, largest, metric
-from thermid.fit.calibration import BLAME, Calibration, instrument_shares, sensor_shares
-from thermid.fit.uncertainty import MOVED
+from thermid.fit.calibration import BLAME, MOVED, Calibration, instrument_shares, sensor_shares
 from thermid.measure.records import Record
 from thermid.model.tree import Model, ParameterSet, flatten, ledger, parameter_table
 from thermid.physics.constants import ICE_POINT

@@ -16,8 +16,7 @@ import numpy as np
 from thermid.base.linear_algebra import Array
 from thermid.campaign.stages import Campaign, next_command
 from thermid.campaign.studies import RetunePlan
-from thermid.fit.calibration import Calibration
-from thermid.fit.uncertainty import Moves
+from thermid.fit.calibration import Calibration, Moves
 from thermid.physics.constants import ICE_POINT
 from thermid.physics.htc import HtcComparison
 from thermid.simulation.runs import Solution

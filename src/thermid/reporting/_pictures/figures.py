@@ -9,7 +9,7 @@ from html import escape
 import numpy as np
 
 from thermid.base.linear_algebra import Array
-from thermid.fit.problem import SensorTrace
+from thermid.fit.calibration import SensorTrace
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting._blocks.content import NARROW, Graphic, LegendEntry
 from thermid.reporting._pictures.chart import Area, Panel, Stroke, chart, nice_ticks, number_text

@@ -15,8 +15,7 @@ import numpy as np
 from thermid.base.dual import Number, value_of
 from thermid.base.errors import DeckError
 from thermid.base.linear_algebra import Array
-from thermid.model.elements import COMPLEMENT, named_control
-from thermid.model.laws import Curve, Melt, evaluate, slopes
+from thermid.model.elements import COMPLEMENT, Curve, Melt, evaluate, named_control, slopes
 from thermid.model.tree import FlatControl
 from thermid.simulation._network.rows import LoadRow
 

@@ -12,8 +12,7 @@ from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError, err
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Shown
 from thermid.base.units import TEMPERATURE
-from thermid.model.elements import Facing
-from thermid.model.laws import Constant, Mixed, Signal, added, signal
+from thermid.model.elements import Constant, Facing, Mixed, Signal, added, signal
 from thermid.model.tree import Flat, FlatLoad, FlatSurface
 from thermid.physics.constants import STEFAN_BOLTZMANN
 

@@ -18,8 +18,7 @@ from thermid.base.dual import Number, value_of
 from thermid.base.errors import ScenarioError, quoted
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
-from thermid.model.elements import ACCOMMODATION, Law, MadeIn, degrees
-from thermid.model.laws import Constant, Curve, Mixed, Signal, Sine, TableSignal, literal
+from thermid.model.elements import ACCOMMODATION, Constant, Curve, Law, MadeIn, Mixed, Signal, Sine, TableSignal, degrees, literal
 from thermid.model.tree import Flat, FlatConductor, bare, gas_nodes, still, surrounding
 from thermid.physics.constants import AMBIENT_DEFAULT, ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.convection import duct_nusselt, fin_efficiency

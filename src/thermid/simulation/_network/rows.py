@@ -12,8 +12,7 @@ import numpy as np
 from thermid import _kernel
 from thermid.base.dual import Number
 from thermid.base.linear_algebra import Array
-from thermid.model.elements import Law
-from thermid.model.laws import EXTENSION_REACH, Curve, whole
+from thermid.model.elements import EXTENSION_REACH, Curve, Law, whole
 
 ANCHOR: Final = _kernel.GAS_ANCHOR
 """Temperature to which the coefficients of gas laws refer. [K]"""

@@ -17,8 +17,7 @@ from thermid.base.codes import CodedText
 from thermid.base.dual import Number
 from thermid.base.errors import ScenarioError, quoted
 from thermid.base.memo import Memo
-from thermid.model.elements import Law
-from thermid.model.laws import Constant, Drawn, Mixed, Signal
+from thermid.model.elements import Constant, Drawn, Law, Mixed, Signal
 from thermid.model.tree import Flat, FlatConductor, by_volume, flow_of, fluid_of, streams_of, unfed
 from thermid.physics.constants import AMBIENT_DEFAULT, ATMOSPHERE, ICE_POINT
 from thermid.physics.gas import GASES

@@ -11,7 +11,7 @@ from thermid.base.errors import ScenarioError, errors_at
 from thermid.base.toml_files import resolve_inside
 from thermid.base.units import TEMPERATURE
 from thermid.measure.readers import read_plain, read_record
-from thermid.model.laws import Signal, TableSignal, conducted
+from thermid.model.elements import Signal, TableSignal, conducted
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from thermid.base.errors import ThermidError, errors_at
 from thermid.base.extensions import by_grammar, extension
 from thermid.base.toml_files import Places, read_toml
 from thermid.base.units import TEMPERATURE
-from thermid.model.laws import literal, signal
+from thermid.model.elements import literal, signal
 from thermid.simulation._network.environment import Environment
 from thermid.simulation._network.irradiation import Irradiation
 from thermid.simulation._scenarios.columns import LogColumns

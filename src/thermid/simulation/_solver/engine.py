@@ -17,7 +17,7 @@ from thermid.base.codes import CodedText
 from thermid.base.dual import value_of
 from thermid.base.errors import ScenarioError, SolverError, nearest, refuse_unknown
 from thermid.base.linear_algebra import Array, solve_conserving
-from thermid.model.laws import Constant, Sine, TableSignal
+from thermid.model.elements import Constant, Sine, TableSignal
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation._network.controls import PHASE, state_of
 from thermid.simulation._network.network import held_in, unreached

@@ -17,8 +17,7 @@ from thermid.base.dual import gradient_of, value_of
 from thermid.base.errors import ScenarioError, SolverError, ThermidError, refuse_unknown
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
-from thermid.model.elements import named_control
-from thermid.model.laws import Constant, Curve, Drawn, Signal, Sine, TableSignal, literal, value_and_slope
+from thermid.model.elements import Constant, Curve, Drawn, Signal, Sine, TableSignal, literal, named_control, value_and_slope
 from thermid.model.tree import Tree
 from thermid.simulation._network.controls import FREE, FactorForm, GuardForm
 from thermid.simulation._network.network import Network, Numbers, held_in

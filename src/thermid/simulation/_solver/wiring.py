@@ -14,8 +14,8 @@ from thermid.base.dual import Dual, Number, gradient_of, value_of
 from thermid.base.errors import ScenarioError, nearest, refuse_unknown
 from thermid.base.linear_algebra import Array
 from thermid.base.units import TEMPERATURE, require
-from thermid.model.elements import COMPLEMENT
-from thermid.model.laws import (
+from thermid.model.elements import (
+    COMPLEMENT,
     Constant,
     Drawn,
     HeatStore,

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from thermid.model.deck import load_model
-from thermid.simulation.runs import simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, simulate
 from unit.app.cli.conftest import Call
 
 RISE, TAU = 0.225 / (6 * 0.00420536), 25.92 / (6 * 0.00420536)

@@ -22,8 +22,7 @@ from thermid.campaign.stages import check_campaign
 from thermid.fit.calibration import calibrate
 from thermid.measure.readers import read_record
 from thermid.model.deck import load_model, model_from_dict
-from thermid.simulation.runs import simulate
-from thermid.simulation.scenarios import Scenario
+from thermid.simulation.runs import Scenario, simulate
 from torture.elements import network
 from two_masses import write_log
 

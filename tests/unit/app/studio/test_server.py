@@ -23,7 +23,7 @@ from thermid.app.studio.project import Project
 from thermid.app.studio.room import Room
 from thermid.app.studio.server import application, limited, serve
 from thermid.base.errors import DeckError
-from thermid.fit.problem import Unknown
+from thermid.fit.calibration import Unknown
 
 EXAMPLES = Path(__file__).parents[4] / "examples"
 TOKEN = "a-token_of_this-test"

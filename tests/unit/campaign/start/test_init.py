@@ -18,7 +18,7 @@ from thermid.campaign._start.project import parted
 from thermid.campaign._start.proposal import orders_text, propose
 from thermid.campaign._start.roles import noise_of, part_name, roles_of, with_noise
 from thermid.campaign._start.templates import TEMPLATES, write_template
-from thermid.model.laws import TableSignal
+from thermid.model.elements import TableSignal
 
 
 def bench(

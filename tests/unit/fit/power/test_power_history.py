@@ -12,7 +12,7 @@ import pytest
 import thermid as td
 from thermid.base.errors import IdentificationError
 from thermid.fit._power.history import Pins, _likeliest
-from thermid.model.laws import TableSignal
+from thermid.model.elements import TableSignal
 from unit.fit.bench import HTC, MASS, box, log, metered
 
 

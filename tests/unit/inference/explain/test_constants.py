@@ -12,13 +12,12 @@ from scipy import stats
 
 import thermid as td
 from thermid.base.dual import value_of
-from thermid.fit.calibration import Calibration
-from thermid.fit.problem import Request
+from thermid.fit.calibration import Calibration, Request
 from thermid.inference._explain.candidates import changes_of, faults_of, missing_elements
 from thermid.inference._explain.criticism import Candidate, Criticism, TraceCriticism, ljung_box, periodogram
 from thermid.inference._explain.diagnosis import Diagnosis, Suspect
 from thermid.inference._explain.plausibility import RangeCheck
-from thermid.model.laws import TableSignal
+from thermid.model.elements import TableSignal
 from thermid.physics.materials import materials
 from thermid.simulation.network import compile_network
 from unit.fit.bench import HTC, MASS, box, log, pair

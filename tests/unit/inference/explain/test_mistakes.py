@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit.problem import LocalSpec, Request
+from thermid.fit.calibration import LocalSpec, Request
 from thermid.inference._explain.mistakes import Mistakes, find_mistakes
 from thermid.inference._explain.rough_fit import _means
-from thermid.model.laws import TableSignal
+from thermid.model.elements import TableSignal
 
 PAIR = td.model_from_dict(
     {

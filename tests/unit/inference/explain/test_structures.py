@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.fit.calibration import fit
-from thermid.fit.problem import Request
+from thermid.fit.calibration import Request, fit
 from thermid.inference._explain.candidates import Fitted, changes_of
 from thermid.inference._explain.structures import TIE, adopted, fitted_structure, search_structure
 from unit.fit.bench import HTC, MASS, box, log
@@ -139,7 +138,7 @@ def test_commands_that_act_late_are_found() -> None:
             "loads": {"heat": {"into": "a", "power": "0 [W]"}},
         }
     )
-    from thermid.fit.problem import build_problem, starting_point
+    from thermid.fit.calibration import build_problem, starting_point
 
     def record(values: Any, watts: Any) -> td.Record:
         channels = {

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from thermid.fit.problem import build_problem, starting_point
-from thermid.fit.uncertainty import binned, evidences
+from thermid.fit.calibration import binned, build_problem, evidences, starting_point
 from thermid.inference._explain.causes import SIZES, SizedValue
 from thermid.inference._explain.weighing import CauseScore, noise_of, shares, weighed_at
 from unit.fit.bench import HTC, MASS, box, log
@@ -45,7 +44,7 @@ def test_evidence_is_that_of_dense_normal_distributions(wander: float) -> None:
 
 
 def _asked():  # type: ignore[no-untyped-def]
-    from thermid.fit.problem import Request
+    from thermid.fit.calibration import Request
 
     return Request(box(BARE), (log(box(BARE), {}, {"T": "case"}, samples=81),), (HTC, MASS))
 

@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from thermid.base.errors import DeckError, ScenarioError
 from thermid.model._tree.identity import to_dict
-from thermid.model.laws import Constant, TableSignal
+from thermid.model.elements import Constant, TableSignal
 from thermid.physics.conduction import fin_conductances, fin_parameter
 from thermid.physics.constants import ATMOSPHERE, STEFAN_BOLTZMANN
 

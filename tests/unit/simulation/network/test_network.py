@@ -12,7 +12,7 @@ from by_code import raises_code
 from thermid.base.dual import Dual, gradient_of, value_of
 from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError, ThermidError
 from thermid.model.deck import model_from_dict
-from thermid.model.laws import Constant, Sine, TableSignal
+from thermid.model.elements import Constant, Sine, TableSignal
 from thermid.model.tree import Model
 from thermid.physics.constants import ATMOSPHERE
 from thermid.simulation._network.environment import Environment
