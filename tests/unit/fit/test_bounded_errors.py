@@ -33,7 +33,8 @@ def test_a_normal_error_is_cut_at_the_bounds(at: float, error: float, found: flo
 def test_it_is_what_members_between_the_bounds_scatter_by() -> None:
     drawn = 880.0 + 60.0 * np.random.default_rng(5).standard_normal(400_000)
     inside = drawn[(drawn > 860.0) & (drawn < 932.0)]
-    assert math.sqrt(square_between(unknown(860.0, 932.0), 880.0, 60.0**2)) == pytest.approx(np.sqrt(np.mean((inside - 880.0) ** 2)), rel=5e-3)
+    found = math.sqrt(square_between(unknown(860.0, 932.0), 880.0, 60.0**2))
+    assert found == pytest.approx(np.sqrt(np.mean((inside - 880.0) ** 2)), rel=5e-3)
 
 
 @pytest.fixture(scope="module")
@@ -41,13 +42,14 @@ def fit() -> td.Calibration:
     """A box of a stated metal whose readings wander more than its model can: its specific heat ends at a bound of its range."""
 
     def box(**more: Any) -> td.Model:
+        htc = {"value": "6 [W/(m^2 K)]", "min": 1, "max": 30}
         heat = {"value": "896 [J/(kg K)]", "min": "860 [J/(kg K)]", "max": "932 [J/(kg K)]"}
         return td.model_from_dict(
             {
                 "title": "Box",
                 "needs": ["air"],
                 "nodes": {"case": {"mass": "0.7 [kg]", "specific_heat": heat}},
-                "surfaces": {"skin": {"of": "case", "to": "air", "area": "0.05 [m^2]", "htc": {"value": "6 [W/(m^2 K)]", "min": 1, "max": 30}}},
+                "surfaces": {"skin": {"of": "case", "to": "air", "area": "0.05 [m^2]", "htc": htc}},
                 "loads": {"heat": {"into": "case", "power": "4 [W]"}},
             }
         )

@@ -47,8 +47,8 @@ from thermid.fit._error_model.sizes import (
     SIZES,
     SURE_MOVE,
 )
-from thermid.fit._uncertainty.information import square_between
 from thermid.fit._problem.residuals import Problem, Unknown
+from thermid.fit._uncertainty.information import square_between
 from thermid.measure.amounts import short
 from thermid.model.elements import CARRIED_BY
 from thermid.model.identity import identity_of
