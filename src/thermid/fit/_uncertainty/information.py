@@ -298,7 +298,7 @@ def responses(request: Request, problem: Problem, minimum: Fit, level: float, ra
     return Responses(rows, tuple(table.sources.values()), noise, unlimited).between(unknowns, minimum.fitted)
 
 
-EVEN = 100.0
+EVEN_FROM = 100.0
 """Standard deviation in ranges from which a normal law is even over the range, to 1e-5. [-]"""
 
 
@@ -311,7 +311,7 @@ def square_between(u: Unknown, fitted: float, variance: float) -> float:
     low, high = (float(end) - fitted for end in u.fitted_bounds())
     if not (0.0 < variance < math.inf and 0.0 < high - low < math.inf):
         return variance
-    law = Normal(0.0, min(math.sqrt(variance), EVEN * (high - low)))
+    law = Normal(0.0, min(math.sqrt(variance), EVEN_FROM * (high - low)))
     share = law.below(high) - law.below(low)
     return min(variance, law.moments(low, high)[1] / share) if share > 0.0 else variance
 
