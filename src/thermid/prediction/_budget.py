@@ -698,15 +698,15 @@ def _of_laws(budget: Budget) -> set[str]:
     return {name for e in stated for name in (e, flat.parameters.literal_behind(e))}
 
 
-def open_finishes(model: Model, scenario: Scenario, told: Collection[str]) -> dict[str, Finish]:
-    """Return emissivity -> the finish that alone tells it, of those that act in a scenario; `told` are told by something else.
+def open_finishes(model: Model, scenario: Scenario, elsewhere: Collection[str]) -> dict[str, Finish]:
+    """Return emissivity -> the finish that alone tells it, of those that act in a scenario; not those that are told `elsewhere`.
 
     The emissivity behind an effective coefficient acts where its gas is not air alone.
     """
     network = compile_network(model, prescribed=tuple(scenario.prescribed))
     media, deck = scenario.media(), network.flat.parameters
     idle = {c.emissivity for c in network.flat.conductors if c.emissivity and (media.as_printed or not media.changed(c.gas))}
-    taken = {*told, *map(deck.literal_behind, idle), *scenario.driven(network.flat)}
+    taken = {*elsewhere, *map(deck.literal_behind, idle), *scenario.driven(network.flat)}
     finishes = {p: f for p, f in network.flat.finish_of.items() if p not in taken}
     return {p: f for p, f in finishes.items() if deck.table[p].parameter.source == "assumed"}
 
