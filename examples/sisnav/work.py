@@ -215,19 +215,23 @@ class Work:
         for verdict in self.natural.verdicts:
             truth = np.genfromtxt(self.folder / "hidden" / f"{verdict.record}.csv", delimiter=",", names=True, skip_header=1)
             (experiment,), fit, times = verdict.prediction.experiments, self.natural[verdict.model], truth["time_s"]
-            spread = {name: f"{sd} [K]" if name == "cv" else f"{sd}" for name, sd in experiment.shared.values()}
             nodes = {o.sensor: o.node for o in experiment.observations}
-            told = td.predict(fit, experiment.scenario, spread=spread, times=times, nodes=list(nodes.values()))
-            for block in verdict.prediction.blocks:
-                shift = fit.bias.get(block.sensor, 0.0)
-                error = np.interp(times, block.times, block.predicted) - shift - 273.15 - truth[block.sensor]
-                wide = told[nodes[block.sensor]].error * 1.96
+            told = td.predict(fit, as_read(experiment, fit), as_logged=True, times=times, nodes=list(nodes.values()))
+            for sensor, node in nodes.items():
+                error, wide = told[node].celsius - truth[sensor], told[node].half_width
                 out.append(
-                    Hidden(
-                        verdict.record, block.sensor, float(np.abs(error).max()), float(wide.max()), float(np.mean(np.abs(error) <= wide))
-                    )
+                    Hidden(verdict.record, sensor, float(np.abs(error).max()), float(wide.max()), float(np.mean(np.abs(error) <= wide)))
                 )
         return out
+
+
+def as_read(experiment: Any, fit: td.Calibration) -> td.Scenario:
+    """Return the scenario of a held-out log as its instruments read it: a verdict corrects these by what the fit found of them."""
+    found = {target: fit.instrument_errors[channel] for channel, (target, _) in experiment.shared.items()}
+    scenario = experiment.bare
+    boundaries = {b: s.raised(-found[b]) for b, s in scenario.boundaries.items() if b in found}
+    loads = {x: s.scaled(1.0 / found[f"scale.{x}"]) for x, s in scenario.loads.items() if f"scale.{x}" in found}
+    return scenario.with_(boundaries=boundaries, loads=loads)
 
 
 def _settled(model: td.Model, surface: str) -> float:

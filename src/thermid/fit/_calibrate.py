@@ -522,7 +522,7 @@ def summarise(
 
 def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) -> FittedValue:
     slope = u.slope(fitted)
-    errors = (slope * float(np.sqrt(total)), slope * float(np.sqrt(max(random, 0.0))) if u.kind == "parameter" else 0.0)
+    errors = (slope * float(np.sqrt(total)), slope * float(np.sqrt(np.clip(random, 0.0, total))) if u.kind == "parameter" else 0.0)
     prior = (u.prior.mean, u.prior.sd) if u.prior is not None else None
     return FittedValue(
         u.name, u.to_value(fitted), errors[0], errors[1], u.log, u.unit, u.start, (u.low, u.high), origin, u.kind, prior, u.also

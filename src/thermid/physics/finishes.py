@@ -12,6 +12,9 @@ from thermid.base.linear_algebra import HALF_WIDTH_95
 SPAN: Final = 2 * HALF_WIDTH_95
 """Width of the range of a finish in standard deviations of the logarithm: it is read as holding 95 %. [-]"""
 
+FINISH_CORRELATION: Final = 0.5
+"""Correlation of the emissivities of two surfaces of one finish: half of what parts differ by is the batch, half the part. [-]"""
+
 
 @dataclass(frozen=True)
 class Finish:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import fnmatch
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import Any, Literal
 
 import numpy as np
@@ -21,13 +22,14 @@ from thermid.fit.error_model import ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES, E
 from thermid.inference.criticism import asks
 from thermid.model.elements import UNJUDGED, Standing
 from thermid.model.tree import Model, parameter_table
+from thermid.physics.finishes import FINISH_CORRELATION, Finish
 from thermid.prediction._known import Knowledge, Rows, known_of, normal_sources, rows_of
 from thermid.prediction._split import split_values
 from thermid.simulation.network import Network, compile_network
 from thermid.simulation.runs import Scenario, Simulator, network_for, prepare
 from thermid.values.fitted import FittedValues
 from thermid.values.spreads import cut
-from thermid.values.store import Distribution, LeftOut, Logarithm, Normal, Shifted, Source, Uniform, uniforms
+from thermid.values.store import Distribution, LeftOut, Logarithm, LogNormal, Normal, Shifted, Source, Uniform, uniforms
 
 Groups = Sequence[tuple[Sequence[str], Any]]
 """Names that share one value, and how it is spread."""
@@ -47,7 +49,7 @@ MIN_SHARE_OF_BAND = 0.1
 """Share of a band from which what it does not count is named in the first line. [-]"""
 
 
-SPLIT, GAS_IN_JOINTS = "split of effective coefficients", "gas in joints"
+SPLIT, GAS_IN_JOINTS, FINISH_RANGE = "split of effective coefficients", "gas in joints", "range of finishes"
 AVERAGED = "what carries the heat"
 """Causes, as a reader is told them."""
 ELEMENTS = ("structural", STRUCTURE)
@@ -555,19 +557,43 @@ class Budget:
         out = self
         for names, how in groups:
             first, *also = map(ready.canonical, names)
-            nominal = ready.nominal[first]
-            law = cut(narrowed(ready.law(first, how), nominal, self.said.get(first)), ready.bounds(first), first)
-            again = [self.followed[n] for n in (first, *also) if n in self.followed]
-            # by its logarithm, so that what the fit would have found with another value compensates all of it and not to first order
-            positive = bool(again) and nominal > 0.0 and float(law.at(np.array([MEMBER_TAIL_SHARE]))[0]) > NEAR_ZERO * nominal
-            spread_law: Distribution = Logarithm(law, nominal) if positive else Shifted(law, -nominal)
-            target = Target(first, "log" if positive else "add", tuple(also))
-            out = out.with_one(Source(first, "stated", spread_law, f"the stated spread of {first}"), "stated", target)
-            for fitted, moved in ((f, m) for dependents in again for f, m in dependents.items()):
-                row = next((k for k, t in enumerate(out.targets) if t.name == fitted and t.form in ("add", "log")), None)
-                if row is not None:
-                    out.gain[row, -1] += moved * (nominal if positive else 1.0)
+            out = out._assumed(first, tuple(also), ready.law(first, how), ready, ("stated", f"the stated spread of {first}"))
         return out
+
+    def _assumed(self, name: str, also: tuple[str, ...], law: Distribution, ready: Simulator, cause: tuple[str, str]) -> Budget:
+        """Return it with the law of a value that no fit moved: readings narrow it, and what was fitted beside it follows.
+
+        `cause` is what a reader is told, of all such values and of this one.
+        """
+        nominal = ready.nominal[name]
+        by_log = isinstance(law, LogNormal)
+        law = cut(narrowed(law, nominal, self.said.get(name)), ready.bounds(name), name)
+        again = [self.followed[n] for n in (name, *also) if n in self.followed]
+        # by its logarithm, so that what the fit would have found with another value compensates all of it and not to first order
+        positive = (by_log or bool(again)) and nominal > 0.0 and float(law.at(np.array([MEMBER_TAIL_SHARE]))[0]) > NEAR_ZERO * nominal
+        spread_law: Distribution = Logarithm(law, nominal) if positive else Shifted(law, -nominal)
+        target = Target(name, "log" if positive else "add", also)
+        out = self.with_one(Source(name, "stated", spread_law, cause[1]), cause[0], target)
+        for fitted, moved in ((f, m) for dependents in again for f, m in dependents.items()):
+            row = next((k for k, t in enumerate(out.targets) if t.name == fitted and t.form in ("add", "log")), None)
+            if row is not None:
+                out.gain[row, -1] += moved * (nominal if positive else 1.0)
+        return out
+
+    def with_finishes(self, finishes: Mapping[str, Finish]) -> Budget:
+        """Return it with emissivities spread by the ranges of their finishes; those of one finish go together until readings tell them."""
+        if not finishes:
+            return self
+        ready = prepare(self.model, lasting(self.scenario), tuple(finishes))
+        out = self
+        for path, f in finishes.items():
+            law = LogNormal(ready.nominal[path], f.log_sd)
+            out = out._assumed(path, (), law, ready, (FINISH_RANGE, f"the range of '{f.name}' in {path}"))
+        alike, names = out.alike.copy(), [f.name if path not in self.said else path for path, f in finishes.items()]
+        first = len(self.sources)
+        for i, j in product(range(len(names)), repeat=2):
+            alike[first + i, first + j] = 1.0 if i == j else FINISH_CORRELATION * (names[i] == names[j])
+        return replace(out, alike=alike)
 
     def _joint(self, spread: Spread, ready: Simulator) -> Budget:
         sources, matrix = normal_sources(spread.cause, spread.covariance, "stated")
@@ -657,9 +683,31 @@ def budget_of(
     make = replace(make, followed=followed_by(source.discrepancies), said=of_assumed).with_stated(plain)
     unseen = UNSEEN if split_model.runner is not None else ""
     unsought = UNSOUGHT if source.fit is not None and asks(source.fit) else ""
+    make = make.with_finishes(open_finishes(split_model, scenario, {*source.assigned, *make.spread, *_of_laws(make)}))
     whole = replace(make, remarks=tuple(r for r in (unseen, unsought, remark) if r))
     omitted = left_out_of(source, whole, errors, without)
     return replace(whole.without(without), omitted=omitted, standing=source.standing)
+
+
+def _of_laws(budget: Budget) -> set[str]:
+    """Return the emissivities that laws of elements count, as the share of radiation in a coefficient."""
+    lawful = {p for way in budget.ways for kept_way in way.kept for p in kept_way.laws}
+    flat = compile_network(budget.model).flat
+    stated = [c.emissivity for c in flat.conductors if c.path in lawful and c.emissivity]
+    return {name for e in stated for name in (e, flat.parameters.literal_behind(e))}
+
+
+def open_finishes(model: Model, scenario: Scenario, elsewhere: Collection[str]) -> dict[str, Finish]:
+    """Return emissivity -> the finish that alone tells it, of those that act in a scenario; not those that are told `elsewhere`.
+
+    The emissivity behind an effective coefficient acts where its gas is not air alone.
+    """
+    network = compile_network(model, prescribed=tuple(scenario.prescribed))
+    media, deck = scenario.media(), network.flat.parameters
+    idle = {c.emissivity for c in network.flat.conductors if c.emissivity and (media.as_printed or not media.changed(c.gas))}
+    taken = {*elsewhere, *map(deck.literal_behind, idle), *scenario.driven(network.flat)}
+    finishes = {p: f for p, f in network.flat.finish_of.items() if p not in taken}
+    return {p: f for p, f in finishes.items() if deck.table[p].parameter.source == "assumed"}
 
 
 def _names(stated: Spread | Groups) -> list[str]:
@@ -717,8 +765,8 @@ class Assumed:
     Parameters
     ----------
     path : str      In the model.
-    size : float    Standard deviation: by the range of its deck, or a tenth of itself. [SI]
-    ranged : bool   Whether its deck gives a range.
+    size : float    Standard deviation: by its finish, by the range of its deck, or a tenth of itself. [SI]
+    ranged : bool   Whether its finish or its deck gives a range.
     """
 
     path: str
@@ -732,9 +780,12 @@ def assumed_values(model: Model, scenario: Scenario, taken: Collection[str]) -> 
     network = compile_network(model, media=scenario.media(), prescribed=tuple(scenario.prescribed))
     moved = scenario.driven(network.flat)
     loose = [p for p, e in table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in moved]
-    numbers = network.numbers().values
+    numbers, finishes = network.numbers().values, network.flat.finish_of
     out = []
     for p in (p for p in loose if p not in taken and value_of(numbers[p])):
+        if p in finishes:
+            out.append(Assumed(p, finishes[p].log_sd * float(value_of(numbers[p])), True))
+            continue
         low, high = table[p].parameter.minimum, table[p].parameter.maximum
         wide = high - low if low is not None and high is not None else np.inf
         ranged = bool(np.isfinite(wide))
@@ -747,11 +798,7 @@ def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tupl
     spread = budget.spread
     spread |= {f"{n.removeprefix('scale.')}.power" for n in spread if n.startswith("scale.")}
     spread |= {f"{budget.model.canonical(load)}.power" for load in budget.scenario.loads}
-    # emissivities that laws of elements count, as the share of radiation in a coefficient
-    lawful = {p for way in budget.ways for kept_way in way.kept for p in kept_way.laws}
-    flat = compile_network(budget.model).flat
-    stated = [c.emissivity for c in flat.conductors if c.path in lawful and c.emissivity]
-    spread |= {name for e in stated for name in (e, flat.parameters.literal_behind(e))}
+    spread |= _of_laws(budget)
     loose = assumed_values(budget.model, budget.scenario, spread)
     if not loose:
         return ()

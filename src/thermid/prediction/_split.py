@@ -24,7 +24,7 @@ from thermid.fit.discrepancy import discrepancy_kept
 from thermid.model.elements import Standing, exposed_area, worst
 from thermid.model.tree import FlatConductor, Model
 from thermid.physics.air import dry_air
-from thermid.physics.finishes import SPAN, finish
+from thermid.physics.finishes import FINISH_CORRELATION, SPAN
 from thermid.physics.plates import body_htc, conduction_floor
 from thermid.physics.radiation import linearised_htc
 from thermid.simulation.network import Network, compile_network
@@ -37,8 +37,6 @@ SMALLEST_RISE = 0.2
 """Difference below which a test says nothing of a coefficient. [K]"""
 CORRELATION_SD = 0.25
 """What a correlation of natural convection promises at equipment, relative, one sigma. [-]"""
-FINISH_CORRELATION = 0.5
-"""Correlation of the emissivities of two surfaces of one finish: half of what parts differ by is the batch, half the part. [-]"""
 CONFLICT = 2.0
 """Standard deviations beyond which a correlation and what is left of the coefficient disagree. [-]"""
 POSSIBLE = 0.025
@@ -305,8 +303,8 @@ def _prior(network: Network, c: FlatConductor, priors: Mapping[str, Any]) -> Emi
         return EmissivityPrior(mean, sd / mean, f"an emissivity of {mean:.3g} +- {sd:.2g}")
     if not 0.0 < value <= 1.0:
         raise IdentificationError(f"an emissivity of {value:g} is not possible. Give 0 to 1.", c.where)
-    if c.emissivity in network.flat.finishes:
-        finish_of_surface = finish(network.flat.finishes[c.emissivity], c.where)
+    finish_of_surface = network.flat.finish_of.get(root)
+    if finish_of_surface is not None:
         return EmissivityPrior(
             value,
             finish_of_surface.log_sd,

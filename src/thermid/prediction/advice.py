@@ -40,7 +40,6 @@ from thermid.inference.planned_records import Sensor, planned_record, sensors_of
 from thermid.measure.amounts import duration_text, short
 from thermid.model.elements import Constant, Parameter, Signal, TableSignal, literal
 from thermid.model.tree import Model
-from thermid.physics.finishes import finish
 from thermid.prediction._budget import AVERAGED, Budget, budget_of
 from thermid.prediction._known import Knowledge, Rows, instruments_of, rows_of
 from thermid.prediction._predict import WayAnswer, mixed_answer
@@ -442,7 +441,7 @@ def doubts_without_gas(model: Model, scenario: Scenario) -> dict[str, float]:
         if parameter.is_literal and parameters.evaluate({})[root] > 0:
             out[root] = size
 
-    finishes = {parameters.literal_behind(path): finish(named).log_sd for path, named in flat.finishes.items()}
+    finishes = {path: f.log_sd for path, f in flat.finish_of.items()}
     for c in flat.conductors:
         for path in filter(None, (c.emissivity, c.fields.get("emissivity", ""))):
             doubt(path, finishes.get(parameters.literal_behind(path), EMISSIVITY))

@@ -1,6 +1,12 @@
 """Predictions with bands: of scenarios, of records, before any test; their sources of uncertainty."""
 
-from thermid.prediction._budget import SILENT as SILENT, UNFITTED as UNFITTED, Spread as Spread, assumed_values as assumed_values
+from thermid.prediction._budget import (
+    SILENT as SILENT,
+    UNFITTED as UNFITTED,
+    Spread as Spread,
+    assumed_values as assumed_values,
+    open_finishes as open_finishes,
+)
 from thermid.prediction._hand import Filed as Filed, filed as filed, hand_values as hand_values
 from thermid.prediction._known import Knowledge as Knowledge
 from thermid.prediction._predict import (

@@ -20,7 +20,7 @@ from thermid.base.units import counted
 from thermid.campaign.verdicts import Limits, Margin, margins
 from thermid.model.elements import Standing
 from thermid.model.tree import parameter_table
-from thermid.prediction.bands import IN_TESTS, SILENT, UNFITTED, Foresight, Knowledge, assumed_values, widened
+from thermid.prediction.bands import IN_TESTS, SILENT, UNFITTED, Foresight, Knowledge, assumed_values, open_finishes, widened
 from thermid.qualify._plan import LockStatus, Plan, load_plan, lock_status, note_look
 from thermid.qualify._trial import Trial, run_test
 from thermid.simulation.runs import prepare
@@ -327,6 +327,8 @@ def ranked(effects_: Sequence[Assumption]) -> tuple[Assumption, ...]:
 def effects(knowledge: Knowledge, name: str, run: Foresight, nodes: Mapping[str, str]) -> list[Assumption]:
     """Every assumed value at every reference point in one run; a value that a fit was made around moves less, for the fitted take up most.
 
+    Emissivities that a finish tells are in the bands themselves.
+
     Parameters
     ----------
     knowledge : Known   The model.
@@ -338,7 +340,7 @@ def effects(knowledge: Knowledge, name: str, run: Foresight, nodes: Mapping[str,
     ahead = f"{knowledge.at}." if knowledge.at else ""
     fitted = {ahead + p for v in knowledge.values for p in (*v, *(q for w in v.values() for q in w.also))}
     table = parameter_table(model)
-    loose = assumed_values(model, run.scenario, fitted)
+    loose = assumed_values(model, run.scenario, {*fitted, *open_finishes(model, run.scenario, fitted)})
     if not loose:
         return []
     times = run.solution.times[:: max(1, run.solution.times.size // 60)]

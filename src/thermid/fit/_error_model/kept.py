@@ -48,6 +48,7 @@ from thermid.fit._error_model.sizes import (
     SURE_MOVE,
 )
 from thermid.fit._problem.residuals import Problem, Unknown
+from thermid.fit._uncertainty.information import square_between
 from thermid.measure.amounts import short
 from thermid.model.elements import CARRIED_BY, Standing
 from thermid.model.identity import identity_of
@@ -506,8 +507,9 @@ def with_structural_errors(fit: Calibration) -> tuple[Calibration, ErrorModel | 
 def _widened(fit: Calibration, moved: Mapping[str, float], variances: Mapping[str, float]) -> Calibration:
     """Return a fit with wider errors, by what its values would move by and their variances; fitted form."""
     assert fit.problem is not None
-    slopes = {u.name: u.slope(fit.fitted[u.name]) for u in fit.problem.unknowns}
-    sizes = {n: math.hypot(x, math.sqrt(max(variances[n], 0.0))) for n, x in moved.items()}
+    named = {u.name: u for u in fit.problem.unknowns}
+    slopes = {n: u.slope(fit.fitted[n]) for n, u in named.items()}
+    sizes = {n: math.sqrt(square_between(named[n], fit.fitted[n], x**2 + max(variances[n], 0.0))) for n, x in moved.items()}
     items = {p: replace(v, error=max(v.error, float(sizes[p] * slopes[p]))) if p in sizes else v for p, v in fit.values.items()}
     is_requested, stated = fit.request is not None and fit.request.structural_errors, fit.request is not None and fit.request.adequate > 0.0
     logs = {u.name for u in fit.problem.unknowns if u.kind == "parameter" and u.log}

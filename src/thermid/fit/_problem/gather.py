@@ -15,7 +15,6 @@ from thermid.fit._problem.request import Request, known_before, mean_of
 from thermid.fit._problem.residuals import Influence, Prior, Problem, Unknown, parameter_unknown
 from thermid.measure.sensors import SensorPart
 from thermid.model.elements import Constant, TableSignal
-from thermid.physics.finishes import finish
 from thermid.values.spreads import read_spread
 
 MAX_SEPARATE_STARTS = 10
@@ -78,7 +77,7 @@ def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unk
     flat = experiments[0].network.flat
     wanted = [*request.free, *(q for p in request.prior for q in request.store.states[p].acts)]
     priors = {flat.parameters.freeable(k, request.model.canonical): v for k, v in request.priors.items()}
-    finishes = {flat.parameters.literal_behind(path): finish(named) for path, named in flat.finishes.items()}
+    finishes = flat.finish_of
     shared = request.shared
     unknowns: dict[str, Unknown] = {}
     taken: set[str] = set()

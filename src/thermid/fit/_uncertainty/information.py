@@ -243,6 +243,18 @@ class Responses:
         out[self.unlimited, self.unlimited] = np.inf
         return np.asarray(out)
 
+    def between(self, unknowns: Sequence[Unknown], fitted: Array) -> Responses:
+        """Return them where every parameter lies between its bounds; what goes together with one that is held there follows it."""
+        out = self
+        for k, u in enumerate(unknowns):
+            column = out.total[:, k]
+            inside = square_between(u, float(fitted[k]), float(column[k])) if u.kind == "parameter" and not self.unlimited[k] else math.inf
+            if inside < column[k]:
+                moved = np.eye(len(unknowns))
+                moved[:, k] -= np.where(self.unlimited, 0.0, column) / column[k] * (1.0 - math.sqrt(inside / column[k]))
+                out = replace(out, rows=moved @ out.rows, noise=moved @ out.noise @ moved.T)
+        return out
+
     def with_noise(self, positions: list[int], key: str, words: str) -> tuple[Array, tuple[Source, ...]]:
         """Return the rows of some unknowns with columns for their noise, named by the key of the stage and a number."""
         noise_columns, sources = rooted(self.noise[np.ix_(positions, positions)], key, words)
@@ -283,7 +295,25 @@ def responses(request: Request, problem: Problem, minimum: Fit, level: float, ra
     if held and unknowns:
         _consider(table, request, problem, minimum, held, gain / level)
     rows = np.array(list(table.columns.values())).reshape(len(table.columns), len(unknowns)).T
-    return Responses(rows, tuple(table.sources.values()), noise, unlimited)
+    return Responses(rows, tuple(table.sources.values()), noise, unlimited).between(unknowns, minimum.fitted)
+
+
+EVEN_FROM = 100.0
+"""Standard deviation in ranges from which a normal law is even over the range, to 1e-5. [-]"""
+
+
+def square_between(u: Unknown, fitted: float, variance: float) -> float:
+    """Return the mean square by which an unknown may lie from where it was found, given that it lies between its bounds; fitted form.
+
+    Of the normal distribution about it with a variance, what lies beyond a bound is cut off: at a bound a third of the square of the range
+    is the most. The moments are those of `thermid.values.store.Normal`.
+    """
+    low, high = (float(end) - fitted for end in u.fitted_bounds())
+    if not (0.0 < variance < math.inf and 0.0 < high - low < math.inf):
+        return variance
+    law = Normal(0.0, min(math.sqrt(variance), EVEN_FROM * (high - low)))
+    share = law.below(high) - law.below(low)
+    return min(variance, law.moments(low, high)[1] / share) if share > 0.0 else variance
 
 
 @dataclass

@@ -23,6 +23,7 @@ from thermid.model._parts.kinds import KINDS, Law
 from thermid.model._parts.ranges import RANGES, Range, outside, range_of
 from thermid.model._parts.takes import Take
 from thermid.model._tree.tree import Names, ParameterSet, Tree
+from thermid.physics.finishes import Finish, finish
 from thermid.physics.gas import GASES
 
 BALANCED: Final = 1e-3
@@ -189,6 +190,11 @@ class Flat:
     made_in: tuple[tuple[str, str, MadeIn, str], ...] = ()
     controls: Mapping[str, FlatControl] = field(default_factory=dict)
     ranges: Mapping[str, tuple[Range, str]] = field(default_factory=dict)
+
+    @property
+    def finish_of(self) -> dict[str, Finish]:
+        """Value behind an emissivity -> the finish that it comes from."""
+        return {self.parameters.literal_behind(path): finish(named) for path, named in self.finishes.items()}
 
     def impossible(self, values: Mapping[str, Any], paths: Iterable[str]) -> Iterator[tuple[str, str, str]]:
         """Yield path, place and message of each of some parameters whose value physics forbids.
