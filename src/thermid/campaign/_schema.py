@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, WithJsonSchema
 
 from thermid.base.grammar import CourseField, StrictTable
+from thermid.campaign._judge.schema import EndsField
 from thermid.measure.readers import channel_schema
 
 
@@ -150,6 +151,15 @@ class VerdictTable(StrictTable):
     values: Literal["stage", "joint"] = "stage"
 
 
+class PredictionTable(StrictTable):
+    """A scenario to predict with fitted values, and the limits of its nodes."""
+
+    scenario: str
+    stage: str = ""
+    vacuum: bool = False
+    limits: dict[str, EndsField] = {}
+
+
 class JointFitTable(StrictTable):
     """A last fit over the records of all levels at once."""
 
@@ -186,6 +196,7 @@ class CampaignFile(StrictTable):
     stages: list[StageTable]
     joint: JointFitTable | None = None
     verdicts: list[VerdictTable] = []
+    predictions: dict[str, PredictionTable] = {}
     fleet: FleetTable | None = None
     accept: list[str] = []
 

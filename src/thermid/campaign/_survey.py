@@ -11,6 +11,7 @@ from thermid.base.codes import code_of
 from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, errors_at, refuse_unknown
 from thermid.campaign._cache import recall
 from thermid.campaign._file import CampaignSource, local_of, read_campaign, scenario_of
+from thermid.campaign._predictions import scenario_asked
 from thermid.campaign._stages import Notice, keyed, progress_of, readings_of, request_of, run_stages
 from thermid.fit.calibration import Calibration, fit
 from thermid.fit.problem import Input, InputTable, LocalSpec, Request, build_problem, inputs_of
@@ -18,10 +19,11 @@ from thermid.inference.fleets import Fleet, fleet_of
 from thermid.inference.intervals import Identifiability, identifiability, identifiability_of
 from thermid.measure.records import open_questions, stray_readings
 from thermid.model.tree import Finding
+from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Workers
 
 if TYPE_CHECKING:
-    from thermid.campaign._schema import StageTable, VerdictTable
+    from thermid.campaign._schema import PredictionTable, StageTable, VerdictTable
 
 
 def survey(
@@ -116,7 +118,25 @@ def check_campaign(
     for k, verdict in enumerate(source.content.verdicts):
         stage = next(s for s in tables if s.name == verdict.model)
         findings += _judged_on(source, verdict, stage, requests.get(stage.name), source.where(f"verdicts.{k}"))
+    for name, asked in source.content.predictions.items():
+        stage = next(s for s in tables if s.name == (asked.stage or tables[-1].name))
+        findings += _predicted(source, name, asked, stage.model)
     return tuple(dict.fromkeys([*questions, *findings])), inputs
+
+
+def _predicted(source: CampaignSource, name: str, asked: PredictionTable, deck: str) -> list[Finding]:
+    """Return what keeps a prediction of the campaign from being run."""
+    where = source.where(f"predictions.{name}")
+    try:
+        network = compile_network(source.model(deck, where))
+        scenario = scenario_asked(source, name, asked)
+        loads = {load.path for load in network.flat.loads}
+        refuse_unknown(scenario.loads, loads, where, "the scenario gives the load '{}', which the model does not have.", NameNotFoundError)
+        for node in (*asked.limits, *scenario.boundaries):
+            network.find(node, where)
+    except ThermidError as error:
+        return [_finding(error, where)]
+    return []
 
 
 def _bound(request: Request, where: str) -> tuple[list[Input], list[Finding]]:

@@ -38,3 +38,4 @@ from thermid.campaign._judge.metrics import largest as largest, metric as metric
 from thermid.campaign._judge.sizing import Sizing as Sizing, size as size
 from thermid.campaign._judge.verdict import Verdict as Verdict, compare as compare, validate as validate
 from thermid.campaign._judge.worst import WorstCase as WorstCase, WorstCases as WorstCases, worst_case as worst_case
+from thermid.campaign._predictions import CampaignPrediction as CampaignPrediction, campaign_predictions as campaign_predictions

@@ -16,7 +16,7 @@ from thermid.base.errors import ThermidError
 from thermid.base.sourced import VERDICTS
 from thermid.base.units import counted, from_si, unit
 from thermid.campaign.stages import Campaign, JointFit
-from thermid.campaign.verdicts import Verdict, largest, metric
+from thermid.campaign.verdicts import CampaignPrediction, Verdict, campaign_predictions, largest, metric
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem import SensorTrace
 from thermid.fit.uncertainty import MOVED, NOT_REJECTED, UNDECIDED, Move, MovedGroup
@@ -24,14 +24,20 @@ from thermid.inference.criticism import criticise
 from thermid.inference.diagnosis import energy_balance
 from thermid.inference.intervals import identifiability
 from thermid.model.tree import Model, Names, flatten
+from thermid.physics.constants import ICE_POINT
 from thermid.reporting._blocks.content import (
     DASH,
     SAME_AS_ABOVE,
     SHEET,
     Cell,
+    Figures,
     Graphic,
     Head,
+    Heading,
     Line,
+    Notes,
+    PageBlock,
+    Plot,
     Table,
     duration,
     group_cell,
@@ -95,6 +101,7 @@ def report(
     check_page(to)
     sheets = Sheets.beside(to, tables_to, audience)
     records, of = tables.made_records(campaign)
+    named = campaign_predictions(campaign)
     stages = [_stage(f"stage-{k}", c, campaign, sheets) for k, c in enumerate(campaign.fits, 1)] if audience != "summary" else []
     paragraphs = [p for text in ([notes] if isinstance(notes, str) else notes) for p in text.split("\n\n") if p.strip()]
     return write_page(
@@ -115,6 +122,8 @@ def report(
         stages=stages,
         values=_joined(stages) if audience == "agency" else [],
         predictions=[_prediction(f"prediction-{k}", title, s, campaign) for k, (title, s) in enumerate(scenarios, 1)],
+        asked=named,
+        asked_for=list(_named(named)),
         data=tables.data(campaign),
         models=tables.models(campaign),
         versions=tables.versions(),
@@ -351,6 +360,39 @@ def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) ->
         "diagram": next(iter(pictures), ""),
         "length": length,
     }
+
+
+def _named(predictions: Sequence[CampaignPrediction]) -> Iterator[PageBlock]:
+    """Yield what the campaign's own predictions say: all bands and margins as a table, then each with what it does not count."""
+    columns = [
+        Head("prediction"),
+        Head("node"),
+        Head("lowest of the band, °C", True),
+        Head("highest of the band, °C", True),
+        Head("limits, °C"),
+        Head("margin, K", True, "from the band to the nearer limit, over the whole run"),
+    ]
+    rows: list[Line] = []
+    for p in predictions:
+        for k, m in enumerate(p.margins):
+            low, high = (f"{end - ICE_POINT:.2f}" for end in m.band)
+            margin = Cell(f"{m.margin:.2f}", "", "good" if m.margin >= 0.0 else "bad") if m.words[1] else Cell(DASH)
+            rows.append([group_cell(p.name, k), Cell(m.node, "", "main"), low, high, m.words[1].removesuffix(" degC") or DASH, margin])
+    if rows:
+        yield Table.of_rows(columns, rows, "95 % bands over the whole run, smallest margin first.", "Predictions and margins to limits")
+    for k, p in enumerate(predictions, 1):
+        ends = [end for pair in p.limits.values() for end in pair if math.isfinite(end)]
+        near = [end for end in ends if any(abs(end - t) < NEAR_LIMIT for m in p.margins for t in m.band)]
+        drawn = figures.predicted_bands(p.prediction, f"asked-{k}", f"{p.name}: predicted temperatures with bands", near)
+        caption = f"{p.name} ({p.prediction.scenario}): temperatures with 95 % bands{', limits as thin lines' if near else ''}."
+        yield Heading(p.head)
+        yield Figures((Plot(drawn, caption),), drawn.legend, wide=True)
+        if p.prediction.not_counted or p.prediction.warnings:
+            yield Notes(tuple(w for w in (p.prediction.not_counted, *p.prediction.warnings) if w), "Warnings")
+
+
+NEAR_LIMIT = 30.0
+"""A limit is drawn where a band comes as near as that. [K]"""
 
 
 def _models_of(solution: Solution, campaign: Campaign) -> Iterator[Model]:

@@ -369,6 +369,8 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
         entry["step"] |= {"after": looks[best.after].path.name, "stamps": best.stamps, "contradicted": bool(best.contradicted)}
         if best.place.at is not None:
             entry["at"] = {"offset": best.place.at, "error": best.place.error, "stamps": best.place.stamped}
+            away = None if entry["offset"] is None else abs(best.place.at - entry["offset"])
+            entry["at"]["agrees"] = away is not None and away <= MAX_OFFSET_ERRORS * best.place.error
     return [entries[k] for k in range(1, len(looks))]
 
 
@@ -480,7 +482,7 @@ def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
     if step["candidate"]:
         text += " (a candidate: one of two places may lag the other; td.inference.align finds it by a model)"
     if not step["contradicted"]:
-        return [text]
+        return [f"{text}; its stamps agree" if clock.get("at", {}).get("agrees") else text]
     away = abs(late - step["stamps"])
     return [
         text,
@@ -501,13 +503,14 @@ def _bare(look: Look) -> str:
 def _offset(clock: dict[str, Any], fitted: bool) -> str:
     """Return the offset of a further log as a campaign writes it: a range about a common step, one number, or a gap to fill.
 
-    Stamps of two computers may be a minute apart, so where a step agrees with them the fit looks within the errors of the step.
+    Stamps of two computers may be a minute apart, so where a step agrees with them the fit looks within the errors of the step. Where the
+    fit cannot look, as two logs have temperatures that are compared, stamps that agree with the steps are more exact than these.
     """
     if fitted:
         low, high = _range(clock)
         return f'["{low} [s]", "{high} [s]"]'
-    late = clock["at"]["offset"] if "at" in clock else clock["offset"]
-    return '"... [s]"' if late is None else f'"{_digits(late, 4) if "at" in clock else format(late, ".6g")} [s]"'
+    late = clock["at"]["offset"] if "at" in clock and not clock["at"]["agrees"] else clock["offset"]
+    return '"... [s]"' if late is None else f'"{_digits(late, 4) if late is not clock["offset"] else format(late, ".6g")} [s]"'
 
 
 def _range(clock: dict[str, Any]) -> tuple[str, str]:
@@ -516,7 +519,7 @@ def _range(clock: dict[str, Any]) -> tuple[str, str]:
     return _digits(late - reach, 4), _digits(late + reach, 4)
 
 
-MAX_OFFSET_ERRORS = 4.0
+MAX_OFFSET_ERRORS = 3.0
 """Standard errors of an offset that a fit may look for it in, and beyond which stamps disagree with it. [-]"""
 
 
