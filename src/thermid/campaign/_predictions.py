@@ -90,9 +90,10 @@ class CampaignPrediction(Result):
         if not self.limits:
             return f"{self.name}: no limits given"
         worst = self.margins[0]
-        band, limits, margin = worst.words
-        state = f"inside all limits, smallest margin {margin}" if self.within else f"limit exceeded by {-worst.margin:.2f} K"
-        return f"{self.name}: {state} at {worst.node}, 95 % band {band}, limits {limits}"
+        margin = f"smallest margin {worst.margin:.2f} K" if self.within else f"limit exceeded by {-worst.margin:.2f} K"
+        upper = worst.limits[1] - worst.band[1] <= worst.band[0] - worst.limits[0]
+        band, limit = (ends[1 if upper else 0] - ICE_POINT for ends in (worst.band, worst.limits))
+        return f"{self.name}: {margin} at {worst.node}, 95 % band {'up' if upper else 'down'} to {band:.2f} degC, limit {limit:g} degC"
 
     def __str__(self) -> str:
         """Return the answer, margins of the bands, and the prediction."""
