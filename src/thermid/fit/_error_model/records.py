@@ -75,7 +75,9 @@ def problem_of_record(
     for sensor, names in starts.items():
         unset_starts = [n for n in names if n.startswith("initial.") and n not in taken]
         if unset_starts and sensor in sensors:
-            more.append(_shifted(bare_problem, f"first reading of {sensor}", unset_starts, 0.0, shares[sensor] * noise_of(e, sensors[sensor])))
+            more.append(
+                _shifted(bare_problem, f"first reading of {sensor}", unset_starts, 0.0, shares[sensor] * noise_of(e, sensors[sensor]))
+            )
     return replace(bare_problem, unknowns=(*bare_problem.unknowns, *more, *_beside(bare_problem, beside)))
 
 

@@ -729,7 +729,9 @@ def bind(
     )
     begun = first_readings(record, observations, window)
     first = {node: float(np.mean(list(read.values()))) for node, read in begun.items()}
-    start, initial, readings, loose = starts_of(record, _as_it_starts(model, base, first), network, first, {n: tuple(read) for n, read in begun.items()}, window)
+    start, initial, readings, loose = starts_of(
+        record, _as_it_starts(model, base, first), network, first, {n: tuple(read) for n, read in begun.items()}, window
+    )
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
     duration = last - zero

@@ -156,7 +156,8 @@ class Look(Result):
         for c in self.columns:
             good = c.values[c.good] if c.values.size else c.values
             ends = (f"{good.min():.4g}", f"{good.max():.4g}") if good.size else ("", "")
-            rows.append((_short(c.name, 28), f"{_short(c.unit, 12)}{'?' if c.assumed else ''}", c.guess, *ends))
+            guess = "supply" if c in (self.supply or ()) else c.guess
+            rows.append((_short(c.name, 28), f"{_short(c.unit, 12)}{'?' if c.assumed else ''}", guess, *ends))
         widths = [max(len(row[k]) for row in rows) for k in range(5)]
         room = max(12, min(40, width - sum(widths) - 12))
         out = []
@@ -176,7 +177,7 @@ class Look(Result):
                 at = duration_text(float(self.times.values[c.jumps[0]] - self.times.values[0]))
                 remarks.append(f"{counted(c.jumps.size, 'jump')}, the first at {at}")
             remarks += [f"no unit in the log, {c.unit} assumed"] if c.assumed else []
-            if c.guess == "ignored" or remarks:
+            if (c.guess == "ignored" and c not in (self.supply or ())) or remarks:
                 out.append(f"  {c.name}: {'; '.join([c.why, *remarks] if c.guess == 'ignored' else remarks)}")
         return ["Remarks:", *out, ""] if out else []
 
@@ -370,7 +371,8 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
         if best.place.at is not None:
             entry["at"] = {"offset": best.place.at, "error": best.place.error, "stamps": best.place.stamped}
             away = None if entry["offset"] is None else abs(best.place.at - entry["offset"])
-            entry["at"]["agrees"] = away is not None and away <= MAX_OFFSET_ERRORS * best.place.error
+            is_vaguer = best.place.error > STAMP_ERROR
+            entry["at"]["by_stamps"] = is_vaguer and away is not None and away <= MAX_OFFSET_ERRORS * best.place.error
     return [entries[k] for k in range(1, len(looks))]
 
 
@@ -482,12 +484,13 @@ def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
     if step["candidate"]:
         text += " (a candidate: one of two places may lag the other; td.inference.align finds it by a model)"
     if not step["contradicted"]:
-        return [f"{text}; its stamps agree" if clock.get("at", {}).get("agrees") else text]
+        used = ", and are used where no fit finds the offset" if clock.get("at", {}).get("by_stamps") else ""
+        return [text if step["stamps"] is None else f"{text}; its stamps agree within the errors{used}"]
     away = abs(late - step["stamps"])
     return [
         text,
-        f"    its stamps are {away:.3g} s from that, {away / error:.0f} errors: a clock is wrong. The line below follows the step. Where you "
-        f"know that both clocks are right, write the offset by stamps: heat arrives late",
+        f"    check: its stamps are {away:.3g} s from that, {away / error:.0f} errors, so a clock is wrong. The line below follows the step. "
+        f"If both clocks are right, heat arrives late: write {step['stamps']:.6g} s",
     ]
 
 
@@ -504,12 +507,12 @@ def _offset(clock: dict[str, Any], fitted: bool) -> str:
     """Return the offset of a further log as a campaign writes it: a range about a common step, one number, or a gap to fill.
 
     Stamps of two computers may be a minute apart, so where a step agrees with them the fit looks within the errors of the step. Where the
-    fit cannot look, as two logs have temperatures that are compared, stamps that agree with the steps are more exact than these.
+    fit cannot look, as both logs have temperatures that are compared, stamps that agree are taken for steps of a larger error than theirs.
     """
     if fitted:
         low, high = _range(clock)
         return f'["{low} [s]", "{high} [s]"]'
-    late = clock["at"]["offset"] if "at" in clock and not clock["at"]["agrees"] else clock["offset"]
+    late = clock["at"]["offset"] if "at" in clock and not clock["at"]["by_stamps"] else clock["offset"]
     return '"... [s]"' if late is None else f'"{_digits(late, 4) if late is not clock["offset"] else format(late, ".6g")} [s]"'
 
 
@@ -519,6 +522,8 @@ def _range(clock: dict[str, Any]) -> tuple[str, str]:
     return _digits(late - reach, 4), _digits(late + reach, 4)
 
 
+STAMP_ERROR = 60.0
+"""Error of a difference of two stamps: clocks of two computers may be a minute apart. [s]"""
 MAX_OFFSET_ERRORS = 3.0
 """Standard errors of an offset that a fit may look for it in, and beyond which stamps disagree with it. [-]"""
 
