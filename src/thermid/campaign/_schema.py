@@ -8,7 +8,6 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, WithJsonSchema
 
 from thermid.base.grammar import CourseField, StrictTable
-from thermid.campaign._judge.schema import EndsField
 from thermid.measure.readers import channel_schema
 
 
@@ -157,7 +156,7 @@ class PredictionTable(StrictTable):
     scenario: str
     stage: str = ""
     vacuum: bool = False
-    limits: dict[str, EndsField] = {}
+    limits: dict[str, tuple[str, str]] = {}
 
 
 class JointFitTable(StrictTable):

@@ -86,10 +86,10 @@ def test_a_step_of_a_power_decides_and_stamps_that_it_contradicts_are_named(
     (tmp_path / "b.toml").write_text(
         'title = "b"\nneeds = ["air"]\n[nodes]\nT_BOX = { capacitance = "900 [J/K]" }\nT_BOARD = { capacitance = "90 [J/K]" }\n'
         '[conductors]\nc = { kind = "conduction", between = ["T_BOX", "T_BOARD"], conductance = "1 [W/K]" }\n'
-        's = { kind = "convection", between = ["T_BOX", "air"], area = "0.1 [m^2]", htc = { value = "8 [W/(m^2 K)]", min = 1, max = 20 } }\n'
+        's = { kind = "convection", between = ["T_BOX", "air"], area = "0.1 [m^2]", htc = { value = "8 [W/(m^2 K)]", min = 1, max = 9 } }\n'
         '[loads]\nP_supply = { into = "T_BOARD", power = "0 [W]" }\n'
     )
-    stage = '[[stages]]\nname = "b"\nmodel = "b.toml"\nrecords = ["board"]\nfree = ["s.htc"]\nscenario = { boundaries = { air = "22 [degC]" } }\n'
+    stage = '[[stages]]\nname = "b"\nmodel = "b.toml"\nrecords = ["board"]\nfree = ["s.htc"]\nscenario.boundaries.air = "22 [degC]"\n'
     (tmp_path / "c.toml").write_text(f'title = "c"\n{head}\n{looks[1].campaign()}\n{stage}')
     checked = CliRunner().invoke(app, ["check", str(tmp_path / "c.toml")])
     assert checked.exit_code == 0, checked.output
@@ -198,8 +198,8 @@ KINDS = ("plain", "coarse", "lag", "often", "drift", "still")
 def power_and_temperatures(seed: int, kind: str) -> tuple[list[LogCourse], LogCourse, float]:
     """Return one to three temperatures of a chain of three masses and a power, and by how much the second clock is late. [s]
 
-    "coarse": a reading in 30 or 60 s; "lag": thermometers 20 to 120 s behind; "often": 8 to 24 switches; "drift": a rate 0.2 % off; "still":
-    a power that does not change.
+    "coarse": a reading in 30 or 60 s; "lag": thermometers 20 to 120 s behind; "often": 8 to 24 switches; "drift": a rate 0.2 % off;
+    "still": a power that does not change.
     """
     rng = np.random.default_rng([seed, KINDS.index(kind)])
     switches = int(rng.integers(8, 25)) if kind == "often" else int(rng.integers(2, 6))

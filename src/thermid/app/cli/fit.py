@@ -47,9 +47,18 @@ from thermid.base.errors import ScenarioError, SolverError
 from thermid.base.files import CREDIBILITY, PICTURE, TABLE, VALUES, may_write, read_bytes
 from thermid.base.toml_files import kind_of_text
 from thermid.campaign import studies as origins
-from thermid.campaign.stages import Campaign, file_name, fleet_in, local_of, plain_readings, read_campaign, scenario_of, survey
+from thermid.campaign.stages import (
+    Campaign,
+    campaign_predictions,
+    file_name,
+    fleet_in,
+    local_of,
+    plain_readings,
+    read_campaign,
+    scenario_of,
+    survey,
+)
 from thermid.campaign.studies import plan_retune
-from thermid.campaign.verdicts import campaign_predictions
 from thermid.fit.calibration import Calibration
 from thermid.fit.error_model import SIZES
 from thermid.fit.estimation import estimated
@@ -371,7 +380,7 @@ def _predict_named(campaign: Campaign, as_json: bool, verbose: bool) -> None:
     predictions = campaign_predictions(campaign)
     if not predictions:
         words = 'nothing to predict: give --scenario FILE or --record NAME, or write [predictions.hot] with scenario = "hot.toml".'
-        raise ScenarioError(words, campaign.title)
+        raise ScenarioError(words, campaign.title, code="command.not-understood")
     heads = ["\n".join(p.head for p in predictions)] if len(predictions) > 1 else []
     say(as_json, {p.name: p.to_dict() for p in predictions}, "\n\n".join([*heads, *map(str, predictions)]), verbose)
     leave(campaign.standing, 1 if any(p.within is False for p in predictions) else 0)

@@ -312,7 +312,7 @@ def first_readings(record: Record, observations: Sequence[Observation], window: 
 
 
 def starts_of(
-    record: Record, base: Scenario, network: Network, first: Mapping[str, float], begun: Mapping[str, tuple[str, ...]], window: float
+    record: Record, base: Scenario, network: Network, first: Mapping[str, float], begun: Mapping[str, Mapping[str, float]], window: float
 ) -> tuple[Any, dict[str, Any], dict[str, str], dict[str, tuple[str, ...]]]:
     """Return start, initial temperatures, nodes that start at a channel's first reading, and those at their own with its sensors."""
     initial: dict[str, Any] = {}
@@ -335,7 +335,7 @@ def starts_of(
     if base.start not in ("", MEASURED):
         return base.start, initial, readings, {}
     runner = network.flat.names.model.runner  # of somebody else's program a start may follow from others
-    loose = {n: s for n, s in begun.items() if n not in initial and _massive(network, n) and (runner is None or n in runner.starts)}
+    loose = {n: tuple(s) for n, s in begun.items() if n not in initial and _massive(network, n) and (runner is None or n in runner.starts)}
     initial |= {n: Kelvin(first[n]) for n in loose}
     mean = Kelvin(np.mean(list(first.values())))
     return (mean if base.start == MEASURED or len(network.boundaries) != 1 else ""), initial, readings, loose
@@ -728,13 +728,10 @@ def bind(
         _observation(c, seats.get(c.name, Seat(path, path)), grid, times, (weights or {}).get(c.name, 1.0)) for c, path in observed
     )
     begun = first_readings(record, observations, window)
-    first = {node: float(np.mean(list(read.values()))) for node, read in begun.items()}
-    start, initial, readings, loose = starts_of(
-        record, _as_it_starts(model, base, first), network, first, {n: tuple(read) for n, read in begun.items()}, window
-    )
+    first = {node: float(np.mean(list(readings_of_node.values()))) for node, readings_of_node in begun.items()}
+    start, initial, readings, loose = starts_of(record, _as_it_starts(model, base, first), network, first, begun, window)
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
-    duration = last - zero
     ticks = None if second is None else _ticks(record, second, zero, driven, inputs)
     full = replace(
         base,
@@ -745,7 +742,7 @@ def bind(
         gains=inputs.gains,
         start=start,
         initial=initial,
-        duration=duration,
+        duration=last - zero,
     )
     hidden = _hidden_starts(full, network, first, record, driven, observations, tips) if base.start == "" else {}
     if hidden:

@@ -221,15 +221,15 @@ def _nuisances(request: Request, experiments: Sequence[Experiment]) -> list[Unkn
 
 @dataclass(frozen=True)
 class _Start:
-    """A temperature that stands on first readings: each sensor with its reading and where its scale turns, and what is added to their mean."""
+    """A temperature that stands on first readings: sensors with reading and turn of their scale, and what is added to the mean."""
 
     readings: tuple[tuple[str, float, float], ...]
     offset: str
     shift: float
 
-    def mean(self, known: Mapping[str, float]) -> float:
+    def mean(self, errors: Mapping[str, float]) -> float:
         """Return the mean of the readings less the known errors of their sensors. [K]"""
-        return sum(reading - known.get(sensor, 0.0) for sensor, reading, _ in self.readings) / len(self.readings)
+        return sum(reading - errors.get(sensor, 0.0) for sensor, reading, _ in self.readings) / len(self.readings)
 
 
 def _starts(request: Request, experiment: Experiment) -> dict[str, _Start]:

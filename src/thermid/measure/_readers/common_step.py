@@ -162,10 +162,10 @@ def common_step(first: Sequence[LogCourse], second: Sequence[LogCourse]) -> Comm
 def _as_pairs_agree(offsets: Sequence[CommonStep]) -> list[CommonStep]:
     """Return offsets, those by a power with the variance by which they differ beyond their own errors (DerSimonian and Laird 1986)."""
     sure = [f for f in offsets if not (f.lags or f.candidate)]
-    weights, found = np.array([f.error**-2.0 for f in sure]), np.array([f.offset for f in sure])
+    weights, values = np.array([f.error**-2.0 for f in sure]), np.array([f.offset for f in sure])
     if len(sure) < 2:
         return list(offsets)
-    beyond = float(weights @ (found - weights @ found / weights.sum()) ** 2) - (len(sure) - 1)
+    beyond = float(weights @ (values - weights @ values / weights.sum()) ** 2) - (len(sure) - 1)
     between = np.sqrt(max(beyond, 0.0) / (weights.sum() - weights @ weights / weights.sum()))
     return [replace(f, error=float(np.hypot(f.error, between))) if f in sure else f for f in offsets]
 

@@ -15,8 +15,8 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import ThermidError
 from thermid.base.sourced import VERDICTS
 from thermid.base.units import counted, from_si, unit
-from thermid.campaign.stages import Campaign, JointFit
-from thermid.campaign.verdicts import CampaignPrediction, Verdict, campaign_predictions, largest, metric
+from thermid.campaign.stages import Campaign, JointFit, campaign_predictions
+from thermid.campaign.verdicts import CampaignPrediction, Verdict, largest, metric
 from thermid.fit.calibration import Calibration
 from thermid.fit.problem import SensorTrace
 from thermid.fit.uncertainty import MOVED, NOT_REJECTED, UNDECIDED, Move, MovedGroup
@@ -78,9 +78,7 @@ def report(
 ) -> Path:
     """Write a campaign as one HTML page, or as a PDF where its name ends in .pdf, and return its path.
 
-    The page holds everything: verdicts, what a reader must know, coefficients by level, and for each stage its diagram, parameters before
-    and after, sensors, measured against simulated with residuals; then predictions and provenance. It loads nothing and runs no script
-    but its own, without which it stands as well. Long tables are files of comma-separated values too, in a folder beside the page.
+    Verdicts and margins come first, then coefficients by level, each stage and provenance. Long tables are CSV files beside it too.
 
     Parameters
     ----------
@@ -101,7 +99,6 @@ def report(
     check_page(to)
     sheets = Sheets.beside(to, tables_to, audience)
     records, of = tables.made_records(campaign)
-    named = campaign_predictions(campaign)
     stages = [_stage(f"stage-{k}", c, campaign, sheets) for k, c in enumerate(campaign.fits, 1)] if audience != "summary" else []
     paragraphs = [p for text in ([notes] if isinstance(notes, str) else notes) for p in text.split("\n\n") if p.strip()]
     return write_page(
@@ -122,8 +119,8 @@ def report(
         stages=stages,
         values=_joined(stages) if audience == "agency" else [],
         predictions=[_prediction(f"prediction-{k}", title, s, campaign) for k, (title, s) in enumerate(scenarios, 1)],
-        asked=named,
-        asked_for=list(_named(named)),
+        named=(named := campaign_predictions(campaign)),
+        named_blocks=list(_named(named)),
         data=tables.data(campaign),
         models=tables.models(campaign),
         versions=tables.versions(),

@@ -356,7 +356,7 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
     steps = {(j, k): f for k in range(len(looks)) for j in range(k) if (f := common_step(courses[j], courses[k])) is not None}
     steps |= {(k, j): replace(f, offset=-f.offset, first=f.second, second=f.first) for (j, k), f in steps.items()}
     places = {0: _OffsetSoFar(0.0)}
-    entries = {
+    entries: dict[int, dict[str, Any]] = {
         k: {"file": further.path.name, "record": further.name, "offset": _late(starts[0], starts[k])} for k, further in enumerate(looks)
     }
     while len(places) < len(looks):
@@ -489,8 +489,8 @@ def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
     away = abs(late - step["stamps"])
     return [
         text,
-        f"    check: its stamps are {away:.3g} s from that, {away / error:.0f} errors, so a clock is wrong. The line below follows the step. "
-        f"If both clocks are right, heat arrives late: write {step['stamps']:.6g} s",
+        f"    check: its stamps are {away:.3g} s from that, {away / error:.0f} errors, so a clock is wrong. The line below follows the "
+        f"step. If both clocks are right, heat arrives late: write {step['stamps']:.6g} s",
     ]
 
 

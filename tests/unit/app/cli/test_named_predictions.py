@@ -48,13 +48,13 @@ def test_every_prediction_is_made_and_its_margin_counts_from_the_band(call: Call
     text = unescape(page.read_text())
     assert text.index("hot: smallest margin") < text.index("What was fitted")
     assert f"{margin['margin_K']:.2f}" in text
-    assert "Predictions and margins to limits" in text
+    assert 'id="predictions"' in text
 
 
 def test_a_limit_that_a_band_exceeds_is_exit_code_1(call: Call, campaign: Path) -> None:
     said = call("predict", asked(campaign, "41"))
     assert said.code == 1
-    assert said.out.startswith("hot: limit exceeded by ")
+    assert "exceeded" in said.out.splitlines()[0]
 
 
 @pytest.mark.parametrize(

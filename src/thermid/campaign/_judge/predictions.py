@@ -4,22 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import errors_at
 from thermid.base.results import Result
-from thermid.base.toml_files import resolve_inside
-from thermid.campaign._stages import Campaign
 from thermid.physics.constants import ICE_POINT
-from thermid.prediction.bands import Prediction, predict
-from thermid.simulation.scenario_files import load_scenario
-from thermid.simulation.scenarios import Scenario
-
-if TYPE_CHECKING:
-    from thermid.campaign._file import CampaignSource
-    from thermid.campaign._schema import PredictionTable
+from thermid.prediction.bands import Prediction
 
 Ends = tuple[float, float]
 
@@ -108,30 +99,3 @@ class CampaignPrediction(Result):
             for m in self.margins
         }
         return {"stage": self.stage, "within": self.within, "margins": margins, **self.prediction.to_dict()}
-
-
-def campaign_predictions(campaign: Campaign) -> tuple[CampaignPrediction, ...]:
-    """Predictions that the file of a campaign names, by its fitted stages, in the order of the file; none of a campaign made in Python.
-
-    Raises
-    ------
-    MissingDataError    When a scenario is not where the campaign says.
-    ThermidError        When a scenario does not fit the model.
-    """
-    source = campaign.source
-    if source is None:
-        return ()
-    out = []
-    for name, table in source.content.predictions.items():
-        stage = table.stage or source.content.stages[-1].name
-        with errors_at(source.where(f"predictions.{name}"), ": "):
-            predicted = predict(campaign[stage], scenario_asked(source, name, table))
-            limits = {predicted[node].path: ends for node, ends in table.limits.items()}
-            out.append(CampaignPrediction(name, stage, predicted, limits))
-    return tuple(out)
-
-
-def scenario_asked(source: CampaignSource, name: str, table: PredictionTable) -> Scenario:
-    """Return the scenario of a prediction, without gas where it says so."""
-    scenario = load_scenario(resolve_inside(source.path.parent, table.scenario, source.where(f"predictions.{name}.scenario")))
-    return scenario.vacuum() if table.vacuum else scenario
