@@ -340,8 +340,8 @@ def test_offsets_by_stamps_are_of_two_clocks_and_a_third_log_is_chained_to_the_o
 def test_two_loggers_of_temperatures_meet_by_way_of_the_supply_that_both_follow(tmp_path: Path) -> None:
     """Both stamp their readings, the first 200 s ahead; the supply has no stamps."""
     looks = [
-        bench_log(tmp_path / "first.csv", ("case",), 0.0, "08:33:20", step=80.0),
-        bench_log(tmp_path / "second.csv", ("board",), 75.0, "08:31:15", length=14000.0, step=80.0),
+        bench_log(tmp_path / "first.csv", ("case",), 0.0, "08:33:20", step=40.0),
+        bench_log(tmp_path / "second.csv", ("board",), 75.0, "08:31:15", length=14000.0, step=40.0),
         bench_log(tmp_path / "third.csv", (), -40.0, step=10.0),
     ]
     by_board, by_supply = clocks_of(looks)
@@ -349,7 +349,7 @@ def test_two_loggers_of_temperatures_meet_by_way_of_the_supply_that_both_follow(
     assert by_board["step"]["after"] == "third.csv"
     for found, truth in ((by_board, 75.0), (by_supply, -40.0)):
         assert abs(found["at"]["offset"] - truth) < 2.0 * found["at"]["error"]
-        assert found["at"]["error"] < 60.0
+        assert found["at"]["error"] < 100.0  # half of what the stamps are wrong by
         assert not found["at"]["stamps"]
     board, _ = joined_lines(looks)
     assert abs(float(str(board["offset"]).removesuffix(" [s]")) - 75.0) < 2.0 * by_board["at"]["error"]
