@@ -340,9 +340,9 @@ def test_offsets_by_stamps_are_of_two_clocks_and_a_third_log_is_chained_to_the_o
 def test_two_loggers_of_temperatures_meet_by_way_of_the_supply_that_both_follow(tmp_path: Path) -> None:
     """Both stamp their readings, the first 200 s ahead; the supply has no stamps."""
     looks = [
-        bench_log(tmp_path / "first.csv", ("case",), 0.0, "08:33:20", step=40.0),
-        bench_log(tmp_path / "second.csv", ("board",), 75.0, "08:31:15", length=14000.0, step=40.0),
-        bench_log(tmp_path / "third.csv", (), -40.0, step=10.0),
+        bench_log(tmp_path / "first.csv", ("case",), 0.0, "08:33:20"),
+        bench_log(tmp_path / "second.csv", ("board",), 75.0, "08:31:15", length=14000.0),
+        bench_log(tmp_path / "third.csv", (), -40.0, step=5.0),
     ]
     by_board, by_supply = clocks_of(looks)
     assert by_board["offset"] == -125.0
