@@ -326,6 +326,8 @@ def _check_order(source: CampaignSource, stages: Sequence[StageTable], verdicts:
                 )
         done.append(stage.name)
     refuse_unknown(source.accepted, done, source.where("accept"), "no stage '{}' to accept.", DeckError)
+    for name, prediction in source.content.predictions.items():
+        refuse_unknown([prediction.stage or done[-1]], done, source.where(f"predictions.{name}.stage"), "no stage '{}'.", DeckError)
     for k, verdict in enumerate(verdicts):
         refuse_unknown([verdict.model], done, source.where(f"verdicts.{k}.model"), "no stage '{}'.", DeckError)
         if verdict.values == "joint" and source.content.joint is None:

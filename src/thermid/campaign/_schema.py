@@ -150,6 +150,15 @@ class VerdictTable(StrictTable):
     values: Literal["stage", "joint"] = "stage"
 
 
+class PredictionTable(StrictTable):
+    """A scenario to predict with fitted values, and the limits of its nodes."""
+
+    scenario: str
+    stage: str = ""
+    vacuum: bool = False
+    limits: dict[str, tuple[str, str]] = {}
+
+
 class JointFitTable(StrictTable):
     """A last fit over the records of all levels at once."""
 
@@ -186,6 +195,7 @@ class CampaignFile(StrictTable):
     stages: list[StageTable]
     joint: JointFitTable | None = None
     verdicts: list[VerdictTable] = []
+    predictions: dict[str, PredictionTable] = {}
     fleet: FleetTable | None = None
     accept: list[str] = []
 

@@ -1,4 +1,4 @@
-"""What the logs of each stage of a campaign can tell, or told; whether a campaign can run at all; a stage asked of each unit of a fleet."""
+"""What the logs of each stage can tell; whether a campaign can run at all; its predictions; a stage asked of each unit of a fleet."""
 
 from __future__ import annotations
 
@@ -7,20 +7,29 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from thermid.base.codes import code_of
 from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, errors_at, refuse_unknown
+from thermid.base.expression import kelvin
+from thermid.base.toml_files import resolve_inside
 from thermid.campaign._cache import recall
 from thermid.campaign._file import CampaignSource, local_of, read_campaign, scenario_of
-from thermid.campaign._stages import Notice, keyed, progress_of, readings_of, request_of, run_stages
+from thermid.campaign._judge.limits import Limits
+from thermid.campaign._judge.predictions import CampaignPrediction
+from thermid.campaign._stages import Campaign, Notice, keyed, progress_of, readings_of, request_of, run_stages
 from thermid.fit.calibration import Calibration, Input, InputTable, LocalSpec, Request, build_problem, fit, inputs_of
 from thermid.inference.fleets import Fleet, fleet_of
 from thermid.inference.intervals import Identifiability, identifiability, identifiability_of
 from thermid.measure.records import open_questions, stray_readings
 from thermid.model.tree import Finding
-from thermid.simulation.runs import Workers
+from thermid.prediction.bands import predict
+from thermid.simulation.network import compile_network
+from thermid.simulation.runs import Scenario, Workers
+from thermid.simulation.scenario_files import load_scenario
 
 if TYPE_CHECKING:
-    from thermid.campaign._schema import StageTable, VerdictTable
+    from thermid.campaign._schema import PredictionTable, StageTable, VerdictTable
 
 
 def survey(
@@ -115,7 +124,25 @@ def check_campaign(
     for k, verdict in enumerate(source.content.verdicts):
         stage = next(s for s in tables if s.name == verdict.model)
         findings += _judged_on(source, verdict, stage, requests.get(stage.name), source.where(f"verdicts.{k}"))
+    for name, prediction in source.content.predictions.items():
+        stage = next(s for s in tables if s.name == (prediction.stage or tables[-1].name))
+        findings += _predicted(source, name, prediction, stage.model)
     return tuple(dict.fromkeys([*questions, *findings])), inputs
+
+
+def _predicted(source: CampaignSource, name: str, prediction: PredictionTable, deck: str) -> list[Finding]:
+    """Return what keeps a prediction of the campaign from being run."""
+    where = source.where(f"predictions.{name}")
+    try:
+        network = compile_network(source.model(deck, where))
+        scenario = scenario_asked(source, name, prediction)
+        loads = {load.path for load in network.flat.loads}
+        refuse_unknown(scenario.loads, loads, where, "the scenario gives the load '{}', which the model does not have.", NameNotFoundError)
+        for node in (*(limit.node for limit in limits_of(prediction)), *scenario.boundaries):
+            network.find(node, where)
+    except ThermidError as error:
+        return [_finding(error, where)]
+    return []
 
 
 def _bound(request: Request, where: str) -> tuple[list[Input], list[Finding]]:
@@ -234,3 +261,43 @@ def _refuse_shared(source: CampaignSource, requests: dict[str, Request]) -> None
                 words = f"record '{record.name}' is given to '{of[record.name]}' and to '{unit}'."
                 raise DeckError(words, source.where("fleet.units"), code="fleet.record-twice")
             of[record.name] = unit
+
+
+def campaign_predictions(campaign: Campaign) -> tuple[CampaignPrediction, ...]:
+    """Predictions that the file of a campaign names, by its fitted stages, in the order of the file; none of a campaign made in Python.
+
+    Raises
+    ------
+    MissingDataError    When a scenario is not where the campaign says.
+    ThermidError        When a scenario does not fit the model.
+    """
+    source = campaign.source
+    if source is None:
+        return ()
+    out = []
+    for name, table in source.content.predictions.items():
+        stage = table.stage or source.content.stages[-1].name
+        with errors_at(source.where(f"predictions.{name}"), ": "):
+            predicted = predict(campaign[stage], scenario_asked(source, name, table))
+            limits = {predicted[limit.node].path: limit.operating for limit in limits_of(table)}
+            out.append(CampaignPrediction(name, stage, predicted, limits))
+    return tuple(out)
+
+
+def scenario_asked(source: CampaignSource, name: str, table: PredictionTable) -> Scenario:
+    """Return the scenario of a prediction, without gas where it says so."""
+    scenario = load_scenario(resolve_inside(source.path.parent, table.scenario, source.where(f"predictions.{name}.scenario")))
+    return scenario.vacuum() if table.vacuum else scenario
+
+
+def limits_of(table: PredictionTable) -> list[Limits]:
+    """Return the limits of a prediction.
+
+    Raises
+    ------
+    ScenarioError   When both ends of one are empty, or in the wrong order.
+    """
+    return [
+        Limits(node, node, (kelvin(low) if low else -np.inf, kelvin(high) if high else np.inf))
+        for node, (low, high) in table.limits.items()
+    ]

@@ -20,4 +20,9 @@ from thermid.campaign._stages import (
     request_of as request_of,
     run_stages as run_stages,
 )
-from thermid.campaign._survey import check_campaign as check_campaign, fleet_in as fleet_in, survey as survey
+from thermid.campaign._survey import (
+    campaign_predictions as campaign_predictions,
+    check_campaign as check_campaign,
+    fleet_in as fleet_in,
+    survey as survey,
+)

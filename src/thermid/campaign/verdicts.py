@@ -35,6 +35,7 @@ from thermid.campaign._judge.margins import (
     margins as margins,
 )
 from thermid.campaign._judge.metrics import largest as largest, metric as metric
+from thermid.campaign._judge.predictions import CampaignPrediction as CampaignPrediction
 from thermid.campaign._judge.sizing import Sizing as Sizing, size as size
 from thermid.campaign._judge.verdict import Verdict as Verdict, compare as compare, validate as validate
 from thermid.campaign._judge.worst import WorstCase as WorstCase, WorstCases as WorstCases, worst_case as worst_case

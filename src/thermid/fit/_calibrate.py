@@ -595,7 +595,7 @@ def _wandering(spread: Autocorrelation) -> list[str]:
     count, effective = sum(t.samples for t in slow), sum(t.effective_samples for t in slow)
     return [
         f"residuals of {share} are autocorrelated: the model lacks physics, or the readings were filtered. The effective sample size "
-        f"is {short(effective)} of {count}, and the errors were widened accordingly. `thermid criticise` looks for the missing physics."
+        f"is {short(effective)} of {count}, and the errors were widened accordingly."
     ]
 
 

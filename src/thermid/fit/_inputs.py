@@ -233,7 +233,7 @@ def _starts(request: Request, e: Experiment) -> Iterator[Input]:
         elif node in e.loose:
             (*others, sensor), fitted = e.loose[node], request.fit_start
             words = f"mean of the first readings of {', '.join(others)} and {sensor}"
-            source = "log", words if fitted and others else f"first reading of {sensor}"
+            source = "log", words if others else f"first reading of {sensor}"
         elif node in readings:
             source = "log", f"first reading of {readings[node]}"
         elif e.model.runner is not None and node not in e.model.runner.starts:

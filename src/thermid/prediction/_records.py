@@ -24,7 +24,6 @@ from thermid.fit.calibration import (
     Reading,
     Request,
     as_found,
-    first_reading,
     fit as fitted_to,
     stretch_means,
     wired,
@@ -440,7 +439,7 @@ def own_values(
     out: dict[str, tuple[float, float, int]] = {}
     rooms = [b for b in e.scenario.boundaries if b in e.network.boundaries and isinstance(e.scenario.boundaries[b], Constant)]
     hidden = {f"initial.{n}" for n in e.hidden}
-    first = {o.sensor: first_reading(e.record, o.sensor, request.window) for o in e.observations}
+    first = e.first_readings(request.window)
     for name in dict.fromkeys([*rooms, *(n for n in (*texts, *rules, *sorted(hidden)) if n.startswith("initial."))]):
         rule = rules.get(name)
         start = rule.channel if rule is not None else texts.get(name, "") or _assumed(values_of_runs, name, e.scenario)

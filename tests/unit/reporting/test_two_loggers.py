@@ -10,7 +10,9 @@ from types import ModuleType
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
+from thermid.app.cli.app import app
 from thermid.measure.readers import LogCourse, common_step
 from thermid.reporting.pictures import Look, clock_lines, clocks_of, look
 
@@ -58,7 +60,7 @@ def test_the_offset_of_a_supply_without_stamps_is_found_by_its_steps(hour: Modul
 
 
 @pytest.mark.parametrize(("off", "agrees"), [(5.0, True), (900.0, False)])
-def test_a_step_that_agrees_with_stamps_is_the_range_and_stamps_stay_where_it_does_not(
+def test_a_step_of_a_power_decides_and_stamps_that_it_contradicts_are_named(
     hour: ModuleType, tmp_path: Path, off: float, agrees: bool
 ) -> None:
     """Clocks of two computers: the stamps of the supply are `off` s early, its readings are not."""
@@ -73,9 +75,24 @@ def test_a_step_that_agrees_with_stamps_is_the_range_and_stamps_stay_where_it_do
     (found,) = clocks_of(looks)
     assert found["offset"] == pytest.approx(137.0 - off)
     assert abs(found["step"]["offset"] - 137.0) < 3.0 * found["step"]["error"]
+    assert found["step"]["contradicted"] is not agrees
     text = "\n".join(clock_lines(looks))
-    assert ('offset = ["' in text) is agrees
-    assert (f'offset = "{137.0 - off:g} [s]"' in text) is not agrees
+    assert ("a clock is wrong" in text) is not agrees
+    (pair,) = joined_lines(looks)
+    low, high = (float(str(end).removesuffix(" [s]")) for end in list(pair["offset"]))  # type: ignore[call-overload]
+    assert low < 137.0 < high
+    head, joined = looks[0].campaign(), next(line for line in text.splitlines() if line.startswith("    joined "))
+    head = head.replace("\n[records.board.channels]", f"{joined.strip()}\n\n[records.board.channels]")
+    (tmp_path / "b.toml").write_text(
+        'title = "b"\nneeds = ["air"]\n[nodes]\nT_BOX = { capacitance = "900 [J/K]" }\nT_BOARD = { capacitance = "90 [J/K]" }\n'
+        '[conductors]\nc = { kind = "conduction", between = ["T_BOX", "T_BOARD"], conductance = "1 [W/K]" }\n'
+        's = { kind = "convection", between = ["T_BOX", "air"], area = "0.1 [m^2]", htc = { value = "8 [W/(m^2 K)]", min = 1, max = 9 } }\n'
+        '[loads]\nP_supply = { into = "T_BOARD", power = "0 [W]" }\n'
+    )
+    stage = '[[stages]]\nname = "b"\nmodel = "b.toml"\nrecords = ["board"]\nfree = ["s.htc"]\nscenario.boundaries.air = "22 [degC]"\n'
+    (tmp_path / "c.toml").write_text(f'title = "c"\n{head}\n{looks[1].campaign()}\n{stage}')
+    checked = CliRunner().invoke(app, ["check", str(tmp_path / "c.toml")])
+    assert checked.exit_code == 0, checked.output
 
 
 def test_two_thermometers_of_one_room_show_the_offset_with_its_sign() -> None:
@@ -175,6 +192,68 @@ def halves(seed: int) -> tuple[LogCourse, LogCourse, float]:
     return seen, LogCourse("P", True, b - b[0], np.interp(b, grid, power)), float(b[0] - a[0])
 
 
+KINDS = ("plain", "coarse", "lag", "often", "drift", "still")
+
+
+def power_and_temperatures(seed: int, kind: str) -> tuple[list[LogCourse], LogCourse, float]:
+    """Return one to three temperatures of a chain of three masses and a power, and by how much the second clock is late. [s]
+
+    "coarse": a reading in 30 or 60 s; "lag": thermometers 20 to 120 s behind; "often": 8 to 24 switches; "drift": a rate 0.2 % off;
+    "still": a power that does not change.
+    """
+    rng = np.random.default_rng([seed, KINDS.index(kind)])
+    switches = int(rng.integers(8, 25)) if kind == "often" else int(rng.integers(2, 6))
+    total = float(rng.uniform(6000.0, 20000.0))
+    edges, levels = np.sort(rng.uniform(0.05, 0.95, switches)) * total, np.concatenate([[0.0], rng.uniform(0.0, 20.0, switches)])
+    grid = np.arange(-400.0, total + 400.0)
+    power = np.where(kind == "still", 7.0, levels[np.searchsorted(edges, grid, side="right")])
+    capacities = np.array([rng.uniform(20.0, 100.0), rng.uniform(100.0, 400.0), rng.uniform(400.0, 2500.0)])
+    first, second, loss = rng.uniform(0.3, 2.0), rng.uniform(0.5, 3.0), rng.uniform(0.2, 1.2)
+    lag = float(rng.uniform(20.0, 120.0) if kind == "lag" else rng.uniform(1.5, 15.0))
+    rises, read = np.zeros(3), np.zeros(3)
+    seen = np.empty((grid.size, 3))
+    for k, heat in enumerate(power.tolist()):  # explicit steps of 1 s, below all time constants
+        seen[k], read = read, read + (rises - read) / lag
+        down, out = first * (rises[0] - rises[1]), second * (rises[1] - rises[2])
+        away = loss * rises[2] * (abs(rises[2]) / 10.0) ** 0.25
+        rises = rises + np.array([heat - down, down - out, out - away]) / capacities
+    step, own_step = (float(rng.choice((30.0, 60.0) if kind == "coarse" else (1.0, 2.0, 5.0, 20.0))) for _ in range(2))
+    late, rate = float(rng.uniform(-200.0, 200.0)), 1.0 + float(rng.uniform(-1.0, 1.0)) * (2e-3 if kind == "drift" else 5e-5)
+    times, own = np.arange(float(rng.uniform(0.0, step)), total, step), np.arange(0.0, total - 250.0, own_step)
+    noise, digit = float(rng.choice((0.01, 0.05, 0.1))), float(rng.choice((0.01, 0.0625, 0.1)))
+    places = rng.permutation(3)[: int(rng.integers(1, 4))].tolist()
+    readings = [np.interp(times, grid, seen[:, n]) + noise * rng.standard_normal(times.size) for n in places]
+    watts = power[np.searchsorted(grid, rate * own + late, side="right") - 1] + 0.005 * rng.standard_normal(own.size)
+    temperatures = [LogCourse(f"T{n}", False, times - times[0], np.round(v / digit) * digit) for n, v in zip(places, readings, strict=True)]
+    return temperatures, LogCourse("P", True, own, watts), late - float(times[0])
+
+
+@pytest.mark.campaign
+def test_of_forty_pairs_of_logs_the_offset_is_inside_its_error_or_open() -> None:
+    """Seven of each kind but the last, and five logs without a step: 24 or more are found, 95 % of them within two errors.
+
+    One case, logged without the board that is heated, is 5 errors off: slow masses before it and a thermometer that lags look like a clock.
+    """
+    deviations = []
+    for kind in KINDS[:-1]:
+        for seed in range(7):
+            temperatures, power, late = power_and_temperatures(seed, kind)
+            if (found := common_step(temperatures, [power])) is not None:
+                deviations.append(abs(found.offset - late) / found.error)
+    assert all(common_step(t, [p]) is None for t, p, _ in (power_and_temperatures(seed, "still") for seed in range(5)))
+    assert len(deviations) >= 24
+    assert sum(d < 2.0 for d in deviations) >= 0.95 * len(deviations)
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("coarse", 1)])
+def test_a_log_of_powers_shows_switches_half_a_reading_late(kind: str, seed: int) -> None:
+    """A power in a minute's steps: its switches stand at the next reading."""
+    from_here, power, late = power_and_temperatures(seed, kind)
+    found = common_step(from_here, [power])
+    assert found is not None
+    assert abs(found.offset - late) < 2.0 * found.error
+
+
 @pytest.mark.parametrize(("seeds", "least"), [((0, 4, 6, 8, 19), 2), pytest.param(range(60), 24, marks=pytest.mark.campaign)])
 def test_a_power_that_overlaps_a_temperature_by_a_part_has_the_right_offset_or_none(seeds: tuple[int, ...], least: int) -> None:
     """Where nothing shared tells one switch from another, the offset stays open; 8 and 19 had a wrong one."""
@@ -256,6 +335,24 @@ def test_offsets_by_stamps_are_of_two_clocks_and_a_third_log_is_chained_to_the_o
     assert text.count("by time stamps") == 1
     assert "td.inference.align" in text
     assert [type(j["offset"]) for j in joined_lines([first, second, third])] == [str, str]
+
+
+def test_two_loggers_of_temperatures_meet_by_way_of_the_supply_that_both_follow(tmp_path: Path) -> None:
+    """Both stamp their readings, the first 200 s ahead; the supply has no stamps."""
+    looks = [
+        bench_log(tmp_path / "first.csv", ("case",), 0.0, "08:33:20"),
+        bench_log(tmp_path / "second.csv", ("board",), 75.0, "08:31:15", length=14000.0),
+        bench_log(tmp_path / "third.csv", (), -40.0, step=5.0),
+    ]
+    by_board, by_supply = clocks_of(looks)
+    assert by_board["offset"] == -125.0
+    assert by_board["step"]["after"] == "third.csv"
+    for found, truth in ((by_board, 75.0), (by_supply, -40.0)):
+        assert abs(found["at"]["offset"] - truth) < 2.0 * found["at"]["error"]
+        assert found["at"]["error"] < 100.0  # half of what the stamps are wrong by
+        assert not found["at"]["stamps"]
+    board, _ = joined_lines(looks)
+    assert abs(float(str(board["offset"]).removesuffix(" [s]")) - 75.0) < 2.0 * by_board["at"]["error"]
 
 
 def test_one_range_at_most_is_proposed_and_a_name_that_both_have_is_said(tmp_path: Path) -> None:

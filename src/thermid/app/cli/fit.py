@@ -47,7 +47,17 @@ from thermid.base.errors import ScenarioError, SolverError
 from thermid.base.files import CREDIBILITY, PICTURE, TABLE, VALUES, may_write, read_bytes
 from thermid.base.toml_files import kind_of_text
 from thermid.campaign import studies as origins
-from thermid.campaign.stages import Campaign, file_name, fleet_in, local_of, plain_readings, read_campaign, scenario_of, survey
+from thermid.campaign.stages import (
+    Campaign,
+    campaign_predictions,
+    file_name,
+    fleet_in,
+    local_of,
+    plain_readings,
+    read_campaign,
+    scenario_of,
+    survey,
+)
 from thermid.campaign.studies import plan_retune
 from thermid.fit.calibration import Calibration, LocalSpec
 from thermid.fit.error_model import SIZES
@@ -336,16 +346,22 @@ def predict(
     verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
-    """Predict a scenario with a fitted stage, with 95 % bands.
+    """Predict scenarios with a fitted stage, with 95 % bands.
 
-    The bands are broken down into their causes. A logged run is compared with its readings.
+    Without --scenario and --record, the predictions that the campaign names are
+    made, with the margins of their bands to limits: exit code 1 if one is
+    exceeded. The bands are broken down into their causes. A logged run is
+    compared with its readings.
     """
-    if (scenario is None) == (not record):
-        raise ScenarioError("a prediction needs a scenario, --scenario FILE, or a logged run, --record NAME; one of both.", "command line")
+    if scenario is not None and record:
+        raise ScenarioError("a prediction is of a scenario or of logged runs. Give --scenario FILE or --record NAME.", "command line")
     conditions = load_scenario(scenario) if scenario is not None else None
     writable((csv, TABLE))
     stages = staged(campaign, data, results, accept)
     name = stage or list(stages)[-1]
+    if conditions is None and not record:
+        _predict_named(stages, as_json, verbose)
+        return
     if conditions is None:
         _predict_records(campaign, data, stages[name], name, record, as_json, verbose)
         return
@@ -356,6 +372,17 @@ def predict(
     lines = [str(predicted), *(f"  at {t:g} s: " + ", ".join(f"{n} {b.at(t)}" for n, b in predicted.bands.items()) for t in times)]
     say(as_json, {"stage": name, **predicted.to_dict(times)}, "\n".join(lines), verbose or (None if times else False))
     leave(predicted.standing)
+
+
+def _predict_named(campaign: Campaign, as_json: bool, verbose: bool) -> None:
+    """Print the predictions that a campaign names, the answers first."""
+    predictions = campaign_predictions(campaign)
+    if not predictions:
+        words = 'nothing to predict: give --scenario FILE or --record NAME, or write [predictions.hot] with scenario = "hot.toml".'
+        raise ScenarioError(words, campaign.title, code="command.not-understood")
+    heads = ["\n".join(p.head for p in predictions)] if len(predictions) > 1 else []
+    say(as_json, {p.name: p.to_dict() for p in predictions}, "\n\n".join([*heads, *map(str, predictions)]), verbose)
+    leave(campaign.standing, 1 if any(p.within is False for p in predictions) else 0)
 
 
 def _predict_records(

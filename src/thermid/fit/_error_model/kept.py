@@ -531,6 +531,6 @@ def _widened(fit: Calibration, moved: Mapping[str, float], variances: Mapping[st
 def _words(grown: Mapping[str, float], is_requested: bool) -> str:
     """Return what a reader must know; `grown` is by what factor the error of each value grew."""
     most = max(grown, key=grown.__getitem__, default="")
-    times = f", most of '{most}': {short(grown[most], 2)} times the error of the fit itself" if most else ""
-    why = "the structure is a proposal" if is_requested else "the residuals refute the structure"
-    return f"{FIRST}{why}, so the errors of the values count how its elements may depart from their laws{times}."
+    times = f"; that of '{most}' grew most, {short(grown[most], 2)} times" if most else ""
+    why = "the structure is a proposal" if is_requested else "the residuals are larger than this structure explains"
+    return f"{FIRST}{why}, so the errors of the values allow for deviations of its elements from their laws{times}."

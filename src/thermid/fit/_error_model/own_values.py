@@ -10,7 +10,7 @@ import numpy as np
 
 from thermid.base.linear_algebra import Array, symmetric_inverse
 from thermid.fit._calibration import Calibration
-from thermid.fit._problem.experiment import Experiment, first_reading
+from thermid.fit._problem.experiment import Experiment
 from thermid.fit._problem.gather import wired
 from thermid.fit._problem.request import Request
 
@@ -101,7 +101,7 @@ def own_values_of(fit: Calibration) -> tuple[OwnValue, ...]:
     errors = {(i.record, i.name): i.error for i in fit.local}
     runs_of_value: dict[tuple[str, str], list[FoundIn]] = {}
     for e in fit.problem.experiments:
-        first = {o.sensor: first_reading(e.record, o.sensor, fit.request.window) for o in e.observations}
+        first = e.first_readings(fit.request.window)
         for key, off in _found_in(fit, fit.request, e).items():
             runs_of_value.setdefault(key, []).append((first, off, errors[e.record.name, key[0]]))
     return tuple(_own_value(name, start, several) for (name, start), several in runs_of_value.items() if len(several) > 1)

@@ -64,15 +64,20 @@ def problem_of_record(
     bare_problem = build_problem(bare)
     e = bare_problem.experiments[0]
     starts: dict[str, list[str]] = {}
-    for node, sensor in [*e.readings.items(), *((n, s) for n, sensors in e.loose.items() for s in sensors)]:
-        starts.setdefault(sensor, []).append(f"initial.{node}")
+    shares: dict[str, float] = {}  # of the mean of several sensors
+    for node, begun in [*((n, (s,)) for n, s in e.readings.items()), *e.loose.items()]:
+        for sensor in begun:
+            starts.setdefault(sensor, []).append(f"initial.{node}")
+            shares[sensor] = 1.0 / len(begun)
     sensors = {o.sensor: o for o in e.observations}
     taken = {*own_laws, *(f"{t.name}" for u in bare_problem.unknowns if u.kind == "local" for t in u.targets)}
     more = [_shifted(bare_problem, name, [name], *law) for name, law in own_laws.items()]
     for sensor, names in starts.items():
         unset_starts = [n for n in names if n.startswith("initial.") and n not in taken]
         if unset_starts and sensor in sensors:
-            more.append(_shifted(bare_problem, f"first reading of {sensor}", unset_starts, 0.0, noise_of(e, sensors[sensor])))
+            more.append(
+                _shifted(bare_problem, f"first reading of {sensor}", unset_starts, 0.0, shares[sensor] * noise_of(e, sensors[sensor]))
+            )
     return replace(bare_problem, unknowns=(*bare_problem.unknowns, *more, *_beside(bare_problem, beside)))
 
 

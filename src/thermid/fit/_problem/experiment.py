@@ -291,8 +291,28 @@ def first_reading(record: Record, name: str, window: float = 0.0) -> float:
     return float(np.median(channel.values[channel.valid][times <= times[0] + window]))
 
 
+def first_readings(record: Record, observations: Sequence[Observation], window: float = 0.0) -> dict[str, dict[str, float]]:
+    """Return observed node -> the sensors that read its start, with their first readings; the node starts at their mean. [SI]
+
+    They are those that have read when the first one reads again: one that begins later says where the node is by then.
+
+    Raises
+    ------
+    RecordError   When a channel has no valid sample.
+    """
+    several: dict[str, dict[str, Array]] = {}
+    for o in observations:
+        several.setdefault(o.seat, {})[o.sensor] = record.times[record.channel(o.sensor).valid][:2]
+    out = {}
+    for node, times in several.items():
+        earliest = min(times.values(), key=lambda t: (t.size == 0, *t))
+        begun = (sensor for sensor, t in times.items() if t.size == 0 or t[0] <= earliest[-1])
+        out[node] = {sensor: first_reading(record, sensor, window) for sensor in begun}
+    return out
+
+
 def starts_of(
-    record: Record, base: Scenario, network: Network, first: Mapping[str, float], begun: Mapping[str, tuple[str, ...]], window: float
+    record: Record, base: Scenario, network: Network, first: Mapping[str, float], begun: Mapping[str, Mapping[str, float]], window: float
 ) -> tuple[Any, dict[str, Any], dict[str, str], dict[str, tuple[str, ...]]]:
     """Return start, initial temperatures, nodes that start at a channel's first reading, and those at their own with its sensors."""
     initial: dict[str, Any] = {}
@@ -315,7 +335,7 @@ def starts_of(
     if base.start not in ("", MEASURED):
         return base.start, initial, readings, {}
     runner = network.flat.names.model.runner  # of somebody else's program a start may follow from others
-    loose = {n: s for n, s in begun.items() if n not in initial and _massive(network, n) and (runner is None or n in runner.starts)}
+    loose = {n: tuple(s) for n, s in begun.items() if n not in initial and _massive(network, n) and (runner is None or n in runner.starts)}
     initial |= {n: Kelvin(first[n]) for n in loose}
     mean = Kelvin(np.mean(list(first.values())))
     return (mean if base.start == MEASURED or len(network.boundaries) != 1 else ""), initial, readings, loose
@@ -585,6 +605,10 @@ class Experiment:
     hidden: Mapping[str, HiddenStart] = field(default_factory=dict)
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
+    def first_readings(self, window: float = 0.0) -> dict[str, float]:
+        """Return each sensor that reads the start of its node -> its first reading. [SI]"""
+        return {sensor: value for read in first_readings(self.record, self.observations, window).values() for sensor, value in read.items()}
+
     @property
     def bare(self) -> Scenario:
         """The scenario as it holds for the model without its sensors."""
@@ -703,11 +727,11 @@ def bind(
     observations = tuple(
         _observation(c, seats.get(c.name, Seat(path, path)), grid, times, (weights or {}).get(c.name, 1.0)) for c, path in observed
     )
-    first, begun = _first_readings(record, observations, window)
+    begun = first_readings(record, observations, window)
+    first = {node: float(np.mean(list(readings_of_node.values()))) for node, readings_of_node in begun.items()}
     start, initial, readings, loose = starts_of(record, _as_it_starts(model, base, first), network, first, begun, window)
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
-    duration = last - zero
     ticks = None if second is None else _ticks(record, second, zero, driven, inputs)
     full = replace(
         base,
@@ -718,7 +742,7 @@ def bind(
         gains=inputs.gains,
         start=start,
         initial=initial,
-        duration=duration,
+        duration=last - zero,
     )
     hidden = _hidden_starts(full, network, first, record, driven, observations, tips) if base.start == "" else {}
     if hidden:
@@ -731,23 +755,6 @@ def _as_it_starts(model: Model, base: Scenario, first: Mapping[str, float]) -> S
     if model.runner is None or base.start != "":
         return base
     return replace(base, initial={**{n: Kelvin(t) for n, t in model.runner.starts.items() if n not in first}, **base.initial})
-
-
-def _first_readings(
-    record: Record, observations: Sequence[Observation], window: float
-) -> tuple[dict[str, float], dict[str, tuple[str, ...]]]:
-    """Return observed node -> its first reading, the mean of those of its sensors [K], and these sensors.
-
-    They are those that have read when the first one reads again: one that begins later says where the node is by then.
-    """
-    several: dict[str, dict[str, Array]] = {}
-    for o in observations:
-        several.setdefault(o.seat, {})[o.sensor] = record.times[record.channel(o.sensor).valid][:2]
-    begun = {}
-    for node, times in several.items():
-        earliest = min(times.values(), key=lambda t: (t.size == 0, *t))
-        begun[node] = tuple(sensor for sensor, t in times.items() if t.size == 0 or t[0] <= earliest[-1])
-    return {n: float(np.mean([first_reading(record, s, window) for s in sensors])) for n, sensors in begun.items()}, begun
 
 
 def _hidden_starts(

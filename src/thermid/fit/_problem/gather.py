@@ -220,43 +220,48 @@ def _nuisances(request: Request, experiments: Sequence[Experiment]) -> list[Unkn
 
 @dataclass(frozen=True)
 class _Start:
-    """A temperature that stands on a first reading: its value before corrections, its sensor, what is added, where its scale turns."""
+    """A temperature that stands on first readings: sensors with reading and turn of their scale, and what is added to the mean."""
 
-    reading: float
-    sensor: str
+    readings: tuple[tuple[str, float, float], ...]
     offset: str
     shift: float
-    about: float = 0.0
+
+    def mean(self, errors: Mapping[str, float]) -> float:
+        """Return the mean of the readings less the known errors of their sensors. [K]"""
+        return sum(reading - errors.get(sensor, 0.0) for sensor, reading, _ in self.readings) / len(self.readings)
 
 
 def _starts(request: Request, experiment: Experiment) -> dict[str, _Start]:
-    """Return name in the wiring -> the first reading that stands there."""
-    readings: dict[str, tuple[str, str]] = {f"initial.{node}": (sensor, "") for node, sensor in experiment.readings.items()}
+    """Return name in the wiring -> the first readings that stand there."""
+    readings: dict[str, tuple[tuple[str, ...], str]] = {f"initial.{node}": ((sensor,), "") for node, sensor in experiment.readings.items()}
     if not request.fit_start:
-        readings |= {f"initial.{node}": (sensors[-1], "") for node, sensors in experiment.loose.items()}
-    readings |= {wired(experiment, raw): (r.channel, r.offset) for raw, r in request.readings.items()}
+        readings |= {f"initial.{node}": (sensors, "") for node, sensors in experiment.loose.items()}
+    readings |= {wired(experiment, raw): ((r.channel,), r.offset) for raw, r in request.readings.items()}
     readings |= {tip: readings[name] for name in tuple(readings) for tip in _tips(experiment, name)}
     for raw in request.locals_of(experiment.record):
         for name in (wired(experiment, raw), *_tips(experiment, wired(experiment, raw))):
             readings.pop(name, None)
     out = {}
     parameters = experiment.network.flat.parameters
-    for name, (sensor, offset) in readings.items():
+    for name, (sensors, offset) in readings.items():
         shift, path = 0.0, ""
         if offset:
             path = parameters.freeable(offset, request.model.canonical)
             require(parameters.dimension(path), "K", parameters.table[path].parameter.unit)
             shift = float(parameters.evaluate({})[path])
-        part = experiment.record.channels[sensor].part
-        about = part.gain_about if part is not None else 0.0
-        out[name] = _Start(first_reading(experiment.record, sensor, request.window), sensor, path, shift, about)
+        parts = [experiment.record.channels[sensor].part for sensor in sensors]
+        read = [
+            (sensor, first_reading(experiment.record, sensor, request.window), part.gain_about if part is not None else 0.0)
+            for sensor, part in zip(sensors, parts, strict=True)
+        ]
+        out[name] = _Start(tuple(read), path, shift)
     return out
 
 
 def _reaching(unknowns: Sequence[Unknown], starts: Sequence[Mapping[str, _Start]], held: Mapping[str, float]) -> list[Unknown]:
     """Return the unknowns, each acting also on the temperatures that stand on its sensor's first reading, or that it is added to.
 
-    The value is reading - constant error + offset; what is not looked for stands in the first target's constant.
+    The value is the mean of reading - constant error, + offset; what is not looked for stands in the first target's constant.
     """
     sensors = {u.name.removeprefix("sensor "): k for k, u in enumerate(unknowns) if u.kind == "sensor"}
     parameters = {u.name: k for k, u in enumerate(unknowns) if u.kind == "parameter"}
@@ -264,10 +269,12 @@ def _reaching(unknowns: Sequence[Unknown], starts: Sequence[Mapping[str, _Start]
     more: dict[int, list[Influence]] = {}
     for i, named in enumerate(starts):
         for name, s in named.items():
-            scale = scales.get(gain_of(s.sensor))
-            acts = ((sensors.get(s.sensor), -1.0), (parameters.get(s.offset), 1.0), (scale, s.about - s.reading))
+            count = len(s.readings)
+            acts = [(sensors.get(sensor), -1.0 / count) for sensor, _, _ in s.readings]
+            acts += [(parameters.get(s.offset), 1.0)]
+            acts += [(scales.get(gain_of(sensor)), (about - reading) / count) for sensor, reading, about in s.readings]
             acting = [(k, factor) for k, factor in acts if k is not None]
-            constant = s.reading - (0.0 if s.sensor in sensors else held.get(s.sensor, 0.0)) + (0.0 if s.offset in parameters else s.shift)
+            constant = s.mean({n: e for n, e in held.items() if n not in sensors}) + (0.0 if s.offset in parameters else s.shift)
             for k, factor in acting:
                 more.setdefault(k, []).append(Influence(i, name, constant, factor))
                 constant = 0.0
@@ -278,7 +285,7 @@ def _settled(request: Request, experiment: Experiment, starts: Mapping[str, _Sta
     """Return the experiment with every temperature that stands on a reading corrected by what is known."""
     boundaries, initial = {}, {}
     for name, start in starts.items():
-        value = start.reading - request.held_bias.get(start.sensor, 0.0) + start.shift
+        value = start.mean(request.held_bias) + start.shift
         if name.startswith("initial."):
             initial[name.removeprefix("initial.")] = Kelvin(value)
         else:

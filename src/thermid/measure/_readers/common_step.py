@@ -35,6 +35,10 @@ TWO_PLACES = 1.2
 """Scatter about each other from which two temperatures are of two places, in that from reading to reading. [-]"""
 QUARTER = 0.25
 """Part of its range that a temperature changes by in the time that one place may lag another by. [-]"""
+BEGUN = 0.03
+"""Part of a rise that stands for its beginning. [-]"""
+MIN_INDEPENDENT = 4.0
+"""Fewest residuals that count as independent. [-]"""
 FINER = 3
 """How often offsets are tried again, eight times as close about the best."""
 
@@ -63,6 +67,14 @@ class Explanation:
         if not self.constants.size:
             return np.ones((1, 1))
         return 1.0 - np.exp(-length * np.array([0.1, 0.3, 1.0])[:, None] / self.constants)
+
+    def begun(self, shares: FloatArray, length: float) -> float:
+        """Return when a step has raised the first part of what it raises in a length: a mass before the thermometer may be as late. [s]"""
+        if not self.constants.size:
+            return 0.0
+        times = np.geomspace(1e-4, 1.0, 200) * length
+        rise = (1.0 - np.exp(-times[:, None] / self.constants)) @ shares[-self.constants.size :]
+        return float(times[int(np.argmax(rise >= BEGUN * np.max(rise)))])
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +107,7 @@ class LogCourse:
 
         times = np.arange(0.0, self.times[-1] + fine, fine)
         held = self.values[np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, self.times.size - 1)] - self.values[0]
-        out, constants = [], np.geomspace(4.0 * fine, longest, count)
+        out, constants = [], np.geomspace(fine, longest, count)
         for constant in constants:
             decay = float(np.exp(-fine / constant))
             out.append(lfilter([0.0, 1.0 - decay], [1.0, -decay], held))  # the value of an interval acts at its end
@@ -137,6 +149,7 @@ def common_step(first: Sequence[LogCourse], second: Sequence[LogCourse]) -> Comm
     """
     offsets = [one for a in first for b in second if a.moves and b.moves and (one := _compared(a, b)) is not None]
     length = min((c.times[-1] for c in (*first, *second) if c.moves), default=0.0)
+    offsets = _as_pairs_agree(offsets)
     places = [f for f in offsets if f.lags]
     if min(len({f.first for f in places}), len({f.second for f in places})) < 2:  # nothing says how late one place follows the other
         offsets, places = [f for f in offsets if not f.lags], []
@@ -144,6 +157,28 @@ def common_step(first: Sequence[LogCourse], second: Sequence[LogCourse]) -> Comm
     offsets = [replace(f, error=float(np.hypot(f.error, spread))) if f.lags else f for f in offsets]
     best = min(offsets, key=lambda f: (f.candidate, -f.explained if f.candidate else f.error), default=None)
     return best if best is not None and best.error <= MAX_OFFSET_ERROR * length else None
+
+
+def _as_pairs_agree(offsets: Sequence[CommonStep]) -> list[CommonStep]:
+    """Return offsets, those by a power with the variance by which they differ beyond their own errors (DerSimonian and Laird 1986)."""
+    sure = [f for f in offsets if not (f.lags or f.candidate)]
+    weights, values = np.array([f.error**-2.0 for f in sure]), np.array([f.offset for f in sure])
+    if len(sure) < 2:
+        return list(offsets)
+    beyond = float(weights @ (values - weights @ values / weights.sum()) ** 2) - (len(sure) - 1)
+    between = np.sqrt(max(beyond, 0.0) / (weights.sum() - weights @ weights / weights.sum()))
+    return [replace(f, error=float(np.hypot(f.error, between))) if f in sure else f for f in offsets]
+
+
+def _seen_late(cause: LogCourse) -> float:
+    """Return how late a log shows the switches of a power, which holds until the next reading: half the time between readings there. [s]
+
+    A log with a reading at each switch and hardly another one shows them as they are.
+    """
+    switched = np.flatnonzero(np.abs(np.diff(cause.values)) > SWITCH * float(np.ptp(cause.values)))
+    if not cause.power or 2 * switched.size > cause.times.size:
+        return 0.0
+    return 0.5 * float(np.median(np.diff(cause.times)[switched])) if switched.size else 0.0
 
 
 def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
@@ -174,9 +209,10 @@ def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
     noise = float(np.hypot(_scatter(effect), shares[-1] * _scatter(cause)))
     lags = not (a.power or b.power) and left > target.size * (TWO_PLACES * noise) ** 2
     candidate = not (a.power or b.power) and a.heated and a.name.casefold() != b.name.casefold()
-    late = max(_quarter_time(a), _quarter_time(b)) / 3.0**0.5 if candidate else 0.0  # later or earlier by any time up to that one
-    error = float(np.hypot(np.hypot(error, np.std(refined_offsets)), late))
-    return CommonStep(sign * float(np.median(refined_offsets)), error, a.name, b.name, explained, lags, candidate)
+    late = max(_quarter_time(a), _quarter_time(b)) if candidate else ways[0].begun(shares, length)
+    error = float(np.linalg.norm([error, np.std(refined_offsets), late / 3.0**0.5]))  # later or earlier by any time up to that one
+    offset = float(np.median(refined_offsets)) + (0.0 if effect.power else _seen_late(cause))
+    return CommonStep(sign * offset, error, a.name, b.name, explained, lags, candidate)
 
 
 def _quarter_time(course: LogCourse) -> float:
@@ -273,12 +309,14 @@ def _solved(rows: FloatArray, target: FloatArray) -> tuple[float, FloatArray]:
 def _error(effect: LogCourse, responses: Explanation, best: float, step: float) -> float:
     """Return the standard error of an offset: where the logarithm of the squares rises by one over the independent points.
 
-    Points of residuals that wander are not independent: as many count as there are changes of sign, at least four. [s]
+    Points of residuals that wander are not independent. Of n points that follow each other with a correlation r, n (1 - r) / (1 + r) count,
+    at least four, and the sign changes acos(r) / pi times a point (Rice), which wandering of a few points does not disturb. [s]
     """
     rows, target = _rows(effect, responses, best)
     scale = np.linalg.norm(rows, axis=0)
     residuals = target - rows @ (np.linalg.lstsq(rows / scale, target, rcond=None)[0] / scale)
-    count = max(int(np.count_nonzero(np.diff(np.sign(residuals)))), 4)
+    changes = np.count_nonzero(np.diff(np.sign(residuals)))
+    count = max(target.size * float(np.tan(0.5 * np.pi * min(changes / target.size, 0.5))) ** 2, MIN_INDEPENDENT)
     base = max(_part_unexplained(effect, responses, best), 1e-12)
     for width in _widths(step, float(effect.times[-1])):
         rise = min(_part_unexplained(effect, responses, best - width), _part_unexplained(effect, responses, best + width)) / base

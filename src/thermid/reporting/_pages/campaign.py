@@ -15,21 +15,27 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import ThermidError
 from thermid.base.sourced import VERDICTS
 from thermid.base.units import counted, from_si, unit
-from thermid.campaign.stages import Campaign, JointFit
-from thermid.campaign.verdicts import Verdict, largest, metric
+from thermid.campaign.stages import Campaign, JointFit, campaign_predictions
+from thermid.campaign.verdicts import CampaignPrediction, Verdict, largest, metric
 from thermid.fit.calibration import MOVED, NOT_REJECTED, UNDECIDED, Calibration, Move, MovedGroup, SensorTrace
 from thermid.inference.criticism import criticise
 from thermid.inference.diagnosis import energy_balance
 from thermid.inference.intervals import identifiability
 from thermid.model.tree import Model, Names, flatten
+from thermid.physics.constants import ICE_POINT
 from thermid.reporting._blocks.content import (
     DASH,
     SAME_AS_ABOVE,
     SHEET,
     Cell,
+    Figures,
     Graphic,
     Head,
+    Heading,
     Line,
+    Notes,
+    PageBlock,
+    Plot,
     Table,
     duration,
     group_cell,
@@ -70,9 +76,7 @@ def report(
 ) -> Path:
     """Write a campaign as one HTML page, or as a PDF where its name ends in .pdf, and return its path.
 
-    The page holds everything: verdicts, what a reader must know, coefficients by level, and for each stage its diagram, parameters before
-    and after, sensors, measured against simulated with residuals; then predictions and provenance. It loads nothing and runs no script
-    but its own, without which it stands as well. Long tables are files of comma-separated values too, in a folder beside the page.
+    Verdicts and margins come first, then coefficients by level, each stage and provenance. Long tables are CSV files beside it too.
 
     Parameters
     ----------
@@ -113,6 +117,8 @@ def report(
         stages=stages,
         values=_joined(stages) if audience == "agency" else [],
         predictions=[_prediction(f"prediction-{k}", title, s, campaign) for k, (title, s) in enumerate(scenarios, 1)],
+        named=(named := campaign_predictions(campaign)),
+        named_blocks=list(_named(named)),
         data=tables.data(campaign),
         models=tables.models(campaign),
         versions=tables.versions(),
@@ -349,6 +355,39 @@ def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) ->
         "diagram": next(iter(pictures), ""),
         "length": length,
     }
+
+
+def _named(predictions: Sequence[CampaignPrediction]) -> Iterator[PageBlock]:
+    """Yield what the campaign's own predictions say: all bands and margins as a table, then each with what it does not count."""
+    columns = [
+        Head("prediction"),
+        Head("node"),
+        Head("lowest of the band, °C", True),
+        Head("highest of the band, °C", True),
+        Head("limits, °C"),
+        Head("margin, K", True, "from the band to the nearer limit, over the whole run"),
+    ]
+    rows: list[Line] = []
+    for p in predictions:
+        for k, m in enumerate(p.margins):
+            low, high = (f"{end - ICE_POINT:.2f}" for end in m.band)
+            margin = Cell(f"{m.margin:.2f}", "", "good" if m.margin >= 0.0 else "bad") if m.words[1] else Cell(DASH)
+            rows.append([group_cell(p.name, k), Cell(m.node, "", "main"), low, high, m.words[1].removesuffix(" degC") or DASH, margin])
+    if rows:
+        yield Table.of_rows(columns, rows, "95 % bands over the whole run, smallest margin first.", "Predictions and margins to limits")
+    for k, p in enumerate(predictions, 1):
+        ends = [end for pair in p.limits.values() for end in pair if math.isfinite(end)]
+        near = [end for end in ends if any(abs(end - t) < NEAR_LIMIT for m in p.margins for t in m.band)]
+        drawn = figures.predicted_bands(p.prediction, f"asked-{k}", f"{p.name}: predicted temperatures with bands", near)
+        caption = f"{p.name} ({p.prediction.scenario}): temperatures with 95 % bands{', limits as thin lines' if near else ''}."
+        yield Heading(p.head)
+        yield Figures((Plot(drawn, caption),), drawn.legend, wide=True)
+        if p.prediction.not_counted or p.prediction.warnings:
+            yield Notes(tuple(w for w in (p.prediction.not_counted, *p.prediction.warnings) if w), "Warnings")
+
+
+NEAR_LIMIT = 30.0
+"""A limit is drawn where a band comes as near as that. [K]"""
 
 
 def _models_of(solution: Solution, campaign: Campaign) -> Iterator[Model]:

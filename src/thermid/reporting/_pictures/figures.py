@@ -11,6 +11,7 @@ import numpy as np
 from thermid.base.linear_algebra import Array
 from thermid.fit.calibration import SensorTrace
 from thermid.physics.constants import ICE_POINT
+from thermid.prediction.bands import Prediction
 from thermid.reporting._blocks.content import NARROW, Graphic, LegendEntry
 from thermid.reporting._pictures.chart import Area, Panel, Stroke, chart, nice_ticks, number_text
 from thermid.simulation.runs import Solution
@@ -276,6 +277,20 @@ def prediction(solution: Solution, key: str, label: str) -> Graphic:
         entries.append(LegendEntry(name, f"--s{n}", dash))
     markup = chart([Panel("temperature", "°C", lines)], key=key, label=label, x_name=("time", unit), size=(760, 330))
     return Graphic(markup, tuple(entries))
+
+
+def predicted_bands(prediction: Prediction, key: str, label: str, limits: Sequence[float] = ()) -> Graphic:
+    """Return the temperature of every predicted node over time with its 95 % band, and limits as thin lines. [K]"""
+    length, unit = time_unit(float(prediction.times[-1] - prediction.times[0]))
+    lines, areas, entries = [], [], []
+    for k, (node, band) in enumerate(prediction.bands.items()):
+        colour, dash = (f"--s{k % len(SERIES)}", SERIES[k % len(SERIES)]), " ".join(f"{d:g}" for d in DASHES[k % len(DASHES)])
+        low, high = band.interval()
+        areas.append(Area(f"{node}, 95 %", band.times / length, low, high, colour))
+        lines.append(Stroke(node, band.times / length, band.celsius, colour, 1.6, dash))
+        entries.append(LegendEntry(f"{node} {low[-1]:.1f} to {high[-1]:.1f} °C at the end", colour[0], dash))
+    panel = Panel("temperature", "°C", lines, areas, sorted({t - ICE_POINT for t in limits}))
+    return Graphic(chart([panel], key=key, label=label, x_name=("time", unit), size=(760, 330)), tuple(entries))
 
 
 def coverage(shares: Mapping[str, Mapping[float, float]], key: str, label: str) -> Graphic:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from pathlib import Path
 from typing import Any, Final
@@ -156,7 +156,8 @@ class Look(Result):
         for c in self.columns:
             good = c.values[c.good] if c.values.size else c.values
             ends = (f"{good.min():.4g}", f"{good.max():.4g}") if good.size else ("", "")
-            rows.append((_short(c.name, 28), f"{_short(c.unit, 12)}{'?' if c.assumed else ''}", c.guess, *ends))
+            guess = "supply" if c in (self.supply or ()) else c.guess
+            rows.append((_short(c.name, 28), f"{_short(c.unit, 12)}{'?' if c.assumed else ''}", guess, *ends))
         widths = [max(len(row[k]) for row in rows) for k in range(5)]
         room = max(12, min(40, width - sum(widths) - 12))
         out = []
@@ -176,7 +177,7 @@ class Look(Result):
                 at = duration_text(float(self.times.values[c.jumps[0]] - self.times.values[0]))
                 remarks.append(f"{counted(c.jumps.size, 'jump')}, the first at {at}")
             remarks += [f"no unit in the log, {c.unit} assumed"] if c.assumed else []
-            if c.guess == "ignored" or remarks:
+            if (c.guess == "ignored" and c not in (self.supply or ())) or remarks:
                 out.append(f"  {c.name}: {'; '.join([c.why, *remarks] if c.guess == 'ignored' else remarks)}")
         return ["Remarks:", *out, ""] if out else []
 
@@ -338,34 +339,41 @@ def _time_of_day(look: Look) -> float | None:
 
 
 def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
-    """Return of each further log how it may be joined with the first one, by the times of day of their first stamps and by a common step.
+    """Return of each further log how it may be joined with the first one, by the times of day of their first stamps and by common steps.
 
     `offset` is by how much its first sample is late on the first one, if both clocks are right; None where one has no stamps. [s]
-    `step` has by how much it is late on the earlier log `after`, by a step of a power or temperature that both show, with its standard
-    error. [s] Of all earlier logs it is the one that leads to the first one without stamps, or else with the least error. `at` is the
-    offset from the first log by the steps and stamps between them, with the error of the steps. [s] It is left out where there is no step.
+    `step` has by how much it is late on another log, `after`, by a step of a power or temperature that both show, with its standard
+    error [s]; `stamps` is the same by their stamps, and `contradicted` whether that is further away than the error allows. `at` is the
+    offset from the first log by the steps and stamps between them, with the error of the steps. [s] `step` and `at` are left out where
+    stamps alone, or nothing, give the place.
+
+    Notes
+    -----
+    From the first log on, the log that is placed best comes next: by a step with a power, by two temperatures that stamps contradict, by
+    stamps, by two temperatures. So two loggers of temperatures meet by way of the supply that both follow.
     """
     starts, courses = [_time_of_day(one) for one in looks], [one.courses() for one in looks]
-    places: list[_OffsetSoFar] = [_OffsetSoFar(0.0)]
-    out = []
-    for k, further in enumerate(looks[1:], 1):
-        entry: dict[str, Any] = {"file": further.path.name, "record": further.name, "offset": _late(starts[0], starts[k])}
-        steps = [(j, step) for j in range(k) if (step := common_step(courses[j], courses[k])) is not None]
-        # what two places may lag by says nothing beside stamps that agree with it
-        usable = [(j, step) for j, step in steps if not step.candidate or _contradicted(step, starts[j], starts[k]) is not False]
-        place = _OffsetSoFar(entry["offset"], stamped=True)
-        if usable:
-            j, step = min(usable, key=lambda f: (places[f[0]].at is None, places[f[0]].stamped, f[1].candidate, f[1].error))
-            wrong = _contradicted(step, starts[j], starts[k])
-            entry["step"] = {"offset": step.offset, "error": step.error, "columns": [step.first, step.second]}
-            entry["step"] |= {"after": looks[j].path.name, "stamps": _late(starts[j], starts[k]), "candidate": step.candidate}
-            before = places[j]
-            if not wrong and before.at is not None:
-                place = _OffsetSoFar(before.at + step.offset, float(np.hypot(before.error, step.error)), before.stamped)
-                entry["at"] = {"offset": place.at, "error": place.error, "stamps": place.stamped}
-        places.append(place)
-        out.append(entry)
-    return out
+    steps = {(j, k): f for k in range(len(looks)) for j in range(k) if (f := common_step(courses[j], courses[k])) is not None}
+    steps |= {(k, j): replace(f, offset=-f.offset, first=f.second, second=f.first) for (j, k), f in steps.items()}
+    places = {0: _OffsetSoFar(0.0)}
+    entries: dict[int, dict[str, Any]] = {
+        k: {"file": further.path.name, "record": further.name, "offset": _late(starts[0], starts[k])} for k, further in enumerate(looks)
+    }
+    while len(places) < len(looks):
+        ways = [_Way(places[j], j, k, steps.get((j, k)), _late(starts[j], starts[k])) for j in places for k in entries if k not in places]
+        best = min(ways, key=lambda way: way.rank)
+        places[best.to] = best.place
+        if best.by_step is None:
+            continue
+        step, entry = best.by_step, entries[best.to]
+        entry["step"] = {"offset": step.offset, "error": step.error, "columns": [step.first, step.second], "candidate": step.candidate}
+        entry["step"] |= {"after": looks[best.after].path.name, "stamps": best.stamps, "contradicted": bool(best.contradicted)}
+        if best.place.at is not None:
+            entry["at"] = {"offset": best.place.at, "error": best.place.error, "stamps": best.place.stamped}
+            away = None if entry["offset"] is None else abs(best.place.at - entry["offset"])
+            is_vaguer = best.place.error > STAMP_ERROR
+            entry["at"]["by_stamps"] = is_vaguer and away is not None and away <= MAX_OFFSET_ERRORS * best.place.error
+    return [entries[k] for k in range(1, len(looks))]
 
 
 @dataclass(frozen=True)
@@ -377,15 +385,48 @@ class _OffsetSoFar:
     stamped: bool = False
 
 
+@dataclass(frozen=True)
+class _Way:
+    """From a log that has its place to one that has none yet: by the step that both show, or by their stamps. [s]"""
+
+    before: _OffsetSoFar
+    after: int
+    to: int
+    step: CommonStep | None
+    stamps: float | None
+
+    @property
+    def contradicted(self) -> bool | None:
+        """Return whether stamps are further from the step than that may be off; None without one of them."""
+        if self.step is None or self.stamps is None:
+            return None
+        return abs(self.step.offset - self.stamps) > MAX_OFFSET_ERRORS * self.step.error
+
+    @property
+    def by_step(self) -> CommonStep | None:
+        """Return the step, unless it says nothing beside stamps that agree with it: where one of two places may lag the other."""
+        return None if self.step is not None and self.step.candidate and self.contradicted is False else self.step
+
+    @property
+    def rank(self) -> tuple[bool, bool, int, float]:
+        """Return what orders ways, the best one first."""
+        kind = 1 if self.by_step is None else 2 * (self.by_step.candidate and not self.contradicted)
+        return self.place.at is None, self.place.stamped, kind, self.place.error
+
+    @property
+    def place(self) -> _OffsetSoFar:
+        """Return where this way puts the log; stamps are compared with those of the first one."""
+        step, before = self.by_step, self.before
+        if step is None:
+            return _OffsetSoFar(None if self.after else self.stamps, stamped=True)
+        if before.at is None:
+            return before
+        return _OffsetSoFar(before.at + step.offset, float(np.hypot(before.error, step.error)), before.stamped)
+
+
 def _late(first: float | None, second: float | None) -> float | None:
     """Return by how much one time of day is later than another, by half a day at most; None where one is not known. [s]"""
     return None if first is None or second is None else (second - first + 0.5 * DAY) % DAY - 0.5 * DAY
-
-
-def _contradicted(step: CommonStep, first: float | None, second: float | None) -> bool | None:
-    """Return whether stamps are further from a common step than that may be off; None without stamps."""
-    late = _late(first, second)
-    return None if late is None else abs(step.offset - late) > MAX_OFFSET_ERRORS * step.error
 
 
 def clock_lines(looks: Sequence[Look]) -> list[str]:
@@ -442,9 +483,15 @@ def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
     text = f"  by a common step of {a} and {b}, {begins}"
     if step["candidate"]:
         text += " (a candidate: one of two places may lag the other; td.inference.align finds it by a model)"
-    if step["stamps"] is not None and "at" not in clock:
-        text += f"; its stamps are {abs(late - step['stamps']):.3g} s away from that: one of the clocks is wrong, or heat arrives late"
-    return [text]
+    if not step["contradicted"]:
+        used = ", and are used where no fit finds the offset" if clock.get("at", {}).get("by_stamps") else ""
+        return [text if step["stamps"] is None else f"{text}; its stamps agree within the errors{used}"]
+    away = abs(late - step["stamps"])
+    return [
+        text,
+        f"    check: its stamps are {away:.3g} s from that, {away / error:.0f} errors, so a clock is wrong. The line below follows the "
+        f"step. If both clocks are right, heat arrives late: write {step['stamps']:.6g} s",
+    ]
 
 
 def _digits(value: float, count: int) -> str:
@@ -459,13 +506,14 @@ def _bare(look: Look) -> str:
 def _offset(clock: dict[str, Any], fitted: bool) -> str:
     """Return the offset of a further log as a campaign writes it: a range about a common step, one number, or a gap to fill.
 
-    Stamps of two computers may be a minute apart, so where a step agrees with them the fit looks within the errors of the step.
+    Stamps of two computers may be a minute apart, so where a step agrees with them the fit looks within the errors of the step. Where the
+    fit cannot look, as both logs have temperatures that are compared, stamps that agree are taken for steps of a larger error than theirs.
     """
     if fitted:
         low, high = _range(clock)
         return f'["{low} [s]", "{high} [s]"]'
-    late = clock["at"]["offset"] if "at" in clock else clock["offset"]
-    return '"... [s]"' if late is None else f'"{_digits(late, 4) if "at" in clock else format(late, ".6g")} [s]"'
+    late = clock["at"]["offset"] if "at" in clock and not clock["at"]["by_stamps"] else clock["offset"]
+    return '"... [s]"' if late is None else f'"{_digits(late, 4) if late is not clock["offset"] else format(late, ".6g")} [s]"'
 
 
 def _range(clock: dict[str, Any]) -> tuple[str, str]:
@@ -474,7 +522,9 @@ def _range(clock: dict[str, Any]) -> tuple[str, str]:
     return _digits(late - reach, 4), _digits(late + reach, 4)
 
 
-MAX_OFFSET_ERRORS = 4.0
+STAMP_ERROR = 60.0
+"""Error of a difference of two stamps: clocks of two computers may be a minute apart. [s]"""
+MAX_OFFSET_ERRORS = 3.0
 """Standard errors of an offset that a fit may look for it in, and beyond which stamps disagree with it. [-]"""
 
 

@@ -308,7 +308,7 @@ class TestPredict:
     @pytest.mark.parametrize(
         ("more", "word"),
         [
-            ((), "a prediction needs a scenario"),
+            ((), "nothing to predict"),
             (("--scenario", "hot.toml", "--spread", "room"), "must be written as NAME=SPREAD"),
             (("--scenario", "hot.toml", "--at", "5 [h]"), "18000 s lies outside the run"),
             (("--scenario", "hot.toml", "--stage", "m_Pr"), "no stage 'm_Pr'"),

@@ -9,8 +9,8 @@ import pytest
 
 from thermid.base.errors import IdentificationError, ScenarioError, UnitError
 from thermid.campaign._judge.criteria import Criteria
-from thermid.campaign._judge.verdict import validate
-from thermid.fit.calibration import Calibration, calibrate
+from thermid.campaign._judge.verdict import compare, validate
+from thermid.fit.calibration import Calibration, Request, build_problem, calibrate
 from thermid.measure.records import Record
 from unit.fit.bench import HTC, MASS, box, log, metered
 
@@ -140,3 +140,17 @@ def test_a_second_sensor_that_begins_later_does_not_move_the_start(found: Calibr
     judged = {c.sensor: c for c in validate(found, both, limit).checks}
     assert alone.met
     assert judged["T"].found == pytest.approx(alone.found, abs=1e-6)
+
+
+def test_two_sensors_that_begin_together_start_a_judged_run_at_their_mean(found: Calibration) -> None:
+    """A second sensor 0.8 K above the first: the verdict starts at the mean of both, as the fit does, and not at the last one."""
+    held = run("held", 3, loads={"heat": 4.0})
+    above = replace(held["T"], name="T2", values=held["T"].values + 0.8)
+    judged = compare(found.fitted_model, held.with_channels(above))
+    assert judged.problem is not None
+    (e,) = judged.problem.experiments
+    assert float(e.scenario.initial["case"]) == pytest.approx(float(held["T"].values[0]) + 0.4, abs=1e-9)
+    assert e.first_readings() == pytest.approx({"T": held["T"].values[0], "T2": held["T"].values[0] + 0.8})
+    late = held.with_channels(replace(above, valid=held.times >= 7200.0))
+    (e,) = build_problem(Request(found.fitted_model, (late,), held_errors={}, fit_start=False)).experiments
+    assert set(e.first_readings()) == {"T"}

@@ -1,0 +1,101 @@
+"""Predictions that a campaign names: a scenario with fitted values and 95 % bands, and margins from the bands to limits."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from thermid.base.results import Result
+from thermid.physics.constants import ICE_POINT
+from thermid.prediction.bands import Prediction
+
+Ends = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class BandMargin:
+    """How far the 95 % band of a node stays from its limits, over a whole run.
+
+    Parameters
+    ----------
+    node : str
+    band : (low, high)      Lowest and highest end of the band. [K]
+    limits : (low, high)    Infinite where nobody set one. [K]
+    """
+
+    node: str
+    band: Ends
+    limits: Ends = (-np.inf, np.inf)
+
+    @property
+    def margin(self) -> float:
+        """From the band to the nearer limit, negative beyond it; infinite without limits. [K]"""
+        return min(self.limits[1] - self.band[1], self.band[0] - self.limits[0])
+
+    @property
+    def words(self) -> tuple[str, str, str]:
+        """Return band, limits and margin as texts; the latter two are empty without limits."""
+        low, high = (end - ICE_POINT for end in self.band)
+        ends = [f"{end - ICE_POINT:g}" if np.isfinite(end) else "" for end in self.limits]
+        limits = f"{ends[0]} .. {ends[1]} degC".strip() if any(ends) else ""
+        return f"{low:.2f} .. {high:.2f} degC", limits, f"{self.margin:.2f} K" if limits else ""
+
+
+@dataclass(frozen=True, eq=False)
+class CampaignPrediction(Result):
+    """A prediction that a campaign names.
+
+    Parameters
+    ----------
+    name, stage : str       Its name, and the stage whose values it uses.
+    prediction : Prediction Temperatures with bands.
+    limits : dict           Node -> lowest and highest temperature allowed. [K]
+    """
+
+    name: str
+    stage: str
+    prediction: Prediction
+    limits: Mapping[str, Ends]
+
+    @property
+    def margins(self) -> tuple[BandMargin, ...]:
+        """Every node with its band and limits, smallest margin first."""
+        out = []
+        for node, band in self.prediction.bands.items():
+            low, high = band.interval()
+            ends = (float(low.min()) + ICE_POINT, float(high.max()) + ICE_POINT)
+            out.append(BandMargin(node, ends, self.limits.get(node, (-np.inf, np.inf))))
+        return tuple(sorted(out, key=lambda m: m.margin))
+
+    @property
+    def within(self) -> bool | None:
+        """Whether every band stays inside its limits; None without limits."""
+        return self.margins[0].margin >= 0.0 if self.limits else None
+
+    @property
+    def head(self) -> str:
+        """The answer in one sentence."""
+        if not self.limits:
+            return f"{self.name}: no limits given"
+        worst = self.margins[0]
+        margin = f"smallest margin {worst.margin:.2f} K" if self.within else f"limit exceeded by {-worst.margin:.2f} K"
+        upper = worst.limits[1] - worst.band[1] <= worst.band[0] - worst.limits[0]
+        band, limit = (ends[1 if upper else 0] - ICE_POINT for ends in (worst.band, worst.limits))
+        return f"{self.name}: {margin} at {worst.node}, 95 % band {'up' if upper else 'down'} to {band:.2f} degC, limit {limit:g} degC"
+
+    def __str__(self) -> str:
+        """Return the answer, margins of the bands, and the prediction."""
+        lines = [self.head]
+        lines += [f"  {m.node:<12} band {m.words[0]}  limits {m.words[1]}  margin {m.words[2]}" for m in self.margins if m.words[1]]
+        return self.prediction.standing.over("\n".join([*lines, *str(self.prediction).splitlines()]))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return margins and prediction as plain numbers."""
+        margins = {
+            m.node: {"low_C": m.band[0] - ICE_POINT, "high_C": m.band[1] - ICE_POINT} | ({"margin_K": m.margin} if m.words[1] else {})
+            for m in self.margins
+        }
+        return {"stage": self.stage, "within": self.within, "margins": margins, **self.prediction.to_dict()}

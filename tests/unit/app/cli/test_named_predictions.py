@@ -1,0 +1,78 @@
+"""Predictions that a campaign names: bands first, margins to limits, on the command line, in the check and on the report."""
+
+from __future__ import annotations
+
+from html import unescape
+from pathlib import Path
+
+import pytest
+
+from unit.app.cli.conftest import Call
+
+NAMED = """
+[predictions.hot]
+scenario = "hot.toml"
+limits   = { "a.case" = ["-20 [degC]", "LIMIT [degC]"] }
+
+[predictions.cold]
+scenario = "hot.toml"
+stage    = "box"
+limits   = { case = ["30 [degC]", ""] }
+"""
+HOT = 'title = "hot case"\nboundaries = { ROOM = "40 [degC]" }\nduration = "1 [h]"\nstart = "40 [degC]"\n'
+
+
+def asked(campaign: Path, limit: str) -> Path:
+    """Return a campaign that asks for a hot case of its last stage, and of its first one, whose surroundings have another name."""
+    text = NAMED.replace("LIMIT", limit)
+    campaign.write_text(campaign.read_text() + text.replace('scenario = "hot.toml"\nstage', 'scenario = "box.scenario.toml"\nstage'))
+    (campaign.parent / "hot.toml").write_text(HOT.replace("ROOM", "room"))
+    (campaign.parent / "box.scenario.toml").write_text(HOT.replace("ROOM", "air"))
+    return campaign
+
+
+def test_every_prediction_is_made_and_its_margin_counts_from_the_band(call: Call, campaign: Path, tmp_path: Path) -> None:
+    asked(campaign, "90")
+    assert call("check", campaign).code == 0
+    said = call("predict", campaign, "--json")
+    hot, cold = said.object["hot"], said.object["cold"]
+    assert (said.code, hot["stage"], cold["stage"]) == (0, "pair", "box")
+    assert hot["within"]
+    margin = hot["margins"]["a.case"]
+    assert margin["margin_K"] == pytest.approx(90.0 - margin["high_C"])
+    assert margin["high_C"] >= hot["nodes"]["a.case"]["final"]["high_C"] > hot["nodes"]["a.case"]["final"]["C"]
+    alone = call("predict", campaign, "--scenario", campaign.parent / "hot.toml", "--json").object
+    assert alone["nodes"] == hot["nodes"]
+    page = tmp_path / "page.html"
+    assert call("report", campaign, "--to", page, "--for", "summary").code == 0
+    text = unescape(page.read_text())
+    assert text.index("hot: smallest margin") < text.index("What was fitted")
+    assert f"{margin['margin_K']:.2f}" in text
+    assert 'id="predictions"' in text
+
+
+def test_a_limit_that_a_band_exceeds_is_exit_code_1(call: Call, campaign: Path) -> None:
+    said = call("predict", asked(campaign, "41"))
+    assert said.code == 1
+    assert "exceeded" in said.out.splitlines()[0]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('"a.case" = [', '"a.cas" = [', "no node 'a.cas'"),
+        ('stage    = "box"\nlimits', 'stage    = "bax"\nlimits', "no stage 'bax'"),
+        ('"hot.toml"', '"hut.toml"', "hut.toml"),
+    ],
+)
+def test_what_a_prediction_names_wrongly_is_found_by_check(call: Call, campaign: Path, old: str, new: str, words: str) -> None:
+    asked(campaign, "90").write_text(campaign.read_text().replace(old, new))
+    said = call("check", campaign, "--json")
+    assert said.code == 2
+    assert words in said.out
+
+
+def test_a_campaign_without_predictions_says_how_to_ask(call: Call, campaign: Path) -> None:
+    said = call("predict", campaign, "--json")
+    assert said.code == 2
+    assert "[predictions.hot]" in said.object["message"]
