@@ -194,6 +194,7 @@ def by_heading() -> dict[str, Names]:
         "Scenario of a stage": _model(campaign_schema.ScenarioTable, SCENARIO_UNITS),
         "Joint fit of a campaign": _model(campaign_schema.JointFitTable, CAMPAIGN_UNITS),
         "Verdict of a campaign": _model(campaign_schema.VerdictTable),
+        "Prediction of a campaign": _model(campaign_schema.PredictionTable),
         "Fleet of a campaign": _model(campaign_schema.FleetTable),
         "Unit of a fleet": _model(campaign_schema.FleetUnitTable),
         "Metrics": _of(METRICS, dict.fromkeys(METRICS, "K")),

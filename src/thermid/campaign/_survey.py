@@ -285,7 +285,7 @@ def campaign_predictions(campaign: Campaign) -> tuple[CampaignPrediction, ...]:
 
 
 def scenario_asked(source: CampaignSource, name: str, table: PredictionTable) -> Scenario:
-    """Return the scenario of a prediction, without gas where it says so."""
+    """Return the scenario of a prediction, in vacuum where its table states this."""
     scenario = load_scenario(resolve_inside(source.path.parent, table.scenario, source.where(f"predictions.{name}.scenario")))
     return scenario.vacuum() if table.vacuum else scenario
 

@@ -187,7 +187,7 @@ COMMANDS = {
     "predict": Place(
         "fit.predict",
         "Predict",
-        "Predict a scenario with a fitted stage, with 95 % bands.",
+        "Predict scenarios with a fitted stage, with 95 % bands.",
         ("thermid predict campaign.toml --scenario hot.toml --at '1 [h]'", "thermid predict campaign.toml --record 'bench_*'"),
     ),
     "hold": Place(
