@@ -334,7 +334,20 @@ def test_offsets_by_stamps_are_of_two_clocks_and_a_third_log_is_chained_to_the_o
     text = "\n".join(clock_lines([first, second, third]))
     assert text.count("by time stamps") == 1
     assert "td.inference.align" in text
-    assert [type(j["offset"]) for j in joined_lines([first, second, third])] == [str, str]
+    assert [type(j["offset"]) for j in joined_lines([first, second, third])] == [str, list]
+
+
+@pytest.mark.parametrize("names", [("second", "supply"), ("supply", "second")])
+def test_a_supply_whose_clock_is_off_is_not_what_places_a_thermometer_with_right_stamps(tmp_path: Path, names: tuple[str, ...]) -> None:
+    first = bench_log(tmp_path / "first.csv", ("case",), 0.0, "08:30:00", length=5000.0)
+    others = {
+        "second": bench_log(tmp_path / "second.csv", ("board",), 75.0, "08:31:15"),
+        "supply": bench_log(tmp_path / "supply.csv", (), -40.0, "08:28:50", step=5.0),  # 30 s behind
+    }
+    offsets = dict(zip(names, (j["offset"] for j in joined_lines([first, *(others[n] for n in names)])), strict=True))
+    assert offsets["second"] == "75 [s]"
+    low, high = (float(str(end).removesuffix(" [s]")) for end in offsets["supply"])
+    assert low < -40.0 < high
 
 
 def test_two_loggers_of_temperatures_meet_by_way_of_the_supply_that_both_follow(tmp_path: Path) -> None:

@@ -489,8 +489,8 @@ def _shift(request: Request, fit: RoughFit, names: list[str]) -> Hypothesis:
     late = "behind" if shift < 0.0 else "ahead of"
     words = f"the clock of {_listed(names)} is {duration_text(abs(shift))} {late} that of the temperatures"
     remedy = (
-        f"Join that log with offset = \"{-shift:.4g} [s]\", or give offset as a range and let the fit find it. 'thermid look' "
-        "shows the clocks."
+        f"Change the offset of that log by {-shift:+.4g} s, or give offset as a range and let the fit find it. 'thermid look' shows the "
+        "clocks."
     )
     return _plain("clock", ", ".join(names), words, remedy, _shifted(request, names, shift))
 

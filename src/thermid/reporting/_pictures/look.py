@@ -360,7 +360,12 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
         k: {"file": further.path.name, "record": further.name, "offset": _late(starts[0], starts[k])} for k, further in enumerate(looks)
     }
     while len(places) < len(looks):
-        ways = [_Way(places[j], j, k, steps.get((j, k)), _late(starts[j], starts[k])) for j in places for k in entries if k not in places]
+        ways = [
+            _Way(places[j], j, k, steps.get((j, k)), _late(starts[j], starts[k]), any(c.guess == "temperature" for c in looks[k].columns))
+            for j in places
+            for k in entries
+            if k not in places
+        ]
         best = min(ways, key=lambda way: way.rank)
         places[best.to] = best.place
         if best.by_step is None:
@@ -387,13 +392,17 @@ class _OffsetSoFar:
 
 @dataclass(frozen=True)
 class _Way:
-    """From a log that has its place to one that has none yet: by the step that both show, or by their stamps. [s]"""
+    """From a log that has its place to one that has none yet: by the step that both show, or by their stamps [s].
+
+    A log of temperatures (`warm`) is placed by stamps before one of powers, whose clock a fit can find.
+    """
 
     before: _OffsetSoFar
     after: int
     to: int
     step: CommonStep | None
     stamps: float | None
+    warm: bool
 
     @property
     def contradicted(self) -> bool | None:
@@ -408,10 +417,10 @@ class _Way:
         return None if self.step is not None and self.step.candidate and self.contradicted is False else self.step
 
     @property
-    def rank(self) -> tuple[bool, bool, int, float]:
+    def rank(self) -> tuple[bool, bool, int, bool, float]:
         """Return what orders ways, the best one first."""
         kind = 1 if self.by_step is None else 2 * (self.by_step.candidate and not self.contradicted)
-        return self.place.at is None, self.place.stamped, kind, self.place.error
+        return self.place.at is None, self.place.stamped, kind, not self.warm, self.place.error
 
     @property
     def place(self) -> _OffsetSoFar:
@@ -446,7 +455,7 @@ def clock_lines(looks: Sequence[Look]) -> list[str]:
     for f in (f for f in with_stamp if "at" not in f):
         advice = "td.inference.align finds it by a model" if f["record"] in compared else "give a range to have it fitted"
         lines.append(f"  {f['file']} is placed by time stamps; two loggers' clocks may differ by minutes: {advice}")
-    ranged = [f for f in clocks if "at" in f and not f["at"]["stamps"] and f["record"] not in compared]
+    ranged = [f for f in clocks if "at" in f and f["record"] not in compared]
     fitted = max(ranged, key=lambda f: f["at"]["error"], default=None)
     for f in clocks:
         if f in ranged and f is not fitted:
@@ -483,10 +492,11 @@ def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
     text = f"  by a common step of {a} and {b}, {begins}"
     if step["candidate"]:
         text += " (a candidate: one of two places may lag the other; td.inference.align finds it by a model)"
+    away = abs(late - (step["stamps"] or 0.0))
     if not step["contradicted"]:
         used = ", and are used where no fit finds the offset" if clock.get("at", {}).get("by_stamps") else ""
-        return [text if step["stamps"] is None else f"{text}; its stamps agree within the errors{used}"]
-    away = abs(late - step["stamps"])
+        near = f"; its stamps are {away:.3g} s from that, within {MAX_OFFSET_ERRORS:g} errors{used}"
+        return [text if step["stamps"] is None else text + near]
     return [
         text,
         f"    check: its stamps are {away:.3g} s from that, {away / error:.0f} errors, so a clock is wrong. The line below follows the "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -69,6 +70,18 @@ def test_the_mistake_is_named_with_evidence_and_remedy(request_: Request, kind: 
     assert line.startswith(f"likely mistake: {words} (")
     assert line.endswith(found.first.remedy)
     assert found.to_dict()["named"][0]["kind"] == kind
+
+
+def test_a_clock_that_is_off_is_named_with_what_to_add_to_the_offset_that_its_log_has() -> None:
+    request = asked()
+    (record,) = request.records
+    late = replace(record.channels["P"], values=np.where(TIMES < 9600.0, 8.0, 2.0))
+    found = find_mistakes(replace(request, records=(record.with_channels(late),))).first
+    assert found is not None
+    assert found.kind == "clock"
+    change = re.match(r"Change the offset of that log by (\S+) s,", found.remedy)
+    assert change is not None
+    assert float(change[1]) == pytest.approx(-600.0, abs=90.0)
 
 
 def test_an_unlogged_power_is_named_with_its_size_and_instant() -> None:
