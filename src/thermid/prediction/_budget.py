@@ -560,13 +560,14 @@ class Budget:
             out = out._assumed(first, tuple(also), ready.law(first, how), ready, ("stated", f"the stated spread of {first}"))
         return out
 
-    def _assumed(self, name: str, also: tuple[str, ...], law: Distribution, ready: Simulator, cause: tuple[str, str]) -> Budget:
+    def _assumed(
+        self, name: str, also: tuple[str, ...], law: Distribution, ready: Simulator, cause: tuple[str, str], by_log: bool = False
+    ) -> Budget:
         """Return it with the law of a value that no fit moved: readings narrow it, and what was fitted beside it follows.
 
         `cause` is what a reader is told, of all such values and of this one.
         """
         nominal = ready.nominal[name]
-        by_log = isinstance(law, LogNormal)
         law = cut(narrowed(law, nominal, self.said.get(name)), ready.bounds(name), name)
         again = [self.followed[n] for n in (name, *also) if n in self.followed]
         # by its logarithm, so that what the fit would have found with another value compensates all of it and not to first order
@@ -588,7 +589,7 @@ class Budget:
         out = self
         for path, f in finishes.items():
             law = LogNormal(ready.nominal[path], f.log_sd)
-            out = out._assumed(path, (), law, ready, (FINISH_RANGE, f"the range of '{f.name}' in {path}"))
+            out = out._assumed(path, (), law, ready, (FINISH_RANGE, f"the range of '{f.name}' in {path}"), by_log=True)
         alike, names = out.alike.copy(), [f.name if path not in self.said else path for path, f in finishes.items()]
         first = len(self.sources)
         for i, j in product(range(len(names)), repeat=2):
@@ -700,12 +701,15 @@ def _of_laws(budget: Budget) -> set[str]:
 def open_finishes(model: Model, scenario: Scenario, elsewhere: Collection[str]) -> dict[str, Finish]:
     """Return emissivity -> the finish that alone tells it, of those that act in a scenario; not those that are told `elsewhere`.
 
-    The emissivity behind an effective coefficient acts where its gas is not air alone.
+    The emissivity behind an effective coefficient acts where its gas is not air alone, or where another surface radiates with it.
     """
     network = compile_network(model, prescribed=tuple(scenario.prescribed))
     media, deck = scenario.media(), network.flat.parameters
-    idle = {c.emissivity for c in network.flat.conductors if c.emissivity and (media.as_printed or not media.changed(c.gas))}
-    taken = {*elsewhere, *map(deck.literal_behind, idle), *scenario.driven(network.flat)}
+    behind = [c for c in network.flat.conductors if c.emissivity]
+    acting = {c.emissivity for c in behind if media.changed(c.gas) and not media.as_printed}
+    acting |= {path for c in network.flat.conductors for field, path in c.fields.items() if field.startswith("emissivity")}
+    idle = {deck.literal_behind(c.emissivity) for c in behind} - {*map(deck.literal_behind, acting)}
+    taken = {*elsewhere, *idle, *scenario.driven(network.flat)}
     finishes = {p: f for p, f in network.flat.finish_of.items() if p not in taken}
     return {p: f for p, f in finishes.items() if deck.table[p].parameter.source == "assumed"}
 

@@ -136,3 +136,29 @@ def test_a_fitted_emissivity_is_not_counted_twice(fitted: td.Calibration) -> Non
     found = budget_of(free, BENCH.vacuum())
     (source,) = (s for s, c in zip(found.sources, found.causes, strict=True) if c == FINISH_RANGE)
     assert source.name == "side.emissivity"
+
+
+def test_an_emissivity_behind_an_effective_coefficient_counts_in_air_where_another_surface_radiates_with_it() -> None:
+    deck = {
+        "title": "Box",
+        "needs": ["air"],
+        "nodes": {"case": {"capacitance": "600 [J/K]"}},
+        "surfaces": {
+            "a": {"of": "case", "to": "air", "area": "0.02 [m^2]", "effective_htc": "6 [W/(m^2 K)]", "finish": MACHINED},
+            "b": {"of": "case", "to": "air", "area": "0.2 [m^2]", "htc": "1 [W/(m^2 K)]", "emissivity": "a.emissivity"},
+        },
+        "loads": {"heat": {"into": "case", "power": "2 [W]"}},
+    }
+    assert budget(BENCH, td.model_from_dict(deck)).causes == (FINISH_RANGE,)
+    del deck["surfaces"]["b"]["emissivity"]  # type: ignore[index]
+    assert budget(BENCH, td.model_from_dict(deck)).causes == ()
+
+
+def test_a_wide_logarithmic_spread_that_is_stated_is_drawn() -> None:
+    """By its logarithm a straight line would miss the hot end by 4 K, and mean and width hardly."""
+    skin = {"of": "case", "to": "air", "area": "0.05 [m^2]", "htc": "4 [W/(m^2 K)]"}
+    parts = {"nodes": {"case": {"capacitance": "600 [J/K]"}}, "loads": {"heat": {"into": "case", "power": "4 [W]"}}}
+    model = td.model_from_dict({"title": "Box", "needs": ["air"], "surfaces": {"skin": skin}, **parts})
+    spread = {"skin.htc": {"mean": "4 [W/(m^2 K)]", "log_sd": "0.3"}}
+    found = td.predict(td.design.Knowledge(model), BENCH.with_(duration="20 [h]"), spread=spread)
+    assert any("were drawn" in text for text in found.warnings)

@@ -350,6 +350,19 @@ def test_a_supply_whose_clock_is_off_is_not_what_places_a_thermometer_with_right
     assert low < -40.0 < high
 
 
+def test_an_offset_by_stamps_that_a_step_contradicts_is_told_from_the_first_log(tmp_path: Path) -> None:
+    """The second log begins 75 s late, its stamps say 675 s; it is placed by way of the supply, which begins 40 s early."""
+    looks = [
+        bench_log(tmp_path / "first.csv", ("case",), 0.0, "08:30:00"),
+        bench_log(tmp_path / "second.csv", ("board",), 75.0, "08:41:15", length=14000.0),
+        bench_log(tmp_path / "third.csv", (), -40.0, "08:29:20", step=5.0),
+    ]
+    found = clocks_of(looks)[0]
+    assert found["step"]["after"] == "third.csv"
+    assert found["step"]["contradicted"]
+    assert "heat arrives late: write 675 s" in "\n".join(clock_lines(looks))
+
+
 def test_two_loggers_of_temperatures_meet_by_way_of_the_supply_that_both_follow(tmp_path: Path) -> None:
     """Both stamp their readings, the first 200 s ahead; the supply has no stamps."""
     looks = [

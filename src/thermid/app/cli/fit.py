@@ -62,7 +62,7 @@ from thermid.campaign.studies import plan_retune
 from thermid.fit.calibration import Calibration, LocalSpec
 from thermid.fit.error_model import SIZES
 from thermid.fit.estimation import estimated
-from thermid.model.elements import literal
+from thermid.model.elements import literal, worst
 from thermid.prediction import bands as prediction
 from thermid.prediction.bands import predict_record
 from thermid.prediction.members import load_hold
@@ -360,6 +360,10 @@ def predict(
     stages = staged(campaign, data, results, accept)
     name = stage or list(stages)[-1]
     if conditions is None and not record:
+        options = {"--stage": stage, "--spread": spread, "--at": at, "--draws": draws, "--vacuum": vacuum, "--csv": csv}
+        if given := [word for word, value in options.items() if value]:
+            words = f"{', '.join(given)} {'is' if len(given) == 1 else 'are'} not for the predictions that a campaign names."
+            raise ScenarioError(f"{words} Give --scenario FILE or --record NAME too.", "command line", code="command.not-understood")
         _predict_named(stages, as_json, verbose)
         return
     if conditions is None:
@@ -382,7 +386,7 @@ def _predict_named(campaign: Campaign, as_json: bool, verbose: bool) -> None:
         raise ScenarioError(words, campaign.title, code="command.not-understood")
     heads = ["\n".join(p.head for p in predictions)] if len(predictions) > 1 else []
     say(as_json, {p.name: p.to_dict() for p in predictions}, "\n\n".join([*heads, *map(str, predictions)]), verbose)
-    leave(campaign.standing, 1 if any(p.within is False for p in predictions) else 0)
+    leave(worst(p.prediction.standing for p in predictions), 1 if any(p.within is False for p in predictions) else 0)
 
 
 def _predict_records(

@@ -225,17 +225,17 @@ def written(write: Callable[[Path], Path], to: Path | None, pdf: Path | None) ->
     return out
 
 
-def fitted_model(deck: Path, values: Path | None, keep: bool = False, param: Sequence[str] = ()) -> Model:
+def fitted_model(deck: Path, values: Path | None, keep: bool | None = False, param: Sequence[str] = ()) -> Model:
     """Return a deck's model with a values file and parameters laid over it; what the file lacks and what is left out is told first.
 
     Parameters
     ----------
-    keep : bool     Whether to keep values that the decks give otherwise by now.
+    keep : bool     Whether to keep values that the decks give otherwise by now; None for a command that cannot.
     """
     model = load_model(deck)
     if values is not None:
-        filled = filed(values, model, keep=keep)
-        say_first(filled, values)
+        filled = filed(values, model, keep=bool(keep))
+        say_first(filled, values, " --keep-values keeps it." * (keep is not None))
         model = filled.model
     return model.with_values(pairs(list(param), "--param"), "command line") if param else model
 
@@ -248,9 +248,9 @@ def judged_model(
     return model, model_standing(model).accept(accept or ())
 
 
-def say_first(filled: Filed, file: Path) -> None:
-    """Tell what a values file lacks, what of it is left out, and what is hidden."""
-    for line in (*filled.lacks, *(f"{gone} --keep-values keeps it." for gone in filled.gone), *filled.hidden):
+def say_first(filled: Filed, file: Path, advice: str = " --keep-values keeps it.") -> None:
+    """Tell what a values file lacks, what of it is left out with an advice, and what is hidden."""
+    for line in (*filled.lacks, *(f"{gone}{advice}" for gone in filled.gone), *filled.hidden):
         show(f"{file.name}: {line}", err=True)
 
 

@@ -112,7 +112,7 @@ def watch(
     refuse_unknown(read, READ_KEYS, "--read")
     test = None if campaign is None else running_test(staged(campaign, data, results), record, stage)
     if test is None:
-        deck = None if model is None else fitted_model(model, values)
+        deck = None if model is None else fitted_model(model, values, None)
         columns = BoundColumns(*_column_bindings(channel, full_scale), model=deck, options=read)
     else:
         tables = dict(test.table.channels)

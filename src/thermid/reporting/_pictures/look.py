@@ -500,7 +500,7 @@ def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
     return [
         text,
         f"    check: its stamps are {away:.3g} s from that, {away / error:.0f} errors, so a clock is wrong. The line below follows the "
-        f"step. If both clocks are right, heat arrives late: write {step['stamps']:.6g} s",
+        f"step. If both clocks are right, heat arrives late: write {clock['offset']:.6g} s",
     ]
 
 
