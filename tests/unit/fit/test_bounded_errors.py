@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.fit._problem.residuals import Influence, Unknown
-from thermid.fit._uncertainty.information import square_between
+from thermid.fit._uncertainty.information import Responses, square_between
 
 
 def unknown(low: float, high: float, log: bool = False) -> Unknown:
@@ -69,3 +69,15 @@ def test_no_error_of_a_fit_is_wider_than_its_bounds(fit: td.Calibration) -> None
     assert found.error <= 72.0 / math.sqrt(3.0)
     assert found.error_random <= found.error * (1 + 1e-9)
     assert np.linalg.eigvalsh(fit.values.covariance).min() > 0.0
+
+
+def test_errors_of_two_values_that_go_together_do_not_depend_on_their_order() -> None:
+    unknowns = [unknown(895.0, 900.0), unknown(880.0, 897.0)]
+    noise, fitted = np.array([[400.0, 300.0], [300.0, 625.0]]), np.full(2, 896.0)
+
+    def total(order: list[int]) -> np.ndarray:
+        responses = Responses(np.zeros((2, 0)), (), noise[np.ix_(order, order)], np.zeros(2, dtype=bool))
+        return responses.between([unknowns[k] for k in order], fitted).total[np.ix_(order, order)]
+
+    assert np.diag(total([0, 1])).max() < 625.0
+    np.testing.assert_allclose(total([1, 0]), total([0, 1]), rtol=1e-12)

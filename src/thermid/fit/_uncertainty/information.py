@@ -244,11 +244,20 @@ class Responses:
         return np.asarray(out)
 
     def between(self, unknowns: Sequence[Unknown], fitted: Array) -> Responses:
-        """Return them where every parameter lies between its bounds; what goes together with one that is held there follows it."""
+        """Return them where every parameter lies between its bounds; what goes together with one that is held there follows it.
+
+        The one of which most is cut off comes first, whatever the order of the unknowns.
+        """
+
+        def share(k: int, variance: float) -> float:
+            return square_between(unknowns[k], float(fitted[k]), variance) / variance
+
+        variances = np.diag(self.total)
+        bounded = [k for k, u in enumerate(unknowns) if u.kind == "parameter" and not self.unlimited[k] and variances[k] > 0.0]
         out = self
-        for k, u in enumerate(unknowns):
+        for k in sorted(bounded, key=lambda k: share(k, float(variances[k]))):
             column = out.total[:, k]
-            inside = square_between(u, float(fitted[k]), float(column[k])) if u.kind == "parameter" and not self.unlimited[k] else math.inf
+            inside = column[k] * share(k, float(column[k]))
             if inside < column[k]:
                 moved = np.eye(len(unknowns))
                 moved[:, k] -= np.where(self.unlimited, 0.0, column) / column[k] * (1.0 - math.sqrt(inside / column[k]))
