@@ -39,8 +39,9 @@ class BandMargin:
     def words(self) -> tuple[str, str, str]:
         """Return band, limits and margin as texts; the latter two are empty without limits."""
         low, high = (end - ICE_POINT for end in self.band)
-        ends = [f"{end - ICE_POINT:g}" if np.isfinite(end) else "" for end in self.limits]
-        limits = f"{ends[0]} .. {ends[1]} degC".strip() if any(ends) else ""
+        cold, hot = (end - ICE_POINT for end in self.limits)
+        limits = f"{cold:g} .. {hot:g} degC" if np.isfinite(cold) else f"below {hot:g} degC"
+        limits = limits if np.isfinite(hot) else f"above {cold:g} degC" * bool(np.isfinite(cold))
         return f"{low:.2f} .. {high:.2f} degC", limits, f"{self.margin:.2f} K" if limits else ""
 
 

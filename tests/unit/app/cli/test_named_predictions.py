@@ -5,8 +5,10 @@ from __future__ import annotations
 from html import unescape
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from thermid.campaign._judge.predictions import BandMargin
 from unit.app.cli.conftest import Call
 
 NAMED = """
@@ -76,3 +78,16 @@ def test_a_campaign_without_predictions_says_how_to_ask(call: Call, campaign: Pa
     said = call("predict", campaign, "--json")
     assert said.code == 2
     assert "[predictions.hot]" in said.object["message"]
+
+
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [
+        ((253.15, 343.15), "-20 .. 70 degC"),
+        ((253.15, np.inf), "above -20 degC"),
+        ((-np.inf, 343.15), "below 70 degC"),
+        ((-np.inf, np.inf), ""),
+    ],
+)
+def test_limits_of_one_side_are_told_as_such(limits: tuple[float, float], words: str) -> None:
+    assert BandMargin("case", (300.0, 310.0), limits).words[1] == words
