@@ -160,7 +160,7 @@ def _bound(request: Request, where: str) -> tuple[list[Input], list[Finding]]:
 
 
 def _judged_on(source: CampaignSource, verdict: VerdictTable, stage: StageTable, request: Request | None, where: str) -> list[Finding]:
-    """Return what keeps the records of a verdict from being run."""
+    """Return what keeps the record of a verdict from being run with its stage's model, and warnings of readings that stray."""
     try:
         records = tuple(source.bound(name, stage) for name in source.pick([verdict.record], where))
         if request is None:

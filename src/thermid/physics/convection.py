@@ -177,7 +177,7 @@ def fin_efficiency(length_parameter: Number) -> Number:
 
     References
     ----------
-    Incropera, 6th ed., Eq. 3.89.
+    Incropera, 6th ed., Eq. 3.87 (adiabatic tip).
 
     Examples
     --------

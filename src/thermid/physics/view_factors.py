@@ -1,7 +1,7 @@
 """View factors of a few shapes: facing plates and discs, plates at an edge, the inside of a box, a cylinder in a cylinder.
 
 Numbers are those of J. R. Howell, M. P. Menguc and R. Siegel, Thermal Radiation Heat Transfer, 6th ed., appendix C (configurations C-11,
-C-14, C-41, C-92 there and in Howell's catalogue). A view factor from i to j is the share of what leaves i that strikes j directly.
+C-14, C-41, C-91, C-92 there and in Howell's catalogue). A view factor from i to j is the share of what leaves i that strikes j directly.
 """
 
 from __future__ import annotations
@@ -332,7 +332,10 @@ def placed_factors(faces: tuple[Placed, ...], names: tuple[str, ...], rays: int 
 
 
 def _lambert(normal: Array, u: Array, v: Array) -> Array:
-    """Return directions by the cosine of their angle to normals (rays, 3), from two coordinates of 0 to 1 (rays,)."""
+    """Return directions by the cosine of their angle to normals (rays, 3), from two coordinates of 0 to 1 (rays,).
+
+    Points lie evenly in the unit disc and are raised to the hemisphere (Malley).
+    """
     helper = np.eye(3)[np.argmin(np.abs(normal), axis=1)]
     across = np.cross(normal, helper)
     across /= np.linalg.norm(across, axis=1)[:, None]

@@ -558,7 +558,10 @@ def _sensors(source: Calibration | Model) -> tuple[Sensor, ...]:
 
 
 def _thermometer(sensor: Sensor, scatter: float | None) -> Sensor:
-    """Return a sensor with its noise as stated, or what is left of the scatter of its readings without rounding to steps. [K]"""
+    """Return a sensor with its noise as stated, or what is left of the scatter of its readings without rounding to steps. [K]
+
+    Rounding has the variance step^2 / 12; a tenth of the scatter is left at least.
+    """
     if sensor.noise is not None or scatter is None:
         return sensor
     rounding = (sensor.resolution or 0.0) / math.sqrt(12.0)

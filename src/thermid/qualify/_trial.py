@@ -286,7 +286,10 @@ def _beside(scenario: Scenario | None, test: TestTable, knowledge: Knowledge) ->
 
 
 def _cycles_beside(plan: Plan, test: TestTable, profile: ThermalProfile) -> float:
-    """Return how many cycles over at least the range of a profile the other tests of the plan run."""
+    """Return how many cycles the other tests of the plan run that count for a profile whose clause asks for a number (`base_cycles`).
+
+    They span at least its range, to 0.1 K; tests with steps of their own do not count.
+    """
     if not profile.has("base_cycles"):
         return 0.0
     others = [profile_from(t.profile, plan.path.name, t.name) for t in plan.tests if t.profile is not None and t.name != test.name]

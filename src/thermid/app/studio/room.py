@@ -79,6 +79,7 @@ class Room:
         }
 
     def _enter(self, project: Project, log: Path | None = None) -> None:
+        """Show a project: no draft, its log followed, questions and orders about it, its path remembered."""
         self.project, self.building = project, None
         work = Work(project)
         self.follower = Follower(project.path.parent, log, LiveWatch(project.subject))

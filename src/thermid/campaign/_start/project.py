@@ -247,7 +247,7 @@ def _scenario(proposal: Proposal, records: Sequence[Record]) -> str:
 
 
 def _ambient(proposal: Proposal, record: Record) -> float:
-    """Return a temperature of the surroundings. [degC]"""
+    """Return a temperature of the surroundings: the median of their log, else the one stated, else the lowest first reading. [degC]"""
     roles = proposal.roles
     if roles.logged and roles.surroundings in record.channels:
         channel = record[roles.surroundings]

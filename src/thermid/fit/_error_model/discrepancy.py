@@ -153,7 +153,10 @@ def kept_in(provenance: Mapping[str, Any]) -> Discrepancy | None:
 
 
 def with_discrepancy(fit: Calibration) -> Calibration:
-    """Return a fit whose values keep what it leaves open."""
+    """Return a fit whose provenance keeps what it leaves open: where each coefficient was found, joints, assumed values, misfit.
+
+    Its values and errors stay.
+    """
     problem = fit.problem
     assert problem is not None
     at = np.array(list(fit.fitted.values()))
@@ -161,7 +164,7 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     histories = [course for course, here in zip(_courses(problem, at), is_same_model, strict=False) if here]
     network = problem.experiments[is_same_model.index(True)].network if any(is_same_model) else problem.experiments[0].network
     surfaces = _constant(network)
-    conditions = {p: flow_histories for p, c in surfaces.items() if (flow_histories := point_of(histories, c)) is not None}
+    conditions = {p: point for p, c in surfaces.items() if (point := point_of(histories, c)) is not None}
     decided = _decided(problem, list(fit.values.assignments))
     before = fit.request.store.provenance.values() if fit.request is not None else ()
     conditions |= {p: c for stage in before for p, c in operating_points(stage).items() if p in conditions and p not in decided}

@@ -217,7 +217,10 @@ class RecordRun:
         return np.asarray(moved - np.concatenate([t.rows[:, first:] for t in self.means]) @ (self._answer @ moved))
 
     def _at(self, mean: Array) -> Array:
-        """Return where every unknown is expected, at means of those of the way: those that were fitted to the run have answered."""
+        """Return where every unknown stands, with those of the way at `mean`.
+
+        Those of the run stand at the means of their priors; what was fitted to it stands where least squares with these put it.
+        """
         at = self.far + np.concatenate([mean, np.zeros(self.far.size - mean.size)])
         off = np.concatenate([t.residuals - t.rows @ at for t in self.means])
         at[self.shared + len(self.columns) :] += self._answer @ off

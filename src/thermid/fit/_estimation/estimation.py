@@ -80,7 +80,7 @@ class Estimator:
         return self.maximum.log_likelihood
 
     def lines(self) -> list[str]:
-        """Return it in words."""
+        """Return how well it foresees, the numbers that it found, and whether the innovations of each sensor are white, in words."""
         ahead = (
             ""
             if self.left_out is None

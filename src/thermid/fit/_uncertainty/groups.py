@@ -262,6 +262,7 @@ def _independent(complement: Array, count: int) -> list[int]:
 
 
 def _combination(info: Information, at: list[int], weights: Array, form: str, variance: float) -> Combination:
+    """Return a combination of values with its error; `variance` is that of the logarithm of a power law, of the sum itself else."""
     used = [(info.names[k], float(w), float(info.values[k]), info.unknowns[k].unit) for k, w in zip(at, weights, strict=True) if w]
     if form == "power law":
         value = float(np.prod([v**w for _, w, v, _ in used]))
@@ -324,7 +325,7 @@ def practical_groups(info: Information, tell: float) -> tuple[Group, ...]:
     """Return the groups of parameters that this log can hardly separate.
 
     A parameter belongs to one when its relative error exceeds `tell`, is more than twice what it would be with all others known, and goes
-    with that of another (correlation above 0.8). [-]
+    with that of another (correlation above 0.8).
     """
     covariance = info.covariance()
     error = np.sqrt(np.diag(covariance)) / info.sizes

@@ -507,7 +507,11 @@ def moves_above(request: Request, problem: Problem, minimum: Fit, level: float =
 
 
 def _tested(request: Request, opened: Opened, inherited: _Inherited, at: Array, level: float) -> tuple[Moves, Array]:
-    """Return what the logs say with the derivatives at some values of all unknowns, and where these lead with the moved values free."""
+    """Return what the logs say with the derivatives at some values of all unknowns, and where these lead with the moved values free.
+
+    Residuals are measured less what the model says, in units of the noise; the step begins where the stages below left the values. `level`
+    is that of `moves_above`.
+    """
     unknowns = opened.problem.unknowns
     start = opened.fitted.copy()
     for k, state in zip(inherited.at, inherited.states, strict=True):

@@ -501,12 +501,11 @@ def _shifted(request: Request, names: list[str], shift: float) -> Request:
     def change(r: Record) -> Record:
         mine = []
         for c in (c for n, c in r.channels.items() if n in names):
-            held = np.interp(r.times, r.times[c.valid], c.values[c.valid])
+            times, values = r.times[c.valid], c.values[c.valid]
             if c.held:
-                at = np.clip(np.searchsorted(r.times, r.times + shift, side="right") - 1, 0, r.times.size - 1)
-                values = held[at]
+                values = values[np.clip(np.searchsorted(times, r.times + shift, side="right") - 1, 0, times.size - 1)]
             else:
-                values = np.interp(r.times + shift, r.times, held)
+                values = np.interp(r.times + shift, times, values)
             mine.append(replace(c, values=values, valid=np.ones(r.times.size, dtype=bool), masks={}))
         return r.with_channels(*mine)
 

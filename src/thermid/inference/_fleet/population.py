@@ -31,7 +31,7 @@ GAIN_LEFT = 1e-7
 
 
 ZERO_SPREAD_RISE = 1e-3
-"""Growth of 2 ln R from a spread to zero, up to which it is summaries to be zero."""
+"""Growth of 2 ln R from a spread to zero, up to which the spread is said to be zero."""
 FITS_TO_AN_END, PROFILE_TOLERANCE = 10, 0.01
 """Fits on the way to one end, and how near its height must come, in standard errors."""
 FALSE_ALARMS, ODD_TRIED = 0.05, 10
@@ -260,7 +260,8 @@ class PopulationFit:
 def _begun(summaries: Summaries, together: Bools) -> Array:
     """Return an Omega (values, values) to begin at: how far what units say is apart, and steps of expectation and maximisation from there.
 
-    A step is ``Omega + Omega slope Omega / units``; it never lowers R.
+    A step is ``Omega + Omega slope Omega / units`` (Laird and Ware, Biometrics 38 (1982) 963); it never lowers R (Dempster, Laird
+    and Rubin, J. R. Stat. Soc. B 39 (1977) 1).
     """
     size = summaries.score.shape[1]
     diagonal = np.diagonal(summaries.information, axis1=1, axis2=2)
@@ -276,7 +277,7 @@ def _begun(summaries: Summaries, together: Bools) -> Array:
 
 
 def maximise(summaries: Summaries, rooms: Rooms, omega: Array) -> tuple[Array, RestrictedLikelihood]:
-    """Return the Omega of largest restricted likelihood among those that `rooms` allows, and the level there.
+    """Return the Omega of largest restricted likelihood among those that `rooms` allows, and the likelihood there.
 
     Fisher scoring over the free entries of L, damped as by Levenberg and Marquardt.
     """

@@ -436,7 +436,10 @@ def _worth(population: PopulationFit, units: Sequence[FleetUnit]) -> tuple[Array
 def _own_values(
     units: Sequence[FleetUnit], unknowns: Sequence[Unknown], reference: Array, population: PopulationFit
 ) -> dict[str, dict[str, tuple[float, float]]]:
-    """Return the values of every unit with the population as prior, and their standard errors. [SI]"""
+    """Return the values of every unit with the population as prior, and their standard errors. [SI]
+
+    The best linear prediction with its mean squared error (Henderson, Biometrics 31 (1975) 423); that Omega was estimated is not counted.
+    """
     at, omega = population.at, population.omega
     fitted = np.einsum("nij,j->ni", population.summaries.design, at.beta)
     middle = reference + fitted + at.pushes @ omega

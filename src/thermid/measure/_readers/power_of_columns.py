@@ -139,7 +139,10 @@ def _of_formula(text: str, column: ColumnOf, units: Mapping[str, str], times: Fl
 
 
 def _of_counter(joules: FloatArray, share: float, times: FloatArray) -> PowerReadings:
-    """Return the mean power since the stamp before; the first stamp has that of the second. A step down is a restart."""
+    """Return the mean power since the stamp before, times the `share` of it that heats the part; the first stamp has that of the second.
+
+    A step down is a restart.
+    """
     if np.ndim(joules) == 0:
         raise RecordError("energy is a column: a counter that grows.", code="value.wrong-kind")
     step = np.diff(joules, prepend=np.nan)

@@ -344,7 +344,10 @@ def _longest_run(rows: list[list[str]]) -> tuple[int, int]:
 
 
 def _header_above(rows: list[list[str]], start: int) -> int:
-    """Return the nearest line above the samples that can be their header, or -1; rows of units between do not count."""
+    """Return the line that can be the header of the samples, or -1: the highest of wordy lines of their width that stand on one another.
+
+    At most three lines above the samples are looked at; rows of units between do not count.
+    """
     near = [at for at in range(start - 1, max(start - 4, -1), -1) if len(rows[at]) in (len(rows[start]), len(rows[start]) + 1)]
     wordy = [at for at in near if _wordy(rows[at])]
     if not wordy:

@@ -375,7 +375,7 @@ def _judged(record: Samples, name: str, rule: StabilityRule, start: float, end: 
 
 
 def since_when(record: Samples, name: str, rule: StabilityRule, since: float = -np.inf) -> float | None:
-    """Return the earliest time from which a channel stays stable to the end of the record, or None. [s]
+    """Return the earliest time from which a channel stays stable to the end of the record, to a 120th of it, or None. [s]
 
     Parameters
     ----------

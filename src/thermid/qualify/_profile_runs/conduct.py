@@ -169,7 +169,11 @@ class ChamberSetup:
         return {"commands": commands, "loads": loads}
 
     def leg(self, past: Timeline, after: ChamberConditions, span: float) -> Leg:
-        """Return the stretch that follows a course: the way to other conditions in a time, or conditions held (`span` zero). [s]"""
+        """Return the stretch that follows a course: the way to other conditions in a time, or conditions held (`span` zero). [s]
+
+        Where a model remembers what was before (`memory`) it holds the whole past; else it begins at zero and is made once for each pair of
+        conditions.
+        """
         before = replace(past.states[-1], power=after.power)
         if self.memory:
             course = past.then(span, after) if span else past.then(0.0, after)

@@ -205,6 +205,7 @@ def _docks(nodes: Sequence[str], near: Mapping[str, Mapping[str, None]], hubs: s
 
 
 def _top(node: str, docks: Mapping[str, str]) -> str:
+    """Return the node that a node is docked in at last; itself where it is in none."""
     while node in docks:
         node = docks[node]
     return node

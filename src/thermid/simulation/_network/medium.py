@@ -260,7 +260,11 @@ def correlated(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRo
 
 
 def ducted(c: FlatConductor, law: Law, state: GasState) -> ConductorRow:
-    """Return the row of a stream in ducts, from the properties of its gas at 300 K; none without gas.
+    """Return the row of a stream in ducts: the coefficient of `duct_nusselt` on base and fins; none without gas.
+
+    The law holds base and fins [m^2], slope (m L over the root of the coefficient), hydraulic diameter and length [m], mass or volume flow
+    over the section, the laminar Nusselt number, and whether the flow is by volume. The gas is at 300 K; a volume flow becomes a mass flow
+    at 20 degC.
 
     Raises
     ------

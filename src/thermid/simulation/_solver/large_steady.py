@@ -144,7 +144,10 @@ class _Matrix:
 
 
 def _held(matrix: Any, slope: Array) -> bool:
-    """Return whether every part of the network is tied to a given temperature."""
+    """Return whether every connected part of the network is tied to a given temperature.
+
+    `slope` is what each node gives to such [W/K]: its sum over a part is above zero.
+    """
     from scipy.sparse.csgraph import connected_components
 
     parts, label = connected_components(matrix, directed=False)

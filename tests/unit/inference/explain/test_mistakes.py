@@ -12,7 +12,7 @@ import pytest
 
 import thermid as td
 from thermid.fit.calibration import LocalSpec, Request
-from thermid.inference._explain.mistakes import Mistakes, find_mistakes
+from thermid.inference._explain.mistakes import Mistakes, _shifted, find_mistakes
 from thermid.inference._explain.rough_fit import _means
 from thermid.model.elements import TableSignal
 
@@ -70,6 +70,17 @@ def test_the_mistake_is_named_with_evidence_and_remedy(request_: Request, kind: 
     assert line.startswith(f"likely mistake: {words} (")
     assert line.endswith(found.first.remedy)
     assert found.to_dict()["named"][0]["kind"] == kind
+
+
+def test_a_power_keeps_its_last_valid_value_where_readings_are_masked_at_every_shift_of_its_clock() -> None:
+    """A run holds it there; joined by a straight line it would be a power that no run has."""
+    times = np.arange(0.0, 60.0, 10.0)
+    power = td.Channel.from_array("P", np.array([0.0, 0.0, 7.0, 7.0, 100.0, 100.0]), unit="W", quantity="power", role="load")
+    bad = np.array([False, False, True, True, False, False])
+    record = td.Record.from_arrays("log", times, {"P": power.masked(bad, "bad")})
+    request = replace(asked(), records=(record,))
+    for shift, wanted in ((0.0, [0.0, 0.0, 0.0, 0.0, 100.0, 100.0]), (10.0, [0.0, 0.0, 0.0, 100.0, 100.0, 100.0])):
+        assert _shifted(request, ["P"], shift).records[0]["P"].values.tolist() == wanted
 
 
 def test_a_clock_that_is_off_is_named_with_what_to_add_to_the_offset_that_its_log_has() -> None:
