@@ -261,5 +261,3 @@ class _Walk:
         rise_at |= {low: rise_at.get(low, 0.0), high: rise_at[high]}
         at = float(brentq(beyond, low, high, xtol=0.01 * self.step, rtol=1e-3, maxiter=30, disp=False))
         return self.best + sign * at, points, True
-
-

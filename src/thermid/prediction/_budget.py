@@ -13,7 +13,7 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.codes import CodedText
 from thermid.base.dual import value_of
-from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError
+from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError, quoted
 from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse
 from thermid.base.results import Shown
 from thermid.fit.calibration import Calibration
@@ -741,10 +741,10 @@ def left_out_of(knowledge: Knowledge, whole: Budget, errors: Sequence[ErrorModel
         out.append(LeftOut(UNFITTED))
     once = [s.acts[0] for s in fitted if len({r for o in (s.origin, *s.history) for r in o.records}) == 1]
     if once:
-        out.append(LeftOut(f"how values fitted to one record differ from one test to the next ({listed(once)})", listed=True))
+        out.append(LeftOut(f"how values fitted to one record differ from one test to the next ({quoted(once, 3)})", listed=True))
     inputs = _inputs_without_spread(whole)
     if inputs:
-        out.append(LeftOut(f"inputs without a stated spread ({listed(inputs)})", listed=True))
+        out.append(LeftOut(f"inputs without a stated spread ({quoted(inputs, 3)})", listed=True))
     return tuple(out)
 
 
@@ -806,7 +806,7 @@ def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tupl
     loose = assumed_values(budget.model, budget.scenario, spread)
     if not loose:
         return ()
-    words = f"{len(loose)} assumed value{'s' if len(loose) > 1 else ''} without a stated spread ({listed([a.path for a in loose])})"
+    words = f"{len(loose)} assumed value{'s' if len(loose) > 1 else ''} without a stated spread ({quoted([a.path for a in loose], 3)})"
     through = _solved_again(budget, [a.path for a in loose])
     ready = prepare(budget.model, lasting(budget.scenario), list(dict.fromkeys([*(a.path for a in loose), *through])))
     try:
@@ -868,8 +868,3 @@ def first_line(left_out: Sequence[LeftOut], error: float) -> str:
     relevant = [x for x in left_out if not x.listed and not x.kelvin <= MIN_SHARE_OF_BAND * 1.96 * error]
     words = [f"{x.what}, up to {x.kelvin:.2g} K" if np.isfinite(x.kelvin) else x.what for x in relevant]
     return f"not counted: {'; '.join(words)}" if words else ""
-
-
-def listed(paths: Sequence[str]) -> str:
-    """Return the first three of several paths, and how many more there are."""
-    return ", ".join(f"'{p}'" for p in paths[:3]) + (f" and {len(paths) - 3} more" if len(paths) > 3 else "")
