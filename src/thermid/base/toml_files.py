@@ -170,7 +170,7 @@ def toml_key(name: str) -> str:
 
 
 def toml_value(value: Any) -> str:
-    """Return a value on one line, with every digit. The library of TOML takes time with the square of a table's length: 70 s for 12,000 rows."""
+    """Return a value on one line, with every digit. Its library takes time with the square of a table's length: 70 s for 12,000 rows."""
     value = value.tolist() if hasattr(value, "tolist") else value  # of numpy
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")  # a text of JSON is one of TOML, but for DEL

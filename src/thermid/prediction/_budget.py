@@ -99,20 +99,16 @@ class Spread(Shown):
 
     @classmethod
     @takes_objects
-    def of_fit(cls, values: FittedValues, at: str = "", cause: str = "") -> Spread:
+    def of_fit(cls, values: FittedValues) -> Spread:
         """Return what a fit leaves open, with its covariance.
 
         Parameters
         ----------
         values : FittedValues   Of a calibration, or from a file.
-        at : str                The submodel that the values belong to; empty for the model itself.
-        cause : str             ``fit of <stage>`` by default.
         """
         bare_values = values.bare()
-        ahead = f"{at}." if at else ""
-        also = {ahead + p: tuple(ahead + q for q in v.also) for p, v in bare_values.items() if v.also}
-        names, logs = tuple(ahead + p for p in bare_values), tuple(v.log for v in bare_values.values())
-        return cls(cause or f"fit of {values.stage}", names, bare_values.covariance, logs, also)
+        also, logs = {p: v.also for p, v in bare_values.items() if v.also}, tuple(v.log for v in bare_values.values())
+        return cls(f"fit of {values.stage}", tuple(bare_values), bare_values.covariance, logs, also)
 
 
 def followed_by(discrepancies: Sequence[Discrepancy]) -> dict[str, dict[str, float]]:

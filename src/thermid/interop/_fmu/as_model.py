@@ -157,7 +157,7 @@ class FmuRunner:
             raise DeckError(
                 "no output or state of the FMU is in K or degC or without a unit, so no log can be compared with it.", str(file.path)
             )
-        return cls(file, parameters, nodes, boundaries, loads, tuple(_noted(nodes, loads, parameters, undriven)))
+        return cls(file, parameters, nodes, boundaries, loads, tuple(_noted(nodes, parameters, undriven)))
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -308,9 +308,7 @@ def _value(q: FmuQuantity) -> dict[str, Any]:
     return {"value": f"{q.start!r}{of}", **bounds, **({"note": q.description} if q.description else {})}
 
 
-def _noted(
-    nodes: Mapping[str, FmuQuantity], loads: Mapping[str, FmuQuantity], parameters: Mapping[str, FmuQuantity], undriven: Sequence[str]
-) -> Iterator[str]:
+def _noted(nodes: Mapping[str, FmuQuantity], parameters: Mapping[str, FmuQuantity], undriven: Sequence[str]) -> Iterator[str]:
     """Yield what a reader must know of an FMU."""
     plain = [q.raw for q in nodes.values() if q.plain]
     if plain:
