@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
-from importlib.metadata import version
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -16,7 +15,8 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, SolverError, quoted
-from thermid.base.linear_algebra import Array, null_space, symmetric_inverse
+from thermid.base.extensions import version_of_thermid
+from thermid.base.linear_algebra import Array, null_space, one_thread, symmetric_inverse
 from thermid.base.units import NAMES, counted, unit
 from thermid.fit._calibration import (
     CONTRADICTION_DEVIATIONS,
@@ -462,7 +462,7 @@ def summarise(
     items = {u.name: _value(u, float(best.fitted[k]), total[k, k], random[k, k], origin) for k in rows for u in (problem.unknowns[k],)}
     records = {r.name: r.origin.sha256 for r in request.records}
     provenance: dict[str, Any] = {
-        "version": version("thermid"),
+        "version": version_of_thermid(),
         "date": datetime.now(UTC).date().isoformat(),
         "model": identity_of(request.model),
         "records": records,
@@ -796,9 +796,7 @@ def fit_problem(
     executor: Workers = None,
 ) -> Calibration:
     """Return the calibration of a problem that was made for a request."""
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(limits=1):  # matrices of up to some hundred rows: two threads wait for one another a hundred times longer
+    with one_thread():
         return _fitted(request, problem, progress, recalled, stoppable, executor)
 
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
-from importlib.metadata import version
 from typing import Any, Final
 
 import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError
-from thermid.base.linear_algebra import Array, symmetric_inverse
+from thermid.base.extensions import version_of_thermid
+from thermid.base.linear_algebra import Array, one_thread, symmetric_inverse
 from thermid.fit._calibrate import differing
 from thermid.fit._estimation.dynamics import UNKNOWN_START_SD
 from thermid.fit._estimation.estimation import OUTPUT, PROCESS, EstimatedNumber, Estimation, Estimator, whiteness_of
@@ -87,9 +87,7 @@ def estimate(
 
 def estimated(request: Request, process_noise: Mapping[str, Any], start_sd: Mapping[str, str], horizon: str) -> Estimation:
     """Return the estimation that a request asks for; see `estimate`."""
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(limits=1):
+    with one_thread():
         return _estimated(request, process_noise, start_sd, horizon)
 
 
@@ -205,7 +203,7 @@ def _values(request: Request, full: Likelihood, maximum: Maximum, errors: Array)
         items[u.name] = replace(value, origin=request.name, kind=u.kind, prior=prior, also=u.also)
     provenance = {
         "records": {r.name: r.origin.sha256 for r in request.records},
-        "version": version("thermid"),
+        "version": version_of_thermid(),
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
     }
     return FittedValues(request.name, items, covariance[np.ix_(positions, positions)], provenance)

@@ -20,7 +20,7 @@ import numpy as np
 
 from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, ThermidError
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, one_thread
 from thermid.base.units import from_si, unit
 from thermid.fit.calibration import Fit, Prior, Problem, Request, Unknown, build_problem, minimise, starting_point
 from thermid.inference._explain.candidates import Fitted, MissingElement, changes_of
@@ -237,9 +237,7 @@ def search_structure(
     ------
     IdentificationError, SolverError    When the structure at the beginning cannot be fitted.
     """
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(limits=1):
+    with one_thread():
         catalogue = changes or (lambda structure: list(changes_of(structure)))
         return _Searching(request, catalogue, EvaluationBudget(evaluations), executor).run(rounds, begin or {})
 
@@ -561,11 +559,9 @@ def _ended_in_task(
     allowed: float,
 ) -> tuple[tuple[Fit, CauseScore] | str, int]:
     """Return where a fit ended, or why it did not, and the evaluations that it took."""
-    from threadpoolctl import threadpool_limits
-
     budget = EvaluationBudget(allowed)
     try:
-        with threadpool_limits(limits=1):
+        with one_thread():
             problem = _loosely_held(build_problem(request), sizes)
             return _ended(problem, request, sizes, chosen, values_before, start, budget), budget.spent
     except (ThermidError, np.linalg.LinAlgError) as error:
