@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache, lru_cache
+from functools import lru_cache
 from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, Final
@@ -271,11 +271,3 @@ def modules_of(extra: str) -> list[str]:
     names = [text for text in requirements if re.search(rf"extra == ['\"]{extra}['\"]", text)]
     packages = [re.split(r"[^\w.-]", name, maxsplit=1)[0] for name in names]
     return [module_of_package.get(name, name) for name in packages]
-
-
-@cache
-def version_of_thermid() -> str:
-    """Return the version of this package; read once, half a millisecond."""
-    from importlib.metadata import version
-
-    return version("thermid")

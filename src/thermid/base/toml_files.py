@@ -162,22 +162,3 @@ def read_toml(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
             path.name,
             code="file.not-valid",
         ) from None
-
-
-def toml_key(name: str) -> str:
-    """Return a key as TOML writes it, in quotes where it must be."""
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else toml_value(name)
-
-
-def toml_value(value: Any) -> str:
-    """Return a value on one line, with every digit. Its library takes time with the square of a table's length: 70 s for 12,000 rows."""
-    value = value.tolist() if hasattr(value, "tolist") else value  # of numpy
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")  # a text of JSON is one of TOML, but for DEL
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{toml_key(str(key))} = {toml_value(inner)}" for key, inner in value.items()) + "}"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(toml_value, value)) + "]"
-    return repr(value)

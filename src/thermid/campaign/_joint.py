@@ -7,13 +7,13 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from thermid.base.errors import IdentificationError, look_up, nearest, refuse_unknown
-from thermid.base.extensions import version_of_thermid
 from thermid.campaign._cache import recall, remember
 from thermid.fit.calibration import (
     Calibration,
@@ -351,7 +351,7 @@ def fit_jointly(
 
 def joint_key(keys: Mapping[str, str], table: JointFitTable) -> str:
     """Return the hash of everything that a joint fit depends on."""
-    content = {"version": version_of_thermid(), "stages": dict(keys), "table": table.model_dump()}
+    content = {"version": version("thermid"), "stages": dict(keys), "table": table.model_dump()}
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 

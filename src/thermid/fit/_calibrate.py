@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
-from functools import partial
+from functools import cache, partial
+from importlib.metadata import version
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -15,7 +16,6 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, SolverError, quoted
-from thermid.base.extensions import version_of_thermid
 from thermid.base.linear_algebra import Array, null_space, one_thread, symmetric_inverse
 from thermid.base.units import NAMES, counted, unit
 from thermid.fit._calibration import (
@@ -50,6 +50,8 @@ from thermid.model.tree import Model, deck_text, parameter_table, unlumped
 from thermid.simulation.runs import Scenario, Workers
 from thermid.values.fitted import FittedValue, FittedValues, view
 from thermid.values.store import LaterTable, State, Store, ValueOrigin
+
+_version = cache(version)  # half a millisecond, once
 
 MAX_RESIDUAL_TO_NOISE, MAX_RESIDUAL_TO_RANGE = 3.0, 0.02
 """What residuals may be, as a standard deviation: so many times the stated noise of the sensor. Where no noise was stated, their
@@ -462,7 +464,7 @@ def summarise(
     items = {u.name: _value(u, float(best.fitted[k]), total[k, k], random[k, k], origin) for k in rows for u in (problem.unknowns[k],)}
     records = {r.name: r.origin.sha256 for r in request.records}
     provenance: dict[str, Any] = {
-        "version": version_of_thermid(),
+        "version": _version("thermid"),
         "date": datetime.now(UTC).date().isoformat(),
         "model": identity_of(request.model),
         "records": records,

@@ -10,13 +10,13 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, SolverError
-from thermid.base.extensions import version_of_thermid
 from thermid.base.linear_algebra import Array
 from thermid.interop._wired import Text, Wired, Writer, exported, identifiers, one_line, wired
 from thermid.model.elements import Constant, Curve, Drawn, Sine, TableSignal
@@ -219,7 +219,7 @@ class _Header:
         yield f"   Where a thermostat switches a step is cut, at most {MOST_CUTS} times, each cut found within 40 trial steps."
         if w.massless:
             yield f"   Without mass, solved in each step: {_comment(', '.join(w.massless))}."
-        yield f"   Written by thermid {version_of_thermid()}. */"
+        yield f"   Written by thermid {version('thermid')}. */"
         yield from (f"#ifndef {guard}", f"#define {guard}", "#include <math.h>", "")
 
     def _structs(self) -> Iterator[str]:

@@ -6,11 +6,11 @@ import math
 import os
 import re
 from collections.abc import Iterator
+from importlib.metadata import version
 from pathlib import Path
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, ScenarioError, refuse_unknown
-from thermid.base.extensions import version_of_thermid
 from thermid.interop._wired import Formula, HeatSource, Text, Wired, Writer, exported, identifiers, one_line, table_points, wired
 from thermid.model.elements import Constant, Curve, Drawn, Sine, TableSignal
 from thermid.model.tree import Model
@@ -187,7 +187,7 @@ class _Package:
     def lines(self) -> Iterator[str]:
         """Yield the lines of the package."""
         w = self.w
-        comment = f"{w.network.title}, {w.scenario.title}; written by thermid {version_of_thermid()}"
+        comment = f"{w.network.title}, {w.scenario.title}; written by thermid {version('thermid')}"
         yield f"package {self.called} {_quoted(comment)}"
         if self.library == "Library":
             yield OWN_CONTROLS.rstrip()

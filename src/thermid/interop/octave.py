@@ -9,7 +9,6 @@ from pathlib import Path
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError
-from thermid.base.extensions import version_of_thermid
 from thermid.interop._wired import (
     Text,
     Wired,
@@ -158,11 +157,13 @@ class _Writer:
         yield from self._tables()
 
     def _head(self) -> Iterator[str]:
+        from importlib.metadata import version
+
         w, massless = self.w, "\n% Without mass, and eliminated: " + ", ".join(self.w.massless) + "." if self.w.massless else ""
         model, scenario, end = one_line(w.network.title), one_line(w.scenario.title), number_text(w.scenario.seconds)
         nodes = ", ".join(w.massive)
         yield HEAD.format(
-            name=self.called, model=model, scenario=scenario, end=end, nodes=nodes, massless=massless, version=version_of_thermid()
+            name=self.called, model=model, scenario=scenario, end=end, nodes=nodes, massless=massless, version=version("thermid")
         )
 
     def _driver(self) -> Iterator[str]:

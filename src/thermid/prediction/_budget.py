@@ -435,19 +435,13 @@ class Budget:
         means = {cause: np.where([c == cause for c in self.causes], self.means, 0.0) for cause in dict.fromkeys(self.causes)}
         return {cause: np.asarray(columns @ m) for cause, m in means.items() if m.any()}
 
-    def beside(
-        self, sources: Sequence[Source], cause: str, targets: Sequence[Target] = (), gain: Array | float = 0.0, alike: Array | None = None
-    ) -> Budget:
+    def beside(self, sources: Sequence[Source], cause: str, targets: Sequence[Target] = (), gain: Array | float = 0.0) -> Budget:
         """Return it with sources of one cause that act on targets of their own; on none where one chooses between scenarios."""
         n, m, k = len(self.sources), len(self.targets), len(sources)
         taken = {s.name for s in self.sources}  # a member's numbers come by a source's name
         sources = [replace(s, name=f"{s.name} ({n + i})") if s.name in taken else s for i, s in enumerate(sources)]
-        whole = np.zeros((m + len(targets), n + k))
-        whole[:m, :n], whole[m:, n:] = self.gain, gain
-        joined = np.eye(n + k)
-        joined[:n, :n] = self.alike
-        if alike is not None:
-            joined[n:, n:] = alike
+        whole, joined = np.zeros((m + len(targets), n + k)), np.eye(n + k)
+        whole[:m, :n], whole[m:, n:], joined[:n, :n] = self.gain, gain, self.alike
         named, causes = (*self.sources, *sources), (*self.causes, *(cause,) * k)
         return replace(self, sources=named, causes=causes, alike=joined, targets=(*self.targets, *targets), gain=whole)
 

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from thermid.base.dual import Dual, real_power
 from thermid.base.errors import ScenarioError, SolverError, ThermidError, refuse_unknown
 from thermid.base.expression import kelvin
-from thermid.base.extensions import version_of_thermid
 from thermid.base.linear_algebra import Array, Bools, Indices
 from thermid.base.results import PlottedTrace, Result
 from thermid.model.elements import Constant
@@ -564,8 +563,10 @@ class _Runs:
 
     def key(self, values: Mapping[str, Array]) -> str:
         """Return a hash of all that counts at values (members,) depend on."""
+        from importlib.metadata import version
+
         network, scenario = self.engine.wiring.network, self.engine.wiring.scenario
-        run_settings = (scenario, dict(values), self.times, self.wanted, self.options, self.simd, self.at_once, version_of_thermid())
+        run_settings = (scenario, dict(values), self.times, self.wanted, self.options, self.simd, self.at_once, version("thermid"))
         return digest((cast(Model, network.flat.names.model).identity(), *run_settings))
 
     @property

@@ -15,10 +15,10 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, look_up
 from thermid.base.extensions import by_grammar
-from thermid.base.files import VALUES, parse_toml, read_text, write_text
+from thermid.base.files import VALUES, parse_toml, read_text, toml_key, toml_value, write_text
 from thermid.base.linear_algebra import Array, square_root
 from thermid.base.results import Row, Shown
-from thermid.base.toml_files import Places, toml_key, toml_value
+from thermid.base.toml_files import Places
 from thermid.base.units import counted, from_si, unit
 from thermid.model.elements import UNJUDGED, Parameter, Standing, exact, worst
 from thermid.model.identity import Dropped

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
+from importlib.metadata import version
 from typing import Any, Final
 
 import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError
-from thermid.base.extensions import version_of_thermid
 from thermid.base.linear_algebra import Array, one_thread, symmetric_inverse
 from thermid.fit._calibrate import differing
 from thermid.fit._estimation.dynamics import UNKNOWN_START_SD
@@ -203,7 +203,7 @@ def _values(request: Request, full: Likelihood, maximum: Maximum, errors: Array)
         items[u.name] = replace(value, origin=request.name, kind=u.kind, prior=prior, also=u.also)
     provenance = {
         "records": {r.name: r.origin.sha256 for r in request.records},
-        "version": version_of_thermid(),
+        "version": version("thermid"),
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
     }
     return FittedValues(request.name, items, covariance[np.ix_(positions, positions)], provenance)

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from fnmatch import fnmatchcase
 from functools import cached_property
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,6 @@ from numpy.typing import NDArray
 
 from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, errors_at, nearest, refuse_unknown
 from thermid.base.expression import kelvin
-from thermid.base.extensions import version_of_thermid
 from thermid.base.linear_algebra import RANK_TOLERANCE, Array, inverse_square_root
 from thermid.base.units import TEMPERATURE, from_si, unit
 from thermid.fit._problem.experiment import first_reading
@@ -410,7 +410,7 @@ def ingredients_of(request: Request, below: list[str]) -> dict[str, str]:
         "cuts": [request.untie, request.model.cuts],
         "values by hand": _by_hand(request),
         "below": below,
-        "version": version_of_thermid(),
+        "version": version("thermid"),
     }
     return {name: digest(x) for name, x in content.items()}
 

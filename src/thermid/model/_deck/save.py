@@ -11,8 +11,7 @@ from typing import Any
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, ThermidError
 from thermid.base.expression import parse
-from thermid.base.files import DECK, RESULTS_FILE, may_write, unsealed, write_text
-from thermid.base.toml_files import toml_key, toml_value
+from thermid.base.files import DECK, RESULTS_FILE, may_write, toml_key, toml_value, unsealed, write_text
 from thermid.model._deck.modelfile import load_model
 from thermid.model._tree.identity import to_dict, written
 from thermid.model._tree.model import Model

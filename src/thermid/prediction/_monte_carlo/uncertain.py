@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import NameNotFoundError, ScenarioError, cap, raising, refuse_unknown
-from thermid.base.extensions import version_of_thermid
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result
 from thermid.base.units import TEMPERATURE, counted
@@ -92,6 +91,8 @@ def plan_runs(
     options: Options | None = None,
 ) -> tuple[Job, tuple[str, ...]]:
     """Return what `uncertain_runs` would run, and what a reader must know."""
+    from importlib.metadata import version
+
     sources = [values] if isinstance(values, Values) else list(values)
     scenarios = [scenario] if isinstance(scenario, Scenario) else list(scenario)
     if not scenarios or chunk < 1:
@@ -113,7 +114,7 @@ def plan_runs(
     wanted = nodes if nodes is not None else points or [n for n in network.nodes if network.numbers().capacitances.get(n) is not None]
     nodes_kept = tuple(dict.fromkeys(network.find(n) for n in wanted))
     grid = output_times(first, every, None if every is not None else np.linspace(0.0, first.seconds, TIMES_OF_RUN))
-    return Job(budget, variants, nodes_kept, grid, seed, chunk, options or Options(), version_of_thermid()), (*remarks, *budget.remarks)
+    return Job(budget, variants, nodes_kept, grid, seed, chunk, options or Options(), version("thermid")), (*remarks, *budget.remarks)
 
 
 def _with_variants(budget: Budget, chosen: str, count: int) -> Budget:

@@ -11,10 +11,10 @@ from typing import Any, Final
 from thermid.base.errors import ScenarioError, ThermidError, cap, errors_at, look_up, nearest, raising, refuse_unknown
 from thermid.base.expression import Kelvin, Quantity, si_value
 from thermid.base.extensions import by_grammar
-from thermid.base.files import PROFILE, write_text
+from thermid.base.files import PROFILE, toml_value, write_text
 from thermid.base.results import Result
 from thermid.base.sourced import check_mark, weakest
-from thermid.base.toml_files import Places, toml_value
+from thermid.base.toml_files import Places
 from thermid.base.units import TEMPERATURE
 from thermid.measure.steadiness import rule_of
 from thermid.model.elements import literal

@@ -14,7 +14,7 @@ from time import sleep
 from typing import Any, TypeVar
 
 from thermid.base.errors import ScenarioError, ThermidError, errors_at
-from thermid.base.extensions import optional, version_of_thermid
+from thermid.base.extensions import optional
 
 Made = TypeVar("Made")
 Workers = Executor | str | int | None
@@ -50,7 +50,9 @@ def in_tasks(
     ThermidError        Of a task, which it names.
     MissingExtraError   When joblib or distributed is needed and not installed.
     """
-    calls = [(function, version_of_thermid(), name, arguments) for name, arguments in tasks]
+    from importlib.metadata import version
+
+    calls = [(function, version("thermid"), name, arguments) for name, arguments in tasks]
     if isinstance(workers, int) and workers < 1:
         raise ScenarioError(f"{workers} processes cannot do anything. Give at least one.")
     if workers is None or (isinstance(workers, int) and (min(workers, len(tasks)) <= 1 or seconds < PROCESSES_PAY)):
@@ -160,8 +162,10 @@ def _done(numbered: tuple[int, Call]) -> tuple[int, Any]:
     ------
     ScenarioError   When this is another version than the caller's.
     """
+    from importlib.metadata import version
+
     place, (function, wanted, name, arguments) = numbered
-    if (here := version_of_thermid()) != wanted:
+    if (here := version("thermid")) != wanted:
         raise ScenarioError(f"a worker has thermid {here}, this is {wanted}. Install one version everywhere.")
     try:
         with errors_at(name, ", "):

@@ -64,7 +64,7 @@ def test_a_process_that_ends_is_told_of_in_a_sentence() -> None:
 
 def test_a_worker_of_another_version_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     found = iter(["1.0", "0.9"])
-    monkeypatch.setattr("thermid.simulation._many.tasks.version_of_thermid", lambda: next(found))
+    monkeypatch.setattr("importlib.metadata.version", lambda _: next(found))
     with pytest.raises(ScenarioError, match=r"0\.9.* 1\.0"):
         list(in_tasks(square, TASKS[:1], None))
 
