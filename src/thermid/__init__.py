@@ -75,8 +75,6 @@ _NAMESPACES = {
         "Identifiability": "inference.intervals",
         "profile": "inference.intervals",
         "Profile": "inference.intervals",
-        "valley": "inference.intervals",
-        "Valley": "inference.intervals",
         "posterior": "inference.intervals",
         "Posterior": "inference.intervals",
         "evidence": "inference.intervals",

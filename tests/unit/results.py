@@ -50,7 +50,6 @@ def of_a_fit(folder: Path) -> dict[str, Any]:
         "discrepancy": td.inference.discrepancy(fit),
         "identifiability": td.identifiability(fit),
         "profile": td.inference.profile(fit, HTC),
-        "valley": td.inference.valley(fit, HTC, MASS, points=5),
         "criticism": td.inference.criticise(fit, elements=False),
         "plausibility": td.inference.plausibility(fit),
         "balance": td.inference.energy_balance(fit, record, "3 [h]", limit="100 [K/h]"),

@@ -29,7 +29,6 @@ ABLE = (
     "fleet",
     "identifiability",
     "profile",
-    "valley",
     "criticism",
     "plausibility",
     "balance",

@@ -8,6 +8,12 @@ are scaled to length one first, so that no unit decides what counts as nothing.
 
 from __future__ import annotations
 
+import sys
+from contextlib import AbstractContextManager
+from functools import lru_cache
+from importlib import import_module
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -199,3 +205,14 @@ def back_substitution(lower: Array, right: Array) -> Array:
     from scipy.linalg.lapack import dtrtrs
 
     return np.stack([dtrtrs(one.T, b, lower=0)[0] for one, b in zip(lower, right, strict=True)])
+
+
+_libraries = lru_cache(maxsize=4)(lambda *loaded: import_module("threadpoolctl").ThreadpoolController())
+
+
+def one_thread() -> AbstractContextManager[Any]:
+    """Return a context in which libraries of matrices keep to one thread: in some hundred rows two wait for one another.
+
+    Libraries are looked for once, which takes 2 ms, and again once scipy has loaded its own.
+    """
+    return _libraries("scipy.linalg" in sys.modules, "scipy.special" in sys.modules).limit(limits=1)  # type: ignore[no-any-return]

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
-from functools import partial
+from functools import cache, partial
 from importlib.metadata import version
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import IdentificationError, SolverError
-from thermid.base.linear_algebra import Array, null_space, symmetric_inverse
+from thermid.base.errors import IdentificationError, SolverError, quoted
+from thermid.base.linear_algebra import Array, null_space, one_thread, symmetric_inverse
 from thermid.base.units import NAMES, counted, unit
 from thermid.fit._calibration import (
     CONTRADICTION_DEVIATIONS,
@@ -38,7 +38,7 @@ from thermid.fit._problem.request import LocalSpec, Request, freed, mean_of, pri
 from thermid.fit._problem.residuals import Predictions, Problem, Unknown, pooled, starting_point, wanders
 from thermid.fit._search import Progress, searched
 from thermid.fit._second_clocks import at_clocks, in_turns, widened_by_noise_of_powers, with_clocks
-from thermid.fit._uncertainty.groups import SHARE, Group, listed, percent, structural_groups, together
+from thermid.fit._uncertainty.groups import SHARE, Group, percent, structural_groups, together
 from thermid.fit._uncertainty.information import Information, Responses, elsewhere, responses
 from thermid.fit._uncertainty.moved import Moves, moves_above
 from thermid.fit._uncertainty.noise import Autocorrelation, TraceNoise, autocorrelation
@@ -50,6 +50,8 @@ from thermid.model.tree import Model, deck_text, parameter_table, unlumped
 from thermid.simulation.runs import Scenario, Workers
 from thermid.values.fitted import FittedValue, FittedValues, view
 from thermid.values.store import LaterTable, State, Store, ValueOrigin
+
+_version = cache(version)  # half a millisecond, once
 
 MAX_RESIDUAL_TO_NOISE, MAX_RESIDUAL_TO_RANGE = 3.0, 0.02
 """What residuals may be, as a standard deviation: so many times the stated noise of the sensor. Where no noise was stated, their
@@ -353,7 +355,7 @@ def _words(group: Group, request: Request, problem: Problem, fit: Callable[[Requ
     """Return what cannot be separated, what is known instead, and what to do."""
     if group.form == "unseen":
         return f"no reading depends on '{group.names[0]}'. Fix it, or add a record in which it acts."
-    named = listed(group.names) if len(group.names) < 3 else ", ".join(f"'{n}'" for n in group.names)
+    named = quoted(group.names) if len(group.names) < 3 else ", ".join(f"'{n}'" for n in group.names)
     cure = "Free one of them, or add a record in which they act differently."
     how = group.pair
     if how in ("product", "ratio"):
@@ -440,7 +442,7 @@ def _by_instruments(problem: Problem, total: Array, k: int) -> str:
     behind = [problem.unknowns[j] for j, s in zip(at, share, strict=True) if s > 0.1]
     if not behind:
         return ""
-    names = listed([u.name.removeprefix("sensor ").removesuffix(" error") for u in behind])
+    names = quoted([u.name.removeprefix("sensor ").removesuffix(" error") for u in behind])
     cure = (
         (" (if all sensors began at one temperature, give `start`: the fit then finds these errors)")
         if all(u.kind == "sensor" for u in behind)
@@ -462,7 +464,7 @@ def summarise(
     items = {u.name: _value(u, float(best.fitted[k]), total[k, k], random[k, k], origin) for k in rows for u in (problem.unknowns[k],)}
     records = {r.name: r.origin.sha256 for r in request.records}
     provenance: dict[str, Any] = {
-        "version": version("thermid"),
+        "version": _version("thermid"),
         "date": datetime.now(UTC).date().isoformat(),
         "model": identity_of(request.model),
         "records": records,
@@ -796,9 +798,7 @@ def fit_problem(
     executor: Workers = None,
 ) -> Calibration:
     """Return the calibration of a problem that was made for a request."""
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(limits=1):  # matrices of up to some hundred rows: two threads wait for one another a hundred times longer
+    with one_thread():
         return _fitted(request, problem, progress, recalled, stoppable, executor)
 
 
@@ -928,7 +928,7 @@ def _refuse_without_errors(request: Request, problem: Problem, total: Array) -> 
     lost = [u.name for u, variance in zip(problem.unknowns, np.diag(total), strict=True) if not variance >= 0.0]
     if lost:
         raise IdentificationError(
-            f"at the end of the fit almost no reading depends on {listed(lost[:3])}, so its error is unknown. Fix it, or give it a prior.",
+            f"at the end of the fit almost no reading depends on {quoted(lost[:3])}, so its error is unknown. Fix it, or give it a prior.",
             request.name or request.model.title,
         )
 

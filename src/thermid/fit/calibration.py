@@ -70,7 +70,6 @@ from thermid.fit._search import box_of as box_of
 from thermid.fit._second_clocks import Alignment as Alignment, align as align
 from thermid.fit._uncertainty.groups import (
     Group as Group,
-    listed as listed,
     percent as percent,
     practical_groups as practical_groups,
     structural_groups as structural_groups,

@@ -28,11 +28,9 @@ from thermid.inference.intervals import (
     Identifiability as Identifiability,
     Posterior as Posterior,
     Profile as Profile,
-    Valley as Valley,
     evidence as evidence,
     posterior as posterior,
     profile as profile,
-    valley as valley,
 )
 from thermid.physics.htc import HtcComparison as HtcComparison, compare_htc as compare_htc
 from thermid.prediction.bands import Split as Split, split as split

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import IdentificationError, SolverError
+from thermid.base.errors import IdentificationError, SolverError, quoted
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.base.units import counted, from_si
@@ -27,7 +27,6 @@ from thermid.fit.calibration import (
     elsewhere,
     input_lines,
     inputs_of,
-    listed,
     percent,
     practical_groups,
     priors_of,
@@ -116,7 +115,7 @@ def _pairs(info: Information, members: Sequence[str], wanted: Sequence[int]) -> 
             touched = [k for k in wanted if k not in (i, j)]
             errors_left = info.errors(more=np.concatenate([info.prior_row(i, EASY_PRIOR), info.prior_row(j, EASY_PRIOR)]))
             if touched and _worst(errors_left, touched) < GAIN * _worst(before, touched):
-                action = f"measure both {listed([info.names[i], info.names[j]])} to 5 %"
+                action = f"measure both {quoted([info.names[i], info.names[j]])} to 5 %"
                 out.append((_worst(errors_left, touched), Cure(action, {info.names[k]: float(errors_left[k]) for k in touched})))
     return out
 
@@ -257,7 +256,7 @@ class Identifiability(Result):
         info = self.information
         own_priors = [u.name for u in info.unknowns if u.prior is not None and u.kind == "parameter" and u.name in group.names]
         if own_priors:
-            return f" Only the prior of {listed(own_priors)} separates them."
+            return f" Only the prior of {quoted(own_priors)} separates them."
         handed = {info.names[k] for at, _, _ in self.problem.coupled for k in at} & set(group.names)
         return " Only the inherited values of a stage below separate them." if handed else ""
 
@@ -301,7 +300,7 @@ class Identifiability(Result):
         if self.rank < free:
             lines.append(f"  The readings determine {counted(self.rank, 'combination')} of {free} parameters.")
         lines += [f"  By measurements of this kind {g}.{self._split_by(g)}" for g in self.structural if g.form != "unseen"]
-        lines += [f"  No reading depends on {listed(g.names)}." for g in self.structural if g.form == "unseen"]
+        lines += [f"  No reading depends on {quoted(g.names)}." for g in self.structural if g.form == "unseen"]
         lines += [f"  With this log {g}." for g in self.practical]
         lines.append("  expected errors:" if self.stage != "after" else "  errors:")
         lines += [f"    {k}" for k in self.parameters.values()]

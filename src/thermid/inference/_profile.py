@@ -1,4 +1,4 @@
-"""`profile` and `valley`: how far one parameter, or two that may compensate each other, can go before the readings object."""
+"""`profile`: how far a parameter can go before the readings object, all others following."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from thermid.base.linear_algebra import Array, covariance
 from thermid.base.results import PlottedTrace, Result
 from thermid.base.units import from_si
 from thermid.fit.calibration import Calibration, Compressed, Problem, Unknown, minimise
-from thermid.inference._identifiability import Identifiability
 from thermid.simulation.runs import Workers, in_tasks
 
 MAX_POINTS_PER_SIDE, FIRST_LOG_STEP, MAX_LOG_STEP = 14, 0.7, 7.0
@@ -137,25 +136,22 @@ def problem_and_place(fit: Calibration, path: str) -> tuple[Problem, int]:
     return fit.problem, names.index(name)
 
 
-def spread_of(problem: Problem, at: Array, ks: tuple[int, ...], errors: Array) -> float:
-    """Return how many times the noise the readings scatter, so that their information alone gives the errors of the fit.
+def spread_of(problem: Problem, at: Array, k: int, error: float) -> float:
+    """Return how many times the noise the readings scatter, so that their information alone gives the error of the fit.
 
     Residuals that wander widen the errors of a fit by more than their size does, and each parameter by its own amount.
     """
     from scipy.optimize import brentq
 
     data, priors = problem.compressed(at).slopes, problem.prior_rows(at)[1]
-    out = []
-    for k, error in zip(ks, errors, strict=True):
 
-        def excess(log_spread: float, k: int = k, error: float = float(error)) -> float:
-            # ln of the standard error from (J'J / s^2 + P)^-1, over that of the fit
-            rows = np.concatenate([data / np.exp(log_spread), priors])
-            return float(0.5 * np.log(covariance(rows)[k, k]) - np.log(error))
+    def excess(log_spread: float) -> float:
+        # ln of the standard error from (J'J / s^2 + P)^-1, over that of the fit
+        rows = np.concatenate([data / np.exp(log_spread), priors])
+        return float(0.5 * np.log(covariance(rows)[k, k]) - np.log(error))
 
-        low, high = -3.0, 8.0
-        out.append(float(np.exp(brentq(excess, low, high, xtol=1e-4))) if excess(low) < 0 < excess(high) else 1.0)
-    return float(np.exp(np.mean(np.log(out))))
+    low, high = -3.0, 8.0
+    return float(np.exp(brentq(excess, low, high, xtol=1e-4))) if excess(low) < 0 < excess(high) else 1.0
 
 
 @takes_objects
@@ -186,7 +182,7 @@ def profile(fit: Calibration, path: str, level: float = 0.95, *, executor: Worke
     threshold = float(2.0 * gammaincinv(0.5, level))
     at = np.array([fit.fitted[u.name] for u in problem.unknowns])
     u, value = problem.unknowns[k], fit.values[problem.unknowns[k].name]
-    spread = spread_of(problem, at, (k,), np.array([value.error / u.slope(float(at[k]))]))
+    spread = spread_of(problem, at, k, value.error / u.slope(float(at[k])))
     walk = _Walk(fit, problem, k, at, spread, threshold)
     ends = dict(
         in_tasks(_Walk.side, [(f"the {way} end of '{u.name}'", (walk, sign)) for way, sign in (("lower", -1.0), ("upper", 1.0))], executor)
@@ -265,148 +261,3 @@ class _Walk:
         rise_at |= {low: rise_at.get(low, 0.0), high: rise_at[high]}
         at = float(brentq(beyond, low, high, xtol=0.01 * self.step, rtol=1e-3, maxiter=30, disp=False))
         return self.best + sign * at, points, True
-
-
-VALLEY_POINTS = 25
-
-
-@dataclass(frozen=True, eq=False)
-class Valley(Result):
-    """The weighted sum of squares over two parameters, all others adjusting themselves.
-
-    Parameters
-    ----------
-    names, units : (str, str)           The parameters, and units for people.
-    first, second : array (points,)     Values. [SI]
-    rise : array (points, points)       Growth over the best, second down, first across; NaN where the model cannot be run. [-]
-    best : (float, float)               [SI]
-    along : array (line, 2)             The valley: for each value of the first, the best second. [SI]
-    bounds : pair of (float, float)     [SI]
-    logs : (bool, bool)                 Whether each is fitted by its logarithm.
-    fitted : bool                       Whether `best` is the end of a fit; else it is where one would start.
-    """
-
-    names: tuple[str, str]
-    units: tuple[str, str]
-    first: Array
-    second: Array
-    rise: Array
-    best: tuple[float, float]
-    along: Array
-    bounds: tuple[tuple[float, float], tuple[float, float]]
-    logs: tuple[bool, bool]
-    fitted: bool = True
-
-    def _summary(self) -> str:
-        """Return the two parameters and where the best lies."""
-        best = ", ".join(f"{n} = {from_si(v, u):.4g} {u}" for n, v, u in zip(self.names, self.best, self.units, strict=True))
-        return f"{self.names[0]} against {self.names[1]}; best {best}"
-
-    @property
-    def _axes_titles(self) -> tuple[str, str]:  # type: ignore[override]
-        return (f"{self.names[0]} [{self.units[0]}]", f"{self.names[1]} [{self.units[1]}]")
-
-    def _as_traces(self) -> Sequence[PlottedTrace]:
-        """Return the valley: for each value of the first the best of the second."""
-        x, y = (np.asarray([from_si(float(v), u) for v in self.along[:, k]]) for k, u in enumerate(self.units))
-        return [PlottedTrace("best of the second", x, y)]
-
-
-@takes_objects
-def valley(source: Calibration | Identifiability, first: str, second: str, points: int = VALLEY_POINTS) -> Valley:
-    """Return how the fit worsens over two parameters; where they can compensate each other, the map shows a valley.
-
-    Parameters
-    ----------
-    source : Calibration or Identifiability     A fit, or what is known before one, where a fit would be refused.
-    first, second : str                         Paths of two free parameters.
-    points : int                                Values along each axis.
-
-    Notes
-    -----
-    Everything else follows by one step of Gauss and Newton at each point, from where the derivatives at the best place it.
-    """
-    if first == second:
-        raise IdentificationError(f"a valley needs two different parameters; '{first}' was given twice.", "valley")
-    if isinstance(source, Calibration):
-        (problem, i), (_, j) = problem_and_place(source, first), problem_and_place(source, second)
-        at = np.array([source.fitted[u.name] for u in problem.unknowns])
-        error = np.array([source.values[problem.unknowns[k].name].error for k in (i, j)])
-        error = error / np.array([problem.unknowns[k].slope(at[k]) for k in (i, j)])
-        spread = spread_of(problem, at, (i, j), error)
-    else:
-        problem, at, spread = source.problem, source.information.at, 1.0
-        i, j = (_position(source, path) for path in (first, second))
-        error = np.sqrt(np.diag(source.information.covariance()))[[i, j]]
-    pair = (problem.unknowns[i], problem.unknowns[j])
-    axes = [_axis(u, float(at[k]), float(e), points) for u, k, e in zip(pair, (i, j), error, strict=True)]
-    held = Held.with_fixed(problem, at, (i, j), spread)
-    response = _response(problem, at, (i, j), held.kept)
-    rise = np.full((points, points), np.nan)
-    for m, y in enumerate(axes[1]):
-        for n, x in enumerate(axes[0]):
-            moved = at.copy()
-            moved[held.kept] += response @ np.array([x - at[i], y - at[j]])
-            moved[[i, j]] = x, y
-            rise[m, n] = _settled(held, moved)
-    # before a fit the start is not the best; of a fit the middle of the map is
-    rise -= np.nanmin(rise)
-    values = [np.array([u.to_value(x) for x in axis]) for u, axis in zip(pair, axes, strict=True)]
-    best = pair[0].to_value(at[i]), pair[1].to_value(at[j])
-    along = np.column_stack([values[0], [_lowest(values[1], column) for column in rise.T]])
-    bounds = (pair[0].low, pair[0].high), (pair[1].low, pair[1].high)
-    names, units = (pair[0].name, pair[1].name), (pair[0].unit, pair[1].unit)
-    return Valley(
-        names, units, values[0], values[1], rise, best, along, bounds, (pair[0].log, pair[1].log), isinstance(source, Calibration)
-    )
-
-
-def _position(source: Identifiability, path: str) -> int:
-    names = source.information.names
-    refuse_unknown([path], names, source.title, "'{}' is not free here.", NameNotFoundError)
-    return names.index(path)
-
-
-def _axis(u: Unknown, at: float, error: float, points: int) -> Array:
-    """Return the values to look at, in the fitted form: 3.5 standard errors either side, at most a factor of 4, within the bounds."""
-    wide = min(3.5 * error, 1.4) if u.log else 3.5 * error if np.isfinite(error) else 4.0 * u.scale
-    low, high = u.fitted_bounds()
-    return np.linspace(max(at - wide, low), min(at + wide, high), points)
-
-
-def _response(problem: Problem, at: Array, pair: tuple[int, int], others: NDArray[np.int64]) -> Array:
-    """Return how the others move (others, 2) when the pair is moved from the best."""
-    rows = np.concatenate([problem.compressed(at).slopes, problem.prior_rows(at)[1]])
-    responses: Array = np.linalg.lstsq(rows[:, others], -rows[:, list(pair)], rcond=1e-10)[0]
-    return responses
-
-
-def _settled(held: Held, moved: Array) -> float:
-    """Return the sum of squares at some values of all unknowns, the others following by two Newton steps; NaN where none runs."""
-    here, square, at = replace(held, values=moved), np.nan, moved[held.kept]
-    for last in (False, True):
-        try:
-            compressed = here.compressed(at)
-        except SolverError:
-            return square
-        priors, slopes = here.prior_rows(at)
-        rows, jacobian = np.concatenate([compressed.rows, priors]), np.concatenate([compressed.slopes, slopes])
-        step = np.linalg.lstsq(jacobian, -rows, rcond=1e-10)[0] if at.size else at
-        square = float(np.sum((rows + jacobian @ step) ** 2))
-        if last or not at.size:
-            break
-        at = at + step
-    return square
-
-
-def _lowest(values: Array, column: Array) -> float:
-    """Return where a column of the map is lowest, by a parabola through the lowest point and its neighbours."""
-    if np.isnan(column).all():
-        return float("nan")
-    k = int(np.nanargmin(column))
-    if not 0 < k < values.size - 1:
-        return float("nan")  # beyond the edge
-    before, middle, right = column[k - 1 : k + 2]
-    bend = before - 2.0 * middle + right
-    shift = 0.5 * (before - right) / bend if bend > 0 else 0.0
-    return float(np.interp(k + shift, np.arange(values.size), values))

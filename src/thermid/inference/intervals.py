@@ -6,4 +6,4 @@ from thermid.inference._identifiability import (
     identifiability_of as identifiability_of,
 )
 from thermid.inference._posterior import Evidence as Evidence, Posterior as Posterior, evidence as evidence, posterior as posterior
-from thermid.inference._profile import Profile as Profile, Valley as Valley, profile as profile, valley as valley
+from thermid.inference._profile import Profile as Profile, profile as profile

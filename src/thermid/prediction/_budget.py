@@ -13,7 +13,7 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.codes import CodedText
 from thermid.base.dual import value_of
-from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError
+from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError, quoted
 from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse
 from thermid.base.results import Shown
 from thermid.fit.calibration import Calibration
@@ -99,20 +99,16 @@ class Spread(Shown):
 
     @classmethod
     @takes_objects
-    def of_fit(cls, values: FittedValues, at: str = "", cause: str = "") -> Spread:
+    def of_fit(cls, values: FittedValues) -> Spread:
         """Return what a fit leaves open, with its covariance.
 
         Parameters
         ----------
         values : FittedValues   Of a calibration, or from a file.
-        at : str                The submodel that the values belong to; empty for the model itself.
-        cause : str             ``fit of <stage>`` by default.
         """
         bare_values = values.bare()
-        ahead = f"{at}." if at else ""
-        also = {ahead + p: tuple(ahead + q for q in v.also) for p, v in bare_values.items() if v.also}
-        names, logs = tuple(ahead + p for p in bare_values), tuple(v.log for v in bare_values.values())
-        return cls(cause or f"fit of {values.stage}", names, bare_values.covariance, logs, also)
+        also, logs = {p: v.also for p, v in bare_values.items() if v.also}, tuple(v.log for v in bare_values.values())
+        return cls(f"fit of {values.stage}", tuple(bare_values), bare_values.covariance, logs, also)
 
 
 def followed_by(discrepancies: Sequence[Discrepancy]) -> dict[str, dict[str, float]]:
@@ -439,19 +435,13 @@ class Budget:
         means = {cause: np.where([c == cause for c in self.causes], self.means, 0.0) for cause in dict.fromkeys(self.causes)}
         return {cause: np.asarray(columns @ m) for cause, m in means.items() if m.any()}
 
-    def beside(
-        self, sources: Sequence[Source], cause: str, targets: Sequence[Target] = (), gain: Array | float = 0.0, alike: Array | None = None
-    ) -> Budget:
+    def beside(self, sources: Sequence[Source], cause: str, targets: Sequence[Target] = (), gain: Array | float = 0.0) -> Budget:
         """Return it with sources of one cause that act on targets of their own; on none where one chooses between scenarios."""
         n, m, k = len(self.sources), len(self.targets), len(sources)
         taken = {s.name for s in self.sources}  # a member's numbers come by a source's name
         sources = [replace(s, name=f"{s.name} ({n + i})") if s.name in taken else s for i, s in enumerate(sources)]
-        whole = np.zeros((m + len(targets), n + k))
-        whole[:m, :n], whole[m:, n:] = self.gain, gain
-        joined = np.eye(n + k)
-        joined[:n, :n] = self.alike
-        if alike is not None:
-            joined[n:, n:] = alike
+        whole, joined = np.zeros((m + len(targets), n + k)), np.eye(n + k)
+        whole[:m, :n], whole[m:, n:], joined[:n, :n] = self.gain, gain, self.alike
         named, causes = (*self.sources, *sources), (*self.causes, *(cause,) * k)
         return replace(self, sources=named, causes=causes, alike=joined, targets=(*self.targets, *targets), gain=whole)
 
@@ -741,10 +731,10 @@ def left_out_of(knowledge: Knowledge, whole: Budget, errors: Sequence[ErrorModel
         out.append(LeftOut(UNFITTED))
     once = [s.acts[0] for s in fitted if len({r for o in (s.origin, *s.history) for r in o.records}) == 1]
     if once:
-        out.append(LeftOut(f"how values fitted to one record differ from one test to the next ({listed(once)})", listed=True))
+        out.append(LeftOut(f"how values fitted to one record differ from one test to the next ({quoted(once, 3)})", listed=True))
     inputs = _inputs_without_spread(whole)
     if inputs:
-        out.append(LeftOut(f"inputs without a stated spread ({listed(inputs)})", listed=True))
+        out.append(LeftOut(f"inputs without a stated spread ({quoted(inputs, 3)})", listed=True))
     return tuple(out)
 
 
@@ -806,7 +796,7 @@ def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tupl
     loose = assumed_values(budget.model, budget.scenario, spread)
     if not loose:
         return ()
-    words = f"{len(loose)} assumed value{'s' if len(loose) > 1 else ''} without a stated spread ({listed([a.path for a in loose])})"
+    words = f"{len(loose)} assumed value{'s' if len(loose) > 1 else ''} without a stated spread ({quoted([a.path for a in loose], 3)})"
     through = _solved_again(budget, [a.path for a in loose])
     ready = prepare(budget.model, lasting(budget.scenario), list(dict.fromkeys([*(a.path for a in loose), *through])))
     try:
@@ -868,8 +858,3 @@ def first_line(left_out: Sequence[LeftOut], error: float) -> str:
     relevant = [x for x in left_out if not x.listed and not x.kelvin <= MIN_SHARE_OF_BAND * 1.96 * error]
     words = [f"{x.what}, up to {x.kelvin:.2g} K" if np.isfinite(x.kelvin) else x.what for x in relevant]
     return f"not counted: {'; '.join(words)}" if words else ""
-
-
-def listed(paths: Sequence[str]) -> str:
-    """Return the first three of several paths, and how many more there are."""
-    return ", ".join(f"'{p}'" for p in paths[:3]) + (f" and {len(paths) - 3} more" if len(paths) > 3 else "")

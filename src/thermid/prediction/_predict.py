@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import IdentificationError, NameNotFoundError, nearest
+from thermid.base.errors import IdentificationError, NameNotFoundError, nearest, quoted
 from thermid.base.files import TABLE, replacing
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result, Row
@@ -37,7 +37,6 @@ from thermid.prediction._budget import (
     budget_of,
     first_line,
     in_order,
-    listed,
 )
 from thermid.prediction._known import Knowledge, Rows
 from thermid.prediction._setting import Drawn, Linear, Setting
@@ -596,7 +595,7 @@ def undetermined_words(answer: WayAnswer, bands: Mapping[str, Band]) -> list[str
         most = [n for n, kelvin in explained.items() if kelvin**2 > MOSTLY * whole[n] and kelvin > NEGLIGIBLE_HALF_WIDTH]
         if most:
             out.append(
-                f"no reading determines '{t.name}': what was known of it before is most of the band of {listed(most)}. State a narrower "
+                f"no reading determines '{t.name}': what was known of it before is most of the band of {quoted(most, 3)}. State a narrower "
                 "prior of it, or fit a run that determines it: next_test names one"
             )
     return out
@@ -675,7 +674,7 @@ def meaning(shares: Mapping[str, float], budget: Budget) -> dict[str, str]:
     for cause in (c for c, share in shares.items() if share >= CAUSE_SHARE):
         columns = [k for k, c in enumerate(budget.causes) if c == cause]
         names = [t.name for t, row in zip(budget.targets, budget.gain, strict=True) if row[columns].any()]
-        out[cause] = MEANING.get(cause) or f"what is not known of {listed(names)}"
+        out[cause] = MEANING.get(cause) or f"what is not known of {quoted(names, 3)}"
         if cause == largest and cause in NARROWS:
             out[cause] += f"; narrower by {NARROWS[cause]}"
     return out

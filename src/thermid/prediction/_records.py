@@ -50,8 +50,6 @@ from thermid.prediction._known import Knowledge, rows_of
 from thermid.simulation.runs import Scenario
 from thermid.values.store import LeftOut, error_table_of
 
-TIMES_OF_BAND = 300
-"""Times of a record at which its band is computed; straight lines between."""
 SLICES = 120
 """Stretches of time between which residuals are looked at for what grows with a command."""
 CHANCE_DEVIATIONS, MIN_CORRELATION = 3.0, 0.3

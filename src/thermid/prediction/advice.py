@@ -12,7 +12,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
-from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
+from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, nearest, quoted
 from thermid.base.linear_algebra import Array, variance
 from thermid.base.results import Result, Shown
 from thermid.fit.calibration import (
@@ -27,7 +27,6 @@ from thermid.fit.calibration import (
     answers_to_inputs,
     binned,
     build_problem,
-    listed,
     parameter_unknown,
     percent,
     prior_of,
@@ -574,7 +573,7 @@ def _remarks(before: Before, sensors: Sequence[Sensor]) -> tuple[str, ...]:
     if not slow:
         return ()
     return (
-        f"Planned readings of {listed(slow)} are assumed to be autocorrelated like the residuals of the fit, because missing physics "
+        f"Planned readings of {quoted(slow)} are assumed to be autocorrelated like the residuals of the fit, because missing physics "
         "would remain.",
     )
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, errors_at, nearest, refuse_unknown
+from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, errors_at, nearest, quoted, refuse_unknown
 from thermid.base.extensions import by_grammar, refuse_another_kind
 from thermid.base.files import RESULTS_FILE, read_bytes, write_text
 from thermid.base.results import Result
@@ -21,7 +21,6 @@ from thermid.base.toml_files import Places, project_root, read_json, read_toml, 
 from thermid.base.units import TEMPERATURE, counted
 from thermid.campaign.stages import run_stages
 from thermid.campaign.verdicts import CRITERIA, POLICIES, Criteria, Limits, load_limits, read_limits
-from thermid.fit.calibration import listed
 from thermid.measure.steadiness import rule_of
 from thermid.model.deck import load_model
 from thermid.model.elements import literal
@@ -321,7 +320,7 @@ def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, Criter
     refuse_unknown([test.host] if test.host else (), content.hosts, where("host"), "there is no host '{}'.", NameNotFoundError)
     for key in ("sensors", "weights"):
         refuse_unknown(getattr(test, key), content.sensors, where(key), "there is no sensor '{}'.", NameNotFoundError)
-    have = f"there are no criteria '{{}}'; there are {listed(list(criteria))}."
+    have = f"there are no criteria '{{}}'; there are {quoted(list(criteria))}."
     refuse_unknown(test.criteria, criteria, where("criteria"), have, NameNotFoundError)
     for key, kind, course in (("scenario", "scenario", test.scenario), ("profile", PROFILE, test.profile)):
         if isinstance(course, Mapping):

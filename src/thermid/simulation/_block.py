@@ -419,7 +419,7 @@ def _rows(block: Block, exchange: Exchange, boundaries: tuple[str, ...]) -> list
         out.append(RowGroup(form, to, places, second, convection_conductance(exchange.htc, area), exchange.exponent))
     if exchange.emissivity:
         coefficients = float(radiation_coefficient(exchange.emissivity, 1.0)) * area
-        out.append(RowGroup("radiation", boundaries.index(exchange.radiates_to), places, second, coefficients))
+        out.append(RowGroup("radiation", boundaries.index(exchange.to), places, second, coefficients))
     return out
 
 

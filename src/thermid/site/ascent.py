@@ -175,7 +175,7 @@ def ascent_scenario(
     ------
     ScenarioError   When pressure or temperature of the gas are not said, or a stream is asked for without speed or separation.
     """
-    seconds = _duration(duration, trajectory, pressure, title)
+    seconds = _duration(duration, trajectory, title)
     times = trajectory.grid(seconds, upper) if trajectory is not None else np.zeros(1)
     gone = (
         None
@@ -250,7 +250,7 @@ def _streams(
     return out
 
 
-def _duration(duration: Any, trajectory: Trajectory | None, pressure: Any, title: str) -> float:
+def _duration(duration: Any, trajectory: Trajectory | None, title: str) -> float:
     if duration is not None:
         return si_number(duration, "s", f"{title}, duration")
     if trajectory is None:

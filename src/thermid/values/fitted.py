@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import tomllib
@@ -16,7 +15,7 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, look_up
 from thermid.base.extensions import by_grammar
-from thermid.base.files import VALUES, parse_toml, read_text, write_text
+from thermid.base.files import VALUES, parse_toml, read_text, toml_key, toml_value, write_text
 from thermid.base.linear_algebra import Array, square_root
 from thermid.base.results import Row, Shown
 from thermid.base.toml_files import Places
@@ -297,18 +296,18 @@ def save_store(store: Store, path: str | os.PathLike[str], stage: str) -> None:
         "left_out": [_plain(x) for x in store.left_out],
     }
     lines = ["# Values with their errors and origins. Written by thermid; the decks stay as their authors wrote them."]
-    lines += [f"{name} = {_toml(x)}" for name, x in head.items()]
+    lines += [f"{name} = {toml_value(x)}" for name, x in head.items()]
     for name, provenance in store.provenance.items():
         table = {**provenance, "errors": error_table_of(provenance)} if "errors" in provenance else provenance
-        lines += ["", f"[provenance.{_toml(name)}]", *(f"{_toml(k)} = {_toml(v)}" for k, v in table.items())]
+        lines += ["", f"[provenance.{toml_key(name)}]", *(f"{toml_key(k)} = {toml_value(v)}" for k, v in table.items())]
     for name, state in store.states.items():
-        lines += ["", f"[values.{_toml(name)}]", *(f"{k} = {_toml(v)}" for k, v in _as_table(state, store).items())]
+        lines += ["", f"[values.{toml_key(name)}]", *(f"{k} = {toml_value(v)}" for k, v in _as_table(state, store).items())]
     for source in store.sources:
-        lines += ["", "[[sources]]", f"name = {_toml(source.name)}", f"kind = {_toml(source.kind)}"]
-        lines += [f"law = {_toml(_law_kept(source.law))}", f"words = {_toml(source.words)}"]
+        lines += ["", "[[sources]]", f"name = {toml_value(source.name)}", f"kind = {toml_value(source.kind)}"]
+        lines += [f"law = {toml_value(_law_kept(source.law))}", f"words = {toml_value(source.words)}"]
     for group in _groups(store):
         rows = {p: row for p, row in zip(store.states, store.root[:, group].tolist(), strict=True) if any(row)}
-        lines += ["", "[[root]]", f"sources = {_toml(group)}", *(f"{_toml(p)} = {_toml(row)}" for p, row in rows.items())]
+        lines += ["", "[[root]]", f"sources = {toml_value(group)}", *(f"{toml_key(p)} = {toml_value(row)}" for p, row in rows.items())]
     write_text(path, "\n".join([*lines, ""]), VALUES.titled(stage))
 
 
@@ -353,21 +352,6 @@ def _plain(thing: Any) -> dict[str, Any]:
 def _law_kept(law: Any) -> dict[str, Any]:
     by_field = {f.name: getattr(law, f.name) for f in fields(law)}
     return {"form": type(law).__name__} | {n: _law_kept(x) if is_dataclass(x) else x for n, x in by_field.items()}
-
-
-def _toml(value: Any) -> str:
-    """Return a value on one line; every digit of a number is kept."""
-    if isinstance(value, bool | np.bool_):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, int):
-        return str(value)
-    if isinstance(value, float | np.floating):
-        return repr(float(value))
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_toml(str(k))} = {_toml(v)}" for k, v in value.items()) + " }" if value else "{}"
-    return "[" + ", ".join(_toml(x) for x in value) + "]"
 
 
 def read_values(path: str | os.PathLike[str]) -> dict[str, Any]:

@@ -507,12 +507,9 @@ class Store(Shown):
         positions = [k for k, stays in enumerate(chosen) if stays]
         names = list(self.states)
         states = {names[k]: self.states[names[k]] for k in positions}
-        out = [s for s in self.states.values() if s.path not in states]
-        gone, absent = ({n for s in several for n in (s.path, *s.paths)} for several in (out, [s for s in out if s.of_logs]))
+        gone = {n for s in self.states.values() if s.path not in states for n in (s.path, *s.paths)}
         provenances = (
-            {stage: _provenance_without(provenance, gone, absent) for stage, provenance in self.provenance.items()}
-            if gone
-            else self.provenance
+            {stage: _provenance_without(provenance, gone) for stage, provenance in self.provenance.items()} if gone else self.provenance
         )
         return replace(self, states=states, root=self.root[positions], provenance=provenances).trimmed()
 
@@ -893,8 +890,8 @@ def _provenance(provenance: Mapping[str, Any], part: str) -> Mapping[str, Any]:
     return {**provenance, **moved, **structural, **errors}
 
 
-def _provenance_without(provenance: Mapping[str, Any], gone: Collection[str], absent: Collection[str]) -> Mapping[str, Any]:
-    """Return what is kept of a fit without what it says of some of its values, and without values that are in no deck."""
+def _provenance_without(provenance: Mapping[str, Any], gone: Collection[str]) -> Mapping[str, Any]:
+    """Return what is kept of a fit without what it says of some of its values."""
     out = dict(provenance)
     if "structural" in provenance:
         structural = provenance["structural"]

@@ -73,44 +73,19 @@ def test_a_name_that_was_not_free(known: td.Calibration) -> None:
         td.inference.profile(known, AREA)
 
 
-class TestValley:
-    def test_of_a_fit_is_lowest_at_its_end(self, known: td.Calibration) -> None:
-        found = td.inference.valley(known, HTC, MASS, points=11)
-        assert np.unravel_index(found.rise.argmin(), found.rise.shape) == (5, 5)
-        assert found.best == pytest.approx((known[HTC].value, known[MASS].value))
-        # of two parameters alone: what the covariance says, at one standard error of the first and the best second
-        z = np.log(found.first / found.best[0]) / (known[HTC].error / known[HTC].value)
-        assert np.sqrt(found.rise.min(axis=0)) == pytest.approx(np.abs(z), abs=0.35)
-
-    def test_before_a_fit_shows_what_would_be_refused(self) -> None:
-        data = log(box(), {HTC: "5 [W/(m^2 K)]"}, {"T": "case"}, samples=41, noise=0.1)
-        told = td.identifiability(box(), data, [HTC, AREA, MASS])
-        found = td.inference.valley(told, HTC, AREA, points=25)
-        assert not found.fitted
-        product = found.along[:, 0] * found.along[:, 1]
-        inside = np.isfinite(product)
-        assert inside.sum() > 12
-        assert product[inside] == pytest.approx(5.0 * 0.05, rel=0.04)  # a third of the map's step
-        with pytest.raises(NameNotFoundError, match=r"'skin\.are' is not free here\. Did you mean 'skin\.area'"):
-            td.inference.valley(told, HTC, "skin.are")
-
-
 class TestPictures:
-    def test_are_written(self, known: td.Calibration, loose: td.Calibration, tmp_path: Path) -> None:
-        for name, thing in (("p", td.inference.profile(loose, HTC)), ("v", td.inference.valley(known, HTC, MASS, points=7))):
-            made = td.reporting.picture(thing, tmp_path / f"{name}.png")
-            assert made.read_bytes()[:4] == b"\x89PNG"
-            assert made.stat().st_size > 10_000
+    def test_are_written(self, loose: td.Calibration, tmp_path: Path) -> None:
+        made = td.reporting.picture(td.inference.profile(loose, HTC), tmp_path / "p.png")
+        assert made.read_bytes()[:4] == b"\x89PNG"
+        assert made.stat().st_size > 10_000
 
     def test_of_something_else(self, tmp_path: Path) -> None:
-        with pytest.raises(ThermidError, match=r"Pictures exist of Profile, Valley, Criticism, Hold, ProfileRun\."):
+        with pytest.raises(ThermidError, match=r"Pictures exist of Profile, Criticism, Hold, ProfileRun\."):
             td.reporting.picture("x", tmp_path / "x.png")  # type: ignore[arg-type]
 
 
-def test_what_is_no_probability_and_no_pair_is_refused(known: td.Calibration, tmp_path: Path) -> None:
+def test_what_is_no_probability_is_refused(known: td.Calibration, tmp_path: Path) -> None:
     with pytest.raises(ThermidError, match=r"a level of 95 is not a probability\. Give one between 0 and 1, such as 0\.95\."):
         td.inference.profile(known, HTC, level=95)
-    with pytest.raises(ThermidError, match="was given twice"):
-        td.inference.valley(known, HTC, HTC)
     with pytest.raises(ThermidError, match=r"x\.bmp: the ending '\.bmp' promises a picture in BMP, but the picture is written as \.png or"):
         td.reporting.picture(td.inference.criticise(known), tmp_path / "x.bmp")

@@ -99,7 +99,7 @@ def test_what_is_left_out_does_not_depend_on_the_route() -> None:
     assert words == [
         "the model's own error, because no fit has measured it",
         "1 assumed value without a stated spread ('skin.area')",
-        "inputs without a stated spread ('heat', 'start')",
+        "inputs without a stated spread ('heat' and 'start')",
     ]
     assert [x.what for x in runs.left_out] == [x.what for x in seen.left_out] == words
     # settled, the rise is P/(h A): a rectangular 0.03 to 0.07 m^2 moves it by a quarter
@@ -114,8 +114,8 @@ def test_values_of_one_record_are_listed_and_no_headline() -> None:
     case = CASES["natural"]()
     told = td.predict(case.fit, case.inside, nodes=[case.node])
     once, given = (x.what for x in told.left_out if x.listed)
-    assert once == "how values fitted to one record differ from one test to the next ('skin.htc.coefficient', 'plate.capacitance')"
-    assert given == "inputs without a stated spread ('air', 'heat', 'start')"
+    assert once == "how values fitted to one record differ from one test to the next ('skin.htc.coefficient' and 'plate.capacitance')"
+    assert given == "inputs without a stated spread ('air', 'heat' and 'start')"
     assert "one record" not in str(told)
     assert "inputs without a stated spread" not in str(told)
 

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import IdentificationError, NameNotFoundError, RecordError, look_up, nearest, refuse_unknown
+from thermid.base.errors import IdentificationError, NameNotFoundError, RecordError, look_up, nearest, quoted, refuse_unknown
 from thermid.base.linear_algebra import Array, Bools
 from thermid.base.results import Result, Row
 from thermid.base.sourced import VERDICTS, weigh
 from thermid.campaign._judge.criteria import CRITERIA, Check, Criteria, Deviation, judge
 from thermid.campaign._judge.metrics import Residuals
-from thermid.fit.calibration import Calibration, listed
+from thermid.fit.calibration import Calibration
 from thermid.measure.readers import log_cells, name_and_unit, read_record
 from thermid.measure.records import Record, gap_from, usual_step
 from thermid.model.elements import UNJUDGED, Standing
@@ -282,7 +282,7 @@ def correlate(
 def _named(criteria: str | Criteria) -> Criteria:
     if isinstance(criteria, Criteria):
         return criteria
-    return look_up(criteria, CRITERIA, f"no criteria '{{}}'; there are {listed(list(CRITERIA))}.", "criteria")
+    return look_up(criteria, CRITERIA, f"no criteria '{{}}'; there are {quoted(list(CRITERIA))}.", "criteria")
 
 
 def _deviation(o: Overlay, kind: str, window: Window, weight: float, reason: str) -> Deviation:

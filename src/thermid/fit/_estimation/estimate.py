@@ -12,7 +12,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError
-from thermid.base.linear_algebra import Array, symmetric_inverse
+from thermid.base.linear_algebra import Array, one_thread, symmetric_inverse
 from thermid.fit._calibrate import differing
 from thermid.fit._estimation.dynamics import UNKNOWN_START_SD
 from thermid.fit._estimation.estimation import OUTPUT, PROCESS, EstimatedNumber, Estimation, Estimator, whiteness_of
@@ -87,9 +87,7 @@ def estimate(
 
 def estimated(request: Request, process_noise: Mapping[str, Any], start_sd: Mapping[str, str], horizon: str) -> Estimation:
     """Return the estimation that a request asks for; see `estimate`."""
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(limits=1):
+    with one_thread():
         return _estimated(request, process_noise, start_sd, horizon)
 
 

@@ -9,6 +9,7 @@ from math import comb
 
 import numpy as np
 
+from thermid.base.errors import quoted
 from thermid.base.linear_algebra import RANK_TOLERANCE, Array, null_space, pseudo_inverse
 from thermid.base.units import NAMES, unit
 from thermid.fit._uncertainty.information import Information
@@ -84,7 +85,7 @@ class Group:
 
     def __str__(self) -> str:
         """What cannot be told, and what is known instead, in words."""
-        who = listed(self.names)
+        who = quoted(self.names)
         if self.structural and self.acting:
             text = f"{who} cannot be separated; {self.acting}"
         elif self.structural and self.form == "mixture":
@@ -95,16 +96,6 @@ class Group:
         else:
             text = f"{who} can hardly be separated: {' or '.join(_percents(m) for m in self.moves)} stays within the noise"
         return text + (f". Known: {'; '.join(map(str, self.known))}" if self.known else "")
-
-
-def listed(names: Sequence[str]) -> str:
-    """Return names as words.
-
-    >>> listed(["a", "b", "c"])
-    "'a', 'b' and 'c'"
-    """
-    quoted = [f"'{n}'" for n in names]
-    return quoted[0] if len(quoted) == 1 else f"{', '.join(quoted[:-1])} and {quoted[-1]}"
 
 
 def percent(relative: float) -> str:
@@ -121,7 +112,7 @@ def percent(relative: float) -> str:
 def together(move: dict[str, float], of: int) -> str:
     """Return a change of several parameters, of so many, that changes nothing."""
     if len({round(w, 3) for w in move.values()}) == 1:
-        return f"multiplying {'all of them' if len(move) == of else listed(list(move))} by any one factor"
+        return f"multiplying {'all of them' if len(move) == of else quoted(list(move))} by any one factor"
     return f"changing {', '.join(f'{n} by x^{w:.3g}' for n, w in move.items())} together, with any x,"
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, ThermidError
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, one_thread
 from thermid.base.results import Result
 from thermid.fit.calibration import Calibration, Request, fit as refit
 from thermid.inference._explain.candidates import missing_elements
@@ -353,9 +353,7 @@ def _traces(fit: Calibration) -> list[TraceCriticism]:
 
 def _tried(fit: Calibration, request: Request, executor: Workers) -> list[Candidate]:
     """Return every missing element, the best supported first; those that promise most are refitted, and what is suggested in full."""
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(limits=1):
+    with one_thread():
         budget = EvaluationBudget()
         base = fitted_structure((), request, fit.fitted, budget=budget)
         before, refused = base.rmse, list[tuple[str, str]]()

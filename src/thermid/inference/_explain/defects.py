@@ -16,7 +16,7 @@ from functools import lru_cache
 import numpy as np
 
 from thermid.base.errors import IdentificationError, ThermidError
-from thermid.base.linear_algebra import Indices
+from thermid.base.linear_algebra import Indices, one_thread
 from thermid.fit.calibration import MEASURED, Calibration, Experiment, Request, Unknown, build_problem, fit_problem, starting_point
 from thermid.fit.discrepancy import FREE_AIR, constant_coefficients
 from thermid.inference._explain.candidates import Fitted, MissingElement, hidden_defects
@@ -89,9 +89,7 @@ def explained(fit: Calibration) -> tuple[ExplainedFit, ...]:
     request = fit.request
     if request is None or not asks(fit):
         return ()
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(limits=1):
+    with one_thread():
         return _explained(fit, request)
 
 

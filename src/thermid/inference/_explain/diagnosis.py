@@ -63,20 +63,17 @@ class FaultBench:
 
     def _errors(self, accuracy: Mapping[str, float]) -> Array:
         """Return the covariance of the deviations where nothing is wrong: noise, constant errors of sensors, a part that wanders."""
+        from scipy.linalg import block_diag
+
         blocks, owner = [], []
         for c in self.cases:
             near = np.exp(-np.abs(c.centres[:, None] - c.centres[None, :]) / (0.2 * (np.ptp(c.centres) or 1.0)))
             for k, s in enumerate(c.sensors):
                 blocks.append(np.diag(c.errors[k] ** 2) + LEFT_BY_EVERY_MODEL**2 * near)
                 owner += [s] * c.centres.size
-        out = np.zeros((len(owner), len(owner)))
-        at = 0
-        for b in blocks:
-            out[at : at + len(b), at : at + len(b)] = b
-            at += len(b)
         same = np.array(owner)[:, None] == np.array(owner)[None, :]
         accuracies = np.array([accuracy.get(s, 0.0) for s in owner])
-        return np.asarray(out + same * accuracies[:, None] * accuracies[None, :])
+        return np.asarray(block_diag(*blocks) + same * accuracies[:, None] * accuracies[None, :])
 
     @cached_property
     def root(self) -> Array:
@@ -286,6 +283,8 @@ def _sd(ready: Simulator, path: str, written: Any) -> float:
 
 def _weighed(bench: FaultBench) -> Diagnosis:
     """Posterior probabilities of groups and faults, by the evidence of each."""
+    from scipy.special import logsumexp
+
     z = bench.root @ bench.d
     whole = float(z @ z)
     tried = {k: _linear(bench, c, z) for k, c in enumerate(bench.candidates)}
@@ -295,16 +294,15 @@ def _weighed(bench: FaultBench) -> Diagnosis:
         for k in ranked[:DIAGNOSED]:
             if bench.candidates[k].free:
                 tried[k] = _refitted(bench, bench.candidates[k], z, tried[k])
-    logs = {g: _log_mean([tried[k][0] for k, c in enumerate(bench.candidates) if c.group == g]) for g in GROUPS}
-    logs = {g: v for g, v in logs.items() if np.isfinite(v)} | {NOTHING: 0.0}
-    top = max(logs.values())
-    total = sum(np.exp(v - top) for v in logs.values())
-    groups = {g: float(np.exp(v - top) / total) for g, v in sorted(logs.items(), key=lambda item: -item[1])}
+    # each group is as likely as the next, and each of its faults as the others: the mean of their evidences
+    of_group = {g: np.array([tried[k][0] for k, c in enumerate(bench.candidates) if c.group == g]) for g in GROUPS}
+    logs = {g: float(logsumexp(v - math.log(v.size))) for g, v in of_group.items() if v.size} | {NOTHING: 0.0}
+    total = float(logsumexp([*logs.values()]))
+    groups = {g: math.exp(v - total) for g, v in sorted(logs.items(), key=lambda item: -item[1])}
     suspects = []
     for k, c in enumerate(bench.candidates):
         evidence, amount, error, squares_left, rms = tried[k]
-        count = sum(o.group == c.group for o in bench.candidates)
-        probability = float(np.exp(evidence - top) / total / count)
+        probability = math.exp(evidence - total) / of_group[c.group].size
         suspects.append(Suspect(c.group, c.name, amount, error, c.unit, c.words(amount), probability, 1.0 - squares_left / whole, rms))
     ranked_faults = sorted(suspects, key=lambda s: -s.probability)
     return Diagnosis(groups, tuple(ranked_faults[:20]), float(np.sqrt(np.mean(bench.d**2))))
@@ -350,10 +348,3 @@ def _evidence(c: Fault, z: Array, residuals: Array, rest: Array, amount: float, 
     gain = 0.5 * (float(z @ z) - float(residuals @ residuals) - (amount / c.size) ** 2) - 0.5 * float(np.log(c.size**2 * square))
     gain += float(np.log(2.0)) if c.one_sided and amount > 0 else 0.0
     return gain, amount, float(square**-0.5), float(residuals @ residuals), float(np.sqrt(np.mean(rest**2)))
-
-
-def _log_mean(values: Sequence[float]) -> float:
-    if not values:
-        return -np.inf
-    top = max(values)
-    return float(top + np.log(np.mean(np.exp(np.array(values) - top))))

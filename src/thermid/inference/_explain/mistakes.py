@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import ThermidError
+from thermid.base.errors import ThermidError, quoted
 from thermid.base.linear_algebra import Array
 from thermid.fit.calibration import Prior, Request, Unknown
 from thermid.inference._explain.candidates import Fitted, plain_lacks
@@ -369,9 +369,9 @@ def _units(request: Request) -> Iterator[Hypothesis]:
     powers, warm = _channels(request, "power"), _channels(request, "temperature")
     for names in _alone_and_all(powers):
         for factor, text in ((1e-3, "mW"), (1e3, "kW")):
-            words = f"{_listed(names)} {'is' if len(names) == 1 else 'are'} in {text} but was read in W"
+            words = f"{quoted(names)} {'is' if len(names) == 1 else 'are'} in {text} but was read in W"
             other = _mapped(request, names, partial(_times, factor))
-            yield _plain("unit", ", ".join(names), words, f'Write unit = "{text}" for {_listed(names)}.', other)
+            yield _plain("unit", ", ".join(names), words, f'Write unit = "{text}" for {quoted(names)}.', other)
     for names in _alone_and_all(warm):
         first = [float(c.values[c.valid][0]) - ICE_POINT for n, c in warm.items() if n in names]
         usual = (
@@ -379,9 +379,9 @@ def _units(request: Request) -> Iterator[Hypothesis]:
             sum(USUAL_ROOM[0] <= (t - 32.0) / 1.8 <= USUAL_ROOM[1] for t in first),
         )
         against = 4.0 if usual[0] >= usual[1] else -5.0  # the start of a log at 73 degC is seldom, at 23 degC it is a room
-        words = f"{_listed(names)} {'is' if len(names) == 1 else 'are'} in degrees Fahrenheit but was read in degrees Celsius"
+        words = f"{quoted(names)} {'is' if len(names) == 1 else 'are'} in degrees Fahrenheit but was read in degrees Celsius"
         other = _mapped(request, names, _from_fahrenheit)
-        hypothesis = _plain("unit", ", ".join(names), words, f'Write unit = "degF" for {_listed(names)}.', other, against)
+        hypothesis = _plain("unit", ", ".join(names), words, f'Write unit = "degF" for {quoted(names)}.', other, against)
         yield replace(hypothesis, read={n: (n, 1.0 / DEGREE) for n in names})
     for factor, text in ((60.0, "minutes"), (3600.0, "hours"), (1e-3, "milliseconds")):
         if any(r.second is not None for r in request.records):
@@ -395,10 +395,6 @@ def _units(request: Request) -> Iterator[Hypothesis]:
 
 def _alone_and_all(channels: Mapping[str, Channel]) -> list[tuple[str, ...]]:
     return [*((n,) for n in channels), *([tuple(channels)] if len(channels) > 1 else [])]
-
-
-def _listed(names: Iterable[str]) -> str:
-    return " and ".join(f"'{n}'" for n in names)
 
 
 def _exchanges(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
@@ -487,7 +483,7 @@ def _shift(request: Request, fit: RoughFit, names: list[str]) -> Hypothesis:
         width *= 0.5
     shift = best[1]
     late = "behind" if shift < 0.0 else "ahead of"
-    words = f"the clock of {_listed(names)} is {duration_text(abs(shift))} {late} that of the temperatures"
+    words = f"the clock of {quoted(names)} is {duration_text(abs(shift))} {late} that of the temperatures"
     remedy = (
         f"Change the offset of that log by {-shift:+.4g} s, or give offset as a range and let the fit find it. 'thermid look' shows the "
         "clocks."

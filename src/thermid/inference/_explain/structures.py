@@ -20,7 +20,7 @@ import numpy as np
 
 from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, ThermidError
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, one_thread
 from thermid.base.units import from_si, unit
 from thermid.fit.calibration import Fit, Prior, Problem, Request, Unknown, build_problem, minimise, starting_point
 from thermid.inference._explain.candidates import Fitted, MissingElement, changes_of
@@ -41,7 +41,7 @@ from thermid.inference._explain.thresholds import (
     WIDE_ERRORS,
 )
 from thermid.inference._explain.weighing import CauseScore, noise_of, weighed_at
-from thermid.measure.amounts import short
+from thermid.measure.amounts import duration_text, short
 from thermid.model.elements import Constant, TableSignal, exact
 from thermid.simulation.runs import Scenario, Workers, in_tasks, simulate
 
@@ -237,9 +237,7 @@ def search_structure(
     ------
     IdentificationError, SolverError    When the structure at the beginning cannot be fitted.
     """
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(limits=1):
+    with one_thread():
         catalogue = changes or (lambda structure: list(changes_of(structure)))
         return _Searching(request, catalogue, EvaluationBudget(evaluations), executor).run(rounds, begin or {})
 
@@ -561,11 +559,9 @@ def _ended_in_task(
     allowed: float,
 ) -> tuple[tuple[Fit, CauseScore] | str, int]:
     """Return where a fit ended, or why it did not, and the evaluations that it took."""
-    from threadpoolctl import threadpool_limits
-
     budget = EvaluationBudget(allowed)
     try:
-        with threadpool_limits(limits=1):
+        with one_thread():
             problem = _loosely_held(build_problem(request), sizes)
             return _ended(problem, request, sizes, chosen, values_before, start, budget), budget.spent
     except (ThermidError, np.linalg.LinAlgError) as error:
@@ -640,9 +636,9 @@ def telling_test(one: FittedStructure, other: FittedStructure) -> str:
         return "To decide, run a test with a known power; this log has none."
     span, step = record.duration, max(record.step, record.duration / MAX_SEPARATING_READINGS)
     tests: dict[str, tuple[float, Callable[[Array], Any]]] = {
-        f"on at the highest power for {_hours(0.5 * span)}, then off for as long": (span, lambda t: t < 0.5 * span),
-        f"on and off in turns of {_hours(0.05 * span)}, for {_hours(span)}": (span, lambda t: (t // (0.05 * span)) % 2 < 1),
-        f"on at the highest power for {_hours(2.0 * span)}": (2.0 * span, lambda t: t >= 0.0),
+        f"on at the highest power for {duration_text(0.5 * span)}, then off for as long": (span, lambda t: t < 0.5 * span),
+        f"on and off in turns of {duration_text(0.05 * span)}, for {duration_text(span)}": (span, lambda t: (t // (0.05 * span)) % 2 < 1),
+        f"on at the highest power for {duration_text(2.0 * span)}": (2.0 * span, lambda t: t >= 0.0),
     }
     gains = {}
     for words, (length, on) in tests.items():
@@ -658,10 +654,6 @@ def telling_test(one: FittedStructure, other: FittedStructure) -> str:
     if gains[words] < TIE:
         return f"No test with these powers and sensors would decide: of those tried, '{words}' gives {short(gains[words], 2)} units."
     return f"To decide, test from rest, {words} (about {short(gains[words], 2)} units of log-likelihood)."
-
-
-def _hours(seconds: float) -> str:
-    return f"{short(seconds / 3600.0, 2)} h" if seconds >= 5400.0 else f"{short(seconds / 60.0, 2)} min"
 
 
 def _apart(one: FittedStructure, other: FittedStructure, times: Array, loads: Mapping[str, TableSignal]) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, quoted
-from thermid.base.linear_algebra import Array, Bools, inverse_square_root, square_root, symmetric_inverse
+from thermid.base.linear_algebra import Array, Bools, inverse_square_root, one_thread, square_root, symmetric_inverse
 from thermid.base.units import counted
 from thermid.fit.calibration import Problem, Request, Sums, Unknown, autocorrelation, build_problem, minimise, requested
 from thermid.inference._fleet.fleet import CovariateDesign, Covariates, Effect, Fleet, OddUnit, PopulationValue, SharedVariation
@@ -233,11 +233,9 @@ def fleet_of(requests: Mapping[str, Request], covariates: Covariates, title: str
     ------
     IdentificationError   As `fleet`.
     """
-    from threadpoolctl import threadpool_limits
-
     if len(requests) < 3:
         raise IdentificationError(f"a fleet needs at least three units, and there are {len(requests)}.", title, code="fleet.too-small")
-    with threadpool_limits(limits=1):
+    with one_thread():
         units = [FleetUnit.from_request(name, request) for name, request in requests.items()]
         unknowns = tuple(units[0].unknowns)
         for unit in units[1:]:

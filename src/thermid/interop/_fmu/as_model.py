@@ -16,7 +16,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.dual import gradient_of, value_of
-from thermid.base.errors import DeckError, ScenarioError, UnitError
+from thermid.base.errors import DeckError, ScenarioError, UnitError, quoted
 from thermid.base.linear_algebra import Array
 from thermid.base.units import NAMES, TEMPERATURE, Dimension, unit
 from thermid.interop._fmu.host import FmuFile, FmuSetting, InputCourse
@@ -157,7 +157,7 @@ class FmuRunner:
             raise DeckError(
                 "no output or state of the FMU is in K or degC or without a unit, so no log can be compared with it.", str(file.path)
             )
-        return cls(file, parameters, nodes, boundaries, loads, tuple(_noted(nodes, loads, parameters, undriven)))
+        return cls(file, parameters, nodes, boundaries, loads, tuple(_noted(nodes, parameters, undriven)))
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -308,23 +308,16 @@ def _value(q: FmuQuantity) -> dict[str, Any]:
     return {"value": f"{q.start!r}{of}", **bounds, **({"note": q.description} if q.description else {})}
 
 
-def _noted(
-    nodes: Mapping[str, FmuQuantity], loads: Mapping[str, FmuQuantity], parameters: Mapping[str, FmuQuantity], undriven: Sequence[str]
-) -> Iterator[str]:
+def _noted(nodes: Mapping[str, FmuQuantity], parameters: Mapping[str, FmuQuantity], undriven: Sequence[str]) -> Iterator[str]:
     """Yield what a reader must know of an FMU."""
     plain = [q.raw for q in nodes.values() if q.plain]
     if plain:
-        yield f"{_listed(plain)} of the FMU: no unit is given, so numbers count as degC, and their differences as K."
+        yield f"{quoted(plain)} of the FMU: no unit is given, so numbers count as degC, and their differences as K."
     if undriven:
-        yield f"inputs {_listed(undriven)} of the FMU keep their starts: no log drives them."
+        yield f"inputs {quoted(undriven)} of the FMU keep their starts: no log drives them."
     unsaid = [q.raw for q in parameters.values() if q.plain]
     if unsaid:
-        yield f"parameters {_listed(unsaid)} of the FMU have no unit that is known: they are plain numbers."
-
-
-def _listed(names: Sequence[str]) -> str:
-    shown = ", ".join(f"'{n}'" for n in names[:6])
-    return f"{shown} and {len(names) - 6} more" if len(names) > 6 else shown
+        yield f"parameters {quoted(unsaid)} of the FMU have no unit that is known: they are plain numbers."
 
 
 def _units_of(file: FmuFile) -> dict[str, _Measure]:

@@ -405,7 +405,7 @@ def formulas_of(wiring: Wiring) -> OfferedFormulas:
                 offered[name] = values[name]
             elif _acts(wiring, assembled, values, name):
                 refused[name] = "tables or branches follow it"
-    coefficients = _coefficient_formulas(wiring, assembled, offered)
+    coefficients = _coefficient_formulas(wiring, offered)
     used = {path for c in coefficients if isinstance(c, Formula) for path in c.paths()}
     symbols = [Symbol(name, start) for name, start in offered.items() if name in used]
     loads = {n.removeprefix("load "): s.value for n, s in wiring.signals.items() if n.startswith("load ") and isinstance(s, Constant)}
@@ -420,7 +420,7 @@ def _plain(name: str) -> str:
     return name.partition(" ")[2]
 
 
-def _coefficient_formulas(wiring: Wiring, assembled: Assembled, offered: Mapping[str, float]) -> list[Formula | float]:
+def _coefficient_formulas(wiring: Wiring, offered: Mapping[str, float]) -> list[Formula | float]:
     """Return the coefficients with a formula over every symbol that is offered."""
     symbols: dict[str, Any] = {_plain(n): named(n, v) for n, v in offered.items()}
     return [c if isinstance(c, Formula) else value_of(c) for c in wiring.every(wiring.assembled_at(symbols), symbols)]
@@ -429,7 +429,7 @@ def _coefficient_formulas(wiring: Wiring, assembled: Assembled, offered: Mapping
 def _holds(wiring: Wiring, assembled: Assembled, values: Mapping[str, float], offered: Mapping[str, float], moved: Sequence[str]) -> bool:
     """Return whether formulas over `offered` give the network's own numbers at values that are `moved`, and tables stay."""
     try:
-        coefficients = _coefficient_formulas(wiring, assembled, offered)
+        coefficients = _coefficient_formulas(wiring, offered)
     except (ThermidError, ArithmeticError, TypeError, ValueError):
         return False
     was_checked = False

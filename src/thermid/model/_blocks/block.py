@@ -48,7 +48,6 @@ class Exchange:
     htc : float             Coefficient of convection; with an exponent, at a difference of 1 K. [W/(m^2 K)]
     exponent : float        Of natural convection, 0 for a constant coefficient. [-]
     emissivity : float      Towards black surroundings. [-]
-    radiates_to : str       Boundary that the faces radiate to.
     held : bool             Whether the faces themselves have the boundary's temperature, behind half a cell.
     contact : float         Conductance per area between a held face and the boundary, infinite for none. [W/(m^2 K)]
     """
@@ -58,7 +57,6 @@ class Exchange:
     htc: float = 0.0
     exponent: float = 0.0
     emissivity: float = 0.0
-    radiates_to: str = ""
     held: bool = False
     contact: float = math.inf
 
@@ -166,7 +164,7 @@ class Block(Shown):
             out.append(slice(int(inside[0]), int(inside[-1]) + 1) if inside.size else slice(0, 0))
         return out[0], out[1], out[2]
 
-    def exchanging(self, faces: str | Iterable[str], to: str, *, htc: Any = None, emissivity: float = 0.0, radiates_to: str = "") -> Block:
+    def exchanging(self, faces: str | Iterable[str], to: str, *, htc: Any = None, emissivity: float = 0.0) -> Block:
         """Return the block with faces that exchange heat with a boundary.
 
         Parameters
@@ -176,7 +174,6 @@ class Block(Shown):
         htc : text or table         A coefficient, or ``{"coefficient": ..., "exponent": ...}`` for h = coefficient |dT|^exponent; beside an
                                     emissivity 0 where nothing convects.
         emissivity : float          Towards black surroundings. [-]
-        radiates_to : str           Boundary that they radiate to; `to` when empty.
 
         Raises
         ------
@@ -194,7 +191,7 @@ class Block(Shown):
             raise DeckError(
                 "the face has an emissivity but no htc, so it would have no convection. Give htc, or htc = 0 if that is intended.", where
             )
-        new = Exchange(_faces(faces, where), _boundary(to, where), coefficient, exponent, emits, radiates_to or to)
+        new = Exchange(_faces(faces, where), _boundary(to, where), coefficient, exponent, emits)
         return replace(self, exchanges=(*self.exchanges, new))
 
     def held(self, faces: str | Iterable[str], to: str, *, contact: Any = None) -> Block:
@@ -226,8 +223,7 @@ class Block(Shown):
     @property
     def boundaries(self) -> tuple[str, ...]:
         """Boundaries that faces exchange with, in order of appearance."""
-        pairs = [((e.to, bool(e.htc) or e.held), (e.radiates_to, bool(e.emissivity))) for e in self.exchanges]
-        return tuple(dict.fromkeys(b for pair in pairs for b, used in pair if used))
+        return tuple(dict.fromkeys(e.to for e in self.exchanges))
 
     def capacities(self) -> Array:
         """Return the capacitance of every cell (cells,). [J/K]"""
@@ -419,7 +415,7 @@ def _outside(block: Block, exchange: Exchange, k: int, names: list[str], paramet
         laws["convection"] = ("convection", exchange.to, {"htc": law})
     if exchange.emissivity:
         parameters[f"emissivity{k}"] = exchange.emissivity
-        laws["radiation"] = ("radiation", exchange.radiates_to, {"emissivity": f"emissivity{k}"})
+        laws["radiation"] = ("radiation", exchange.to, {"emissivity": f"emissivity{k}"})
     places, areas, conductances = exchange_cells(block, exchange)
     for i, area, conductance in zip(places.tolist(), areas.tolist(), conductances.tolist(), strict=True):
         if exchange.held:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 from collections.abc import Iterator, Mapping, MutableMapping
@@ -12,7 +11,7 @@ from typing import Any
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, ThermidError
 from thermid.base.expression import parse
-from thermid.base.files import DECK, RESULTS_FILE, may_write, unsealed, write_text
+from thermid.base.files import DECK, RESULTS_FILE, may_write, toml_key, toml_value, unsealed, write_text
 from thermid.model._deck.modelfile import load_model
 from thermid.model._tree.identity import to_dict, written
 from thermid.model._tree.model import Model
@@ -147,27 +146,13 @@ def place_of(data: Mapping[str, Any], path: str) -> tuple[str, ...]:
 
 def toml_text(data: dict[str, Any]) -> str:
     """Return the TOML of a deck or scenario: plain keys first, a table for each group, an inline table for each element."""
-    plain = [f"{_key(key)} = {_toml(value)}" for key, value in data.items() if not isinstance(value, dict)]
+    plain = [f"{toml_key(key)} = {toml_value(value)}" for key, value in data.items() if not isinstance(value, dict)]
     groups = [(key, value) for key, value in data.items() if isinstance(value, dict)]
-    tables = ("\n".join([f"[{_key(key)}]", *(f"{_key(name)} = {_toml(entry)}" for name, entry in table.items())]) for key, table in groups)
+    tables = (
+        "\n".join([f"[{toml_key(key)}]", *(f"{toml_key(name)} = {toml_value(entry)}" for name, entry in table.items())])
+        for key, table in groups
+    )
     return "\n\n".join(["\n".join(plain), *tables]) + "\n"
-
-
-def _key(name: str) -> str:
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _toml(name)
-
-
-def _toml(value: Any) -> str:
-    """Return a value as TOML writes it. Its library takes time with the square of a table's length, 70 s for 12,000 conductors."""
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")  # a text of JSON is one of TOML, but for DEL
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{_key(str(key))} = {_toml(inner)}" for key, inner in value.items()) + "}"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_toml, value)) + "]"
-    return repr(value)
 
 
 def toml_item(value: Any, top: bool = False) -> Any:

@@ -101,8 +101,10 @@ class Sobol:
         """The indices as a table, the largest first."""
         width = max(map(len, self.total))
         lines = [f"{self.node}: shares of variance, {self.runs} runs"]
-        for n in sorted(self.total, key=lambda n: -self.total[n]):
-            lines.append(f"  {n:<{width}}  alone {self.first[n]:.2f}   in all {self.total[n]:.2f} +- {self.errors[n]:.2f}")
+        lines += [
+            f"  {n:<{width}}  alone {self.first[n]:.2f}   in all {self.total[n]:.2f} +- {self.errors[n]:.2f}"
+            for n in sorted(self.total, key=lambda n: -self.total[n])
+        ]
         return "\n".join(lines)
 
 

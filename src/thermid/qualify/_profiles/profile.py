@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,7 +11,7 @@ from typing import Any, Final
 from thermid.base.errors import ScenarioError, ThermidError, cap, errors_at, look_up, nearest, raising, refuse_unknown
 from thermid.base.expression import Kelvin, Quantity, si_value
 from thermid.base.extensions import by_grammar
-from thermid.base.files import PROFILE, write_text
+from thermid.base.files import PROFILE, toml_value, write_text
 from thermid.base.results import Result
 from thermid.base.sourced import check_mark, weakest
 from thermid.base.toml_files import Places
@@ -554,31 +553,20 @@ def _step(step: ProfileStep) -> str:
 def as_toml(profile: ThermalProfile) -> str:
     """Return a profile as a file, every number with its mark."""
     words = ("title", "kind", "standard", "edition", "clause", "level", "note")
-    lines = ["[profile]", *(f"{w} = {_quoted(getattr(profile, w))}" for w in words if getattr(profile, w))]
+    lines = ["[profile]", *(f"{w} = {toml_value(getattr(profile, w))}" for w in words if getattr(profile, w))]
     if profile.plan:
-        lines.append(f"mark = {_quoted(profile.step_mark)}")
+        lines.append(f"mark = {toml_value(profile.step_mark)}")
     if profile.predicted is not None:
         low, high = (f"{round(v - ICE_POINT, 9):.9g} [degC]" for v in profile.predicted)
-        lines.append(f"predicted = [{_quoted(low)}, {_quoted(high)}]")
+        lines.append(f"predicted = [{toml_value(low)}, {toml_value(high)}]")
     if profile.plan:
-        lines += ["steps = [", *(f"  {_table(row)}," for row in profile.plan), "]"]
+        lines += ["steps = [", *(f"  {toml_value(row)}," for row in profile.plan), "]"]
     lines += ["", "[profile.numbers]"]
     for name, n in profile.numbers.items():
         fields: dict[str, Any] = {"value": n.value if n.slot == "1" else n.text, "mark": n.mark}
         fields |= {k: v for k, v in (("clause", n.clause), ("note", n.note)) if v}
-        lines.append(f"{name} = {_table(fields)}")
+        lines.append(f"{name} = {toml_value(fields)}")
     return "\n".join([*lines, ""])
-
-
-def _quoted(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)
-
-
-def _table(row: Mapping[str, Any]) -> str:
-    def one(value: Any) -> str:
-        return _quoted(value) if isinstance(value, str) else str(value).lower() if isinstance(value, bool) else f"{value:g}"
-
-    return "{ " + ", ".join(f"{k} = {one(v)}" for k, v in row.items()) + " }"
 
 
 def ordered(profile: ThermalProfile) -> None:

@@ -223,7 +223,7 @@ class _Fit:
         last = float(self.experiment.times[-1])
         settled, slopes = settle(engine, a, last, True)
         traces = Traces(self.bench.wiring, a, np.array([last]), engine.nodes, settled[None, :], slopes[None])
-        ahead, courses, rates = self._ahead(x, last)
+        ahead, courses = self._ahead(x, last)
         out = {}
         for k, o in enumerate(self.sensors):
             bias = float(self.z[count + k])
@@ -234,13 +234,13 @@ class _Fit:
             now = float(courses[0, k]) + bias
             variance = float(slope @ self.inverse @ slope) + (CURVATURE_SHARE_OF_LAWS * (end - now)) ** 2 + self.steps[k] ** 2 / 12.0
             half = _quantile(level, self.worth - count) * float(np.sqrt(variance))
-            holds = _holds(ahead, courses[:, k], rule, rates)
+            holds = _holds(ahead, courses[:, k], rule)
             at = None if holds is None else float(self.record.times[0]) + holds
             out[o.sensor] = Settled(now, IntervalEstimate(end, end - half, end + half), at)
         return out
 
-    def _ahead(self, x: Array, last: float) -> tuple[Array, Array, float]:
-        """Return instants from now on [s], the sensors' nodes then (instants, sensors) [K], and the first step. [s]"""
+    def _ahead(self, x: Array, last: float) -> tuple[Array, Array]:
+        """Return instants from now on [s], and the sensors' nodes then (instants, sensors). [K]"""
         times = np.concatenate([[last], last + np.geomspace(last / AHEAD, MAX_STRETCHES_AHEAD * last, AHEAD)])
         engine, wiring = self.bench.engine, self.bench.wiring
         a = engine.started(wiring.assemble(x, False))
@@ -248,7 +248,7 @@ class _Fit:
         nodes_kept = kept_for(a, nodes)
         answer = engine.integrate(a, times, nodes_kept, float(times[-1]), Options(), False)
         traces = Traces(wiring, a, times, nodes_kept, answer.temperatures, answer.sensitivities)
-        return times, np.column_stack([traces.temperature(n) for n in nodes]), float(times[1] - times[0])
+        return times, np.column_stack([traces.temperature(n) for n in nodes])
 
 
 def unknowns_of(experiment: Experiment) -> tuple[tuple[str, ...], Array, Array, Array]:
@@ -290,7 +290,7 @@ def _quantile(level: float, free: float) -> float:
     return float(stdtrit(max(free, 3.0), 0.5 + 0.5 * level))
 
 
-def _holds(times: Array, course: Array, rule: StabilityRule, first: float) -> float | None:
+def _holds(times: Array, course: Array, rule: StabilityRule) -> float | None:
     """Return from when on a course (instants,) moves no faster than a rule; None where that is not within it. [s]"""
     if rule.stored:
         return None

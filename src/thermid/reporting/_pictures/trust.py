@@ -1,4 +1,4 @@
-"""Pictures of how far a fit can be trusted: the profile of a parameter, the valley of two."""
+"""Pictures of how far a fit can be trusted: the profile of a parameter, residuals, a hold."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from thermid.base.errors import ThermidError
 from thermid.base.files import PICTURE, check_ending, write_bytes
 from thermid.base.units import from_si, unit
 from thermid.inference.criticism import Criticism, cumulated_periodogram
-from thermid.inference.intervals import Profile, Valley
+from thermid.inference.intervals import Profile
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.members import Hold, HoldPoint, clock, driven_by
 from thermid.qualify.profiles import ProfileRun
@@ -29,17 +29,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-LEVELS = {2.30: "68 %", 5.99: "95 %"}
-"""Growth of the sum of squares that holds two parameters together with a probability: quantiles of chi-square, two degrees of freedom."""
-
-
 @takes_objects
-def picture(thing: Profile | Valley | Criticism | Hold | ProfileRun, to: str | os.PathLike[str]) -> Path:
-    """Write the picture of a profile, a valley, a criticism, a hold or a profile's run, and return its path (png, svg, pdf).
+def picture(thing: Profile | Criticism | Hold | ProfileRun, to: str | os.PathLike[str]) -> Path:
+    """Write the picture of a profile, a criticism, a hold or a profile's run, and return its path (png, svg, pdf).
 
     Parameters
     ----------
-    thing : Profile, Valley, Criticism, Hold or ProfileRun  What to draw; of a criticism, the trace that is least like noise.
+    thing : Profile, Criticism, Hold or ProfileRun  What to draw; of a criticism, the trace that is least like noise.
     to : path                               File to write.
 
     Raises
@@ -48,7 +44,7 @@ def picture(thing: Profile | Valley | Criticism | Hold | ProfileRun, to: str | o
     OutputError         When the name of the file does not end in png, svg or pdf.
     MissingExtraError   When matplotlib is not installed.
     """
-    drawers: dict[type, Any] = {Profile: _profile, Valley: _valley, Criticism: _criticism, Hold: draw_hold, ProfileRun: draw_run}
+    drawers: dict[type, Any] = {Profile: _profile, Criticism: _criticism, Hold: draw_hold, ProfileRun: draw_run}
     if type(thing) not in drawers:
         raise ThermidError(f"a {type(thing).__name__} has no picture. Pictures exist of {', '.join(t.__name__ for t in drawers)}.")
     target = check_ending(to, PICTURE)
@@ -110,51 +106,6 @@ def _profile(figure: Figure, profile: Profile) -> None:
     axis.legend(loc="upper center")
 
 
-def _valley(figure: Figure, valley: Valley) -> None:
-    """Draw the growth of the sum of squares over two parameters, what 68 and 95 % of trust allow, the valley's floor and the bounds."""
-    from matplotlib.colors import BoundaryNorm
-    from matplotlib.ticker import LogLocator
-
-    axis: Axes = figure.subplots()
-    x, y = from_si(valley.first, valley.units[0]), from_si(valley.second, valley.units[1])
-    x, y, rise = _smooth(x, y, valley)
-    steps = [0, 1, 2.30, 5.99, 15, 40, 100, 300, 1000, 1e12]
-    filled = axis.contourf(x, y, rise, levels=steps, cmap="Blues_r", norm=BoundaryNorm(steps, 256))
-    for (level, name), style in zip(LEVELS.items(), ("-", ":"), strict=True):
-        axis.contour(x, y, rise, levels=[level], colors=[INK], linewidths=1.5, linestyles=style)
-        axis.plot([], [], color=INK, linewidth=1.5, linestyle=style, label=f"{name} of trust")
-    floor = from_si(valley.along[:, 0], valley.units[0]), from_si(valley.along[:, 1], valley.units[1])
-    axis.plot(*floor, color=RESIDUAL, linewidth=1.2, linestyle="--", label="minimum along the trade-off")
-    axis.plot(
-        *(float(from_si(v, u)) for v, u in zip(valley.best, valley.units, strict=True)),
-        marker="D",
-        color=RESIDUAL,
-        linestyle="none",
-        label="best fit" if valley.fitted else "start",
-    )
-    for k, line in enumerate((axis.axvline, axis.axhline)):
-        for bound in valley.bounds[k]:
-            place = float(from_si(bound, valley.units[k])) if np.isfinite(bound) else np.nan
-            axis_values = (x, y)[k]
-            if axis_values.min() <= place <= axis_values.max():
-                line(place, color=RESIDUAL, linewidth=2.5, label=None)
-    for k, scale in enumerate((axis.set_xscale, axis.set_yscale)):
-        if valley.logs[k] and (x, y)[k].max() > 2.5 * (x, y)[k].min():
-            scale("log")
-            side = (axis.xaxis, axis.yaxis)[k]
-            side.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-            side.set_major_formatter("{x:.3g}")
-            side.set_minor_formatter("")
-    axis.set_xlim(x.min(), x.max())
-    axis.set_ylim(y.min(), y.max())
-    axis.set_xlabel(f"{valley.names[0]}, {valley.units[0]}")
-    axis.set_ylabel(f"{valley.names[1]}, {valley.units[1]}")
-    axis.grid(False)
-    axis.legend(loc="upper right", frameon=True, framealpha=0.85, edgecolor="none")
-    bar = figure.colorbar(filled, ax=axis, ticks=steps[:-1], label="increase of the weighted sum of squares")
-    bar.ax.tick_params(length=0)
-
-
 def _criticism(figure: Figure, criticism: Criticism) -> None:
     """Draw the residuals of the worst trace against time, temperature and power, and their cumulated periodogram with its band."""
     worst = min(criticism.traces, key=lambda t: (t.is_noise, t.white, t.ljung_box, -t.periodogram))
@@ -190,19 +141,6 @@ def _criticism(figure: Figure, criticism: Criticism) -> None:
     axis.set_title("grey: noise, 95 %", loc="right", fontsize=9)
     axis.set_xlabel(f"frequency, 1/{unit_name}")
     axis.set_ylabel("share of variance below")
-
-
-def _smooth(x: Any, y: Any, valley: Valley) -> tuple[Any, Any, Any]:
-    """Return the map on a finer grid: a narrow valley lies between the points of a coarse one. Splines of third order keep its parabola."""
-    from scipy.interpolate import RectBivariateSpline
-
-    if not np.isfinite(valley.rise).all():
-        return x, y, np.ma.masked_invalid(np.maximum(valley.rise, 0.0))
-    across, down = (np.log(v) if log else v for v, log in zip((x, y), valley.logs, strict=True))
-    fine = [np.linspace(v[0], v[-1], 240) for v in (across, down)]
-    rise = RectBivariateSpline(down, across, valley.rise)(fine[1], fine[0])
-    u, v = (np.exp(line) if log else line for line, log in zip(fine, valley.logs, strict=True))
-    return u, v, np.maximum(rise, 0.0)
 
 
 MAX_LIMITS_DRAWN = 6

@@ -9,7 +9,7 @@ import numpy as np
 
 from thermid.base.errors import SolverError
 from thermid.base.extensions import missing
-from thermid.base.linear_algebra import Array
+from thermid.base.linear_algebra import Array, one_thread
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation._solver.problem import unsettled
 from thermid.simulation._solver.sparse import NONE, SparseNetwork
@@ -34,7 +34,6 @@ def settle_large(network: SparseNetwork, time: float, where: str) -> tuple[Array
     SolverError   When a part has no path to a boundary, a power runs away, or the network needs pyamg, which is not installed.
     """
     from scipy.sparse.linalg import cg
-    from threadpoolctl import threadpool_limits
 
     problem, nodes = network.problem, network.capacities.size
     matrix = _Matrix(network)
@@ -54,7 +53,7 @@ def settle_large(network: SparseNetwork, time: float, where: str) -> tuple[Array
         if not (jacobian.diagonal() > 0).all() or (k == 0 and not _held(jacobian, slope)):
             raise SolverError(_no_steady(network), where)
         # laws change by far in the first step from a guess that is uniform: the hierarchy is made anew once
-        with threadpool_limits(limits=1):  # matrices of a few rows: threads would only wait for one another
+        with one_thread():
             if nodes <= MOST_DIRECT:
                 change, failed, made_by = _eliminated(jacobian, heat)
             else:
@@ -91,17 +90,16 @@ def conductances(network: SparseNetwork, temperatures: Array, where: str) -> Cal
     SolverError   When a part has no path to a boundary, or the network needs pyamg, which is not installed.
     """
     from scipy.sparse.linalg import cg
-    from threadpoolctl import threadpool_limits
 
     _, slope, pair, *_ = network.problem.heat(temperatures, 0.0)
     matrix = _Matrix(network).at(slope, pair)
     if not (matrix.diagonal() > 0).all() or not _held(matrix, slope):
         raise SolverError(_no_steady(network), where)
-    with threadpool_limits(limits=1):
+    with one_thread():
         precondition, _ = _preconditioner(matrix, where)
 
     def solve(heat: Array) -> Array:
-        with threadpool_limits(limits=1):
+        with one_thread():
             return np.asarray(cg(matrix, heat, rtol=1e-6, maxiter=2000, M=precondition)[0])
 
     return solve

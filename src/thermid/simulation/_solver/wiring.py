@@ -630,7 +630,7 @@ class Wiring:
         ]
         start = np.array([value_of(v) for v in initial])
         gradient = np.array([gradient_of(v, free) for v in initial]).reshape(len(initial), free)
-        jacobian = _csr(coefficients, free) if free else None
+        jacobian = _csr(coefficients) if free else None
         return Assembled(np.array([value_of(v) for v in coefficients]), jacobian, start, gradient, reduced, numbers, offsets)
 
     def every(self, a: Assembled, values: Mapping[str, Number]) -> list[Number]:
@@ -1012,7 +1012,7 @@ def _level(store: HeatStore, kelvin: Number) -> Number:
     return level + (share * (kelvin - plain) if isinstance(kelvin, Dual) else 0.0)
 
 
-def _csr(values: Sequence[Number], free: int) -> Csr:
+def _csr(values: Sequence[Number]) -> Csr:
     """Return the derivatives of coefficients as CSR arrays."""
     indptr, indices, data = [0], [], []  # type: tuple[list[int], list[int], list[float]]
     for number in values:
