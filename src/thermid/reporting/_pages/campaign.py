@@ -49,6 +49,7 @@ from thermid.reporting._blocks.extras import check_page, write_page
 from thermid.reporting._blocks.numbering import Sheets
 from thermid.reporting._diagrams.map import fitting_map
 from thermid.reporting._pages import tables
+from thermid.reporting._pages.courses import course_of, without_error
 from thermid.reporting._pages.courses import drives as driving
 from thermid.reporting._pages.front import VERDICTS_TABLE, front
 from thermid.reporting._pages.tables import glance
@@ -123,7 +124,7 @@ def report(
         models=tables.models(campaign),
         versions=tables.versions(),
         sheets=sheets,
-        seen=glance(campaign, {"verdicts": "verdicts"} | {str(s["name"]): str(s["key"]) for s in stages}),
+        seen=glance(campaign, {"verdicts": "verdicts", "predictions": "predictions"} | {str(s["name"]): str(s["key"]) for s in stages}, named),
     )
 
 
@@ -248,13 +249,15 @@ def _traces(
         )
     if len(chosen) < len(blocks):
         text = f"{len(chosen)} of {len(blocks)} traces are drawn: {which}. All statistics count every trace."
-    drives = {(id(fits[id(b)]), b.record): driving(fits[id(b)], b.record) for b, _ in chosen}
+    runs = {(id(fits[id(b)]), b.record): fits[id(b)] for b, _ in chosen}
+    drives = {key: driving(c, course_of(c, key[1])) for key, c in runs.items()}
     drawn: list[Part] = []
     for k, (b, mark) in enumerate(chosen):
-        limit, met = _limit(b, (judged or {}).get(id(b)))
+        c, (limit, met) = fits[id(b)], _limit(b, (judged or {}).get(id(b)))
         title = f"{b.sensor} in {b.record}: measured and simulated"
-        graphic = figures.trace(b, f"{key}-{k}", title, drives[id(fits[id(b)]), b.record], limit, narrow=audience == "agency")
-        drawn.append({"block": b, "mark": mark, "model": (models or {}).get(id(b), ""), "met": met, "drawn": graphic})
+        graphic = figures.trace(without_error(c, b), f"{key}-{k}", title, drives[id(c), b.record], limit, narrow=audience == "agency")
+        less = figures.correction(c.bias.get(b.sensor, 0.0))
+        drawn.append({"block": b, "mark": mark, "model": (models or {}).get(id(b), ""), "met": met, "less": less, "drawn": graphic})
     return {"drawn": drawn, "of": len(blocks), "text": text, "opened": len(chosen) <= MAX_OPEN_TRACES}
 
 
@@ -262,7 +265,7 @@ def _limit(block: SensorTrace, verdict: Verdict | None) -> tuple[float | None, s
     """Return the limit of every single residual of a trace, and whether it is met; None and nothing where no such limit was judged."""
     for c in verdict.checks if verdict is not None else ():
         if c.sensor == block.sensor and metric(c.criterion).of is largest:
-            return c.limit, VERDICTS[c.passed]
+            return c.limit, f"{VERDICTS[c.passed]}, limit ± {plain(c.limit, 4)} K"
     return None, ""
 
 

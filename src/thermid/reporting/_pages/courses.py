@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from dataclasses import replace
+
 import numpy as np
 
 from thermid.base.errors import ThermidError
 from thermid.base.linear_algebra import Array
-from thermid.fit.calibration import Calibration
+from thermid.fit.calibration import Calibration, SensorTrace
 from thermid.model.tree import Model, flatten
 from thermid.reporting._pictures.figures import RecordDrive
 from thermid.simulation.runs import Scenario, Solution, simulate
@@ -46,12 +49,30 @@ def course_of(c: Calibration, record: str, times: Array | None = None) -> Soluti
         return None
 
 
-def drives(c: Calibration, record: str) -> RecordDrive | None:
-    """Return ambient temperatures and the sum of all powers over a record."""
-    run = course_of(c, record)
+def without_error(c: Calibration, block: SensorTrace) -> SensorTrace:
+    """Return a trace without its sensor's constant error: temperatures of the node, as those of corrected boundaries beside it are."""
+    error = c.bias.get(block.sensor, 0.0)
+    return replace(block, measured=block.measured - error, predicted=block.predicted - error)
+
+
+def hottest_moment(run: Solution, nodes: Collection[str]) -> int:
+    """Return the sample at which the hottest of some nodes is near its peak (2 % of its rise), and powers are on where they ever are."""
+    peak = run.temperatures[:, [k for k, n in enumerate(run.nodes) if n in nodes]].max(axis=1)
+    near = peak >= peak.max() - 0.02 * np.ptp(peak)
+    heat = total_power(run)
+    powered = near if heat is None else near & (heat >= 0.9 * heat[near].max())
+    return int(np.flatnonzero(powered)[peak[powered].argmax()])
+
+
+def total_power(run: Solution) -> Array | None:
+    """Return the sum of all powers (times,); None where the model has no load. [W]"""
+    powers = [np.broadcast_to(p, run.times.shape) for p in run.load_powers.values()]
+    return np.sum(powers, axis=0) if powers else None
+
+
+def drives(c: Calibration, run: Solution | None) -> RecordDrive | None:
+    """Return ambient temperatures and the sum of all powers over the run of a record."""
     if run is None:
         return None
     ambient = {b: run[b].kelvin for b in flatten(c.model).names.boundaries if b in run.nodes}
-    powers = list(run.load_powers.values())
-    total = np.sum([np.broadcast_to(p, run.times.shape) for p in powers], axis=0) if powers else None
-    return RecordDrive(run.times, ambient, total)
+    return RecordDrive(run.times, ambient, total_power(run))

@@ -14,7 +14,7 @@ import numpy as np
 from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.units import counted, from_si, si_unit, unit
 from thermid.campaign.stages import Campaign
-from thermid.campaign.verdicts import Check, Verdict, largest, metric
+from thermid.campaign.verdicts import CampaignPrediction, Check, Verdict, largest, metric
 from thermid.fit.calibration import BLAME, MOVED, Calibration, instrument_shares, sensor_shares
 from thermid.measure.records import Record
 from thermid.model.tree import Model, ParameterSet, flatten, ledger, parameter_table
@@ -499,15 +499,17 @@ class Glance:
     next: tuple[Remark, ...]
 
 
-def glance(campaign: Campaign, places: Mapping[str, str]) -> Glance:
+def glance(campaign: Campaign, places: Mapping[str, str], named: Sequence[CampaignPrediction] = ()) -> Glance:
     """Return what a reader needs before anything else.
 
     Parameters
     ----------
     campaign : Campaign     What was found.
-    places : dict           Stage, or 'verdicts', -> its place on the page.
+    places : dict           Stage, 'verdicts' or 'predictions' -> its place on the page.
+    named : sequence        The campaign's own predictions.
     """
-    unknown, todo = ([Remark(text, places.get(of, ""), of) for text, of in dict.fromkeys(f(campaign))] for f in (_unknown, _todo))
+    told = (_unknown(campaign), _todo(campaign, named))
+    unknown, todo = ([Remark(text, places.get(of, ""), of) for text, of in dict.fromkeys(lines)] for lines in told)
     return Glance(_fitted(campaign), _cut(unknown), _cut(todo))
 
 
@@ -602,7 +604,7 @@ def _unknown(campaign: Campaign) -> Iterator[tuple[str, str]]:
             yield f"{counted(len(held), 'value')} of {c.model.title} stayed as the deck assumes, such as {held[0]}.", c.stage
 
 
-def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
+def _todo(campaign: Campaign, named: Sequence[CampaignPrediction]) -> Iterator[tuple[str, str]]:
     """Yield what follows from it, each with its stage."""
     for c in _fits(campaign):
         if c.contradicted:
@@ -623,6 +625,9 @@ def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
                 ),
                 "verdicts",
             )
+    for p in named:
+        if p.within is False:
+            yield f"{capitalised(p.head)}. {_remedy(p)}", "predictions"
     for c in _fits(campaign):
         for m in c.moved.values:
             if m.verdict == MOVED:
@@ -647,6 +652,24 @@ def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
             f"{', '.join(reversed(apart))} cannot be separated well. td.design.next_test ranks tests that would separate them.",
             apart[-1] if len(apart) == 1 else "",
         )
+    for c in _fits(campaign):
+        if c.warnings:
+            first = f"{c.warnings[0].partition('. ')[0].rstrip('.')}."
+            count = counted(len(c.warnings), "warning")
+            yield f"{count} of {c.stage}{'. The first' if len(c.warnings) > 1 else ''}: {first}", c.stage
+
+
+def _remedy(p: CampaignPrediction) -> str:
+    """Return what to do about a prediction beyond a limit: a narrower band where the run with the best values is inside, else hardware."""
+    node, (low, high) = p.margins[0].node, p.margins[0].limits
+    band = p.prediction.bands[node]
+    if band.simulated.max() > high:
+        return f"The run with the best values exceeds it too: lower the power, or improve the heat path from {node}."
+    if band.simulated.min() < low:
+        return f"The run with the best values falls below it too: heat {node}, or insulate it."
+    cause, share = max(band.final.shares.items(), key=lambda item: item[1], default=("", 0.0))
+    of = f": {100 * share:.0f} % of its variance comes from {cause} ({p.prediction.causes.get(cause, cause)})" if cause else ""
+    return f"The run with the best values stays inside, so narrow the band{of}."
 
 
 def _envelope(campaign: Campaign) -> str:
