@@ -28,6 +28,7 @@ from thermid.reporting._blocks.content import (
     Table,
     capitalised,
     duration,
+    group_cell,
     number,
     plain,
     pretty,
@@ -346,8 +347,8 @@ def made_records(campaign: Campaign) -> tuple[tuple[str, ...], int]:
     return tuple(name for (name, _), synthetic in every.items() if synthetic), len(every)
 
 
-def data(campaign: Campaign) -> Table:
-    """Return every record: what it was used for, file, checksum, whether it was measured, and what was done to its samples."""
+def data(campaign: Campaign) -> list[Table]:
+    """Return every record: what it was used for, file, checksum, whether it was measured; then what was done to its samples."""
     merged: dict[tuple[str, str], tuple[list[str], bool, Record | None]] = {}
     for name, sha, use, synthetic, record in _uses(campaign):
         uses, _, log = merged.setdefault((name, sha), ([], synthetic, record))
@@ -358,29 +359,29 @@ def data(campaign: Campaign) -> Table:
         Head("record"),
         Head("used for", wrapped=True),
         Head("kind"),
-        Head("file"),
+        Head("file", wrapped=True),
         Head("begins"),
         Head("duration", True),
         Head("samples", True),
-        Head("SHA-256 of the samples"),
-        Head("prepared by", wrapped=True),
+        Head("SHA-256", False, "of the samples"),
     ]
     rows: list[Line] = []
+    steps: dict[tuple[str, ...], list[str]] = {}
     for (name, sha), (uses, synthetic, record) in merged.items():
         kind = Cell("SYNTHETIC", "made, not measured", "bad") if synthetic else Cell("measured")
-        file, begins, length, samples, steps = DASH, DASH, DASH, DASH, DASH
+        file, begins, length, samples = DASH, DASH, DASH, DASH
         if record is not None:
             file, begins = record.origin.file, record.origin.start or DASH
             length, samples = duration(record.duration), str(record.times.size)
-            steps = "; ".join(record.steps) or "as they were read"
-        rows.append([Cell(name, "", "main"), ", ".join(uses), kind, file, begins, length, samples, Cell(sha[:12], sha, "code"), steps])
-    caption, last = "Hover over a checksum to see all of it.", {cells[-1] for cells in rows}
-    begun = [cells[4] for cells in rows if cells[4] != DASH]
-    if len(rows) > 1 and len(last) == 1:
-        columns, rows, caption = columns[:-1], [cells[:-1] for cells in rows], f"{caption} All were prepared alike: {last.pop()}."
-    if not begun:
+            steps.setdefault(tuple(record.steps), []).append(name)
+        rows.append([Cell(name, "", "main"), ", ".join(uses), kind, file, begins, length, samples, Cell(sha[:12], sha, "code")])
+    if all(cells[4] == DASH for cells in rows):
         columns, rows = [*columns[:4], *columns[5:]], [[*cells[:4], *cells[5:]] for cells in rows]
-    return Table.of_rows(columns, rows, caption)
+    tables = [Table.of_rows(columns, rows, "Hover over a checksum to see all of it.", "Data")]
+    prepared = [[group_cell(_some(names), k), step] for of, names in steps.items() for k, step in enumerate(of)]
+    how = "What was done to the samples; a record that is not listed stands as it was read."
+    heads = [Head("record"), Head("prepared by", wrapped=True)]
+    return [*tables, Table.of_rows(heads, prepared, how, "Preparation of the data")] if prepared else tables
 
 
 def models(campaign: Campaign) -> Table:
@@ -468,7 +469,7 @@ def inputs(calibration: Calibration) -> Table:
     return Table.of_rows(columns, rows, "Inputs of the fit and their sources.")
 
 
-MAX_VALUES_AT_TOP, LINES = 8, 5
+MAX_VALUES_AT_TOP, LINES = 12, 5
 """Fitted values, and remarks of each kind, at the top; the rest stands below."""
 MAX_KNOWN_HALF_WIDTH = 0.25
 """Relative half-width of an interval from which a value counts as hardly known."""
@@ -555,8 +556,10 @@ def _fitted(campaign: Campaign) -> Table:
         if math.isfinite(error):
             ends = Cell(" .. ".join(significant(v.converted(end), error) for end in interval(v)))
         rows.append([Cell(v.path, v.origin, "main"), c.stage, Cell(significant(v.in_unit, error), "", "main"), ends, pretty(v.unit)])
-    more = f"The first {MAX_VALUES_AT_TOP} of {len(every)}; all are listed with their stages. " if len(every) > MAX_VALUES_AT_TOP else ""
-    return Table.of_rows(columns, rows, f"{more}Intervals include the constant errors of sensors and powers.", "Fitted values")
+    more = len(every) - MAX_VALUES_AT_TOP
+    if more > 0:
+        rows.append([Cell(f"and {counted(more, 'other value')}: the report for an agency lists all", "", "soft wrap"), "", "", "", ""])
+    return Table.of_rows(columns, rows, f"Intervals include the constant errors of sensors and powers.", "Fitted values")
 
 
 def _twins(c: Calibration) -> list[tuple[str, str, float]]:
