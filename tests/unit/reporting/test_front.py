@@ -16,10 +16,10 @@ import thermid as td
 from thermid.base.errors import ScenarioError
 from thermid.campaign.stages import Campaign
 from thermid.campaign.verdicts import CampaignPrediction
-from thermid.reporting._blocks.content import Cell, Head, Section, Table, folded, oversized
+from thermid.reporting._blocks.content import Cell, Head, Heading, Section, Table, folded, oversized
 from thermid.reporting._blocks.numbering import LONG, SHOWN, Sheets, csv_of, numbered
 from thermid.reporting._diagrams.map import fitting_map
-from thermid.reporting._pages.campaign import report
+from thermid.reporting._pages.campaign import _named, report
 from thermid.reporting._pages.courses import course_of
 from thermid.reporting._pages.front import NETWORK_SIZE, _decides, _network, decisive, front, hottest_moment
 from thermid.reporting._pages.tables import glance
@@ -120,6 +120,12 @@ def test_the_next_steps_name_a_broken_limit_and_the_warnings(campaign: Campaign)
         (line,) = [r for r in glance(told, {"predictions": "there"}, [broken]).next if r.place == "there"]
         assert line.text.startswith("Hot: limit exceeded")
         assert words in line.text
+    wide = CampaignPrediction("cold", "submodel", band, {"a.case": (0.0, 400.0)})
+    table, heading, *_ = _named([wide, broken], brief=True)  # seen in a summary: the broken limit was beyond its first five lines
+    assert isinstance(table, Table)
+    assert [row[0].text for row in table.rows] == ["hot", "cold"]
+    assert isinstance(heading, Heading)
+    assert heading.text == broken.head
 
 
 def test_answer_figure_and_network_come_before_all_else(page: str) -> None:

@@ -49,8 +49,7 @@ from thermid.reporting._blocks.extras import check_page, write_page
 from thermid.reporting._blocks.numbering import Sheets
 from thermid.reporting._diagrams.map import fitting_map
 from thermid.reporting._pages import tables
-from thermid.reporting._pages.courses import course_of, without_error
-from thermid.reporting._pages.courses import drives as driving
+from thermid.reporting._pages.courses import course_of, drives as driving, without_error
 from thermid.reporting._pages.front import VERDICTS_TABLE, front
 from thermid.reporting._pages.tables import glance
 from thermid.reporting._pictures import figures
@@ -119,12 +118,14 @@ def report(
         values=_joined(stages) if audience == "agency" else [],
         predictions=[_prediction(f"prediction-{k}", title, s, campaign) for k, (title, s) in enumerate(scenarios, 1)],
         named=(named := campaign_predictions(campaign)),
-        named_blocks=list(_named(named)),
+        named_blocks=list(_named(named, audience == "summary")),
         data=tables.data(campaign),
         models=tables.models(campaign),
         versions=tables.versions(),
         sheets=sheets,
-        seen=glance(campaign, {"verdicts": "verdicts", "predictions": "predictions"} | {str(s["name"]): str(s["key"]) for s in stages}, named),
+        seen=glance(
+            campaign, {"verdicts": "verdicts", "predictions": "predictions"} | {str(s["name"]): str(s["key"]) for s in stages}, named
+        ),
     )
 
 
@@ -360,8 +361,11 @@ def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) ->
     }
 
 
-def _named(predictions: Sequence[CampaignPrediction]) -> Iterator[PageBlock]:
-    """Yield what the campaign's own predictions say: all bands and margins as a table, then each with what it does not count."""
+def _named(predictions: Sequence[CampaignPrediction], brief: bool) -> Iterator[PageBlock]:
+    """Yield what the campaign's own predictions say: all bands and margins as a table, then each with what it does not count.
+
+    In brief these are the nodes with limits, the smallest margin of all first, and the figure of that prediction.
+    """
     columns = [
         Head("prediction"),
         Head("node"),
@@ -371,18 +375,21 @@ def _named(predictions: Sequence[CampaignPrediction]) -> Iterator[PageBlock]:
         Head("margin, K", True, "from the band to the nearer limit, over the whole run"),
     ]
     rows: list[Line] = []
+    if brief:
+        predictions = sorted(predictions, key=lambda p: p.margins[0].margin)
     for p in predictions:
-        for k, m in enumerate(p.margins):
+        for k, m in enumerate(m for m in p.margins if m.words[1] or not brief):
             low, high = (f"{end - ICE_POINT:.2f}" for end in m.band)
             margin = Cell(f"{m.margin:.2f}", "", "good" if m.margin >= 0.0 else "bad") if m.words[1] else Cell(DASH)
             rows.append([group_cell(p.name, k), Cell(m.node, "", "main"), low, high, m.words[1].removesuffix(" degC") or DASH, margin])
     if rows:
         yield Table.of_rows(columns, rows, "95 % bands over the whole run, smallest margin first.", "Predictions and margins to limits")
-    for k, p in enumerate(predictions, 1):
-        ends = [end for pair in p.limits.values() for end in pair if math.isfinite(end)]
-        near = [end for end in ends if any(abs(end - t) < NEAR_LIMIT for m in p.margins for t in m.band)]
-        drawn = figures.predicted_bands(p.prediction, f"asked-{k}", f"{p.name}: predicted temperatures with bands", near)
-        caption = f"{p.name} ({p.prediction.scenario}): temperatures with 95 % bands{', limits as thin lines' if near else ''}."
+    for k, p in enumerate(predictions[:1] if brief else predictions, 1):
+        ends = [(node, end) for node, pair in p.limits.items() for end in pair if math.isfinite(end)]
+        near = [(node, end) for node, end in ends if any(abs(end - t) < NEAR_LIMIT for m in p.margins for t in m.band)]
+        drawn = figures.predicted_bands(p.prediction, f"asked-{k}", f"{p.name}: predicted temperatures with bands", [t for _, t in near])
+        lines = ", ".join(f"{node} {end - ICE_POINT:g} °C" for node, end in near)
+        caption = f"{p.name} ({p.prediction.scenario}): temperatures with 95 % bands{lines and f', limits as thin lines ({lines})'}."
         yield Heading(p.head)
         yield Figures((Plot(drawn, caption),), drawn.legend, wide=True)
         if p.prediction.not_counted or p.prediction.warnings:

@@ -559,7 +559,7 @@ def _fitted(campaign: Campaign) -> Table:
     more = len(every) - MAX_VALUES_AT_TOP
     if more > 0:
         rows.append([Cell(f"and {counted(more, 'other value')}: the report for an agency lists all", "", "soft wrap"), "", "", "", ""])
-    return Table.of_rows(columns, rows, f"Intervals include the constant errors of sensors and powers.", "Fitted values")
+    return Table.of_rows(columns, rows, "Intervals include the constant errors of sensors and powers.", "Fitted values")
 
 
 def _twins(c: Calibration) -> list[tuple[str, str, float]]:
