@@ -15,6 +15,10 @@ pytestmark = pytest.mark.campaign
 TILES = "return Object.fromEntries([...document.querySelectorAll('#stages button')].map((b) => [b.dataset.stage, b.innerText]))"
 ROWS = "[...document.querySelectorAll('#metrics tbody tr')]"
 RMSE = f"return Object.fromEntries({ROWS}.map((r) => [r.dataset.sensor, Number(r.cells[2].textContent)]))"
+SHOWN = """
+return studio.state.desk.sliders.map((x) => [x.path, x.value, Number(document.querySelector(`[data-slider="${x.path}"] .number`)?.value ?? NaN)])
+  .filter(([, value, shown]) => Number.isFinite(shown) && Math.abs(shown / value - 1) > 1e-4);"""
+"""Values of the table that are not those of the stage."""
 VALUE = "studio.state.desk?.sliders.find((x) => x.path === 'base.capacitance').value"
 
 
@@ -55,6 +59,7 @@ def test_after_fit_these_the_metrics_are_those_of_a_run(shown: Page) -> None:
         shown.until(f"document.querySelector('[data-stage={stage}]').dataset.state === 'done'")
         shown.until("document.getElementById('fit-result').textContent.includes('What the stage')")
         ran = shown.run(RMSE)
+        assert shown.run(SHOWN) == []
         assert set(fitted) == set(ran)
         worst = max([worst, *(abs(fitted[s] - ran[s]) for s in ran)])
     print(f"RMSE after Fit these less RMSE after Run: at most {1e3 * worst:.1f} mK")

@@ -274,7 +274,13 @@ class Building:
         looked = looked_at(self._inside(file))
         name, stage = word(Path(file).name.partition(".")[0]), self._place_of_stage()
         records = [*(r for r in self._stage().get("records", []) if r != name), name]
-        table = {"file": file, "channels": self._proposed(looked["columns"])}
+        known = self.draft.documents[CAMPAIGN].content["records"]
+        if known.get(name, {}).get("file") == file:  # looked at again: what a person bound stays
+            edits = [Edit(("stages", stage, "records"), records)] if records != self._stage().get("records") else []
+            return self.draft.edited({CAMPAIGN: edits}) if edits else self.draft
+        bound = {c: t for r in self._stage().get("records", []) for c, t in known.get(r, {}).get("channels", {}).items()}
+        again = {c["name"]: bound[c["name"]] for c in looked["columns"] if c["name"] in bound}
+        table = {"file": file, "channels": self._proposed(looked["columns"]) | again}
         edits = [Edit(("records", name), table), Edit(("stages", stage, "records"), records)]
         return self.draft.edited({CAMPAIGN: edits})
 
