@@ -456,14 +456,15 @@ def test_what_is_refused_stays_marked_and_locks_nothing(page: Page, folder: Path
     person.fill("#field-capacitance", "300")
     person.fill("#field-capacitance", "1e-12")
     page.until("document.querySelector('#field-capacitance').getAttribute('aria-invalid') === 'true'", 15)
-    assert "The model has 300" in page.text("#field-capacitance-refused")
+    assert "300" in page.text("#field-capacitance-refused")
     person.fill("#field-capacitance", "310 J/K")
     page.until("!document.querySelector('#field-capacitance').hasAttribute('aria-invalid')", 15)
     assert page.run("return document.querySelector('#field-capacitance').value") == "310"
     name = page.run("return document.querySelector('#sheet-name').value")
     person.drop(".drop", write_pair_log(tmp_path / "run.csv"))
     page.until("document.querySelector('#columns')", 15)
-    send = "return fetch('/api/edit', { method: 'POST', headers: { 'content-type': 'application/json', 'x-thermid-studio': '1' }, body: arguments[0] })"
+    headers = "{ 'content-type': 'application/json', 'x-thermid-studio': '1' }"
+    send = f"return fetch('/api/edit', {{ method: 'POST', headers: {headers}, body: arguments[0] }})"
     column = page.run("return document.querySelector('[data-column] th').textContent")
     page.run(send, json.dumps({"do": "bind", "channels": {column: {"node": name, "unit": "blorb"}}}))
     page.run("window.dispatchEvent(new Event('focus'))")

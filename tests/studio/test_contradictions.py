@@ -17,7 +17,8 @@ TILES = "return Object.fromEntries([...document.querySelectorAll('#stages button
 ROWS = "[...document.querySelectorAll('#metrics tbody tr')]"
 RMSE = f"return Object.fromEntries({ROWS}.map((r) => [r.dataset.sensor, Number(r.cells[2].textContent)]))"
 SHOWN = """
-return studio.state.desk.sliders.map((x) => [x.path, x.value, Number(document.querySelector(`[data-slider="${x.path}"] .number`)?.value ?? NaN)])
+return studio.state.desk.sliders.map((x) => [x.path, x.value,
+  Number(document.querySelector(`[data-slider="${x.path}"] .number`)?.value ?? NaN)])
   .filter(([, value, shown]) => Number.isFinite(shown) && Math.abs(shown / value - 1) > 1e-4);"""
 """Values of the table that are not those of the stage."""
 VALUE = "studio.state.desk?.sliders.find((x) => x.path === 'base.capacitance').value"

@@ -72,8 +72,8 @@ def test_a_curve_beside_the_corrected_air_is_that_of_its_node(campaign: Campaign
     course = course_of(fit, read.record, read.times)
     assert course is not None
     assert np.abs(found.block.predicted - course[read.node].kelvin).max() < 0.01
-    assert f"readings less the sensor's constant error of {off['T box']:+.2f} K" in _decides(found, course).caption
-    assert "constant error" not in _decides(replace(found, error=0.0), course).caption
+    assert f"{off['T box']:+.2f} K" in _decides(found, course).caption
+    assert f"{off['T box']:+.2f} K" not in _decides(replace(found, error=0.0), course).caption
 
 
 def test_the_network_shows_the_hottest_moment_with_power_and_says_which(campaign: Campaign) -> None:
@@ -91,7 +91,6 @@ def test_the_network_shows_the_hottest_moment_with_power_and_says_which(campaign
     network = _network(found, course)
     assert network is not None
     assert re.search(r"after [\d.]+ (s|min|h) of held out, when [ab]\.case is hottest", network.caption)
-    assert "that moment" not in network.caption
 
 
 def test_a_small_residual_is_seen_beside_a_wide_limit() -> None:
@@ -118,7 +117,7 @@ def test_the_next_steps_name_a_broken_limit_and_the_warnings(campaign: Campaign)
     for limit, words in ((end.celsius - 3.0, "lower the power"), (end.high - 0.01, "narrow the band")):
         broken = CampaignPrediction("hot", "submodel", band, {"a.case": (0.0, limit + 273.15)})
         (line,) = [r for r in glance(told, {"predictions": "there"}, [broken]).next if r.place == "there"]
-        assert line.text.startswith("Hot: limit exceeded")
+        assert broken.head[1:] in line.text
         assert words in line.text
     wide = CampaignPrediction("cold", "submodel", band, {"a.case": (0.0, 400.0)})
     table, heading, *_ = _named([wide, broken], brief=True)  # seen in a summary: the broken limit was beyond its first five lines

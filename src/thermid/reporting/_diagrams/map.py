@@ -390,7 +390,7 @@ def _labels(drawing: _Drawing, plan: MapPlaces) -> Iterator[str]:
         else:
             continue
         wide = _room(words, MIN_LETTER_SIZE) + 8.0
-        for x, y in (*_along(points), *_beside(points, wide)):
+        for x, y in _along(points, wide):
             box = (x - 0.5 * wide, y - 8.0, x + 0.5 * wide, y + 7.0)
             inside = box[0] >= 0.0 and box[2] <= plan.width and box[1] >= 0.0
             if words and inside and all(box[2] <= t[0] or t[2] <= box[0] or box[3] <= t[1] or t[3] <= box[1] for t in taken):
@@ -401,20 +401,15 @@ def _labels(drawing: _Drawing, plan: MapPlaces) -> Iterator[str]:
                 break
 
 
-def _beside(points: Sequence[Point], wide: float) -> Iterator[Point]:
-    """Yield places beside the middle of a line's longest stretch, for a label [px] that does not find room on it."""
-    (x1, y1), (x2, y2) = max(pairwise(points), key=lambda ends: float(np.hypot(ends[1][0] - ends[0][0], ends[1][1] - ends[0][1])))
-    across = (0.0, 0.5 * THICK + 9.0) if abs(x2 - x1) >= abs(y2 - y1) else (0.5 * (THICK + wide), 0.0)
-    for far in (-1.0, 1.0, -2.0, 2.0):  # a short line lies between cards that are higher than a label
-        yield 0.5 * (x1 + x2) + far * across[0], 0.5 * (y1 + y2) + far * across[1]
-
-
-def _along(points: Sequence[Point]) -> Iterator[Point]:
-    """Yield places along a line, from its middle outwards."""
+def _along(points: Sequence[Point], wide: float) -> Iterator[Point]:
+    """Yield places for a label [px] along a line, from its middle outwards, then beside the middle of a line that is too short."""
     fine = np.concatenate([np.linspace(p, q, 9) for p, q in pairwise(points)])
     middle = len(fine) // 2
     for k in sorted(range(len(fine)), key=lambda k: abs(k - middle)):
         yield float(fine[k, 0]), float(fine[k, 1])
+    (x, y), (dx, dy) = fine[middle], np.abs(fine[middle] - fine[middle - 1])
+    for steps in (-1.0, 1.0, -2.0, 2.0):  # a short line lies between cards that are higher than a label
+        yield (float(x), float(y) + steps * (THICK + ARROW)) if dx >= dy else (float(x) + steps * 0.5 * (THICK + wide), float(y))
 
 
 def _text(x: float, y: float, words: str, size: float, kind: str = "", tip: str = "", key: str = "") -> str:

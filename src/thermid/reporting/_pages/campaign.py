@@ -98,6 +98,7 @@ def report(
     sheets = Sheets.beside(to, tables_to, audience)
     records, of = tables.made_records(campaign)
     stages = [_stage(f"stage-{k}", c, campaign, sheets) for k, c in enumerate(campaign.fits, 1)] if audience != "summary" else []
+    places = {k: k for k in ("verdicts", "predictions")} | {str(s["name"]): str(s["key"]) for s in stages}
     paragraphs = [p for text in ([notes] if isinstance(notes, str) else notes) for p in text.split("\n\n") if p.strip()]
     return write_page(
         "page.html.jinja",
@@ -123,9 +124,7 @@ def report(
         models=tables.models(campaign),
         versions=tables.versions(),
         sheets=sheets,
-        seen=glance(
-            campaign, {"verdicts": "verdicts", "predictions": "predictions"} | {str(s["name"]): str(s["key"]) for s in stages}, named
-        ),
+        seen=glance(campaign, places, named),
     )
 
 
@@ -385,8 +384,8 @@ def _named(predictions: Sequence[CampaignPrediction], brief: bool) -> Iterator[P
     if rows:
         yield Table.of_rows(columns, rows, "95 % bands over the whole run, smallest margin first.", "Predictions and margins to limits")
     for k, p in enumerate(predictions[:1] if brief else predictions, 1):
-        ends = [(node, end) for node, pair in p.limits.items() for end in pair if math.isfinite(end)]
-        near = [(node, end) for node, end in ends if any(abs(end - t) < NEAR_LIMIT for m in p.margins for t in m.band)]
+        ends = np.array([m.band for m in p.margins])
+        near = [(node, end) for node, pair in p.limits.items() for end in pair if np.abs(ends - end).min() < NEAR_LIMIT]
         drawn = figures.predicted_bands(p.prediction, f"asked-{k}", f"{p.name}: predicted temperatures with bands", [t for _, t in near])
         lines = ", ".join(f"{node} {end - ICE_POINT:g} °C" for node, end in near)
         caption = f"{p.name} ({p.prediction.scenario}): temperatures with 95 % bands{lines and f', limits as thin lines ({lines})'}."

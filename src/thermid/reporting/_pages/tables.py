@@ -509,8 +509,8 @@ def glance(campaign: Campaign, places: Mapping[str, str], named: Sequence[Campai
     places : dict           Stage, 'verdicts' or 'predictions' -> its place on the page.
     named : sequence        The campaign's own predictions.
     """
-    told = (_unknown(campaign), _todo(campaign, named))
-    unknown, todo = ([Remark(text, places.get(of, ""), of) for text, of in dict.fromkeys(lines)] for lines in told)
+    columns = (_unknown(campaign), _todo(campaign, named))
+    unknown, todo = ([Remark(text, places.get(of, ""), of) for text, of in dict.fromkeys(lines)] for lines in columns)
     return Glance(_fitted(campaign), _cut(unknown), _cut(todo))
 
 
