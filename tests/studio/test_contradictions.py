@@ -16,6 +16,7 @@ pytestmark = pytest.mark.campaign
 TILES = "return Object.fromEntries([...document.querySelectorAll('#stages button')].map((b) => [b.dataset.stage, b.innerText]))"
 ROWS = "[...document.querySelectorAll('#metrics tbody tr')]"
 RMSE = f"return Object.fromEntries({ROWS}.map((r) => [r.dataset.sensor, Number(r.cells[2].textContent)]))"
+VALUES = "return studio.state.desk.sliders.map((x) => x.value)"
 SHOWN = """
 return studio.state.desk.sliders.map((x) => [x.path, x.value,
   Number(document.querySelector(`[data-slider="${x.path}"] .number`)?.value ?? NaN)])
@@ -50,10 +51,10 @@ def test_after_a_run_the_table_has_its_values(shown: Page) -> None:
     """Seen by a first user: tiles and verdict were those of the fit, and the table of values said what the deck had before it."""
     shown.click("[data-stage=part]")
     shown.until("document.querySelector('[data-sensor=T1]') && document.querySelector('.slider .number')")
-    before = shown.run("return studio.state.desk.sliders.map((x) => x.value)")
+    before = shown.run(VALUES)
     shown.click("#run-stage")
     shown.until("document.querySelector('[data-stage=part]').dataset.state === 'done' && studio.state.desk?.fitted")
-    assert shown.run("return studio.state.desk.sliders.map((x) => x.value)") != before
+    assert shown.run(VALUES) != before
     time.sleep(0.2)
     assert shown.run(SHOWN) == []
 

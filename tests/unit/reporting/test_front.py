@@ -90,7 +90,7 @@ def test_the_network_shows_the_hottest_moment_with_power_and_says_which(campaign
     assert moment == int(np.flatnonzero(heat).max())
     network = _network(found, course)
     assert network is not None
-    assert re.search(r"after [\d.]+ (s|min|h) of held out, when [ab]\.case is hottest", network.caption)
+    assert MOMENT.search(network.caption)
 
 
 def test_a_small_residual_is_seen_beside_a_wide_limit() -> None:
@@ -109,7 +109,8 @@ def test_the_next_steps_name_a_broken_limit_and_the_warnings(campaign: Campaign)
     warned = replace(campaign.stages["submodel"], warnings=("the residuals are large. Look for missing physics.", "another."))
     told = replace(campaign, stages={**campaign.stages, "submodel": warned}, verdicts=())
     said = [r.text for r in glance(told, {}).next]
-    assert "2 warnings of submodel. The first: the residuals are large." in said
+    words = "2 warnings of submodel. The first: the residuals are large."
+    assert words in said
     loads = {"a.heat": "4 [W]", "b.heat": "0.5 [W]"}
     hot = td.Scenario("hot", boundaries={"room": "40 [degC]"}, loads=loads, start="40 [degC]", duration=7200.0)
     band = td.predict(campaign.stages["submodel"], hot)
@@ -236,6 +237,7 @@ def _chain(count: int) -> td.Model:
     return td.model_from_dict({"title": "chain", "needs": ["air"], "nodes": nodes, "conductors": joints | out, "loads": heater})
 
 
+MOMENT = re.compile(r"after [\d.]+ (s|min|h) of held out, when [ab]\.case is hottest")
 CARD = re.compile(r'<rect class="card[^"]*" x="([\d.]+)" y="([\d.]+)" width="([\d.]+)" height="([\d.]+)"')
 
 

@@ -374,8 +374,7 @@ class Record(Samples, Result):
             )
         ends = (float(self.times[0]), float(self.times[-1]))
         clock = SecondClock(tuple(other.channels), offsets, rates, middle, ends, other.step)
-        slow = " and {:.6g} to {:.6g} times as slow".format(*rates) * (rates != (1.0, 1.0))
-        between = f"between {offsets[0]:.6g} and {offsets[1]:.6g} s late{slow}, by the fit"
+        between = f"between {offsets[0]:.6g} and {offsets[1]:.6g} s late and {rates[0]:.6g} to {rates[1]:.6g} times as slow, by the fit"
         return replace(joint, second=clock, steps=(*joint.steps[:-1], f"joined with {other.origin.file}, whose clock is {between}"))
 
     def _joined(self, other: Record, offset: float, rate: float, slowest: float) -> Record:
@@ -409,9 +408,8 @@ class Record(Samples, Result):
             rows=self.origin.rows + other.origin.rows,
             synthetic=self.origin.synthetic or other.origin.synthetic,
         )
-        slow = f" and {rate:.8g} times as slow" * (rate != 1.0)
-        steps = (*self.steps, *other.steps, f"joined with {other.origin.file}, whose clock is {offset:.6g} s late{slow}")
-        return replace(self, times=times, channels=channels, origin=origin, steps=steps)
+        step = f"joined with {other.origin.file}, whose clock is {offset:.6g} s late and {rate:.8g} times as slow"
+        return replace(self, times=times, channels=channels, origin=origin, steps=(*self.steps, *other.steps, step))
 
     def delayed(self, by: str | float | Sequence[str | float], channels: Sequence[str] | None = None) -> Record:
         """Return the record with powers and commands that act later than they were logged.

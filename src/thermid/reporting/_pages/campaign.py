@@ -96,7 +96,6 @@ def report(
     """
     check_page(to)
     sheets = Sheets.beside(to, tables_to, audience)
-    records, of = tables.made_records(campaign)
     stages = [_stage(f"stage-{k}", c, campaign, sheets) for k, c in enumerate(campaign.fits, 1)] if audience != "summary" else []
     places = {k: k for k in ("verdicts", "predictions")} | {str(s["name"]): str(s["key"]) for s in stages}
     paragraphs = [p for text in ([notes] if isinstance(notes, str) else notes) for p in text.split("\n\n") if p.strip()]
@@ -105,8 +104,7 @@ def report(
         to,
         title=campaign.title,
         campaign=campaign,
-        synthetic=records,
-        record_count=of,
+        made=tables.made_records(campaign),
         notes=[p for p in (campaign.note, *paragraphs) if p],
         verdicts=replace(tables.verdicts(campaign, audience == "summary"), key=VERDICTS_TABLE) if campaign.verdicts else None,
         held_out=_held_out(campaign, audience) if audience != "summary" else None,

@@ -14,6 +14,8 @@ from thermid.model.tree import Model, flatten
 from thermid.reporting._pictures.figures import RecordDrive
 from thermid.simulation.runs import Scenario, Solution, simulate
 
+Course = Solution
+"""The run of a record, as other files of the package name it."""
 SHOWN_TIMES = 400
 """Times of a run."""
 

@@ -27,9 +27,8 @@ from thermid.reporting._blocks.content import (
     plain,
 )
 from thermid.reporting._diagrams.map import fitting_map
-from thermid.reporting._pages.courses import course_of, drives, hottest_moment, without_error
+from thermid.reporting._pages.courses import Course, course_of, drives, hottest_moment, without_error
 from thermid.reporting._pictures import correlation, figures
-from thermid.simulation.runs import Solution
 
 SYNTHETIC = "synthetic"
 LEAD = (620.0, 284.0)
@@ -91,7 +90,7 @@ def decisive(campaign: Campaign) -> Decisive | None:
         verdict, check = max(judged, key=lambda pair: pair[1].used)
         traces = [b for b in verdict.blocks if b.sensor == check.sensor] or list(verdict.blocks)
         assert verdict.prediction is not None
-        return _decisive(verdict.prediction, max(traces, key=_size), verdict, check)
+        return _decisive(verdict.prediction, max(traces, key=lambda b: float(np.abs(b.residuals).max())), verdict, check)
     for c in reversed(campaign.fits):
         if len(c.blocks):
             return _decisive(c, max(c.blocks, key=lambda b: float(np.mean(b.weighted**2))))
@@ -100,10 +99,6 @@ def decisive(campaign: Campaign) -> Decisive | None:
 
 def _decisive(fit: Calibration, block: SensorTrace, verdict: Verdict | None = None, check: Check | None = None) -> Decisive:
     return Decisive(fit, without_error(fit, block), fit.bias.get(block.sensor, 0.0), verdict, check)
-
-
-def _size(block: SensorTrace) -> float:
-    return float(np.abs(block.residuals).max())
 
 
 def front(campaign: Campaign) -> list[PageBlock]:
@@ -130,7 +125,7 @@ def _tag(c: Calibration) -> str:
     return SYNTHETIC if c.synthetic or any(e.record.origin.synthetic for e in c.experiments) else ""
 
 
-def _decides(decisive: Decisive, run: Solution | None) -> Plot:
+def _decides(decisive: Decisive, run: Course | None) -> Plot:
     b = decisive.block
     drive = drives(decisive.fit, run)
     label = f"{b.sensor} in {b.record}: measured and simulated"
@@ -142,7 +137,7 @@ def _decides(decisive: Decisive, run: Solution | None) -> Plot:
     return Plot(drawn, words, _tag(decisive.fit), DECIDES)
 
 
-def _network(decisive: Decisive, run: Solution | None) -> Plot | None:
+def _network(decisive: Decisive, run: Course | None) -> Plot | None:
     """Return the coloured network at the hottest moment of the record; None where the run cannot be made again."""
     if run is None:
         return None
