@@ -59,11 +59,13 @@ def without_error(c: Calibration, block: SensorTrace) -> SensorTrace:
 
 def hottest_moment(run: Solution, nodes: Collection[str]) -> int:
     """Return the sample at which the hottest of some nodes is near its peak (2 % of its rise), and powers are on where they ever are."""
-    peak = run.temperatures[:, [k for k, n in enumerate(run.nodes) if n in nodes]].max(axis=1)
-    near = peak >= peak.max() - 0.02 * np.ptp(peak)
+    columns = [k for k, n in enumerate(run.nodes) if n in nodes]
+    peak = run.temperatures[:, columns].max(axis=1)
+    at_peak = peak >= peak.max() - 0.02 * np.ptp(peak)
     heat = total_power(run)
-    powered = near if heat is None else near & (heat >= 0.9 * heat[near].max())
-    return int(np.flatnonzero(powered)[peak[powered].argmax()])
+    if heat is not None:
+        at_peak &= heat >= 0.9 * heat[at_peak].max()
+    return int(np.where(at_peak, peak, -np.inf).argmax())
 
 
 def total_power(run: Solution) -> Array | None:

@@ -378,7 +378,7 @@ def data(campaign: Campaign) -> list[Table]:
     if all(cells[4] == DASH for cells in rows):
         columns, rows = [*columns[:4], *columns[5:]], [[*cells[:4], *cells[5:]] for cells in rows]
     tables = [Table.of_rows(columns, rows, "Hover over a checksum to see all of it.", "Data")]
-    prepared = [[group_cell(_some(names), k), step] for of, names in steps.items() for k, step in enumerate(of)]
+    prepared: list[Line] = [[group_cell(_some(names), k), step] for of, names in steps.items() for k, step in enumerate(of)]
     how = "What was done to the samples; a record that is not listed stands as it was read."
     heads = [Head("record"), Head("prepared by", wrapped=True)]
     return [*tables, Table.of_rows(heads, prepared, how, "Preparation of the data")] if prepared else tables
