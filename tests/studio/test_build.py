@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -444,6 +445,34 @@ def test_a_part_with_a_fan_and_a_schedule_is_built_and_fitted(build: Callable[..
     fitted = model.surfaces["sink_air"].fields["effective_htc"].expression.literal
     assert fitted is not None
     assert fitted.value == pytest.approx(float(COOLED["surfaces"]["fins"]["effective_htc"].split()[0]), rel=0.01)  # type: ignore[index]
+
+
+def test_what_is_refused_stays_marked_and_locks_nothing(page: Page, folder: Path, tmp_path: Path) -> None:
+    """Seen by a first user: a refused value stood in the sheet unmarked beside curves of another, a refused run left Run grey for good."""
+    person = Person(page)
+    person.fill("#new-name", "refused")
+    page.until("document.querySelector('.drop')", 15)
+    person.click("[data-shape=mass]")
+    person.fill("#field-capacitance", "300")
+    person.fill("#field-capacitance", "1e-12")
+    page.until("document.querySelector('#field-capacitance').getAttribute('aria-invalid') === 'true'", 15)
+    words = page.text("#field-capacitance-refused")
+    assert "300" in words
+    person.fill("#field-capacitance", "310 J/K")
+    page.until("!document.querySelector('#field-capacitance').hasAttribute('aria-invalid')", 15)
+    number, name = page.run("return ['#field-capacitance', '#sheet-name'].map((s) => document.querySelector(s).value)")
+    assert number == "310"
+    person.drop(".drop", write_pair_log(tmp_path / "run.csv"))
+    page.until("document.querySelector('#columns')", 15)
+    headers = "{ 'content-type': 'application/json', 'x-thermid-studio': '1' }"
+    send = f"return fetch('/api/edit', {{ method: 'POST', headers: {headers}, body: arguments[0] }})"
+    column = page.run("return document.querySelector('[data-column] th').textContent")
+    page.run(send, json.dumps({"do": "bind", "channels": {column: {"node": name, "unit": "blorb"}}}))
+    page.run("window.dispatchEvent(new Event('focus'))")
+    person.click("#run")
+    page.until("!document.getElementById('error').hidden", 30)
+    assert "blorb" in page.text("#error")
+    page.until("!document.getElementById('run').disabled", 10)
 
 
 @pytest.mark.parametrize("place", [".canvas", ".drop"])

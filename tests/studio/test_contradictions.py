@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,6 +16,12 @@ pytestmark = pytest.mark.campaign
 TILES = "return Object.fromEntries([...document.querySelectorAll('#stages button')].map((b) => [b.dataset.stage, b.innerText]))"
 ROWS = "[...document.querySelectorAll('#metrics tbody tr')]"
 RMSE = f"return Object.fromEntries({ROWS}.map((r) => [r.dataset.sensor, Number(r.cells[2].textContent)]))"
+VALUES = "return studio.state.desk.sliders.map((x) => x.value)"
+SHOWN = """
+return studio.state.desk.sliders.map((x) => [x.path, x.value,
+  Number(document.querySelector(`[data-slider="${x.path}"] .number`)?.value ?? NaN)])
+  .filter(([, value, shown]) => Number.isFinite(shown) && Math.abs(shown / value - 1) > 1e-4);"""
+"""Values of the table that are not those of the stage."""
 VALUE = "studio.state.desk?.sliders.find((x) => x.path === 'base.capacitance').value"
 
 
@@ -38,6 +45,18 @@ def run_all(shown: Page) -> None:
         shown.click("#run-stage")
     shown.until("[...document.querySelectorAll('#stages button')].every((b) => b.dataset.state === 'done')")
     shown.until("document.querySelector('[data-sensor=T_BASE]')")
+
+
+def test_after_a_run_the_table_has_its_values(shown: Page) -> None:
+    """Seen by a first user: tiles and verdict were those of the fit, and the table of values said what the deck had before it."""
+    shown.click("[data-stage=part]")
+    shown.until("document.querySelector('[data-sensor=T1]') && document.querySelector('.slider .number')")
+    before = shown.run(VALUES)
+    shown.click("#run-stage")
+    shown.until("document.querySelector('[data-stage=part]').dataset.state === 'done' && studio.state.desk?.fitted")
+    assert shown.run(VALUES) != before
+    time.sleep(0.2)
+    assert shown.run(SHOWN) == []
 
 
 def test_after_fit_these_the_metrics_are_those_of_a_run(shown: Page) -> None:

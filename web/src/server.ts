@@ -37,7 +37,7 @@ export async function upload(name: string, data: Blob): Promise<{ file: string }
 
 async function read<T>(answer: Response): Promise<T> {
   const found = JSON.parse(await answer.text(), (_, v) => (typeof v?.f4 === "string" ? numbers(v.f4, 4) : typeof v?.f8 === "string" ? numbers(v.f8, 8) : v));
-  if (found.error) throw new Error(found.where && !found.error.includes(found.where) ? `${found.where}: ${found.error}` : found.error);
+  if (found.error && found.what === undefined) throw new Error(found.where && !found.error.includes(found.where) ? `${found.where}: ${found.error}` : found.error);
   return found as T;
 }
 

@@ -1,31 +1,34 @@
 // The property sheet: every value of what is chosen with its unit and where it comes from; what nobody gave yet is red.
 import { useEffect, useRef, useState } from "preact/hooks";
 import { nice, type Element, type Field } from "./server";
-import { arm, chosen, command, draft, element, focusName } from "./state";
+import { arm, chosen, command, draft, element, error, focusName } from "./state";
 import { free } from "./canvas";
 
 const plain = (name: string) => name.replaceAll("_", " ");
 
 function Value({ of, field }: { of: Element; field: Field }) {
-  const [number, setNumber] = useState(field.number), [source, setSource] = useState(field.missing ? "" : field.source);
+  const [number, setNumber] = useState(field.number), [source, setSource] = useState(field.missing ? "" : field.source), [refused, setRefused] = useState("");
   // the field keeps the focus while what it shows is another
-  useEffect(() => { setNumber(field.number); setSource(field.missing ? "" : field.source); }, [of.table, of.name, field.number, field.source, field.missing]);
+  useEffect(() => { setNumber(field.number); setSource(field.missing ? "" : field.source); setRefused(""); }, [of.table, of.name, field.number, field.source, field.missing]);
   const keys = [of.table, of.name, field.name];
-  const write = (value: string, unit: string, from: string) => {
-    const bare = /^[-+0-9.eE\s]+$/.test(value);
-    void command({ do: "set", keys, value: value.trim() && bare ? `${value.trim()} [${unit}]` : value, source: from });
+  const write = async (value: string, unit: string, from: string) => {
+    const [, bare, own] = /^\s*([-+0-9.eE]+)\s*([^\[\]]*?)\s*$/.exec(value) ?? [];
+    const made = await command({ do: "set", keys, value: bare ? `${bare} [${own || unit}]` : value, source: from });
+    setRefused(made ? "" : error.value); // the field keeps what was typed, and says what holds instead
+    if (made) setNumber(made.elements.find((e) => e.table === of.table && e.name === of.name)?.fields.find((f) => f.name === field.name)?.number ?? field.number);
   };
   const id = `field-${field.name}`;
   if (field.law) return <div class="field"><span>{plain(field.name)}</span><span class="soft">a law or table; edit it in the text</span></div>;
   return (
-    <div class={`field ${field.missing ? "lacking" : ""}`}>
+    <div class={`field ${field.missing || refused ? "lacking" : ""}`}>
       <label for={id}>{plain(field.name)}{field.missing && <em> not given yet</em>}</label>
-      <input id={id} type="text" inputMode="decimal" autocomplete="off" value={number} aria-describedby={field.low ? `${id}-range` : undefined} onInput={(e) => setNumber(e.currentTarget.value)}
-        onChange={(e) => write(e.currentTarget.value, field.unit, source)} onKeyDown={(e) => { if (e.key === "Enter" && field.missing && number === field.number) write(number, field.unit, source); }} />
-      <select aria-label={`Unit of ${plain(field.name)}`} value={field.unit} onChange={(e) => write(number, e.currentTarget.value, source)}>{field.units.map((u) => <option key={u} value={u}>{u === "1" ? "–" : nice(u)}</option>)}</select>
-      <select aria-label={`Source of ${plain(field.name)}`} value={source} onChange={(e) => { setSource(e.currentTarget.value); if (number) write(number, field.unit, e.currentTarget.value); }}>
+      <input id={id} type="text" inputMode="decimal" autocomplete="off" value={number} aria-invalid={refused ? true : undefined} aria-describedby={refused ? `${id}-refused` : field.low ? `${id}-range` : undefined} onInput={(e) => setNumber(e.currentTarget.value)}
+        onChange={(e) => void write(e.currentTarget.value, field.unit, source)} onKeyDown={(e) => { if (e.key === "Enter" && field.missing && number === field.number) void write(number, field.unit, source); }} />
+      <select aria-label={`Unit of ${plain(field.name)}`} value={field.unit} onChange={(e) => void write(number, e.currentTarget.value, source)}>{field.units.map((u) => <option key={u} value={u}>{u === "1" ? "–" : nice(u)}</option>)}</select>
+      <select aria-label={`Source of ${plain(field.name)}`} value={source} onChange={(e) => { setSource(e.currentTarget.value); if (number) void write(number, field.unit, e.currentTarget.value); }}>
         <option value="">no source</option>{draft.value?.sources.map((s) => <option key={s} value={s}>{s}</option>)}
       </select>
+      {refused && <span id={`${id}-refused`} class="bad range">Refused: {nice(refused)} The model has {field.number || "nothing"} {nice(field.unit === "1" ? "" : field.unit)}.</span>}
       {field.low && <span id={`${id}-range`} class="soft range">{nice(field.low)} to {nice(field.high)}</span>}
     </div>
   );

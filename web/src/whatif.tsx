@@ -3,11 +3,13 @@ import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Tile } from "./results";
 import { ask, nice, shown, type Compared, type Conditions } from "./server";
-import { command, draft, told } from "./state";
+import { command, draft, error, told } from "./state";
 
 const conditions = signal<Conditions | null>(null), result = signal<Compared | null>(null);
 const asked = signal<{ boundaries: Record<string, string>; factors: Record<string, string>; duration: string; start: string; gas: string }>({ boundaries: {}, factors: {}, duration: "", start: "", gas: "air" });
 const finish = signal("");
+
+const highest = (v: Float32Array) => v.reduce((a, b) => Math.max(a, b), -Infinity);
 
 async function run(more: Record<string, string> = {}) {
   const a = asked.value, degrees = (v: string) => (/[[]/.test(v) ? v : `${v} [degC]`), kept = (o: Record<string, string>) => Object.entries(o).filter(([, v]) => v.trim());
@@ -21,7 +23,7 @@ async function run(more: Record<string, string> = {}) {
 export function WhatIf() {
   const c = conditions.value, a = asked.value, r = result.value, set = (more: Partial<typeof a>) => { asked.value = { ...a, ...more }; };
   useEffect(() => { result.value = null; void told(() => ask<Conditions>("conditions")).then((made) => { conditions.value = made; finish.value ||= made?.finishes[0] ?? ""; }); }, [draft.value?.text, draft.value?.log?.record]);
-  if (!c) return <p class="soft">A run needs a model first: a mass, and what it is joined to.</p>;
+  if (!c) return <p class="soft">{error.value || "A run needs a model first: a mass, and what it is joined to."}</p>;
   return (
     <div class="whatif">
       <form onSubmit={(e) => { e.preventDefault(); void run(); }}>
@@ -39,6 +41,8 @@ export function WhatIf() {
           <button id="if-printed" type="button" onClick={() => { set({ gas: "printed" }); void run({ gas: "printed" }); }}>As printed: an upper bound</button></div></div>}
       {r && !r.refused && <ul id="changes">{r.changes.map((w) => <li key={w}>{nice(w)}</li>)}{!r.changes.length && <li>nothing was changed</li>}</ul>}
       {r?.curves && <><p class="soft key"><span class="measured">— as it is</span> <span class="simulated">- - with the changes</span></p>
+        <div class="scroll" tabIndex={0} role="group" aria-label="Peaks and ends"><table id="peaks"><caption>Highest temperature and that at the end, °C</caption><thead><tr><th scope="col">Node</th><th scope="col" class="num">highest</th><th scope="col" class="num">as it is</th><th scope="col" class="num">at the end</th><th scope="col" class="num">as it is</th></tr></thead>
+          <tbody>{r.curves.map((k) => <tr key={k.node}><th scope="row">{k.node}</th>{[highest(k.after), highest(k.temperatures), k.after.at(-1)!, k.temperatures.at(-1)!].map((v, i) => <td key={i} class="num">{v.toFixed(2)}</td>)}</tr>)}</tbody></table></div>
         <div class="tiles">{r.curves.map((k) => <Tile key={k.node} curve={{ name: k.node, node: k.node, times: k.after_times, simulated: k.after, seen: k.times, measured: k.temperatures }} />)}</div></>}
     </div>
   );

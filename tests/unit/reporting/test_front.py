@@ -7,6 +7,7 @@ import html
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,12 +15,15 @@ import pytest
 import thermid as td
 from thermid.base.errors import ScenarioError
 from thermid.campaign.stages import Campaign
-from thermid.reporting._blocks.content import Cell, Head, Section, Table, folded, oversized
+from thermid.campaign.verdicts import CampaignPrediction
+from thermid.reporting._blocks.content import Cell, Head, Heading, Section, Table, folded, oversized
 from thermid.reporting._blocks.numbering import LONG, SHOWN, Sheets, csv_of, numbered
 from thermid.reporting._diagrams.map import fitting_map
-from thermid.reporting._pages.campaign import report
-from thermid.reporting._pages.front import NETWORK_SIZE, decisive, front
-from thermid.reporting._pictures import correlation
+from thermid.reporting._pages.campaign import _named, report
+from thermid.reporting._pages.courses import course_of
+from thermid.reporting._pages.front import NETWORK_SIZE, _decides, _network, decisive, front, hottest_moment
+from thermid.reporting._pages.tables import glance
+from thermid.reporting._pictures import correlation, figures
 from webpage import crossings, limited
 
 
@@ -36,11 +40,13 @@ def test_the_sensor_that_takes_most_of_its_limit_decides(campaign: Campaign) -> 
     assert found.check is not None
     assert ratios[found.check.sensor, found.check.criterion] == max(ratios.values())
     k = int(np.abs(found.block.residuals).argmax())
-    residual = found.block.measured[k] - found.block.predicted[k]
+    assert verdict.prediction is not None
+    (read,) = [b for b in verdict.blocks if b.sensor == found.block.sensor]
+    error = verdict.prediction.bias[read.sensor]
     said = found.sentence()
-    assert f"residual {residual:+.2f} K" in said
-    assert f"measured {found.block.measured[k] - 273.15:.2f} °C" in said
-    assert f"simulated {found.block.predicted[k] - 273.15:.2f} °C" in said
+    assert f"residual {read.measured[k] - read.predicted[k]:+.2f} K" in said
+    assert f"measured {read.measured[k] - error - 273.15:.2f} °C" in said
+    assert f"simulated {read.predicted[k] - error - 273.15:.2f} °C" in said
     assert "limit 0.0001 K" in said
     assert said.endswith("NOT met.")
 
@@ -53,6 +59,73 @@ def test_without_a_verdict_the_worst_fitted_sensor_stands_there_and_no_limit(cam
     assert "No limit applies" in found.sentence()
     assert decisive(Campaign("nothing", {}, (), {})) is None
     assert front(Campaign("nothing", {}, (), {})) == []
+
+
+def test_a_curve_beside_the_corrected_air_is_that_of_its_node(campaign: Campaign) -> None:
+    """Seen by a reader: a plate that read 0.6 K low began 0.9 K below the air about it. Readings lose their sensor's constant error."""
+    fit = campaign.stages["component"]
+    (read,) = [b for b in fit.blocks if b.sensor == "T box"]
+    off = {"T box": fit.bias["T box"] - 0.6}
+    low = replace(fit, bias=off, blocks=(replace(read, measured=read.measured - 0.6, predicted=read.predicted - 0.6),))
+    found = decisive(Campaign("one", {"component": low}, (), {}))
+    assert found is not None
+    course = course_of(fit, read.record, read.times)
+    assert course is not None
+    assert np.abs(found.block.predicted - course[read.node].kelvin).max() < 0.01
+    assert f"{off['T box']:+.2f} K" in _decides(found, course).caption
+    assert f"{off['T box']:+.2f} K" not in _decides(replace(found, error=0.0), course).caption
+
+
+def test_the_network_shows_the_hottest_moment_with_power_and_says_which(campaign: Campaign) -> None:
+    """Seen by a reader: the map of a test that ended without power, at the moment of the worst error, carried 0.05 W."""
+    found = decisive(campaign)
+    assert found is not None
+    course = course_of(found.fit, found.block.record)
+    assert course is not None
+    heat = np.where(np.arange(course.times.size) < 0.7 * course.times.size, 4.0, 0.0)
+    cooling = np.where(heat > 0.0, course.temperatures.T, 297.0 + np.zeros_like(course.temperatures.T)).T
+    cooling[-1] = cooling[int(np.flatnonzero(heat).max())] + 0.01  # hotter by a hair, without power
+    run = SimpleNamespace(nodes=course.nodes, times=course.times, temperatures=cooling, load_powers={"heat": heat})
+    moment = hottest_moment(run, ("a.case", "b.case"))  # type: ignore[arg-type]
+    assert moment == int(np.flatnonzero(heat).max())
+    network = _network(found, course)
+    assert network is not None
+    assert MOMENT.search(network.caption)
+
+
+def test_a_small_residual_is_seen_beside_a_wide_limit() -> None:
+    times = np.arange(0.0, 3600.0, 60.0)
+    residual = 0.02 * np.sin(times / 200.0)
+    heights = {}
+    for limit in (0.05, 2.0):
+        figure = figures.compared(times, 300.0 + residual, np.full(times.size, 300.0), "k", "T", limit=limit)
+        ends = [[float(v) for v in e.split()] for e in re.findall(r'data-ends="([^"]*)"', figure.markup)]
+        heights[limit] = ends[1][3] - ends[1][2]
+        assert ("limit" in " ".join(e.label for e in figure.legend)) == (limit == 0.05)
+    assert heights[2.0] < 0.1 < heights[0.05]
+
+
+def test_the_next_steps_name_a_broken_limit_and_the_warnings(campaign: Campaign) -> None:
+    warned = replace(campaign.stages["submodel"], warnings=("the residuals are large. Look for missing physics.", "another."))
+    told = replace(campaign, stages={**campaign.stages, "submodel": warned}, verdicts=())
+    said = [r.text for r in glance(told, {}).next]
+    words = "2 warnings of submodel. The first: the residuals are large."
+    assert words in said
+    loads = {"a.heat": "4 [W]", "b.heat": "0.5 [W]"}
+    hot = td.Scenario("hot", boundaries={"room": "40 [degC]"}, loads=loads, start="40 [degC]", duration=7200.0)
+    band = td.predict(campaign.stages["submodel"], hot)
+    end = band["a.case"].final
+    for limit, words in ((end.celsius - 3.0, "lower the power"), (end.high - 0.01, "narrow the band")):
+        broken = CampaignPrediction("hot", "submodel", band, {"a.case": (0.0, limit + 273.15)})
+        (line,) = [r for r in glance(told, {"predictions": "there"}, [broken]).next if r.place == "there"]
+        assert broken.head[1:] in line.text
+        assert words in line.text
+    wide = CampaignPrediction("cold", "submodel", band, {"a.case": (0.0, 400.0)})
+    table, heading, *_ = _named([wide, broken], brief=True)  # seen in a summary: the broken limit was beyond its first five lines
+    assert isinstance(table, Table)
+    assert [row[0].text for row in table.rows] == ["hot", "cold"]
+    assert isinstance(heading, Heading)
+    assert heading.text == broken.head
 
 
 def test_answer_figure_and_network_come_before_all_else(page: str) -> None:
@@ -164,6 +237,7 @@ def _chain(count: int) -> td.Model:
     return td.model_from_dict({"title": "chain", "needs": ["air"], "nodes": nodes, "conductors": joints | out, "loads": heater})
 
 
+MOMENT = re.compile(r"after [\d.]+ (s|min|h) of held out, when [ab]\.case is hottest")
 CARD = re.compile(r'<rect class="card[^"]*" x="([\d.]+)" y="([\d.]+)" width="([\d.]+)" height="([\d.]+)"')
 
 

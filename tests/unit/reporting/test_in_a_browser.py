@@ -268,6 +268,18 @@ def test_answer_figure_and_network_stand_on_the_first_screen_and_sheet(browser: 
     assert max(ends) <= (297 - 34) / 25.4 * 96
 
 
+CUT = """
+document.querySelectorAll('details').forEach((e) => { e.open = true; });
+return [...document.querySelectorAll('.scroll:has(table)')].filter((e) => e.scrollWidth > e.clientWidth + 1).map((e) => e.ariaLabel);"""
+
+
+@pytest.mark.parametrize("audience", AUDIENCES)
+def test_no_table_is_cut_on_a_laptop(browser: Page, readers: dict[str, Path], audience: str) -> None:
+    """Seen by a reader: the tables of parameters and of sensors lost their last columns at 1300 px."""
+    open_at(browser, readers[audience].as_uri(), 1300)
+    assert browser.run(CUT) == []
+
+
 @pytest.mark.parametrize(("audience", "most"), [("summary", 2), ("agency", 15), ("all", 30)])
 def test_each_reader_gets_a_pdf_of_the_promised_length(readers: dict[str, Path], tmp_path: Path, audience: str, most: int) -> None:
     from thermid.reporting._blocks.extras import page_to_pdf

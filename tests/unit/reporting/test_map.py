@@ -200,6 +200,39 @@ def test_temperatures_heat_and_scales_are_written() -> None:
     assert len(labels) > 10
 
 
+LABEL = re.compile(r'<rect class="paper" x="([\d.]+)" y="([\d.]+)" width="([\d.]+)" height="13"')
+HEAD = re.compile(r'class="head" d="M([\d. L]+)z')
+
+
+def test_no_label_covers_an_arrow() -> None:
+    """Seen in a report: between a box and its plate "0.97 W" left nothing of the arrow."""
+    pairs = {
+        "rails": ("board", "box"),
+        "seat": ("converter", "box"),
+        "contact": ("box", "plate"),
+        "skin": ("box", "air"),
+        "under": ("plate", "air"),
+    }
+    links = {k: {"kind": "conduction", "between": list(pair), "conductance": "1 [W/K]"} for k, pair in pairs.items()}
+    nodes = {n: {"capacitance": "5 [J/K]"} for n in ("box", "plate", "board", "converter")}
+    loads = {f"{n}_heat": {"into": n, "power": "0 [W]"} for n in ("board", "converter")}
+    model = td.model_from_dict({"title": "box on a plate", "needs": ["air"], "nodes": nodes, "conductors": links, "loads": loads})
+    temperatures = {"board": 304.35, "box": 303.55, "plate": 303.15, "converter": 303.75, "air": 296.0}
+    flows = {"rails": 0.83, "seat": 0.24, "contact": 0.97, "skin": 5.5, "under": 9.1}
+    text, _ = mapped(model, temperatures=temperatures, flows=flows, powers={"board_heat": 0.0, "converter_heat": 0.0})
+    labels = np.array([[float(v) for v in m] for m in LABEL.findall(text)])
+    heads = [[float(v) for v in re.split("[ L]", m)] for m in HEAD.findall(text)]
+    assert (len(labels), len(heads)) == (3, 3)
+    for corners in heads:
+        x, y = np.mean(corners[::2]), np.mean(corners[1::2])
+        covered = (labels[:, 0] < x) & (x < labels[:, 0] + labels[:, 2]) & (labels[:, 1] < y) & (y < labels[:, 1] + 13.0)
+        assert not covered.any()
+
+
+def test_without_heat_lines_say_their_conductance() -> None:
+    assert re.findall(r'class="label">([^<]*)<', mapped(chain(3))[0].replace("\u2009", " ")) == ["1 W/K"] * 2
+
+
 def test_a_folded_part_is_one_node_that_unfolds() -> None:
     text, plan = mapped(td.load_model(BOX), folded=["u1"], marked=True)
     assert "u1" in {n for card in plan.cards for n in card.nodes}

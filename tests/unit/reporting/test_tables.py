@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import thermid as td
 from thermid.campaign.stages import Campaign
 from thermid.reporting._blocks.content import DASH, Cell, Head, Table, number, pretty, signed, significant
 from thermid.reporting._pages import tables
@@ -137,17 +138,35 @@ def test_local_values_and_correlations_are_listed(campaign: Campaign) -> None:
 
 
 def test_data_have_checksums_uses_and_kind(campaign: Campaign, measured: Campaign) -> None:
-    table = tables.data(campaign)
+    (table,) = tables.data(campaign)
     assert column(table, "record") == ["alone", "together", "held out"]
     assert column(table, "used for") == ["fit component", "fit submodel", "hold-out record, verdict on submodel"]
     assert set(column(table, "kind")) == {"SYNTHETIC"}
-    cell = row(table, "alone")["SHA-256 of the samples"]
+    cell = row(table, "alone")["SHA-256"]
     assert cell.tip == campaign["component"].records["alone"]
     assert len(cell.tip) == 64
     assert cell.tip.startswith(cell.text)
     assert tables.made_records(campaign) == (("alone", "together", "held out"), 3)
-    assert set(column(tables.data(measured), "kind")) == {"measured"}
+    assert set(column(tables.data(measured)[0], "kind")) == {"measured"}
     assert tables.made_records(measured) == ((), 3)
+
+
+def test_what_was_done_to_samples_stands_in_a_table_of_its_own(campaign: Campaign) -> None:
+    """Seen by a reader: eight steps in a narrow last column made one line of the table half a screen high."""
+
+    def prepared(fit: td.Calibration) -> td.Calibration:
+        experiments = (replace(e, record=replace(e.record, steps=("read as UTF-16", "joined with b.csv"))) for e in fit.experiments)
+        return replace(fit, experiments=tuple(experiments))
+
+    _, table = tables.data(replace(campaign, stages={k: prepared(c) for k, c in campaign.stages.items()}))
+    assert column(table, "record") == ["alone, together", ""]
+    assert column(table, "prepared by") == ["read as UTF-16", "joined with b.csv"]
+
+
+def test_values_left_out_at_the_top_are_counted_there(campaign: Campaign, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert len(tables.glance(campaign, {}).fitted.rows) == 3
+    monkeypatch.setattr(tables, "MAX_VALUES_AT_TOP", 2)
+    assert column(tables.glance(campaign, {}).fitted, "value")[2].startswith("and 1 other value: ")
 
 
 def test_hidden_values_are_told(campaign: Campaign) -> None:

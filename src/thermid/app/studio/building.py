@@ -274,8 +274,12 @@ class Building:
         looked = looked_at(self._inside(file))
         name, stage = word(Path(file).name.partition(".")[0]), self._place_of_stage()
         records = [*(r for r in self._stage().get("records", []) if r != name), name]
-        table = {"file": file, "channels": self._proposed(looked["columns"])}
-        edits = [Edit(("records", name), table), Edit(("stages", stage, "records"), records)]
+        tables, first = self.draft.documents[CAMPAIGN].content["records"], [Edit(("stages", stage, "records"), records)]
+        if tables.get(name, {}).get("file") == file:  # looked at again: what a person bound stays
+            return self.draft.edited({CAMPAIGN: first})
+        bound = {c: t for r in records for c, t in tables.get(r, {}).get("channels", {}).items()}
+        channels = self._proposed(looked["columns"]) | {c["name"]: bound[c["name"]] for c in looked["columns"] if c["name"] in bound}
+        edits = [Edit(("records", name), {"file": file, "channels": channels}), *first]
         return self.draft.edited({CAMPAIGN: edits})
 
     def _proposed(self, columns: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, str]]:

@@ -69,6 +69,7 @@ def page_template(name: str, sheets: Sheets) -> Template:
     environment.filters["parted"] = lambda text: Markup(
         re.sub(r"([._/])(?=\w)", r"\1<wbr>", str(escape(typeset(text))))
     )  # where a name may break
+    environment.filters["coded"] = lambda text: Markup(re.sub("`([^`]+)`", r"<code>\1</code>", str(escape(typeset(text)))))
     environment.filters["css_text"] = lambda text: Markup(css_text(str(text)))
     environment.globals["sheets"] = sheets
     environment.globals["style"] = Markup(environment.get_template("page.css.jinja").render())

@@ -45,6 +45,8 @@ BADGES: Final = 3
 """Badges of a node that are drawn; more are counted."""
 THICK: Final = 7.0
 """Width of the line that carries most heat. [px]"""
+ARROW: Final = 9.0
+"""Length of an arrow's head, without what the width of its line adds. [px]"""
 DASHES: Final = {"solid": "", "dashed": "7 4", "dotted": ".1 5", "flow": "", "mixed": "8 3 2 3"}
 CSS: Final = """
 .thermid-map{--m-ink:#1c2430;--m-soft:#53606f;--m-paper:#fff;--m-card:#eef2f6;--m-edge:#4a6f96;--m-node:#dbe7f3;--m-wire:#5a6675;
@@ -328,7 +330,7 @@ def _arrow(points: Sequence[Point], share: float) -> str:
     """Return the head of an arrow at the end of a line that carries a share of the most heat."""
     end, before = np.array(points[-1]), np.array(points[-2])
     along = (end - before) / max(float(np.hypot(*(end - before))), 1e-9)
-    across, size = np.array([-along[1], along[0]]), 9.0 + THICK * share
+    across, size = np.array([-along[1], along[0]]), ARROW + THICK * share
     corners = [end, end - size * along + 0.6 * size * across, end - size * along - 0.6 * size * across]
     return f'<path class="head" d="M{"L".join(f"{p[0]:.1f} {p[1]:.1f}" for p in corners)}z"/>'
 
@@ -373,19 +375,25 @@ def _row(item: _Item, x: float, y: float, dark: str, key: str, bold: bool) -> It
 
 
 def _labels(drawing: _Drawing, plan: MapPlaces) -> Iterator[str]:
-    """Yield the heat of lines, the largest first, where it lies on no card and on no other label."""
+    """Yield the heat of lines, the largest first, or without heat their conductance, where it lies on no card, arrow or other label."""
     taken = [(c.x, c.y, c.x + c.width, c.y + c.height) for c in plan.cards]
     most = _max_heat(drawing, plan)
-    pairs = sorted((p for p in plan.lines if p in drawing.heat), key=lambda p: -abs(drawing.heat[p]))
-    for pair in pairs:
-        if abs(drawing.heat[pair]) <= FAINT * most:
+    for pair in sorted(plan.lines, key=lambda p: -abs(drawing.heat.get(p, 0.0))):
+        points, heat = plan.lines[pair], drawing.heat.get(pair)
+        if heat is None:
+            words = " + ".join(text for c in drawing.joined[pair] if (text := drawing.values.get(c.path, "")))
+        elif abs(heat) > FAINT * most:
+            words = quantity(abs(heat), "W", 2)
+            x, y = points[-1 if heat >= 0.0 else 0]
+            reach = 0.5 * (ARROW + THICK * abs(heat) / most)
+            taken.append((x - reach, y - reach, x + reach, y + reach))
+        else:
             continue
-        words = quantity(abs(drawing.heat[pair]), "W", 2)
         wide = _room(words, MIN_LETTER_SIZE) + 8.0
-        for x, y in _along(plan.lines[pair]):
+        for x, y in _along(points, wide):
             box = (x - 0.5 * wide, y - 8.0, x + 0.5 * wide, y + 7.0)
             inside = box[0] >= 0.0 and box[2] <= plan.width and box[1] >= 0.0
-            if inside and all(box[2] <= t[0] or t[2] <= box[0] or box[3] <= t[1] or t[3] <= box[1] for t in taken):
+            if words and inside and all(box[2] <= t[0] or t[2] <= box[0] or box[3] <= t[1] or t[3] <= box[1] for t in taken):
                 taken.append(box)
                 place = f'x="{x:.1f}" y="{y + 3.5:.1f}" text-anchor="middle" font-size="{MIN_LETTER_SIZE:g}"'
                 size = f'x="{box[0] + 2.0:.1f}" y="{box[1] + 1.0:.1f}" width="{wide - 4.0:.1f}" height="13" rx="3"'
@@ -393,12 +401,15 @@ def _labels(drawing: _Drawing, plan: MapPlaces) -> Iterator[str]:
                 break
 
 
-def _along(points: Sequence[Point]) -> Iterator[Point]:
-    """Yield places along a line, from its middle outwards."""
+def _along(points: Sequence[Point], wide: float) -> Iterator[Point]:
+    """Yield places for a label [px] along a line, from its middle outwards, then beside the middle of a line that is too short."""
     fine = np.concatenate([np.linspace(p, q, 9) for p, q in pairwise(points)])
     middle = len(fine) // 2
     for k in sorted(range(len(fine)), key=lambda k: abs(k - middle)):
         yield float(fine[k, 0]), float(fine[k, 1])
+    (x, y), (dx, dy) = fine[middle], np.abs(fine[middle] - fine[middle - 1])
+    for steps in (-1.0, 1.0, -2.0, 2.0):  # a short line lies between cards that are higher than a label
+        yield (float(x), float(y) + steps * (THICK + ARROW)) if dx >= dy else (float(x) + steps * 0.5 * (THICK + wide), float(y))
 
 
 def _text(x: float, y: float, words: str, size: float, kind: str = "", tip: str = "", key: str = "") -> str:

@@ -49,7 +49,7 @@ from thermid.reporting._blocks.extras import check_page, write_page
 from thermid.reporting._blocks.numbering import Sheets
 from thermid.reporting._diagrams.map import fitting_map
 from thermid.reporting._pages import tables
-from thermid.reporting._pages.courses import drives as driving
+from thermid.reporting._pages.courses import course_of, drives as driving, without_error
 from thermid.reporting._pages.front import VERDICTS_TABLE, front
 from thermid.reporting._pages.tables import glance
 from thermid.reporting._pictures import figures
@@ -96,16 +96,15 @@ def report(
     """
     check_page(to)
     sheets = Sheets.beside(to, tables_to, audience)
-    records, of = tables.made_records(campaign)
     stages = [_stage(f"stage-{k}", c, campaign, sheets) for k, c in enumerate(campaign.fits, 1)] if audience != "summary" else []
+    places = {k: k for k in ("verdicts", "predictions")} | {str(s["name"]): str(s["key"]) for s in stages}
     paragraphs = [p for text in ([notes] if isinstance(notes, str) else notes) for p in text.split("\n\n") if p.strip()]
     return write_page(
         "page.html.jinja",
         to,
         title=campaign.title,
         campaign=campaign,
-        synthetic=records,
-        record_count=of,
+        made=tables.made_records(campaign),
         notes=[p for p in (campaign.note, *paragraphs) if p],
         verdicts=replace(tables.verdicts(campaign, audience == "summary"), key=VERDICTS_TABLE) if campaign.verdicts else None,
         held_out=_held_out(campaign, audience) if audience != "summary" else None,
@@ -118,12 +117,12 @@ def report(
         values=_joined(stages) if audience == "agency" else [],
         predictions=[_prediction(f"prediction-{k}", title, s, campaign) for k, (title, s) in enumerate(scenarios, 1)],
         named=(named := campaign_predictions(campaign)),
-        named_blocks=list(_named(named)),
+        named_blocks=list(_named(named, audience == "summary")),
         data=tables.data(campaign),
         models=tables.models(campaign),
         versions=tables.versions(),
         sheets=sheets,
-        seen=glance(campaign, {"verdicts": "verdicts"} | {str(s["name"]): str(s["key"]) for s in stages}),
+        seen=glance(campaign, places, named),
     )
 
 
@@ -248,13 +247,15 @@ def _traces(
         )
     if len(chosen) < len(blocks):
         text = f"{len(chosen)} of {len(blocks)} traces are drawn: {which}. All statistics count every trace."
-    drives = {(id(fits[id(b)]), b.record): driving(fits[id(b)], b.record) for b, _ in chosen}
+    runs = {(id(fits[id(b)]), b.record): fits[id(b)] for b, _ in chosen}
+    drives = {key: driving(c, course_of(c, key[1])) for key, c in runs.items()}
     drawn: list[Part] = []
     for k, (b, mark) in enumerate(chosen):
-        limit, met = _limit(b, (judged or {}).get(id(b)))
+        c, (limit, met) = fits[id(b)], _limit(b, (judged or {}).get(id(b)))
         title = f"{b.sensor} in {b.record}: measured and simulated"
-        graphic = figures.trace(b, f"{key}-{k}", title, drives[id(fits[id(b)]), b.record], limit, narrow=audience == "agency")
-        drawn.append({"block": b, "mark": mark, "model": (models or {}).get(id(b), ""), "met": met, "drawn": graphic})
+        graphic = figures.trace(without_error(c, b), f"{key}-{k}", title, drives[id(c), b.record], limit, narrow=audience == "agency")
+        less = figures.correction(c.bias.get(b.sensor, 0.0))
+        drawn.append({"block": b, "mark": mark, "model": (models or {}).get(id(b), ""), "met": met, "less": less, "drawn": graphic})
     return {"drawn": drawn, "of": len(blocks), "text": text, "opened": len(chosen) <= MAX_OPEN_TRACES}
 
 
@@ -262,7 +263,7 @@ def _limit(block: SensorTrace, verdict: Verdict | None) -> tuple[float | None, s
     """Return the limit of every single residual of a trace, and whether it is met; None and nothing where no such limit was judged."""
     for c in verdict.checks if verdict is not None else ():
         if c.sensor == block.sensor and metric(c.criterion).of is largest:
-            return c.limit, VERDICTS[c.passed]
+            return c.limit, f"{VERDICTS[c.passed]}, limit ± {plain(c.limit, 4)} K"
     return None, ""
 
 
@@ -357,8 +358,11 @@ def _prediction(key: str, title: str, solution: Solution, campaign: Campaign) ->
     }
 
 
-def _named(predictions: Sequence[CampaignPrediction]) -> Iterator[PageBlock]:
-    """Yield what the campaign's own predictions say: all bands and margins as a table, then each with what it does not count."""
+def _named(predictions: Sequence[CampaignPrediction], brief: bool) -> Iterator[PageBlock]:
+    """Yield what the campaign's own predictions say: all bands and margins as a table, then each with what it does not count.
+
+    In brief these are the nodes with limits, the smallest margin of all first, and the figure of that prediction.
+    """
     columns = [
         Head("prediction"),
         Head("node"),
@@ -368,18 +372,21 @@ def _named(predictions: Sequence[CampaignPrediction]) -> Iterator[PageBlock]:
         Head("margin, K", True, "from the band to the nearer limit, over the whole run"),
     ]
     rows: list[Line] = []
+    if brief:
+        predictions = sorted(predictions, key=lambda p: p.margins[0].margin)
     for p in predictions:
-        for k, m in enumerate(p.margins):
+        for k, m in enumerate(m for m in p.margins if m.words[1] or not brief):
             low, high = (f"{end - ICE_POINT:.2f}" for end in m.band)
             margin = Cell(f"{m.margin:.2f}", "", "good" if m.margin >= 0.0 else "bad") if m.words[1] else Cell(DASH)
             rows.append([group_cell(p.name, k), Cell(m.node, "", "main"), low, high, m.words[1].removesuffix(" degC") or DASH, margin])
     if rows:
         yield Table.of_rows(columns, rows, "95 % bands over the whole run, smallest margin first.", "Predictions and margins to limits")
-    for k, p in enumerate(predictions, 1):
-        ends = [end for pair in p.limits.values() for end in pair if math.isfinite(end)]
-        near = [end for end in ends if any(abs(end - t) < NEAR_LIMIT for m in p.margins for t in m.band)]
-        drawn = figures.predicted_bands(p.prediction, f"asked-{k}", f"{p.name}: predicted temperatures with bands", near)
-        caption = f"{p.name} ({p.prediction.scenario}): temperatures with 95 % bands{', limits as thin lines' if near else ''}."
+    for k, p in enumerate(predictions[:1] if brief else predictions, 1):
+        ends = np.array([m.band for m in p.margins])
+        near = [(node, end) for node, pair in p.limits.items() for end in pair if np.abs(ends - end).min() < NEAR_LIMIT]
+        drawn = figures.predicted_bands(p.prediction, f"asked-{k}", f"{p.name}: predicted temperatures with bands", [t for _, t in near])
+        lines = ", ".join(f"{node} {end - ICE_POINT:g} °C" for node, end in near)
+        caption = f"{p.name} ({p.prediction.scenario}): temperatures with 95 % bands{lines and f', limits as thin lines ({lines})'}."
         yield Heading(p.head)
         yield Figures((Plot(drawn, caption),), drawn.legend, wide=True)
         if p.prediction.not_counted or p.prediction.warnings:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from dataclasses import replace
+
 import numpy as np
 
 from thermid.base.errors import ThermidError
 from thermid.base.linear_algebra import Array
-from thermid.fit.calibration import Calibration
+from thermid.fit.calibration import Calibration, SensorTrace
 from thermid.model.tree import Model, flatten
 from thermid.reporting._pictures.figures import RecordDrive
 from thermid.simulation.runs import Scenario, Solution, simulate
 
+Course = Solution
+"""The run of a record, as other files of the package name it."""
 SHOWN_TIMES = 400
 """Times of a run."""
 
@@ -46,12 +51,32 @@ def course_of(c: Calibration, record: str, times: Array | None = None) -> Soluti
         return None
 
 
-def drives(c: Calibration, record: str) -> RecordDrive | None:
-    """Return ambient temperatures and the sum of all powers over a record."""
-    run = course_of(c, record)
+def without_error(c: Calibration, block: SensorTrace) -> SensorTrace:
+    """Return a trace without its sensor's constant error: temperatures of the node, as those of corrected boundaries beside it are."""
+    error = c.bias.get(block.sensor, 0.0)
+    return replace(block, measured=block.measured - error, predicted=block.predicted - error)
+
+
+def hottest_moment(run: Solution, nodes: Collection[str]) -> int:
+    """Return the sample at which the hottest of some nodes is near its peak (2 % of its rise), and powers are on where they ever are."""
+    columns = [k for k, n in enumerate(run.nodes) if n in nodes]
+    peak = run.temperatures[:, columns].max(axis=1)
+    at_peak = peak >= peak.max() - 0.02 * np.ptp(peak)
+    heat = total_power(run)
+    if heat is not None:
+        at_peak &= heat >= 0.9 * heat[at_peak].max()
+    return int(np.where(at_peak, peak, -np.inf).argmax())
+
+
+def total_power(run: Solution) -> Array | None:
+    """Return the sum of all powers (times,); None where the model has no load. [W]"""
+    powers = [np.broadcast_to(p, run.times.shape) for p in run.load_powers.values()]
+    return np.sum(powers, axis=0) if powers else None
+
+
+def drives(c: Calibration, run: Solution | None) -> RecordDrive | None:
+    """Return ambient temperatures and the sum of all powers over the run of a record."""
     if run is None:
         return None
     ambient = {b: run[b].kelvin for b in flatten(c.model).names.boundaries if b in run.nodes}
-    powers = list(run.load_powers.values())
-    total = np.sum([np.broadcast_to(p, run.times.shape) for p in powers], axis=0) if powers else None
-    return RecordDrive(run.times, ambient, total)
+    return RecordDrive(run.times, ambient, total_power(run))

@@ -27,7 +27,7 @@ from thermid.reporting._blocks.content import (
     plain,
 )
 from thermid.reporting._diagrams.map import fitting_map
-from thermid.reporting._pages.courses import course_of, drives
+from thermid.reporting._pages.courses import Course, course_of, drives, hottest_moment, without_error
 from thermid.reporting._pictures import correlation, figures
 
 SYNTHETIC = "synthetic"
@@ -45,12 +45,14 @@ class Decisive:
     Parameters
     ----------
     fit : Calibration       The fit, or the prediction that was judged.
-    block : SensorTrace     Its readings.
+    block : SensorTrace     Its readings, without its constant error.
+    error : float           That error. [K]
     verdict, check          What was judged, and by which limit; None without a verdict.
     """
 
     fit: Calibration
     block: SensorTrace
+    error: float
     verdict: Verdict | None = None
     check: Check | None = None
 
@@ -88,15 +90,15 @@ def decisive(campaign: Campaign) -> Decisive | None:
         verdict, check = max(judged, key=lambda pair: pair[1].used)
         traces = [b for b in verdict.blocks if b.sensor == check.sensor] or list(verdict.blocks)
         assert verdict.prediction is not None
-        return Decisive(verdict.prediction, max(traces, key=_size), verdict, check)
+        return _decisive(verdict.prediction, max(traces, key=lambda b: float(np.abs(b.residuals).max())), verdict, check)
     for c in reversed(campaign.fits):
         if len(c.blocks):
-            return Decisive(c, max(c.blocks, key=lambda b: float(np.mean(b.weighted**2))))
+            return _decisive(c, max(c.blocks, key=lambda b: float(np.mean(b.weighted**2))))
     return None
 
 
-def _size(block: SensorTrace) -> float:
-    return float(np.abs(block.residuals).max())
+def _decisive(fit: Calibration, block: SensorTrace, verdict: Verdict | None = None, check: Check | None = None) -> Decisive:
+    return Decisive(fit, without_error(fit, block), fit.bias.get(block.sensor, 0.0), verdict, check)
 
 
 def front(campaign: Campaign) -> list[PageBlock]:
@@ -104,12 +106,13 @@ def front(campaign: Campaign) -> list[PageBlock]:
     trace = decisive(campaign)
     if trace is None:
         return []
-    network = _network(trace)
+    run = course_of(trace.fit, trace.block.record)
+    network = _network(trace, run)
     beside = [network] if network is not None and not oversized(network.drawn.markup, NETWORK_SIZE) else []
     charts = list(_charts(campaign))
     blocks: list[PageBlock] = [
         Words(trace.sentence(), (DECIDES, NETWORK, MATRIX, VERDICTS_TABLE)),
-        Figures((_decides(trace), *beside), lead=True),
+        Figures((_decides(trace, run), *beside), lead=True),
     ]
     wide = [p for p in charts if p.key == MATRIX and not p.drawn.narrow]
     blocks += [Figures(tuple(wide), wide=True)] if wide else []
@@ -122,34 +125,34 @@ def _tag(c: Calibration) -> str:
     return SYNTHETIC if c.synthetic or any(e.record.origin.synthetic for e in c.experiments) else ""
 
 
-def _decides(decisive: Decisive) -> Plot:
+def _decides(decisive: Decisive, run: Course | None) -> Plot:
     b = decisive.block
-    drive = drives(decisive.fit, b.record)
-    predicted = b.measured - b.residuals
+    drive = drives(decisive.fit, run)
     label = f"{b.sensor} in {b.record}: measured and simulated"
-    drawn = figures.compared(b.times, b.measured, predicted, "decides", label, drive=drive, limit=decisive.limit, size=LEAD)
+    drawn = figures.compared(b.times, b.measured, b.predicted, "decides", label, drive=drive, limit=decisive.limit, size=LEAD)
     met = f": {VERDICTS[decisive.check.passed]}" if decisive.check is not None else ""
     kind = "held out" if decisive.verdict is not None else "fitted"
-    return Plot(
-        drawn, f"{b.sensor} in {b.record}, {kind}{met}. Above measured and simulated, below the residual.", _tag(decisive.fit), DECIDES
-    )
+    less = figures.correction(decisive.error)
+    words = f"{b.sensor} in {b.record}, {kind}{met}. Above measured and simulated{f' ({less})' if less else ''}, below the residual."
+    return Plot(drawn, words, _tag(decisive.fit), DECIDES)
 
 
-def _network(decisive: Decisive) -> Plot | None:
-    """Return the coloured network at the moment of the largest residual; None where the run cannot be made again."""
-    b = decisive.block
-    at = float(b.times[decisive.moment])
-    run = course_of(decisive.fit, b.record, np.unique([0.0, max(at, 1.0)]))
+def _network(decisive: Decisive, run: Course | None) -> Plot | None:
+    """Return the coloured network at the hottest moment of the record; None where the run cannot be made again."""
     if run is None:
         return None
     model = decisive.fit.fitted_model
     flat = flatten(model)
-    inside = {*(n.path for n in flat.nodes), *flat.names.boundaries}  # a sensor that lags has a node in the run, and none in the model
-    temperatures = {n: t for n, t in zip(run.nodes, run.temperatures[-1].tolist(), strict=True) if n in inside}
-    flows = {k: float(v[-1]) for k, v in run.heat_flows.items()}
-    powers = {k: float(np.broadcast_to(v, run.times.shape)[-1]) for k, v in run.load_powers.items()}
+    nodes = [n.path for n in flat.nodes]
+    inside = {*nodes, *flat.names.boundaries}  # a sensor that lags has a node in the run, and none in the model
+    k = hottest_moment(run, nodes)
+    temperatures = {n: t for n, t in zip(run.nodes, run.temperatures[k].tolist(), strict=True) if n in inside}
+    flows = {name: float(v[k]) for name, v in run.heat_flows.items()}
+    powers = {name: float(np.broadcast_to(v, run.times.shape)[k]) for name, v in run.load_powers.items()}
     markup = fitting_map(model, NETWORK_SIZE, temperatures=temperatures, flows=flows, powers=powers)
-    caption = f"{model.title} at that moment, as simulated: temperatures by colour, heat flows by width."
+    hottest = max(nodes, key=lambda n: temperatures[n])
+    when = f"after {duration(float(run.times[k] - run.times[0]))} of {decisive.block.record}, when {hottest} is hottest"
+    caption = f"{model.title} {when}, as simulated: temperatures by colour, heat flows by width."
     return Plot(Graphic(markup, ()), caption, _tag(decisive.fit), NETWORK)
 
 

@@ -264,7 +264,7 @@ def _record_section(study: Study, campaign: Campaign) -> Section:
     blocks: list[PageBlock] = [
         folded("Log of every step", [lines], counted(len(lines.rows), "line")),
         *([_verdicts(campaign)] if campaign.verdicts else []),
-        folded("Data", [tables.data(campaign)]),
+        folded("Data", tables.data(campaign)),
         folded("Models and fits", [tables.models(campaign)]),
         folded("Versions", [tables.versions()]),
     ]

@@ -14,7 +14,7 @@ import numpy as np
 from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.units import counted, from_si, si_unit, unit
 from thermid.campaign.stages import Campaign
-from thermid.campaign.verdicts import Check, Verdict, largest, metric
+from thermid.campaign.verdicts import CampaignPrediction, Check, Verdict, largest, metric
 from thermid.fit.calibration import BLAME, MOVED, Calibration, instrument_shares, sensor_shares
 from thermid.measure.records import Record
 from thermid.model.tree import Model, ParameterSet, flatten, ledger, parameter_table
@@ -28,6 +28,7 @@ from thermid.reporting._blocks.content import (
     Table,
     capitalised,
     duration,
+    group_cell,
     number,
     plain,
     pretty,
@@ -346,8 +347,8 @@ def made_records(campaign: Campaign) -> tuple[tuple[str, ...], int]:
     return tuple(name for (name, _), synthetic in every.items() if synthetic), len(every)
 
 
-def data(campaign: Campaign) -> Table:
-    """Return every record: what it was used for, file, checksum, whether it was measured, and what was done to its samples."""
+def data(campaign: Campaign) -> list[Table]:
+    """Return every record: what it was used for, file, checksum, whether it was measured; then what was done to its samples."""
     merged: dict[tuple[str, str], tuple[list[str], bool, Record | None]] = {}
     for name, sha, use, synthetic, record in _uses(campaign):
         uses, _, log = merged.setdefault((name, sha), ([], synthetic, record))
@@ -358,29 +359,29 @@ def data(campaign: Campaign) -> Table:
         Head("record"),
         Head("used for", wrapped=True),
         Head("kind"),
-        Head("file"),
+        Head("file", wrapped=True),
         Head("begins"),
         Head("duration", True),
         Head("samples", True),
-        Head("SHA-256 of the samples"),
-        Head("prepared by", wrapped=True),
+        Head("SHA-256", False, "of the samples"),
     ]
     rows: list[Line] = []
+    steps: dict[tuple[str, ...], list[str]] = {}
     for (name, sha), (uses, synthetic, record) in merged.items():
         kind = Cell("SYNTHETIC", "made, not measured", "bad") if synthetic else Cell("measured")
-        file, begins, length, samples, steps = DASH, DASH, DASH, DASH, DASH
+        file, begins, length, samples = DASH, DASH, DASH, DASH
         if record is not None:
             file, begins = record.origin.file, record.origin.start or DASH
             length, samples = duration(record.duration), str(record.times.size)
-            steps = "; ".join(record.steps) or "as they were read"
-        rows.append([Cell(name, "", "main"), ", ".join(uses), kind, file, begins, length, samples, Cell(sha[:12], sha, "code"), steps])
-    caption, last = "Hover over a checksum to see all of it.", {cells[-1] for cells in rows}
-    begun = [cells[4] for cells in rows if cells[4] != DASH]
-    if len(rows) > 1 and len(last) == 1:
-        columns, rows, caption = columns[:-1], [cells[:-1] for cells in rows], f"{caption} All were prepared alike: {last.pop()}."
-    if not begun:
+            steps.setdefault(tuple(record.steps), []).append(name)
+        rows.append([Cell(name, "", "main"), ", ".join(uses), kind, file, begins, length, samples, Cell(sha[:12], sha, "code")])
+    if all(cells[4] == DASH for cells in rows):
         columns, rows = [*columns[:4], *columns[5:]], [[*cells[:4], *cells[5:]] for cells in rows]
-    return Table.of_rows(columns, rows, caption)
+    tables = [Table.of_rows(columns, rows, "Hover over a checksum to see all of it.", "Data")]
+    prepared: list[Line] = [[group_cell(_some(names), k), step] for of, names in steps.items() for k, step in enumerate(of)]
+    how = "What was done to the samples; a record that is not listed stands as it was read."
+    heads = [Head("record"), Head("prepared by", wrapped=True)]
+    return [*tables, Table.of_rows(heads, prepared, how, "Preparation of the data")] if prepared else tables
 
 
 def models(campaign: Campaign) -> Table:
@@ -468,7 +469,7 @@ def inputs(calibration: Calibration) -> Table:
     return Table.of_rows(columns, rows, "Inputs of the fit and their sources.")
 
 
-MAX_VALUES_AT_TOP, LINES = 8, 5
+MAX_VALUES_AT_TOP, LINES = 12, 5
 """Fitted values, and remarks of each kind, at the top; the rest stands below."""
 MAX_KNOWN_HALF_WIDTH = 0.25
 """Relative half-width of an interval from which a value counts as hardly known."""
@@ -499,15 +500,17 @@ class Glance:
     next: tuple[Remark, ...]
 
 
-def glance(campaign: Campaign, places: Mapping[str, str]) -> Glance:
+def glance(campaign: Campaign, places: Mapping[str, str], named: Sequence[CampaignPrediction] = ()) -> Glance:
     """Return what a reader needs before anything else.
 
     Parameters
     ----------
     campaign : Campaign     What was found.
-    places : dict           Stage, or 'verdicts', -> its place on the page.
+    places : dict           Stage, 'verdicts' or 'predictions' -> its place on the page.
+    named : sequence        The campaign's own predictions.
     """
-    unknown, todo = ([Remark(text, places.get(of, ""), of) for text, of in dict.fromkeys(f(campaign))] for f in (_unknown, _todo))
+    columns = (_unknown(campaign), _todo(campaign, named))
+    unknown, todo = ([Remark(text, places.get(of, ""), of) for text, of in dict.fromkeys(lines)] for lines in columns)
     return Glance(_fitted(campaign), _cut(unknown), _cut(todo))
 
 
@@ -553,8 +556,10 @@ def _fitted(campaign: Campaign) -> Table:
         if math.isfinite(error):
             ends = Cell(" .. ".join(significant(v.converted(end), error) for end in interval(v)))
         rows.append([Cell(v.path, v.origin, "main"), c.stage, Cell(significant(v.in_unit, error), "", "main"), ends, pretty(v.unit)])
-    more = f"The first {MAX_VALUES_AT_TOP} of {len(every)}; all are listed with their stages. " if len(every) > MAX_VALUES_AT_TOP else ""
-    return Table.of_rows(columns, rows, f"{more}Intervals include the constant errors of sensors and powers.", "Fitted values")
+    more = len(every) - MAX_VALUES_AT_TOP
+    if more > 0:
+        rows.append([Cell(f"and {counted(more, 'other value')}: the report for an agency lists all", "", "soft wrap"), "", "", "", ""])
+    return Table.of_rows(columns, rows, "Intervals include the constant errors of sensors and powers.", "Fitted values")
 
 
 def _twins(c: Calibration) -> list[tuple[str, str, float]]:
@@ -602,7 +607,7 @@ def _unknown(campaign: Campaign) -> Iterator[tuple[str, str]]:
             yield f"{counted(len(held), 'value')} of {c.model.title} stayed as the deck assumes, such as {held[0]}.", c.stage
 
 
-def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
+def _todo(campaign: Campaign, named: Sequence[CampaignPrediction]) -> Iterator[tuple[str, str]]:
     """Yield what follows from it, each with its stage."""
     for c in _fits(campaign):
         if c.contradicted:
@@ -623,6 +628,9 @@ def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
                 ),
                 "verdicts",
             )
+    for p in named:
+        if p.within is False:
+            yield f"{capitalised(p.head)}. {_remedy(p)}", "predictions"
     for c in _fits(campaign):
         for m in c.moved.values:
             if m.verdict == MOVED:
@@ -647,6 +655,24 @@ def _todo(campaign: Campaign) -> Iterator[tuple[str, str]]:
             f"{', '.join(reversed(apart))} cannot be separated well. td.design.next_test ranks tests that would separate them.",
             apart[-1] if len(apart) == 1 else "",
         )
+    for c in _fits(campaign):
+        if c.warnings:
+            first = f"{c.warnings[0].partition('. ')[0].rstrip('.')}."
+            count = counted(len(c.warnings), "warning")
+            yield f"{count} of {c.stage}{'. The first' if len(c.warnings) > 1 else ''}: {first}", c.stage
+
+
+def _remedy(p: CampaignPrediction) -> str:
+    """Return what to do about a prediction beyond a limit: a narrower band where the run with the best values is inside, else hardware."""
+    node, (low, high) = p.margins[0].node, p.margins[0].limits
+    band = p.prediction.bands[node]
+    if band.simulated.max() > high:
+        return f"The run with the best values exceeds it too: lower the power, or improve the heat path from {node}."
+    if band.simulated.min() < low:
+        return f"The run with the best values falls below it too: heat {node}, or insulate it."
+    cause, share = max(band.final.shares.items(), key=lambda item: item[1], default=("", 0.0))
+    of = f": {100 * share:.0f} % of its variance comes from {cause} ({p.prediction.causes.get(cause, cause)})" if cause else ""
+    return f"The run with the best values stays inside, so narrow the band{of}."
 
 
 def _envelope(campaign: Campaign) -> str:

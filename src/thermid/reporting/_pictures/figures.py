@@ -123,6 +123,15 @@ def driven(drive: RecordDrive | None, begin: float, end: float) -> tuple[list[St
     return ambient, [] if drive.power is None else [Stroke("power", times, drive.power[inside], ("--s3", SERIES[3]), 1.4)]
 
 
+LIMIT_IN_VIEW = 4.0
+"""A limit that is so many times the largest residual or more is not drawn: beside it the residual would be a straight line. [-]"""
+
+
+def correction(error: float) -> str:
+    """Return what a caption says of readings that are drawn without their sensor's constant error [K]; empty where it rounds to zero."""
+    return f"readings less the sensor's constant error of {error:+.2f} K" if abs(error) >= 0.005 else ""
+
+
 TRACE = (440.0, 280.0)
 """Size of a trace, without the panel of the power. [px]"""
 
@@ -151,7 +160,7 @@ def compared(
     below : str                             What the lower axis is called.
     wide : float                            Half-width of the band of the sensor's error around the readings; none without it. [K]
     drive : RecordDrive                           Ambient temperatures and power over the same record; none drawn without it.
-    limit : float                           Limit of every single difference, over the whole record; none drawn without it. [K]
+    limit : float                           Limit of every single difference; drawn where it is within `LIMIT_IN_VIEW`. [K]
     size : (width, height)                  Without the panel of the power. [px]
     """
     length, unit = time_unit(float(times[-1] - times[0]))
@@ -169,7 +178,7 @@ def compared(
     ambient, power = driven(drive, float(times[0]), float(times[-1]))
     lines += [replace(line, x=line.x / length) for line in ambient]
     entries += [LegendEntry(line.label, line.colour[0], line.dash, width=line.width) for line in (*ambient, *power)]
-    if limit is not None:
+    if limit is not None and limit < LIMIT_IN_VIEW * float(np.abs(residual).max()):
         differences += [Stroke("limit, residual", ends, np.full(2, s * limit), ("--f-ink", INK), 1.3, "6 2.5") for s in (1.0, -1.0)]
         entries.append(LegendEntry("limit, residual", "--f-ink", "6 2.5", width=1.3))
     named = size[0] > NARROW  # in a narrow figure units alone find room beside the axes

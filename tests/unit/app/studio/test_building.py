@@ -210,6 +210,25 @@ def test_a_log_is_stored_once_and_replaces_nothing(tmp_path: Path) -> None:
             building.stored_log(name, b"1")
 
 
+def test_a_log_that_is_looked_at_again_keeps_what_a_person_bound(tmp_path: Path) -> None:
+    """Seen by a first user: a hand-written product of volts and amperes was dropped, and the misfit went from 0.16 to 22 K."""
+    building = box(tmp_path)
+    data = write_log(tmp_path / "elsewhere.csv").read_bytes()
+    first, second = (building.stored_log(name, data) for name in ("run.csv", "next.csv"))
+    assert first != second
+    do(building, "log", file=first)
+    own = {"node": "board", "unit": "degC", "accuracy": "0.5 [K]"}
+    do(building, "bind", channels={"board C": own, "room C": None})
+    state = do(building, "log", file=second)
+    assert state["log"]["channels"]["board C"] == own  # a second log of the same columns has them as the first
+    before = do(building, "bind", channels={"heater W": None})["text"]
+    state = do(building, "log", file=first)
+    assert state["log"]["channels"]["board C"] == own
+    assert "room C" not in state["log"]["channels"]
+    assert "heater W" in state["log"]["channels"]
+    assert state["text"] == before
+
+
 def test_a_part_has_its_needs_bound(tmp_path: Path) -> None:
     (tmp_path / "part.toml").write_text('title = "part"\nneeds = ["air"]\n[nodes]\nbody = { capacitance = "9 [J/K]" }\n', encoding="utf-8")
     building = Building(tmp_path / "whole.toml")
