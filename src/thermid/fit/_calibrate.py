@@ -28,7 +28,7 @@ from thermid.fit._calibration import (
     far_from_sheet,
     loudly,
 )
-from thermid.fit._error_model.discrepancy import with_discrepancy
+from thermid.fit._error_model.discrepancy import assumed_moves, with_discrepancy
 from thermid.fit._error_model.kept import KEY as ERRORS, ErrorModel, error_table, with_structural_errors
 from thermid.fit._inputs import inputs_of
 from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
@@ -853,9 +853,10 @@ def _fitted(
         )
         questions = dict.fromkeys(a.removeprefix(FIRST) for a in (*questions_on_mistakes, *unlogged))
         raise refusal.reworded(" ".join([refusal.message, *(f"{a[0].upper()}{a[1:]}" for a in questions)])) from None
-    errors = responses(request, problem, minimum, spread.variance_factor, random, weights)
+    assumed = assumed_moves(request, problem, minimum, spread)
+    errors = responses(request, problem, minimum, spread.variance_factor, random, weights, assumed.ranges)
     _refuse_without_errors(request, problem, errors.total)
-    calibration = with_discrepancy(replace(summarise(request, problem, minimum, errors, random, spread), kept=end_to_keep))
+    calibration = with_discrepancy(replace(summarise(request, problem, minimum, errors, random, spread), kept=end_to_keep), assumed)
     if request.structural_errors or _suspect(calibration, spread):
         return _with_errors(*with_structural_errors(calibration))
     return _with_errors(calibration, None)

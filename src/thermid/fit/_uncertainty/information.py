@@ -270,7 +270,15 @@ class Responses:
         return np.concatenate([self.rows[positions], noise_columns], axis=1), (*self.sources, *sources)
 
 
-def responses(request: Request, problem: Problem, minimum: Fit, level: float, random: Array, weights: Array) -> Responses:
+def responses(
+    request: Request,
+    problem: Problem,
+    minimum: Fit,
+    level: float,
+    random: Array,
+    weights: Array,
+    ranges: Sequence[tuple[Source, Array]] = (),
+) -> Responses:
     """Return what the errors of a fit come from.
 
     With A and B the derivatives of the weighted residuals with respect to what was looked for and what was fixed, P the covariance of the
@@ -282,6 +290,7 @@ def responses(request: Request, problem: Problem, minimum: Fit, level: float, ra
     level : float       Variance of residuals that do not wander, in squares of the noise.
     random : array      Covariance by the scatter of the residuals; see `covariances`.
     weights : array     C.
+    ranges : sequence   Sources of fixed values that are known within a printed range, and what the unknowns (unknowns,) answer to each.
     """
     unknowns = problem.unknowns
     unlimited = ~np.isfinite(np.diag(weights))
@@ -303,6 +312,8 @@ def responses(request: Request, problem: Problem, minimum: Fit, level: float, ra
     held = _fixed(request, unknowns)
     if held and unknowns:
         _consider(table, request, problem, minimum, held, gain / level)
+    for source, column in ranges:
+        table.add((source,), column[:, None])
     rows = np.array(list(table.columns.values())).reshape(len(table.columns), len(unknowns)).T
     return Responses(rows, tuple(table.sources.values()), noise, unlimited).between(unknowns, minimum.fitted)
 

@@ -1,0 +1,83 @@
+"""Values that are known within a printed range only: one source of error each, wherever in a model and at whatever level it is met."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from thermid.model.elements import PrintedRange
+from thermid.model.identity import local_identities
+from thermid.model.tree import ParameterSet, Tree
+from thermid.values.store import Distribution, LogNormal, Normal, Source
+
+RANGE_OF = "range of "
+"""What the name of a source begins with that is a printed range."""
+MAX_VARIANCE_LEFT = 0.8
+"""Part of the variance of an assumed value that readings leave at most, where they count; its stated law stays as it is beyond. [-]"""
+
+
+@dataclass(frozen=True)
+class RangedValue:
+    """A value of a deck whose range a catalogue or a data sheet prints, and nobody fitted.
+
+    Parameters
+    ----------
+    path : str                  In the model.
+    also : tuple of str         Other paths with the same value: twins, and parts of one material.
+    printed : PrintedRange
+    columns : tuple             Standard normal sources of its error, with the part of its standard deviation that each has: a finish has
+                                one for all surfaces and one for each. [-]
+    """
+
+    path: str
+    also: tuple[str, ...]
+    printed: PrintedRange
+    columns: tuple[tuple[Source, float], ...]
+
+    @property
+    def words(self) -> str:
+        """What it is the range of."""
+        return f"the range of '{self.printed.name}' in {self.path}" if self.printed.name else f"the range of {self.path}"
+
+    def law(self, nominal: float) -> Distribution:
+        """Return its distribution about the value that a model has. [SI]"""
+        has_log = self.printed.low > 0.0 and nominal > 0.0
+        return LogNormal(nominal, self.printed.log_sd(nominal)) if has_log else Normal(nominal, self.printed.sd)
+
+
+def ranged_values(model: Tree, parameters: ParameterSet, without: Collection[str] = ()) -> list[RangedValue]:
+    """Return what a model has with a printed range, but the paths in `without`; twins share their value, parts of one material too."""
+    same, table = local_identities(model), parameters.table
+    groups: dict[str, list[str]] = {}
+    printed = {p: r for p, r in parameters.printed.items() if p not in without}
+    for path, one in printed.items():
+        own = same[path].paths[0] if path in same else path
+        groups.setdefault(one.name if one.alike == 1.0 else own, []).append(path)
+    places = [table[paths[0]].where for paths in groups.values()]
+    out = []
+    for (path, *also), where in zip(groups.values(), places, strict=True):
+        one = printed[path]
+        place = where if places.count(where) == 1 else f"{where} at {path}"  # twins that a cut parted
+        common, own_source = _source(one.name), _source(place)
+        columns = ((common, math.sqrt(one.alike)), (own_source, math.sqrt(1.0 - one.alike)))
+        out.append(RangedValue(path, tuple(also), one, tuple((s, share) for s, share in columns if share > 0.0)))
+    return out
+
+
+def _source(what: str) -> Source:
+    return Source(f"{RANGE_OF}{what}", "stated", Normal(), f"the range of {what}")
+
+
+def narrowed(law: Distribution, nominal: float, variance_and_shift: tuple[float, float] | None) -> Distribution:
+    """Return the law of an assumed value once the readings of a fit are counted beside it; `nominal` is the value that the fit took.
+
+    With a variance v of the law and V of the readings, ``v V / (v + V)`` is left, and the value would move by ``v / (v + V)`` of what they
+    ask for. The values of the fit stay those of the deck's, so both count as its error, which is never more than was stated.
+    """
+    if variance_and_shift is None or not law.variance:
+        return law
+    variance, shift = variance_and_shift
+    share = law.variance / (law.variance + variance)
+    variance_left = share * variance + (share * shift) ** 2
+    return Normal(nominal, variance_left**0.5) if variance_left < MAX_VARIANCE_LEFT * law.variance else law
