@@ -80,9 +80,34 @@ def own_standing(
     if far and (size := max(far.values())) > STRAINED:
         name = max(far, key=far.__getitem__)
         short_of.append(f"'{name}' lies {size:.1f} standard deviations from its prior (limit {STRAINED:g})")
+    if _shifted_together(problem, minimum)[1] > STRAINED:
+        short_of.append(_together_in_words(problem, minimum))
     if short_of:
         return Standing("not adequate", "; ".join(short_of), values.stage, request.accepted)
     return replace(CREDIBLE, stage=values.stage)
+
+
+def _shifted_together(problem: Problem, minimum: Fit) -> tuple[float, float]:
+    """Return by how much all sensors read high together, beside the logged boundaries [K], and in standard deviations by their accuracies.
+
+    A law that is wrong moves them together, where instruments that err independently hardly do. Of one sensor nothing is said.
+    """
+    groups: dict[str, list[tuple[float, float]]] = {"sensor": [], "shared": []}
+    for u, x in zip(problem.unknowns, minimum.fitted.tolist(), strict=True):
+        if u.kind in groups and u.unit == "K" and u.prior is not None:
+            groups[u.kind].append((x, u.prior.sd**-2.0))
+    if len(groups["sensor"]) < 2:
+        return 0.0, 0.0
+    weights = [sum(w for _, w in group) for group in groups.values() if group]
+    # what is added to a logged boundary is what it reads low
+    shift = sum(sum(x * w for x, w in group) / sum(w for _, w in group) for group in groups.values() if group)
+    return shift, abs(shift) / math.sqrt(sum(1.0 / w for w in weights))
+
+
+def _together_in_words(problem: Problem, minimum: Fit) -> str:
+    shift, far = _shifted_together(problem, minimum)
+    side = "high" if shift > 0.0 else "low"
+    return f"all sensors would read {short(abs(shift))} K {side} together, {far:.1f} standard deviations by their accuracies"
 
 
 def at_bounds(problem: Problem, minimum: Fit, total: Array) -> list[tuple[Unknown, str, float]]:
@@ -472,7 +497,10 @@ def summarise(
     values = FittedValues(name, items, total[block], provenance)
     alone, rests = own_standing(request, problem, best, values, total, spread), rests_on(request, values)
     store = stored(request, problem, values.judged(worst([alone, *rests.values()])), responses_of_fit)
+    uncut = zip(problem.unknowns, best.fitted.tolist(), responses_of_fit.uncut.tolist(), strict=False)  # empty where nothing was cut
+    wide = {u.name: u.slope(x) * variance**0.5 for u, x, variance in uncut}
     values = view(store, list(values), name)
+    values = replace(values, items_={p: replace(v, uncut=x) if (x := wide.get(p, 0.0)) > v.error else v for p, v in values.items()})
     bias = dict(problem.fixed_bias) | {s: v.value for s, v in values.sensors.items()}
     blocks = Predictions(best.sums, problem, best.fitted)
     local = tuple(_local(u, best.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local")
@@ -497,7 +525,7 @@ def summarise(
             *far_from_sheet(request.model, values),
             *request.remarks,
             *(f"{FIRST}{r}" for r in (request.model.runner.remarks if request.model.runner is not None else ())),
-            *_warnings(problem, best, total, spread),
+            *_warnings(problem, best, total, spread, values),
             *(unlumped(request.model, {p: v.value for p, v in values.assignments.items()}) if request.model.runner is None else ()),
             *best.remarks,
             *(_wandering(spread) if spread is not None else ()),
@@ -547,16 +575,15 @@ def correlations_of(problem: Problem, total: Array) -> dict[tuple[str, str], flo
     return out
 
 
-def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelation | None) -> list[str]:
+def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelation | None, values: FittedValues) -> list[str]:
     """Return what a reader must know."""
     out = []
     if not minimum.converged:
         out.append(f"the fit did not converge: {minimum.message}")
     for u, side, bound in at_bounds(problem, minimum, total):
         shown = f"{FittedValue(u.name, u.to_value(bound), 0, 0, u.log, u.unit, 0, (0, 0)).in_unit:.6g} {u.unit}".strip()
-        out.append(
-            f"'{u.name}' ended at its {side} bound {shown}, so its standard error is not meaningful. Widen the bound, or fix the parameter."
-        )
+        cut = f", where its standard error of {short(v.shown(v.uncut))} is cut" if u.name in values and (v := values[u.name]).uncut else ""
+        out.append(f"'{u.name}' ended at its {side} bound {shown}{cut}. Widen the bound, or fix the parameter.")
     for k, u in enumerate(problem.unknowns):
         far = abs(minimum.fitted[k] - u.prior.mean) / u.prior.sd if u.prior is not None and u.kind != "local" else 0.0
         if 3.0 < far <= CONTRADICTION_DEVIATIONS:  # what lies farther stands at the head of the fit
@@ -564,6 +591,8 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
                 f"'{u.name}' lies {far:.1f} standard deviations from its prior: data and prior disagree. Check the source of "
                 "the prior, and the model."
             )
+    if ASIDE < _shifted_together(problem, minimum)[1] <= STRAINED:
+        out.append(f"{_together_in_words(problem, minimum)}. A law or an exponent is more likely wrong: `thermid criticise` looks for it.")
     out += _strained(problem, minimum)
     out += differing(problem)
     out += _noise_apart(problem)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from thermid.model.elements import PrintedRange
 from thermid.model.identity import local_identities
 from thermid.model.tree import ParameterSet, Tree
-from thermid.values.store import Distribution, LogNormal, Normal, Source
+from thermid.values.store import COVARIANCE_KINDS, Distribution, LogNormal, Normal, Source, Store
 
 RANGE_OF = "range of "
 """What the name of a source begins with that is a printed range."""
@@ -59,14 +59,23 @@ def ranged_values(model: Tree, parameters: ParameterSet, without: Collection[str
     for (path, *also), where in zip(groups.values(), places, strict=True):
         one = printed[path]
         place = where if places.count(where) == 1 else f"{where} at {path}"  # twins that a cut parted
-        common, own_source = _source(one.name), _source(place)
+        words = f"the range of '{one.name}'" if one.name else f"the range of {path}"
+        common, own_source = (Source(f"{RANGE_OF}{what}", "stated", Normal(), words) for what in (one.name, place))
         columns = ((common, math.sqrt(one.alike)), (own_source, math.sqrt(1.0 - one.alike)))
         out.append(RangedValue(path, tuple(also), one, tuple((s, share) for s, share in columns if share > 0.0)))
     return out
 
 
-def _source(what: str) -> Source:
-    return Source(f"{RANGE_OF}{what}", "stated", Normal(), f"the range of {what}")
+def range_shares(store: Store, path: str) -> dict[str, float]:
+    """Return printed range -> its part of the variance of a value, the largest first. [-]"""
+    row = store.rows([path], COVARIANCE_KINDS)[0]
+    whole = float(row @ row)
+    parts: dict[str, float] = {}
+    for source, x in zip(store.sources, row.tolist(), strict=True):
+        if source.name.startswith(RANGE_OF) and x:
+            what = source.words.removeprefix(f"the {RANGE_OF}")
+            parts[what] = parts.get(what, 0.0) + x**2 / whole
+    return dict(sorted(parts.items(), key=lambda item: -item[1]))
 
 
 def narrowed(law: Distribution, nominal: float, variance_and_shift: tuple[float, float] | None) -> Distribution:

@@ -228,12 +228,14 @@ class Responses:
     sources : tuple of Source           What they respond to.
     noise : array (unknowns, unknowns)  Covariance by the noise of the readings, and by what is known of single records.
     unlimited : array (unknowns,)       Which unknowns the data say nothing of.
+    uncut : array (unknowns,)           Variances as they were without bounds; empty where nothing was cut.
     """
 
     rows: Array
     sources: tuple[Source, ...]
     noise: Array
     unlimited: Bools
+    uncut: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def total(self) -> Array:
@@ -254,7 +256,7 @@ class Responses:
 
         variances = np.diag(self.total)
         bounded = [k for k, u in enumerate(unknowns) if u.kind == "parameter" and not self.unlimited[k] and variances[k] > 0.0]
-        out = self
+        out = replace(self, uncut=variances)
         for k in sorted(bounded, key=lambda k: share(k, float(variances[k]))):
             column = out.total[:, k]
             inside = column[k] * share(k, float(column[k]))
