@@ -17,7 +17,7 @@ from thermid.base.errors import IdentificationError, NameNotFoundError, Scenario
 from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse
 from thermid.base.results import Shown
 from thermid.fit.calibration import Calibration
-from thermid.fit.discrepancy import MAX_GAS_CONDUCTANCE, Discrepancy, losing_gas
+from thermid.fit.discrepancy import MAX_GAS_CONDUCTANCE, Discrepancy, losing_gas, told_first
 from thermid.fit.error_model import ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES, ErrorModel, KeptWay, SeenValue
 from thermid.inference.criticism import asks
 from thermid.model.elements import UNJUDGED, Standing
@@ -680,8 +680,8 @@ def budget_of(
     for path, gas in contacts.items():
         also = next((t.also for t in make.targets if t.name == path), ())
         make = make.with_one(gas, GAS_IN_JOINTS, Target(path, "factor", also))
-    of_assumed = {p: variance_and_shift for k in source.discrepancies for p, variance_and_shift in k.of_assumed.items()}
-    make = replace(make, followed=followed_by(source.discrepancies), said=of_assumed).with_stated(plain)
+    said = told_first(k.of_assumed for k in source.discrepancies)
+    make = replace(make, followed=followed_by(source.discrepancies), said=said).with_stated(plain)
     unseen = UNSEEN if split_model.runner is not None else ""
     unsought = UNSOUGHT if source.fit is not None and asks(source.fit) else ""
     make = make.with_ranges(open_ranges(split_model, scenario, {*source.assigned, *make.spread, *_of_laws(make)}))

@@ -6,7 +6,7 @@ for, but not known to be right; the fit's own response to them is counted.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -265,16 +265,29 @@ def assumed_moves(request: Request, problem: Problem, minimum: Fit, noise: Autoc
     moved = dict(zip(paths, _moved_in(problem, ends, pieces, request.loss, level).T, strict=True))
     said = _said_of(problem, paths, at, pieces, noise)
     nominal = {u.name: u.start for u in more}
-    return AssumedMoves(moved, said, tuple(c for r in ranged for c in _columns(r, moved, said, nominal)))
+    below = (k.of_assumed for table in request.store.provenance.values() if (k := kept_in(table)) is not None)
+    told = told_first([*below, said])
+    return AssumedMoves(moved, said, tuple(c for r in ranged for c in _columns(r, moved, told, nominal)))
+
+
+def told_first(several: Iterable[Mapping[str, tuple[float, float]]]) -> dict[str, tuple[float, float]]:
+    """Return assumed value -> variance and shift by the first of several fits that tells it; see `Discrepancy.of_assumed`.
+
+    A fit above takes for right what those below found beside the value, and would tell it better than it knows.
+    """
+    out: dict[str, tuple[float, float]] = {}
+    for said in several:
+        out = {**said, **out}
+    return out
 
 
 def _columns(
-    value: RangedValue, moved: Mapping[str, Array], said: Mapping[str, tuple[float, float]], nominal: Mapping[str, float]
+    value: RangedValue, moved: Mapping[str, Array], told: Mapping[str, tuple[float, float]], nominal: Mapping[str, float]
 ) -> list[tuple[Source, Array]]:
     """Return what a fit answers to each source of a printed range, as far as its readings leave it open."""
     paths = (value.path, *value.also)
-    told = min((said[p] for p in paths if p in said), default=None)
-    law = narrowed(value.law(nominal[value.path]), nominal[value.path], told)
+    best = min((told[p] for p in paths if p in told), default=None)
+    law = narrowed(value.law(nominal[value.path]), nominal[value.path], best)
     whole = np.sum([moved[p] for p in paths], axis=0) * law.variance**0.5
     return [(source, share * whole) for source, share in value.columns] if whole.any() else []
 
