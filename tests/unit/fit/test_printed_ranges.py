@@ -9,9 +9,13 @@ import numpy as np
 import pytest
 
 import thermid as td
+from thermid.fit._error_model.courses import OperatingPoint
+from thermid.fit._error_model.elements import SHARE_OF, SurfaceLaw, ways_of
+from thermid.fit._error_model.sizes import FINISH
 from thermid.fit.calibration import Calibration, Request, fit
 from thermid.model.tree import ParameterSet
 from thermid.prediction._budget import PRINTED_RANGES, budget_of
+from thermid.simulation.network import compile_network
 from thermid.values.ranges import RANGE_OF, ranged_values
 
 STEEL, PLAIN = "stainless steel 304", "0 [s]"
@@ -142,3 +146,21 @@ def test_the_ranges_of_a_standard_part_count_in_its_band() -> None:
     hot = [float(td.simulate(model.with_values({"q.JC.resistance": f"{r} [K/W]"}), ROOM)["q.junction"].kelvin[-1]) for r in (0.5, 5.0)]
     assert told.shares == pytest.approx({PRINTED_RANGES: 1.0})
     assert 1.96 * told.error > 0.3 * (hot[1] - hot[0])
+
+
+def test_the_share_of_radiation_in_an_effective_coefficient_has_the_range_of_its_finish() -> None:
+    skin = {"of": "a", "to": "air", "area": "0.03 [m^2]", "effective_htc": "7 [W/(m^2 K)]", "carried_by": "free air"}
+    relative = []
+    for more in ({"finish": "aluminium, machined"}, {"emissivity": 0.09}):
+        deck = {
+            "title": "Plate",
+            "needs": ["air"],
+            "nodes": {"a": {"mass": "1 [kg]", "material": STEEL}},
+            "surfaces": {"skin": skin | more},
+        }
+        network = compile_network(td.model_from_dict(deck))
+        first, *_ = ways_of(network, {"skin": OperatingPoint(20.0, 310.0)}, network.numbers().values)
+        law = first.laws["skin"]
+        assert isinstance(law, SurfaceLaw)
+        relative.append(first.sizes["skin", SHARE_OF][1] / law.share)
+    assert relative == pytest.approx([math.log(0.15 / 0.05) / (2 * 1.96), FINISH], rel=1e-3)
