@@ -80,15 +80,15 @@ def own_standing(
     if far and (size := max(far.values())) > STRAINED:
         name = max(far, key=far.__getitem__)
         short_of.append(f"'{name}' lies {size:.1f} standard deviations from its prior (limit {STRAINED:g})")
-    if _shifted_together(problem, minimum)[1] > STRAINED:
-        short_of.append(_together_in_words(problem, minimum))
+    deviations, words = _shifted_together(problem, minimum)
+    short_of += [words] if deviations > STRAINED else []
     if short_of:
         return Standing("not adequate", "; ".join(short_of), values.stage, request.accepted)
     return replace(CREDIBLE, stage=values.stage)
 
 
-def _shifted_together(problem: Problem, minimum: Fit) -> tuple[float, float]:
-    """Return by how much all sensors read high together, beside the logged boundaries [K], and in standard deviations by their accuracies.
+def _shifted_together(problem: Problem, minimum: Fit) -> tuple[float, str]:
+    """Return by how many of its standard deviations all sensors read high or low together, beside the logged boundaries, and that in words.
 
     A law that is wrong moves them together, where instruments that err independently hardly do. Of one sensor nothing is said.
     """
@@ -97,17 +97,13 @@ def _shifted_together(problem: Problem, minimum: Fit) -> tuple[float, float]:
         if u.kind in groups and u.unit == "K" and u.prior is not None:
             groups[u.kind].append((x, u.prior.sd**-2.0))
     if len(groups["sensor"]) < 2:
-        return 0.0, 0.0
-    weights = [sum(w for _, w in group) for group in groups.values() if group]
+        return 0.0, ""
+    columns = [np.array(group).T for group in groups.values() if group]
     # what is added to a logged boundary is what it reads low
-    shift = sum(sum(x * w for x, w in group) / sum(w for _, w in group) for group in groups.values() if group)
-    return shift, abs(shift) / math.sqrt(sum(1.0 / w for w in weights))
-
-
-def _together_in_words(problem: Problem, minimum: Fit) -> str:
-    shift, far = _shifted_together(problem, minimum)
-    side = "high" if shift > 0.0 else "low"
-    return f"all sensors would read {short(abs(shift))} K {side} together, {far:.1f} standard deviations by their accuracies"
+    shift = float(sum(x @ w / w.sum() for x, w in columns))
+    deviations = abs(shift) / math.sqrt(sum(1.0 / w.sum() for _, w in columns))
+    high = f"{short(abs(shift))} K {'high' if shift > 0.0 else 'low'} together"
+    return deviations, f"all sensors would read {high}, {deviations:.1f} standard deviations by their accuracies"
 
 
 def at_bounds(problem: Problem, minimum: Fit, total: Array) -> list[tuple[Unknown, str, float]]:
@@ -497,10 +493,7 @@ def summarise(
     values = FittedValues(name, items, total[block], provenance)
     alone, rests = own_standing(request, problem, best, values, total, spread), rests_on(request, values)
     store = stored(request, problem, values.judged(worst([alone, *rests.values()])), responses_of_fit)
-    uncut = zip(problem.unknowns, best.fitted.tolist(), responses_of_fit.uncut.tolist(), strict=False)  # empty where nothing was cut
-    wide = {u.name: u.slope(x) * variance**0.5 for u, x, variance in uncut}
-    values = view(store, list(values), name)
-    values = replace(values, items_={p: replace(v, uncut=x) if (x := wide.get(p, 0.0)) > v.error else v for p, v in values.items()})
+    values = _with_uncut(view(store, list(values), name), problem, best, responses_of_fit)
     bias = dict(problem.fixed_bias) | {s: v.value for s, v in values.sensors.items()}
     blocks = Predictions(best.sums, problem, best.fitted)
     local = tuple(_local(u, best.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local")
@@ -548,6 +541,13 @@ def summarise(
     )
 
 
+def _with_uncut(values: FittedValues, problem: Problem, minimum: Fit, responses_of_fit: Responses) -> FittedValues:
+    """Return values with their errors as they would be without bounds, where these cut them."""
+    variances = zip(problem.unknowns, minimum.fitted.tolist(), responses_of_fit.uncut.tolist(), strict=False)  # or none
+    errors = {u.name: u.slope(x) * variance**0.5 for u, x, variance in variances}
+    return replace(values, items_={p: replace(v, uncut=x) if (x := errors.get(p, 0.0)) > v.error else v for p, v in values.items()})
+
+
 def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) -> FittedValue:
     slope = u.slope(fitted)
     errors = (slope * float(np.sqrt(total)), slope * float(np.sqrt(np.clip(random, 0.0, total))) if u.kind == "parameter" else 0.0)
@@ -591,8 +591,9 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
                 f"'{u.name}' lies {far:.1f} standard deviations from its prior: data and prior disagree. Check the source of "
                 "the prior, and the model."
             )
-    if ASIDE < _shifted_together(problem, minimum)[1] <= STRAINED:
-        out.append(f"{_together_in_words(problem, minimum)}. A law or an exponent is more likely wrong: `thermid criticise` looks for it.")
+    deviations, words = _shifted_together(problem, minimum)
+    if ASIDE < deviations <= STRAINED:
+        out.append(f"{words}. A law or an exponent is more likely wrong: `thermid criticise` looks for it.")
     out += _strained(problem, minimum)
     out += differing(problem)
     out += _noise_apart(problem)

@@ -590,10 +590,10 @@ class Budget:
             for source, share in r.columns:
                 out.gain[-1, at[source.name]] = share * sd / (nominal if has_log else 1.0)
         alike, names = out.alike.copy(), [r.printed.name if r.path not in self.said else r.path for r in fresh]
-        own = {s.name: k for k, s in enumerate(out.sources)}
+        columns = {s.name: k for k, s in enumerate(out.sources)}
         for (i, a), (j, b) in product(enumerate(fresh), repeat=2):
             if i != j and names[i] and names[i] == names[j]:
-                alike[own[a.path], own[b.path]] = a.printed.alike
+                alike[columns[a.path], columns[b.path]] = a.printed.alike
         return replace(out, alike=alike)
 
     def _joint(self, spread: Spread, ready: Simulator) -> Budget:
@@ -680,8 +680,8 @@ def budget_of(
     for path, gas in contacts.items():
         also = next((t.also for t in make.targets if t.name == path), ())
         make = make.with_one(gas, GAS_IN_JOINTS, Target(path, "factor", also))
-    said = told_first(k.of_assumed for k in source.discrepancies)
-    make = replace(make, followed=followed_by(source.discrepancies), said=said).with_stated(plain)
+    make = replace(make, followed=followed_by(source.discrepancies), said=told_first(k.of_assumed for k in source.discrepancies))
+    make = make.with_stated(plain)
     unseen = UNSEEN if split_model.runner is not None else ""
     unsought = UNSOUGHT if source.fit is not None and asks(source.fit) else ""
     make = make.with_ranges(open_ranges(split_model, scenario, {*source.assigned, *make.spread, *_of_laws(make)}))

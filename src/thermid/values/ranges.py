@@ -48,21 +48,20 @@ class RangedValue:
 
 def ranged_values(model: Tree, parameters: ParameterSet, without: Collection[str] = ()) -> list[RangedValue]:
     """Return what a model has with a printed range, but the paths in `without`; twins share their value, parts of one material too."""
-    same, table = local_identities(model), parameters.table
-    groups: dict[str, list[str]] = {}
+    twins, groups = local_identities(model), dict[str, list[str]]()
     printed = {p: r for p, r in parameters.printed.items() if p not in without}
-    for path, one in printed.items():
-        own = same[path].paths[0] if path in same else path
-        groups.setdefault(one.name if one.alike == 1.0 else own, []).append(path)
-    places = [table[paths[0]].where for paths in groups.values()]
+    for path, r in printed.items():
+        first = twins[path].paths[0] if path in twins else path
+        groups.setdefault(r.name if r.alike == 1.0 else first, []).append(path)
+    places = [parameters.table[paths[0]].where for paths in groups.values()]
     out = []
     for (path, *also), where in zip(groups.values(), places, strict=True):
-        one = printed[path]
+        r = printed[path]
         place = where if places.count(where) == 1 else f"{where} at {path}"  # twins that a cut parted
-        words = f"the range of '{one.name}'" if one.name else f"the range of {path}"
-        common, own_source = (Source(f"{RANGE_OF}{what}", "stated", Normal(), words) for what in (one.name, place))
-        columns = ((common, math.sqrt(one.alike)), (own_source, math.sqrt(1.0 - one.alike)))
-        out.append(RangedValue(path, tuple(also), one, tuple((s, share) for s, share in columns if share > 0.0)))
+        words = f"the range of '{r.name}'" if r.name else f"the range of {path}"
+        shares = {r.name: math.sqrt(r.alike), place: math.sqrt(1.0 - r.alike)}
+        columns = tuple((Source(f"{RANGE_OF}{what}", "stated", Normal(), words), share) for what, share in shares.items() if share > 0.0)
+        out.append(RangedValue(path, tuple(also), r, columns))
     return out
 
 

@@ -164,3 +164,71 @@ def test_the_share_of_radiation_in_an_effective_coefficient_has_the_range_of_its
         assert isinstance(law, SurfaceLaw)
         relative.append(first.sizes["skin", SHARE_OF][1] / law.share)
     assert relative == pytest.approx([math.log(0.15 / 0.05) / (2 * 1.96), FINISH], rel=1e-3)
+
+
+METALS = {"skin": ("aluminium, blasted", 0.3, 0.18, 0.47), "top": ("paint, aluminium", 0.4, 0.25, 0.6)}
+OWN = {"core.capacitance": 300.0, "lid.capacitance": 250.0, "seat.conductance": 0.5, "joint.conductance": 0.8}
+
+
+def three_masses(emissivities: tuple[float, ...], film: float, heat: float, own: dict[str, float]) -> td.Model:
+    """A box whose finishes, film and specific heat are others than those that its deck has from a catalogue."""
+    skin = {"to": "air", "htc": "4 [W/(m^2 K)]"}
+    deck = {
+        "title": "Box",
+        "needs": ["air"],
+        "nodes": {"core": {"capacitance": "300 [J/K]"}, "shell": {"mass": "0.35 [kg]", "material": "aluminium 6061-T6"}}
+        | {"lid": {"capacitance": "250 [J/K]"}},
+        "surfaces": {
+            "skin": skin | {"of": "shell", "area": "0.05 [m^2]", "finish": METALS["skin"][0]},
+            "top": {"of": "lid", "to": "air", "area": "0.02 [m^2]", "htc": FILM, "finish": METALS["top"][0]},
+        },
+        "conductors": {
+            "seat": {"kind": "conduction", "between": ["core", "shell"], "conductance": "0.5 [W/K]"},
+            "joint": {"kind": "conduction", "between": ["shell", "lid"], "conductance": "0.8 [W/K]"},
+        },
+        "loads": {"heat": {"into": "core", "power": "4 [W]"}},
+    }
+    values: dict[str, Any] = {f"{n}.emissivity": e for n, e in zip(METALS, emissivities, strict=False)}
+    values |= {"top.htc": f"{film!r} [W/(m^2 K)]", "shell.specific_heat": f"{heat!r} [J/(kg K)]"}
+    units = {"capacitance": "J/K", "conductance": "W/K"}
+    values |= {n: f"{x!r} [{units[n.partition('.')[2]]}]" for n, x in own.items()}
+    model = td.model_from_dict(deck)
+    return model.with_values(values) if emissivities else model
+
+
+FILM = {"value": "5 [W/(m^2 K)]", "min": 4.2, "max": 6.0, "source": "datasheet"}
+
+
+@pytest.mark.campaign
+def test_intervals_beside_fixed_inputs_that_are_wrong_inside_their_ranges_hold() -> None:
+    """100 boxes: without the ranges 38 % of the intervals hold, with them 97 %."""
+    draw, held, before = np.random.default_rng(11), [], []
+    times = np.linspace(0.0, 10800.0, 181)
+
+    def within(value: float, low: float, high: float) -> float:
+        return float(value * np.exp(math.log(high / low) / (2 * 1.96) * draw.standard_normal()))
+
+    for _ in range(100):
+        own = {n: float(x * np.exp(0.3 * draw.standard_normal())) for n, x in OWN.items()}
+        finishes = tuple(within(*METALS[n][1:]) for n in METALS)
+        truth = three_masses(finishes, within(5.0, 4.2, 6.0), within(896.0, 860.16, 931.84), own)
+        logs = []
+        for power, room in ((4.0, 22.0), (8.0, 25.0)):
+            name, air = f"{power:g} W", f"{room} [degC]"
+            given = td.Scenario(name, {"air": air}, loads={"heat": f"{power} [W]"}, start=air, duration="3 [h]")
+            run = td.simulate(truth, given, times=times)
+            channels = {
+                n: td.Channel.from_array(n, run[n].kelvin + draw.normal(0.0, 0.05, 181), unit="K", role="node", target=n, noise=0.05)
+                for n in ("core", "shell", "lid")
+            }
+            channels["P"] = td.Channel.from_array("P", np.full(181, power), quantity="power", role="load", target="heat")
+            channels["air"] = td.Channel.from_array("air", np.full(181, 273.15 + room), unit="K", role="boundary", target="air")
+            logs.append(td.Record.from_arrays(name, times, channels, synthetic=True))
+        found = td.calibrate(three_masses((), 0.0, 0.0, {}), logs, [*OWN, "skin.htc"])
+        is_other = np.array([not s.name.startswith(RANGE_OF) for s in found.store.sources])
+        for n, x in own.items():
+            row, miss = found.store.rows([n])[0], abs(math.log(found[n].value / x))
+            held.append(miss <= 1.96 * np.linalg.norm(row))
+            before.append(miss <= 1.96 * np.linalg.norm(row[is_other]))
+    assert np.mean(held) > 0.93
+    assert np.mean(before) < 0.5

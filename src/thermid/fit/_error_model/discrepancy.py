@@ -244,12 +244,12 @@ def assumed_moves(request: Request, problem: Problem, minimum: Fit, noise: Autoc
     if not problem.unknowns or any(identity_of(e.model) != identity_of(request.model) for e in problem.experiments):
         return AssumedMoves()
     at, deck = minimum.fitted, problem.experiments[0].network.flat.parameters
-    known = {p for s in request.store.states.values() for p in s.acts}
-    known |= {t.name for u in problem.unknowns for t in u.targets}
-    known |= {p for e in problem.experiments for p in e.scenario.driven(e.network.flat)}
-    ranged = ranged_values(request.model, deck, known)
+    taken = {p for s in request.store.states.values() for p in s.acts}
+    taken |= {t.name for u in problem.unknowns for t in u.targets}
+    taken |= {p for e in problem.experiments for p in e.scenario.driven(e.network.flat)}
+    ranged = ranged_values(request.model, deck, taken)
     paths = list(dict.fromkeys(p for r in ranged for p in (r.path, *r.also)))
-    assumed = (p for p, e in deck.table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in known)
+    assumed = (p for p, e in deck.table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in taken)
     both = [*paths, *(p for p in assumed if p not in paths)]
     paths = both if len(both) <= MAX_SOLVED_ASSUMPTIONS else paths
     if not paths or len(paths) > MAX_SOLVED_ASSUMPTIONS:
@@ -263,11 +263,11 @@ def assumed_moves(request: Request, problem: Problem, minimum: Fit, noise: Autoc
     pieces = binned(wide, ends, request.loss)
     level = max(1.0, minimum.chi_square / max(round(problem.freedom), 1))
     moved = dict(zip(paths, _moved_in(problem, ends, pieces, request.loss, level).T, strict=True))
-    said = _said_of(problem, paths, at, pieces, noise)
+    of_assumed = _said_of(problem, paths, at, pieces, noise)
     nominal = {u.name: u.start for u in more}
     below = (k.of_assumed for table in request.store.provenance.values() if (k := kept_in(table)) is not None)
-    told = told_first([*below, said])
-    return AssumedMoves(moved, said, tuple(c for r in ranged for c in _columns(r, moved, told, nominal)))
+    first = told_first([*below, of_assumed])
+    return AssumedMoves(moved, of_assumed, tuple(c for r in ranged for c in _columns(r, moved, first, nominal)))
 
 
 def told_first(several: Iterable[Mapping[str, tuple[float, float]]]) -> dict[str, tuple[float, float]]:
@@ -276,17 +276,17 @@ def told_first(several: Iterable[Mapping[str, tuple[float, float]]]) -> dict[str
     A fit above takes for right what those below found beside the value, and would tell it better than it knows.
     """
     out: dict[str, tuple[float, float]] = {}
-    for said in several:
-        out = {**said, **out}
+    for of_assumed in several:
+        out = {**of_assumed, **out}
     return out
 
 
 def _columns(
-    value: RangedValue, moved: Mapping[str, Array], told: Mapping[str, tuple[float, float]], nominal: Mapping[str, float]
+    value: RangedValue, moved: Mapping[str, Array], of_assumed: Mapping[str, tuple[float, float]], nominal: Mapping[str, float]
 ) -> list[tuple[Source, Array]]:
     """Return what a fit answers to each source of a printed range, as far as its readings leave it open."""
     paths = (value.path, *value.also)
-    best = min((told[p] for p in paths if p in told), default=None)
+    best = min((of_assumed[p] for p in paths if p in of_assumed), default=None)
     law = narrowed(value.law(nominal[value.path]), nominal[value.path], best)
     whole = np.sum([moved[p] for p in paths], axis=0) * law.variance**0.5
     return [(source, share * whole) for source, share in value.columns] if whole.any() else []

@@ -198,8 +198,8 @@ def ways_of(network: Network, at: Mapping[str, OperatingPoint], values: Mapping[
     unsaid = [p for p, c in surfaces.items() if CARRIED_BY not in c.words]
     stated = {p: float(value_of(values[c.emissivity])) for p, c in surfaces.items() if c.kind == "effective" and c.emissivity}
     deck = network.flat.parameters
-    printed = {p: r for p in stated if (r := deck.printed.get(deck.literal_behind(surfaces[p].emissivity))) is not None}
-    known = {p: printed[p].log_sd(e) if p in printed else FINISH for p, e in stated.items()}
+    printed = deck.printed
+    relative = {p: r.log_sd(e) for p, e in stated.items() if (r := printed.get(deck.literal_behind(surfaces[p].emissivity))) is not None}
     loose = [p for p in stated if deck.table[deck.literal_behind(surfaces[p].emissivity)].parameter.source != "measured"]
     others = [[p] for p in loose] if len(loose) <= FINISHES else [loose]
     finishes = [(stated, "", 1.0 - OTHER_FINISH if loose else 1.0)]
@@ -217,9 +217,9 @@ def ways_of(network: Network, at: Mapping[str, OperatingPoint], values: Mapping[
                 continue
             free = carried == FREE_AIR
             recipe, coefficient = linear_recipe(c), float(value_of(values[coefficient_path(c)]))
-            share, spread = (
-                (0.0, 0.0) if c.kind != "effective" else _radiation(coefficient, at[path], emissivities.get(path), known.get(path, FINISH))
-            )
+            share, spread = 0.0, 0.0
+            if c.kind == "effective":
+                share, spread = _radiation(coefficient, at[path], emissivities.get(path), relative.get(path, FINISH))
             fitted = float(value_of(recipe({name: values[p] for name, p in c.fields.items()}).coefficients[0]))
             laws[path] = SurfaceLaw(at[path], FREE_EXPONENT if free else 0.0, share, fitted, recipe)
             sizes |= {(path, EXPONENT_OF): ("", FREE_EXPONENT_SD)} if free else {}

@@ -91,8 +91,8 @@ def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unk
         if path in priors:
             unknown = replace(unknown, prior=prior_of(unknown, priors.pop(path)))
         elif path in printed and not inherited & {*group}:
-            start, known = unknown.to_fitted(unknown.start), printed[path]
-            unknown = replace(unknown, prior=Prior(start, known.log_sd(unknown.start) if unknown.log else known.sd))
+            sd = printed[path].log_sd(unknown.start) if unknown.log else printed[path].sd
+            unknown = replace(unknown, prior=Prior(unknown.to_fitted(unknown.start), sd))
         unknowns[path] = unknown
     for path in priors:
         raise IdentificationError(f"a prior is given for '{path}', which is not free.{nearest(path, unknowns)}", request.name)
