@@ -768,8 +768,8 @@ class Assumed:
     Parameters
     ----------
     path : str      In the model.
-    size : float    Standard deviation: by its printed range, by the bounds of its deck, or a tenth of itself. [SI]
-    ranged : bool   Whether its catalogue or its deck gives a range.
+    size : float    Standard deviation: by the range of its deck, or a tenth of itself. [SI]
+    ranged : bool   Whether its deck gives a range.
     """
 
     path: str
@@ -783,13 +783,9 @@ def assumed_values(model: Model, scenario: Scenario, taken: Collection[str]) -> 
     network = compile_network(model, media=scenario.media(), prescribed=tuple(scenario.prescribed))
     moved = scenario.driven(network.flat)
     loose = [p for p, e in table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in moved]
-    numbers, printed = network.numbers().values, network.flat.parameters.printed
+    numbers = network.numbers().values
     out = []
     for p in (p for p in loose if p not in taken and value_of(numbers[p])):
-        if p in printed:
-            value = float(value_of(numbers[p]))
-            out.append(Assumed(p, printed[p].log_sd(value) * value, True))
-            continue
         low, high = table[p].parameter.minimum, table[p].parameter.maximum
         wide = high - low if low is not None and high is not None else np.inf
         ranged = bool(np.isfinite(wide))
