@@ -582,13 +582,12 @@ class Budget:
                 out = out._assumed(r.path, r.also, law, ready, (PRINTED_RANGES, r.words), by_log=isinstance(law, LogNormal))
                 fresh.append(r)
                 continue
-            sd = narrowed(law, nominal, self.said.get(r.path)).variance ** 0.5
             has_log = isinstance(law, LogNormal)
             missing = [s for s, _ in r.columns if s.name not in place]
             out = out.beside(missing, PRINTED_RANGES, [Target(r.path, "log" if has_log else "add", r.also)])
             at = {s.name: k for k, s in enumerate(out.sources)}
             for source, share in r.columns:
-                out.gain[-1, at[source.name]] = share * sd / (nominal if has_log else 1.0)
+                out.gain[-1, at[source.name]] = share * r.sd_left(nominal, self.said) / (nominal if has_log else 1.0)
         alike, names = out.alike.copy(), [r.printed.name if r.path not in self.said else r.path for r in fresh]
         columns = {s.name: k for k, s in enumerate(out.sources)}
         for (i, a), (j, b) in product(enumerate(fresh), repeat=2):

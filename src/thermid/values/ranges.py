@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from thermid.model.elements import PrintedRange
@@ -44,6 +44,11 @@ class RangedValue:
         """Return its distribution about the value that a model has. [SI]"""
         has_log = self.printed.low > 0.0 and nominal > 0.0
         return LogNormal(nominal, self.printed.log_sd(nominal)) if has_log else Normal(nominal, self.printed.sd)
+
+    def sd_left(self, nominal: float, of_assumed: Mapping[str, tuple[float, float]]) -> float:
+        """Return its standard deviation once readings count, by what they say of its paths: see `narrowed`. [SI]"""
+        best = min((of_assumed[p] for p in (self.path, *self.also) if p in of_assumed), default=None)
+        return float(narrowed(self.law(nominal), nominal, best).variance ** 0.5)
 
 
 def ranged_values(model: Tree, parameters: ParameterSet, without: Collection[str] = ()) -> list[RangedValue]:

@@ -37,7 +37,7 @@ from thermid.model.tree import FlatConductor
 from thermid.physics.gas import GASES, REFERENCE
 from thermid.simulation.network import Media, Network
 from thermid.values.fitted import FittedValues
-from thermid.values.ranges import RangedValue, narrowed, ranged_values
+from thermid.values.ranges import ranged_values
 from thermid.values.store import Source
 
 MAX_SOLVED_ASSUMPTIONS = 40
@@ -267,7 +267,9 @@ def assumed_moves(request: Request, problem: Problem, minimum: Fit, noise: Autoc
     nominal = {u.name: u.start for u in more}
     below = (k.of_assumed for table in request.store.provenance.values() if (k := kept_in(table)) is not None)
     first = told_first([*below, of_assumed])
-    return AssumedMoves(moved, of_assumed, tuple(c for r in ranged for c in _columns(r, moved, first, nominal)))
+    moves = [np.sum([moved[p] for p in (r.path, *r.also)], axis=0) * r.sd_left(nominal[r.path], first) for r in ranged]
+    columns = ((source, share * move) for r, move in zip(ranged, moves, strict=True) if move.any() for source, share in r.columns)
+    return AssumedMoves(moved, of_assumed, tuple(columns))
 
 
 def told_first(several: Iterable[Mapping[str, tuple[float, float]]]) -> dict[str, tuple[float, float]]:
@@ -279,17 +281,6 @@ def told_first(several: Iterable[Mapping[str, tuple[float, float]]]) -> dict[str
     for of_assumed in several:
         out = {**of_assumed, **out}
     return out
-
-
-def _columns(
-    value: RangedValue, moved: Mapping[str, Array], of_assumed: Mapping[str, tuple[float, float]], nominal: Mapping[str, float]
-) -> list[tuple[Source, Array]]:
-    """Return what a fit answers to each source of a printed range, as far as its readings leave it open."""
-    paths = (value.path, *value.also)
-    best = min((of_assumed[p] for p in paths if p in of_assumed), default=None)
-    law = narrowed(value.law(nominal[value.path]), nominal[value.path], best)
-    whole = np.sum([moved[p] for p in paths], axis=0) * law.variance**0.5
-    return [(source, share * whole) for source, share in value.columns] if whole.any() else []
 
 
 def _said_of(
