@@ -69,7 +69,7 @@ NARROWS = {
     ROOM: "a room that is logged better, or held",
     UNEXPLAINED: "an element that explains what the residuals show: criticise looks for it",
     AVERAGED: "a deck that states what carries the heat (carried_by), measured emissivities, or a run at another difference",
-    PRINTED_RANGES: "a measured value in place of a printed one, or a record that tells it",
+    PRINTED_RANGES: "a measured value instead of a printed one, or a record that determines it",
     GAS_IN_JOINTS: "a record at low pressure, or a gap in the deck",
 }
 """Cause -> what would narrow a band that comes from it."""
