@@ -671,8 +671,7 @@ def starts_of(before: Store, old: Model, new: Model, starts: Sequence[PlaceStart
         known_sd = float(np.linalg.norm(row)) if one.of_part else 0.0
         root[k, :columns], root[k, columns + k] = row, math.sqrt(max(one.log_sd**2 - known_sd**2, 0.0))
         new_sources.append(Source(f"start of {one.path} after a replacement", "stated", Normal(), str(one)))
-        low = written.minimum if written.minimum is not None else 0.0
-        high = written.maximum if written.maximum is not None else math.inf
+        low, high = (w if w is not None else end for w, end in zip(written.walls, (0.0, math.inf), strict=True))
         at, origin = literal.value, ValueOrigin("twin", stage)
         ends = (low, high)
         states[one.path] = State(one.path, at, True, written.unit, ends, origin, paths=(one.path,), deck=written.text, start=at)

@@ -28,7 +28,7 @@ from thermid.fit._calibration import (
     far_from_sheet,
     loudly,
 )
-from thermid.fit._error_model.discrepancy import with_discrepancy
+from thermid.fit._error_model.discrepancy import assumed_moves, with_discrepancy
 from thermid.fit._error_model.kept import KEY as ERRORS, ErrorModel, error_table, with_structural_errors
 from thermid.fit._inputs import inputs_of
 from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
@@ -82,9 +82,30 @@ def own_standing(
     if far and (size := max(far.values())) > STRAINED:
         name = max(far, key=far.__getitem__)
         short_of.append(f"'{name}' lies {size:.1f} standard deviations from its prior (limit {STRAINED:g})")
+    deviations, words = _shifted_together(problem, minimum)
+    short_of += [words] if deviations > STRAINED else []
     if short_of:
         return Standing("not adequate", "; ".join(short_of), values.stage, request.accepted)
     return replace(CREDIBLE, stage=values.stage)
+
+
+def _shifted_together(problem: Problem, minimum: Fit) -> tuple[float, str]:
+    """Return by how many of its standard deviations all sensors read high or low together, beside the logged boundaries, and that in words.
+
+    A law that is wrong moves them together, where instruments that err independently hardly do. Of one sensor nothing is said.
+    """
+    groups: dict[str, list[tuple[float, float]]] = {"sensor": [], "shared": []}
+    for u, x in zip(problem.unknowns, minimum.fitted.tolist(), strict=True):
+        if u.kind in groups and u.unit == "K" and u.prior is not None:
+            groups[u.kind].append((x, u.prior.sd**-2.0))
+    if len(groups["sensor"]) < 2:
+        return 0.0, ""
+    columns = [np.array(group).T for group in groups.values() if group]
+    # what is added to a logged boundary is what it reads low
+    shift = float(sum(x @ w / w.sum() for x, w in columns))
+    deviations = abs(shift) / math.sqrt(sum(1.0 / w.sum() for _, w in columns))
+    high = f"{short(abs(shift))} K {'high' if shift > 0.0 else 'low'} together"
+    return deviations, f"all sensors would read {high}, {deviations:.1f} standard deviations by their accuracies"
 
 
 def at_bounds(problem: Problem, minimum: Fit, total: Array) -> list[tuple[Unknown, str, float]]:
@@ -474,7 +495,7 @@ def summarise(
     values = FittedValues(name, items, total[block], provenance)
     alone, rests = own_standing(request, problem, best, values, total, spread), rests_on(request, values)
     store = stored(request, problem, values.judged(worst([alone, *rests.values()])), responses_of_fit)
-    values = view(store, list(values), name)
+    values = _with_uncut(view(store, list(values), name), problem, best, responses_of_fit)
     bias = dict(problem.fixed_bias) | {s: v.value for s, v in values.sensors.items()}
     blocks = Predictions(best.sums, problem, best.fitted)
     local = tuple(_local(u, best.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local")
@@ -499,7 +520,7 @@ def summarise(
             *far_from_sheet(request.model, values),
             *request.remarks,
             *(f"{FIRST}{r}" for r in (request.model.runner.remarks if request.model.runner is not None else ())),
-            *_warnings(problem, best, total, spread),
+            *_warnings(problem, best, total, spread, values),
             *(unlumped(request.model, {p: v.value for p, v in values.assignments.items()}) if request.model.runner is None else ()),
             *best.remarks,
             *(_wandering(spread) if spread is not None else ()),
@@ -520,6 +541,13 @@ def summarise(
         store=store,
         stopped=best.stopped,
     )
+
+
+def _with_uncut(values: FittedValues, problem: Problem, minimum: Fit, responses_of_fit: Responses) -> FittedValues:
+    """Return values with their errors as they would be without bounds, where these cut them."""
+    variances = zip(problem.unknowns, minimum.fitted.tolist(), responses_of_fit.uncut.tolist(), strict=False)  # or none
+    errors = {u.name: u.slope(x) * variance**0.5 for u, x, variance in variances}
+    return replace(values, items_={p: replace(v, uncut=x) if (x := errors.get(p, 0.0)) > v.error else v for p, v in values.items()})
 
 
 def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) -> FittedValue:
@@ -549,16 +577,15 @@ def correlations_of(problem: Problem, total: Array) -> dict[tuple[str, str], flo
     return out
 
 
-def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelation | None) -> list[str]:
+def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelation | None, values: FittedValues) -> list[str]:
     """Return what a reader must know."""
     out = []
     if not minimum.converged:
         out.append(f"the fit did not converge: {minimum.message}")
     for u, side, bound in at_bounds(problem, minimum, total):
         shown = f"{FittedValue(u.name, u.to_value(bound), 0, 0, u.log, u.unit, 0, (0, 0)).in_unit:.6g} {u.unit}".strip()
-        out.append(
-            f"'{u.name}' ended at its {side} bound {shown}, so its standard error is not meaningful. Widen the bound, or fix the parameter."
-        )
+        cut = f", where its standard error of {short(v.shown(v.uncut))} is cut" if u.name in values and (v := values[u.name]).uncut else ""
+        out.append(f"'{u.name}' ended at its {side} bound {shown}{cut}. Widen the bound, or fix the parameter.")
     for k, u in enumerate(problem.unknowns):
         far = abs(minimum.fitted[k] - u.prior.mean) / u.prior.sd if u.prior is not None and u.kind != "local" else 0.0
         if 3.0 < far <= CONTRADICTION_DEVIATIONS:  # what lies farther stands at the head of the fit
@@ -566,6 +593,9 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
                 f"'{u.name}' lies {far:.1f} standard deviations from its prior: data and prior disagree. Check the source of "
                 "the prior, and the model."
             )
+    deviations, words = _shifted_together(problem, minimum)
+    if ASIDE < deviations <= STRAINED:
+        out.append(f"{words}. A law or an exponent is more likely wrong: `thermid criticise` looks for it.")
     out += _strained(problem, minimum)
     out += differing(problem)
     out += _noise_apart(problem)
@@ -853,9 +883,10 @@ def _fitted(
         )
         questions = dict.fromkeys(a.removeprefix(FIRST) for a in (*questions_on_mistakes, *unlogged))
         raise refusal.reworded(" ".join([refusal.message, *(f"{a[0].upper()}{a[1:]}" for a in questions)])) from None
-    errors = responses(request, problem, minimum, spread.variance_factor, random, weights)
+    assumed = assumed_moves(request, problem, minimum, spread)
+    errors = responses(request, problem, minimum, spread.variance_factor, random, weights, assumed.ranges)
     _refuse_without_errors(request, problem, errors.total)
-    calibration = with_discrepancy(replace(summarise(request, problem, minimum, errors, random, spread), kept=end_to_keep))
+    calibration = with_discrepancy(replace(summarise(request, problem, minimum, errors, random, spread), kept=end_to_keep), assumed)
     if request.structural_errors or _suspect(calibration, spread):
         return _with_errors(*with_structural_errors(calibration))
     return _with_errors(calibration, None)

@@ -26,6 +26,7 @@ from thermid.model.identity import cuts_of
 from thermid.model.tree import Model, parameter_table
 from thermid.physics.constants import ICE_POINT
 from thermid.values.fitted import FittedValue, FittedValues, save_store
+from thermid.values.ranges import range_shares
 from thermid.values.store import State, Store
 
 LOUD = "NOT CREDIBLE: "
@@ -39,6 +40,8 @@ QUESTIONED_FACTOR = 5.0
 UNSOURCED = tuple(unit(u).dimension for u in ("kg", "J/K", "J/(kg K)"))
 """Quantities that are questioned also where the deck gives no source: nobody is wrong about a mass by so much."""
 
+MIN_RANGE_SHARE = 0.05
+"""Part of the variance of a value from which a line says that printed ranges make it. [-]"""
 CONTRADICTION_DEVIATIONS = 10.0
 """Standard deviations from what was stated beyond which a fit is not believed; chance and a careless accuracy do not reach so far. [-]"""
 
@@ -285,7 +288,7 @@ class Calibration(Result):
         lines += [f"  {w}" for w in self.warnings if w.startswith(FIRST)]
         lines += [f"  {line}" for line in input_lines(self.inputs.assumed)]
         width = max((len(p) for p in fitted), default=0)
-        lines += [f"  {_value_line(v, width, self.structural_errors)}" for v in fitted.values()]
+        lines += [f"  {_value_line(v, width, self.structural_errors, self.range_shares(v.path))}" for v in fitted.values()]
         lines += [f"  {v.path}: shares its value with {', '.join(v.also)}" for v in fitted.values() if v.also]
         lines += [f"  cut from the other instances of its deck: {place}" for place in cuts_of(self.model)]
         lines += _known_lines(self.store, {*self.values.assignments}, width)
@@ -318,6 +321,10 @@ class Calibration(Result):
         kind = ", synthetic data" if self.synthetic else ""
         return f"{self.stage}: {self.standing.state}, {counted(len(self.values.parameters), 'value')} fitted{worst_text}{kind}"
 
+    def range_shares(self, path: str) -> dict[str, float]:
+        """Return what only a printed range tells -> its part of the variance of a fitted value, the largest first. [-]"""
+        return range_shares(self.store, path) if path in self.store.states else {}
+
     @property
     def covariance(self) -> dict[str, dict[str, float]]:
         """Path -> path -> covariance of the fitted values, in the units of their errors. [SI]"""
@@ -348,11 +355,15 @@ class Calibration(Result):
         return list(self.values)
 
 
-def _value_line(v: FittedValue, width: int, structural: bool = False) -> str:
+def _value_line(v: FittedValue, width: int, structural: bool, ranges: Mapping[str, float]) -> str:
     total, random = v.shown(v.error), v.shown(v.error_random)
     low, high = (v.converted(b) if np.isfinite(b) else b for b in v.bounds)
     bounds = f", bounds {low:.4g} .. {high:.4g}" if np.isfinite(low) or np.isfinite(high) else ""
     wider = " (the structure)" if structural else " (constant errors, priors)"
+    share, first = sum(ranges.values()), next(iter(ranges), "")
+    if share >= MIN_RANGE_SHARE:
+        more = f" and {len(ranges) - 1} more" if len(ranges) > 1 else ""
+        wider = f" ({100 * share:.0f} % of its variance from printed ranges: {first}{more})"
     what = wider if total > 1.05 * random else ""
     text = f"{v.path:<{width}}  {digits(v.in_unit, random):>12} {v.unit:<10}  random +- {short(random)}   total +- {short(total)}{what}"
     return f"{text}   start {v.converted(v.start):.5g}{bounds}"

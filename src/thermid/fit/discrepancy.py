@@ -13,6 +13,7 @@ from thermid.fit._error_model.discrepancy import (
     discrepancy_kept as discrepancy_kept,
     kept_in as kept_in,
     losing_gas as losing_gas,
+    told_first as told_first,
 )
 from thermid.fit._error_model.own_values import (
     BALANCE as BALANCE,

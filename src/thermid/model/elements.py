@@ -49,9 +49,11 @@ from thermid.model._parts.kinds import (
 )
 from thermid.model._parts.parameter import (
     CREDIBLE as CREDIBLE,
+    FINISH_CORRELATION as FINISH_CORRELATION,
     POSITIVE as POSITIVE,
     UNJUDGED as UNJUDGED,
     Parameter as Parameter,
+    PrintedRange as PrintedRange,
     Standing as Standing,
     State as State,
     exact as exact,

@@ -2,18 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Final
 
 from thermid.base.errors import DeckError, nearest
-from thermid.base.linear_algebra import HALF_WIDTH_95
-
-SPAN: Final = 2 * HALF_WIDTH_95
-"""Width of the range of a finish in standard deviations of the logarithm: it is read as holding 95 %. [-]"""
-
-FINISH_CORRELATION: Final = 0.5
-"""Correlation of the emissivities of two surfaces of one finish: half of what parts differ by is the batch, half the part. [-]"""
 
 
 @dataclass(frozen=True)
@@ -43,11 +35,6 @@ class Finish:
             f"finish '{self.name}', {self.low:g} to {self.high:g}: {self.source}; "
             f"{f'read: {self.read}' if self.read else 'not checked again'}"
         )
-
-    @property
-    def log_sd(self) -> float:
-        """Standard deviation of the logarithm of the emissivity. [-]"""
-        return math.log(self.high / self.low) / SPAN
 
 
 _INCROPERA = "Incropera, 6th ed., Tables A.11 and A.12"

@@ -17,17 +17,17 @@ from thermid.base.errors import IdentificationError, NameNotFoundError, Scenario
 from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse
 from thermid.base.results import Shown
 from thermid.fit.calibration import Calibration
-from thermid.fit.discrepancy import MAX_GAS_CONDUCTANCE, Discrepancy, losing_gas
+from thermid.fit.discrepancy import MAX_GAS_CONDUCTANCE, Discrepancy, losing_gas, told_first
 from thermid.fit.error_model import ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES, ErrorModel, KeptWay, SeenValue
 from thermid.inference.criticism import asks
 from thermid.model.elements import UNJUDGED, Standing
 from thermid.model.tree import Model, parameter_table
-from thermid.physics.finishes import FINISH_CORRELATION, Finish
 from thermid.prediction._known import Knowledge, Rows, known_of, normal_sources, rows_of
 from thermid.prediction._split import split_values
 from thermid.simulation.network import Network, compile_network
 from thermid.simulation.runs import Scenario, Simulator, network_for, prepare
 from thermid.values.fitted import FittedValues
+from thermid.values.ranges import RangedValue, narrowed, ranged_values
 from thermid.values.spreads import cut
 from thermid.values.store import Distribution, LeftOut, Logarithm, LogNormal, Normal, Shifted, Source, Uniform, uniforms
 
@@ -38,8 +38,6 @@ MEMBER_TAIL_SHARE = 1e-7
 """Share of a law below which no member lies. [-]"""
 NEAR_ZERO = 0.01
 """Part of a value below which a law that reaches there is not taken by its logarithm. [-]"""
-MAX_VARIANCE_LEFT = 0.8
-"""Part of the variance of an assumed value that readings leave at most, where they count; its stated law stays as it is beyond. [-]"""
 TENTH = 0.1
 """Standard deviation of an assumed value whose deck gives no range: a tenth of it."""
 UNFITTED = "the model's own error, because no fit has measured it"
@@ -49,7 +47,7 @@ MIN_SHARE_OF_BAND = 0.1
 """Share of a band from which what it does not count is named in the first line. [-]"""
 
 
-SPLIT, GAS_IN_JOINTS, FINISH_RANGE = "split of effective coefficients", "gas in joints", "range of finishes"
+SPLIT, GAS_IN_JOINTS, PRINTED_RANGES = "split of effective coefficients", "gas in joints", "printed ranges"
 AVERAGED = "what carries the heat"
 """Causes, as a reader is told them."""
 ELEMENTS = ("structural", STRUCTURE)
@@ -121,20 +119,6 @@ def followed_by(discrepancies: Sequence[Discrepancy]) -> dict[str, dict[str, flo
         for path, moves in k.assumed.items():
             out.setdefault(path, {}).update(zip(k.names, moves.tolist(), strict=True))
     return out
-
-
-def narrowed(law: Distribution, nominal: float, variance_and_shift: tuple[float, float] | None) -> Distribution:
-    """Return the law of an assumed value once the readings of a fit are counted beside it; `nominal` is the value that the fit took.
-
-    With a variance v of the law and V of the readings, ``v V / (v + V)`` is left, and the value would move by ``v / (v + V)`` of what they
-    ask for. The values of the fit stay those of the deck's, so both count as its error, which is never more than was stated.
-    """
-    if variance_and_shift is None or not law.variance:
-        return law
-    variance, shift = variance_and_shift
-    share = law.variance / (law.variance + variance)
-    variance_left = share * variance + (share * shift) ** 2
-    return Normal(nominal, variance_left**0.5) if variance_left < MAX_VARIANCE_LEFT * law.variance else law
 
 
 def split_rows(
@@ -571,19 +555,34 @@ class Budget:
                 out.gain[row, -1] += moved * (nominal if positive else 1.0)
         return out
 
-    def with_finishes(self, finishes: Mapping[str, Finish]) -> Budget:
-        """Return it with emissivities spread by the ranges of their finishes; those of one finish go together until readings tell them."""
-        if not finishes:
+    def with_ranges(self, values: Sequence[RangedValue]) -> Budget:
+        """Return it with what a catalogue or a data sheet says within a range; surfaces of one finish go together until readings tell them.
+
+        Where a fit below answered to a range already, the value itself joins that source.
+        """
+        if not values:
             return self
-        ready = prepare(self.model, lasting(self.scenario), tuple(finishes))
-        out = self
-        for path, f in finishes.items():
-            law = LogNormal(ready.nominal[path], f.log_sd)
-            out = out._assumed(path, (), law, ready, (FINISH_RANGE, f"the range of '{f.name}' in {path}"), by_log=True)
-        alike, names = out.alike.copy(), [f.name if path not in self.said else path for path, f in finishes.items()]
-        first = len(self.sources)
-        for i, j in product(range(len(names)), repeat=2):
-            alike[first + i, first + j] = 1.0 if i == j else FINISH_CORRELATION * (names[i] == names[j])
+        ready = prepare(self.model, lasting(self.scenario), tuple(p for r in values for p in (r.path, *r.also)))
+        out, fresh = self, list[RangedValue]()
+        place = {s.name: k for k, s in enumerate(self.sources)}
+        for r in values:
+            nominal = ready.nominal[r.path]
+            law = r.law(nominal)
+            if not any(s.name in place for s, _ in r.columns):
+                out = out._assumed(r.path, r.also, law, ready, (PRINTED_RANGES, r.words), by_log=isinstance(law, LogNormal))
+                fresh.append(r)
+                continue
+            has_log = isinstance(law, LogNormal)
+            missing = [s for s, _ in r.columns if s.name not in place]
+            out = out.beside(missing, PRINTED_RANGES, [Target(r.path, "log" if has_log else "add", r.also)])
+            at = {s.name: k for k, s in enumerate(out.sources)}
+            for source, share in r.columns:
+                out.gain[-1, at[source.name]] = share * r.sd_left(nominal, self.said) / (nominal if has_log else 1.0)
+        alike, names = out.alike.copy(), [r.printed.name if r.path not in self.said else r.path for r in fresh]
+        columns = {s.name: k for k, s in enumerate(out.sources)}
+        for (i, a), (j, b) in product(enumerate(fresh), repeat=2):
+            if i != j and names[i] and names[i] == names[j]:
+                alike[columns[a.path], columns[b.path]] = a.printed.alike
         return replace(out, alike=alike)
 
     def _joint(self, spread: Spread, ready: Simulator) -> Budget:
@@ -670,11 +669,11 @@ def budget_of(
     for path, gas in contacts.items():
         also = next((t.also for t in make.targets if t.name == path), ())
         make = make.with_one(gas, GAS_IN_JOINTS, Target(path, "factor", also))
-    of_assumed = {p: variance_and_shift for k in source.discrepancies for p, variance_and_shift in k.of_assumed.items()}
-    make = replace(make, followed=followed_by(source.discrepancies), said=of_assumed).with_stated(plain)
+    make = replace(make, followed=followed_by(source.discrepancies), said=told_first(k.of_assumed for k in source.discrepancies))
+    make = make.with_stated(plain)
     unseen = UNSEEN if split_model.runner is not None else ""
     unsought = UNSOUGHT if source.fit is not None and asks(source.fit) else ""
-    make = make.with_finishes(open_finishes(split_model, scenario, {*source.assigned, *make.spread, *_of_laws(make)}))
+    make = make.with_ranges(open_ranges(split_model, scenario, {*source.assigned, *make.spread, *_of_laws(make)}))
     whole = replace(make, remarks=tuple(r for r in (unseen, unsought, remark) if r))
     omitted = left_out_of(source, whole, errors, without)
     return replace(whole.without(without), omitted=omitted, standing=source.standing)
@@ -688,8 +687,8 @@ def _of_laws(budget: Budget) -> set[str]:
     return {name for e in stated for name in (e, flat.parameters.literal_behind(e))}
 
 
-def open_finishes(model: Model, scenario: Scenario, elsewhere: Collection[str]) -> dict[str, Finish]:
-    """Return emissivity -> the finish that alone tells it, of those that act in a scenario; not those that are told `elsewhere`.
+def open_ranges(model: Model, scenario: Scenario, elsewhere: Collection[str]) -> list[RangedValue]:
+    """Return what only a printed range tells of the values that act in a scenario; not those that are told `elsewhere`.
 
     The emissivity behind an effective coefficient acts where its gas is not air alone, or where another surface radiates with it.
     """
@@ -700,8 +699,7 @@ def open_finishes(model: Model, scenario: Scenario, elsewhere: Collection[str]) 
     acting |= {path for c in network.flat.conductors for field, path in c.fields.items() if field.startswith("emissivity")}
     idle = {deck.literal_behind(c.emissivity) for c in behind} - {*map(deck.literal_behind, acting)}
     taken = {*elsewhere, *idle, *scenario.driven(network.flat)}
-    finishes = {p: f for p, f in network.flat.finish_of.items() if p not in taken}
-    return {p: f for p, f in finishes.items() if deck.table[p].parameter.source == "assumed"}
+    return ranged_values(model, deck, taken)
 
 
 def _names(stated: Spread | Groups) -> list[str]:
@@ -759,8 +757,8 @@ class Assumed:
     Parameters
     ----------
     path : str      In the model.
-    size : float    Standard deviation: by its finish, by the range of its deck, or a tenth of itself. [SI]
-    ranged : bool   Whether its finish or its deck gives a range.
+    size : float    Standard deviation: by the range of its deck, or a tenth of itself. [SI]
+    ranged : bool   Whether its deck gives a range.
     """
 
     path: str
@@ -774,12 +772,9 @@ def assumed_values(model: Model, scenario: Scenario, taken: Collection[str]) -> 
     network = compile_network(model, media=scenario.media(), prescribed=tuple(scenario.prescribed))
     moved = scenario.driven(network.flat)
     loose = [p for p, e in table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in moved]
-    numbers, finishes = network.numbers().values, network.flat.finish_of
+    numbers = network.numbers().values
     out = []
     for p in (p for p in loose if p not in taken and value_of(numbers[p])):
-        if p in finishes:
-            out.append(Assumed(p, finishes[p].log_sd * float(value_of(numbers[p])), True))
-            continue
         low, high = table[p].parameter.minimum, table[p].parameter.maximum
         wide = high - low if low is not None and high is not None else np.inf
         ranged = bool(np.isfinite(wide))

@@ -21,10 +21,9 @@ from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import discrepancy_kept
-from thermid.model.elements import Standing, exposed_area, worst
+from thermid.model.elements import FINISH_CORRELATION, PrintedRange, Standing, exposed_area, worst
 from thermid.model.tree import FlatConductor, Model
 from thermid.physics.air import dry_air
-from thermid.physics.finishes import FINISH_CORRELATION, SPAN
 from thermid.physics.plates import body_htc, conduction_floor
 from thermid.physics.radiation import linearised_htc
 from thermid.simulation.network import Network, compile_network
@@ -303,17 +302,11 @@ def _prior(network: Network, c: FlatConductor, priors: Mapping[str, Any]) -> Emi
         return EmissivityPrior(mean, sd / mean, f"an emissivity of {mean:.3g} +- {sd:.2g}")
     if not 0.0 < value <= 1.0:
         raise IdentificationError(f"an emissivity of {value:g} is not possible. Give 0 to 1.", c.where)
-    finish_of_surface = network.flat.finish_of.get(root)
-    if finish_of_surface is not None:
-        return EmissivityPrior(
-            value,
-            finish_of_surface.log_sd,
-            f"finish '{finish_of_surface.name}', {finish_of_surface.low:g} to {finish_of_surface.high:g}",
-            finish_of_surface.name,
-        )
-    low, high = parameter.minimum, parameter.maximum
+    low, high, printed = parameter.minimum, parameter.maximum, parameter.printed
     if low is not None and high is not None and 0.0 < low < high:
-        return EmissivityPrior(value, math.log(high / low) / SPAN, f"an emissivity of {low:g} to {high:g}")
+        name = printed.name if printed is not None else ""
+        what = f"finish '{name}'," if name else "an emissivity of"
+        return EmissivityPrior(value, PrintedRange(low, high).log_sd(value), f"{what} {low:g} to {high:g}", name)
     return EmissivityPrior(value, 0.0, f"an emissivity of {value:.3g}, taken as exact")
 
 

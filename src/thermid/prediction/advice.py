@@ -440,10 +440,11 @@ def doubts_without_gas(model: Model, scenario: Scenario) -> dict[str, float]:
         if parameter.is_literal and parameters.evaluate({})[root] > 0:
             out[root] = size
 
-    finishes = {path: f.log_sd for path, f in flat.finish_of.items()}
+    printed, numbers = parameters.printed, parameters.evaluate({})
+    ranges = {path: r.log_sd(numbers[path]) for path, r in printed.items() if numbers[path] > 0.0}
     for c in flat.conductors:
         for path in filter(None, (c.emissivity, c.fields.get("emissivity", ""))):
-            doubt(path, finishes.get(parameters.literal_behind(path), EMISSIVITY))
+            doubt(path, ranges.get(parameters.literal_behind(path), EMISSIVITY))
         if "contact_conductance" in c.fields:
             doubt(c.fields["contact_conductance"], JOINT)
     return out

@@ -5,7 +5,7 @@ from thermid.prediction._budget import (
     UNFITTED as UNFITTED,
     Spread as Spread,
     assumed_values as assumed_values,
-    open_finishes as open_finishes,
+    open_ranges as open_ranges,
 )
 from thermid.prediction._hand import Filed as Filed, filed as filed, hand_values as hand_values
 from thermid.prediction._known import Knowledge as Knowledge

@@ -20,7 +20,7 @@ from thermid.base.units import counted
 from thermid.campaign.verdicts import Limits, Margin, margins
 from thermid.model.elements import Standing
 from thermid.model.tree import parameter_table
-from thermid.prediction.bands import IN_TESTS, SILENT, UNFITTED, Foresight, Knowledge, assumed_values, open_finishes, widened
+from thermid.prediction.bands import IN_TESTS, SILENT, UNFITTED, Foresight, Knowledge, assumed_values, open_ranges, widened
 from thermid.qualify._plan import LockStatus, Plan, load_plan, lock_status, note_look
 from thermid.qualify._trial import Trial, run_test
 from thermid.simulation.runs import prepare
@@ -340,7 +340,8 @@ def effects(knowledge: Knowledge, name: str, run: Foresight, nodes: Mapping[str,
     ahead = f"{knowledge.at}." if knowledge.at else ""
     fitted = {ahead + p for v in knowledge.values for p in (*v, *(q for w in v.values() for q in w.also))}
     table = parameter_table(model)
-    loose = assumed_values(model, run.scenario, {*fitted, *open_finishes(model, run.scenario, fitted)})
+    ranged = {p for r in open_ranges(model, run.scenario, fitted) for p in (r.path, *r.also)}
+    loose = assumed_values(model, run.scenario, {*fitted, *ranged})
     if not loose:
         return []
     times = run.solution.times[:: max(1, run.solution.times.size // 60)]

@@ -302,7 +302,9 @@ class Simulator(Shown):
         """Return the law of the value of a free name that a written spread means; see `read_spread`. [SI]"""
         path = self.canonical(name)
         where = f"{self.title}, spread of '{path}'"
-        return read_spread(spread, self.slots(path)[0], self.nominal[path], where, bounds=self.bounds(path))
+        printed = self._wiring.network.flat.parameters.printed.get(path) if spread == "range" else None
+        bounds = self.bounds(path) if printed is None else (printed.low, printed.high)
+        return read_spread(spread, self.slots(path)[0], self.nominal[path], where, bounds=bounds)
 
     def with_units(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return values in SI by free name, or of many members, as `run` and `ensemble` take them: temperatures with their unit."""

@@ -54,6 +54,7 @@ class FittedValue:
     also : tuple of str     Paths of other instances that share the value.
     standing : Standing     How far it may be trusted: that of its fit.
     prior : (float, float)  Mean and standard deviation, fitted form, of the prior that its error already holds; None without.
+    uncut : float           Its standard error as it would be without its bounds, where these cut it; else zero. [SI]
     """
 
     path: str
@@ -69,6 +70,7 @@ class FittedValue:
     prior: tuple[float, float] | None = None
     also: tuple[str, ...] = ()
     standing: Standing = UNJUDGED
+    uncut: float = 0.0
 
     def as_parameter(self) -> Parameter:
         """Return it as a parameter of a model."""

@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -97,3 +98,42 @@ def test_what_would_have_to_be_wrong_is_said(value: FittedValue, words: str) -> 
     calm = replace(value, value=float(np.exp(near)) if value.log else near)
     assert not contradicted(FittedValues("s", {value.path: calm}, np.eye(1)))
     assert not contradicted(FittedValues("s", {value.path: replace(value, prior=None)}, np.eye(1)))
+
+
+@pytest.mark.parametrize(("exponent", "state"), [(0.25, "credible"), (0.6, "not adequate")])
+def test_a_wrong_exponent_that_shifts_all_sensors_together_is_told(exponent: float, state: str) -> None:
+    """Each constant error lies within twice its accuracy or little more; together they do not."""
+
+    def bar(exponent: float) -> td.Model:
+        skin = {"to": "air", "area": "0.03 [m^2]", "htc": {"coefficient": "film", "exponent": exponent}}
+        path = {"kind": "conduction", "conductance": "0.3 [W/K]"}
+        return td.model_from_dict(
+            {
+                "title": "Bar",
+                "needs": ["air"],
+                "parameters": {"film": "2 [W/(m^2 K)]"},
+                "nodes": {n: {"capacitance": "200 [J/K]"} for n in "abc"},
+                "surfaces": {f"skin_{n}": skin | {"of": n} for n in "abc"},
+                "conductors": {"ab": path | {"between": ["a", "b"]}, "bc": path | {"between": ["b", "c"]}},
+                "loads": {"heat": {"into": "a", "power": "5 [W]"}},
+            }
+        )
+
+    times, scatter, logs = np.linspace(0.0, 10800.0, 61), np.random.default_rng(3), []
+    for name, power in (("low", 3.0), ("high", 8.0)):
+        given = td.Scenario(name, {"air": "22 [degC]"}, loads={"heat": f"{power} [W]"}, start="22 [degC]", duration="3 [h]")
+        run = td.simulate(bar(0.25), given, times=times)
+        channels = {
+            n: td.Channel.from_array(
+                n, run[n].kelvin + scatter.normal(0.0, 0.05, 61), unit="K", role="node", target=n, noise=0.1, accuracy=0.3
+            )
+            for n in "abc"
+        }
+        channels["P"] = td.Channel.from_array("P", np.full(61, power), quantity="power", role="load", target="heat")
+        room = np.full(61, 295.15)
+        channels["air"] = td.Channel.from_array("air", room, unit="K", role="boundary", target="air", accuracy=0.3)
+        logs.append(td.Record.from_arrays(name, times, channels, synthetic=True))
+    free = ["film", "ab.conductance", "bc.conductance", *(f"{n}.capacitance" for n in "abc")]
+    found = td.calibrate(bar(exponent), logs, free)
+    assert found.own.state == state
+    assert ("together" in found.own.because) == (state != "credible")

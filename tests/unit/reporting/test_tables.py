@@ -53,7 +53,7 @@ def test_a_value_at_its_bound_or_without_an_error_is_marked(campaign: Campaign) 
         values = replace(fit.values, items_={**fit.values.items_, "skin.effective_htc": changed})
         return row(tables.parameters(replace(fit, values=values)), "skin.effective_htc")["state"]
 
-    assert state(replace(v, value=15.0)) == Cell("at its upper bound", "its error is not meaningful", "bad")
+    assert state(replace(v, value=15.0)) == Cell("at its upper bound", "its error is cut there", "bad")
     assert state(replace(v, error=math.inf)).text == "not determined"
     assert state(replace(v, also=("other.htc",))).text == "free, shared by 2 instances"
 

@@ -6,7 +6,7 @@ for, but not known to be right; the fit's own response to them is counted.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
@@ -28,7 +28,8 @@ from thermid.fit._error_model.courses import (
     point_of,
 )
 from thermid.fit._error_model.own_values import OWN_VALUES, own_values_of
-from thermid.fit._minimisation import covariances, ended
+from thermid.fit._minimisation import Fit, covariances, ended
+from thermid.fit._problem.request import Request
 from thermid.fit._problem.residuals import Influence, Problem, Unknown
 from thermid.fit._uncertainty.noise import Autocorrelation, Binned, binned, score_excess
 from thermid.model.identity import identity_of
@@ -36,6 +37,8 @@ from thermid.model.tree import FlatConductor
 from thermid.physics.gas import GASES, REFERENCE
 from thermid.simulation.network import Media, Network
 from thermid.values.fitted import FittedValues
+from thermid.values.ranges import ranged_values
+from thermid.values.store import Source
 
 MAX_SOLVED_ASSUMPTIONS = 40
 """Assumed values beyond which none is solved again: each costs a derivative of every run."""
@@ -127,6 +130,22 @@ class Discrepancy(Result):
         return "\n".join(f"{p}: found at a difference of {c}" for p, c in self.conditions.items())
 
 
+@dataclass(frozen=True)
+class AssumedMoves:
+    """What a fit would find with other values than those that its deck assumes, or has from a catalogue.
+
+    Parameters
+    ----------
+    moved : dict    Assumed value -> what every unknown (unknowns,) would move by for one more of its SI unit; fitted form.
+    said : dict     Assumed value -> variance that the readings leave it with all else open, and how far away they ask it to be. [SI]
+    ranges : tuple  Source of each printed range, and what every unknown (unknowns,) moves by for one of its standard deviations.
+    """
+
+    moved: Mapping[str, Array] = field(default_factory=dict)
+    said: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    ranges: tuple[tuple[Source, Array], ...] = ()
+
+
 @takes_objects
 def discrepancy(fit: Calibration) -> Discrepancy:
     """Return what a fit leaves open of surfaces, joints and assumed values.
@@ -152,10 +171,10 @@ def kept_in(provenance: Mapping[str, Any]) -> Discrepancy | None:
     return Discrepancy.from_dict(table) if table is not None else None
 
 
-def with_discrepancy(fit: Calibration) -> Calibration:
+def with_discrepancy(fit: Calibration, assumed: AssumedMoves) -> Calibration:
     """Return a fit whose provenance keeps what it leaves open: where each coefficient was found, joints, assumed values, misfit.
 
-    Its values and errors stay.
+    Its values and errors stay. `assumed` is what it would find with other assumed values.
     """
     problem = fit.problem
     assert problem is not None
@@ -173,9 +192,8 @@ def with_discrepancy(fit: Calibration) -> Calibration:
     misfit = misfit_found(problem, fit.autocorrelation) if fit.autocorrelation is not None else {}
     joints = separated(problem.experiments[0].network, [e.scenario.media() for e in problem.experiments])
     rows = [place[n] for n in names]
-    moved, of_assumed = _moved_by_assumed(fit, problem, at)
     result = Discrepancy(
-        conditions, names, _surfaces(histories, surfaces), joints, {p: moves[rows] for p, moves in moved.items()}, of_assumed
+        conditions, names, _surfaces(histories, surfaces), joints, {p: moves[rows] for p, moves in assumed.moved.items()}, assumed.said
     )
     alone = [o.to_dict() for o in own_values_of(fit)]
     points = {p: [c.difference, c.level] for p, c in conditions.items() if p in decided}
@@ -221,40 +239,61 @@ def operating_points(provenance: Mapping[str, Any]) -> dict[str, OperatingPoint]
     return {p: OperatingPoint(float(d), float(t)) for p, (d, t) in provenance.get("conditions", {}).items()}
 
 
-def _moved_by_assumed(fit: Calibration, problem: Problem, at: Array) -> tuple[dict[str, Array], dict[str, tuple[float, float]]]:
-    """Return assumed value of the deck -> what every unknown (unknowns,) would move by for one more of its SI unit, and `_said_of`.
+def assumed_moves(request: Request, problem: Problem, minimum: Fit, noise: Autocorrelation) -> AssumedMoves:
+    """Return what a fit would find with other assumed values.
 
     So a spread of an assumed value is solved again: it cancels where the fit pins the answer, and opens where it does not.
     """
-    if not problem.unknowns or any(identity_of(e.model) != identity_of(fit.model) for e in problem.experiments):
-        return {}, {}
-    table = problem.experiments[0].network.flat.parameters.table
-    free = {t.name for u in problem.unknowns for t in u.targets}
-    free |= {p for e in problem.experiments for p in e.scenario.driven(e.network.flat)}
-    paths = [p for p, e in table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in free]
+    if not problem.unknowns or any(identity_of(e.model) != identity_of(request.model) for e in problem.experiments):
+        return AssumedMoves()
+    at, deck = minimum.fitted, problem.experiments[0].network.flat.parameters
+    taken = {p for s in request.store.states.values() for p in s.acts}
+    taken |= {t.name for u in problem.unknowns for t in u.targets}
+    taken |= {p for e in problem.experiments for p in e.scenario.driven(e.network.flat)}
+    ranged = ranged_values(request.model, deck, taken)
+    paths = list(dict.fromkeys(p for r in ranged for p in (r.path, *r.also)))
+    assumed = (p for p, e in deck.table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in taken)
+    both = [*paths, *(p for p in assumed if p not in paths)]
+    paths = both if len(both) <= MAX_SOLVED_ASSUMPTIONS else paths
     if not paths or len(paths) > MAX_SOLVED_ASSUMPTIONS:
-        return {}, {}
-    values = problem.experiments[0].network.numbers({p: v.value for p, v in fit.values.assignments.items()}).values
+        return AssumedMoves()
+    here = {p: u.to_value(float(x)) for u, x in zip(problem.unknowns, at, strict=True) if u.kind == "parameter" for p in (u.name, *u.also)}
+    values = problem.experiments[0].network.numbers(here).values
     runs = range(len(problem.experiments))
     more = [Unknown(p, "parameter", tuple(Influence(i, p) for i in runs), float(value_of(values[p]))) for p in paths]
     wide = replace(problem, unknowns=(*problem.unknowns, *more), coupled=())
     ends = np.concatenate([at, [u.start for u in more]])
-    pieces = binned(wide, ends, fit.loss)
-    moved = _moved_in(fit, problem, ends, pieces)
-    return {p: moved[:, k] for k, p in enumerate(paths)}, _said_of(fit, problem, paths, at, pieces)
+    pieces = binned(wide, ends, request.loss)
+    level = max(1.0, minimum.chi_square / max(round(problem.freedom), 1))
+    moved = dict(zip(paths, _moved_in(problem, ends, pieces, request.loss, level).T, strict=True))
+    of_assumed = _said_of(problem, paths, at, pieces, noise)
+    nominal = {u.name: u.start for u in more}
+    below = (k.of_assumed for table in request.store.provenance.values() if (k := kept_in(table)) is not None)
+    first = told_first([*below, of_assumed])
+    moves = [np.sum([moved[p] for p in (r.path, *r.also)], axis=0) * r.sd_left(nominal[r.path], first) for r in ranged]
+    columns = ((source, share * move) for r, move in zip(ranged, moves, strict=True) if move.any() for source, share in r.columns)
+    return AssumedMoves(moved, of_assumed, tuple(columns))
+
+
+def told_first(several: Iterable[Mapping[str, tuple[float, float]]]) -> dict[str, tuple[float, float]]:
+    """Return assumed value -> variance and shift by the first of several fits that tells it; see `Discrepancy.of_assumed`.
+
+    A fit above takes for right what those below found beside the value, and would tell it better than it knows.
+    """
+    out: dict[str, tuple[float, float]] = {}
+    for of_assumed in several:
+        out = {**of_assumed, **out}
+    return out
 
 
 def _said_of(
-    fit: Calibration, problem: Problem, paths: Sequence[str], at: Array, pieces: Mapping[tuple[str, str], Binned]
+    problem: Problem, paths: Sequence[str], at: Array, pieces: Mapping[tuple[str, str], Binned], noise: Autocorrelation
 ) -> dict[str, tuple[float, float]]:
     """Return assumed value -> variance that the readings leave it with all else open, and how far away they ask it to be; SI units.
 
     Without a word of the deck's range: with other assumed values open too, so that what they can only say of several together counts for
     none of them. Values of which they say nothing are left out.
     """
-    noise = fit.autocorrelation
-    if noise is None:
-        return {}
     level, size = noise.variance_factor, at.size
     prior_residuals, priors = problem.prior_rows(at)
     priors = np.concatenate([priors, np.zeros((priors.shape[0], len(paths)))], axis=1)
@@ -267,11 +306,10 @@ def _said_of(
     return {p: (float(variance[k]), float(step[k])) for k, p in enumerate(paths, size) if np.isfinite(variance[k])}
 
 
-def _moved_in(fit: Calibration, problem: Problem, at: Array, pieces: Mapping[tuple[str, str], Binned]) -> Array:
+def _moved_in(problem: Problem, at: Array, pieces: Mapping[tuple[str, str], Binned], loss: str, level: float) -> Array:
     """Return the same of residuals in stretches of time, with derivatives to all unknowns of the wide problem."""
     size = len(problem.unknowns)
-    level = max(1.0, fit.reduced_chi_square)
-    covariance_known = finite(covariances(ended(problem, at[:size], fit.loss), level)[2])
+    covariance_known = finite(covariances(ended(problem, at[:size], loss), level)[2])
     cross = np.zeros((size, at.size - size))
     for b in pieces.values():
         cross += b.slopes[:, :size].T @ (b.count[:, None] * b.slopes[:, size:])

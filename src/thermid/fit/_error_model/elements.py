@@ -198,6 +198,8 @@ def ways_of(network: Network, at: Mapping[str, OperatingPoint], values: Mapping[
     unsaid = [p for p, c in surfaces.items() if CARRIED_BY not in c.words]
     stated = {p: float(value_of(values[c.emissivity])) for p, c in surfaces.items() if c.kind == "effective" and c.emissivity}
     deck = network.flat.parameters
+    printed = deck.printed
+    relative = {p: r.log_sd(e) for p, e in stated.items() if (r := printed.get(deck.literal_behind(surfaces[p].emissivity))) is not None}
     loose = [p for p in stated if deck.table[deck.literal_behind(surfaces[p].emissivity)].parameter.source != "measured"]
     others = [[p] for p in loose] if len(loose) <= FINISHES else [loose]
     finishes = [(stated, "", 1.0 - OTHER_FINISH if loose else 1.0)]
@@ -215,7 +217,9 @@ def ways_of(network: Network, at: Mapping[str, OperatingPoint], values: Mapping[
                 continue
             free = carried == FREE_AIR
             recipe, coefficient = linear_recipe(c), float(value_of(values[coefficient_path(c)]))
-            share, spread = (0.0, 0.0) if c.kind != "effective" else _radiation(coefficient, at[path], emissivities.get(path))
+            share, spread = 0.0, 0.0
+            if c.kind == "effective":
+                share, spread = _radiation(coefficient, at[path], emissivities.get(path), relative.get(path, FINISH))
             fitted = float(value_of(recipe({name: values[p] for name, p in c.fields.items()}).coefficients[0]))
             laws[path] = SurfaceLaw(at[path], FREE_EXPONENT if free else 0.0, share, fitted, recipe)
             sizes |= {(path, EXPONENT_OF): ("", FREE_EXPONENT_SD)} if free else {}
@@ -232,12 +236,15 @@ def linear_recipe(c: FlatConductor) -> Any:
     return lambda fields: plain.laws(fields)[0]
 
 
-def _radiation(coefficient: float, at: OperatingPoint, emissivity: float | None) -> tuple[float, float]:
-    """Return mean and standard deviation of the share of radiation: of a stated emissivity, else any up to the blackest is as likely."""
+def _radiation(coefficient: float, at: OperatingPoint, emissivity: float | None, relative: float) -> tuple[float, float]:
+    """Return mean and standard deviation of the share of radiation.
+
+    That of a stated emissivity with its `relative` standard deviation; else any up to the blackest is as likely.
+    """
     black = 4.0 * STEFAN_BOLTZMANN * at.level**3 / max(coefficient, 1e-9)
     if emissivity is not None:
         share = min(LARGEST_SHARE, emissivity * black)
-        return share, FINISH * share
+        return share, relative * share
     most = min(LARGEST_SHARE, LARGEST_SHARE * black)
     return 0.5 * most, most / 12.0**0.5
 

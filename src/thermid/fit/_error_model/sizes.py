@@ -92,7 +92,7 @@ LARGEST_SHARE: Final = 0.95
 LEAST_SHARE: Final = 0.01
 """Least share of radiation where there may be some. [-]"""
 FINISH: Final = 0.15
-"""What an emissivity of a deck is good to, relative; as in a fit's discrepancy. [-]"""
+"""What an emissivity of a deck is good to, relative, whose range nobody prints; prior. [-]"""
 OTHER_FINISH, FINISHES = 0.2, 3
 """Probability before any reading that a finish is not that of the deck [-], and how many are tried one at a time, not together; prior."""
 FLOWLESS: Final = 1e-3

@@ -77,7 +77,7 @@ def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unk
     flat = experiments[0].network.flat
     wanted = [*request.free, *(q for p in request.prior for q in request.store.states[p].acts)]
     priors = {flat.parameters.freeable(k, request.model.canonical): v for k, v in request.priors.items()}
-    finishes = flat.finish_of
+    printed, inherited = flat.parameters.printed, {q for p in request.prior for q in request.store.states[p].acts}
     shared = request.shared
     unknowns: dict[str, Unknown] = {}
     taken: set[str] = set()
@@ -90,8 +90,9 @@ def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unk
         unknown = _parameter(group, experiments)
         if path in priors:
             unknown = replace(unknown, prior=prior_of(unknown, priors.pop(path)))
-        elif path in finishes:
-            unknown = replace(unknown, prior=prior_of(unknown, ("", f"{100.0 * finishes[path].log_sd!r} [%]")))
+        elif path in printed and not inherited & {*group}:
+            sd = printed[path].log_sd(unknown.start) if unknown.log else printed[path].sd
+            unknown = replace(unknown, prior=Prior(unknown.to_fitted(unknown.start), sd))
         unknowns[path] = unknown
     for path in priors:
         raise IdentificationError(f"a prior is given for '{path}', which is not free.{nearest(path, unknowns)}", request.name)

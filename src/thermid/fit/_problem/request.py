@@ -18,16 +18,15 @@ from numpy.typing import NDArray
 from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, errors_at, nearest, refuse_unknown
 from thermid.base.expression import kelvin
 from thermid.base.linear_algebra import RANK_TOLERANCE, Array, inverse_square_root
-from thermid.base.units import TEMPERATURE, from_si, unit
+from thermid.base.units import TEMPERATURE, unit
 from thermid.fit._problem.experiment import first_reading
 from thermid.fit._problem.residuals import Unknown
 from thermid.measure.records import Channel, Record
-from thermid.model.elements import Constant, literal
+from thermid.model.elements import Constant, PrintedRange, literal
 from thermid.model.identity import definition_of, identity_of, inside, local_identities
 from thermid.model.tree import Model, ParameterSet, Tree
 from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import Options
-from thermid.values.spreads import read_spread
 from thermid.values.store import Source, State, Store
 
 FITTING = Options(error=1e-3)
@@ -216,8 +215,6 @@ def weighing(weights: Mapping[str, float] | str, where: str) -> dict[str, Any]:
 
 RANGE = "range"
 """In place of a prior: what the range of the data sheet says."""
-MIDPOINTS = 2000
-"""Of the shares that moments of a logarithm are taken over."""
 
 
 def is_glob(name: str) -> bool:
@@ -309,8 +306,7 @@ def mean_of(prior: Any) -> str:
 def priors_of(model: Model, stated: Mapping[str, Any], where: str) -> dict[str, tuple[Any, Any]]:
     """Return path -> (mean, standard deviation) with their units, globs read and ranges turned into numbers.
 
-    A range min..max of a data sheet is a rectangular distribution: its standard deviation is its half width over the square root of 3
-    (JCGM 100:2008, 4.3.7). Quantities that are fitted by their logarithm have mean and standard deviation of its logarithm.
+    A range min..max of a data sheet holds 95 % of parts about the value of the deck, as every printed range: see `PrintedRange`.
 
     Raises
     ------
@@ -344,7 +340,7 @@ def _is_range(prior: Any) -> bool:
 
 
 def _range(values: ParameterSet, path: str, where: str) -> tuple[str, str]:
-    """Return mean and standard deviation of a parameter's range as texts."""
+    """Return no mean, for which the deck's value stands, and the standard deviation of a parameter's printed range as a text."""
     parameter = values.table[path].parameter
     low, high = parameter.minimum, parameter.maximum
     if parameter.source != "datasheet":
@@ -355,15 +351,10 @@ def _range(values: ParameterSet, path: str, where: str) -> tuple[str, str]:
         )
     if low is None or high is None or not low < high:
         raise IdentificationError(f"'{path}' has no range: it needs both min and max. Give them, or a prior with mean and sd.", where)
-    of = unit(parameter.unit or "1")
-    law = read_spread(RANGE, of.text, float("nan"), where, bounds=(low, high))
-    mean, sd = law.mean, math.sqrt(law.variance)
-    if low > 0:  # as it will be fitted, by its logarithm: see `parameter_unknown`
-        logs = np.log(law.at((np.arange(MIDPOINTS) + 0.5) / MIDPOINTS))
-        mean = float(np.exp(logs.mean()))
-        sd = mean * float(logs.std())
-    shown = from_si(mean, of)
-    return f"{shown!r} [{of.text}]", f"{sd / float(of.factor)!r} [{'K' if float(of.offset) else of.text}]"
+    of, printed = unit(parameter.unit or "1"), PrintedRange(low, high)
+    if low > 0.0 and not of.absolute:  # as it will be fitted, by its logarithm: see `parameter_unknown`
+        return "", f"{100.0 * printed.log_sd(1.0)!r} [%]"
+    return "", f"{printed.sd / float(of.factor)!r} [{'K' if of.absolute else of.text}]"
 
 
 def _channel_key(c: Channel) -> list[Any]:

@@ -228,12 +228,14 @@ class Responses:
     sources : tuple of Source           What they respond to.
     noise : array (unknowns, unknowns)  Covariance by the noise of the readings, and by what is known of single records.
     unlimited : array (unknowns,)       Which unknowns the data say nothing of.
+    uncut : array (unknowns,)           Variances as they were without bounds; empty where nothing was cut.
     """
 
     rows: Array
     sources: tuple[Source, ...]
     noise: Array
     unlimited: Bools
+    uncut: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def total(self) -> Array:
@@ -254,7 +256,7 @@ class Responses:
 
         variances = np.diag(self.total)
         bounded = [k for k, u in enumerate(unknowns) if u.kind == "parameter" and not self.unlimited[k] and variances[k] > 0.0]
-        out = self
+        out = replace(self, uncut=variances)
         for k in sorted(bounded, key=lambda k: share(k, float(variances[k]))):
             column = out.total[:, k]
             inside = column[k] * share(k, float(column[k]))
@@ -270,7 +272,15 @@ class Responses:
         return np.concatenate([self.rows[positions], noise_columns], axis=1), (*self.sources, *sources)
 
 
-def responses(request: Request, problem: Problem, minimum: Fit, level: float, random: Array, weights: Array) -> Responses:
+def responses(
+    request: Request,
+    problem: Problem,
+    minimum: Fit,
+    level: float,
+    random: Array,
+    weights: Array,
+    ranges: Sequence[tuple[Source, Array]] = (),
+) -> Responses:
     """Return what the errors of a fit come from.
 
     With A and B the derivatives of the weighted residuals with respect to what was looked for and what was fixed, P the covariance of the
@@ -282,6 +292,7 @@ def responses(request: Request, problem: Problem, minimum: Fit, level: float, ra
     level : float       Variance of residuals that do not wander, in squares of the noise.
     random : array      Covariance by the scatter of the residuals; see `covariances`.
     weights : array     C.
+    ranges : sequence   Sources of fixed values that are known within a printed range, and what the unknowns (unknowns,) answer to each.
     """
     unknowns = problem.unknowns
     unlimited = ~np.isfinite(np.diag(weights))
@@ -303,6 +314,8 @@ def responses(request: Request, problem: Problem, minimum: Fit, level: float, ra
     held = _fixed(request, unknowns)
     if held and unknowns:
         _consider(table, request, problem, minimum, held, gain / level)
+    for source, column in ranges:
+        table.add((source,), column[:, None])
     rows = np.array(list(table.columns.values())).reshape(len(table.columns), len(unknowns)).T
     return Responses(rows, tuple(table.sources.values()), noise, unlimited).between(unknowns, minimum.fitted)
 

@@ -204,7 +204,7 @@ class _Draft:
         parameters, signals = self.wiring.network.flat.parameters, self.wiring.signals
         if s.kind == "parameter":
             parameter, dimension = parameters.table[s.path].parameter, parameters.dimension(s.path)
-            bounds = parameter.minimum, parameter.maximum
+            bounds = parameter.walls
             return FmuVariable(structured("p", s.path), told.VALUE, k, "parameter", dimension, s.start, bounds, parameter.note)
         if s.kind == "boundary":
             what = f"temperature of boundary '{s.path}'"

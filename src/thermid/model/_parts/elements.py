@@ -126,7 +126,8 @@ class Surface:
 def finish_emissivity(name: str, where: str) -> Parameter:
     """Return the emissivity of a finish."""
     surface = finish(name, where)
-    return parameter({"value": surface.typical, "min": 0.005, "max": 1.0, "source": "assumed", "basis": surface.basis}, where)
+    table = {"value": surface.typical, "min": surface.low, "max": surface.high}
+    return parameter(table | {"source": "assumed", "basis": surface.basis}, where)
 
 
 def gap_scatter(words: Mapping[str, str], where: str) -> Parameter:

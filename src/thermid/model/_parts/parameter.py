@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal as OneOf, get_args
 
 from thermid.base.errors import DeckError, UnitError, errors_at, refuse_unknown
 from thermid.base.expression import Expression, Literal, parse
+from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.units import describe, from_si, unit
 from thermid.model._laws.options import Source
+from thermid.physics.materials import materials
 
 State = OneOf["credible", "unjudged", "not adequate", "incomplete", "not credible", "failed"]
 ORDER: tuple[State, ...] = get_args(State)
@@ -149,6 +152,42 @@ def worst(standings: Iterable[Standing]) -> Standing:
     return replace(first, beside=tuple(sorted(taken.values(), key=lambda s: -s.rank)))
 
 
+CATALOGUE, FINISH, SCATTER = "catalogue: ", "finish '", "scatter of "
+"""What a basis begins with whose bounds are a range that somebody printed."""
+SPAN: Final = 2.0 * HALF_WIDTH_95
+"""Width of a printed range in standard deviations: it is read as holding 95 %. [-]"""
+FINISH_CORRELATION: Final = 0.5
+"""Correlation of the emissivities of two surfaces of one finish: half of what parts differ by is the batch, half the part. [-]"""
+LEAST_EMISSIVITY: Final = 0.005
+"""Of any surface; a share with a printed range is fitted by its logarithm from there. [-]"""
+
+
+@dataclass(frozen=True)
+class PrintedRange:
+    """Range of parts that a catalogue or a data sheet prints for a value: a prior with a spread about it, never a wall.
+
+    Parameters
+    ----------
+    low, high : float   Read as holding 95 % of parts. [SI]
+    name : str          Finish or property of a material, which other values may have too; empty where it is the value's own.
+    alike : float       Correlation of two values of that name. [-]
+    """
+
+    low: float
+    high: float
+    name: str = ""
+    alike: float = 0.0
+
+    def log_sd(self, value: float) -> float:
+        """Return the standard deviation of the logarithm of a value above zero. [-]"""
+        return math.log(self.high / self.low) / SPAN if self.low > 0.0 else self.sd / value
+
+    @property
+    def sd(self) -> float:
+        """Standard deviation. [SI]"""
+        return (self.high - self.low) / SPAN
+
+
 @dataclass(frozen=True)
 class Parameter:
     """A value with what is known of it.
@@ -156,7 +195,7 @@ class Parameter:
     Parameters
     ----------
     expression : Expression     A literal with its unit, or arithmetic over other names.
-    minimum, maximum : float    Bounds, or None. [SI]
+    minimum, maximum : float    Bounds, or the range that a source prints (see `is_printed`), or None. [SI]
     source : str                published, datasheet, derived, assumed, measured, or empty.
     note, basis : str           Free text: what it is, and what it rests on.
     standing : Standing         How far a value that was laid over a model may be trusted; None for that of a deck. It is no part of what
@@ -185,6 +224,39 @@ class Parameter:
     def unit(self) -> str:
         """The unit it was written in; empty for a derived value."""
         return self.expression.literal.unit.text if self.expression.literal else ""
+
+    @property
+    def is_printed(self) -> bool:
+        """Whether minimum and maximum are what a catalogue or a data sheet prints of parts; else they bound a search."""
+        printed = self.source == "datasheet" or (self.source != "measured" and self.basis.startswith((CATALOGUE, FINISH, SCATTER)))
+        return printed and self.minimum is not None and self.maximum is not None and self.minimum < self.maximum
+
+    @property
+    def printed(self) -> PrintedRange | None:
+        """The printed range of a number; None where it has none."""
+        if not (self.is_printed and self.is_literal):
+            return None
+        assert self.minimum is not None
+        assert self.maximum is not None
+        material = self.basis.removeprefix(CATALOGUE).partition(";")[0]
+        if self.basis.startswith(FINISH):
+            name, alike = self.basis.removeprefix(FINISH).partition("'")[0], FINISH_CORRELATION
+        else:
+            name, alike = (f"{material}, {self.text}", 1.0) if material in materials() else ("", 0.0)
+        return PrintedRange(self.minimum, self.maximum, name, alike)
+
+    @property
+    def walls(self) -> tuple[float | None, float | None]:
+        """Bounds that nothing passes, or None each: a printed range is none, but where it begins at zero. [SI]"""
+        if not self.is_printed:
+            return self.minimum, self.maximum
+        return (0.0 if self.minimum == 0.0 else None), None
+
+    def laid_over(self, old: Parameter) -> Parameter:
+        """Return it in the place of another: bounds and note stay unless given anew; a printed range goes with its value."""
+        low, high = (None, None) if old.is_printed else (old.minimum, old.maximum)
+        low, high = (low if self.minimum is None else self.minimum), (high if self.maximum is None else self.maximum)
+        return replace(self, minimum=low, maximum=high, note=self.note or old.note)
 
 
 def exact(value: float, unit_text: str, note: str = "") -> Parameter:
@@ -254,7 +326,10 @@ def parameter(value: str | float | Mapping[str, Any] | Parameter, where: str = "
             raise DeckError(f"its minimum {table['min']} is above its maximum {table['max']}. Exchange the two bounds.")
         source = table.get("source", "")
         refuse_unknown([source] if source else (), SOURCES, refusal="source '{}' is not one of {known}.", error=DeckError)
-        return Parameter(expression, low, high, source, table.get("note", ""), table.get("basis", ""))
+        out = Parameter(expression, low, high, source, table.get("note", ""), table.get("basis", ""))
+        if out.is_printed and expression.literal is not None:
+            check_bounds(expression.literal.value, out, "")
+        return out
 
 
 def check_bounds(value: float, parameter: Parameter, where: str) -> None:

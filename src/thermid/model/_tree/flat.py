@@ -23,7 +23,6 @@ from thermid.model._parts.kinds import KINDS, Law
 from thermid.model._parts.ranges import RANGES, Range, outside, range_of
 from thermid.model._parts.takes import Take
 from thermid.model._tree.tree import Names, ParameterSet, Tree
-from thermid.physics.finishes import Finish, finish
 from thermid.physics.gas import GASES
 
 BALANCED: Final = 1e-3
@@ -172,7 +171,6 @@ class Flat:
     parameters : ParameterSet           Every value by path.
     nodes, conductors, loads : tuple    The elements.
     surfaces : dict                     Surface path -> its area's parameter path and what joints take from it.
-    finishes : dict                     Parameter path of an emissivity -> the finish that it comes from.
     faces : dict                        Surface path -> the surface as radiation from outside meets it.
     made_in : tuple                     Title of a reduced part, gas node or ``*``, the state that it was made in, and where that stands.
     controls : dict                     Control path -> the control.
@@ -185,16 +183,10 @@ class Flat:
     conductors: tuple[FlatConductor, ...]
     loads: tuple[FlatLoad, ...]
     surfaces: Mapping[str, tuple[str, tuple[Take, ...]]] = field(default_factory=dict)
-    finishes: Mapping[str, str] = field(default_factory=dict)
     faces: Mapping[str, FlatSurface] = field(default_factory=dict)
     made_in: tuple[tuple[str, str, MadeIn, str], ...] = ()
     controls: Mapping[str, FlatControl] = field(default_factory=dict)
     ranges: Mapping[str, tuple[Range, str]] = field(default_factory=dict)
-
-    @property
-    def finish_of(self) -> dict[str, Finish]:
-        """Value behind an emissivity -> the finish that it comes from."""
-        return {self.parameters.literal_behind(path): finish(named) for path, named in self.finishes.items()}
 
     def impossible(self, values: Mapping[str, Any], paths: Iterable[str]) -> Iterator[tuple[str, str, str]]:
         """Yield path, place and message of each of some parameters whose value physics forbids.
@@ -235,7 +227,6 @@ def _laid_flat(model: Tree) -> Flat:
     loads: list[FlatLoad] = []
     controls: dict[str, FlatControl] = {}
     surfaces: dict[str, tuple[str, tuple[Take, ...]]] = {}
-    finishes: dict[str, str] = {}
     faces: dict[str, FlatSurface] = {}
     for owner, prefix in model.walk():
         for name, node in owner.nodes.items():
@@ -250,7 +241,6 @@ def _laid_flat(model: Tree) -> Flat:
         for name, surface in owner.surfaces.items():
             taken = tuple(takes.get(prefix + name, ()))
             surfaces[prefix + name] = (f"{prefix}{name}.area", taken)
-            finishes |= {f"{prefix}{name}.emissivity": surface.finish} if surface.finish else {}
             conductors += _surface(owner, prefix, name, surface, taken, names, prefix + name in enclosed)
             face = _face(owner, prefix, name, surface, taken, names, prefix + name in enclosed)
             faces[prefix + name] = replace(face, enclosed=enclosed.get(prefix + name))
@@ -274,7 +264,7 @@ def _laid_flat(model: Tree) -> Flat:
         for owner, prefix in model.walk()
         for gas, state in owner.made_in.items()
     )
-    flat = Flat(names, parameters, tuple(nodes), (*conductors, *inside), tuple(loads), surfaces, finishes, faces, made_in, controls)
+    flat = Flat(names, parameters, tuple(nodes), (*conductors, *inside), tuple(loads), surfaces, faces, made_in, controls)
     ranges: dict[str, tuple[Range, str]] = {}
     for path, kind, name, slot in _slots(flat, model):
         ranges.setdefault(path, (range_of(kind, name, slot), slot))

@@ -123,10 +123,8 @@ def lay_values(model: M, values: Mapping[str, Any], origin: str) -> M:
         path = model.canonical(raw)
         refuse_unknown([path], table, model.title, f"no parameter '{raw}'.", NameNotFoundError)
         new = value.as_parameter() if hasattr(value, "as_parameter") else parameter(value, path)
-        old = table[path].parameter
-        bounds = {k: getattr(old, k) for k in ("minimum", "maximum") if getattr(new, k) is None}
         standing = getattr(value, "standing", None) or UNJUDGED
-        layer[path] = replace(new, **bounds, note=new.note or old.note, standing=standing)
+        layer[path] = replace(new.laid_over(table[path].parameter), standing=standing)
         if hasattr(value, "as_parameter"):
             shared.setdefault(id(value), []).append(path)
     if not layer:
@@ -236,8 +234,8 @@ def _set(rows: dict[str, _Row], model: Tree, owner: str, file: str) -> None:
         if path not in rows:
             continue  # refused by the table of values, with the nearest name
         old = rows[path].given
-        bounds = [old_b if b is None else b for b, old_b in ((value.minimum, old.minimum), (value.maximum, old.maximum))]
-        whole = replace(value, minimum=bounds[0], maximum=bounds[1])
+        whole = value.laid_over(old)
+        bounds = whole.minimum, whole.maximum
         part = next((p for p in _prefixes(path) if p in of), "")
         key = (of[part], path.removeprefix(part), _number(whole), *(None if b is None else f"{b:.12g}" for b in bounds)) if part else path
         local = first.setdefault(key, path)

@@ -15,7 +15,7 @@ from thermid.model._laws.curves import Curve
 from thermid.model._parts.controls import Control, named_control
 from thermid.model._parts.elements import Conductor, Enclosure, HeatLoad, Joint, MadeIn, Node, Surface
 from thermid.model._parts.kinds import KINDS
-from thermid.model._parts.parameter import SHARES, Parameter, check_bounds
+from thermid.model._parts.parameter import LEAST_EMISSIVITY, SHARES, Parameter, PrintedRange, check_bounds
 
 Element = Node | Conductor | Surface | Joint | Enclosure | HeatLoad | Control
 TABLES = ("nodes", "surfaces", "conductors", "joints", "enclosures", "loads", "controls")
@@ -498,10 +498,7 @@ def _lay(table: dict[str, Entry], model: Tree, prefix: str, raw: str, parameter:
     if old is None:
         paths = [p.removeprefix(prefix) for p in table]
         raise NameNotFoundError(f"no parameter '{raw}'.{nearest(raw, paths)}", where)
-    low = old.parameter.minimum if parameter.minimum is None else parameter.minimum
-    high = old.parameter.maximum if parameter.maximum is None else parameter.maximum
-    merged = replace(parameter, minimum=low, maximum=high, note=parameter.note or old.parameter.note)
-    table[path] = Entry(merged, prefix, origin, where, (*old.shadowed, (old.origin, old.parameter.text)))
+    table[path] = Entry(parameter.laid_over(old.parameter), prefix, origin, where, (*old.shadowed, (old.origin, old.parameter.text)))
 
 
 class ParameterSet:
@@ -529,7 +526,8 @@ class ParameterSet:
         self._dimensions: dict[str, Dimension] = {}
         values = self.evaluate({})
         for path, entry in self.table.items():
-            check_bounds(values[path], entry.parameter, entry.where)
+            if not entry.parameter.is_printed:
+                check_bounds(values[path], entry.parameter, entry.where)
 
     def _lookup(self, name: str, entry: Entry) -> str:
         full = entry.scope + name
@@ -619,12 +617,19 @@ class ParameterSet:
         return frozenset(self.literal_behind(p) for p in self.table if p.rpartition(".")[2] in SHARES)
 
     def bounded(self, path: str) -> Parameter:
-        """Return a parameter with the bounds of its deck; those of a share, such as an emissivity, lie within 0 and 1."""
+        """Return a parameter with the walls of its deck; those of a share, such as an emissivity, lie within 0 and 1."""
         parameter = self.table[path].parameter
-        if path not in self._shares:
-            return parameter
-        low, high = (0.0 if parameter.minimum is None else parameter.minimum), (1.0 if parameter.maximum is None else parameter.maximum)
-        return replace(parameter, minimum=max(low, 0.0), maximum=min(high, 1.0))
+        low, high = parameter.walls
+        if path in self._shares:
+            least = min(LEAST_EMISSIVITY, parameter.minimum or 0.0) if parameter.is_printed else 0.0
+            low, high = max(low or 0.0, least), min(1.0 if high is None else high, 1.0)
+        return replace(parameter, minimum=low, maximum=high)
+
+    @property
+    def printed(self) -> dict[str, PrintedRange]:
+        """Number -> the range that a catalogue or a data sheet prints for it, of those that have one."""
+        ranges = ((p, e.parameter.printed) for p, e in self.table.items())
+        return {p: r for p, r in ranges if r is not None}
 
     def freeable(self, raw: str, canonical: Callable[[str], str]) -> str:
         """Return the path of a parameter that a fit may free.

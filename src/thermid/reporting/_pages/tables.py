@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import platform
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 
@@ -104,7 +104,7 @@ def _state(v: FittedValue) -> Cell:
     if not math.isfinite(v.error):
         return Cell("not determined", "", "bad")
     if at_bound(v):
-        return Cell(f"at its {at_bound(v)} bound", "its error is not meaningful", "bad")
+        return Cell(f"at its {at_bound(v)} bound", "its error is cut there", "bad")
     shared = f", shared by {1 + len(v.also)} instances" if v.also else ""
     return Cell(f"free, with prior{shared}" if v.prior else f"free{shared}", ", ".join(v.also))
 
@@ -570,8 +570,8 @@ def _twins(c: Calibration) -> list[tuple[str, str, float]]:
 
 
 def _half(v: FittedValue) -> float:
-    """Return the half-width of a 95 % interval over its value. [-]"""
-    low, high = interval(v)
+    """Return the half-width of a 95 % interval over its value, as it would be without bounds. [-]"""
+    low, high = interval(replace(v, error=max(v.error, v.uncut)))
     return (high - low) / 2 / abs(v.value) if v.value and math.isfinite(v.error) else math.inf
 
 
@@ -592,7 +592,7 @@ def _unknown(campaign: Campaign) -> Iterator[tuple[str, str]]:
             if not math.isfinite(value.error):
                 yield f"{value.path}: the logs do not determine it.", c.stage
             elif at_bound(value):
-                yield f"{value.path} ended at its {at_bound(value)} bound, so its standard error is not meaningful.", c.stage
+                yield f"{value.path} ended at its {at_bound(value)} bound, where its standard error is cut.", c.stage
         widths = [(_half(value), value.path) for value in c.values.parameters.values()]
         vague = sorted((pair for pair in widths if MAX_KNOWN_HALF_WIDTH < pair[0] < math.inf), reverse=True)
         if vague:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -74,7 +74,15 @@ def solution_object(solution: Solution, steady: Mapping[str, float] | None, at: 
 
 @dataclass(frozen=True)
 class ShownValue:
-    """A fitted value in its unit: with its standard error by the noise alone, in all, its start and its bounds (infinite where open)."""
+    """A fitted value in its unit.
+
+    Parameters
+    ----------
+    value, random, error, start : float     With its standard error by the noise alone and in all.
+    unit : str
+    bounds : tuple                          Infinite where open.
+    ranges : dict                           Printed range of a fixed input -> its part of the variance. [-]
+    """
 
     value: float
     random: float
@@ -82,10 +90,12 @@ class ShownValue:
     unit: str
     start: float
     bounds: tuple[float, float]
+    ranges: Mapping[str, float] = field(default_factory=dict)
 
     def answer(self) -> dict[str, Any]:
         """Return value and errors as JSON and the studio say them."""
-        return {"value": self.value, "error": self.error, "random": self.random, "unit": self.unit}
+        ranges = {"ranges": dict(self.ranges)} if self.ranges else {}
+        return {"value": self.value, "error": self.error, "random": self.random, "unit": self.unit, **ranges}
 
 
 @dataclass(frozen=True)
@@ -111,8 +121,8 @@ class CalibrationView:
     sensors: Mapping[str, SensorFigures]
 
 
-def quantity(v: FittedValue) -> ShownValue:
-    """Return a fitted value in its unit."""
+def quantity(v: FittedValue, ranges: Mapping[str, float] | None = None) -> ShownValue:
+    """Return a fitted value in its unit, with the part of its variance that each printed range makes."""
     return ShownValue(
         v.in_unit,
         v.shown(v.error_random),
@@ -120,6 +130,7 @@ def quantity(v: FittedValue) -> ShownValue:
         v.unit,
         v.converted(v.start),
         (v.converted(v.bounds[0]), v.converted(v.bounds[1])),
+        ranges or {},
     )
 
 
@@ -130,7 +141,9 @@ def view(fit: Calibration) -> CalibrationView:
         fitted = fit.values.sensors.get(name)
         value, error = (s.bias, None) if fitted is None else (fitted.value, fitted.error)
         sensors[name] = SensorFigures(s.samples, s.rmse, fit.median_rmse(name), s.mean, s.largest, value, error, s.lag_one, s.white)
-    return CalibrationView({p: quantity(v) for p, v in fit.values.items() if v.kind in ("parameter", "level")}, sensors)
+    return CalibrationView(
+        {p: quantity(v, fit.range_shares(p)) for p, v in fit.values.items() if v.kind in ("parameter", "level")}, sensors
+    )
 
 
 def fit_object(fit: Calibration) -> dict[str, Any]:

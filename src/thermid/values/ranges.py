@@ -1,0 +1,96 @@
+"""Values that are known within a printed range only: one source of error each, wherever in a model and at whatever level it is met."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+from thermid.model.elements import PrintedRange
+from thermid.model.identity import local_identities
+from thermid.model.tree import ParameterSet, Tree
+from thermid.values.store import COVARIANCE_KINDS, Distribution, LogNormal, Normal, Source, Store
+
+RANGE_OF = "range of "
+"""What the name of a source begins with that is a printed range."""
+MAX_VARIANCE_LEFT = 0.8
+"""Part of the variance of an assumed value that readings leave at most, where they count; its stated law stays as it is beyond. [-]"""
+
+
+@dataclass(frozen=True)
+class RangedValue:
+    """A value of a deck whose range a catalogue or a data sheet prints, and nobody fitted.
+
+    Parameters
+    ----------
+    path : str                  In the model.
+    also : tuple of str         Other paths with the same value: twins, and parts of one material.
+    printed : PrintedRange
+    columns : tuple             Standard normal sources of its error, with the part of its standard deviation that each has: a finish has
+                                one for all surfaces and one for each. [-]
+    """
+
+    path: str
+    also: tuple[str, ...]
+    printed: PrintedRange
+    columns: tuple[tuple[Source, float], ...]
+
+    @property
+    def words(self) -> str:
+        """What it is the range of."""
+        return f"the range of '{self.printed.name}' in {self.path}" if self.printed.name else f"the range of {self.path}"
+
+    def law(self, nominal: float) -> Distribution:
+        """Return its distribution about the value that a model has. [SI]"""
+        has_log = self.printed.low > 0.0 and nominal > 0.0
+        return LogNormal(nominal, self.printed.log_sd(nominal)) if has_log else Normal(nominal, self.printed.sd)
+
+    def sd_left(self, nominal: float, of_assumed: Mapping[str, tuple[float, float]]) -> float:
+        """Return its standard deviation once readings count, by what they say of its paths: see `narrowed`. [SI]"""
+        best = min((of_assumed[p] for p in (self.path, *self.also) if p in of_assumed), default=None)
+        return float(narrowed(self.law(nominal), nominal, best).variance ** 0.5)
+
+
+def ranged_values(model: Tree, parameters: ParameterSet, without: Collection[str] = ()) -> list[RangedValue]:
+    """Return what a model has with a printed range, but the paths in `without`; twins share their value, parts of one material too."""
+    twins, groups = local_identities(model), dict[str, list[str]]()
+    printed = {p: r for p, r in parameters.printed.items() if p not in without}
+    for path, r in printed.items():
+        first = twins[path].paths[0] if path in twins else path
+        groups.setdefault(r.name if r.alike == 1.0 else first, []).append(path)
+    places = [parameters.table[paths[0]].where for paths in groups.values()]
+    out = []
+    for (path, *also), where in zip(groups.values(), places, strict=True):
+        r = printed[path]
+        place = where if places.count(where) == 1 else f"{where} at {path}"  # twins that a cut parted
+        words = f"the range of '{r.name}'" if r.name else f"the range of {path}"
+        shares = {r.name: math.sqrt(r.alike), place: math.sqrt(1.0 - r.alike)}
+        columns = tuple((Source(f"{RANGE_OF}{what}", "stated", Normal(), words), share) for what, share in shares.items() if share > 0.0)
+        out.append(RangedValue(path, tuple(also), r, columns))
+    return out
+
+
+def range_shares(store: Store, path: str) -> dict[str, float]:
+    """Return printed range -> its part of the variance of a value, the largest first. [-]"""
+    row = store.rows([path], COVARIANCE_KINDS)[0]
+    whole = float(row @ row)
+    parts: dict[str, float] = {}
+    for source, x in zip(store.sources, row.tolist(), strict=True):
+        if source.name.startswith(RANGE_OF) and x:
+            what = source.words.removeprefix(f"the {RANGE_OF}")
+            parts[what] = parts.get(what, 0.0) + x**2 / whole
+    return dict(sorted(parts.items(), key=lambda item: -item[1]))
+
+
+def narrowed(law: Distribution, nominal: float, variance_and_shift: tuple[float, float] | None) -> Distribution:
+    """Return the law of an assumed value once the readings of a fit are counted beside it; `nominal` is the value that the fit took.
+
+    With a variance v of the law and V of the readings, ``v V / (v + V)`` is left, and the value would move by ``v / (v + V)`` of what they
+    ask for. The values of the fit stay those of the deck's, so both count as its error, which is never more than was stated.
+    """
+    if variance_and_shift is None or not law.variance:
+        return law
+    variance, shift = variance_and_shift
+    share = law.variance / (law.variance + variance)
+    variance_left = share * variance + (share * shift) ** 2
+    return Normal(nominal, variance_left**0.5) if variance_left < MAX_VARIANCE_LEFT * law.variance else law

@@ -1,0 +1,234 @@
+"""What only a catalogue or a data sheet tells: a spread about a value and no wall, one source at every level. Synthetic records."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.fit._error_model.courses import OperatingPoint
+from thermid.fit._error_model.elements import SHARE_OF, SurfaceLaw, ways_of
+from thermid.fit._error_model.sizes import FINISH
+from thermid.fit.calibration import Calibration, Request, fit
+from thermid.model.tree import ParameterSet
+from thermid.prediction._budget import PRINTED_RANGES, budget_of
+from thermid.simulation.network import compile_network
+from thermid.values.ranges import RANGE_OF, ranged_values
+
+STEEL, PLAIN = "stainless steel 304", "0 [s]"
+HTC = {"value": "6 [W/(m^2 K)]", "min": 4.5, "max": 8.0, "source": "datasheet"}
+ROOM = td.Scenario("bench", boundaries={"air": "22 [degC]"}, start="22 [degC]", duration="3 [h]")
+
+
+def box(**more: Any) -> td.Model:
+    """Two steel plates with a joint; the coefficient of the second is known by a data sheet."""
+    plate = {"mass": "0.4 [kg]", "material": STEEL}
+    skin = {"of": "a", "to": "air", "area": "0.03 [m^2]", "htc": "7 [W/(m^2 K)]"}
+    deck = {
+        "title": "Plates",
+        "needs": ["air"],
+        "parameters": {"film": HTC},
+        "nodes": {"a": plate, "b": plate},
+        "surfaces": {"a_skin": skin, "b_skin": skin | {"of": "b", "htc": "film"}},
+        "conductors": {"joint": {"kind": "conduction", "between": ["a", "b"], "conductance": "0.8 [W/K]"}},
+        "loads": {"heat": {"into": "a", "power": "6 [W]"}},
+    }
+    return td.model_from_dict(deck | more)
+
+
+def log(truth: td.Model, name: str = "run", seed: int = 3, noise: float = 0.05) -> td.Record:
+    times = np.linspace(0.0, ROOM.seconds, 181)
+    run = td.simulate(truth, ROOM, times=times)
+    scatter = np.random.default_rng(seed).normal(0.0, noise, (2, times.size))
+    channels = {
+        f"T_{n}": td.Channel.from_array(f"T_{n}", run[n].kelvin + e, unit="K", role="node", target=n, noise=noise)
+        for n, e in zip("ab", scatter, strict=True)
+    }
+    return td.Record.from_arrays(name, times, channels, synthetic=True)
+
+
+BESIDE = ROOM.with_(duration=PLAIN)
+
+
+def test_a_material_beyond_its_range_is_a_right_fit() -> None:
+    """451 J/(kg K) lies 5 % below the 477 of the table, whose range is 4 %; a wall there made a right law not adequate."""
+    truth = box().with_values({"a.specific_heat": "451 [J/(kg K)]", "b.specific_heat": "451 [J/(kg K)]"})
+    found = td.calibrate(box(), log(truth), ["a.specific_heat", "b.specific_heat", "joint.conductance", "a_skin.htc"], scenario=BESIDE)
+    assert found.standing.state == "credible"
+    for path in ("a.specific_heat", "b.specific_heat"):
+        v = found[path]
+        assert v.prior == pytest.approx((math.log(477.0), math.log(1.04 / 0.96) / (2 * 1.96)), rel=1e-3)
+        assert v.bounds == (-np.inf, np.inf)
+        assert abs(v.value - 451.0) < 2.5 * v.error
+    assert ParameterSet(found.fitted_model).evaluate({})["a.specific_heat"] == found["a.specific_heat"].value
+
+
+def test_a_number_outside_its_own_range_is_refused() -> None:
+    with pytest.raises(td.ThermidError, match="its maximum 8"):
+        box(parameters={"film": HTC | {"value": "9 [W/(m^2 K)]"}})
+
+
+def test_two_parts_of_one_material_are_one_source() -> None:
+    values = ranged_values(box(), ParameterSet(box()))
+    assert [(r.path, r.also, r.printed.name) for r in values] == [
+        ("film", (), ""),
+        ("a.specific_heat", ("b.specific_heat",), f"{STEEL}, 477 [J/(kg K)]"),
+    ]
+    free = ranged_values(box(), ParameterSet(box()), {"a.specific_heat"})
+    assert [(r.path, r.also) for r in free] == [("film", ()), ("b.specific_heat", ())]
+
+
+@pytest.fixture(scope="module")
+def below() -> Calibration:
+    return fit(Request(box(), [log(box())], ["a_skin.htc", "joint.conductance"], name="below", scenarios={"*": BESIDE}))
+
+
+def moved_by(path: str, sd: float, stages: list[tuple[str, tuple[str, ...]]], found: list[Calibration]) -> list[dict[str, float]]:
+    """What every stage finds with a fixed value one standard deviation up, less what it found; logarithms."""
+    deck = box().with_values({path: f"{ParameterSet(box()).evaluate({})[path] * math.exp(sd)!r} {UNITS[path]}"})
+    if path == "a.specific_heat":
+        deck = deck.with_values({"b.specific_heat": f"{477.0 * math.exp(sd)!r} [J/(kg K)]"})
+    pairs = zip(found, run(deck, stages), strict=True)
+    return [{n: math.log(again[n].value / first[n].value) for n in first.values} for first, again in pairs]
+
+
+UNITS = {"film": "[W/(m^2 K)]", "a.specific_heat": "[J/(kg K)]"}
+STAGES = [("below", ("a_skin.htc", "joint.conductance")), ("above", ("heat.power", "a.mass"))]
+
+
+def run(deck: td.Model, stages: list[tuple[str, tuple[str, ...]]]) -> list[Calibration]:
+    """Stages on top of each other, each with a record of its own; what a stage found is fixed above."""
+    out: list[Calibration] = []
+    for k, (name, free) in enumerate(stages):
+        known = {"store": out[-1].store} if out else {}
+        laid = deck.with_values(out[-1].values.assignments) if out else deck
+        out.append(fit(Request(laid, [log(box(), name, 5 + k, 0.01)], free, name=name, scenarios={"*": BESIDE}, **known)))
+    return out
+
+
+@pytest.mark.parametrize(("path", "source"), [("film", "film"), ("a.specific_heat", STEEL)])
+def test_what_a_stage_hands_on_answers_to_the_range_once(path: str, source: str) -> None:
+    """Each value's response to the source is what the stages find with the fixed input moved: by itself, and through what is held."""
+    found = run(box(), STAGES)
+    (ranged,) = (r for r in ranged_values(box(), ParameterSet(box())) if r.path == path)
+    step, left = 0.01, []
+    for stage, moves in zip(found, moved_by(path, step, STAGES, found), strict=True):
+        (column,) = (k for k, s in enumerate(stage.store.sources) if s.name.startswith(RANGE_OF) and source in s.name)
+        left += [float(stage.store.rows([name])[0][column]) * step / move for name, move in moves.items()]
+    assert left == pytest.approx([left[0]] * len(left), rel=0.05)  # what the readings leave of the range, the same for all
+    assert 0.0 < left[0] <= ranged.printed.log_sd(1.0)
+
+
+def test_the_printed_error_counts_the_range_and_says_so(below: Calibration) -> None:
+    shares = below.range_shares("joint.conductance")
+    assert "film" in shares
+    assert 0.3 < sum(shares.values()) < 1.0
+    assert "from printed ranges: " in str(below)
+    held = below["joint.conductance"]
+    assert held.error > 1.3 * held.error_random
+
+
+def test_a_band_counts_an_input_once(below: Calibration) -> None:
+    for known in (budget_of(below, ROOM), budget_of(below, ROOM, without=("structural",))):
+        acting = [t.name for t, row in zip(known.targets, known.gain, strict=True) if row.any()]
+        assert acting.count("film") == 1
+        names = [s.name for s in known.sources]
+        assert len([n for n in names if "film" in n]) == 1
+
+
+def test_the_ranges_of_a_standard_part_count_in_its_band() -> None:
+    parts = {"q": {"use": "std:TO-220", "bind": {"sink": "sink", "air": "air"}, "values": {"heat.power": "2 [W]"}}}
+    model = td.model_from_dict({"title": "Board", "needs": ["air"], "nodes": {"sink": {"capacitance": "100 [J/K]"}}, "submodels": parts})
+    told = td.predict(td.design.Knowledge(model), ROOM)["q.junction"].final
+    hot = [float(td.simulate(model.with_values({"q.JC.resistance": f"{r} [K/W]"}), ROOM)["q.junction"].kelvin[-1]) for r in (0.5, 5.0)]
+    assert told.shares == pytest.approx({PRINTED_RANGES: 1.0})
+    assert 1.96 * told.error > 0.3 * (hot[1] - hot[0])
+
+
+def test_the_share_of_radiation_in_an_effective_coefficient_has_the_range_of_its_finish() -> None:
+    skin = {"of": "a", "to": "air", "area": "0.03 [m^2]", "effective_htc": "7 [W/(m^2 K)]", "carried_by": "free air"}
+    relative = []
+    for more in ({"finish": "aluminium, machined"}, {"emissivity": 0.09}):
+        deck = {
+            "title": "Plate",
+            "needs": ["air"],
+            "nodes": {"a": {"mass": "1 [kg]", "material": STEEL}},
+            "surfaces": {"skin": skin | more},
+        }
+        network = compile_network(td.model_from_dict(deck))
+        first, *_ = ways_of(network, {"skin": OperatingPoint(20.0, 310.0)}, network.numbers().values)
+        law = first.laws["skin"]
+        assert isinstance(law, SurfaceLaw)
+        relative.append(first.sizes["skin", SHARE_OF][1] / law.share)
+    assert relative == pytest.approx([math.log(0.15 / 0.05) / (2 * 1.96), FINISH], rel=1e-3)
+
+
+METALS = {"skin": ("aluminium, blasted", 0.3, 0.18, 0.47), "top": ("paint, aluminium", 0.4, 0.25, 0.6)}
+OWN = {"core.capacitance": 300.0, "lid.capacitance": 250.0, "seat.conductance": 0.5, "joint.conductance": 0.8}
+
+
+def three_masses(emissivities: tuple[float, ...], film: float, heat: float, own: dict[str, float]) -> td.Model:
+    """A box whose finishes, film and specific heat are others than those that its deck has from a catalogue."""
+    skin = {"to": "air", "htc": "4 [W/(m^2 K)]"}
+    deck = {
+        "title": "Box",
+        "needs": ["air"],
+        "nodes": {"core": {"capacitance": "300 [J/K]"}, "shell": {"mass": "0.35 [kg]", "material": "aluminium 6061-T6"}}
+        | {"lid": {"capacitance": "250 [J/K]"}},
+        "surfaces": {
+            "skin": skin | {"of": "shell", "area": "0.05 [m^2]", "finish": METALS["skin"][0]},
+            "top": {"of": "lid", "to": "air", "area": "0.02 [m^2]", "htc": FILM, "finish": METALS["top"][0]},
+        },
+        "conductors": {
+            "seat": {"kind": "conduction", "between": ["core", "shell"], "conductance": "0.5 [W/K]"},
+            "joint": {"kind": "conduction", "between": ["shell", "lid"], "conductance": "0.8 [W/K]"},
+        },
+        "loads": {"heat": {"into": "core", "power": "4 [W]"}},
+    }
+    values: dict[str, Any] = {f"{n}.emissivity": e for n, e in zip(METALS, emissivities, strict=False)}
+    values |= {"top.htc": f"{film!r} [W/(m^2 K)]", "shell.specific_heat": f"{heat!r} [J/(kg K)]"}
+    units = {"capacitance": "J/K", "conductance": "W/K"}
+    values |= {n: f"{x!r} [{units[n.partition('.')[2]]}]" for n, x in own.items()}
+    model = td.model_from_dict(deck)
+    return model.with_values(values) if emissivities else model
+
+
+FILM = {"value": "5 [W/(m^2 K)]", "min": 4.2, "max": 6.0, "source": "datasheet"}
+
+
+@pytest.mark.campaign
+def test_intervals_beside_fixed_inputs_that_are_wrong_inside_their_ranges_hold() -> None:
+    """100 boxes: without the ranges 38 % of the intervals hold, with them 97 %."""
+    draw, held, before = np.random.default_rng(11), [], []
+    times = np.linspace(0.0, 10800.0, 181)
+
+    def within(value: float, low: float, high: float) -> float:
+        return float(value * np.exp(math.log(high / low) / (2 * 1.96) * draw.standard_normal()))
+
+    for _ in range(100):
+        own = {n: float(x * np.exp(0.3 * draw.standard_normal())) for n, x in OWN.items()}
+        finishes = tuple(within(*METALS[n][1:]) for n in METALS)
+        truth = three_masses(finishes, within(5.0, 4.2, 6.0), within(896.0, 860.16, 931.84), own)
+        logs = []
+        for power, room in ((4.0, 22.0), (8.0, 25.0)):
+            name, air = f"{power:g} W", f"{room} [degC]"
+            given = td.Scenario(name, {"air": air}, loads={"heat": f"{power} [W]"}, start=air, duration="3 [h]")
+            run = td.simulate(truth, given, times=times)
+            channels = {
+                n: td.Channel.from_array(n, run[n].kelvin + draw.normal(0.0, 0.05, 181), unit="K", role="node", target=n, noise=0.05)
+                for n in ("core", "shell", "lid")
+            }
+            channels["P"] = td.Channel.from_array("P", np.full(181, power), quantity="power", role="load", target="heat")
+            channels["air"] = td.Channel.from_array("air", np.full(181, 273.15 + room), unit="K", role="boundary", target="air")
+            logs.append(td.Record.from_arrays(name, times, channels, synthetic=True))
+        found = td.calibrate(three_masses((), 0.0, 0.0, {}), logs, [*OWN, "skin.htc"])
+        is_other = np.array([not s.name.startswith(RANGE_OF) for s in found.store.sources])
+        for n, x in own.items():
+            row, miss = found.store.rows([n])[0], abs(math.log(found[n].value / x))
+            held.append(miss <= 1.96 * np.linalg.norm(row))
+            before.append(miss <= 1.96 * np.linalg.norm(row[is_other]))
+    assert np.mean(held) > 0.93
+    assert np.mean(before) < 0.5
