@@ -25,8 +25,9 @@ from thermid.fit.calibration import listed
 from thermid.measure.steadiness import rule_of
 from thermid.model.deck import load_model
 from thermid.model.elements import literal
-from thermid.prediction.bands import Knowledge, filed
+from thermid.prediction.bands import Knowledge
 from thermid.prediction.reduction import macro_model
+from thermid.values.value_files import filed
 
 if TYPE_CHECKING:
     from thermid.qualify._plan_schema import LockFile, PlanFile, TestTable

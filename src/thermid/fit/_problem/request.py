@@ -358,7 +358,7 @@ def _range(values: ParameterSet, path: str, where: str) -> tuple[str, str]:
     of = unit(parameter.unit or "1")
     law = read_spread(RANGE, of.text, float("nan"), where, bounds=(low, high))
     mean, sd = law.mean, math.sqrt(law.variance)
-    if low > 0:  # as it will be fitted, by its logarithm: see `parameter_unknown`
+    if low > 0:  # as it will be fitted, by its logarithm: see `Parameter.form`
         logs = np.log(law.at((np.arange(MIDPOINTS) + 0.5) / MIDPOINTS))
         mean = float(np.exp(logs.mean()))
         sd = mean * float(logs.std())

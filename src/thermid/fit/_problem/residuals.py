@@ -17,7 +17,7 @@ from thermid.base.linear_algebra import HALF_WIDTH_95, Array
 from thermid.base.memo import Memo
 from thermid.base.units import Dimension
 from thermid.fit._problem.experiment import OFFSET, RATE, Experiment, Observation
-from thermid.model.elements import POSITIVE, Parameter
+from thermid.model.elements import Parameter
 from thermid.simulation.solver import Engine, Options, Squares, Traces, Weighing, Wiring, kept_for
 
 
@@ -114,19 +114,11 @@ def parameter_unknown(
 ) -> Unknown:
     """Return the unknown that a freed parameter is.
 
-    A value that cannot be negative is fitted by its logarithm, unless its minimum is zero, which a logarithm could not reach.
-
     Raises
     ------
     DeckError   When the start lies outside its bounds.
     """
-    low = -math.inf if parameter.minimum is None else parameter.minimum
-    high = math.inf if parameter.maximum is None else parameter.maximum
-    if not low <= value <= high:
-        raise DeckError(f"the start {value:g} of '{path}' lies outside its bounds {low:g} .. {high:g}.")
-    positive = low > 0 or (dimension in POSITIVE and low != 0.0)
-    text = parameter.unit or "1"
-    return Unknown(path, "parameter", tuple(targets), value, positive and value > 0, low, high, prior, text)
+    return Unknown(path, "parameter", tuple(targets), value, *parameter.form(path, dimension, value), prior, parameter.unit or "1")
 
 
 WHITE = 0.9
