@@ -31,8 +31,6 @@ NAMES: Final = 4
 HOUR: Final = 3600.0
 
 Row = Mapping[str, object]
-VIEW_SCHEMA: Final = 1
-"""Version of the JSON objects of commands."""
 
 
 def clean(value: Any, arrays: Callable[[Array], Any] = np.ndarray.tolist) -> Any:

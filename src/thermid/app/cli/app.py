@@ -315,7 +315,6 @@ class OnDemand(TyperCommand):
                 raise
             raise MissingExtraError(missing([error.name or self.place.extra], f"thermid {self.name}")) from error
         finally:
-            gc.freeze()
             gc.enable()
         lines = "\n".join(f"  {example}" for example in self.place.examples)
         info = CommandInfo(name=self.name, callback=callback, epilog=f"\b\nExamples:\n{lines}\n\nExit codes: see thermid --help.")

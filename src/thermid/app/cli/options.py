@@ -16,7 +16,7 @@ from thermid.base.codes import add_codes, mark_codes
 from thermid.base.errors import ScenarioError
 from thermid.base.extensions import require
 from thermid.base.files import NETCDF, PICTURE, command, may_write
-from thermid.base.results import VIEW_SCHEMA, clean
+from thermid.base.results import clean
 from thermid.measure.amounts import pairs as pairs, with_unit as with_unit
 from thermid.model.deck import load_model
 from thermid.model.elements import Standing, literal
@@ -71,6 +71,8 @@ Audience = Annotated[
 ]
 Pdf = Annotated[Path | None, typer.Option("--pdf", help="The page as PDF, printed by an installed Chromium, Chrome or Edge.")]
 
+VIEW_SCHEMA = 1
+"""Version of the JSON objects of commands."""
 PRECEDENCE = (2, 3, 4, 1, 5, 0)
 """Exit codes, the one that wins first."""
 

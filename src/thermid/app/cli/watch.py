@@ -238,9 +238,7 @@ def settle(
     time_constant = None if tau is None else with_unit(tau, "s")
     deck = None if model is None else load_model(model)
     conditions = None if scenario is None else load_scenario(scenario)
-    run = None
-    if deck is not None and conditions is not None and rule_of(rule).stored:
-        run = simulate(deck, conditions)
+    run = simulate(deck, conditions) if deck is not None and conditions is not None and rule_of(rule).stored else None
     stable = stability(record, rule, names, since=begin, at=end, tau=time_constant, reference=reference, run=run)
     ends: dict[str, Forecast | str] = {}
     for name in names:
