@@ -14,7 +14,6 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command_from_info
 from typer.models import CommandInfo
 
-import thermid
 from thermid.app.cli.screen import show
 from thermid.base.errors import MissingExtraError, StoppedError, ThermidError
 from thermid.base.extensions import missing
@@ -386,7 +385,7 @@ app = typer.Typer(
 def _say_version(wanted: bool) -> None:
     """Print the version and end."""
     if wanted:
-        typer.echo(f"thermid {thermid.__version__}")
+        typer.echo(f"thermid {import_module('importlib.metadata').version('thermid')}")
         raise typer.Exit
 
 

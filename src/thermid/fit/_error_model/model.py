@@ -47,7 +47,7 @@ from thermid.fit._error_model.sizes import (
     SIZES,
     UNBOUNDED,
     USUAL_NOISE,
-    WORTH,
+    WORTH_A_POINT,
 )
 from thermid.fit._problem.experiment import Experiment, Observation
 from thermid.fit._problem.residuals import Problem, Unknown, prior_rows
@@ -261,7 +261,7 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
                 break
         else:
             share *= 0.25
-        if min(costs[:-2], default=np.inf) - min(costs) < WORTH:
+        if min(costs[:-2], default=np.inf) - min(costs) < WORTH_A_POINT:
             break
         runs, laws, _, step = best
         at = runs.fitted.copy()

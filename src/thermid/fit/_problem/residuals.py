@@ -15,9 +15,7 @@ from thermid.base.dual import Dual, Number, gradient_of, value_of
 from thermid.base.errors import DeckError, SolverError
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array
 from thermid.base.memo import Memo
-from thermid.base.units import Dimension
 from thermid.fit._problem.experiment import OFFSET, RATE, Experiment, Observation
-from thermid.model.elements import Parameter
 from thermid.simulation.solver import Engine, Options, Squares, Traces, Weighing, Wiring, kept_for
 
 
@@ -107,18 +105,6 @@ class Unknown:
 def starting_point(unknowns: Sequence[Unknown]) -> Array:
     """Return the starts (unknowns,) in the fitted form."""
     return np.array([u.to_fitted(u.start) for u in unknowns])
-
-
-def parameter_unknown(
-    path: str, parameter: Parameter, dimension: Dimension, value: float, targets: Sequence[Influence], prior: Prior | None
-) -> Unknown:
-    """Return the unknown that a freed parameter is.
-
-    Raises
-    ------
-    DeckError   When the start lies outside its bounds.
-    """
-    return Unknown(path, "parameter", tuple(targets), value, *parameter.form(path, dimension, value), prior, parameter.unit or "1")
 
 
 WHITE = 0.9
