@@ -98,14 +98,14 @@ def _state(path: str, table: Mapping[str, Any], values: ParameterSet, origin: Va
     law = read_spread(spread, slot, 0.0, path) if set(spread) - {"mean"} else None
     value = law.mean if isinstance(law, Uniform) else literal(table["value"], slot, path)
     parameter = values.bounded(path)
-    log, *bounds = parameter.form(path, values.dimension(path), value)
+    log, low, high = parameter.form(path, values.dimension(path), value)
     size = math.sqrt(law.variance) / (value if log else 1.0) if law is not None else 0.0
     size = law.log_sd if isinstance(law, LogNormal) and log else size
     shape = UNIT if isinstance(law, Uniform) else Normal()
     words = f"{path}, tuned by hand at stage '{origin.stage}'"
     deck, start = deck_text(entry), float(values.evaluate({}, [path])[path])
-    unit, known = parameter.unit or "1", law is not None
-    state = State(path, value, log, unit, (bounds[0], bounds[1]), origin, "parameter", (path,), deck=deck, start=start, known=known)
+    unit, bounds = parameter.unit or "1", (low, high)
+    state = State(path, value, log, unit, bounds, origin, "parameter", (path,), deck=deck, start=start, known=law is not None)
     return state, Source(f"{origin.key[:16]}:{path}", "stated", shape, words), size
 
 
