@@ -29,7 +29,7 @@ _TOP = {
     "Solution": "simulation.runs",
     "Channel": "measure.records",
     "Record": "measure.records",
-    "look": "reporting.pictures",
+    "look": "reporting.looks",
     "read_record": "measure.readers",
     "compare": "campaign.verdicts",
     "calibrate": "fit.calibration",
@@ -136,7 +136,7 @@ _NAMESPACES = {
         "Stability": "qualify.steadiness",
         "forecast": "qualify.steadiness",
         "Forecast": "qualify.steadiness",
-        "Look": "reporting.pictures",
+        "Look": "reporting.looks",
     },
     "qualify": {
         "profile_of": "qualify.profiles",

@@ -24,8 +24,8 @@ from thermid.model.blocks import Block as Block
 from thermid.model.deck import load_model as load_model, model_from_dict as model_from_dict, save_model as save_model
 from thermid.model.tree import Model as Model
 from thermid.prediction.bands import Prediction as Prediction, predict as predict
+from thermid.reporting.looks import look as look
 from thermid.reporting.pages import report as report
-from thermid.reporting.pictures import look as look
 from thermid.simulation.runs import (
     Scenario as Scenario,
     Solution as Solution,

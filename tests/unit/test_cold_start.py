@@ -7,6 +7,7 @@ import json
 import subprocess
 import sys
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 
@@ -22,6 +23,15 @@ import thermid as td
 deck = {"title": "x", "needs": ["air"], "nodes": {"a": {"capacitance": "9 [J/K]"}}, "loads": {"p": {"into": "a", "power": "1 [W]"}},
         "conductors": {"g": {"kind": "conduction", "between": ["a", "air"], "conductance": "1 [W/K]"}}}
 assert td.simulate(td.model_from_dict(deck), td.Scenario("s", boundaries={"air": "20 [degC]"}, duration=60.0))["a"].final > 20
+"""
+
+DECK = """
+title = "x"
+needs = ["air"]
+[nodes]
+a = { capacitance = "9 [J/K]" }
+[surfaces]
+skin = { of = "a", to = "air", area = "0.1 [m^2]", effective_htc = "5 [W/(m^2 K)]" }
 """
 
 
@@ -50,6 +60,21 @@ def test_a_first_result_needs_numpy_and_the_deck_reader_alone() -> None:
     found = loaded(RESULT)
     assert "numpy" in found
     assert not found & (NEVER | {"typer", "rich", "tomlkit", "numpy.ma"})
+
+
+@pytest.mark.parametrize("words", ["simulate deck.toml --boundary air=20 --for 60 --start air", "check deck.toml", "look log.csv"])
+def test_a_command_for_a_deck_or_a_log_loads_no_fit_and_no_campaign(words: str, tmp_path: Path) -> None:
+    (tmp_path / "deck.toml").write_text(DECK)
+    (tmp_path / "log.csv").write_text("time_s,T1 [degC]\n" + "".join(f"{k},{20 + k % 3}.5\n" for k in range(30)))
+    start = f"import os\nos.chdir({str(tmp_path)!r})\nsys.argv = {['thermid', *words.split()]!r}\n"
+    rooms = "sys.modules.update({'room ' + n.split('.')[1]: sys for n in list(sys.modules) if n.startswith('thermid.')})"
+    found = loaded(
+        f"{start}from thermid.app.cli import main\ntry:\n    main()\nexcept SystemExit as left:\n    assert not left.code\n{rooms}"
+    )
+    assert "room measure" in found
+    assert not found & (
+        NEVER | {"rich", "tomlkit"} | {f"room {name}" for name in ("fit", "inference", "prediction", "campaign", "qualify")}
+    )
 
 
 def test_help_of_the_whole_says_what_the_help_of_each_command_begins_with() -> None:

@@ -24,8 +24,8 @@ class Without:
             raise ModuleNotFoundError(f"No module named '{name}'", name=name)
 
 
-def test_every_optional_room_but_the_studio_adds_something() -> None:
-    assert {place.split(".")[1] for place in PARTS.values()} == {"bench", "interop", "site"}
+def test_every_optional_room_but_the_studio_adds_something_and_campaigns_their_check() -> None:
+    assert {place.split(".")[1] for place in PARTS.values()} == {"bench", "campaign", "interop", "site"}
 
 
 @pytest.mark.parametrize("point", PARTS)

@@ -18,8 +18,8 @@ from thermid.campaign.verdicts import load_limits
 from thermid.interop.decks import read_sinda
 from thermid.interop.initfcn import read_initfcn
 from thermid.measure.readers import read_plain
-from thermid.prediction.bands import hand_values
 from thermid.qualify.plans import lock_status
+from thermid.values.value_files import hand_values
 from torture.seeds import KINDS, LOGS, make
 
 READERS: dict[str, tuple[Callable[[Path], Any], tuple[str, ...]]] = {

@@ -1,7 +1,8 @@
 """Extension points: what optional rooms, and packages of others, add to the core; and the grammars of files.
 
 Nothing here names a room. Rooms announce themselves by entry points, as packages of others may: `thermid.files` are kinds of file with
-their grammars, `thermid.parts` what an optional room does. They are looked up once a process, where a room needs what is not its own.
+their grammars, `thermid.parts` what an optional room does, or one that most commands do not load. They are looked up once a process, where
+a room needs what is not its own.
 """
 
 from __future__ import annotations

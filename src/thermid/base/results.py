@@ -5,22 +5,22 @@ In: a result that says its rows and its traces. Out: `repr`, HTML, axes of matpl
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence, Sized
+import math
+from collections.abc import Callable, Mapping, Sequence, Sized
 from dataclasses import dataclass, fields, is_dataclass
 from html import escape
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
+
 from thermid.base.errors import ThermidError
 from thermid.base.extensions import optional
+from thermid.base.linear_algebra import Array
 
 if TYPE_CHECKING:
-    import numpy as np
     import pandas
     import xarray
     from matplotlib.axes import Axes
-    from numpy.typing import NDArray
-
-    Array = NDArray[np.float64]
 
 MAX_REPR_CHARACTERS: Final = 400
 """Characters of a `repr` at most."""
@@ -31,6 +31,20 @@ NAMES: Final = 4
 HOUR: Final = 3600.0
 
 Row = Mapping[str, object]
+
+
+def clean(value: Any, arrays: Callable[[Array], Any] = np.ndarray.tolist) -> Any:
+    """Return a value that JSON can hold: numbers that are not finite become null, arrays what `arrays` makes of them."""
+    if isinstance(value, Mapping):
+        return {str(k): clean(v, arrays) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [clean(v, arrays) for v in value]
+    if isinstance(value, np.ndarray):
+        return arrays(value)
+    if isinstance(value, bool | int | str) or value is None:
+        return value
+    number = float(value)
+    return number if math.isfinite(number) else None
 
 
 @dataclass(frozen=True)

@@ -2,4 +2,4 @@
 
 from thermid.measure.sensors import SensorCertificate as SensorCertificate, SensorPart as SensorPart
 from thermid.qualify.steadiness import Forecast as Forecast, Stability as Stability, forecast as forecast, stability as stability
-from thermid.reporting.pictures import Look as Look
+from thermid.reporting.looks import Look as Look

@@ -54,9 +54,9 @@ from thermid.measure.records import Record
 from thermid.model.elements import Standing, literal, worst
 from thermid.model.identity import definition_of, instances
 from thermid.model.tree import Model, ParameterSet, parameter_table
-from thermid.prediction.bands import hand_values
 from thermid.simulation.runs import STEADY, Scenario, Workers, in_tasks
 from thermid.values.store import Store, graft
+from thermid.values.value_files import hand_values
 
 if TYPE_CHECKING:
     from thermid.campaign._schema import InheritTable, StageTable, VerdictTable

@@ -61,7 +61,6 @@ from thermid.fit._problem.residuals import (
     SensorTrace as SensorTrace,
     Sums as Sums,
     Unknown as Unknown,
-    parameter_unknown as parameter_unknown,
     prior_rows as prior_rows,
     starting_point as starting_point,
     wanders as wanders,

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -108,6 +109,23 @@ class HtcComparison(Result):
     def theoretical(self) -> float:
         """The coefficient of the whole box where its shape is known, of the vertical plate otherwise. [W/(m^2 K)]"""
         return self.correlations[-1].htc
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the object of ``thermid htc --json``."""
+        settling = self.settling
+        return {
+            "effective": self.effective,
+            "error": self.error,
+            "error_drift": self.error_drift,
+            "theoretical": self.theoretical,
+            "correlations": [asdict(c) for c in self.correlations],
+            "radiation": self.radiation,
+            "biot": {n: list(b) for n, b in self.biot.items()},
+            "settling": None
+            if settling is None
+            else {"from_mass_s": settling.from_mass, "from_data_s": list(settling.from_data), "differs": settling.differs},
+            "remarks": list(self.remarks),
+        }
 
     def __str__(self) -> str:
         """A line for each number, then the remarks."""

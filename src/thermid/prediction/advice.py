@@ -27,7 +27,6 @@ from thermid.fit.calibration import (
     answers_to_inputs,
     binned,
     build_problem,
-    parameter_unknown,
     percent,
     prior_of,
     priors_of,
@@ -405,7 +404,8 @@ def before_model(model: Model, priors: Mapping[str, Any], scenario: Scenario | N
 def unknown_of(model: Model, path: str) -> Unknown:
     """Return the unknown that a parameter of a model would be."""
     parameters = compile_network(model).flat.parameters
-    return parameter_unknown(path, parameters.bounded(path), parameters.dimension(path), float(parameters.evaluate({})[path]), (), None)
+    value, of = float(parameters.evaluate({})[path]), parameters.bounded(path)
+    return Unknown(path, "parameter", (), value, *of.form(path, parameters.dimension(path), value), unit=of.unit or "1")
 
 
 def _opened(knowledge: Knowledge) -> Knowledge:

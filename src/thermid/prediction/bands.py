@@ -7,7 +7,6 @@ from thermid.prediction._budget import (
     assumed_values as assumed_values,
     open_ranges as open_ranges,
 )
-from thermid.prediction._hand import Filed as Filed, filed as filed, hand_values as hand_values
 from thermid.prediction._known import Knowledge as Knowledge
 from thermid.prediction._predict import (
     IN_TESTS as IN_TESTS,

@@ -24,8 +24,9 @@ from thermid.campaign.verdicts import CRITERIA, POLICIES, Criteria, Limits, load
 from thermid.measure.steadiness import rule_of
 from thermid.model.deck import load_model
 from thermid.model.elements import literal
-from thermid.prediction.bands import Knowledge, filed
+from thermid.prediction.bands import Knowledge
 from thermid.prediction.reduction import macro_model
+from thermid.values.value_files import filed
 
 if TYPE_CHECKING:
     from thermid.qualify._plan_schema import LockFile, PlanFile, TestTable

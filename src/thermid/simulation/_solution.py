@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final, overload
 
@@ -293,7 +293,7 @@ class Run:
         numbers = self.assembled.numbers
         # the run stored at the turning points of some nodes too
         stamps = [t.times for t in map(self.turnings, read_nodes(self.network, numbers)) if t is not None]
-        times = np.union1d(self.times, np.concatenate([np.zeros(0), *stamps]))
+        times = np.union1d(self.times, np.concatenate(stamps)) if stamps else self.times  # numpy.unique would load numpy.ma
         times = times[(times >= self.times[0]) & (times <= self.times[-1])]
         fine = self if times.size == self.times.size else self.again(times)
         return (*left_tables(self.network, numbers, fine.traces.temperature, fine.times), *outside(self))
@@ -559,6 +559,36 @@ class Solution(Result):
     def heat_balance(self) -> HeatBalance:
         """Return where the heat of the run went."""
         return self._run.heat_balance()
+
+    def to_dict(self, steady: Mapping[str, float] | None, at: Sequence[float]) -> dict[str, Any]:
+        """Return the object of ``thermid simulate --json``.
+
+        Parameters
+        ----------
+        steady : dict or None   Node -> steady temperature, where there is one. [K]
+        at : sequence           Times asked for. [s]
+        """
+        nodes = {}
+        for name in self.nodes:
+            trace = self[name]
+            nodes[name] = {
+                "final_C": trace.final,
+                "max_C": trace.highest,
+                "max_time_s": trace.maximum.time,
+                "min_C": trace.lowest,
+                "min_time_s": trace.minimum.time,
+                "at_C": trace.at(at).tolist() if at else [],
+                "steady_C": None if steady is None else steady[name] - ICE_POINT,
+            }
+        return {
+            "title": self.title,
+            "scenario": self.scenario,
+            "nodes": nodes,
+            "time_constants_s": list(self.time_constants),
+            "heat_balance": asdict(self.heat_balance()),
+            "steady_of": getattr(steady, "held", None),
+            "warnings": list(self.warnings),
+        }
 
     def to_xarray(self) -> xarray.Dataset:
         """Return temperatures, heat flows and powers as a labelled data set."""

@@ -12,6 +12,8 @@ import thermid as td
 from thermid.base.errors import IdentificationError
 from thermid.fit._error_model.courses import OperatingPoint
 from thermid.fit._error_model.elements import JointLaw, SurfaceLaw, class_of, with_laws
+from thermid.fit._error_model.model import RunsOfFit
+from thermid.fit._error_model.sizes import NEWTON_POINTS
 from thermid.fit.error_model import SIZES, ErrorModel
 from thermid.model.elements import TableSignal
 from thermid.physics.constants import ICE_POINT
@@ -87,6 +89,27 @@ def test_run_with_the_best_values_misses_it(fit: td.Calibration) -> None:
     times = np.linspace(0.0, 18000.0, 31)
     true = td.simulate(_truth("free air"), _asked(8.0), times=times)["case"].kelvin
     assert np.abs(td.simulate(fit.fitted_model, _asked(8.0), times=times)["case"].kelvin - true).max() > 1.5
+
+
+def test_steps_end_where_a_value_stands_at_its_bound(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A step that points beyond the bound never gets short: every point that may be taken was."""
+    points: list[float] = []
+    taken = RunsOfFit.likeliest
+
+    def counted(self: RunsOfFit, *given: Any) -> Any:
+        points.append(self.fitted[[u.name for u in self.problem.unknowns].index(MASS)])
+        return taken(self, *given)
+
+    monkeypatch.setattr(RunsOfFit, "likeliest", counted)
+    fit = td.calibrate(
+        box({"nodes/case/mass/max": 1.3, "nodes/case/mass/value": "1.2 [kg]", "surfaces/skin/carried_by": "fan"}),
+        _logs("fan"),
+        [HTC, MASS],
+        search="local",
+    )
+    ErrorModel.of_fit(fit)
+    assert points[-1] == pytest.approx(np.log(1.3), abs=1e-3)
+    assert 2 <= len(points) < NEWTON_POINTS // 2
 
 
 def test_bands_grow_with_distance(fit: td.Calibration) -> None:

@@ -14,7 +14,7 @@ from thermid.base.units import unit
 from thermid.fit._calibrate import calibrate, fit
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Reading, Request
-from thermid.fit._problem.residuals import Prior, Unknown, parameter_unknown
+from thermid.fit._problem.residuals import Prior, Unknown
 from thermid.measure.records import Record
 from thermid.model.deck import model_from_dict
 from thermid.model.elements import parameter
@@ -26,7 +26,8 @@ from unit.fit.bench import AREA, HTC, MASS, PAIR, box, log, metered, pair
 
 def unknown(value: Any, text: str) -> Unknown:
     given = parameter(value)
-    return parameter_unknown("x", given, unit(text).dimension, given.expression.literal.value, [], None)
+    value = given.expression.literal.value
+    return Unknown("x", "parameter", (), value, *given.form("x", unit(text).dimension, value), unit=given.unit or "1")
 
 
 @pytest.fixture(scope="module")

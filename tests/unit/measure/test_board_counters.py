@@ -9,7 +9,7 @@ import pytest
 import thermid as td
 from thermid.base.errors import RecordError
 from thermid.measure.readers import parts_between_restarts
-from thermid.reporting.pictures import look
+from thermid.reporting.looks import look
 
 
 def rows(first: int = 0, count: int = 30) -> list[str]:

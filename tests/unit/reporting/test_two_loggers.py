@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from thermid.app.cli.app import app
 from thermid.measure.readers import LogCourse, common_step
-from thermid.reporting.pictures import Look, clock_lines, clocks_of, look
+from thermid.reporting.looks import Look, clock_lines, clocks_of, look
 
 
 @pytest.fixture(scope="module")

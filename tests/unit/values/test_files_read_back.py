@@ -31,10 +31,10 @@ from thermid.model.elements import KINDS, Standing
 from thermid.model.identity import Dropped
 from thermid.model.tree import Model
 from thermid.prediction._known import known_of
-from thermid.prediction.bands import filed, hand_values
 from thermid.simulation.runs import Scenario, simulate
 from thermid.values.fitted import load_store, load_values, save_store
 from thermid.values.store import DISTRIBUTIONS, Cut, Distribution, LeftOut, Logarithm, Normal, Shifted, Source, State, Store, ValueOrigin
+from thermid.values.value_files import filed, hand_values
 from unit.model.every_kind import firsts
 
 ORIGIN = ValueOrigin("fit", "s", ("r",), "k", "2026-01-01")

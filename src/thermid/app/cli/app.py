@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import sys
 from importlib import import_module
-from importlib.metadata import version as version_of
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, NoReturn
 
@@ -85,25 +85,25 @@ COMMANDS = {
         ),
     ),
     "size": Place(
-        "build.size_value",
+        "design.size_value",
         "Build",
         "Find the window of a design value in which limits hold.",
         ("thermid size unit.toml panel.area --scenario hot.toml --limit 'unit=-20..50' --between '0.01 [m^2]..0.5 [m^2]'",),
     ),
     "worst": Place(
-        "build.worst",
+        "design.worst",
         "Build",
         "Find the worst hot and cold case within ranges.",
         ("thermid worst unit.toml --scenario orbit.toml --limit 'unit=-20..50' --range chips='2 [W]..9 [W]'",),
     ),
     "compare": Place(
-        "build.compare_versions",
+        "design.compare_versions",
         "Build",
         "Compare two versions of a deck, the largest effect first.",
         ("thermid compare a.toml b.toml", "thermid compare unit.toml fitted.toml --scenario hot.toml --scenario cold.toml"),
     ),
     "diagram": Place(
-        "build.diagram",
+        "design.diagram",
         "Build",
         "Draw a model as SVG: masses, conductors, loads, boundaries.",
         ("thermid diagram box.toml --to box.svg", "thermid diagram stack.toml --to stack.svg --fold ele"),
@@ -116,7 +116,7 @@ COMMANDS = {
         "site",
     ),
     "htc": Place(
-        "build.htc",
+        "design.htc",
         "Build",
         "Compare a measured coefficient with that of correlations.",
         ("thermid htc --power 2 --area 0.1 --surface 36 --ambient 24 --height 0.025",),
@@ -143,13 +143,13 @@ COMMANDS = {
         ("thermid report campaign.toml --to report.html", "thermid report campaign.toml --to report.pdf"),
     ),
     "criticise": Place(
-        "explain.criticise",
+        "start.criticise",
         "Fit",
         "Test the residuals of a fit and try missing elements.",
         ("thermid criticise campaign.toml --stage box",),
     ),
     "plausibility": Place(
-        "explain.plausibility",
+        "start.plausibility",
         "Fit",
         "Compare fitted values with correlations and physical ranges.",
         ("thermid plausibility campaign.toml --weight case='0.41 [kg]'",),
@@ -237,7 +237,7 @@ COMMANDS = {
         ("thermid watch bench.log --model box.toml --scenario bench.toml", "thermid watch bench.csv --once"),
     ),
     "settle": Place(
-        "logs.settle",
+        "watch.settle",
         "Bench",
         "Check whether a log is stable and forecast where it ends.",
         ("thermid settle bench.csv --rule '3 C/h'", "thermid settle bench.csv --channel T1 --within '0.5 [K]'"),
@@ -306,12 +306,15 @@ class OnDemand(TyperCommand):
         MissingExtraError   When an optional part of thermid that it needs is not installed.
         """
         module, _, function = self.place.function.partition(".")
+        gc.disable()  # what is imported stays: looking through it for garbage is a seventh of a first result
         try:
             callback = getattr(import_module(f"thermid.app.cli.{module}"), function)
         except ModuleNotFoundError as error:
             if not self.place.extra:
                 raise
             raise MissingExtraError(missing([error.name or self.place.extra], f"thermid {self.name}")) from error
+        finally:
+            gc.enable()
         lines = "\n".join(f"  {example}" for example in self.place.examples)
         info = CommandInfo(name=self.name, callback=callback, epilog=f"\b\nExamples:\n{lines}\n\nExit codes: see thermid --help.")
         whole, trust = (
@@ -382,7 +385,7 @@ app = typer.Typer(
 def _say_version(wanted: bool) -> None:
     """Print the version and end."""
     if wanted:
-        typer.echo(f"thermid {version_of('thermid')}")
+        typer.echo(f"thermid {import_module('importlib.metadata').version('thermid')}")
         raise typer.Exit
 
 

@@ -29,20 +29,16 @@ from thermid.app.cli.options import (
     Vacuum,
     Verbose,
     Whole,
-    campaign_progress,
     executor_of,
     leave,
     moments,
     pairs,
-    ready,
     say,
-    staged,
     with_unit,
     writable,
-    written,
 )
 from thermid.app.cli.screen import Progress, show, working
-from thermid.app.cli.summary import show_campaign
+from thermid.app.cli.summary import campaign_progress, ready, show_campaign, staged, written
 from thermid.base.errors import ScenarioError, SolverError
 from thermid.base.files import CREDIBILITY, PICTURE, TABLE, VALUES, may_write, read_bytes
 from thermid.base.toml_files import kind_of_text

@@ -3,30 +3,28 @@
 from __future__ import annotations
 
 import json
-import time
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Final, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
 
-from thermid.app.cli.screen import Progress, show
+from thermid.app.cli.screen import show
 from thermid.base.codes import add_codes, mark_codes
-from thermid.base.errors import ScenarioError, spoken
+from thermid.base.errors import ScenarioError
 from thermid.base.extensions import require
-from thermid.base.files import NETCDF, PAPER, PICTURE, check_ending, command, may_write
-from thermid.campaign.stages import Campaign, read_campaign, run_stages
+from thermid.base.files import NETCDF, PICTURE, command, may_write
+from thermid.base.results import clean
 from thermid.measure.amounts import pairs as pairs, with_unit as with_unit
 from thermid.model.deck import load_model
 from thermid.model.elements import Standing, literal
 from thermid.model.tree import Model
-from thermid.prediction.bands import Filed, filed
-from thermid.reporting.objects import VIEW_SCHEMA, clean
-from thermid.reporting.pages import check_page, page_to_pdf
 from thermid.simulation.runs import Workers
 from thermid.simulation.scenario_files import Scenario, load_scenario
 from thermid.values.store import model_standing
+from thermid.values.value_files import Filed, filed
 
 Deck = Annotated[Path, typer.Argument(help="A deck (TOML).")]
 CampaignPath = Annotated[Path, typer.Argument(help="A campaign (TOML).")]
@@ -73,6 +71,8 @@ Audience = Annotated[
 ]
 Pdf = Annotated[Path | None, typer.Option("--pdf", help="The page as PDF, printed by an installed Chromium, Chrome or Edge.")]
 
+VIEW_SCHEMA = 1
+"""Version of the JSON objects of commands."""
 PRECEDENCE = (2, 3, 4, 1, 5, 0)
 """Exit codes, the one that wins first."""
 
@@ -89,76 +89,9 @@ def say(as_json: bool, content: Mapping[str, Any], text: object, verbose: bool |
         show(mark_codes(str(text), content) if verbose else str(text), whole=verbose is not False)
 
 
-WORTH_SAYING: Final = 10.0
-"""What a descent or a search will take at least where a line of its own says it beforehand. [s]"""
-
-
-class CampaignProgress(Progress):
-    """How far the fits of a campaign are.
-
-    The time left is an estimate: a stage is weighed by what it frees, and a search of some evaluations is taken to be half done after
-    `HALF` of them.
-
-    Parameters
-    ----------
-    weights : dict      Stage -> its share of the work, in any unit.
-    """
-
-    HALF = 6
-
-    def __init__(self, weights: Mapping[str, float]) -> None:
-        super().__init__("reading logs")
-        self._weights = dict(weights)
-        self._finished: dict[str, None] = {}
-        self._until: float | None = None
-
-    def __call__(self, stage: str, count: int, rms: float) -> None:
-        """Show how far a stage is."""
-        before = sum(self._weights.get(name, 1.0) for name in self._finished if name != stage)
-        self._finished[stage] = None
-        whole = sum(self._weights.values()) or 1.0
-        inside = self._weights.get(stage, 0.0) * count / (count + self.HALF)
-        if stage not in self._finished or not count:
-            self._until = None
-        words = f"{stage}: evaluation {count}, weighted RMS {rms:.3g}" if count else stage
-        self.now(words, (before + inside) / whole, stage)
-
-    def ahead(self, stage: str, words: str, seconds: float) -> None:
-        """Say what follows in a stage, and what it will take [s]."""
-        self._until = time.monotonic() + seconds
-        if seconds >= WORTH_SAYING:
-            self.say(f"{stage}: {words}, about {spoken(seconds)}. The interrupt key ends it with the best values so far.")
-
-    def time_left(self) -> str:
-        """Return the time left in words: of what is being done, where that was priced, beside that of the whole."""
-        whole, now = super().time_left(), time.monotonic()
-        if self._until is None or self._until - now < 1.0:
-            return whole
-        return f", about {spoken(self._until - now)} left of this stage" + whole.replace(" left", " of the campaign")
-
-
-def campaign_progress(path: Path) -> CampaignProgress:
-    """Return the progress of a campaign's fits."""
-    return CampaignProgress({stage.name: 1.0 + len(stage.free) for stage in read_campaign(path).content.stages})
-
-
 def executor_of(workers: int, cluster: str) -> Workers:
     """Return who does tasks, as the options say; None for this process alone."""
     return cluster or (workers if workers > 1 else None)
-
-
-def staged(
-    path: Path,
-    data: Path | None,
-    results: Path | None,
-    accept: Sequence[str] | None = None,
-    fresh: bool = False,
-    executor: Workers = None,
-) -> Campaign:
-    """Run a campaign with progress, taking finished stages from the results folder: beside the campaign by default."""
-    folder = results if results is not None else path.parent / "results"
-    with campaign_progress(path) as progress:
-        return run_stages(path, data=data, notice=progress, cache=None if fresh else folder, accept=accept or (), executor=executor)
 
 
 def leave(standing: Standing, code: int = 0) -> NoReturn:
@@ -189,40 +122,6 @@ def writable(*files: tuple[Path | None, Any]) -> None:
             if kind.name in NEEDS:
                 require(NEEDS[kind.name], f"writing '{path.name}'")
             may_write(path, kind)
-
-
-def ready(to: Path | None, pdf: Path | None) -> tuple[Path | None, Path | None]:
-    """Return the page and the PDF to write; look for what they need, and at the files, before anything long begins.
-
-    A page whose name ends in .pdf is a PDF.
-
-    Raises
-    ------
-    ScenarioError       When two PDFs are asked for.
-    MissingExtraError   When a package that draws pages is not installed.
-    NoBrowserError      When a PDF is asked for and nothing can print it.
-    OutputError         When a file may not be written, or has the ending of another format.
-    """
-    if to is not None and to.suffix.lower() == ".pdf":
-        if pdf is not None:
-            raise ScenarioError(f"'{to}' and '{pdf}' are both PDFs. Give one of them; the page itself ends in .html.", "--to")
-        to, pdf = None, to
-    if to is not None or pdf is not None:
-        require("report", "a report")
-    if pdf is not None:
-        check_ending(pdf, PAPER)
-    for path in (to, pdf):
-        if path is not None:
-            check_page(path)
-    return to, pdf
-
-
-def written(write: Callable[[Path], Path], to: Path | None, pdf: Path | None) -> dict[str, str]:
-    """Write a page, its PDF, or both; return what was written by its name in the JSON object."""
-    out = {"page": str(write(to))} if to is not None else {}
-    if pdf is not None:
-        out["pdf"] = str(write(pdf) if to is None else page_to_pdf(to, pdf))
-    return out
 
 
 def fitted_model(deck: Path, values: Path | None, keep: bool | None = False, param: Sequence[str] = ()) -> Model:
@@ -292,3 +191,16 @@ def moments(texts: list[str], seconds: float) -> list[float]:
     if outside:
         raise ScenarioError(f"{outside[0]:g} s lies outside the run of {seconds:g} s.", "--at")
     return times
+
+
+def limit_ends(text: str, pattern: str) -> tuple[float, float]:
+    """Return limits written LOW..HIGH, or HIGH alone. [K]"""
+    low, dots, high = text.rpartition("..")
+    where = f"--limit {pattern}"
+    ends = (
+        literal(with_unit(low.strip(), "degC"), "temperature", where) if dots and low.strip() else -math.inf,
+        literal(with_unit(high.strip(), "degC"), "temperature", where) if high.strip() else math.inf,
+    )
+    if not ends[0] < ends[1]:
+        raise ScenarioError("the lower limit is not below the upper one.", where)
+    return ends

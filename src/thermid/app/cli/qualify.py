@@ -20,30 +20,29 @@ from thermid.app.cli.options import (
     Whole,
     leave,
     pairs,
-    ready,
     say,
     say_first,
     with_unit,
     writable,
-    written,
 )
 from thermid.app.cli.screen import working
+from thermid.app.cli.summary import ready, written
 from thermid.base.errors import DeckError, ScenarioError
 from thermid.base.files import PICTURE, TABLE
 from thermid.base.linear_algebra import HALF_WIDTH_95
+from thermid.base.results import clean
 from thermid.base.sourced import weigh
 from thermid.base.units import counted
 from thermid.campaign import verdicts as correlation
 from thermid.campaign.verdicts import read_two
 from thermid.model.deck import load_model
-from thermid.prediction.bands import filed
 from thermid.qualify.plans import check_delivery, deliver as write_delivery, load_plan, lock_plan, lock_status, pre_test, run_plan
 from thermid.qualify.profiles import ThermalProfile, load_profile, profile_names, profile_of, run_profile, typed
 from thermid.reporting import pictures as trust
-from thermid.reporting.objects import clean
 from thermid.reporting.pages import correlation_report, qualification_report
 from thermid.simulation.scenario_files import load_scenario
 from thermid.values.store import model_standing
+from thermid.values.value_files import filed
 
 PlanPath = Annotated[Path, typer.Argument(help="A qualification plan (TOML).")]
 

@@ -1,18 +1,18 @@
-"""Commands of the first afternoon: init, improve, example."""
+"""Commands of the first afternoon (example, init, improve), and those that judge a fit: criticise, plausibility."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from thermid.app.cli.options import CampaignPath, Cluster, Data, Json, Processes, executor_of, leave, pairs, say, staged
+from thermid.app.cli.options import CampaignPath, Cluster, Data, Json, Processes, Results, Whole, executor_of, leave, pairs, say
 from thermid.app.cli.screen import show, working
-from thermid.app.cli.summary import show_campaign
-from thermid.base.errors import IdentificationError, ScenarioError, refuse_unknown
+from thermid.app.cli.summary import show_campaign, staged
+from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, nearest, refuse_unknown
 from thermid.campaign import start as improved
 from thermid.campaign.start import (
     ACCURACY,
@@ -35,13 +35,18 @@ from thermid.campaign.start import (
     write_project,
     write_template,
 )
-from thermid.inference.criticism import EVALUATIONS
+from thermid.fit.calibration import Calibration
+from thermid.inference.criticism import EVALUATIONS, criticise as criticised
+from thermid.inference.diagnosis import plausibility as ranges_of
 from thermid.measure.amounts import amount
 from thermid.measure.records import without_strays
 from thermid.model.deck import STANDARD, load_model, standard_parts
+from thermid.model.elements import worst
 from thermid.physics.finishes import FINISHES
 from thermid.physics.materials import NOT_CHECKED, materials
 from thermid.reporting import pages as page
+
+Stage = Annotated[str, typer.Option("--stage", help="One stage; all that were fitted to logs without it.")]
 
 
 def init(
@@ -293,3 +298,69 @@ def _materials_listed() -> tuple[dict[str, object], str]:
 
 def _print_count_of_logs(count: int, whole: int) -> None:
     typer.echo(f"\r\x1b[2K{count} of {whole} logs", nl=count == whole, err=True)
+
+
+def _fits(campaign: Path, stage: str, data: Path | None, results: Path | None) -> Mapping[str, Calibration]:
+    """Return the fits of a stage, or of all stages that were fitted to logs.
+
+    Raises
+    ------
+    NameNotFoundError   When no stage of that name was fitted to logs.
+    """
+    done = staged(campaign, data, results).stages
+    fitted = {name: fit for name, fit in done.items() if fit.records}
+    if not stage:
+        return fitted
+    if stage not in fitted:
+        why = "was tuned by hand, so it has no residuals" if stage in done else "is not in this campaign"
+        raise NameNotFoundError(f"stage '{stage}' {why}.{nearest(stage, fitted)}", campaign.name)
+    return {stage: fitted[stage]}
+
+
+def criticise(
+    campaign: CampaignPath,
+    stage: Stage = "",
+    data: Data = None,
+    results: Results = None,
+    workers: Processes = 1,
+    cluster: Cluster = "",
+    verbose: Whole = False,
+    as_json: Json = False,
+) -> None:
+    """Test the residuals of a fit and try missing elements.
+
+    Missing elements are tried in refits where the residuals are more than noise.
+    """
+    fits = _fits(campaign, stage, data, results)
+    criticisms = {}
+    with working("") as progress:
+        for k, (name, fit) in enumerate(fits.items()):
+            progress.now(f"refits of stage {name}", k / len(fits))
+            criticisms[name] = criticised(fit, executor=executor_of(workers, cluster))
+    say(as_json, {"stages": {n: c.to_dict() for n, c in criticisms.items()}}, "\n\n".join(map(str, criticisms.values())), verbose)
+    leave(worst(f.standing for f in fits.values()))
+
+
+def plausibility(
+    campaign: CampaignPath,
+    stage: Stage = "",
+    weight: Annotated[
+        list[str], typer.Option("--weight", help="NODE=MASS of a part that was weighed, such as case='0.41 [kg]'; may be repeated.")
+    ] = [],  # noqa: B006
+    delivered: Annotated[
+        list[str], typer.Option("--delivered", help="LOAD=POWER that a converter hands on, such as loss='20 [W]'; may be repeated.")
+    ] = [],  # noqa: B006
+    data: Data = None,
+    results: Results = None,
+    verbose: Whole = False,
+    as_json: Json = False,
+) -> None:
+    """Compare fitted values with correlations and physical ranges.
+
+    Exit code 1 if a value is not physical.
+    """
+    weights, powers = pairs(weight, "--weight"), pairs(delivered, "--delivered")
+    fits = _fits(campaign, stage, data, results)
+    checks = {name: ranges_of(fit, weights=weights, delivered=powers) for name, fit in fits.items()}
+    say(as_json, {"stages": {n: p.to_dict() for n, p in checks.items()}}, "\n\n".join(map(str, checks.values())), verbose)
+    leave(worst(f.standing for f in fits.values()), 0 if all(p.physical for p in checks.values()) else 1)

@@ -11,7 +11,7 @@ import numpy as np
 
 from thermid.base.errors import DeckError
 from thermid.base.linear_algebra import Array
-from thermid.reporting.pictures import thinned
+from thermid.reporting.looks import thinned
 
 Window = tuple[float, float] | None
 MAX_SENT_POINTS = 1200

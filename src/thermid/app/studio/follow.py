@@ -22,7 +22,7 @@ from thermid.measure.steadiness import RULES, ChannelStability, StabilityRule, c
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.steadiness import Forecast, Stability, forecast
 from thermid.qualify.watch import read_whole_lines
-from thermid.reporting.pictures import look
+from thermid.reporting.looks import look
 
 KINDS = ("*.csv", "*.log", "*.txt", "*.tsv", "*.csv.gz")
 OFFERED = 200

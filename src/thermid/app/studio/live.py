@@ -9,6 +9,7 @@ from typing import Any
 
 from thermid.base.codes import add_codes
 from thermid.base.errors import RecordError, ThermidError
+from thermid.base.results import clean
 from thermid.base.units import TEMPERATURE
 from thermid.campaign.stages import Campaign, running_test
 from thermid.measure.amounts import pairs, with_unit
@@ -17,7 +18,6 @@ from thermid.measure.steadiness import StabilityRule
 from thermid.model.elements import UNJUDGED, literal
 from thermid.model.tree import Model
 from thermid.qualify.watch import BoundColumns, TemperatureLimit, Watcher, WatchRequest, roles_in
-from thermid.reporting.objects import clean
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Scenario
 from thermid.values.store import model_standing

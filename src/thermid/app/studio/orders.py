@@ -19,7 +19,8 @@ from thermid.app.studio.project import Project
 from thermid.app.studio.work import Work
 from thermid.base.errors import DeckError, refuse_unknown
 from thermid.base.linear_algebra import Array
-from thermid.reporting.objects import campaign_standing, clean, swap_object
+from thermid.base.results import clean
+from thermid.reporting.objects import campaign_standing, swap_object
 from thermid.values.store import model_standing
 
 Body = Mapping[str, Any]

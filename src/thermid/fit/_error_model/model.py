@@ -47,6 +47,7 @@ from thermid.fit._error_model.sizes import (
     SIZES,
     UNBOUNDED,
     USUAL_NOISE,
+    WORTH_A_POINT,
 )
 from thermid.fit._problem.experiment import Experiment, Observation
 from thermid.fit._problem.residuals import Problem, Unknown, prior_rows
@@ -240,8 +241,9 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
     they do not explain, and a large one would leave them where they began.
     """
     bounds = np.array([u.fitted_bounds() for u in problem.unknowns]).reshape(fitted.size, 2)
-    at, laws, departures, share, least = fitted.copy(), dict(way.laws), None, 1.0, np.inf
-    for point in range(NEWTON_POINTS):
+    at, laws, departures, share = fitted.copy(), dict(way.laws), None, 1.0
+    costs: list[float] = []
+    for _ in range(NEWTON_POINTS):
         runs = RunsOfFit.of_problem(problem, at, way, laws, points, departures)
         departures, values = runs.departures, runs.values
         place = {c.name: len(values) + k for k, c in enumerate(runs.columns)}
@@ -251,16 +253,19 @@ def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, O
         for (path, what), k in shapes.items():
             centre[k] = way.laws[path].shape[what] - laws[path].shape[what]
         cost, step, spread = runs.likeliest([*range(len(values)), *shapes.values()], centre)
-        if not point or cost < least:
-            least, best, share = cost, (runs, laws, centre, step), min(2.0 * share, 1.0)
+        step[: len(values)] = np.clip(at[values] + step[: len(values)], *bounds[values].T) - at[values]  # none goes beyond its bound
+        costs.append(cost)
+        if cost < min(costs[:-1], default=np.inf) or len(costs) == 1:
+            best, share = (runs, laws, centre, step), min(2.0 * share, 1.0)
             if (np.abs(step) < ARRIVED * spread).all():
                 break
         else:
             share *= 0.25
+        if min(costs[:-2], default=np.inf) - min(costs) < WORTH_A_POINT:
+            break
         runs, laws, _, step = best
         at = runs.fitted.copy()
         at[values] += share * step[: len(values)]
-        at = np.clip(at, bounds[:, 0], bounds[:, 1])
         moved = dict(zip(shapes, share * step[len(values) :], strict=True))
         laws = {p: law.moved({w: float(x) for (q, w), x in moved.items() if q == p}) for p, law in laws.items()}
     runs, laws, centre, _ = best

@@ -12,7 +12,7 @@ from thermid.base.expression import Kelvin
 from thermid.base.units import TEMPERATURE, require
 from thermid.fit._problem.experiment import OFFSET, RATE, SCALE, Experiment, bind, first_reading, gain_of, lag_of
 from thermid.fit._problem.request import Request, known_before, mean_of
-from thermid.fit._problem.residuals import Influence, Prior, Problem, Unknown, parameter_unknown
+from thermid.fit._problem.residuals import Influence, Prior, Problem, Unknown
 from thermid.measure.sensors import SensorPart
 from thermid.model.elements import Constant, TableSignal
 from thermid.values.spreads import read_spread
@@ -103,10 +103,10 @@ def _parameter(group: Sequence[str], experiments: Sequence[Experiment]) -> Unkno
     """Return the unknown that the value of one or several paths is; the first path names it."""
     path, *also = group
     parameters = experiments[0].network.flat.parameters
-    targets = [Influence(i, p) for i in range(len(experiments)) for p in group]
-    value = parameters.evaluate({}, [path])[path]
-    unknown = parameter_unknown(path, parameters.bounded(path), parameters.dimension(path), value, targets, None)
-    return replace(unknown, also=tuple(also))
+    targets = tuple(Influence(i, p) for i in range(len(experiments)) for p in group)
+    value, of = parameters.evaluate({}, [path])[path], parameters.bounded(path)
+    form = of.form(path, parameters.dimension(path), value)
+    return Unknown(path, "parameter", targets, value, *form, unit=of.unit or "1", also=tuple(also))
 
 
 def prior_of(unknown: Unknown, prior: tuple[Any, Any] | Mapping[str, Any]) -> Prior:

@@ -352,7 +352,7 @@ def _range(values: ParameterSet, path: str, where: str) -> tuple[str, str]:
     if low is None or high is None or not low < high:
         raise IdentificationError(f"'{path}' has no range: it needs both min and max. Give them, or a prior with mean and sd.", where)
     of, printed = unit(parameter.unit or "1"), PrintedRange(low, high)
-    if low > 0.0 and not of.absolute:  # as it will be fitted, by its logarithm: see `parameter_unknown`
+    if low > 0.0 and not of.absolute:  # as it will be fitted, by its logarithm: see `Parameter.form`
         return "", f"{100.0 * printed.log_sd(1.0)!r} [%]"
     return "", f"{printed.sd / float(of.factor)!r} [{'K' if of.absolute else of.text}]"
 

@@ -15,9 +15,7 @@ from thermid.base.dual import Dual, Number, gradient_of, value_of
 from thermid.base.errors import DeckError, SolverError
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array
 from thermid.base.memo import Memo
-from thermid.base.units import Dimension
 from thermid.fit._problem.experiment import OFFSET, RATE, Experiment, Observation
-from thermid.model.elements import POSITIVE, Parameter
 from thermid.simulation.solver import Engine, Options, Squares, Traces, Weighing, Wiring, kept_for
 
 
@@ -107,26 +105,6 @@ class Unknown:
 def starting_point(unknowns: Sequence[Unknown]) -> Array:
     """Return the starts (unknowns,) in the fitted form."""
     return np.array([u.to_fitted(u.start) for u in unknowns])
-
-
-def parameter_unknown(
-    path: str, parameter: Parameter, dimension: Dimension, value: float, targets: Sequence[Influence], prior: Prior | None
-) -> Unknown:
-    """Return the unknown that a freed parameter is.
-
-    A value that cannot be negative is fitted by its logarithm, unless its minimum is zero, which a logarithm could not reach.
-
-    Raises
-    ------
-    DeckError   When the start lies outside its bounds.
-    """
-    low = -math.inf if parameter.minimum is None else parameter.minimum
-    high = math.inf if parameter.maximum is None else parameter.maximum
-    if not low <= value <= high:
-        raise DeckError(f"the start {value:g} of '{path}' lies outside its bounds {low:g} .. {high:g}.")
-    positive = low > 0 or (dimension in POSITIVE and low != 0.0)
-    text = parameter.unit or "1"
-    return Unknown(path, "parameter", tuple(targets), value, positive and value > 0, low, high, prior, text)
 
 
 WHITE = 0.9

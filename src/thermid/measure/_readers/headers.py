@@ -16,9 +16,8 @@ MISSING: Final = frozenset(
 shows columns that have slipped."""
 
 _BRACKETS: Final = (("[", "]"), ("(", ")"), ("{", "}"), ("<", ">"))
-_DEGREE: Final = re.compile(
-    r"(?:[°º˚]\s*|deg(?:rees?)?[ ._*]*)(c|f|k)(?:elsius|ahrenheit|elvin)?\Z|(c|f|k)(?:elsius|ahrenheit|elvin)\Z", re.IGNORECASE
-)
+# patterns as texts: `re` compiles them when the first log is read, and keeps them
+_DEGREE: Final = r"(?i)(?:[°º˚]\s*|deg(?:rees?)?[ ._*]*)(c|f|k)(?:elsius|ahrenheit|elvin)?\Z|(c|f|k)(?:elsius|ahrenheit|elvin)\Z"
 _SPELT: Final = {
     "C": "degC",
     "F": "degF",
@@ -62,10 +61,10 @@ _SPELT: Final = {
 """Units as loggers write them above their columns. A lone C or F there is a temperature: no logger writes coulomb or farad so."""
 _PLAIN: Final = frozenset("degC degF K W mW uW kW V mV uV A mA uA Ohm s ms us ns min h d % Pa hPa kPa mbar bar m/s W/m^2 ohm l/min".split())
 """Units that are taken for one after a comma, a slash or an underscore, where other words stand too."""
-_HOBO: Final = re.compile(r"(?P<name>.+?), (?P<unit>\S+) \((?=[^()]*\b(?:LGR|SEN) S/N)(?:[^()]*LBL: (?P<label>[^(),]+))?[^()]*\)\Z")
-_CHANNEL: Final = re.compile(r"(?P<number>\d+) \((?P<unit>[^()]+)\)\s*-\s*(?P<name>\S.*)\Z")
-_NAMED: Final = re.compile(r"(?P<number>\d+) <(?P<name>[^<>]*\S)> \((?P<unit>[^()]+)\)\Z")
-_AFTER: Final = re.compile(r"(?P<name>.*\S)\s*[,/]\s*(?P<unit>[^\s,/][^,]*)\Z")
+_HOBO: Final = r"(?P<name>.+?), (?P<unit>\S+) \((?=[^()]*\b(?:LGR|SEN) S/N)(?:[^()]*LBL: (?P<label>[^(),]+))?[^()]*\)\Z"
+_CHANNEL: Final = r"(?P<number>\d+) \((?P<unit>[^()]+)\)\s*-\s*(?P<name>\S.*)\Z"
+_NAMED: Final = r"(?P<number>\d+) <(?P<name>[^<>]*\S)> \((?P<unit>[^()]+)\)\Z"
+_AFTER: Final = r"(?P<name>.*\S)\s*[,/]\s*(?P<unit>[^\s,/][^,]*)\Z"
 
 
 TIME_NAMES: Final = ("time", "time_s", "t", "t_s", "timestamp", "datetime", "seconds")
@@ -86,7 +85,7 @@ TIMELY: Final = re.compile(r"\d:[0-5]\d|\d{1,4}[-/.]\d{1,2}[-/.]\d{1,4}")
 """What cells with a date or a clock time hold."""
 _DONE: Final = frozenset("|smp|avg|max|min|std|tot|med|mean|last|sample".split("|"))
 """What a logger did with its samples, as a row below the units says it."""
-_UNIT_CELL: Final = re.compile(
+_UNIT_CELL: Final = (
     r"[\[({]?(?:[°º˚]\s*[CFK]|deg[ ._]?[CFK]|[CFKWVA%s]|[mµuk]W|[mµuk]V|[mµu]A|[mµun]s|sec|min|h|hrs?|TS|RN|[kMh]?Pa|mbar|bar|m/s"
     r"|m/s\^2|W/m[\^²]?2?|mg/m3|g/m3|%RH|rpm|ohms?|Ω|l/min|arb|degC|degF|Celsius|Volts?|Watts?|YYYY.*|dd.*|hh:mm.*|HH:MM.*|datetime|unit)[\])}]?\Z"
 )
@@ -109,7 +108,7 @@ def spelt(text: str) -> str:
     ('degC', 'V', 'mW')
     """
     plain = text.strip()
-    degree = _DEGREE.match(plain)
+    degree = re.match(_DEGREE, plain)
     if degree:
         letter = (degree[1] or degree[2]).upper()
         return "K" if letter == "K" else f"deg{letter}"
@@ -129,9 +128,9 @@ def name_and_unit(header: str) -> tuple[str, str | None]:
     (('case', 'degC'), ('Dev0/Ai0', None), ('heater_mW', 'mW'), ('T1_C', None))
     """
     text = header.strip()
-    if match := _HOBO.match(text):
+    if match := re.match(_HOBO, text):
         return (f"{match['name']} {match['label'].strip()}" if match["label"] else match["name"]), spelt(match["unit"])
-    if match := _NAMED.match(text) or _CHANNEL.match(text):
+    if match := re.match(_NAMED, text) or re.match(_CHANNEL, text):
         return match["name"], spelt(match["unit"])
     for opening, right in _BRACKETS:
         if text.endswith(right) and opening in text[1:]:
@@ -143,7 +142,7 @@ def name_and_unit(header: str) -> tuple[str, str | None]:
         inner, closed, tail = rest.partition(right)
         if closed and name.strip() and tail.strip() and spelt(inner) in _PLAIN:
             return f"{name.strip()} {tail.strip()}", spelt(inner)
-    if (match := _AFTER.match(text)) and (spelt(match["unit"]) in _PLAIN or match["unit"][0] in "°º˚%"):
+    if (match := re.match(_AFTER, text)) and (spelt(match["unit"]) in _PLAIN or match["unit"][0] in "°º˚%"):
         return match["name"], spelt(match["unit"])
     tail = text.rpartition("_")[2] if "_" in text else ""
     return text, spelt(tail) if len(tail) > 1 and spelt(tail) in _SUFFIXES else None
@@ -175,7 +174,7 @@ def with_units_row(rows: Sequence[Sequence[str]]) -> tuple[Header, int]:
             break
         if all(text.lower() in _DONE for text in texts):
             extra += 1
-        elif not extra and sum(bool(_UNIT_CELL.match(text)) for text in texts) >= 0.5 * sum(bool(text) for text in texts) > 0:
+        elif not extra and sum(bool(re.match(_UNIT_CELL, text)) for text in texts) >= 0.5 * sum(bool(text) for text in texts) > 0:
             names = tuple(_with_unit(name, text) for name, text in zip(names, texts, strict=True))
             extra, units = 1, True
         else:
@@ -207,12 +206,11 @@ def refuse_two_units(names: Sequence[str], below: Sequence[str]) -> None:
 
 MOST_NAMES: Final = 3
 """Lines of names that stand above each other."""
-_DATED_WORDS: Final = re.compile(r"\d{1,2}[ ./-]+[A-Za-zÀ-ÿ]{3,10}\.?[ ,./-]+\d{2,4}\b|[A-Za-zÀ-ÿ]{3,10}\.? \d{1,2},? \d{4}\b")
+_DATED_WORDS: Final = r"\d{1,2}[ ./-]+[A-Za-zÀ-ÿ]{3,10}\.?[ ,./-]+\d{2,4}\b|[A-Za-zÀ-ÿ]{3,10}\.? \d{1,2},? \d{4}\b"
 """Dates with the month as a word, which no name holds."""
-_NUMBERING: Final = re.compile(
-    r"(?:(?:analog ?)?(?:ch|chan|channel|kanal|can|canal|voie|in|input|eingang|entrada|port|slot|pos|position|posi[cç][aã]o|platz|stelle"
-    r"|mess-?stelle|sensor|sonde|probe|ai|ain|mp|no|nr|col|column|spalte|coluna))?[ ._:#/-]*\d{1,5}[a-z]?\Z",
-    re.IGNORECASE,
+_NUMBERING: Final = (
+    r"(?i)(?:(?:analog ?)?(?:ch|chan|channel|kanal|can|canal|voie|in|input|eingang|entrada|port|slot|pos|position|posi[cç][aã]o|platz"
+    r"|stelle|mess-?stelle|sensor|sonde|probe|ai|ain|mp|no|nr|col|column|spalte|coluna))?[ ._:#/-]*\d{1,5}[a-z]?\Z"
 )
 """Cells that number the channels or positions of a logger and name nothing that was measured."""
 
@@ -234,7 +232,7 @@ def may_name(row: Sequence[str], width: int) -> bool:
         len(row) == width
         and len(texts) > 1
         and all(any(character.isalpha() for character in text) or text == "#" for text in texts)
-        and not any(text.lower() in MISSING or is_number(text) or TIMELY.search(text) or _DATED_WORDS.search(text) for text in texts)
+        and not any(text.lower() in MISSING or is_number(text) or TIMELY.search(text) or re.search(_DATED_WORDS, text) for text in texts)
     )
 
 
@@ -306,7 +304,7 @@ def one_line_of_names(rows: Lines, numbers: Sequence[int]) -> tuple[list[str], s
 
 def _counts_channels(cells: Sequence[str]) -> bool:
     """Whether cells number channels, or are empty."""
-    return all(_NUMBERING.match(_bare_name(cell)) for cell in cells if cell)
+    return all(re.match(_NUMBERING, _bare_name(cell)) for cell in cells if cell)
 
 
 def _bare_name(cell: str) -> str:

@@ -10,7 +10,7 @@ from typing import Any, Final, Literal as OneOf, get_args
 from thermid.base.errors import DeckError, UnitError, errors_at, refuse_unknown
 from thermid.base.expression import Expression, Literal, parse
 from thermid.base.linear_algebra import HALF_WIDTH_95
-from thermid.base.units import describe, from_si, unit
+from thermid.base.units import Dimension, describe, from_si, unit
 from thermid.model._laws.options import Source
 from thermid.physics.materials import materials
 
@@ -257,6 +257,21 @@ class Parameter:
         low, high = (None, None) if old.is_printed else (old.minimum, old.maximum)
         low, high = (low if self.minimum is None else self.minimum), (high if self.maximum is None else self.maximum)
         return replace(self, minimum=low, maximum=high, note=self.note or old.note)
+
+    def form(self, path: str, dimension: Dimension, value: float) -> tuple[bool, float, float]:
+        """Return whether a value at that path is fitted by its logarithm, and its bounds, infinite where open. [SI]
+
+        One that cannot be negative is, unless its minimum is zero, which a logarithm could not reach.
+
+        Raises
+        ------
+        DeckError   When the value lies outside its bounds.
+        """
+        low = -math.inf if self.minimum is None else self.minimum
+        high = math.inf if self.maximum is None else self.maximum
+        if not low <= value <= high:
+            raise DeckError(f"the start {value:g} of '{path}' lies outside its bounds {low:g} .. {high:g}.")
+        return (low > 0 or (dimension in POSITIVE and low != 0.0)) and value > 0, low, high
 
 
 def exact(value: float, unit_text: str, note: str = "") -> Parameter:

@@ -23,7 +23,6 @@ from thermid.model.elements import UNJUDGED, Standing
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction._budget import OFF, SILENT, UNFITTED
-from thermid.prediction._hand import filed
 from thermid.prediction._monte_carlo.chunks import Limit, Progress, RunCost
 from thermid.prediction._monte_carlo.drivers import Driver, drivers_of
 from thermid.prediction._monte_carlo.uncertain import SIDES, UncertainRuns, kept_members, limits_of, plan_runs, uncertain_runs
@@ -32,6 +31,7 @@ from thermid.simulation.runs import Workers
 from thermid.simulation.scenario_files import Scenario, load_scenario
 from thermid.values.fitted import FittedValues
 from thermid.values.store import LeftOut
+from thermid.values.value_files import filed
 
 MONTE_CARLO = 0.95
 """Two-sided probability of the intervals that say what the number of members leaves open. [-]"""

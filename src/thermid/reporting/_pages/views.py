@@ -6,70 +6,15 @@ where a thing does not exist.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
-from thermid.base.linear_algebra import Array
 from thermid.campaign.stages import Campaign, next_command
 from thermid.campaign.studies import RetunePlan
 from thermid.fit.calibration import Calibration, Moves
 from thermid.physics.constants import ICE_POINT
-from thermid.physics.htc import HtcComparison
-from thermid.simulation.runs import Solution
 from thermid.values.fitted import FittedValue
-
-VIEW_SCHEMA = 1
-
-
-def clean(value: Any, arrays: Callable[[Array], Any] = np.ndarray.tolist) -> Any:
-    """Return a value that JSON can hold: numbers that are not finite become null, arrays what `arrays` makes of them."""
-    if isinstance(value, Mapping):
-        return {str(k): clean(v, arrays) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [clean(v, arrays) for v in value]
-    if isinstance(value, np.ndarray):
-        return arrays(value)
-    if isinstance(value, bool | int | str) or value is None:
-        return value
-    number = float(value)
-    return number if math.isfinite(number) else None
-
-
-def solution_object(solution: Solution, steady: Mapping[str, float] | None, at: list[float]) -> dict[str, Any]:
-    """Return the object of ``thermid simulate --json``.
-
-    Parameters
-    ----------
-    solution : Solution
-    steady : dict or None   Node -> steady temperature, where there is one. [K]
-    at : list               Times asked for. [s]
-    """
-    nodes = {}
-    for name in solution.nodes:
-        trace = solution[name]
-        nodes[name] = {
-            "final_C": trace.final,
-            "max_C": trace.highest,
-            "max_time_s": trace.maximum.time,
-            "min_C": trace.lowest,
-            "min_time_s": trace.minimum.time,
-            "at_C": trace.at(at).tolist() if at else [],
-            "steady_C": None if steady is None else steady[name] - ICE_POINT,
-        }
-    balance = solution.heat_balance()
-    return {
-        "title": solution.title,
-        "scenario": solution.scenario,
-        "nodes": nodes,
-        "time_constants_s": list(solution.time_constants),
-        "heat_balance": {k: getattr(balance, k) for k in ("loads", "boundaries", "stored", "residual", "relative")},
-        "steady_of": getattr(steady, "held", None),
-        "warnings": list(solution.warnings),
-    }
 
 
 @dataclass(frozen=True)
@@ -290,22 +235,4 @@ def retune_object(plan: RetunePlan) -> dict[str, Any]:
         "before": dict(plan.before),
         "as_logged": dict(plan.as_logged),
         "after": dict(plan.after),
-    }
-
-
-def comparison_object(comparison: HtcComparison) -> dict[str, Any]:
-    """Return the object of ``thermid htc --json``."""
-    settling = comparison.settling
-    return {
-        "effective": comparison.effective,
-        "error": comparison.error,
-        "error_drift": comparison.error_drift,
-        "theoretical": comparison.theoretical,
-        "correlations": [{"name": c.name, "htc": c.htc, "rayleigh": c.rayleigh} for c in comparison.correlations],
-        "radiation": comparison.radiation,
-        "biot": {n: list(b) for n, b in comparison.biot.items()},
-        "settling": None
-        if settling is None
-        else {"from_mass_s": settling.from_mass, "from_data_s": list(settling.from_data), "differs": settling.differs},
-        "remarks": list(comparison.remarks),
     }

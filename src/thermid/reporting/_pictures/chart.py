@@ -18,6 +18,11 @@ from numpy.typing import NDArray
 
 from thermid.base.linear_algebra import Array
 
+SERIES = ("#0072b2", "#cd6100", "#4c9c69", "#964d6a", "#5c4700", "#7295ab", "#590084", "#1d2632")
+"""From Okabe and Ito's colours (Color Universal Design, 2008), moved until every two differ for colour-blind eyes too (decision 208)."""
+DASHES: tuple[tuple[float, ...], ...] = ((), *((dash, 2.0) for dash in (7.0, 1.0, 4.0, 16.0, 2.0, 11.0, 28.0)))
+"""As many as colours, so that no two lines differ by colour alone; neighbours differ most. [px]"""
+
 PANEL_GRID_STEPS = 10_000
 """Steps of the grid of a panel, each way."""
 POINTS_PER_LINE, MAX_POINTS_OF_FIGURE = 400, 24_000
@@ -307,3 +312,12 @@ def _leaving(p: Panel, box: tuple[float, float, float, float], x_ends: tuple[flo
             x = line.x[int((line.y > highest).argmax())]
             at = x_left + width * (float(x) - x_ends[0]) / (x_ends[1] - x_ends[0])
             yield f'<text class="leaves" x="{at + 5:.1f}" y="{top + 12:.1f}">{line.y[-1]:.0f} {escape(p.unit)} at the end</text>'
+
+
+def time_unit(duration: float) -> tuple[float, str]:
+    """Return the length [s] and name of the unit in which a duration [s] reads well.
+
+    >>> time_unit(18000.0)
+    (3600.0, 'h')
+    """
+    return (1.0, "s") if duration <= 300 else (60.0, "min") if duration <= 3 * 3600 else (3600.0, "h")

@@ -13,14 +13,10 @@ from thermid.fit.calibration import SensorTrace
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.bands import Prediction
 from thermid.reporting._blocks.content import NARROW, Graphic, LegendEntry
-from thermid.reporting._pictures.chart import Area, Panel, Stroke, chart, nice_ticks, number_text
+from thermid.reporting._pictures.chart import DASHES, SERIES, Area, Panel, Stroke, chart, nice_ticks, number_text, time_unit
 from thermid.simulation.runs import Solution
 
 INK, SOFT, GRID, MEASURED, SIMULATED, RESIDUAL = "#1a2230", "#556172", "#e3e8ee", "#8e9aa8", "#0072b2", "#c04a00"
-SERIES = ("#0072b2", "#cd6100", "#4c9c69", "#964d6a", "#5c4700", "#7295ab", "#590084", "#1d2632")
-"""From Okabe and Ito's colours (Color Universal Design, 2008), moved until every two differ for colour-blind eyes too (decision 208)."""
-DASHES: tuple[tuple[float, ...], ...] = ((), *((dash, 2.0) for dash in (7.0, 1.0, 4.0, 16.0, 2.0, 11.0, 28.0)))
-"""As many as colours, so that no two lines differ by colour alone; neighbours differ most. [px]"""
 MARKS = "●■▲◆▼✚✖★"
 SHAPES = (
     "M-3.2 0a3.2 3.2 0 1 0 6.4 0a3.2 3.2 0 1 0-6.4 0z",
@@ -68,15 +64,6 @@ class Dots:
     values: Mapping[str, Sequence[float]]
     held_out: bool = False
     doubt: str = ""
-
-
-def time_unit(duration: float) -> tuple[float, str]:
-    """Return the length [s] and name of the unit in which a duration [s] reads well.
-
-    >>> time_unit(18000.0)
-    (3600.0, 'h')
-    """
-    return (1.0, "s") if duration <= 300 else (60.0, "min") if duration <= 3 * 3600 else (3600.0, "h")
 
 
 def choose(blocks: Sequence[SensorTrace], most: int = MOST_TRACES) -> list[tuple[SensorTrace, str]]:

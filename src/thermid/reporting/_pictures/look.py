@@ -36,8 +36,7 @@ from thermid.measure.readers import (
     unit_question,
 )
 from thermid.measure.records import SENSOR_FAULT_CODES, Channel, even_step, gap_from, usual_step
-from thermid.reporting._pictures.chart import Panel, Stroke, chart
-from thermid.reporting._pictures.figures import DASHES, SERIES, time_unit
+from thermid.reporting._pictures.chart import DASHES, SERIES, Panel, Stroke, chart, time_unit
 
 _BLOCKS: Final = "▁▂▃▄▅▆▇█"
 _SHOWN: Final = ("temperature", "boundary", "power", "duty")

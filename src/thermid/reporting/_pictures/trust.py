@@ -22,7 +22,8 @@ from thermid.physics.constants import ICE_POINT
 from thermid.prediction.members import Hold, HoldPoint, clock, driven_by
 from thermid.qualify.profiles import ProfileRun
 from thermid.reporting._blocks.extras import extra
-from thermid.reporting._pictures.figures import DASHES, GRID, INK, RESIDUAL, SERIES, SIMULATED, SOFT, time_unit
+from thermid.reporting._pictures.chart import DASHES, SERIES, time_unit
+from thermid.reporting._pictures.figures import GRID, INK, RESIDUAL, SIMULATED, SOFT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

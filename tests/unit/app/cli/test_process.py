@@ -67,7 +67,7 @@ def test_ctrl_c_is_no_traceback(made: Path, tmp_path: Path) -> None:
     code = (
         # a process started in the background of a script ignores the interrupt key; one at a terminal does not
         "import os, sys, signal\nsignal.signal(signal.SIGINT, signal.default_int_handler)\nimport thermid.app.cli as app\n"
-        "from thermid.app.cli.options import CampaignProgress\n"
+        "from thermid.app.cli.summary import CampaignProgress\n"
         "def stop(self, stage, count, rms):\n    os.kill(os.getpid(), signal.SIGINT)\n"
         "CampaignProgress.__call__ = stop\n"
         f"sys.argv = ['thermid', 'calibrate', {str(made)!r}, '--fresh', '--to', {str(tmp_path)!r}]\napp.main()"

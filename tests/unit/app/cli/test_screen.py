@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from thermid.app.cli import options, screen
+from thermid.app.cli import screen, summary
 from thermid.app.cli.screen import MAX_LINE_CHARACTERS, Progress, folded, severity, spoken, working
 from thermid.base.errors import MissingExtraError
 from thermid.base.extensions import missing, modules_of, require
@@ -166,7 +166,7 @@ def test_time_left_is_in_the_line(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_progress_of_a_campaign_never_goes_back() -> None:
-    progress = options.CampaignProgress({"a": 3.0, "b": 5.0})
+    progress = summary.CampaignProgress({"a": 3.0, "b": 5.0})
     seen = []
     for stage, count in [("a", 1), ("a", 5), ("b", 1), ("b", 9), ("verdict on c", 0)]:
         progress(stage, count, 1.0)

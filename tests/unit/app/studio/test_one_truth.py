@@ -23,10 +23,11 @@ from thermid.app.studio.orders import project_object
 from thermid.app.studio.project import Project
 from thermid.app.studio.work import Work
 from thermid.base.errors import DeckError
+from thermid.base.results import clean
 from thermid.inference.criticism import Mistakes
-from thermid.prediction.bands import filed
-from thermid.reporting.objects import clean, fit_object
+from thermid.reporting.objects import fit_object
 from thermid.values.fitted import load_store
+from thermid.values.value_files import filed
 
 from .test_stages import laid
 

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 import thermid as td
 from thermid.app.cli.app import app
-from thermid.prediction._hand import filed
+from thermid.values.value_files import filed
 
 G = "loss.conductance"
 DECK = """

@@ -16,7 +16,6 @@ from thermid.base.errors import DeckError, errors_at
 from thermid.base.extensions import refuse_another_kind
 from thermid.base.toml_files import Places
 from thermid.base.units import TEMPERATURE
-from thermid.fit.calibration import parameter_unknown
 from thermid.model.elements import literal
 from thermid.model.tree import Model, ParameterSet, deck_text
 from thermid.values.fitted import FittedValues, load_store, read_values, values_of
@@ -98,15 +97,15 @@ def _state(path: str, table: Mapping[str, Any], values: ParameterSet, origin: Va
     spread = {("mean" if k == "value" else k): v for k, v in table.items()}
     law = read_spread(spread, slot, 0.0, path) if set(spread) - {"mean"} else None
     value = law.mean if isinstance(law, Uniform) else literal(table["value"], slot, path)
-    u = parameter_unknown(path, values.bounded(path), values.dimension(path), value, (), None)
-    size = math.sqrt(law.variance) / (value if u.log else 1.0) if law is not None else 0.0
-    size = law.log_sd if isinstance(law, LogNormal) and u.log else size
+    parameter = values.bounded(path)
+    log, low, high = parameter.form(path, values.dimension(path), value)
+    size = math.sqrt(law.variance) / (value if log else 1.0) if law is not None else 0.0
+    size = law.log_sd if isinstance(law, LogNormal) and log else size
     shape = UNIT if isinstance(law, Uniform) else Normal()
     words = f"{path}, tuned by hand at stage '{origin.stage}'"
     deck, start = deck_text(entry), float(values.evaluate({}, [path])[path])
-    state = State(
-        path, value, u.log, u.unit, (u.low, u.high), origin, "parameter", (path,), deck=deck, start=start, known=law is not None
-    )  # fmt: skip
+    unit, bounds = parameter.unit or "1", (low, high)
+    state = State(path, value, log, unit, bounds, origin, "parameter", (path,), deck=deck, start=start, known=law is not None)
     return state, Source(f"{origin.key[:16]}:{path}", "stated", shape, words), size
 
 

@@ -1,0 +1,4 @@
+"""Looks at logs, and what a drawing of a course keeps."""
+
+from thermid.reporting._pictures.chart import thinned as thinned
+from thermid.reporting._pictures.look import Look as Look, clock_lines as clock_lines, clocks_of as clocks_of, look as look
