@@ -255,10 +255,21 @@ def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3, 
     return {
         "title": "Proposed",
         "needs": [out],
-        "nodes": {p: {"capacitance": f"{size!r} [J/K]"} for p, size in sizes.items()},
+        "nodes": {p: {"capacitance": _within_weight(size, facts.masses.get(p))} for p, size in sizes.items()},
         "conductors": {**links, **losses},
         "loads": {p.load: {"into": p.node, "power": "1 [W]" if p.anchored else "0 [W]"} for p in roles.powers},
     }
+
+
+def _within_weight(size: float, known: KnownMass | None) -> Any:
+    """Return a heat capacity as a deck has it, between what its weight allows where that is known.
+
+    Without bounds a log whose power reaches a part late may make one body of a box and its plate, and of the plate a thermometer that lags.
+    """
+    if known is None:
+        return f"{size!r} [J/K]"
+    low, high = known.bounds
+    return {"value": f"{size!r} [J/K]", "min": f"{low!r} [J/K]", "max": f"{high!r} [J/K]"}
 
 
 def request_of(
