@@ -26,7 +26,7 @@ from thermid.base.errors import (
 from thermid.base.results import Result, Row
 from thermid.base.toml_files import resolve_inside
 from thermid.base.units import counted
-from thermid.campaign._advice import mistakes_of, next_command, refused
+from thermid.campaign._advice import after_change, mistakes_of, next_command, refused
 from thermid.campaign._cache import changed_since, file_name, recall, remember
 from thermid.campaign._file import CampaignSource, accepting, local_of, read_campaign, scenario_of
 from thermid.campaign._joint import JointFit, fit_jointly, joint_key
@@ -420,7 +420,7 @@ class Campaign(Result):
         parts = []
         for name, calibration in self.stages.items():
             command = next_command(self.file, calibration, self.mistakes[name])
-            parts.append(f"{calibration}\n  next: {command}" if command else str(calibration))
+            parts.append(f"{calibration}\n  next: {after_change(command)}" if command else str(calibration))
         return "\n\n".join([head, *parts, *([str(self.joint)] if self.joint else []), *map(str, self.verdicts)])
 
     def _summary(self) -> str:
