@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from thermid.campaign._advice import after_change, next_command
-from thermid.inference.criticism import Mistake, Mistakes
+from thermid.inference._explain.mistakes import Mistake, Mistakes
 
 
 @pytest.mark.parametrize("kind", ["per cent", "unit", "exchanged", "clock"])

@@ -39,6 +39,7 @@ from thermid.measure.records import SENSOR_FAULT_CODES, Channel, even_step, gap_
 from thermid.reporting._pictures.chart import Panel, Stroke, chart
 from thermid.reporting._pictures.figures import DASHES, SERIES, time_unit
 
+ACCURACY: Final = 'add accuracy = "0.5 [K]" to each thermometer, half of the +-1 K of its data sheet; no log shows it'
 _BLOCKS: Final = "▁▂▃▄▅▆▇█"
 _SHOWN: Final = ("temperature", "boundary", "power", "duty")
 _PANELS: Final = (("temperature", "°C", ("temperature", "boundary")), ("power", "W", ("power",)), ("duty", "%", ("duty",)))
@@ -97,6 +98,7 @@ class Look(Result):
         ]
         if self.problem:
             out.append(f"  NOT READABLE YET: {self.problem}")
+        out += [f"  to fill in: {ACCURACY}"] if any(c.guess == "temperature" for c in self.columns) else []
         out += [f"  {line}" for line in (self._layout(), *self._clock())]
         out += [f"  note: {note}" for note in (*self.cells.notes, *(self.times.notes if self.times else ()))]
         out += ["", *self._table(width), "", *self._remarks(), "For a campaign (insert the nodes and loads of your deck):", ""]
@@ -198,6 +200,7 @@ class Look(Result):
         elif any(c.faults for c in self.columns):
             out.append("prepare  = [{ faults = true }]")
         out += ["", f"[records.{name}.channels]"]
+        out += [f"# {ACCURACY}"] if any(c.guess == "temperature" for c in self.columns) else []
         for c in self.columns:
             if c.guess in _SHOWN:
                 out += self._channel(c)
@@ -212,7 +215,8 @@ class Look(Result):
         key = key if _BARE.match(key) else json.dumps(key, ensure_ascii=False)
         target = re.sub(r"\W+", "_", c.name).strip("_") or "node"
         role = {"temperature": "node", "boundary": "boundary"}.get(c.guess, "load")
-        options = f', unit = "{c.unit}"' if c.assumed else ""
+        by_name = c.unit not in ("degC", "W") and "ends in" in c.why
+        options = f', unit = "{c.unit}"' if c.assumed or by_name else ""
         if (
             role == "node"
             and c.good.any()
@@ -453,7 +457,7 @@ def clock_lines(looks: Sequence[Look]) -> list[str]:
         lines += _by_step(f, looks[0], other)
     compared = {f["record"] for f, other in zip(clocks, looks[1:], strict=True) if any(c.guess == "temperature" for c in other.columns)}
     for f in (f for f in with_stamp if "at" not in f):
-        advice = "td.inference.align finds it by a model" if f["record"] in compared else "give a range to have it fitted"
+        advice = ALIGNED if f["record"] in compared else "give a range to have it fitted"
         lines.append(f"  {f['file']} is placed by time stamps; two loggers' clocks may differ by minutes: {advice}")
     ranged = [f for f in clocks if "at" in f and f["record"] not in compared]
     fitted = max(ranged, key=lambda f: f["at"]["error"], default=None)
@@ -468,14 +472,15 @@ def clock_lines(looks: Sequence[Look]) -> list[str]:
             if c.guess in _SHOWN and c.name in names
         ]
     pairs = ", ".join(f'{{ record = "{f["record"]}", offset = {_offset(f, f is fitted)} }}' for f in clocks)
-    open_ones = ", ".join(
-        f"{f['record']} +- {_digits(f['at']['error'], 2)} s" for f in clocks if "at" in f and f["step"]["candidate"] and f is not fitted
+    stated = [f for f in clocks if "at" in f and f is not fitted and not f["at"]["by_stamps"]]
+    errors = ", ".join(
+        f"{f['record']} +- {_digits(f['at']['error'], 2)} s{' (a candidate)' if f['step']['candidate'] else ''}" for f in stated
     )
     return [
         *lines,
         f"Join them in [records.{looks[0].name}]" + ("; a pair as offset is a range in which the fit finds it:" if fitted else ":"),
         "",
-        f"    joined   = [{pairs}]" + (f"  # no more than a candidate: {open_ones}" if open_ones else ""),
+        f"    joined   = [{pairs}]" + (f"  # not fitted: {errors}" if errors else ""),
     ]
 
 
@@ -491,7 +496,7 @@ def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
     begins = f"{clock['file']} begins {_digits(abs(late), 4)} s {side} {step['after']}, +- {_digits(error, 2)} s"
     text = f"  by a common step of {a} and {b}, {begins}"
     if step["candidate"]:
-        text += " (a candidate: one of two places may lag the other; td.inference.align finds it by a model)"
+        text += f" (a candidate, because one of two places may lag the other: {ALIGNED})"
     away = abs(late - (step["stamps"] or 0.0))
     if not step["contradicted"]:
         used = ", and are used where no fit finds the offset" if clock.get("at", {}).get("by_stamps") else ""
@@ -532,6 +537,7 @@ def _range(clock: dict[str, Any]) -> tuple[str, str]:
     return _digits(late - reach, 4), _digits(late + reach, 4)
 
 
+ALIGNED = "log a power that switches twice with both (in Python, td.inference.align finds the offset by a model)"
 STAMP_ERROR = 60.0
 """Error of a difference of two stamps: clocks of two computers may be a minute apart. [s]"""
 MAX_OFFSET_ERRORS = 3.0
