@@ -51,7 +51,8 @@ def show_campaign(campaign: Campaign, files: Sequence[str]) -> None:
 
     out = console()
     top, blocks = list(_top(campaign)), [_block(campaign, name, fit) for name, fit in campaign.stages.items()]
-    below = [*map(_verdict_line, campaign.verdicts), *_last(campaign, files)]
+    judged = [line for v in campaign.verdicts for line in (_verdict_line(v), *(f"{v.record}: {question}" for question in v.questions))]
+    below = [*judged, *_last(campaign, files)]
     around = sum(map(_rows, (*top, *below))) + 2
     most = next((n for n in (12, 8, 6, 5, 4, 3, 2, 1) if around + sum(b.lines(n) for b in blocks) <= SCREEN), 0)
     show_lines(out, [*top, ""])

@@ -23,7 +23,7 @@ from thermid.base.toml_files import read_json
 from thermid.base.units import counted
 from thermid.campaign._judge.criteria import Check, Criteria, Deviation, judge_sensors
 from thermid.campaign._judge.metrics import Residuals
-from thermid.fit.calibration import Calibration, Request, SensorStatistics, SensorTrace, fit
+from thermid.fit.calibration import FIRST, Calibration, Request, SensorStatistics, SensorTrace, fit
 from thermid.measure.records import Record
 from thermid.model.elements import UNJUDGED, Standing
 from thermid.model.tree import Model
@@ -144,6 +144,11 @@ class Verdict(Result):
         return bool(self.deciding)
 
     @property
+    def questions(self) -> tuple[str, ...]:
+        """What its record asks of its owner: exchanged sensors, a power in another unit."""
+        return tuple(w for w in self.prediction.warnings if w.startswith(FIRST)) if self.prediction is not None else ()
+
+    @property
     def head(self) -> str:
         """The verdict in words, without its criteria."""
         about = f" ({self.title})" if self.title else ""
@@ -157,7 +162,7 @@ class Verdict(Result):
         """Return the verdict as text, criterion by criterion."""
         if self.passed is None:
             return f"{self.head}; the record was not read. {self.standing.line(self.model)}"
-        lines = [self.head]
+        lines = [self.head, *(f"  {question}" for question in self.questions)]
         if self.failed_before:
             first = self.failed_before[0]
             lines.append(

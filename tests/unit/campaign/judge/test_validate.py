@@ -159,3 +159,11 @@ def test_two_sensors_that_begin_together_start_a_judged_run_at_their_mean(found:
     late = held.with_channels(replace(above, valid=held.times >= 7200.0))
     (e,) = build_problem(Request(found.fitted_model, (late,), held_errors={}, fit_start=False)).experiments
     assert set(e.first_readings()) == {"T"}
+
+
+def test_a_verdict_asks_about_its_record_below_its_head(found: Calibration) -> None:
+    """Exchanged sensors of a hold-out record were found, and said nowhere."""
+    verdict = validate(found, run("held", 3), WIDE)
+    assert verdict.prediction is not None
+    asked = replace(verdict, prediction=replace(verdict.prediction, warnings=("check: 'T' and 'U' may be exchanged", "else")))
+    assert str(asked).splitlines()[1] == "  check: 'T' and 'U' may be exchanged"
