@@ -288,16 +288,16 @@ def test_a_sampled_power_changed_somewhere_in_the_interval_before() -> None:
 
 def test_a_fast_mass_does_not_hide_that_the_moments_of_changes_are_unknown() -> None:
     """Four changes, each somewhere in 40 s, leave an offset at least 40 s / (12 x 4)^(1/2) uncertain, however exact the readings are."""
-    fast = td.model_from_dict({**DECK, "nodes": {"case": {"capacitance": "12 [J/K]"}}})
-    ends = 130.0 + np.array([117.0, 503.0, 731.0, 1109.0])
-    power = TableSignal(np.array([0.0, *ends]), np.array([0.0, 20.0, 0.0, 12.0, 0.0]), hold=True, before="hold")
-    made = td.Scenario("s", {"air": "20 [degC]"}, {"heat": power}, start="20 [degC]", duration=float(SLOW[-1]))
-    read = td.simulate(fast, made, times=SLOW)["case"].kelvin + 0.05 * np.random.default_rng(2).standard_normal(SLOW.size)
-    coarse = np.arange(-140.0, 1700.0, 40.0)
+    times, coarse = np.arange(0.0, 5000.0, 5.0), np.arange(-140.0, 5000.0, 40.0)
+    fast = td.model_from_dict({**DECK, "nodes": {"case": {"capacitance": "8 [J/K]"}}})
+    changes = np.array([0.0, *(130.0 + 2.7 * np.array([117.0, 503.0, 731.0, 1109.0]))])
+    power = TableSignal(changes, np.array([0.0, 20.0, 0.0, 12.0, 0.0]), hold=True, before="hold")
+    made = AIR.with_(loads={"heat": power}, duration=float(times[-1]))
+    read = td.simulate(fast, made, times=times)["case"].kelvin + 0.05 * np.random.default_rng(2).standard_normal(times.size)
+    thermometer = td.Channel.from_array("T", read, unit="K", role="node", target="case", noise=0.05)
     meter = td.Channel.from_array("P", power.at(np.maximum(coarse + 130.0, 0.0)), quantity="power", role="load", target="heat")
-    first, _ = logs(130.0, 1.0)
-    joined = first.with_channels(replace(first["T"], values=read)).joined(td.Record.from_arrays("meter", coarse, {"P": meter}), (60.0, 200.0))
-    clock = next(i for i in td.calibrate(fast, joined, FREE, scenario=AIR).local if i.name == "clock offset")
+    first, second = (td.Record.from_arrays(n, t, {c.name: c}) for n, t, c in (("bench", times, thermometer), ("meter", coarse, meter)))
+    (clock,) = (i for i in td.calibrate(fast, first.joined(second, (60.0, 200.0)), FREE, scenario=AIR).local if i.unit == "s")
     assert clock.error > 0.97 * 40.0 / np.sqrt(12.0 * 4.0)
     assert abs(clock.value - 130.0) < 2.5 * clock.error
 

@@ -380,8 +380,7 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
         if best.place.at is not None:
             entry["at"] = {"offset": best.place.at, "error": best.place.error, "stamps": best.place.stamped}
             away = None if entry["offset"] is None else abs(best.place.at - entry["offset"])
-            is_vaguer = best.place.error > STAMP_ERROR
-            entry["at"]["by_stamps"] = is_vaguer and away is not None and away <= MAX_OFFSET_ERRORS * best.place.error
+            entry["at"]["by_stamps"] = away is not None and away <= best.place.error
     return [entries[k] for k in range(1, len(looks))]
 
 
@@ -522,7 +521,7 @@ def _offset(clock: dict[str, Any], fitted: bool) -> str:
     """Return the offset of a further log as a campaign writes it: a range about a common step, one number, or a gap to fill.
 
     Stamps of two computers may be a minute apart, so where a step agrees with them the fit looks within the errors of the step. Where the
-    fit cannot look, as both logs have temperatures that are compared, stamps that agree are taken for steps of a larger error than theirs.
+    fit cannot look, as both logs have temperatures that are compared, stamps are taken that lie within one error of the step.
     """
     if fitted:
         low, high = _range(clock)
@@ -538,8 +537,6 @@ def _range(clock: dict[str, Any]) -> tuple[str, str]:
 
 
 ALIGNED = "log a power that switches twice with both (in Python, td.inference.align finds the offset by a model)"
-STAMP_ERROR = 60.0
-"""Error of a difference of two stamps: clocks of two computers may be a minute apart. [s]"""
 MAX_OFFSET_ERRORS = 3.0
 """Standard errors of an offset that a fit may look for it in, and beyond which stamps disagree with it. [-]"""
 
