@@ -73,12 +73,14 @@ class StatedFacts:
     masses : dict           Part -> its weight and material.
     paths : tuple           Pairs of parts that heat passes between; all pairs by default.
     deck : Model            The structure to begin with.
+    bounded : bool          Whether heat capacities of weighed parts stay within what their weight allows.
     """
 
     accuracy: float = ACCURACY
     masses: Mapping[str, KnownMass] = field(default_factory=dict)
     paths: tuple[tuple[str, str], ...] = ()
     deck: Model | None = None
+    bounded: bool = False
 
     @property
     def priors(self) -> dict[str, tuple[str, str]]:
@@ -255,17 +257,14 @@ def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3, 
     return {
         "title": "Proposed",
         "needs": [out],
-        "nodes": {p: {"capacitance": _within_weight(size, facts.masses.get(p))} for p, size in sizes.items()},
+        "nodes": {p: {"capacitance": _within_weight(size, facts.masses.get(p) if facts.bounded else None)} for p, size in sizes.items()},
         "conductors": {**links, **losses},
         "loads": {p.load: {"into": p.node, "power": "1 [W]" if p.anchored else "0 [W]"} for p in roles.powers},
     }
 
 
 def _within_weight(size: float, known: KnownMass | None) -> Any:
-    """Return a heat capacity as a deck has it, between what its weight allows where that is known.
-
-    Without bounds a log whose power reaches a part late may make one body of a box and its plate, and of the plate a thermometer that lags.
-    """
+    """Return a heat capacity as a deck has it, between what a weight allows where that is given."""
     if known is None:
         return f"{size!r} [J/K]"
     low, high = known.bounds
@@ -373,6 +372,7 @@ def propose(
     _refuse_still(prepared, roles, sizes)
     roles = replace(roles, powers=tuple(_placed(p, roles, prepared) for p in roles.powers))
     roles, begun = _begun(roles, prepared, facts)
+    begun, facts = _bounded_where_it_matters(roles, prepared, facts, begun)
     changes = _within(roles, facts)
     instants = found_instants(begun, changes)
     request = replace(begun.request, records=tuple(with_instants(begun.request.records, instants)))
@@ -503,6 +503,21 @@ def _begun(roles: Roles, records: Sequence[Record], facts: StatedFacts) -> tuple
             "no structure could be fitted. Check the roles of the columns with `thermid look`.", records[0].name
         )
     return best
+
+
+def _bounded_where_it_matters(
+    roles: Roles, records: Sequence[Record], facts: StatedFacts, begun: FittedStructure
+) -> tuple[FittedStructure, StatedFacts]:
+    """Return the beginning with weighed parts within their weight, where they are beyond it and another value then differs threefold.
+
+    A log whose power reaches a part late may make one body of a box and its plate, and of the plate a thermometer that lags.
+    """
+    if all(c.verdict == "possible" for c in weights(begun.request.model, begun.values, roles, facts.masses)):
+        return begun, facts
+    strict = replace(facts, bounded=True)
+    _, other = _begun(roles, records, strict)
+    ratios = [begun.values[path] / value for path, value in other.values.items() if path in begun.values]
+    return (other, strict) if max(ratios) > THREEFOLD or min(ratios) * THREEFOLD < 1.0 else (begun, facts)
 
 
 def _placements(roles: Roles) -> list[Roles]:
