@@ -9,6 +9,7 @@ from thermid.fit.calibration import Calibration, Request
 from thermid.inference.criticism import Mistakes, find_mistakes
 from thermid.measure.records import stray_readings
 
+
 def mistakes_of(fit: Calibration) -> Mistakes:
     """Return the mistakes that would explain what a fit misses; none where nothing was fitted to logs, or nothing is missed."""
     if fit.model.runner is not None:  # the heat inside somebody's FMU is not known
