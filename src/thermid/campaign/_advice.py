@@ -44,8 +44,8 @@ def next_command(campaign: str, fit: Calibration, mistakes: Mistakes) -> str:
     return f"thermid criticise {campaign} --stage '{fit.stage}'"
 
 
-def after_change(command: str) -> str:
-    """Return a next command in words: the same fit again only makes sense after what a likely mistake asks to change."""
+def in_words(command: str) -> str:
+    """Return a next command with what comes before it: the same fit again only makes sense after what a likely mistake asks to change."""
     return f"make that change, then {command}" if command.startswith("thermid calibrate") else command
 
 
@@ -59,4 +59,4 @@ def refused(error: ThermidError, request: Request, stage: str, campaign: str) ->
         explanations = find_mistakes(request, stage).lines() if request.model.runner is None else ()
         command = f"thermid calibrate {campaign}" if explanations else f"thermid identify {campaign} --stage '{stage}'"
     words = [f"{line.strip()[0].upper()}{line.strip()[1:]}" for line in explanations]
-    return error.reworded(" ".join([error.message, *words, f"Next: {after_change(command)}"]))
+    return error.reworded(" ".join([error.message, *words, f"Next: {in_words(command)}"]))

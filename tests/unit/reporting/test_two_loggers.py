@@ -379,7 +379,7 @@ def test_two_loggers_of_temperatures_meet_by_way_of_the_supply_that_both_follow(
         assert found["at"]["error"] < 100.0  # half of what the stamps are wrong by
         assert not found["at"]["stamps"]
     board, _ = joined_lines(looks)
-    assert "# not fitted: second +- " in "\n".join(clock_lines(looks))  # what the supply lies from the first log by counts too
+    assert any("  # not fitted: " in line for line in clock_lines(looks))  # what the supply is off by counts too
     assert abs(float(str(board["offset"]).removesuffix(" [s]")) - 75.0) < 2.0 * by_board["at"]["error"]
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from thermid.app.cli.screen import SCREEN, console, folded, severity, show_lines, width
 from thermid.base.sourced import VERDICTS
 from thermid.base.units import counted
-from thermid.campaign.stages import Campaign, after_change, next_command
+from thermid.campaign.stages import Campaign
 from thermid.campaign.verdicts import Check, Verdict
 from thermid.fit.calibration import FIRST, LOUD, Calibration
 from thermid.measure.amounts import digits, short
@@ -134,8 +134,8 @@ def _block(campaign: Campaign, name: str, fit: Calibration) -> StageRows:
         inputs = ", ".join(dict.fromkeys(f"{i.name} ({i.kind})" for i in assumed if i.partly == partly))
         if inputs:
             notes.append(f"{name}: assumed{' where the log is silent' if partly else ''}, because {why}: {inputs}")
-    if command := next_command(campaign.file, fit, campaign.mistakes[name]):
-        notes.append(f"{name}: next: {after_change(command)}")
+    if step := campaign.next_step(name):
+        notes.append(f"{name}: next: {step}")
     rows = sorted(fitted, key=lambda v: -abs(v.error / v.value) if v.value else 0.0)
     clocks = [i for i in fit.local if i.unit in ("s", "1")]
     notes += [f"{name}: {i.record}: {i.name} {i.words}" for i in clocks]

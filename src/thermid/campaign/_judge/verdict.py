@@ -260,16 +260,16 @@ def validate(
 
 def _deciding(prediction: Calibration, criteria: Criteria, checks: Sequence[Check]) -> tuple[str, ...]:
     """Return the values fitted to the record that judges, each of which changes the verdict within two of its standard errors."""
-    problem, out = prediction.problem, []
+    problem, names_that_decide = prediction.problem, []
     assert problem is not None
     for local in prediction.local:
         for errors in (-2.0, 2.0):
             names = (local.name, f"{local.record}: {local.name}")
-            at = [prediction.fitted[u.name] + (errors * local.error if u.name in names else 0.0) for u in problem.unknowns]
-            moved = judge_sensors(criteria, [_deviation(b) for b in problem.blocks(np.array(at))]) if np.isfinite(at).all() else ()
-            if weigh([c.passed for c in moved]) != weigh([c.passed for c in checks]):
-                out.append(local.name)
-    return tuple(dict.fromkeys(out))
+            fitted = np.array([prediction.fitted[u.name] + (errors * local.error if u.name in names else 0.0) for u in problem.unknowns])
+            others = judge_sensors(criteria, [_deviation(b) for b in problem.blocks(fitted)]) if np.isfinite(fitted).all() else ()
+            if weigh([c.passed for c in others]) != weigh([c.passed for c in checks]):
+                names_that_decide.append(local.name)
+    return tuple(dict.fromkeys(names_that_decide))
 
 
 def not_judged(calibration: Calibration, record: str, title: str = "") -> Verdict:

@@ -254,21 +254,15 @@ def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3, 
     links = {f"{a}_to_{b}": {"kind": "conduction", "between": [a, b], "conductance": f"{contact * loss!r} [W/K]"} for a, b in pairs}
     losses = {f"{p}_loss": {"kind": "conduction", "between": [p, out], "conductance": f"{loss!r} [W/K]"} for p in parts}
     sizes = {p: facts.masses[p].capacitance if p in facts.masses else capacity for p in parts}
+    weighed = facts.masses if facts.bounded else {}
+    ends = {p: dict(zip(("min", "max"), map("{!r} [J/K]".format, known.bounds), strict=True)) for p, known in weighed.items()}
     return {
         "title": "Proposed",
         "needs": [out],
-        "nodes": {p: {"capacitance": _within_weight(size, facts.masses.get(p) if facts.bounded else None)} for p, size in sizes.items()},
+        "nodes": {p: {"capacitance": {"value": f"{size!r} [J/K]", **ends.get(p, {})}} for p, size in sizes.items()},
         "conductors": {**links, **losses},
         "loads": {p.load: {"into": p.node, "power": "1 [W]" if p.anchored else "0 [W]"} for p in roles.powers},
     }
-
-
-def _within_weight(size: float, known: KnownMass | None) -> Any:
-    """Return a heat capacity as a deck has it, between what a weight allows where that is given."""
-    if known is None:
-        return f"{size!r} [J/K]"
-    low, high = known.bounds
-    return {"value": f"{size!r} [J/K]", "min": f"{low!r} [J/K]", "max": f"{high!r} [J/K]"}
 
 
 def request_of(

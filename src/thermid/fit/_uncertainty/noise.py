@@ -262,7 +262,7 @@ def _score_of_instants(problem: Problem, fitted: Array, pieces: Mapping[tuple[st
     is more than that of their means. A shift of all instants together is one of the clock, so it must not be lost.
     """
     size = len(problem.unknowns)
-    out = np.zeros((size, size))
+    total = np.zeros((size, size))
     for i, experiment in enumerate(problem.experiments):
         changes = list(_instants(problem, i, fitted))
         slopes = problem.slopes(i, fitted) if changes else np.zeros(0)
@@ -273,8 +273,8 @@ def _score_of_instants(problem: Problem, fitted: Array, pieces: Mapping[tuple[st
                 moved += slopes[o.index, k, :].T @ answer[o.index, k] / o.sigma(problem.noise)
                 mean = change(b.sampled.ravel())[:, k].reshape(b.sampled.shape).mean(axis=1)
                 of_means += (b.count[:, None] * b.slopes).T @ mean / o.sigma(problem.noise)
-            out += np.outer(moved, moved) - np.outer(of_means, of_means)
-    return out
+            total += np.outer(moved, moved) - np.outer(of_means, of_means)
+    return total
 
 
 def _errors_of_means(noise: InputNoise, times: Array, values: Array, place: Indices, size: int) -> Array:
@@ -425,7 +425,8 @@ def autocorrelation(problem: Problem, minimum: Fit, loss: str = "linear", loss_s
     """
     pieces = binned(problem, minimum.fitted, loss, loss_scale)
     found = autocorrelation_of_traces(pieces, minimum, problem.effective_samples, answers_to_inputs(problem, minimum.fitted, pieces))
-    return replace(found, score_excess=found.score_excess + _score_of_instants(problem, minimum.fitted, pieces))
+    more = _score_of_instants(problem, minimum.fitted, pieces) if problem.clocked else 0.0
+    return replace(found, score_excess=found.score_excess + more)
 
 
 def autocorrelation_of_traces(
