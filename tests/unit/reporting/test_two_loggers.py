@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import re
 import sys
 import tomllib
 from pathlib import Path
@@ -403,6 +402,6 @@ def test_a_clock_by_two_places_is_a_candidate_in_the_line_to_copy(tmp_path: Path
     assert abs(found["step"]["offset"] - 300.0) < 2.0 * found["step"]["error"]
     text = "\n".join(clock_lines(looks))
     assert "(a candidate" in text
-    assert re.search(r"not fitted: second \+- \d+ s \(a candidate\)", text)
+    assert "s (a candidate)" in text
     (pair,) = joined_lines(looks)
     assert isinstance(pair["offset"], str)

@@ -255,7 +255,7 @@ def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3, 
     losses = {f"{p}_loss": {"kind": "conduction", "between": [p, out], "conductance": f"{loss!r} [W/K]"} for p in parts}
     sizes = {p: facts.masses[p].capacitance if p in facts.masses else capacity for p in parts}
     weighed = facts.masses if facts.bounded else {}
-    ends = {p: dict(zip(("min", "max"), map("{!r} [J/K]".format, known.bounds), strict=True)) for p, known in weighed.items()}
+    ends = {p: dict(zip(("min", "max"), map("{!r} [J/K]".format, mass.bounds), strict=True)) for p, mass in weighed.items()}
     return {
         "title": "Proposed",
         "needs": [out],

@@ -424,9 +424,9 @@ def autocorrelation(problem: Problem, minimum: Fit, loss: str = "linear", loss_s
     Gaps need no care, since the times of the stretches are what they are. A trace that wanders no more than chance would adds nothing.
     """
     pieces = binned(problem, minimum.fitted, loss, loss_scale)
-    found = autocorrelation_of_traces(pieces, minimum, problem.effective_samples, answers_to_inputs(problem, minimum.fitted, pieces))
+    of_means = autocorrelation_of_traces(pieces, minimum, problem.effective_samples, answers_to_inputs(problem, minimum.fitted, pieces))
     more = _score_of_instants(problem, minimum.fitted, pieces) if problem.clocked else 0.0
-    return replace(found, score_excess=found.score_excess + more)
+    return replace(of_means, score_excess=of_means.score_excess + more)
 
 
 def autocorrelation_of_traces(
