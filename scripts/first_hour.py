@@ -183,7 +183,7 @@ def judged(seed: int, folder: Path) -> dict[str, Any]:
         "fixed": made["fixed"],
     }
     row["calibrate"], done = _said("calibrate", project / "campaign.toml")
-    if done is None:
+    if done is None or "stages" not in done:
         return row
     values = done["stages"][0]["values"]
     inside = sum(v for path, v in values.items() if path.endswith(".capacitance") and not path.startswith("plate"))

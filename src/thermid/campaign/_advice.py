@@ -9,9 +9,6 @@ from thermid.fit.calibration import Calibration, Request
 from thermid.inference.criticism import Mistakes, find_mistakes
 from thermid.measure.records import stray_readings
 
-AT_A_FILE = ("per cent", "unit", "exchanged", "clock")
-"""Kinds of mistakes that are seen in the log itself."""
-
 
 def mistakes_of(fit: Calibration) -> Mistakes:
     """Return the mistakes that would explain what a fit misses; none where nothing was fitted to logs, or nothing is missed."""
@@ -25,7 +22,7 @@ def mistakes_of(fit: Calibration) -> Mistakes:
 
 
 def next_command(campaign: str, fit: Calibration, mistakes: Mistakes) -> str:
-    """Return the next command to try on a bad fit; empty where a fit is good.
+    """Return the next command to try on a bad fit, after the change that a mistake asks for; empty where a fit is good.
 
     Parameters
     ----------
@@ -39,7 +36,7 @@ def next_command(campaign: str, fit: Calibration, mistakes: Mistakes) -> str:
     if mistake is not None and mistake.kind == "load":
         return f"thermid criticise {campaign} --stage '{fit.stage}'"
     if mistake is not None:
-        return f"thermid check {campaign}" if mistake.kind in AT_A_FILE else f"thermid calibrate {campaign}"
+        return f"thermid calibrate {campaign}"
     if fit.own.fair and not mistakes.bad:
         return ""
     if fit.contradicted or (not fit.own.fair and "bound" in fit.own.because):
@@ -47,13 +44,19 @@ def next_command(campaign: str, fit: Calibration, mistakes: Mistakes) -> str:
     return f"thermid criticise {campaign} --stage '{fit.stage}'"
 
 
+def in_words(command: str) -> str:
+    """Return a next command with what comes before it: the same fit again only makes sense after what a likely mistake asks to change."""
+    return f"make that change, then {command}" if command.startswith("thermid calibrate") else command
+
+
 def refused(error: ThermidError, request: Request, stage: str, campaign: str) -> ThermidError:
     """Return a refusal of a fit with the mistakes that would explain it, and the next command to try."""
     if not isinstance(error, IdentificationError | SolverError):
         return error
     explanations: Sequence[str] = stray_readings(request.records)
-    if not explanations and request.model.runner is None:
-        explanations = find_mistakes(request, stage).lines()
+    command = f"thermid check {campaign}"
+    if not explanations:
+        explanations = find_mistakes(request, stage).lines() if request.model.runner is None else ()
+        command = f"thermid calibrate {campaign}" if explanations else f"thermid identify {campaign} --stage '{stage}'"
     words = [f"{line.strip()[0].upper()}{line.strip()[1:]}" for line in explanations]
-    command = f"thermid check {campaign}" if words else f"thermid identify {campaign} --stage '{stage}'"
-    return error.reworded(" ".join([error.message, *words, f"Next: {command}"]))
+    return error.reworded(" ".join([error.message, *words, f"Next: {in_words(command)}"]))

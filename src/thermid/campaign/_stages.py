@@ -26,7 +26,7 @@ from thermid.base.errors import (
 from thermid.base.results import Result, Row
 from thermid.base.toml_files import resolve_inside
 from thermid.base.units import counted
-from thermid.campaign._advice import mistakes_of, next_command, refused
+from thermid.campaign._advice import in_words, mistakes_of, next_command, refused
 from thermid.campaign._cache import changed_since, file_name, recall, remember
 from thermid.campaign._file import CampaignSource, accepting, local_of, read_campaign, scenario_of
 from thermid.campaign._joint import JointFit, fit_jointly, joint_key
@@ -413,14 +413,18 @@ class Campaign(Result):
         """Name of the campaign's file for commands to try."""
         return self.source.path.name if self.source is not None else "CAMPAIGN"
 
+    def next_step(self, name: str) -> str:
+        """Return what to do about the fit of a stage, in words; empty where it is good."""
+        return in_words(next_command(self.file, self.stages[name], self.mistakes[name]))
+
     def __str__(self) -> str:
         """Return all stages and verdicts as text, below lines that say which must not be used and which mistake would explain it."""
         head = self.standing.over(self.title, "stage")
         head += "".join(f"\n{name}: {line}" for name, mistakes in self.mistakes.items() for line in mistakes.lines())
         parts = []
         for name, calibration in self.stages.items():
-            command = next_command(self.file, calibration, self.mistakes[name])
-            parts.append(f"{calibration}\n  next: {command}" if command else str(calibration))
+            step = self.next_step(name)
+            parts.append(f"{calibration}\n  next: {step}" if step else str(calibration))
         return "\n\n".join([head, *parts, *([str(self.joint)] if self.joint else []), *map(str, self.verdicts)])
 
     def _summary(self) -> str:

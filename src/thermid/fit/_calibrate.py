@@ -345,8 +345,9 @@ def exchanged_sensors(problem: Problem) -> tuple[str, ...]:
         exchanged = float(np.sqrt(np.mean(np.append(b.measured - a.predicted, a.measured - b.predicted) ** 2)))
         if exchanged < EXCHANGED * as_read and as_read > MISSED_BY_DECK * max(a.noise, b.noise):
             out[a.sensor, b.sensor] = (
-                f"{FIRST}with the values of the deck '{a.sensor}' and '{b.sensor}' agree with each other's node ({short(exchanged)} K RMS) "
-                f"and not with their own ({short(as_read)} K): they may be exchanged, on the bench or in the campaign."
+                f"{FIRST}before a fit to this record, '{a.sensor}' and '{b.sensor}' agree with each other's node "
+                f"({short(exchanged)} K RMS) and not with their own ({short(as_read)} K): they may be exchanged, on the bench or in the "
+                "campaign."
             )
     return tuple(out.values())
 

@@ -52,8 +52,8 @@ TELLING, MOSTLY = 0.1, 0.5
 """Probability from which the other answer to what carries the heat is told, and share of a variance that is most of it. [-]"""
 MEANING = {
     VALUES: "noise, instruments and priors leave the fitted values this uncertain",
-    STRUCTURE: "elements depart from their laws, the more the further the run is from those that were fitted",
-    RUN: "coefficients, masses and powers differ from run to run",
+    STRUCTURE: "laws hold less well the further the conditions are from those of the fitted tests",
+    RUN: "coefficients, masses and powers differ from one test to the next",
     ROOM: "a room drifts about what is logged of it",
     UNEXPLAINED: "residuals that no departure of an element follows",
     AVERAGED: "whether free air or a fan carries the heat of surfaces, and how much of it is radiated",
@@ -63,7 +63,7 @@ MEANING = {
 """Cause -> what it stands for."""
 NARROWS = {
     VALUES: "a run that determines the values better, or stated spreads",
-    STRUCTURE: "a run at conditions nearer to those that are asked",
+    STRUCTURE: "a test at conditions nearer to those that are asked",
     RUN: "further runs: they tell how much elements differ from run to run",
     ROOM: "a room that is logged better, or held",
     UNEXPLAINED: "an element that explains what the residuals show: criticise looks for it",
@@ -365,8 +365,9 @@ def centre_words(moved: Mapping[str, Mapping[str, Array]], times: Array) -> str:
     named = sorted(((c, float(v[k])) for c, v in moved[node].items()), key=lambda item: -abs(item[1]))
     why = ", ".join(f"{c} {v:+.2g} K" for c, v in named if abs(v) >= NAMED_SHARE * NEGLIGIBLE_HALF_WIDTH)
     return (
-        f"the centre of the band of '{node}' lies {float(apart[node][k]):+.2g} K from the run with the best values at "
-        f"{duration_text(float(times[k]))} ({why}), those of other nodes by less; simulate and verdicts show that run"
+        f"at {duration_text(float(times[k]))} the middle of the band of '{node}' is {abs(apart[node][k]):.2g} K "
+        f"{'above' if apart[node][k] > 0.0 else 'below'} the temperature by the fitted values alone, which simulate and verdicts show "
+        f"({why}); other nodes differ less"
     )
 
 

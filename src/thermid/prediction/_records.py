@@ -165,7 +165,7 @@ class RecordPrediction:
     ----------
     title, record : str             What was predicted, and the record.
     bands : dict                    Sensor -> SensorBand.
-    fitted_locally : tuple of str   What was fitted to this record; the prediction is conditional on it.
+    fitted_locally : tuple of str   What was fitted to this record.
     warnings : tuple of str         What a reader must know.
     left_out : tuple of LeftOut     What the bands do not count.
     standing : Standing             Of the values that it rests on.
@@ -248,7 +248,7 @@ class RecordPrediction:
         """Return it as text."""
         error = float(np.mean([b.error.mean() for b in self.bands.values()]))
         missing = first_line(self.left_out, error)
-        condition = f", conditional on {', '.join(self.fitted_locally)} fitted to this record" if self.fitted_locally else ""
+        condition = f", with {', '.join(self.fitted_locally)} fitted to this record" if self.fitted_locally else ""
         shares = ", ".join(f"{100 * level:g} % band {100 * share:.0f} %" for level, share in self.coverage.items())
         lines = [*([missing] if missing else []), f"{self.title} on {self.record}: predicted{condition}", *(f"  {x}" for x in self.lines)]
         return self.standing.over("\n".join([*lines, f"  readings inside: {shares}", *(f"  warning: {w}" for w in self.warnings)]))

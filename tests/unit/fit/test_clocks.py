@@ -15,15 +15,14 @@ from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.model.elements import TableSignal
 
-BOX = td.model_from_dict(
-    {
-        "title": "Box",
-        "needs": ["air"],
-        "nodes": {"case": {"capacitance": "300 [J/K]"}},
-        "conductors": {"out": {"kind": "conduction", "between": ["case", "air"], "conductance": "0.5 [W/K]"}},
-        "loads": {"heat": {"into": "case", "power": "10 [W]"}},
-    }
-)
+DECK = {
+    "title": "Box",
+    "needs": ["air"],
+    "nodes": {"case": {"capacitance": "300 [J/K]"}},
+    "conductors": {"out": {"kind": "conduction", "between": ["case", "air"], "conductance": "0.5 [W/K]"}},
+    "loads": {"heat": {"into": "case", "power": "10 [W]"}},
+}
+BOX = td.model_from_dict(DECK)
 SLOW = np.arange(0.0, 1801.0, 5.0)
 FAST = np.arange(0.0, 1201.0, 2.0)
 POWER = np.where((FAST > 100) & (FAST < 500), 20.0, np.where((FAST > 700) & (FAST < 1100), 12.0, 0.0))
@@ -285,6 +284,22 @@ def test_a_sampled_power_changed_somewhere_in_the_interval_before() -> None:
         scores.append((clock.value - 130.0) / clock.error)
     assert abs(np.mean(scores)) < 1.3  # half the interval would be three errors
     assert np.abs(scores).max() < 3.5
+
+
+def test_a_fast_mass_does_not_hide_that_the_moments_of_changes_are_unknown() -> None:
+    """Four changes, each somewhere in 40 s, leave an offset at least 40 s / (12 x 4)^(1/2) uncertain, however exact the readings are."""
+    times, coarse = np.arange(0.0, 5000.0, 5.0), np.arange(-140.0, 5000.0, 40.0)
+    fast = td.model_from_dict({**DECK, "nodes": {"case": {"capacitance": "8 [J/K]"}}})
+    changes = np.array([0.0, *(130.0 + 2.7 * np.array([117.0, 503.0, 731.0, 1109.0]))])
+    power = TableSignal(changes, np.array([0.0, 20.0, 0.0, 12.0, 0.0]), hold=True, before="hold")
+    made = AIR.with_(loads={"heat": power}, duration=float(times[-1]))
+    read = td.simulate(fast, made, times=times)["case"].kelvin + 0.05 * np.random.default_rng(2).standard_normal(times.size)
+    thermometer = td.Channel.from_array("T", read, unit="K", role="node", target="case", noise=0.05)
+    meter = td.Channel.from_array("P", power.at(np.maximum(coarse + 130.0, 0.0)), quantity="power", role="load", target="heat")
+    first, second = (td.Record.from_arrays(n, t, {c.name: c}) for n, t, c in (("bench", times, thermometer), ("meter", coarse, meter)))
+    (clock,) = (i for i in td.calibrate(fast, first.joined(second, (60.0, 200.0)), FREE, scenario=AIR).local if i.unit == "s")
+    assert clock.error > 0.97 * 40.0 / np.sqrt(12.0 * 4.0)
+    assert abs(clock.value - 130.0) < 2.5 * clock.error
 
 
 def test_a_held_rate_and_a_robust_loss() -> None:

@@ -79,7 +79,7 @@ def test_at_the_conditions_of_the_fit_little_is_added(constant: Calibration) -> 
     far = predict(constant, FAR)["case"].final
     told = predict(constant, near)["case"].final
     assert told.error < 0.5 * far.error  # what differs from run to run is the floor
-    assert told.shares["structure at this distance"] < far.shares["structure at this distance"]
+    assert told.shares["extrapolation"] < far.shares["extrapolation"]
 
 
 def test_draws_hold_it_too(constant: Calibration) -> None:

@@ -195,7 +195,7 @@ def test_what_acts_is_stated_and_what_is_logged_wanders(fit: td.Calibration) -> 
     logged, acting = _band(fit, 6.0, as_logged=True), _band(fit, 6.0)
     assert "room" not in acting.parts
     assert (logged.parts["room"][1:] > 0.0).all()
-    assert (logged.parts["this run"][1:] > acting.parts["this run"][1:]).all()
+    assert (logged.parts["differences between tests"][1:] > acting.parts["differences between tests"][1:]).all()
 
 
 def test_a_constant_room_that_an_instrument_reads_is_still_a_temperature(fit: td.Calibration) -> None:

@@ -81,10 +81,10 @@ def test_a_source_that_is_left_out_is_gone_from_every_consumer(tmp_path: Path) -
     runs = td.qualify.uncertain_runs(fit.model, far, fit, n=400, nodes=[node], without=off)
     for told in routes.values():
         assert told[node].error[-1] < 0.2 * wide.error[-1]
-        assert any(x.what == "structure at this distance (switched off)" for x in told.left_out)
-        assert str(told).splitlines()[0].startswith("not counted: structure at this distance (switched off)")
+        assert any(x.what == "extrapolation (switched off)" for x in told.left_out)
+        assert str(told).splitlines()[0].startswith("not counted: extrapolation (switched off)")
         assert told[node].error[-1] == pytest.approx(runs.node_temperatures(node)[:, -1].std(), rel=0.15)
-    assert "not counted: structure at this distance (switched off)" in str(td.qualify.hold(runs, {node: "90 [degC]"}))
+    assert "not counted: extrapolation (switched off)" in str(td.qualify.hold(runs, {node: "90 [degC]"}))
     assert [x.what for x in runs.left_out] == [x.what for x in routes["predict"].left_out]
 
 

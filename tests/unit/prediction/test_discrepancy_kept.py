@@ -88,7 +88,7 @@ def test_a_margin_counts_the_constant_coefficients_of_a_values_file_or_names_the
     td.save_model(model, tmp_path / "unit.toml")
     counted = td.qualify.run_plan(file).margins
     assert not any("elements depart" in why for m in counted for why in m.not_counted)
-    assert any(m.shares.get("structure at this distance", 0.0) > 0.05 for m in counted)
+    assert any(m.shares.get("extrapolation", 0.0) > 0.05 for m in counted)
     # a file of before does not hold the fit's response
     old = replace(fit.values, provenance={k: v for k, v in fit.values.provenance.items() if k != "errors"})
     old.save(tmp_path / "fit.values.toml")

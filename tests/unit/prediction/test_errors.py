@@ -76,7 +76,7 @@ def test_a_record_is_predicted_with_its_band(fit: td.Calibration) -> None:
     assert band.inside() > 0.9
     assert band.rmse < 0.7 * band.rmse_of_run
     assert band.half_width().mean() < 1.0
-    assert {"values", "structure at this distance", "this run", "noise of a reading"} <= {*band.parts}
+    assert {"values", "extrapolation", "differences between tests", "noise of a reading"} <= {*band.parts}
 
 
 def test_a_room_that_is_fitted_to_a_record_takes_up_what_it_can(fit: td.Calibration) -> None:
@@ -125,7 +125,7 @@ def test_a_fit_whose_elements_cannot_be_followed_counts_its_values_and_says_why(
     told = td.predict(_fit(), _asked(6.0), nodes=["case"])
     assert "how elements depart from their laws, because nobody knows its elements" in told.not_counted
     assert told["case"].parts["values"][-1] > 0.0
-    assert "this run" not in told["case"].parts
+    assert "differences between tests" not in told["case"].parts
 
 
 def test_power_of_a_deck_departs_as_that_of_a_scenario_does(fit: td.Calibration) -> None:
@@ -134,7 +134,7 @@ def test_power_of_a_deck_departs_as_that_of_a_scenario_does(fit: td.Calibration)
     wiring = Wiring(network_for(fit.fitted_model, silent), silent)
     (course,) = [course_of(wiring, Engine(wiring), None, Options())]
     assert {load: watts.value for load, (_, watts) in course.powers.items()} == {"heat": 4.0}
-    given, open_ = (td.predict(fit, s)["case"].parts["this run"][-1] for s in (_asked(4.0), silent))
+    given, open_ = (td.predict(fit, s)["case"].parts["differences between tests"][-1] for s in (_asked(4.0), silent))
     assert open_ > given  # a stated power is exact
 
 

@@ -17,7 +17,7 @@ EVERY = (HTC, WATTS, JOINT)
 BENCH = td.Scenario("bench", boundaries={"room": "24 [degC]"}, start="24 [degC]", duration="3 [h]")
 AGAIN = [td.design.Action("again", BENCH)]
 FAR = td.Scenario("far", boundaries={"room": "40 [degC]"}, loads={"a.heat": "6 [W]"}, duration="20 [h]")
-BESIDES = {"structure at this distance", "this run", "what no element explains", "what carries the heat"}
+BESIDES = {"extrapolation", "differences between tests", "what no element explains", "what carries the heat"}
 
 
 @dataclass(frozen=True, eq=False)

@@ -204,3 +204,17 @@ def test_a_name_or_a_size_of_another_quantity_is_asked_about(tmp_path: Path, nam
     seen = td.look(tmp_path / "a.csv")
     assert [c.guess for c in seen.columns] == ["time", "unclear", "temperature", "temperature"]
     assert any(question.startswith(f"{name}: a temperature or another quantity: state its unit") for question in seen.questions)
+
+
+def test_fahrenheit_by_a_name_and_a_room_is_in_the_line_to_copy(tmp_path: Path) -> None:
+    path = tmp_path / "board.log"
+    path.write_text("ms,TempPCB_F,gyro_F\n" + "".join(f"{1000 * k},{67.5 + 0.1 * k:.1f},{20 + 0.1 * k:.1f}\n" for k in range(40)))
+    lines = td.look(path).campaign()
+    (record,) = tomllib.loads(lines)["records"].values()
+    assert [c["unit"] for c in record["channels"].values()] == ["degF", "degF"]
+
+
+def test_what_no_log_says_is_asked_for_in_its_first_lines(log) -> None:
+    shown = td.look(log).lines()
+    assert any("accuracy = " in line for line in shown[:4])
+    assert "# add accuracy = " in td.look(log).campaign()

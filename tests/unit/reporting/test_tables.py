@@ -112,7 +112,7 @@ def test_verdicts_name_found_limit_and_result(campaign: Campaign) -> None:
     residuals = next(b.residuals for b in campaign.verdicts[0].prediction.blocks if b.sensor == "T a")
     assert column(table, "outside")[1] == f"{int((abs(residuals) > 1e-4).sum())} of {residuals.size}"
     assert column(table, "conditional on") == ["nothing"] * 4
-    conditional = replace(campaign, verdicts=(replace(campaign.verdicts[0], fitted_locally=("room",)),))
+    conditional = replace(campaign, verdicts=(replace(campaign.verdicts[0], fitted_locally=("room", "start"), deciding=("room",)),))
     assert column(tables.verdicts(conditional), "conditional on") == ["room"] * 4
 
 

@@ -6,6 +6,7 @@ import gc
 import json
 import sys
 from importlib import import_module
+from itertools import takewhile
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple, NoReturn
 
@@ -273,6 +274,8 @@ COMMANDS = {
 }
 """Command word -> where the command stands, in the order of the help."""
 
+SHARED_OPTIONS = ("-v", "--verbose", "--json")
+"""Options of commands that may also stand before the command."""
 INTERRUPTED = StoppedError.exit_code
 """Exit code after the interrupt key, as shells have it."""
 EXITS = {
@@ -353,6 +356,12 @@ class Commands(TyperGroup):
         super().__init__(**settings)
         for word, place in COMMANDS.items():
             self.add_command(OnDemand(word, place))
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Return what is left of the arguments; options that commands share may stand before the command."""
+        before = list(takewhile(SHARED_OPTIONS.__contains__, args))
+        word, *others = args[len(before) :] or [""]
+        return super().parse_args(ctx, [word, *before, *others] if word else args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write the commands by group, each with its whole line."""

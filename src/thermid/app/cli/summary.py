@@ -14,7 +14,7 @@ from thermid.base.extensions import require
 from thermid.base.files import PAPER, check_ending
 from thermid.base.sourced import VERDICTS
 from thermid.base.units import counted
-from thermid.campaign.stages import Campaign, next_command, read_campaign, run_stages
+from thermid.campaign.stages import Campaign, read_campaign, run_stages
 from thermid.campaign.verdicts import Check, Verdict
 from thermid.fit.calibration import FIRST, LOUD, Calibration
 from thermid.measure.amounts import digits, short
@@ -158,7 +158,8 @@ def show_campaign(campaign: Campaign, files: Sequence[str]) -> None:
 
     out = console()
     top, blocks = list(_top(campaign)), [_block(campaign, name, fit) for name, fit in campaign.stages.items()]
-    below = [*map(_verdict_line, campaign.verdicts), *_last(campaign, files)]
+    judged = [line for v in campaign.verdicts for line in (_verdict_line(v), *(f"{v.record}: {question}" for question in v.questions))]
+    below = [*judged, *_last(campaign, files)]
     around = sum(map(_rows, (*top, *below))) + 2
     most = next((n for n in (12, 8, 6, 5, 4, 3, 2, 1) if around + sum(b.lines(n) for b in blocks) <= SCREEN), 0)
     show_lines(out, [*top, ""])
@@ -240,8 +241,8 @@ def _block(campaign: Campaign, name: str, fit: Calibration) -> StageRows:
         inputs = ", ".join(dict.fromkeys(f"{i.name} ({i.kind})" for i in assumed if i.partly == partly))
         if inputs:
             notes.append(f"{name}: assumed{' where the log is silent' if partly else ''}, because {why}: {inputs}")
-    if command := next_command(campaign.file, fit, campaign.mistakes[name]):
-        notes.append(f"{name}: next: {command}")
+    if step := campaign.next_step(name):
+        notes.append(f"{name}: next: {step}")
     rows = sorted(fitted, key=lambda v: -abs(v.error / v.value) if v.value else 0.0)
     clocks = [i for i in fit.local if i.unit in ("s", "1")]
     notes += [f"{name}: {i.record}: {i.name} {i.words}" for i in clocks]

@@ -12,6 +12,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, refuse_unknown
 from thermid.base.files import RESULTS_FILE, write_text
@@ -21,7 +23,7 @@ from thermid.base.toml_files import read_json
 from thermid.base.units import counted
 from thermid.campaign._judge.criteria import Check, Criteria, Deviation, judge_sensors
 from thermid.campaign._judge.metrics import Residuals
-from thermid.fit.calibration import Calibration, Request, SensorStatistics, SensorTrace, fit
+from thermid.fit.calibration import FIRST, Calibration, Request, SensorStatistics, SensorTrace, fit
 from thermid.measure.records import Record
 from thermid.model.elements import UNJUDGED, Standing
 from thermid.model.tree import Model
@@ -90,7 +92,8 @@ class Verdict(Result):
     record : str                    The record.
     checks : tuple of Check
     statistics : dict               Sensor -> SensorStatistics.
-    fitted_locally : tuple of str   What was fitted to this very record; the verdict is then conditional on it.
+    fitted_locally : tuple of str   What was fitted to this very record.
+    deciding : tuple of str         Of these, what would change the verdict within two of its standard errors.
     prediction : Calibration        Measured and predicted readings; None where it was not judged.
     title : str                     What it is about.
     failed_before : tuple of RecordedLook   Failed verdicts on this record by other values, of which the results folder knows.
@@ -108,6 +111,7 @@ class Verdict(Result):
     failed_before: tuple[RecordedLook, ...] = ()
     standing: Standing = UNJUDGED
     bands: RecordPrediction | None = None
+    deciding: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool | None:
@@ -136,22 +140,29 @@ class Verdict(Result):
 
     @property
     def conditional(self) -> bool:
-        """Whether anything was fitted to the record that it judges."""
-        return bool(self.fitted_locally)
+        """Whether values that were fitted to the record that it judges decide it, within two standard errors of them."""
+        return bool(self.deciding)
+
+    @property
+    def questions(self) -> tuple[str, ...]:
+        """What its record asks of its owner: exchanged sensors, a power in another unit."""
+        return tuple(w for w in self.prediction.warnings if w.startswith(FIRST)) if self.prediction is not None else ()
 
     @property
     def head(self) -> str:
         """The verdict in words, without its criteria."""
         about = f" ({self.title})" if self.title else ""
         word = "NOT JUDGED" if self.passed is None else "PASSED" if self.passed else "FAILED"
-        condition = f", conditional on {', '.join(self.fitted_locally)} fitted to this record" if self.conditional else ""
+        other = "fail" if self.passed else "pass"
+        names = " or ".join(self.deciding)
+        condition = f", but it would {other} with another {names} within two standard errors; fit it to another record" if names else ""
         return f"{self.model} on {self.record}{about}: {word}{condition}"
 
     def __str__(self) -> str:
         """Return the verdict as text, criterion by criterion."""
         if self.passed is None:
             return f"{self.head}; the record was not read. {self.standing.line(self.model)}"
-        lines = [self.head]
+        lines = [self.head, *(f"  {question}" for question in self.questions)]
         if self.failed_before:
             first = self.failed_before[0]
             lines.append(
@@ -211,7 +222,7 @@ def validate(
     record : Record             The held-out log.
     criteria : Criteria         Limits.
     scenario : Scenario         What the log does not say.
-    local : dict                Values fitted to this record, as in `calibrate`; they make the verdict conditional.
+    local : dict                Values fitted to this record, as in `calibrate`. The verdict is conditional where they decide it.
     readings : dict             Boundary or ``initial.<node>`` -> channel whose first reading stands there, or ``{channel, offset}``.
     window : float              First readings are medians over this time. [s]
     title : str                 What the verdict is about, where several judge one record.
@@ -242,8 +253,23 @@ def validate(
     )
     checks = tuple(judge_sensors(criteria, [_deviation(b) for b in prediction.blocks]))
     locally = tuple(dict.fromkeys(i.name for i in prediction.local))
-    bands = record_bands(calibration, prediction)
-    return Verdict(calibration.stage, record.name, checks, statistics, locally, prediction, title, (), calibration.standing, bands)
+    bands, deciding = record_bands(calibration, prediction), _deciding(prediction, criteria, checks)
+    standing = calibration.standing
+    return Verdict(calibration.stage, record.name, checks, statistics, locally, prediction, title, (), standing, bands, deciding)
+
+
+def _deciding(prediction: Calibration, criteria: Criteria, checks: Sequence[Check]) -> tuple[str, ...]:
+    """Return the values fitted to the record that judges, each of which changes the verdict within two of its standard errors."""
+    problem, names_that_decide = prediction.problem, []
+    assert problem is not None
+    for local in prediction.local:
+        for errors in (-2.0, 2.0):
+            names = (local.name, f"{local.record}: {local.name}")
+            fitted = np.array([prediction.fitted[u.name] + (errors * local.error if u.name in names else 0.0) for u in problem.unknowns])
+            others = judge_sensors(criteria, [_deviation(b) for b in problem.blocks(fitted)]) if np.isfinite(fitted).all() else ()
+            if weigh([c.passed for c in others]) != weigh([c.passed for c in checks]):
+                names_that_decide.append(local.name)
+    return tuple(dict.fromkeys(names_that_decide))
 
 
 def not_judged(calibration: Calibration, record: str, title: str = "") -> Verdict:

@@ -29,6 +29,8 @@ MOST_PART = 2e6
 """Two tonnes of metal. [J/K]"""
 SLOWEST_SENSOR = 60.0
 """A sensor that is fixed to a part follows it within this: thermocouples in a second, DS18B20 in its case in 10 to 40 s. [s]"""
+AT_BOUND = 1.001
+"""A value is at a bound that it is nearer to than by this factor. [-]"""
 MATERIAL_SD, ANY_SD = 0.1, 0.35
 """Standard deviation of the logarithm of a heat capacity by weight, of a known material and of any one between copper and plastics. [-]"""
 
@@ -53,6 +55,11 @@ class KnownMass:
     def capacitance(self) -> float:
         """In the middle of what is possible. [J/K]"""
         return float(self.mass * (self.low * self.high) ** 0.5)
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Of the part with what is fixed to it, to three digits as a deck has them. [J/K]"""
+        return float(f"{0.7 * self.low * self.mass:.3g}"), float(f"{1.5 * self.high * self.mass:.3g}")
 
 
 def known_masses(masses: Mapping[str, str], materials: Mapping[str, str]) -> dict[str, KnownMass]:
@@ -118,8 +125,7 @@ def weights(model: Model, values: Mapping[str, float], roles: Roles, masses: Map
             f"{part}.capacitance",
             total,
             0.0,
-            0.7 * masses[part].low * masses[part].mass,
-            1.5 * masses[part].high * masses[part].mass,
+            *masses[part].bounds,
             f"{masses[part].mass:.3g} kg with what is fixed to it",
             "table of init",
             meaning,
@@ -147,7 +153,8 @@ def _checks(one: FittedStructure, roles: Roles, masses: Mapping[str, KnownMass])
 
     largest, hidden = max(((c, n) for n, c in held.items() if n not in roles.parts.values()), default=(0.0, ""))
     for heavy in weights(one.request.model, values, roles, masses):
-        yield replace(heavy, error=errors[heavy.path] * values[heavy.path])
+        # a fit that wants more than the weight allows ends at its bound
+        yield replace(heavy, error=errors[heavy.path] * values[heavy.path], low=AT_BOUND * heavy.low, high=heavy.high / AT_BOUND)
     for node in (n for n in roles.parts.values() if f"{n}.capacitance" in values and n not in masses):
         least = max(LEAST_PART, largest / MOST_BEHIND)
         meaning = "A power is missing or wrong, or an instrument has an offset"

@@ -73,12 +73,14 @@ class StatedFacts:
     masses : dict           Part -> its weight and material.
     paths : tuple           Pairs of parts that heat passes between; all pairs by default.
     deck : Model            The structure to begin with.
+    bounded : bool          Whether heat capacities of weighed parts stay within what their weight allows.
     """
 
     accuracy: float = ACCURACY
     masses: Mapping[str, KnownMass] = field(default_factory=dict)
     paths: tuple[tuple[str, str], ...] = ()
     deck: Model | None = None
+    bounded: bool = False
 
     @property
     def priors(self) -> dict[str, tuple[str, str]]:
@@ -252,10 +254,12 @@ def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3, 
     links = {f"{a}_to_{b}": {"kind": "conduction", "between": [a, b], "conductance": f"{contact * loss!r} [W/K]"} for a, b in pairs}
     losses = {f"{p}_loss": {"kind": "conduction", "between": [p, out], "conductance": f"{loss!r} [W/K]"} for p in parts}
     sizes = {p: facts.masses[p].capacitance if p in facts.masses else capacity for p in parts}
+    weighed = facts.masses if facts.bounded else {}
+    ends = {p: dict(zip(("min", "max"), map("{!r} [J/K]".format, mass.bounds), strict=True)) for p, mass in weighed.items()}
     return {
         "title": "Proposed",
         "needs": [out],
-        "nodes": {p: {"capacitance": f"{size!r} [J/K]"} for p, size in sizes.items()},
+        "nodes": {p: {"capacitance": {"value": f"{size!r} [J/K]", **ends.get(p, {})}} for p, size in sizes.items()},
         "conductors": {**links, **losses},
         "loads": {p.load: {"into": p.node, "power": "1 [W]" if p.anchored else "0 [W]"} for p in roles.powers},
     }
@@ -362,6 +366,7 @@ def propose(
     _refuse_still(prepared, roles, sizes)
     roles = replace(roles, powers=tuple(_placed(p, roles, prepared) for p in roles.powers))
     roles, begun = _begun(roles, prepared, facts)
+    begun, facts = _bounded_where_it_matters(roles, prepared, facts, begun)
     changes = _within(roles, facts)
     instants = found_instants(begun, changes)
     request = replace(begun.request, records=tuple(with_instants(begun.request.records, instants)))
@@ -492,6 +497,21 @@ def _begun(roles: Roles, records: Sequence[Record], facts: StatedFacts) -> tuple
             "no structure could be fitted. Check the roles of the columns with `thermid look`.", records[0].name
         )
     return best
+
+
+def _bounded_where_it_matters(
+    roles: Roles, records: Sequence[Record], facts: StatedFacts, begun: FittedStructure
+) -> tuple[FittedStructure, StatedFacts]:
+    """Return the beginning with weighed parts within their weight, where they are beyond it and another value then differs threefold.
+
+    A log whose power reaches a part late may make one body of a box and its plate, and of the plate a thermometer that lags.
+    """
+    if all(c.verdict == "possible" for c in weights(begun.request.model, begun.values, roles, facts.masses)):
+        return begun, facts
+    strict = replace(facts, bounded=True)
+    _, other = _begun(roles, records, strict)
+    ratios = [begun.values[path] / value for path, value in other.values.items() if path in begun.values]
+    return (other, strict) if max(ratios) > THREEFOLD or min(ratios) * THREEFOLD < 1.0 else (begun, facts)
 
 
 def _placements(roles: Roles) -> list[Roles]:

@@ -25,7 +25,7 @@ from thermid.simulation.runs import Scenario
 from thermid.values.store import Store
 
 VALUES, START, INSTRUMENT, ROOM = "values", "start of the run", "instrument", "room"
-STRUCTURE, RUN, UNEXPLAINED = "structure at this distance", "this run", "what no element explains"
+STRUCTURE, RUN, UNEXPLAINED = "extrapolation", "differences between tests", "what no element explains"
 """What of a run by itself a band comes from, beside its elements."""
 
 

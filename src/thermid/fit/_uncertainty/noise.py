@@ -255,6 +255,28 @@ def _instants(problem: Problem, i: int, fitted: Array) -> Iterator[Callable[[Arr
             yield answer
 
 
+def _score_of_instants(problem: Problem, fitted: Array, pieces: Mapping[tuple[str, str], Binned]) -> Array:
+    """Return what unknown instants of sampled powers add to the covariance of J'r beyond their means over stretches (unknowns, unknowns).
+
+    After a switch a fast mass answers within a part of a stretch, and so do derivatives by the clock: their product over all readings
+    is more than that of their means. A shift of all instants together is one of the clock, so it must not be lost.
+    """
+    size = len(problem.unknowns)
+    total = np.zeros((size, size))
+    for i, experiment in enumerate(problem.experiments):
+        changes = list(_instants(problem, i, fitted))
+        slopes = problem.slopes(i, fitted) if changes else np.zeros(0)
+        for change in changes:
+            answer, moved, of_means = change(experiment.times), np.zeros(size), np.zeros(size)
+            for k, o in enumerate(experiment.observations):
+                b = pieces[experiment.record.name, o.sensor]
+                moved += slopes[o.index, k, :].T @ answer[o.index, k] / o.sigma(problem.noise)
+                mean = change(b.sampled.ravel())[:, k].reshape(b.sampled.shape).mean(axis=1)
+                of_means += (b.count[:, None] * b.slopes).T @ mean / o.sigma(problem.noise)
+            total += np.outer(moved, moved) - np.outer(of_means, of_means)
+    return total
+
+
 def _errors_of_means(noise: InputNoise, times: Array, values: Array, place: Indices, size: int) -> Array:
     """Return a root (stretches, causes) of the covariance of the errors of a signal's means over stretches. [K, W]"""
     count = np.bincount(place, minlength=size)
@@ -402,7 +424,9 @@ def autocorrelation(problem: Problem, minimum: Fit, loss: str = "linear", loss_s
     Gaps need no care, since the times of the stretches are what they are. A trace that wanders no more than chance would adds nothing.
     """
     pieces = binned(problem, minimum.fitted, loss, loss_scale)
-    return autocorrelation_of_traces(pieces, minimum, problem.effective_samples, answers_to_inputs(problem, minimum.fitted, pieces))
+    of_means = autocorrelation_of_traces(pieces, minimum, problem.effective_samples, answers_to_inputs(problem, minimum.fitted, pieces))
+    more = _score_of_instants(problem, minimum.fitted, pieces) if problem.clocked else 0.0
+    return replace(of_means, score_excess=of_means.score_excess + more)
 
 
 def autocorrelation_of_traces(

@@ -13,7 +13,7 @@ from thermid.base.errors import ThermidError
 from thermid.base.units import DIMENSIONLESS, counted, describe, from_si, unit
 from thermid.measure._readers.columns import kelvin_sized, numbers
 from thermid.measure._readers.headers import name_and_unit
-from thermid.measure._readers.questions import begins_again, counts_time
+from thermid.measure._readers.questions import ROOM_IN_FAHRENHEIT, begins_again, counts_time
 from thermid.measure._readers.textfile import Cells
 from thermid.measure._record.channel import MIN_OVERLOAD_READING, SENSOR_FAULT_CODES, BoolArray, FloatArray, codes_of
 
@@ -146,7 +146,9 @@ def _by_name(name: str, finite: FloatArray) -> tuple[str, str, str]:
     if counts_time(finite):
         again = np.flatnonzero(begins_again(finite))
         return "ignored", "", "counts milliseconds" + (f", and begins again {counted(again.size, 'time')}" if again.size else "")
-    letter = re.match(r".*[a-z0-9]_([CFK])\Z", name)
+    letter = re.match(r".*[a-z0-9]_([CFK])\Z", name) or (
+        re.match(r".*\w\w_(F)\Z", name) if ROOM_IN_FAHRENHEIT[0] <= finite[0] <= ROOM_IN_FAHRENHEIT[1] else None
+    )
     if letter:
         return _temperature(name, "K" if letter[1] == "K" else f"deg{letter[1]}", f"its name ends in _{letter[1]}")
     if re.match(r".*[a-z0-9]_W\Z", name):

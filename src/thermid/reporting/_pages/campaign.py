@@ -505,7 +505,7 @@ def _looks(campaign: Campaign, c: Calibration) -> str:
                 if v.failed_before
                 else "not used before"
             )
-            lines.append(f"{v.record}: {word}, {before}{', conditional on values fitted to it' if v.conditional else ''}")
+            lines.append(f"{v.record}: {word}, {before}{', decided by values fitted to it' if v.conditional else ''}")
     return "\n".join(lines)
 
 

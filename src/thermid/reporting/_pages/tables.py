@@ -312,7 +312,7 @@ def verdicts(campaign: Campaign, ranked: bool = False) -> Table:
             named = k == 0 or ranked
             first = [Cell(v.model, v.title, "main"), Cell(v.record, v.title)] if named else [SAME_AS_ABOVE, SAME_AS_ABOVE]
             sizes.append(c.used)
-            condition = Cell(", ".join(v.fitted_locally), "fitted to this record", "warn") if v.conditional else Cell("nothing")
+            condition = Cell(", ".join(v.deciding), "fitted to this record, and decides", "warn") if v.conditional else Cell("nothing")
             if not v.unseen:
                 condition = Cell("no longer independent", "the model failed a verdict on it before it was refitted", "bad")
             cells = [number(c.found, 3), plain(c.limit, 4), _outside(v, c)]
@@ -586,7 +586,7 @@ def _unknown(campaign: Campaign) -> Iterator[tuple[str, str]]:
         yield "Its ability to predict: there is no hold-out record.", ""
     for v in campaign.verdicts:
         if v.conditional:
-            yield f"{v.record} at {v.model}: the verdict is conditional on values fitted to it, {', '.join(v.fitted_locally)}.", "verdicts"
+            yield f"{v.record} at {v.model}: values fitted to this record decide its verdict, {', '.join(v.deciding)}.", "verdicts"
     for c in _fits(campaign):
         for value in c.values.parameters.values():
             if not math.isfinite(value.error):

@@ -38,6 +38,7 @@ from thermid.measure.readers import (
 from thermid.measure.records import SENSOR_FAULT_CODES, Channel, even_step, gap_from, usual_step
 from thermid.reporting._pictures.chart import DASHES, SERIES, Panel, Stroke, chart, time_unit
 
+ACCURACY: Final = 'add accuracy = "0.5 [K]" to each thermometer, half of the +-1 K of its data sheet; no log shows it'
 _BLOCKS: Final = "▁▂▃▄▅▆▇█"
 _SHOWN: Final = ("temperature", "boundary", "power", "duty")
 _PANELS: Final = (("temperature", "°C", ("temperature", "boundary")), ("power", "W", ("power",)), ("duty", "%", ("duty",)))
@@ -96,6 +97,7 @@ class Look(Result):
         ]
         if self.problem:
             out.append(f"  NOT READABLE YET: {self.problem}")
+        out += [f"  to fill in: {ACCURACY}"] if any(c.guess == "temperature" for c in self.columns) else []
         out += [f"  {line}" for line in (self._layout(), *self._clock())]
         out += [f"  note: {note}" for note in (*self.cells.notes, *(self.times.notes if self.times else ()))]
         out += ["", *self._table(width), "", *self._remarks(), "For a campaign (insert the nodes and loads of your deck):", ""]
@@ -197,6 +199,7 @@ class Look(Result):
         elif any(c.faults for c in self.columns):
             out.append("prepare  = [{ faults = true }]")
         out += ["", f"[records.{name}.channels]"]
+        out += [f"# {ACCURACY}"] if any(c.guess == "temperature" for c in self.columns) else []
         for c in self.columns:
             if c.guess in _SHOWN:
                 out += self._channel(c)
@@ -211,7 +214,8 @@ class Look(Result):
         key = key if _BARE.match(key) else json.dumps(key, ensure_ascii=False)
         target = re.sub(r"\W+", "_", c.name).strip("_") or "node"
         role = {"temperature": "node", "boundary": "boundary"}.get(c.guess, "load")
-        options = f', unit = "{c.unit}"' if c.assumed else ""
+        by_name = c.unit not in ("degC", "W") and "ends in" in c.why
+        options = f', unit = "{c.unit}"' if c.assumed or by_name else ""
         if (
             role == "node"
             and c.good.any()
@@ -375,8 +379,7 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
         if best.place.at is not None:
             entry["at"] = {"offset": best.place.at, "error": best.place.error, "stamps": best.place.stamped}
             away = None if entry["offset"] is None else abs(best.place.at - entry["offset"])
-            is_vaguer = best.place.error > STAMP_ERROR
-            entry["at"]["by_stamps"] = is_vaguer and away is not None and away <= MAX_OFFSET_ERRORS * best.place.error
+            entry["at"]["by_stamps"] = away is not None and away <= best.place.error
     return [entries[k] for k in range(1, len(looks))]
 
 
@@ -452,7 +455,7 @@ def clock_lines(looks: Sequence[Look]) -> list[str]:
         lines += _by_step(f, looks[0], other)
     compared = {f["record"] for f, other in zip(clocks, looks[1:], strict=True) if any(c.guess == "temperature" for c in other.columns)}
     for f in (f for f in with_stamp if "at" not in f):
-        advice = "td.inference.align finds it by a model" if f["record"] in compared else "give a range to have it fitted"
+        advice = ALIGNED if f["record"] in compared else "give a range to have it fitted"
         lines.append(f"  {f['file']} is placed by time stamps; two loggers' clocks may differ by minutes: {advice}")
     ranged = [f for f in clocks if "at" in f and f["record"] not in compared]
     fitted = max(ranged, key=lambda f: f["at"]["error"], default=None)
@@ -467,14 +470,15 @@ def clock_lines(looks: Sequence[Look]) -> list[str]:
             if c.guess in _SHOWN and c.name in names
         ]
     pairs = ", ".join(f'{{ record = "{f["record"]}", offset = {_offset(f, f is fitted)} }}' for f in clocks)
-    open_ones = ", ".join(
-        f"{f['record']} +- {_digits(f['at']['error'], 2)} s" for f in clocks if "at" in f and f["step"]["candidate"] and f is not fitted
+    stated = [f for f in clocks if "at" in f and f is not fitted and not f["at"]["by_stamps"]]
+    errors = ", ".join(
+        f"{f['record']} +- {_digits(f['at']['error'], 2)} s{' (a candidate)' if f['step']['candidate'] else ''}" for f in stated
     )
     return [
         *lines,
         f"Join them in [records.{looks[0].name}]" + ("; a pair as offset is a range in which the fit finds it:" if fitted else ":"),
         "",
-        f"    joined   = [{pairs}]" + (f"  # no more than a candidate: {open_ones}" if open_ones else ""),
+        f"    joined   = [{pairs}]" + (f"  # not fitted: {errors}" if errors else ""),
     ]
 
 
@@ -490,7 +494,7 @@ def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
     begins = f"{clock['file']} begins {_digits(abs(late), 4)} s {side} {step['after']}, +- {_digits(error, 2)} s"
     text = f"  by a common step of {a} and {b}, {begins}"
     if step["candidate"]:
-        text += " (a candidate: one of two places may lag the other; td.inference.align finds it by a model)"
+        text += f" (a candidate, because one of two places may lag the other: {ALIGNED})"
     away = abs(late - (step["stamps"] or 0.0))
     if not step["contradicted"]:
         used = ", and are used where no fit finds the offset" if clock.get("at", {}).get("by_stamps") else ""
@@ -516,7 +520,7 @@ def _offset(clock: dict[str, Any], fitted: bool) -> str:
     """Return the offset of a further log as a campaign writes it: a range about a common step, one number, or a gap to fill.
 
     Stamps of two computers may be a minute apart, so where a step agrees with them the fit looks within the errors of the step. Where the
-    fit cannot look, as both logs have temperatures that are compared, stamps that agree are taken for steps of a larger error than theirs.
+    fit cannot look, as both logs have temperatures that are compared, stamps are taken that lie within one error of the step.
     """
     if fitted:
         low, high = _range(clock)
@@ -531,8 +535,7 @@ def _range(clock: dict[str, Any]) -> tuple[str, str]:
     return _digits(late - reach, 4), _digits(late + reach, 4)
 
 
-STAMP_ERROR = 60.0
-"""Error of a difference of two stamps: clocks of two computers may be a minute apart. [s]"""
+ALIGNED = "log a power that switches twice with both (in Python, td.inference.align finds the offset by a model)"
 MAX_OFFSET_ERRORS = 3.0
 """Standard errors of an offset that a fit may look for it in, and beyond which stamps disagree with it. [-]"""
 

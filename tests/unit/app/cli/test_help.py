@@ -78,3 +78,9 @@ def test_completion_of_a_shell(typed: str, expected: str) -> None:
     code = "import sys\nsys.argv = ['thermid']\nfrom thermid.app.cli import main\nmain()"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, timeout=60, check=False)
     assert expected in done.stdout.split(), done.stderr
+
+
+def test_shared_options_may_stand_before_the_command(call: Call) -> None:
+    """`thermid -v check` was refused."""
+    assert call("--json", "schema", "no such").out == call("schema", "no such", "--json").out
+    assert call("-v", "check", "none.toml").err == call("check", "none.toml", "-v").err

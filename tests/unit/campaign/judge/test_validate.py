@@ -86,12 +86,17 @@ def test_a_used_record_is_refused_however_it_was_cut(found: Calibration) -> None
             validate(found, cut, WIDE)
 
 
-def test_local_values_make_it_conditional(found: Calibration) -> None:
-    held = run("held", 3, swing=0.0).select("T")
-    verdict = validate(found, held, WIDE, local={"air": {"start": "24 [degC]", "sd": "2 [K]"}})
-    assert verdict.conditional
-    assert verdict.fitted_locally == ("air",)
-    assert "conditional on air fitted to this record" in str(verdict)
+def test_a_local_value_makes_a_verdict_conditional_where_it_decides(found: Calibration) -> None:
+    held, local = run("held", 3, swing=0.0).select("T"), {"air": {"start": "24 [degC]", "sd": "2 [K]"}}
+    wide = validate(found, held, WIDE, local=local)
+    assert wide.fitted_locally == ("air",)
+    assert not wide.conditional
+    assert wide.head == "Box on held: PASSED"
+    least = Criteria(rmse=f"{1.0001 * wide.statistics['T'].rmse:.6f} [K]")
+    verdict = validate(found, held, least, local=local)
+    assert verdict.deciding == ("air",)
+    assert verdict.passed
+    assert "another air" in verdict.head
 
 
 def test_criteria_of_a_sensor_stand_in_place_of_the_common_ones(found: Calibration) -> None:
@@ -154,3 +159,11 @@ def test_two_sensors_that_begin_together_start_a_judged_run_at_their_mean(found:
     late = held.with_channels(replace(above, valid=held.times >= 7200.0))
     (e,) = build_problem(Request(found.fitted_model, (late,), held_errors={}, fit_start=False)).experiments
     assert set(e.first_readings()) == {"T"}
+
+
+def test_a_verdict_asks_about_its_record_below_its_head(found: Calibration) -> None:
+    """Exchanged sensors of a hold-out record were found, and said nowhere."""
+    verdict = validate(found, run("held", 3), WIDE)
+    assert verdict.prediction is not None
+    asked = replace(verdict, prediction=replace(verdict.prediction, warnings=("check: T and U", "else")))
+    assert str(asked).splitlines()[1] == "  check: T and U"

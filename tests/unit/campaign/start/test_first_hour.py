@@ -81,6 +81,22 @@ def test_offsets_at_rest_are_found_said_and_written(hour: ModuleType, tmp_path: 
     assert values["plate.capacitance"] == pytest.approx(2700.0, rel=0.25)
 
 
+def test_a_late_power_does_not_make_one_body_of_a_box_and_its_plate(hour: ModuleType, tmp_path: Path) -> None:
+    """The power heats a board first. A plate of 1683 J/K was proposed with 72 J/K, its contact of 3.7 W/K with .16, without a word."""
+    bench = hour.varied(18)
+    log = hour.faulty_log(bench, tmp_path / "box.csv", 18)
+    mass = f"box={bench.capacities['box'] / 896.0:.3f} [kg]"
+    code, made = said("init", str(log), "--to", str(tmp_path / "p"), "--mass", mass, "--material", "box=aluminium", "--evaluations", "60")
+    assert code == 4
+    assert [c["path"] for c in made["not_physical"]] == ["box.capacitance"]  # at the most that its weight allows
+    deck = tomllib.loads((tmp_path / "p" / "box.toml").read_text())
+    found = {path: float(deck[a][b][c].split()[0]) for path, a, b, c in (
+        ("plate", "nodes", "plate", "capacitance"), ("contact", "conductors", "box_to_plate", "conductance"),
+    )}  # fmt: skip
+    assert 1 / 3 < found["plate"] / bench.capacities["plate"] < 3
+    assert 1 / 3 < found["contact"] / bench.contact < 3
+
+
 def test_the_answer_is_the_same_under_a_clock_that_jumps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log = plate(tmp_path / "log.csv", offset=0.6)
     first = CliRunner().invoke(app, ["init", str(log), "--to", str(tmp_path / "p")])

@@ -124,8 +124,8 @@ def test_without_gas_it_counts_what_a_prediction_counts() -> None:
     advice = td.design.next_test(fit, td.design.Aim(far, "case"), scenario=BENCH)
     assert advice.now == pytest.approx(np.sqrt(parts["values"][-1]), rel=0.05)
     assert set(advice.beside) == {*parts} - {"values"}
-    assert advice.beside["structure at this distance"] > advice.now
-    assert "No test is credited with what it tells of 'structure at this distance': one in the gas" in str(advice).splitlines()[-1]
+    assert advice.beside["extrapolation"] > advice.now
+    assert "No test is credited with what it tells of 'extrapolation': one in the gas" in str(advice).splitlines()[-1]
 
 
 def test_without_gas_a_joint_is_as_doubtful_as_in_a_prediction() -> None:
@@ -147,7 +147,7 @@ def test_what_else_a_prediction_has_is_said(fit: td.Calibration) -> None:
     hot = td.Scenario("hot", boundaries={"air": "60 [degC]"}, loads={"heat": "8 [W]"}, duration="20 [h]")
     parts = td.predict(fit, hot)["case"].parts
     advice = td.design.next_test(fit, td.design.Aim(hot, "case"), scenario=BENCH)
-    for cause in ("structure at this distance", "this run"):
+    for cause in ("extrapolation", "differences between tests"):
         assert advice.beside[cause] == pytest.approx(np.sqrt(parts[cause][-1]), rel=1e-6)
         assert f"{cause} +- " in str(advice).splitlines()[-1]
 
