@@ -498,7 +498,10 @@ def quantity(values: Any, *, unit: str) -> Quantity:
     """
     of, with_own_unit = read_unit(unit), stated(values)
     if with_own_unit is not None and with_own_unit.unit != of:
-        raise UnitError(f"the values are in [{with_own_unit.unit.text}] themselves. Leave out unit='{unit}', or give plain numbers.")
+        raise UnitError(
+            f"the values are in [{with_own_unit.unit.text}] themselves. Leave out unit='{unit}', or give plain numbers.",
+            code="value.without-effect",
+        )
     if with_own_unit is not None:
         return with_own_unit
     return Quantity(_in_si(values, of), of, _index(values))
@@ -563,7 +566,7 @@ def si_values(raw: Any, slot: str) -> float | Array | None:
     if isinstance(raw, list | tuple) and any(isinstance(v, str) or stated(v) is not None for v in raw):
         return np.array([si_value(v, slot) for v in raw])
     if slot == TEMPERATURE:
-        raise UnitError(f"a temperature with its unit is needed, not {_shown(raw)}. {THREE_WAYS}.")
+        raise UnitError(f"a temperature with its unit is needed, not {_shown(raw)}. {THREE_WAYS}.", code="value.wrong-kind")
     return None
 
 
@@ -579,7 +582,10 @@ def text_value(text: str, slot: str) -> float:
     literal = parse(text).literal
     if literal is None:
         example = "24 [degC]" if slot == TEMPERATURE else f"5 [{slot}]"
-        raise ExpressionError(f"'{text}' must be a number with a unit, such as '{example}'; names of parameters are not allowed here.")
+        raise ExpressionError(
+            f"'{text}' must be a number with a unit, such as '{example}'; names of parameters are not allowed here.",
+            code="value.wrong-kind",
+        )
     require_unit(literal.unit, slot)
     return literal.value
 
@@ -593,7 +599,7 @@ def si_value(raw: Any, slot: str) -> float | None:
     """
     value = si_values(raw, slot)
     if value is not None and (np.size(value) != 1 or np.isnan(value).any()):
-        raise UnitError(f"one number is needed, not {np.size(value) if np.size(value) != 1 else 'nan'}.")
+        raise UnitError(f"one number is needed, not {np.size(value) if np.size(value) != 1 else 'nan'}.", code="value.wrong-kind")
     return None if value is None else float(np.ravel(value)[0])
 
 
@@ -670,7 +676,7 @@ def _numbers(values: ArrayLike) -> float | Array:
             raise TypeError
         numbers = numbers.astype(float)
     except (TypeError, ValueError):
-        raise UnitError(f"{_shown(values)} is no number. {THREE_WAYS}.") from None
+        raise UnitError(f"{_shown(values)} is no number. {THREE_WAYS}.", code="value.wrong-kind") from None
     return float(numbers) if numbers.ndim == 0 else numbers
 
 

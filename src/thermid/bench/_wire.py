@@ -87,9 +87,9 @@ def unsealed(text: str, mark: str = "*") -> str:
     """
     body, sign, crc = text.rpartition(mark)
     if not sign:
-        raise RecordError("it has no CRC.")
+        raise RecordError("it has no CRC.", code="bench.protocol")
     if crc != crc16(body):
-        raise RecordError(f"its CRC is {crc[:8]!r}, but its text has {crc16(body)}.")
+        raise RecordError(f"its CRC is {crc[:8]!r}, but its text has {crc16(body)}.", code="bench.protocol")
     return body
 
 
@@ -105,25 +105,27 @@ def parse_line(text: str) -> BoardLine:
     if value is not None:
         number, ms, source, raw, status = value.groups()
         if (status in ("ok", "power")) != bool(raw):
-            raise RecordError(f"a value with status '{status}' {'has no' if not raw else 'cannot have a'} raw value.")
+            raise RecordError(
+                f"a value with status '{status}' {'has no' if not raw else 'cannot have a'} raw value.", code="bench.protocol"
+            )
         if len(source) == 16 and not rom_is_good(source):
-            raise RecordError(f"ROM {source} has a wrong CRC.")
+            raise RecordError(f"ROM {source} has a wrong CRC.", code="bench.protocol")
         return _checked(BoardLine("D", int(number), int(ms), (source, raw or "", status)))
     other = _OTHER.match(body)
     if other is None:
-        raise RecordError(f"'{body[:40]}' is not a line of the protocol.")
+        raise RecordError(f"'{body[:40]}' is not a line of the protocol.", code="bench.protocol")
     kind, number, ms, rest = other.groups()
     fields = tuple(rest.split(","))
     least, most = _FIELDS[kind]
     if not least <= len(fields) <= most:
-        raise RecordError(f"a line {kind} has {least} to {most} fields, this one {len(fields)}.")
+        raise RecordError(f"a line {kind} has {least} to {most} fields, this one {len(fields)}.", code="bench.protocol")
     if kind == "S" and not (re.fullmatch("[0-9A-F]{16}", fields[0]) and rom_is_good(fields[0]) and fields[1] in ("9", "10", "11", "12")):
-        raise RecordError(f"'{rest[:40]}' is not a ROM with a resolution.")
+        raise RecordError(f"'{rest[:40]}' is not a ROM with a resolution.", code="bench.protocol")
     return _checked(BoardLine(kind, int(number), int(ms), fields))
 
 
 def _checked(line: BoardLine) -> BoardLine:
     """Return a line whose counters fit their 32 bits."""
     if line.number >= _TURN or line.ms >= _TURN:
-        raise RecordError("its number or time does not fit 32 bits.")
+        raise RecordError("its number or time does not fit 32 bits.", code="bench.protocol")
     return line

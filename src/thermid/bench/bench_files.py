@@ -57,7 +57,7 @@ def _content(place: Path, missing: str) -> dict[str, Any]:
     try:
         return parse_toml(place.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise RecordError(f"it is not valid TOML: {error}.", place.name) from None
+        raise RecordError(f"it is not valid TOML: {error}.", place.name, code="file.not-valid") from None
 
 
 def load_sensors(path: str | Path) -> dict[str, MappedSensor]:
@@ -76,7 +76,9 @@ def load_sensors(path: str | Path) -> dict[str, MappedSensor]:
         sensor = _sensor(name, table, f"{place.name}, sensors.{name}")
         if sensor.rom in out:
             raise RecordError(
-                f"ROM {sensor.rom} is also given for '{out[sensor.rom].name}'. Correct one of them.", f"{place.name}, sensors.{name}"
+                f"ROM {sensor.rom} is also given for '{out[sensor.rom].name}'. Correct one of them.",
+                f"{place.name}, sensors.{name}",
+                code="name.taken",
             )
         out[sensor.rom] = sensor
     return out
@@ -86,14 +88,15 @@ def _sensor(name: str, table: Any, where: str) -> MappedSensor:
     """Return one sensor of the file."""
     rom = table.rom.strip().upper()
     if len(rom) != 16 or any(digit not in "0123456789ABCDEF" for digit in rom):
-        raise RecordError(f"ROM '{table.rom}' is not 16 hexadecimal digits.", where)
+        raise RecordError(f"ROM '{table.rom}' is not 16 hexadecimal digits.", where, code="bench.sensor")
     if not rom_is_good(rom):
-        raise RecordError(f"ROM {rom} does not carry its own CRC: a digit is mistyped.", where)
+        raise RecordError(f"ROM {rom} does not carry its own CRC: a digit is mistyped.", where, code="bench.sensor")
     certificate = SensorCertificate.read(table.certificate.written, f"{where}.certificate") if table.certificate else None
     if certificate is not None and abs(certificate.offset) > _BROKEN:
         raise RecordError(
             f"its offset is {certificate.offset:g} K; a sensor with an offset above {_BROKEN:g} K is defective. Replace it.",
             f"{where}.certificate",
+            code="value.outside-range",
         )
     return MappedSensor(name, rom, certificate, table.note)
 
@@ -174,12 +177,12 @@ def load_programme(path: str | Path) -> Programme:
         where = f"{place.name}, steps[{k}]"
         times.append(amount(step.at, "s", f"{where}, at"))
         if times[-1] < 0 or (k and times[-1] <= times[-2]):
-            raise RecordError(f"its time {times[-1]:g} s is not after {times[-2] if k else 0:g} s.", where)
+            raise RecordError(f"its time {times[-1]:g} s is not after {times[-2] if k else 0:g} s.", where, code="value.outside-range")
         held = (_duty(step.heater1, held[0], f"{where}, heater1"), _duty(step.heater2, held[1], f"{where}, heater2"))
         duties.append(held)
     end = None if read.end is None else amount(read.end, "s", f"{place.name}, end")
     if end is not None and end <= times[-1]:
-        raise RecordError(f"its end, {end:g} s, is not after its last step, {times[-1]:g} s.", place.name)
+        raise RecordError(f"its end, {end:g} s, is not after its last step, {times[-1]:g} s.", place.name, code="value.outside-range")
     return Programme(tuple(times), tuple(duties), end)
 
 
@@ -190,5 +193,5 @@ def _duty(written: object, held: int, where: str) -> int:
     share = amount(written, "1", where)
     if not 0 <= share <= 1:
         hint = f" Write '{written} [%]'." if isinstance(written, (int, float)) and 1 < written <= 100 else ""
-        raise RecordError(f"{written!r} is not from 0 to 100 %.{hint}", where)
+        raise RecordError(f"{written!r} is not from 0 to 100 %.{hint}", where, code="value.outside-range")
     return round(share * 1000)

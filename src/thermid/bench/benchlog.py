@@ -87,16 +87,16 @@ class LogFile:
     def _opened(self) -> int:
         """Return the file, open."""
         if not self.path.absolute().parent.is_dir():
-            raise RecordError(f"there is no folder '{self.path.parent}'. Create it first.", str(self.path))
+            raise RecordError(f"there is no folder '{self.path.parent}'. Create it first.", str(self.path), code="bench.log")
         # an empty file is taken for a new log; thermid.toml, which marks the root of a project, may be empty too, under any name
         linked = self.path.exists() and self.path.stat().st_size == 0 and self.path.stat().st_nlink > 1
         if self.path.resolve().suffix == ".toml" or linked:
             why = "the file has another link, so it is not a new log" if linked else "a log cannot be a TOML file"
-            raise RecordError(f"{why}. Give another name, such as bench.csv; nothing was written.", str(self.path))
+            raise RecordError(f"{why}. Give another name, such as bench.csv; nothing was written.", str(self.path), code="bench.log")
         try:
             return os.open(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
         except OSError as error:
-            raise RecordError(f"it cannot be written: {error.strerror}. Give another place.", str(self.path)) from None
+            raise RecordError(f"it cannot be written: {error.strerror}. Give another place.", str(self.path), code="bench.log") from None
 
     def _look(self) -> tuple[int, bool]:
         """Return the number of this start, and whether the last line of the one before was cut."""
@@ -106,13 +106,19 @@ class LogFile:
             try:
                 fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
-                raise RecordError("another logger is writing to it. Stop that one, or give another file.", self.path.name) from None
+                raise RecordError(
+                    "another logger is writing to it. Stop that one, or give another file.", self.path.name, code="bench.log"
+                ) from None
         data = self.path.read_bytes()
         if not data:
             self._put(f"{MAGIC}\n".encode())
             return 1, False
         if not is_bench_log(data) and not f"{MAGIC}\n".encode().startswith(data):
-            raise RecordError("it is not empty and not a log of the bench. Give another file; nothing was written.", self.path.name)
+            raise RecordError(
+                "it is not empty and not a log of the bench. Give another file; nothing was written.",
+                self.path.name,
+                code="output.over-another-file",
+            )
         self.trip = _trip(data)
         cut = not data.endswith(b"\n")
         if cut:
@@ -365,7 +371,7 @@ def bench_cells(data: bytes, file: str) -> Cells:
     values = [line for line in log.heard if line.line.kind == "D"]
     if not values:
         lost = f"; {len(log.damaged)} lines are damaged" if log.damaged else ""
-        raise RecordError(f"the log has no values yet{lost}.", file)
+        raise RecordError(f"the log has no values yet{lost}.", file, code="record.nothing-there")
     notes = _damage(log)
     moments, of_clock = clocks(log.heard, log.walls)
     rows = {moment: row for row, moment in enumerate(sorted({moments[at] for at, line in enumerate(log.heard) if line.line.kind == "D"}))}
@@ -413,7 +419,7 @@ def _read(text: str) -> _Log:
             elif line and not line.startswith("#"):
                 match = _BODY.match(unsealed(line, " "))
                 if match is None:
-                    raise RecordError("it is not a line of a log.")
+                    raise RecordError("it is not a line of a log.", code="bench.protocol")
                 log.heard.append(Heard(int(match[1]), float(match[2]), at, parse_line(match[3])))
         except (RecordError, ValueError, KeyError, TypeError):
             log.damaged.append(at)

@@ -217,7 +217,7 @@ class BoardPort:
 
     def __init__(self, board: Board, speed: float = math.inf) -> None:
         if not speed > 0.0:
-            raise RecordError(f"the speed of a board must be above zero, not {speed:g}.", "simulated board")
+            raise RecordError(f"the speed of a board must be above zero, not {speed:g}.", "simulated board", code="value.outside-range")
         self.board, self._speed = board, speed
         self._sent: list[str] = []
         self._free = 0.0  # when its next step may be taken, by the host's clock

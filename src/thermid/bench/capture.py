@@ -29,7 +29,9 @@ class PortCapture:
 
     def __init__(self, device: Path, path: Path) -> None:
         if path.exists():
-            raise RecordError("this file exists already. Give another name for the lines of the port.", str(path))
+            raise RecordError(
+                "this file exists already. Give another name for the lines of the port.", str(path), code="output.over-another-file"
+            )
         check_port(str(device))
         self.path = path
         self._device, self._port = str(device), Port(str(device))
@@ -47,10 +49,14 @@ class PortCapture:
                 try:
                     text = self._port.read_line(remaining).decode("utf-8", "replace").strip()
                 except OSError as error:
-                    raise RecordError(f"the port was disconnected ({error}). Connect the board and start again.", self._device) from None
+                    raise RecordError(
+                        f"the port was disconnected ({error}). Connect the board and start again.", self._device, code="bench.no-board"
+                    ) from None
                 if _of_bench(text):
                     raise RecordError(
-                        "the board sends the protocol of 'thermid log'. Start 'thermid log' on this port, and watch its file.", self._device
+                        "the board sends the protocol of 'thermid log'. Start 'thermid log' on this port, and watch its file.",
+                        self._device,
+                        code="bench.protocol",
                     )
                 if text:
                     file.write(f"{datetime.now().isoformat(' ', 'milliseconds')} -> {text}\n")

@@ -79,7 +79,11 @@ def _sensors(log: Logger) -> list[str]:
         listed |= begun and line is not None and line.kind == "C"
         roms = set(log.state.bits)
     if not roms:
-        raise RecordError("no sensor responds. Check the wire, the 4.7 kohm pull-up and the supply; docs/bench.md has a drawing.", "bench")
+        raise RecordError(
+            "no sensor responds. Check the wire, the 4.7 kohm pull-up and the supply; docs/bench.md has a drawing.",
+            "bench",
+            code="bench.no-board",
+        )
     return sorted(roms)
 
 
@@ -113,16 +117,21 @@ def certificate_of(values: np.ndarray, resolution: float, when: str) -> SensorCe
     RecordError   When there are too few, they drift, or they are not near 0 degC.
     """
     if values.size < _LEAST_READINGS:
-        raise RecordError(f"{values.size} readings; {_LEAST_READINGS} are needed.", "ice point")
+        raise RecordError(f"{values.size} readings; {_LEAST_READINGS} are needed.", "ice point", code="record.too-short")
     half = values.size // 2
     drift = float(values[half:].mean() - values[:half].mean())
     if abs(drift) > resolution:
-        raise RecordError(f"it still drifts, by {drift:+.3f} K between both halves. Wait until it is steady, and stir.", "ice point")
+        raise RecordError(
+            f"it still drifts, by {drift:+.3f} K between both halves. Wait until it is steady, and stir.",
+            "ice point",
+            code="record.not-steady",
+        )
     mean = float(values.mean())
     if abs(mean) > _MAX_OFFSET:
         raise RecordError(
             f"it shows {mean:.2f} degC. A good sensor reads within {_MAX_OFFSET:g} K of zero. Check that it is in the ice water.",
             "ice point",
+            code="bench.sensor",
         )
     # a quantised reading that does not move is uncertain by its step over sqrt(12), however long it is read
     error = sqrt(_BATH**2 + resolution**2 / 12.0 + (values.std() ** 2) / values.size)

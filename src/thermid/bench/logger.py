@@ -68,7 +68,7 @@ class Settings:
             ("silence", self.silence, 0.2, 3600.0),
         ):
             if not low <= value <= high:
-                raise RecordError(f"{word} = {value:g} is outside {low:g} to {high:g}.", "settings")
+                raise RecordError(f"{word} = {value:g} is outside {low:g} to {high:g}.", "settings", code="bench.sensor")
 
     def commands(self) -> list[str]:
         """Return the commands that a board needs after a reset."""
@@ -547,4 +547,5 @@ def _cut_off(why: str, where: str) -> RecordError:
         f"the board has cut heaters 1 and 2 off: {why}. They stay off. Find the cause and check the hardware; then allow them again "
         "with --clear-latch (clear_latch=True), or log without a heater programme.",
         where,
+        code="bench.sensor",
     )

@@ -39,7 +39,9 @@ def _serial() -> Any:
     try:
         import serial
     except ImportError:
-        raise ThermidError("pyserial is not installed. Install it with: pip install thermid[log]", "serial port") from None
+        raise ThermidError(
+            "pyserial is not installed. Install it with: pip install thermid[log]", "serial port", code="extra.not-installed"
+        ) from None
     return serial
 
 
@@ -56,10 +58,14 @@ def find_port() -> str:
     boards = [port for port in list_ports.comports() if port.vid in _MAKERS]
     if not boards:
         others = ", ".join(port.device for port in list_ports.comports()) or "none"
-        raise RecordError(f"no board found (ports: {others}). Plug it in, or give --port, such as --port /dev/ttyUSB0.", "serial port")
+        raise RecordError(
+            f"no board found (ports: {others}). Plug it in, or give --port, such as --port /dev/ttyUSB0.",
+            "serial port",
+            code="bench.no-board",
+        )
     if len(boards) > 1:
         names = ", ".join(f"{port.device} ({_MAKERS[port.vid]})" for port in boards)
-        raise RecordError(f"several boards: {names}. Give one with --port.", "serial port")
+        raise RecordError(f"several boards: {names}. Give one with --port.", "serial port", code="bench.no-board")
     return str(boards[0].device)
 
 

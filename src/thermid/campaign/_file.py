@@ -80,6 +80,7 @@ class CampaignSource:
                         f"two logs give a record with the name '{record}': '{out[record][0].name}' and '{file.name}'. Give one of them a "
                         "name by `file`.",
                         where,
+                        code="name.taken",
                     )
                 out[record] = (file, table)
         for name in self.content.checksums:
@@ -95,7 +96,9 @@ class CampaignSource:
     def _files_of(self, name: str, table: RecordTable) -> list[tuple[str, Path]]:
         """Return the names of the records of a table, each with its file."""
         if (table.file is None) == (table.files is None):
-            raise DeckError("give a record either `file`, or `files` with patterns.", self.where(f"records.{name}"))
+            raise DeckError(
+                "give a record either `file`, or `files` with patterns.", self.where(f"records.{name}"), code="value.excludes-another"
+            )
         if table.file is not None:
             return [(name, self._find(name, table.file, table)[0])]
         patterns = [table.files] if isinstance(table.files, str) else table.files or []
@@ -173,6 +176,7 @@ class CampaignSource:
                     f"its samples have the checksum {raw.origin.sha256[:12]}..., not {checksum[:12]}...: this log differs from the one "
                     f"that the campaign was written for.{f' {table.get}' if table.get else ''}",
                     where,
+                    code="record.another-log",
                 )
             return raw.prepare(table.prepare)
 
@@ -182,12 +186,18 @@ class CampaignSource:
         """Return a record with the logs beside it, where the campaign names some; one whose clock the fit finds comes last."""
         several = table.joined if isinstance(table.joined, list) else [table.joined] if table.joined is not None else []
         if several and table.files is not None:
-            raise DeckError("a pattern of files cannot be joined with one log. Give each log a separate record by `file`.", where)
+            raise DeckError(
+                "a pattern of files cannot be joined with one log. Give each log a separate record by `file`.",
+                where,
+                code="value.excludes-another",
+            )
         for k, one in enumerate(sorted(several, key=lambda t: not (isinstance(t.offset, str) and isinstance(t.rate, float)))):
             other, offset, place = one.record, one.offset, f"{where}.joined" + (f".{k}" if len(several) > 1 else "")
             if other not in self.names() or self.names()[other][1].joined is not None:
                 what = "is joined with a third" if other in self.names() else "is not in this campaign"
-                raise RecordError(f"it is joined with record '{other}', which {what}.{nearest(other, self.names())}", where)
+                raise RecordError(
+                    f"it is joined with record '{other}', which {what}.{nearest(other, self.names())}", where, code="campaign.refused"
+                )
             ends = tuple(literal(text, "s", f"{place}.offset") for text in ((offset, offset) if isinstance(offset, str) else offset))
             record = record.joined(self.record(other), (ends[0], ends[1]), one.rate)
         return record
@@ -242,6 +252,7 @@ def _rebound(channel: Channel, target: str | dict[str, str]) -> Channel:
             "give a binding exactly one of node, boundary, load, command and prescribed, and for a load a gain; given: "
             f"{', '.join(target)}.",
             channel.name,
+            code="value.incomplete",
         )
     return replace(channel, role=role, target=path, gain=target.get("gain", channel.gain))
 
@@ -304,19 +315,26 @@ def _check_order(source: CampaignSource, stages: Sequence[StageTable], verdicts:
     done: list[str] = []
     for k, stage in enumerate(stages):
         if stage.name in done:
-            raise DeckError(f"two stages are named '{stage.name}'.", source.where(f"stages.{k}"))
+            raise DeckError(f"two stages are named '{stage.name}'.", source.where(f"stages.{k}"), code="name.taken")
         if not stage.name.strip():
-            raise DeckError("a stage needs a name.", source.where(f"stages.{k}.name"))
+            raise DeckError("a stage needs a name.", source.where(f"stages.{k}.name"), code="name.not-valid")
         twin = next((n for n in done if file_name(n).lower() == file_name(stage.name).lower()), None)
         if twin is not None:
-            raise DeckError(f"stages '{twin}' and '{stage.name}' would be saved under one file name.", source.where(f"stages.{k}.name"))
+            raise DeckError(
+                f"stages '{twin}' and '{stage.name}' would be saved under one file name.",
+                source.where(f"stages.{k}.name"),
+                code="name.taken",
+            )
         if stage.values and (stage.records or stage.free or stage.steady or stage.priors):
             raise DeckError(
                 "a stage either has `values` tuned by hand or fits records. Define two stages.",
                 source.where(f"stages.{k}.values"),
+                code="value.excludes-another",
             )
         if not (stage.values or stage.records):
-            raise DeckError("a stage needs `records` to fit, or a file of `values` tuned by hand.", source.where(f"stages.{k}"))
+            raise DeckError(
+                "a stage needs `records` to fit, or a file of `values` tuned by hand.", source.where(f"stages.{k}"), code="campaign.refused"
+            )
         for part, inherit in stage.inherit.items():
             for below in (name for name in inherit.stages if name not in done):
                 raise DeckError(
@@ -332,5 +350,7 @@ def _check_order(source: CampaignSource, stages: Sequence[StageTable], verdicts:
         refuse_unknown([verdict.model], done, source.where(f"verdicts.{k}.model"), "no stage '{}'.", DeckError)
         if verdict.values == "joint" and source.content.joint is None:
             raise DeckError(
-                "this verdict is about the joint fit, but the campaign has no [joint] table. Add one.", source.where(f"verdicts.{k}.values")
+                "this verdict is about the joint fit, but the campaign has no [joint] table. Add one.",
+                source.where(f"verdicts.{k}.values"),
+                code="campaign.refused",
             )

@@ -474,6 +474,7 @@ def _with_priors(unknowns: Sequence[Unknown], levels: Sequence[Level], shared: S
                 raise IdentificationError(
                     f"stages '{stated_by[name]}' and '{level.name}' state different priors of '{name}'. State one under [joint] priors.",
                     where,
+                    code="campaign.refused",
                 )
             stated[name], stated_by[name] = prior, level.name
     for name, one in table.priors.items():

@@ -282,9 +282,14 @@ def load_study(path: str | os.PathLike[str]) -> Study:
         raise DeckError(
             "the intended use of the model is missing. It decides the box colours and the criteria; give it under [knowledge].",
             where("knowledge.use"),
+            code="value.incomplete",
         )
     if not content.components:
-        raise DeckError("the components are missing. List the physical items, each with its place in the model.", where("components"))
+        raise DeckError(
+            "the components are missing. List the physical items, each with its place in the model.",
+            where("components"),
+            code="value.incomplete",
+        )
     model = load_model(resolve_inside(target.parent, content.knowledge.model, where("knowledge.model")))
     components = {name: _component(model, name, table, where(f"components.{name}")) for name, table in content.components.items()}
     _all_belong(model, components, where("components"))
@@ -332,7 +337,7 @@ def _all_belong(model: Model, components: Mapping[str, Component], where: str) -
         holders = [n for n, c in components.items() if c.holds(path)]
         if len(holders) != 1:
             complaint = f"belongs to {' and '.join(holders)}" if holders else "belongs to no component"
-            raise DeckError(f"node '{path}' of the model {complaint}. Assign every mass to one component.", where)
+            raise DeckError(f"node '{path}' of the model {complaint}. Assign every mass to one component.", where, code="campaign.refused")
 
 
 def _sensor(table: SensorTable, where: str) -> SensorSpec:
@@ -370,4 +375,5 @@ def _campaign_fits(campaign: Path, content: StudyFile, where: Any) -> None:
                 raise DeckError(
                     f"channel '{channel}' of record '{name}' belongs to no sensor of the study. Add it to the channels of one.",
                     where("sensors"),
+                    code="name.unknown",
                 )

@@ -251,7 +251,9 @@ def plan_retune(
     source = campaign.source
     if source is None:
         raise DeckError(
-            "a plan needs the campaign's file; this campaign was made in Python. Call run_stages on a campaign file.", campaign.title
+            "a plan needs the campaign's file; this campaign was made in Python. Call run_stages on a campaign file.",
+            campaign.title,
+            code="campaign.not-from-file",
         )
     model = new if isinstance(new, Model) else load_model(new)
     levels = [Level(name, request) for name, request in campaign.requests.items()]
@@ -329,6 +331,7 @@ def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str
             f"stage '{level.name}' is used at {len(places)} places of '{campaign.title}', but the part is replaced at one only. Give the "
             "rebuilt unit a separate stage.",
             part,
+            code="campaign.refused",
         )
     inner = part.removeprefix(holds[0])
     model = request.model.replace(inner, new)
@@ -448,7 +451,7 @@ def retuned(
     before = plan.campaign
     assert before.source is not None
     if plan.unplaced:
-        raise DeckError(" ".join(f"'{sensor}': {why}." for sensor, why in plan.unplaced.items()), plan.part)
+        raise DeckError(" ".join(f"'{sensor}': {why}." for sensor, why in plan.unplaced.items()), plan.part, code="campaign.refused")
     source = data if isinstance(data, CampaignSource) else read_campaign(before.source.path, data)
     due = tuple(r for s in plan.stages if s.alone for r in s.records) if part_only else plan.tests
     source = _source(source, plan, due, everything)

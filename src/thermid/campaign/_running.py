@@ -92,7 +92,9 @@ def running_test(campaign: Campaign, record: str = "", stage: str = "") -> Runni
     """
     source = campaign.source
     if source is None:
-        raise IdentificationError("a campaign made in Python has no records of a file. Give its file.", campaign.title)
+        raise IdentificationError(
+            "a campaign made in Python has no records of a file. Give its file.", campaign.title, code="campaign.not-from-file"
+        )
     name = stage or list(campaign)[-1]
     model = campaign[name].fitted_model
     stage_table = next(s for s in source.content.stages if s.name == name)
@@ -108,5 +110,7 @@ def running_test(campaign: Campaign, record: str = "", stage: str = "") -> Runni
 def _named(record: str, names: Sequence[str], title: str) -> str:
     """Return the record that is asked for."""
     if not record and len(names) > 1:
-        raise RecordError(f"the campaign has several records. Name the one that the log is like: {', '.join(names)}.", title)
+        raise RecordError(
+            f"the campaign has several records. Name the one that the log is like: {', '.join(names)}.", title, code="name.unknown"
+        )
     return record or names[0]

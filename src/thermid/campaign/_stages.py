@@ -125,7 +125,9 @@ def with_courses(request: Request, stage: StageTable, where: str) -> Request:
     for name, table in stage.courses.items():
         if name in request.model.loads:
             raise DeckError(
-                f"'{name}' is a load of the deck. Give the course another name; it adds to the load.", f"{where}.courses.{name}"
+                f"'{name}' is a load of the deck. Give the course another name; it adds to the load.",
+                f"{where}.courses.{name}",
+                code="name.taken",
             )
         shapes = tuple(SHAPES) if table.shape == "auto" else (table.shape,)
         power = literal(table.power, "W", f"{where}.courses.{name}.power")
@@ -212,6 +214,7 @@ def _may_move(store: Store, inherit: InheritTable, where: str) -> set[str]:
         raise DeckError(
             '`move` lists the values of a prior that may move, but as = "fixed" keeps all of them fixed. Leave one of the two out.',
             f"{where}.move",
+            code="value.excludes-another",
         )
     refuse_unknown(inherit.move, store.parameters, f"{where}.move", "'{}' is not inherited.", DeckError)
     return set(inherit.move or store.parameters) if inherit.as_ == "prior" else set()
@@ -313,6 +316,7 @@ def _apart(start: float, end: float, log: Record, records: tuple[Record, ...], w
                 f"steady point '{name}' covers {start:g} to {end:g} s of '{log.name}', and the stage fits it from {other.times[0]:g} to "
                 f"{other.times[-1]:g} s: its readings would count twice. Trim the transient in `prepare`, or leave one of them out.",
                 where,
+                code="campaign.refused",
             )
 
 
@@ -577,7 +581,11 @@ def joint(
     """
     run = campaign if isinstance(campaign, Campaign) else run_stages(campaign, data=data, notice=notice, cache=cache)
     if run.source is None:
-        raise DeckError("a joint fit needs the campaign's file; this campaign was made in Python. Call run_stages on a file.", run.title)
+        raise DeckError(
+            "a joint fit needs the campaign's file; this campaign was made in Python. Call run_stages on a file.",
+            run.title,
+            code="campaign.not-from-file",
+        )
     return run.joint or _joint(run, notice, Path(cache) if cache is not None else None)
 
 
@@ -671,7 +679,8 @@ def _judge(
             if record.origin.sha256 in used:
                 raise IdentificationError(
                     f"record '{name}' was used by {used[record.origin.sha256]}. A validation needs a hold-out record: use one that no "
-                    "fit used."
+                    "fit used.",
+                    code="campaign.record-used",
                 )
             yield validate(
                 fit,

@@ -434,7 +434,9 @@ def refuse_after(request: Request, problem: Problem, minimum: Fit, total: Array)
         error = float(np.sqrt(total[k, k]))
         if not np.isfinite(error):
             raise IdentificationError(
-                f"at the end of the fit no reading depends on '{u.name}'. Fix it.", request.name or request.model.title
+                f"at the end of the fit no reading depends on '{u.name}'. Fix it.",
+                request.name or request.model.title,
+                code="fit.not-determined",
             )
         low, high = u.fitted_bounds()
         if not u.log:
@@ -449,6 +451,7 @@ def refuse_after(request: Request, problem: Problem, minimum: Fit, total: Array)
                 f"{u.low * scale:.4g} .. {u.high * scale:.4g}, so the log does not determine it{_by_instruments(problem, total, k)}. "
                 "Fix it, give it a prior, or add a record in which it acts more.",
                 request.name or request.model.title,
+                code="fit.not-determined",
             )
 
 

@@ -531,7 +531,9 @@ def _adapted(members: _Members) -> tuple[Array, float]:
     cma = optional("cma", "covariance matrix adaptation")
     size = members.population.at.size
     if size == 1:
-        raise IdentificationError("covariance matrix adaptation needs at least two parameters. Use search = 'multistart'.")
+        raise IdentificationError(
+            "covariance matrix adaptation needs at least two parameters. Use search = 'multistart'.", code="fit.not-possible"
+        )
     # from the middle of the box, wide, and more members than its rule asks for: else it stays in the valley that it starts in
     options = {"bounds": [0.0, 1.0], "seed": 1, "verbose": -9, "tolfun": 1e-3, "maxiter": GENERATIONS, "popsize": max(16, 4 * size)}
     strategy = cma.CMAEvolutionStrategy(np.full(size, 0.5), 0.5, options)

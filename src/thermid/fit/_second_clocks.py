@@ -52,6 +52,7 @@ def with_clocks(problem: Problem, loss: str, loss_scale: float, fitted: Array | 
             raise IdentificationError(
                 "the model fails at every offset of the second clock in the given range. Widen the range of offsets.",
                 f"record '{experiment.record.name}'",
+                code="fit.model-fails",
             )
     return at_clocks(problem, at)
 
@@ -444,7 +445,9 @@ def _nearest(sides: Clocked) -> tuple[list[Clocked], dict[str, float]]:
         tried.append((cost, (i, j), here, noise))
     if not tried:
         raise IdentificationError(
-            "the model fails at every offset in the given range. Widen the range of offsets.", f"{sides.first.name}, {sides.second.name}"
+            "the model fails at every offset in the given range. Widen the range of offsets.",
+            f"{sides.first.name}, {sides.second.name}",
+            code="fit.model-fails",
         )
     tried.sort(key=lambda place: place[0])
     taken: dict[tuple[int, int], Clocked] = {}
@@ -501,6 +504,7 @@ def _refuse_undetermined(sides: Clocked, k: int, error: float) -> None:
             f"the logs do not determine the {name}: its error is wider than its range of {high - low:.3g}{unit}. Log temperatures "
             "while a power changes, at least twice for the rate; or fix the rate if it is known.",
             f"{sides.first.name}, {sides.second.name}",
+            code="fit.not-determined",
         )
 
 

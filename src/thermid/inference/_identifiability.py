@@ -347,12 +347,14 @@ def identifiability(
     if isinstance(model, Calibration):
         return _after(model)
     if not free:
-        raise IdentificationError("no parameter is free. Name the parameters to fit.", model.title)
+        raise IdentificationError("no parameter is free. Name the parameters to fit.", model.title, code="fit.nothing-free")
     many = (records,) if isinstance(records, Record) else tuple(records)
     planned = not many
     if planned:
         if not isinstance(scenario, Scenario) or not sensors:
-            raise IdentificationError("give the logs of a test, or a scenario and sensors of a planned test.", model.title)
+            raise IdentificationError(
+                "give the logs of a test, or a scenario and sensors of a planned test.", model.title, code="value.incomplete"
+            )
         many = (planned_record(model, scenario, sensors_of(model, scenario, sensors), every, scenario.title),)
     scenarios = dict(scenario) if isinstance(scenario, Mapping) else {"*": scenario} if scenario else {}
     specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
@@ -371,7 +373,9 @@ def identifiability_of(request: Request, stage: str = "before") -> Identifiabili
 def _after(fit: Calibration) -> Identifiability:
     """Return what the records of a fit told, at its end."""
     if fit.problem is None:
-        raise IdentificationError("this calibration was not made by a fit in this session; repeat the fit.", fit.stage)
+        raise IdentificationError(
+            "this calibration was not made by a fit in this session; repeat the fit.", fit.stage, code="fit.needs-session"
+        )
     at = np.array([fit.fitted[u.name] for u in fit.problem.unknowns])
     result = _identifiability_at(fit.stage, "after", fit.problem, at, max(1.0, fit.reduced_chi_square) ** 0.5)
     # where residuals wander, the fit's own errors count it
@@ -389,7 +393,7 @@ def _after(fit: Calibration) -> Identifiability:
 def _identifiability_at(title: str, stage: str, problem: Problem, at: Array, spread: float) -> Identifiability:
     info = Information.of_problem(problem, at, spread)
     if not info.parameters:
-        raise IdentificationError("no parameter is free. Name the parameters to fit.", title)
+        raise IdentificationError("no parameter is free. Name the parameters to fit.", title, code="fit.nothing-free")
     bound = structural_groups(info, elsewhere(problem, info, spread))
     # what a prior alone splits is said once
     groups = [*bound, *(g for g in practical_groups(info, TELL) if not any(set(g.names) <= set(b.names) for b in bound))]

@@ -256,7 +256,9 @@ def evidence(fit: Calibration, *, points: int = 100, seed: int = 1) -> Evidence:
     density = _Density.of_fit(fit)
     loose = sorted({o.sensor for o in density.problem.observations() if o.noise is None})
     if loose:
-        raise IdentificationError(f"evidence needs the noise of every sensor. State noise = '... [K]' for '{loose[0]}'.", fit.stage)
+        raise IdentificationError(
+            f"evidence needs the noise of every sensor. State noise = '... [K]' for '{loose[0]}'.", fit.stage, code="fit.not-possible"
+        )
     low, wide = density.box[:, 0], np.ptp(density.box, axis=1)
     sampler = dynesty.NestedSampler(
         density,
@@ -326,15 +328,19 @@ class _Density:
         problem = fit.problem
         if problem is None or fit.request is None:
             raise IdentificationError(
-                "samples need a fit made in this session, because a values file has no records. Repeat the fit.", fit.stage
+                "samples need a fit made in this session, because a values file has no records. Repeat the fit.",
+                fit.stage,
+                code="fit.needs-session",
             )
         if fit.request.loss != "linear":
             raise IdentificationError(
-                "samples need the loss 'linear', because a robust loss is not a likelihood. Repeat the fit with it.", fit.stage
+                "samples need the loss 'linear', because a robust loss is not a likelihood. Repeat the fit with it.",
+                fit.stage,
+                code="fit.not-possible",
             )
         at = np.array([k for k, u in enumerate(problem.unknowns) if u.kind == "parameter"], dtype=np.int64)
         if not at.size:
-            raise IdentificationError("no parameter was free, so there is nothing to sample.", fit.stage)
+            raise IdentificationError("no parameter was free, so there is nothing to sample.", fit.stage, code="fit.nothing-free")
         box = np.array([box_of(problem.unknowns[k]) for k in at])
         end = np.array([fit.fitted[u.name] for u in problem.unknowns])
         return cls(problem, at, box, end, max(1.0, fit.reduced_chi_square))

@@ -129,7 +129,9 @@ class Profile(Result):
 def problem_and_place(fit: Calibration, path: str) -> tuple[Problem, int]:
     """Return the problem of a fit and the position of an unknown."""
     if fit.problem is None:
-        raise IdentificationError("this calibration was not made by a fit in this session; repeat the fit.", fit.stage)
+        raise IdentificationError(
+            "this calibration was not made by a fit in this session; repeat the fit.", fit.stage, code="fit.needs-session"
+        )
     names = [u.name for u in fit.problem.unknowns]
     name = fit.model.canonical(path)
     refuse_unknown([name], names, fit.stage, f"'{path}' was not free in this fit.", NameNotFoundError)
@@ -177,7 +179,9 @@ def profile(fit: Calibration, path: str, level: float = 0.95, *, executor: Worke
     from scipy.special import gammaincinv
 
     if not 0.0 < level < 1.0:
-        raise IdentificationError(f"a level of {level:g} is not a probability. Give one between 0 and 1, such as 0.95.", "profile")
+        raise IdentificationError(
+            f"a level of {level:g} is not a probability. Give one between 0 and 1, such as 0.95.", "profile", code="value.outside-range"
+        )
     problem, k = problem_and_place(fit, path)
     threshold = float(2.0 * gammaincinv(0.5, level))
     at = np.array([fit.fitted[u.name] for u in problem.unknowns])

@@ -59,7 +59,9 @@ def sensors_of(model: Model, scenario: Scenario, stated: Mapping[str, Any]) -> t
         noise, accuracy = (literal(table[k], "W" if role == "load" else "K", where) if k in table else None for k in ("noise", "accuracy"))
         if role == "node" and noise is None:
             raise IdentificationError(
-                "the noise of the sensors is missing. Give it, such as noise = '0.1 [K]': the expected errors depend on it.", where
+                "the noise of the sensors is missing. Give it, such as noise = '0.1 [K]': the expected errors depend on it.",
+                where,
+                code="value.incomplete",
             )
         out.append(Sensor(str(table.get("name", raw)), path, role, noise, accuracy))
     return tuple(out)
@@ -80,7 +82,7 @@ def planned_record(model: Model, scenario: Scenario, sensors: Sequence[Sensor], 
     IdentificationError   When no sensor reads a node.
     """
     if not any(s.role == "node" for s in sensors):
-        raise IdentificationError("a planned test needs at least one sensor on a node.", name)
+        raise IdentificationError("a planned test needs at least one sensor on a node.", name, code="value.incomplete")
     times = output_times(scenario, every, None)
     run = simulate(model, scenario, times=times)
     powers = run.load_powers if any(s.role == "load" for s in sensors) else {}

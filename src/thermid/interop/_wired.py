@@ -191,9 +191,14 @@ def wired(model: Model, scenario: Scenario, what: str | Writer) -> Wired:
         raise ScenarioError(
             f"'{next(iter(scenario.schedule))}' follows a schedule, which is not written to {writer.name}. Export one run for each value.",
             scenario.title,
+            code="output.not-expressible",
         )
     if scenario.seconds <= 0:
-        raise ScenarioError('an export of a run needs a duration above zero: duration = "5 [h]", or --for "5 [h]".', scenario.title)
+        raise ScenarioError(
+            'an export of a run needs a duration above zero: duration = "5 [h]", or --for "5 [h]".',
+            scenario.title,
+            code="value.outside-range",
+        )
     network = network_for(model, scenario)
     refuse_controls(network.controls, writer.name, "Export the model without it, or one run for each share.")
     wiring = Wiring(network, scenario)
@@ -227,15 +232,21 @@ def _refuse_laws(network: Network, numbers: Numbers, writer: Writer) -> None:
     for row in numbers.conductors:
         if (row.form in MOVING and not writer.hinges) or (row.form in ("gas", "natural") and not writer.gas):
             kind = "a table that depends on parameters" if row.form in MOVING else "a law of gas at a pressure, which uses tables"
-            raise DeckError(f"'{row.name}' is {kind}, which is not written to {writer.name}.", network.title)
+            raise DeckError(f"'{row.name}' is {kind}, which is not written to {writer.name}.", network.title, code="output.not-expressible")
     curves = {c.path: c.curve for c in network.flat.conductors} | {load.path: load.curve for load in network.flat.loads}
     for name, curve in curves.items():
         if curve is not None and not (curve.film[-1] if curve.film else curve).straight and not writer.smooth:
             raise DeckError(
-                f"'{name}' is a smooth table, which is not written to {writer.name}. Use interpolation = 'linear'.", network.title
+                f"'{name}' is a smooth table, which is not written to {writer.name}. Use interpolation = 'linear'.",
+                network.title,
+                code="output.not-expressible",
             )
     for node in network.stores:
-        raise DeckError(f"the specific heat of '{node}' changes with temperature, which is not written to {writer.name}.", network.title)
+        raise DeckError(
+            f"the specific heat of '{node}' changes with temperature, which is not written to {writer.name}.",
+            network.title,
+            code="output.not-expressible",
+        )
 
 
 def _sources(network: Network, wiring: Wiring, numbers: Numbers, writer: Writer) -> tuple[HeatSource, ...]:
@@ -245,7 +256,11 @@ def _sources(network: Network, wiring: Wiring, numbers: Numbers, writer: Writer)
         plain = load.fixed or (load.form == "table" and not load.control and load.curve is not None)
         if not plain and not writer.loads:
             law = load.control or load.form
-            raise DeckError(f"the load '{load.name}' depends on temperature ({law}), which is not written to {writer.name}.", network.title)
+            raise DeckError(
+                f"the load '{load.name}' depends on temperature ({law}), which is not written to {writer.name}.",
+                network.title,
+                code="output.not-expressible",
+            )
         signal = wiring.signals[load.signal] if load.signal else Constant(1.0)
         power: Formula | float = load.coefficients[0]  # type: ignore[assignment]  # formulas stand where numbers do
         if load.signal.startswith("load ") and load.form != "table":
@@ -308,6 +323,7 @@ def _refuse_bent_courses(w: Wired, writer: Writer) -> None:
                 f"'{name}' follows '{bent[0]}' otherwise than in proportion, and its schedule is made of straight lines, which is not "
                 f"written to {writer.name}. Give the schedule as steps: hold = true.",
                 w.scenario.title,
+                code="output.not-expressible",
             )
 
 
@@ -323,6 +339,7 @@ def _refuse_other_formulas(w: Wired, wiring: Wiring, writer: Writer) -> None:
                     f"'{name}' has another formula at {time:g} s, where '{next(iter(w.courses))}' has changed, which is not written to "
                     f"{writer.name}. Export one run for each value.",
                     w.scenario.title,
+                    code="output.not-expressible",
                 )
 
 
@@ -350,6 +367,7 @@ def refuse_crooked(w: Wired, what: str) -> None:
                 f"'{label}' is not linear ({row.form}) and ends at the massless node '{at[0]}', whose temperature has no formula then. "
                 f"Give the node a capacitance to write the model to {what}.",
                 w.network.title,
+                code="output.not-expressible",
             )
     for source in w.sources:
         at = [end for end in (source.node, source.sensor) if end in w.massless]
@@ -358,12 +376,15 @@ def refuse_crooked(w: Wired, what: str) -> None:
                 f"the load '{source.load}' depends on temperature and acts on the massless node '{at[0]}', whose temperature has no formula"
                 f" then. Give the node a capacitance to write the model to {what}.",
                 w.network.title,
+                code="output.not-expressible",
             )
     # refuse a massless node that nothing leads to
     for node in w.massless:
         if not any(value_of(row.coefficients[0]) > 0 for _, row in w.conductors if node in row.ends):
             raise DeckError(
-                f"the massless node '{node}' has no conductance to any node, so its temperature is undefined. Connect it.", w.network.title
+                f"the massless node '{node}' has no conductance to any node, so its temperature is undefined. Connect it.",
+                w.network.title,
+                code="model.massless-undefined",
             )
 
 
@@ -389,7 +410,10 @@ def conductance_text(row: ConductorRow, coefficients: Sequence[str], a: str, b: 
         return f"{first}*({a}^2 + {b}^2)*({a} + {b})"
     if row.form == "table" and row.curve is not None:
         return f"{first}*{read(row.curve, f'{a} - {b}' if row.curve.over == 'difference' else f'({a} + {b})/2')}"
-    raise DeckError(f"'{row.name}' is of a form that is not written to this format: {row.form}. Export an FMU, which has every law.")
+    raise DeckError(
+        f"'{row.name}' is of a form that is not written to this format: {row.form}. Export an FMU, which has every law.",
+        code="output.not-expressible",
+    )
 
 
 def table_points(curve: Curve) -> tuple[list[float], list[float], bool]:

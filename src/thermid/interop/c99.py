@@ -117,14 +117,16 @@ def to_c(
             f"'{called}' cannot begin the names of a C header: letters, digits and _, beginning with a letter, at most 41. "
             "Give another file name.",
             model.title,
+            code="name.not-valid",
         )
     if step is not None and not (0.0 < step < math.inf):
-        raise DeckError("a step has a length above zero.", model.title)
+        raise DeckError("a step has a length above zero.", model.title, code="value.outside-range")
     w = wired(model, scenario, C)
     if len(w.network.nodes) > MAX_DENSE_NODES:
         raise DeckError(
             f"a C header holds {MAX_DENSE_NODES} nodes, and the model has {len(w.network.nodes)}. Reduce it first (thermid reduce).",
             model.title,
+            code="output.not-expressible",
         )
     length, stated = (step, stated_error(w, step)) if step is not None else chosen_step(w, error)
     return exported(_Header(w, called, length, stated).text(), target, "//")
@@ -274,7 +276,9 @@ class _Header:
             if row.form == "table":
                 law = "TABLE_OF_DIFFERENCE" if row.curve is not None and row.curve.over == "difference" else "TABLE_OF_MEAN"
             if not law:
-                raise DeckError(f"'{label}' is of a form that is not written to C: {row.form}.", w.network.title)
+                raise DeckError(
+                    f"'{label}' is of a form that is not written to C: {row.form}.", w.network.title, code="output.not-expressible"
+                )
             a, b = (self.places[end] for end in row.ends)
             conductors.append(f"{{@_{law}, {a}, {b}, {first}, {self._table(row.form, row.curve)}}} /* {_comment(label)} */")
         states = self._switches()
@@ -490,7 +494,9 @@ def stated_error(w: Wired, step: float) -> float:
         temperatures = _Stepper(w, grid).temperatures()
     error = ERROR_MARGIN * float(np.abs(temperatures - _reference(w, grid)).max())
     if not np.isfinite(error):
-        raise SolverError(f"fixed steps of {step:g} s have no finite answer. Give a shorter one: step = ...", w.network.title)
+        raise SolverError(
+            f"fixed steps of {step:g} s have no finite answer. Give a shorter one: step = ...", w.network.title, code="run.did-not-finish"
+        )
     # rounded up to two digits
     error = max(error, 1e-6)
     unit = 10.0 ** (math.floor(math.log10(error)) - 1)

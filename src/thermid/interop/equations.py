@@ -95,11 +95,14 @@ class Equations(Shown):
                 f"{self.title} has {len(self.states)} states; a symbolic steady state is limited to {MOST_STATES}. Use steady() for "
                 "numbers.",
                 self.title,
+                code="model.element-not-supported",
             )
         heat = [self.expanded(q) for q in self.heat]
         solutions = sympy.solve(heat, self.states, dict=True)
         if not solutions or set(solutions[0]) != set(self.states):
-            raise ThermidError("no steady state exists: a part has no path to a boundary. Connect it.", self.title)
+            raise ThermidError(
+                "no steady state exists: a part has no path to a boundary. Connect it.", self.title, code="run.no-steady-state"
+            )
         return {t: sympy.factor(solutions[0][t]) for t in self.states}
 
     def expanded(self, expression: Expr) -> Expr:
@@ -215,7 +218,11 @@ class _Symbols:
             path = model.canonical(raw)
             refuse_unknown([path], (*rows, *places, *loads), model.title, f"no conductor, node or load '{raw}' to name.", NameNotFoundError)
             if not re.fullmatch(r"[A-Za-z]\w*", name):
-                raise ThermidError(f"'{name}' is not a valid symbol. Use letters, digits and _, beginning with a letter.", model.title)
+                raise ThermidError(
+                    f"'{name}' is not a valid symbol. Use letters, digits and _, beginning with a letter.",
+                    model.title,
+                    code="name.not-valid",
+                )
             names_stated[path] = name
         short = identifiers(dict.fromkeys((*rows, *places, *loads)))
         self.resistance = {r: names_stated.get(r, f"R_{short[r]}") for r in rows}
@@ -227,7 +234,9 @@ class _Symbols:
         every = [*self.resistance.values(), *self.temperature.values(), *self.power.values(), *self.capacitance.values(), "Delta"]
         twice = next((name for name in every if every.count(name) > 1), "")
         if twice:
-            raise ThermidError(f"the symbol '{twice}' would have two meanings. Choose another name for one of them.", model.title)
+            raise ThermidError(
+                f"the symbol '{twice}' would have two meanings. Choose another name for one of them.", model.title, code="name.taken"
+            )
 
 
 class _Derivation:
@@ -245,6 +254,7 @@ class _Derivation:
                 f"'{crooked[0][0]}' is not a linear, two-way law ({crooked[0][1]}), so it has no symbolic equation. Use a linear "
                 "conductor, or steady() for numbers.",
                 network.title,
+                code="model.element-not-supported",
             )
         make = self._symbol
         self.symbols: dict[str, str] = {}
@@ -310,6 +320,7 @@ class _Derivation:
             raise DeckError(
                 f"the massless node '{node}' has no conductance to any node, so its temperature is undefined. Connect it.",
                 self.network.title,
+                code="model.massless-undefined",
             )
         self.arms = {pair: arms for pair, arms in self.arms.items() if node not in pair}
         ends = list(star)

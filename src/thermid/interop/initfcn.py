@@ -106,12 +106,15 @@ class _Reader:
         """Add one statement."""
         where = f"{self.file}:{s.line}"
         if iskeyword(s.name) or s.name in ("inf", "Inf", "pi"):
-            raise ExpressionError(f"'{s.name}' is a reserved word of expressions in decks. Rename it in the script.", where)
+            raise ExpressionError(
+                f"'{s.name}' is a reserved word of expressions in decks. Rename it in the script.", where, code="name.not-valid"
+            )
         if s.name in self.numbers:
             raise ExpressionError(
                 f"'{s.name}' is set again; line {self.lines[s.name]} sets it first, but a parameter has one value. Remove one of the "
                 "lines.",
                 where,
+                code="name.taken",
             )
         try:
             expression = parse(s.text)
@@ -123,11 +126,15 @@ class _Reader:
             return
         if unknown:
             late = "it is set in a later line" if unknown[0] in s.later else "no earlier line sets it"
-            raise ExpressionError(f"'{s.name}' needs '{unknown[0]}', and {late}. Use only earlier names, numbers, pi and Inf.", where)
+            raise ExpressionError(
+                f"'{s.name}' needs '{unknown[0]}', and {late}. Use only earlier names, numbers, pi and Inf.",
+                where,
+                code="import.not-understood",
+            )
         try:
             number = float(expression.evaluate(lambda name: self.numbers[name]))
         except ArithmeticError as error:
-            raise ExpressionError(f"'{s.written}' has no finite value: {error}.", where) from None
+            raise ExpressionError(f"'{s.written}' has no finite value: {error}.", where, code="expression.no-finite-value") from None
         of, note = self._unit(s)
         text, basis = self._written(s, number, of)
         value = parameter({"value": text, "note": note, "basis": basis}, where)
@@ -251,7 +258,9 @@ def read_initfcn(source: str | os.PathLike[str]) -> InitFcn:
             reader.failed.add(statement.name)
     _refuse(faults, another=len(faults) > len(reader.parameters))
     if not reader.parameters:
-        raise ExpressionError("the script sets no name. It needs lines such as 'Acc_m = 0.054; % Mass [kg].'", file)
+        raise ExpressionError(
+            "the script sets no name. It needs lines such as 'Acc_m = 0.054; % Mass [kg].'", file, code="import.not-understood"
+        )
     return InitFcn(reader.parameters, reader.numbers, tuple(reader.remarks), file)
 
 
@@ -272,7 +281,7 @@ def _source(source: str | os.PathLike[str]) -> tuple[str, str]:
         return source, "script"
     path = Path(source)
     if not path.is_file():
-        raise ThermidError(f"there is no file '{path.name}' in {path.parent.name or '.'}/.")
+        raise ThermidError(f"there is no file '{path.name}' in {path.parent.name or '.'}/.", code="file.not-found")
     try:
         return read_text(path, "utf-8-sig"), path.name
     except UnicodeDecodeError:
@@ -328,7 +337,11 @@ def statements(text: str, file: str, constants: Mapping[str, str], faults: list[
             try:
                 if _NO_VALUE.match(part):
                     if (assignments or assignments_of_part) and part.startswith("clear"):
-                        raise ExpressionError(f"'{part}' would remove the values above it. Put it first, or remove it.", f"{file}:{number}")
+                        raise ExpressionError(
+                            f"'{part}' would remove the values above it. Put it first, or remove it.",
+                            f"{file}:{number}",
+                            code="import.not-understood",
+                        )
                     continue
                 assignments_of_part.append(_assignments(part, f"{file}:{number}", number, constants, vectors))
             except ThermidError as error:
@@ -371,9 +384,11 @@ def _joined(lines: list[str], file: str) -> Iterator[tuple[int, str, str]]:
                 yield start, code.strip(), comment
             code, comment, start = "", "", 0
     if depth:
-        raise ExpressionError("a block comment '%{' is not closed by '%}'.", file)
+        raise ExpressionError("a block comment '%{' is not closed by '%}'.", file, code="import.not-understood")
     if code.strip():
-        raise ExpressionError("the script ends within a statement: nothing follows its last '...'.", f"{file}:{start}")
+        raise ExpressionError(
+            "the script ends within a statement: nothing follows its last '...'.", f"{file}:{start}", code="import.not-understood"
+        )
 
 
 def _cut(line: str) -> tuple[str, str, bool]:
@@ -390,7 +405,9 @@ def _assignments(part: str, where: str, number: int, constants: Mapping[str, str
     head = _HEAD.match(_FIELD.sub(r"\1_", part))
     if head is None:
         raise ExpressionError(
-            f"'{_shortened(part)}' is not of the form 'name = expression'. An InitFcn may hold values only. Remove this line.", where
+            f"'{_shortened(part)}' is not of the form 'name = expression'. An InitFcn may hold values only. Remove this line.",
+            where,
+            code="import.not-understood",
         )
     name, written = head["name"], head["rest"].strip()
     elements = [written]
@@ -438,21 +455,25 @@ def _expression(written: str, where: str, constants: Mapping[str, str]) -> str:
                 f"'{_shortened(written)}': '{_shortened(rest, 20)}' cannot be read. Use single numbers, earlier names, pi, Inf, + - * "
                 "/ ^, sqrt and parentheses; no texts, ranges, matrices or calls.",
                 where,
+                code="import.not-understood",
             )
         if word["sign"] == "(" and words and (words[-1].isidentifier()):
             raise ExpressionError(
-                f"'{_shortened(written)}': '{words[-1]}(' calls a function or takes an element. Write the number instead.", where
+                f"'{_shortened(written)}': '{words[-1]}(' calls a function or takes an element. Write the number instead.",
+                where,
+                code="import.not-understood",
             )
         words.append(word["number"] or word["name"] or word["sign"].lstrip("."))
         place = word.end()
     if not words:
-        raise ExpressionError("the value after the equals sign is missing.", where)
+        raise ExpressionError("the value after the equals sign is missing.", where, code="import.not-understood")
     for k, word_ in enumerate(words):
         if word_ == "^" and _operand_end(words, k + 1) < len(words) and words[_operand_end(words, k + 1)] == "^":
             raise ExpressionError(
                 f"'{_shortened(written)}' has two powers in a row, which MATLAB evaluates from the left and a deck from the right. "
                 "Put one of them in parentheses.",
                 where,
+                code="import.not-understood",
             )
     return _spaced([constants.get(w, "**" if w == "^" else w) for w in words])
 
@@ -532,6 +553,7 @@ def _one(role: str, text: str, parameters: Mapping[str, Parameter], dimensions: 
             f"no value of the script has the unit [{text}], so the block has no {role}. Write the unit into the comment of its line, "
             "or import without the block and write the elements into the deck.",
             where,
+            code="import.not-understood",
         )
     if len(remaining) > 1:
         raise DeckError(
@@ -539,5 +561,6 @@ def _one(role: str, text: str, parameters: Mapping[str, Parameter], dimensions: 
             "the block and "
             "write the elements into the deck.",
             where,
+            code="import.not-understood",
         )
     return remaining[0]

@@ -154,6 +154,7 @@ def to_modelica(
         raise DeckError(
             f"'{called}' is not a valid name of a Modelica package. Use letters, digits and _, and begin with a letter.",
             model.title,
+            code="name.not-valid",
         )
     refuse_unknown([library], tuple(LIBRARIES), "--library", "there is no library '{}'.{near} There are {known}.", DeckError)
     w = wired(model, scenario, MODELICA)
@@ -239,7 +240,11 @@ class _Package:
         name, lib, first = self.row[label], self.library, self._text_of(row.coefficients[0])
         moves = any(isinstance(c, Formula) and c.paths() & self.moving for c in row.coefficients)
         if row.signal:
-            raise DeckError(f"'{label}' changes with its gas in time, which is not written to Modelica.", self.w.network.title)
+            raise DeckError(
+                f"'{label}' changes with its gas in time, which is not written to Modelica.",
+                self.w.network.title,
+                code="output.not-expressible",
+            )
         if row.form == "flow":
             return f"Laws.Stream {name}", [f"{name}.G = {first};"]
         if row.form == "linear" and not moves:
@@ -259,7 +264,9 @@ class _Package:
         if row.form == "potential" and row.curve is not None:
             areas = (self._lines(row.curve, end, area=True) for end in (a, b))
             return f"Laws.VariableFlow {name}", [f"{name}.heat = ({first})*({' - '.join(f'({x})' for x in areas)});"]
-        raise DeckError(f"'{label}' is of a form that is not written to Modelica: {row.form}.", self.w.network.title)
+        raise DeckError(
+            f"'{label}' is of a form that is not written to Modelica: {row.form}.", self.w.network.title, code="output.not-expressible"
+        )
 
     def _load(self, name: str, source: HeatSource) -> Iterator[str]:
         at = f"{self._port(source.sensor or source.node)}.T"
@@ -272,7 +279,11 @@ class _Package:
         elif source.form == "table" and source.curve is not None:
             power = f"{power}*({self._lines(source.curve, at)})"
         if source.control == "proportional":
-            raise DeckError(f"the proportional control of '{source.load}' is not written to Modelica.", self.w.network.title)
+            raise DeckError(
+                f"the proportional control of '{source.load}' is not written to Modelica.",
+                self.w.network.title,
+                code="output.not-expressible",
+            )
         if source.control == "thermostat":
             watched, low, high = f"{self._port(source.watched)}.T", *(self._text_of(c) for c in source.settings)
             yield f"when {{{watched} <= {low}, {watched} >= {high}}} then"
@@ -289,7 +300,10 @@ class _Package:
             return w.initial[source.watched] <= float(source.settings[0])
         signal = w.boundaries.get(source.watched)
         if signal is None:
-            raise DeckError(f"the thermostat of '{source.load}' watches a node without mass, which is not written to Modelica.")
+            raise DeckError(
+                f"the thermostat of '{source.load}' watches a node without mass, which is not written to Modelica.",
+                code="output.not-expressible",
+            )
         return signal.mean_over(0.0, 0.0) <= float(source.settings[0])
 
     def _run(self) -> Iterator[str]:
@@ -321,7 +335,9 @@ class _Package:
         x, y, held = table_points(curve)
         if not held:
             raise DeckError(
-                "a table that is refused outside its points is not written to Modelica, which would hold it.", self.w.network.title
+                "a table that is refused outside its points is not written to Modelica, which would hold it.",
+                self.w.network.title,
+                code="output.not-expressible",
             )
         slopes = [0.0, *((d - c) / (b - a) for a, b, c, d in zip(x, x[1:], y, y[1:], strict=False)), 0.0]
         terms = [f"{_number(y[0])}*({at})" if area else _number(y[0])]
@@ -348,6 +364,7 @@ def _pieces(name: str, table: TableSignal, where: str) -> str:
             f"the course of '{name}' has {table.times.size} samples, of which Modelica gets at most {MAX_COURSE_SAMPLES}. "
             "Give it fewer rows.",
             where,
+            code="output.not-expressible",
         )
     x, y = table.times.tolist(), table.values.tolist()
     cases = [f"if time < {_number(x[0])} then {_number(y[0])}"]

@@ -63,6 +63,7 @@ def to_octave(model: Model, scenario: Scenario, path: str | os.PathLike[str] | N
             f"of the language or of the file ({', '.join(FUNCTION_NAMES)}). "
             "Give another file name.",
             model.title,
+            code="name.not-valid",
         )
     w = wired(model, scenario, "Octave")
     refuse_crooked(w, "Octave")

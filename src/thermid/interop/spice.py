@@ -83,7 +83,11 @@ class _Netlist:
         name = self.rows[label]
         g, *rest = (value_of(c) for c in row.coefficients)
         if row.signal:
-            raise DeckError(f"'{label}' changes with the pressure of its gas in time, which is not written to SPICE.", self.w.network.title)
+            raise DeckError(
+                f"'{label}' changes with the pressure of its gas in time, which is not written to SPICE.",
+                self.w.network.title,
+                code="output.not-expressible",
+            )
         if g == 0.0:
             return f"* {name}: no conductance, an open path"
         if row.form == "linear":
@@ -91,7 +95,9 @@ class _Netlist:
         if row.form == "flow":
             return f"B_{name} 0 {b} I={number_text(g)}*V({a},{b})"
         if row.form not in WRITTEN:
-            raise DeckError(f"'{label}' is of a form that is not written to SPICE: {row.form}.", self.w.network.title)
+            raise DeckError(
+                f"'{label}' is of a form that is not written to SPICE: {row.form}.", self.w.network.title, code="output.not-expressible"
+            )
         warm, cold = (f"(V({end})+{ICE_POINT})" for end in (a, b))
         conductance = conductance_text(row, [number_text(c) for c in (g, *rest)], warm, cold, self._pwl)
         return f"B_{name} {a} {b} I=V({a},{b})*{conductance}"
@@ -100,7 +106,9 @@ class _Netlist:
         """Return a load whose power is a table over a temperature."""
         if source.signal != Constant(1.0):
             raise DeckError(
-                f"the load '{source.load}' is a table that changes in time, which is not written to SPICE.", self.w.network.title
+                f"the load '{source.load}' is a table that changes in time, which is not written to SPICE.",
+                self.w.network.title,
+                code="output.not-expressible",
             )
         assert source.curve is not None
         at = f"V({self.nodes[source.sensor]})+{ICE_POINT}"
@@ -113,6 +121,7 @@ class _Netlist:
             raise DeckError(
                 "a table with outside = 'refuse' is not written to SPICE, which would extrapolate. Use outside = 'hold'.",
                 self.w.network.title,
+                code="output.not-expressible",
             )
         x, y = [x[0] - EXTENSION_REACH, *x, x[-1] + EXTENSION_REACH], [y[0], *y, y[-1]]
         return f"pwl({at}, {', '.join(f'{number_text(a)}, {number_text(b)}' for a, b in zip(x, y, strict=True))})"

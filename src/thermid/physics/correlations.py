@@ -108,10 +108,16 @@ def correlation(name: str, orientation: str = "vertical", where: str = "") -> Nu
     refuse_unknown([orientation], ORIENTATIONS, where, "the orientation '{}' is not one of {known}.", DeckError)
     row = CORRELATIONS.get(name or DEFAULTS[orientation]) or _of_library(name, where)
     if "vertical_plate" in row.name and orientation != "vertical":
-        raise DeckError(f"'{row.name}' is for vertical plates, but the orientation is '{orientation}'. Change one of them.", where)
+        raise DeckError(
+            f"'{row.name}' is for vertical plates, but the orientation is '{orientation}'. Change one of them.",
+            where,
+            code="value.excludes-another",
+        )
     if row.facing and orientation == "vertical":
         raise DeckError(
-            f"'{row.name}' is for horizontal plates. Give orientation = 'up' or 'down', the direction that the surface faces.", where
+            f"'{row.name}' is for horizontal plates. Give orientation = 'up' or 'down', the direction that the surface faces.",
+            where,
+            code="value.incomplete",
         )
     return row
 
@@ -121,7 +127,9 @@ def _of_library(name: str, where: str) -> NusseltLaw:
     hint = nearest(name, CORRELATIONS)
     if not name.startswith("Nu_"):
         raise DeckError(
-            f"unknown correlation '{name}'.{hint} There are {', '.join(CORRELATIONS)}, and the functions of the library ht.", where
+            f"unknown correlation '{name}'.{hint} There are {', '.join(CORRELATIONS)}, and the functions of the library ht.",
+            where,
+            code="name.unknown",
         )
     try:
         from ht import conv_free_immersed as library
@@ -129,6 +137,7 @@ def _of_library(name: str, where: str) -> NusseltLaw:
         raise DeckError(
             f"{missing(['ht'], f'the correlation {name!r}')}. Without it there are {', '.join(CORRELATIONS)}.",
             where,
+            code="extra.not-installed",
         ) from None
     function: Any = getattr(library, name, None)
     if function is None:
@@ -143,7 +152,9 @@ def _of_library(name: str, where: str) -> NusseltLaw:
     arguments = signature(function).parameters
     names = [n for n, p in arguments.items() if p.default is p.empty and n != "buoyancy"]
     if names != ["Pr", "Gr"] or name.endswith("_methods"):
-        raise DeckError(f"'{name}' takes {', '.join(names)}; only functions of Pr and Gr are supported.", where)
+        raise DeckError(
+            f"'{name}' takes {', '.join(names)}; only functions of Pr and Gr are supported.", where, code="model.element-not-supported"
+        )
     facing = "buoyancy" in arguments and arguments["buoyancy"].default is not None  # None: of a vertical plate, which has it for its form
 
     def nusselt(ra: float, pr: float, away: bool) -> float:

@@ -144,7 +144,11 @@ def factor_faults(factors: Array, areas: Array, names: Sequence[str], where: str
     """
     if factors.min() < 0.0:
         i, j = np.argwhere(factors < 0.0)[0]
-        raise DeckError(f"the view factor from '{names[i]}' to '{names[j]}' is {factors[i, j]:g}; it must not be negative.", where)
+        raise DeckError(
+            f"the view factor from '{names[i]}' to '{names[j]}' is {factors[i, j]:g}; it must not be negative.",
+            where,
+            code="model.view-factors",
+        )
     shared = areas[:, None] * factors
     off = np.abs(shared - shared.T)
     allowed = RECIPROCITY * np.maximum(shared, shared.T) + 1e-9 * areas.max()
@@ -154,6 +158,7 @@ def factor_faults(factors: Array, areas: Array, names: Sequence[str], where: str
             f"view factors of '{names[i]}' and '{names[j]}' violate reciprocity: area times factor is {shared[i, j]:.5g} m^2 one way and "
             f"{shared[j, i]:.5g} m^2 the other. Correct a factor or an area.",
             where,
+            code="model.view-factors",
         )
     sums = factors.sum(axis=1)
     bad = np.abs(sums - 1.0) > RECIPROCITY if closed else sums > 1.0 + RECIPROCITY
@@ -164,4 +169,4 @@ def factor_faults(factors: Array, areas: Array, names: Sequence[str], where: str
             if closed
             else ("The sum must not exceed one. Correct them.")
         )
-        raise DeckError(f"the view factors of '{names[k]}' sum to {sums[k]:.5g}, not to one. {cure}", where)
+        raise DeckError(f"the view factors of '{names[k]}' sum to {sums[k]:.5g}, not to one. {cure}", where, code="model.view-factors")

@@ -187,5 +187,5 @@ def finish(name: str, where: str = "") -> Finish:
         first = name.partition(",")[0].strip().lower()
         same = [f"'{n}'" for n in FINISHES if n.partition(",")[0] == first]
         hint = f" There are {', '.join(same)}." if same and "," not in name else nearest(name, FINISHES)
-        raise DeckError(f"unknown finish '{name}'.{hint} For any other surface give its emissivity.", where)
+        raise DeckError(f"unknown finish '{name}'.{hint} For any other surface give its emissivity.", where, code="name.unknown")
     return FINISHES[name]

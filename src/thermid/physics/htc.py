@@ -229,7 +229,7 @@ def compare_htc(
 def _gas(air: Gas | tuple[float, float, float] | None, temperature: float) -> Gas:
     """Return the air of a comparison: as given, or dry air at a temperature [K]."""
     if isinstance(air, tuple) and not min(air) > 0.0:
-        raise ThermidError("conductivity, viscosity and Prandtl number of the air must be above zero.", "air")
+        raise ThermidError("conductivity, viscosity and Prandtl number of the air must be above zero.", "air", code="value.outside-range")
     return Gas(*air) if isinstance(air, tuple) else air or dry_air(temperature)
 
 
@@ -260,12 +260,13 @@ def _settled(
     q, a, tall = _number(power, "W", "power"), _number(area, "m^2", "area"), _number(height, "m", "height")
     hot, cold = _number(surface, TEMPERATURE, "surface"), _number(ambient, TEMPERATURE, "ambient")
     if not (a > 0 and tall > 0):
-        raise ThermidError("a coefficient needs an area and a height above zero.", "compare_htc")
+        raise ThermidError("a coefficient needs an area and a height above zero.", "compare_htc", code="value.outside-range")
     if not q * (hot - cold) > 0:
         raise ThermidError(
             f"{q:g} W and a surface {hot - cold:+.4g} K from its ambient are inconsistent: heat flows to the colder side. Check for "
             "exchanged temperatures, and the sign of the power.",
             "compare_htc",
+            code="value.contradicts",
         )
     return q, a, hot, cold, tall
 
@@ -352,7 +353,7 @@ def _settling(capacitance: str | float | None, after: str | float | None, conduc
         return None
     heat, time = _number(capacitance, "J/K", "capacitance"), _number(after, "s", "settled_after")
     if not (heat > 0 and time > 0):
-        raise ThermidError("a time constant needs a capacitance and a settling time above zero.", "compare_htc")
+        raise ThermidError("a time constant needs a capacitance and a settling time above zero.", "compare_htc", code="value.outside-range")
     first, middle, last = (time / -math.log(1.0 - part) for part in SETTLED)
     settling = Settling(heat / conductance, (first, middle, last))
     if settling.differs:

@@ -319,7 +319,9 @@ def placed_factors(faces: tuple[Placed, ...], names: tuple[str, ...], rays: int 
         for j in np.unique(first[behind]).tolist():
             if np.mean(behind & (first == j)) > MAX_LOST_RAY_SHARE:
                 raise DeckError(
-                    f"'{names[i]}' sees the back of '{names[j]}'. Define a separate face for that side, or exchange its sides.", where
+                    f"'{names[i]}' sees the back of '{names[j]}'. Define a separate face for that side, or exchange its sides.",
+                    where,
+                    code="model.view-factors",
                 )
         shares[i] = np.bincount(first[hit & front], minlength=count) / rays
     both = size[:, None] * shares

@@ -85,13 +85,17 @@ class Spread(Shown):
         size = len(self.names)
         covariance = np.asarray(self.covariance, dtype=float)
         if covariance.shape != (size, size) or len(self.log) not in (0, size):
-            raise IdentificationError(f"{size} names need a covariance of {size} by {size}, and as many marks for logarithms.", self.cause)
+            raise IdentificationError(
+                f"{size} names need a covariance of {size} by {size}, and as many marks for logarithms.", self.cause, code="value.shape"
+            )
         loose = [n for n, v in zip(self.names, np.diag(covariance), strict=True) if not np.isfinite(v)]
         if loose:
-            raise IdentificationError(f"'{loose[0]}' has no finite error. Leave it out, or give it a spread of its own.", self.cause)
+            raise IdentificationError(
+                f"'{loose[0]}' has no finite error. Leave it out, or give it a spread of its own.", self.cause, code="fit.not-determined"
+            )
         sizes = np.linalg.eigvalsh(covariance) if size else np.zeros(0)
         if not np.allclose(covariance, covariance.T, rtol=1e-6) or sizes.min(initial=0.0) < -1e-9 * sizes.max(initial=0.0):
-            raise IdentificationError("a covariance must be symmetric and positive semi-definite.", self.cause)
+            raise IdentificationError("a covariance must be symmetric and positive semi-definite.", self.cause, code="value.shape")
         object.__setattr__(self, "covariance", 0.5 * (covariance + covariance.T))
         object.__setattr__(self, "log", tuple(self.log) or (False,) * size)
 
@@ -245,6 +249,7 @@ def check_variants(stated: Mapping[str, Any], model: Model, scenarios: Sequence[
                 f"the scenarios have different temperatures of '{name}', but the spread gives one absolute temperature for all of "
                 "them. Give a shift in kelvin, such as '2 [K]'.",
                 model.title,
+                code="value.contradicts",
             )
 
 
@@ -512,6 +517,7 @@ class Budget:
                 f"the scenario gives the power of '{load}', so a spread of the deck's '{still}' has no effect. Spread 'scale.{load}' in "
                 "per cent.",
                 self.model.title,
+                code="value.without-effect",
             )
         # parameter -> the cause that spreads it first
         acting = [(t, row) for t, row in zip(self.targets, self.gain, strict=True) if t.form in ("add", "log", "factor") and row.any()]
@@ -522,7 +528,11 @@ class Budget:
             cause = s.cause if isinstance(s, Spread) else "stated"
             for name in map(ready.canonical, _names(s)):
                 if name in owners:
-                    raise IdentificationError(f"'{name}' has two spreads, by {owners[name]} and by {cause}. Leave one out.", ready.title)
+                    raise IdentificationError(
+                        f"'{name}' has two spreads, by {owners[name]} and by {cause}. Leave one out.",
+                        ready.title,
+                        code="value.excludes-another",
+                    )
                 owners[name] = cause
             out = out._joint(s, ready) if isinstance(s, Spread) else out._single(s, ready)
         return out

@@ -233,7 +233,9 @@ def rows_of(knowledge: Knowledge) -> Rows:
         loose = next((p for p, s in acting.items() if not s.known and s.origin.kind == "fit"), None)
         if loose is not None:
             raise IdentificationError(
-                f"'{loose}' has no finite error. Leave it out, or give it a spread of its own.", knowledge.model.title
+                f"'{loose}' has no finite error. Leave it out, or give it a spread of its own.",
+                knowledge.model.title,
+                code="fit.not-determined",
             )
         states = {s.acts[0]: s for p, s in acting.items() if s.known and store.error(p) > 0}
         out = out.beside(Rows.of_states(store, states, "fit" if knowledge.fit is not None else f"fit of {values.stage}"))

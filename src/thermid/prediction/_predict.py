@@ -428,7 +428,11 @@ def predict(
     """
     knowledge = fit if isinstance(fit, Knowledge) else Knowledge.of_source(fit)
     if draws < 0:
-        raise IdentificationError(f"{draws} members are too few. Give 0 for derivatives alone, or some hundred.", knowledge.model.title)
+        raise IdentificationError(
+            f"{draws} members are too few. Give 0 for derivatives alone, or some hundred.",
+            knowledge.model.title,
+            code="value.outside-range",
+        )
     request = PredictRequest(scenario, spread, without, every, times, draws, seed, options, as_logged)
     plain = request.answer(knowledge.for_model(model) if model is not None else knowledge, nodes)
     if knowledge.fit is None or model is not None or draws or DEFECTS in without:

@@ -223,7 +223,9 @@ def parts_of(
                 f"'{path}' is not a surface with an effective coefficient.{nearest(path, effective)}", model.title, code="name.unknown"
             )
     if not chosen:
-        raise IdentificationError("no surface has an effective coefficient, so there is nothing to separate.", model.title)
+        raise IdentificationError(
+            "no surface has an effective coefficient, so there is nothing to separate.", model.title, code="fit.not-determined"
+        )
     if isinstance(conditions, Mapping):
         at = conditions
     else:
@@ -234,6 +236,7 @@ def parts_of(
             "the temperatures at which the coefficients were fitted are missing. Give a scenario that settles there, or a fit with "
             "its records.",
             network.title,
+            code="value.incomplete",
         )
     return [_part(network, effective[p], at.get(p, (math.nan, math.nan)), values, priors) for p in chosen]
 
@@ -244,7 +247,9 @@ def _part(network: Network, c: FlatConductor, at: tuple[float, float], fitted: F
     hot, cold = at
     if not abs(hot - cold) > SMALLEST_RISE:
         raise IdentificationError(
-            f"'{c.path}' was never more than {SMALLEST_RISE:g} K from the gas temperature, so its coefficient is not determined.", c.where
+            f"'{c.path}' was never more than {SMALLEST_RISE:g} K from the gas temperature, so its coefficient is not determined.",
+            c.where,
+            code="fit.not-determined",
         )
     total = value_of(values[c.fields["area"]])
     area = value_of(exposed_area(c.path, values[c.fields["area"]], c.takes, values, c.where))
@@ -276,6 +281,7 @@ def _root(network: Network, c: FlatConductor, fitted: FittedValues) -> str:
             f"the emissivity of '{c.path}' is not stated. Give its finish, such as finish = \"aluminium, machined\", or its"
             " emissivity with min and max.",
             c.where,
+            code="value.incomplete",
         )
     root = network.flat.parameters.freeable(c.emissivity, network.flat.names.model.canonical)
     entry = fitted.assignments.get(root)
@@ -298,10 +304,12 @@ def _prior(network: Network, c: FlatConductor, priors: Mapping[str, Any]) -> Emi
         law = read_spread(chosen if isinstance(chosen, Mapping) else dict(zip(("mean", "sd"), chosen, strict=True)), "1", value, c.path)
         mean, sd = law.mean, math.sqrt(law.variance)
         if not (0.0 < mean <= 1.0 and sd >= 0.0):
-            raise IdentificationError(f"an emissivity of {mean:g} +- {sd:g} is not a valid prior. Give a mean from 0 to 1.", c.path)
+            raise IdentificationError(
+                f"an emissivity of {mean:g} +- {sd:g} is not a valid prior. Give a mean from 0 to 1.", c.path, code="value.outside-range"
+            )
         return EmissivityPrior(mean, sd / mean, f"an emissivity of {mean:.3g} +- {sd:.2g}")
     if not 0.0 < value <= 1.0:
-        raise IdentificationError(f"an emissivity of {value:g} is not possible. Give 0 to 1.", c.where)
+        raise IdentificationError(f"an emissivity of {value:g} is not possible. Give 0 to 1.", c.where, code="value.outside-range")
     low, high, printed = parameter.minimum, parameter.maximum, parameter.printed
     if low is not None and high is not None and 0.0 < low < high:
         name = printed.name if printed is not None else ""

@@ -391,7 +391,7 @@ def before_model(model: Model, priors: Mapping[str, Any], scenario: Scenario | N
     IdentificationError   When there are none.
     """
     if not priors:
-        raise IdentificationError("a model alone has no uncertainties. Give priors, or a fit.", model.title)
+        raise IdentificationError("a model alone has no uncertainties. Give priors, or a fit.", model.title, code="value.incomplete")
     parameters = compile_network(model).flat.parameters
     texts = {parameters.freeable(raw, model.canonical): spread for raw, spread in priors_of(model, priors, model.title).items()}
     unknowns = [unknown_of(model, p) for p in texts]
@@ -503,11 +503,15 @@ def next_test(
     before = before_fit(source, aim) if isinstance(source, Calibration) else before_model(source, priors or {}, aim)
     model = before.model
     if scenario is None and not actions:
-        raise IdentificationError("no test is given to choose from. Give actions, or a scenario to vary.", model.title)
+        raise IdentificationError(
+            "no test is given to choose from. Give actions, or a scenario to vary.", model.title, code="value.incomplete"
+        )
     base = scenario if scenario is not None else actions[0].scenario
     instruments = sensors_of(model, base, sensors) if sensors else _sensors(source)
     if not instruments:
-        raise IdentificationError("no sensor is given, so a test would give no information. Name at least one.", model.title)
+        raise IdentificationError(
+            "no sensor is given, so a test would give no information. Name at least one.", model.title, code="value.incomplete"
+        )
     gradient, value, label, slot, beside = _gradient(before, target)
     now = _error(np.diag(before.information), gradient)
     wanted = _goal(goal, slot, value)

@@ -60,14 +60,20 @@ def deliver(
     """
     target = Path(to)
     if target.exists() and any(target.iterdir()):
-        raise DeckError(f"the folder '{target.name}' is not empty. A delivery is written once. Give a new folder.")
+        raise DeckError(
+            f"the folder '{target.name}' is not empty. A delivery is written once. Give a new folder.", code="output.over-another-file"
+        )
     names, stages = [Path(s).name for s in scenarios], [v.stage for v in values]
     for what, names_of in (("scenario files are named", names), ("files of values are of stage", stages)):
         if twice := [n for n in dict.fromkeys(names_of) if names_of.count(n) > 1]:
-            raise DeckError(f"two {what} '{twice[0]}', but a delivery needs different names. Rename one, or leave it out.", model.title)
+            raise DeckError(
+                f"two {what} '{twice[0]}', but a delivery needs different names. Rename one, or leave it out.",
+                model.title,
+                code="name.taken",
+            )
     loaded = dict(zip(names, map(load_scenario, scenarios), strict=True))
     if not loaded:
-        raise DeckError("a delivery needs a scenario, to state the expected result.", model.title)
+        raise DeckError("a delivery needs a scenario, to state the expected result.", model.title, code="value.incomplete")
     small = reduce(model, list(loaded.values()), nodes=nodes, within=within, at=at) if nodes or within is not None else None
     record = _record(model, loaded, small, at)
     with folder_replacing(target) as folder:
@@ -96,12 +102,12 @@ def check_delivery(folder: str | os.PathLike[str]) -> dict[str, float]:
     """
     base = Path(folder)
     if not (base / "checks.json").is_file():
-        raise DeckError(f"'{base.name}' is not a delivery: it has no checks.json with files and runs.")
+        raise DeckError(f"'{base.name}' is not a delivery: it has no checks.json with files and runs.", code="file.another-kind")
     record = read_json(base / "checks.json", "thermid.qualify._plan_schema.ChecksFile")
     files, runs, watched = record.files, record.runs, record.reference_points
     for name, sha256 in files.items():
         if not (base / name).is_file() or _hash(base / name) != sha256:
-            raise DeckError(f"'{name}' is not the file that was delivered.", base.name)
+            raise DeckError(f"'{name}' is not the file that was delivered.", base.name, code="delivery.differs")
     model = load_model(base / "full" / "model.toml")
     out = {}
     for name, want in runs.items():
@@ -109,7 +115,7 @@ def check_delivery(folder: str | os.PathLike[str]) -> dict[str, float]:
         off = {p: np.abs(run[p].at(np.array(want.times)) - np.array(want.temperatures[p])).max() for p in watched}
         worst = max(off, key=lambda p: off[p])
         if not off[worst] <= MAX_DIFFERENCE:
-            raise DeckError(f"'{worst}' is {off[worst]:.3g} K from its expected value in {name}.", base.name)
+            raise DeckError(f"'{worst}' is {off[worst]:.3g} K from its expected value in {name}.", base.name, code="delivery.differs")
         out[name] = float(off[worst])
     return out
 

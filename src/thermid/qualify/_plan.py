@@ -156,16 +156,21 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
             "the plan is empty. State before any log is read what the tests must show: title, objectives, [model], [limits], [sensors] and "
             "[[tests]].",
             target.name,
+            code="plan.incomplete",
         )
     if lacking:
         raise DeckError(
-            f"the plan has no {', no '.join(lacking)}. State them before any log is read; a later decision is weak evidence.", target.name
+            f"the plan has no {', no '.join(lacking)}. State them before any log is read; a later decision is weak evidence.",
+            target.name,
+            code="plan.incomplete",
         )
     content: PlanFile = by_grammar("thermid.qualify._plan_schema.PlanFile", raw, where)
     source = content.model
     if bool(source.deck) == bool(source.campaign) or bool(source.campaign) != bool(source.stage):
         raise DeckError(
-            "give the model as a deck, with a values file if any; or as a stage of a campaign: campaign and stage.", where("model")
+            "give the model as a deck, with a values file if any; or as a stage of a campaign: campaign and stage.",
+            where("model"),
+            code="value.incomplete",
         )
     limits = _limits(content.limits, target.parent, where)
     project_sets = {name: Criteria.read(table, where(f"criteria.{name}"), name) for name, table in content.criteria.items()}
@@ -220,7 +225,7 @@ def basis(target: Path, content: PlanFile, data: Path | None, where: Callable[[s
     for name in (n for n in plain if n):
         file = resolve_inside(folder, name, where("files"))
         if not file.is_file():
-            raise DeckError(f"there is no file '{name}'.", target.name)
+            raise DeckError(f"there is no file '{name}'.", target.name, code="file.not-found")
         for one in _with_named(file, logs, set()):
             out[_name(one, folder, logs)] = hashlib.sha256(read_bytes(one)).hexdigest()
     return out
@@ -292,7 +297,9 @@ def check_parts(content: PlanFile, where: Where) -> None:
     """
     for name, sensor in content.sensors.items():
         if not sensor.reason.strip():
-            raise DeckError(f"sensor '{name}' has no reason for its place. State why.", where(f"sensors.{name}.reason"))
+            raise DeckError(
+                f"sensor '{name}' has no reason for its place. State why.", where(f"sensors.{name}.reason"), code="value.incomplete"
+            )
     for name in content.exclusions.reasons:
         refuse_unknown(
             [name], content.sensors, where(f"exclusions.reasons.{name}"), "'{}' is excluded, but is not a sensor.", NameNotFoundError
@@ -301,7 +308,11 @@ def check_parts(content: PlanFile, where: Where) -> None:
         texts = getattr(content.validity, key)
         ends = [literal(t, unit, where(f"validity.{key}")) for t in texts]
         if texts and (len(ends) not in ((1, 2) if key == "gravity" else (2,)) or ends != sorted(ends)):
-            raise DeckError(f"give the range of the calibration as a pair, lowest first, not {texts}.", where(f"validity.{key}"))
+            raise DeckError(
+                f"give the range of the calibration as a pair, lowest first, not {texts}.",
+                where(f"validity.{key}"),
+                code="value.outside-range",
+            )
 
 
 def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, Criteria], where: Where) -> None:
@@ -315,9 +326,9 @@ def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, Criter
     """
     names = [t.name for t in content.tests]
     if not test.name.strip() or names.count(test.name) > 1:
-        raise DeckError(f"a test needs a name of its own, not '{test.name}'.", where("name"))
+        raise DeckError(f"a test needs a name of its own, not '{test.name}'.", where("name"), code="name.taken")
     if test.profile is None and test.scenario is None:
-        raise DeckError(f"test '{test.name}' needs a profile or a scenario.", where("name"))
+        raise DeckError(f"test '{test.name}' needs a profile or a scenario.", where("name"), code="value.incomplete")
     refuse_unknown([test.host] if test.host else (), content.hosts, where("host"), "there is no host '{}'.", NameNotFoundError)
     for key in ("sensors", "weights"):
         refuse_unknown(getattr(test, key), content.sensors, where(key), "there is no sensor '{}'.", NameNotFoundError)
@@ -333,13 +344,20 @@ def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, Criter
             f"'{steady[0]}' applies to steady cases, but test '{test.name}' names no steady period. Give steady = [[\"4 [h]\", \"5 "
             '[h]"]].',
             where("criteria"),
+            code="value.without-effect",
         )
     for window in test.steady:
         ends = [literal(t, "s", where("steady")) for t in window]
         if len(ends) != 2 or not ends[0] < ends[1]:
-            raise DeckError('give a steady period as a pair of times, the earlier first: ["4 [h]", "5 [h]"].', where("steady"))
+            raise DeckError(
+                'give a steady period as a pair of times, the earlier first: ["4 [h]", "5 [h]"].',
+                where("steady"),
+                code="value.outside-range",
+            )
     if test.state == "waived" and not test.note.strip():
-        raise DeckError(f"test '{test.name}' is waived without a reason. State why, and by whom, in its note.", where("state"))
+        raise DeckError(
+            f"test '{test.name}' is waived without a reason. State why, and by whom, in its note.", where("state"), code="value.incomplete"
+        )
 
 
 @dataclass(frozen=True)

@@ -280,7 +280,9 @@ def _beside(scenario: Scenario | None, test: TestTable, knowledge: Knowledge) ->
     if both or scenario.seconds > 0.0:
         what = f"boundary '{both[0]}' is the chamber" if both else "its duration follows from the unit"
         raise ScenarioError(
-            f"{what}: the profile gives it already. A scenario beside a profile may give other inputs only. Leave it out there.", "scenario"
+            f"{what}: the profile gives it already. A scenario beside a profile may give other inputs only. Leave it out there.",
+            "scenario",
+            code="value.excludes-another",
         )
     return scenario
 

@@ -122,7 +122,9 @@ class BlockSolution(Solution):
         SolverError   For a steady state, which stores no heat.
         """
         if self._answer is None:
-            raise SolverError("a steady state has no heat balance over time. Run the block in time for one.", self.title)
+            raise SolverError(
+                "a steady state has no heat balance over time. Run the block in time for one.", self.title, code="value.without-effect"
+            )
         a, capacities = self._answer, self._network.capacities
         loads, boundaries, moved = float(a.load_energy.sum()), float(a.boundary_energy.sum()), a.final - a.initial
         stored = float(capacities @ moved)
@@ -133,7 +135,11 @@ class BlockSolution(Solution):
     @property
     def heat_flows(self) -> Mapping[str, Array]:
         """Refused: a block has no conductors with names."""
-        raise SolverError("a block does not store the heat flow of single conductors. Use heat_balance() for the sums.", self.title)
+        raise SolverError(
+            "a block does not store the heat flow of single conductors. Use heat_balance() for the sums.",
+            self.title,
+            code="value.without-effect",
+        )
 
     def heat_flow(self, conductor: str) -> Array:
         """Refused: a block has no conductors with names."""
@@ -143,7 +149,9 @@ class BlockSolution(Solution):
     def time_constants(self) -> Array:
         """Refused: they would need all modes."""
         raise SolverError(
-            "time constants need all modes of a network. Compute them from a block.model() of some hundred cells.", self.title
+            "time constants need all modes of a network. Compute them from a block.model() of some hundred cells.",
+            self.title,
+            code="model.element-not-supported",
         )
 
     def sensitivity(self, node: str, name: str) -> Array:
@@ -248,7 +256,7 @@ def simulate_block(
     watched = [_watched(block, name) for name in names]
     field_times = np.asarray(list(fields), dtype=float)
     if field_times.size and ((np.diff(field_times) <= 0).any() or field_times[0] < 0 or field_times[-1] > scenario.seconds):
-        raise ScenarioError("times of fields must increase and lie within the duration.", where)
+        raise ScenarioError("times of fields must increase and lie within the duration.", where, code="value.outside-range")
     initial, statistics, start_remark = _start(block, scenario, network, opts, where)
     answer = integrate(network, initial, scenario.seconds, wanted, watched, field_times, opts, where, block.name, opts.extremes)
     grid = {"fields": answer.fields.reshape(-1, *block.cells), "final_field": answer.final.reshape(block.cells), "field_times": field_times}
@@ -391,9 +399,13 @@ def _check(block: Block, scenario: Scenario, where: str) -> None:
     scenario.check_spans()
     for name in ("gains", "schedule", "prescribed", "environment"):
         if getattr(scenario, name):
-            raise ScenarioError(f"a block takes no '{name}'. Turn the block into a model with model(), which does.", where)
+            raise ScenarioError(
+                f"a block takes no '{name}'. Turn the block into a model with model(), which does.", where, code="value.without-effect"
+            )
     if scenario.as_printed:
-        raise ScenarioError("--as-printed does not apply to a block. Turn it into a model with model().", where)
+        raise ScenarioError(
+            "--as-printed does not apply to a block. Turn it into a model with model().", where, code="value.without-effect"
+        )
     tables: tuple[tuple[str, Mapping[str, Any], Collection[str]], ...] = (
         ("boundary", scenario.boundaries, block.boundaries),
         ("heater", scenario.loads, block.heaters),
@@ -403,7 +415,9 @@ def _check(block: Block, scenario: Scenario, where: str) -> None:
         refuse_unknown(table, allowed, where, f"the block has no {kind} '{{}}'.", ScenarioError)
     for name in block.boundaries:
         if name not in scenario.boundaries:
-            raise ScenarioError(f"boundary '{name}' has no temperature. Give it one under boundaries of the scenario.", where)
+            raise ScenarioError(
+                f"boundary '{name}' has no temperature. Give it one under boundaries of the scenario.", where, code="run.input-missing"
+            )
 
 
 def _rows(block: Block, exchange: Exchange, boundaries: tuple[str, ...]) -> list[RowGroup]:
@@ -429,10 +443,14 @@ def _start(block: Block, scenario: Scenario, network: SparseNetwork, options: Op
     steady_start = Start.from_text(start, where)
     if steady_start is not None:
         if scenario.initial:
-            raise ScenarioError("a steady start gives the temperatures of all cells. Leave 'initial' out.", where)
+            raise ScenarioError(
+                "a steady start gives the temperatures of all cells. Leave 'initial' out.", where, code="value.excludes-another"
+            )
         return _settled(block, scenario, network, steady_start, options, where)
     if start == "" and len(network.boundaries) != 1:
-        raise ScenarioError("the start is missing. Give a temperature, the name of a boundary, or 'steady'.", where)
+        raise ScenarioError(
+            "the start is missing. Give a temperature, the name of a boundary, or 'steady'.", where, code="run.input-missing"
+        )
     initial = np.full(block.count, _temperature(start or network.boundaries[0], network, where))
     for name, value in scenario.initial.items():
         initial[block.place(name)] = _temperature(value, network, where)
@@ -501,7 +519,9 @@ def _periodic(
         states.append(state)
         steps.append(FAST_MODE_SHARE * missed + solve(network.capacities * missed / period))
         state = np.maximum(_mixed(states[-REMEMBERED_STEPS:], steps[-REMEMBERED_STEPS:]), 0.1)
-    raise SolverError(f"no state was found that comes back after {period:g} s; it missed by {size:.3g} K.", where)
+    raise SolverError(
+        f"no state was found that comes back after {period:g} s; it missed by {size:.3g} K.", where, code="run.no-periodic-state"
+    )
 
 
 def _mixed(states: list[Array], steps: list[Array]) -> Array:

@@ -34,7 +34,7 @@ def draw(model: Model, scenario: Scenario, spreads: Mapping[str, Any], members: 
     UnitError           When a number has another dimension than what it spreads.
     """
     if members < 1:
-        raise ScenarioError("an ensemble needs at least one member.", model.title)
+        raise ScenarioError("an ensemble needs at least one member.", model.title, code="value.outside-range")
     duration = scenario if scenario.seconds > 0 else scenario.with_(duration=1.0)
     ready = prepare(model, duration, tuple(spreads))
     laws = {name: ready.law(name, spread) for name, spread in zip(ready.free, spreads.values(), strict=True)}

@@ -91,7 +91,11 @@ class Ensemble(Result):
     def trace(self, member: int, node: str) -> Trace:
         """Return the trace of a node in one member."""
         if not 0 <= member < self.members:
-            raise ScenarioError(f"member {member} does not exist. Members are numbered from 0 to {self.members - 1}.", self.title)
+            raise ScenarioError(
+                f"member {member} does not exist. Members are numbered from 0 to {self.members - 1}.",
+                self.title,
+                code="value.outside-range",
+            )
         turnings = self.turnings(node)
         return Trace(
             self._stored_node(node),
@@ -184,7 +188,9 @@ class Ensemble(Result):
         path = self._find(node)
         refuse_unknown([path], self.nodes, self.title, f"'{node}' was not stored. Name it in 'nodes'. Stored: {{known}}.", ScenarioError)
         if len(self.failed) == self.members:
-            raise ScenarioError(f"no member of the ensemble reached the end of the run. Member 0: {self.failed[0]}", self.title)
+            raise ScenarioError(
+                f"no member of the ensemble reached the end of the run. Member 0: {self.failed[0]}", self.title, code="run.members-failed"
+            )
         return path
 
     def __str__(self) -> str:
@@ -221,7 +227,7 @@ def check_shares(shares: Array, where: str) -> None:
     ScenarioError   When a share does not lie between 0 and 1.
     """
     if shares.ndim != 1 or shares.size == 0 or not ((shares >= 0.0) & (shares <= 1.0)).all():
-        raise ScenarioError("give a quantile between 0 and 1, such as 0.95.", where)
+        raise ScenarioError("give a quantile between 0 and 1, such as 0.95.", where, code="value.outside-range")
 
 
 TRACE_BYTES_AT_ONCE = 64_000_000
@@ -617,7 +623,7 @@ def run_members(
     where = ", ".join(titles)
     values, members = _columns(draws, where)
     if threads < 1:
-        raise ScenarioError("an ensemble needs at least one thread.", where)
+        raise ScenarioError("an ensemble needs at least one thread.", where, code="value.outside-range")
     shares = () if quantiles is None else tuple(float(q) for q in quantiles)
     if quantiles is not None:
         check_shares(np.array(shares), where)
@@ -632,7 +638,11 @@ def run_members(
         counted = _all_counted(runs, values, members, executor, job)
         return ensemble(counted.failed, counted.statistics, network.find, _no_traces, counted.tallies, {}, warnings)
     if job is not None:
-        raise ScenarioError("a job keeps counts of members, not their traces. Give 'quantiles', or use td.qualify.uncertain_runs.", where)
+        raise ScenarioError(
+            "a job keeps counts of members, not their traces. Give 'quantiles', or use td.qualify.uncertain_runs.",
+            where,
+            code="value.incomplete",
+        )
     if executor is None:
         group = runs.group(values)
         return ensemble(group.failed, group.statistics, network.find, group.temperature, {}, group.turnings, warnings)
@@ -719,7 +729,9 @@ def _one_by_one(
     wiring = engine.wiring
     titles = (wiring.network.title, wiring.scenario.title)
     if shares or set(values) != set(wiring.free):
-        raise ScenarioError("runs of an FMU are kept whole, and one by one. Leave quantiles out.", ", ".join(titles))
+        raise ScenarioError(
+            "runs of an FMU are kept whole, and one by one. Leave quantiles out.", ", ".join(titles), code="model.element-not-supported"
+        )
     temperatures = np.full((members, times.size, len(wanted)), np.nan)
     failed: dict[int, str] = {}
     end = max(wiring.scenario.seconds, float(times[-1]))
@@ -746,7 +758,7 @@ def _columns(draws: Mapping[str, Any], where: str) -> tuple[dict[str, Array], in
     sizes = {v.shape for v in values.values()}
     if len(sizes) != 1 or any(len(s) != 1 or s[0] == 0 for s in sizes):
         shapes = ", ".join(f"'{n}' {v.shape}" for n, v in values.items()) or "nothing is drawn"
-        raise ScenarioError(f"every name needs one value per member, in a list: {shapes}.", where)
+        raise ScenarioError(f"every name needs one value per member, in a list: {shapes}.", where, code="value.shape")
     for v in values.values():
         v.flags.writeable = False
     return values, sizes.pop()[0]
@@ -824,4 +836,4 @@ class _Ended:
 
 
 def _no_traces(name: str) -> Array:
-    raise ScenarioError(f"no trace of '{name}' was stored. Name it in 'nodes'.")
+    raise ScenarioError(f"no trace of '{name}' was stored. Name it in 'nodes'.", code="name.unknown")

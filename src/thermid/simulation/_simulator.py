@@ -51,7 +51,11 @@ def output_times(scenario: Scenario, every: str | float | None, times: Any) -> A
     ScenarioError   When the scenario has no duration, or times lie outside it or do not increase.
     """
     if scenario.seconds <= 0:
-        raise ScenarioError('a run needs a duration above zero: duration = "5 [h]", or --for "5 [h]".', f"{scenario.title}, duration")
+        raise ScenarioError(
+            'a run needs a duration above zero: duration = "5 [h]", or --for "5 [h]".',
+            f"{scenario.title}, duration",
+            code="value.outside-range",
+        )
     if times is not None:
         with errors_at(f"{scenario.title}, times"):
             wanted = seconds(times)
@@ -61,13 +65,13 @@ def output_times(scenario: Scenario, every: str | float | None, times: Any) -> A
             or not (np.diff(wanted) > 0).all()
             or not 0 <= wanted[0] <= wanted[-1] <= scenario.seconds * (1 + 1e-12)
         ):
-            raise ScenarioError("output times must increase and lie within the duration.", scenario.title)
+            raise ScenarioError("output times must increase and lie within the duration.", scenario.title, code="value.outside-range")
         return wanted
     if every is None:
         return np.linspace(0.0, scenario.seconds, DEFAULT_SAMPLES)
     step = literal(every, "s", f"{scenario.title}, every") if isinstance(every, str) else float(every)
     if not step > 0:
-        raise ScenarioError("the interval of output must be above zero.", scenario.title)
+        raise ScenarioError("the interval of output must be above zero.", scenario.title, code="value.outside-range")
     if scenario.seconds / step > cap("outputs"):
         raise ScenarioError(
             f"an interval of {step:g} s would store {scenario.seconds / step:.3g} samples, of at most {cap('outputs'):,.0f}. "
@@ -246,7 +250,9 @@ class Simulator(Shown):
         """
         values = self._by_free_name(draws)
         if len(values) < len(draws):
-            raise ScenarioError("one parameter is drawn twice, by its path and by an alias. Remove one of them.", self.title)
+            raise ScenarioError(
+                "one parameter is drawn twice, by its path and by an alias. Remove one of them.", self.title, code="name.taken"
+            )
         return run_members(self._engine, values, self.times, self.options, nodes, quantiles, threads, simd, self._remarks, executor, job)
 
     def settled(self, values: Mapping[str, float] | None = None) -> tuple[dict[str, float], dict[str, Array]]:
@@ -331,7 +337,7 @@ class Simulator(Shown):
         with errors_at(f"{self.title}, {name}"):
             value = si_values(values_given, slot)
             if value is not None and np.isnan(value).any():  # that would stand for a steady start
-                raise ScenarioError("nan is not a value.")
+                raise ScenarioError("nan is not a value.", code="value.outside-range")
         return values_given if value is None else value
 
 

@@ -114,7 +114,9 @@ class Trace(Result):
         outside = [t for t in np.ravel(wanted_times) if not first - near <= t <= last + near]
         if outside:
             raise ScenarioError(
-                f"the run goes from {first:g} s to {last:g} s; it has no temperature at {outside[0]:g} s.", f"{self.path}, at"
+                f"the run goes from {first:g} s to {last:g} s; it has no temperature at {outside[0]:g} s.",
+                f"{self.path}, at",
+                code="run.outside-times",
             )
         wanted = np.clip(wanted_times, first, last)
         if self.dense is None or np.isin(wanted, self.times).all():

@@ -68,6 +68,8 @@ def simulate(
         return simulate_block(model, scenario, every=every, times=times, options=options, watch=watch, fields=fields)
     if watch is not None or tuple(fields):
         raise ScenarioError(
-            "'watch' and 'fields' apply to blocks only; the solution of a model has every node. Leave them out.", model.title
+            "'watch' and 'fields' apply to blocks only; the solution of a model has every node. Leave them out.",
+            model.title,
+            code="value.without-effect",
         )
     return prepare(model, scenario, every=every, times=times, options=options).run()

@@ -95,6 +95,7 @@ def standard_atmosphere(altitude: Any) -> Air:
             f"the equations of the standard atmosphere end at {HIGHEST_ALTITUDE / 1e3:g} km, and {worst / 1e3:.4g} km was requested. "
             "Above it give pressure and density of the day as columns, or use the standard's mean table (upper = 'standard').",
             "atmosphere",
+            code="physics.not-possible",
         )
     h = EARTH_RADIUS * z / (EARTH_RADIUS + z)
     temperatures, pressures = _layers()
@@ -133,7 +134,9 @@ def upper_atmosphere(altitude: Any) -> Air:
     top = 1e3 * float(UPPER[-1, 0])
     if z.size and not z.max() <= top:
         raise ScenarioError(
-            f"the table of the standard atmosphere ends at {top / 1e3:g} km here, and {z.max() / 1e3:.4g} km was requested.", "atmosphere"
+            f"the table of the standard atmosphere ends at {top / 1e3:g} km here, and {z.max() / 1e3:.4g} km was requested.",
+            "atmosphere",
+            code="physics.not-possible",
         )
     low = standard_atmosphere(np.minimum(z, HIGHEST_ALTITUDE))
     high = [np.interp(z, 1e3 * UPPER[:, 0], column) for column in (UPPER[:, 1], np.log(UPPER[:, 2]), np.log(UPPER[:, 3]))]

@@ -62,7 +62,9 @@ class Trajectory(Shown):
                 continue
             TableSignal(self.times, column)
             if name != "altitude" and column.min() < 0.0:
-                raise ScenarioError(f"a {name} of {column.min():.4g} {UNITS[name]} does not exist.", "trajectory")
+                raise ScenarioError(
+                    f"a {name} of {column.min():.4g} {UNITS[name]} does not exist.", "trajectory", code="value.outside-range"
+                )
 
     def air(self, times: Array, upper: str = "") -> tuple[Array, Array]:
         """Return pressure [Pa] and density [kg/m^3] (times,) along the flight: the given ones, or those of the standard atmosphere.
@@ -77,7 +79,7 @@ class Trajectory(Shown):
         ScenarioError   Above 86 km, where neither columns nor `upper` say what the air is.
         """
         if upper not in ("", "standard"):
-            raise ScenarioError(f"upper is 'standard' or left out, not '{upper}'.", "trajectory")
+            raise ScenarioError(f"upper is 'standard' or left out, not '{upper}'.", "trajectory", code="value.wrong-kind")
         if self.pressure is not None and self.density is not None:
             return self.column(times, "pressure"), self.column(times, "density")
         model = upper_atmosphere if upper else standard_atmosphere
@@ -132,7 +134,9 @@ def read_trajectory(path: str | os.PathLike[str], columns: Mapping[str, str] | N
     refuse_unknown(wanted, UNITS, table.file, "a trajectory has no '{}'.{near} It has {known}.", RecordError)
     if "altitude" not in wanted:
         raise RecordError(
-            f"the column of the altitude is not clear. Give columns = {{altitude = '...'}}, one of {', '.join(table.names)}.", table.file
+            f"the column of the altitude is not clear. Give columns = {{altitude = '...'}}, one of {', '.join(table.names)}.",
+            table.file,
+            code="record.layout-unclear",
         )
     return Trajectory(table.times, **{name: table.whole(column, UNITS[name]) for name, column in wanted.items()})
 
@@ -185,9 +189,13 @@ def ascent_scenario(
         else float(separation)
     )
     if gone is not None and not 0.0 <= gone <= seconds:
-        raise ScenarioError(f"the fairing separates at {gone:g} s, outside the {seconds:g} s of the ascent.", f"{title}, separation")
+        raise ScenarioError(
+            f"the fairing separates at {gone:g} s, outside the {seconds:g} s of the ascent.",
+            f"{title}, separation",
+            code="value.outside-range",
+        )
     if air_temperature is None:
-        raise ScenarioError(f"the temperature of the gas '{air}' is missing. Give air_temperature.", title)
+        raise ScenarioError(f"the temperature of the gas '{air}' is missing. Give air_temperature.", title, code="value.incomplete")
     boundaries = {air: signal(air_temperature, TEMPERATURE, f"{title}, air_temperature")}
     hulls = {k: signal(v, TEMPERATURE, f"{title}, walls.{k}") for k, v in (walls or {}).items()}
     boundaries |= {k: hull if gone is None else joined(hull, gone, Constant(SPACE)) for k, hull in hulls.items()}
@@ -206,7 +214,7 @@ def ascent_scenario(
 
 def _pressure(trajectory: Trajectory | None, times: Array, upper: str, title: str) -> Signal:
     if trajectory is None:
-        raise ScenarioError("give a trajectory, or the pressure as a curve.", title)
+        raise ScenarioError("give a trajectory, or the pressure as a curve.", title, code="value.incomplete")
     return TableSignal(times, trajectory.air(times, upper)[0])
 
 
@@ -224,10 +232,12 @@ def _streams(
         return {}
     if trajectory is None or trajectory.speed is None or gone is None:
         raise ScenarioError(
-            "free molecular heating needs density and speed after separation. Give a trajectory with speed, and separation.", title
+            "free molecular heating needs density and speed after separation. Give a trajectory with speed, and separation.",
+            title,
+            code="value.incomplete",
         )
     if not 0.0 < accommodation <= 1.0:
-        raise ScenarioError(f"the accommodation is {accommodation:g}. Give 0 to 1.", title)
+        raise ScenarioError(f"the accommodation is {accommodation:g}. Give 0 to 1.", title, code="value.outside-range")
     after = np.union1d(times[times > gone], [gone])
     heat = molecular_heating(trajectory.air(after, upper)[1], trajectory.column(after, "speed"), accommodation)
     if heat.max() > MAX_IRRADIATION:
@@ -237,6 +247,7 @@ def _streams(
             f"at {after[k]:.4g} s, {height:.4g} km up, the stream would bring {heat[k]:.3g} W/m^2: the air is too dense there for "
             "free molecular flow. Fairings separate where it is some kilowatts at most. Check the time of separation and the speed.",
             title,
+            code="physics.not-possible",
         )
     if gone > 0.0:
         # nothing reaches the unit while the fairing stands
@@ -245,7 +256,9 @@ def _streams(
     out = {}
     for surface, share in flow.items():
         if not 0.0 <= share <= 1.0:
-            raise ScenarioError(f"the cosine between '{surface}' and the flight is {share:g}; give 0 to 1.", f"{title}, flow")
+            raise ScenarioError(
+                f"the cosine between '{surface}' and the flight is {share:g}; give 0 to 1.", f"{title}, flow", code="value.outside-range"
+            )
         out[surface] = Irradiation(stream=TableSignal(after, share * heat))
     return out
 
@@ -254,7 +267,7 @@ def _duration(duration: Any, trajectory: Trajectory | None, title: str) -> float
     if duration is not None:
         return si_number(duration, "s", f"{title}, duration")
     if trajectory is None:
-        raise ScenarioError("the duration is missing. Give one, such as duration = '10 [min]'.", title)
+        raise ScenarioError("the duration is missing. Give one, such as duration = '10 [min]'.", title, code="value.incomplete")
     return float(trajectory.times[-1])
 
 
@@ -320,7 +333,9 @@ def ascent_checks(
     # that of a vented volume is worked out
     pressure = scenario.media().signals().get(f"pressure {air}")
     if pressure is None or pressure.cycle == 0.0:
-        raise ScenarioError(f"the pressure of '{air}' is constant, so the scenario is not an ascent.", scenario.title)
+        raise ScenarioError(
+            f"the pressure of '{air}' is constant, so the scenario is not an ascent.", scenario.title, code="value.without-effect"
+        )
     out = _decay(pressure, scenario.seconds, over, air, limits)
     for surface, irradiation in scenario.irradiation.items():
         stream = getattr(irradiation, "stream", None)

@@ -133,7 +133,10 @@ def planet_share(altitude: float, tilt: float, radius: float = 6.371e6) -> float
     (0.8853, 0.2886)
     """
     if not (altitude >= 0.0 and 0.0 <= tilt <= 180.0):
-        raise ScenarioError(f"a plate at {altitude:g} m, {tilt:g} degrees from nadir, is not possible. Give 0 m or more, and 0 to 180.")
+        raise ScenarioError(
+            f"a plate at {altitude:g} m, {tilt:g} degrees from nadir, is not possible. Give 0 m or more, and 0 to 180.",
+            code="value.outside-range",
+        )
     h = (radius + altitude) / radius
     angle = np.radians(tilt)
     horizon = np.arcsin(1.0 / h)
@@ -173,7 +176,9 @@ def eclipse(altitude: float, beta: float, radius: float = 6.371e6, attraction: f
     [92.4, 36.0]
     """
     if not (altitude > 0.0 and -90.0 <= beta <= 90.0):
-        raise ScenarioError(f"no orbit has an altitude of {altitude:g} m and the sun {beta:g} degrees beside it.", "orbit")
+        raise ScenarioError(
+            f"no orbit has an altitude of {altitude:g} m and the sun {beta:g} degrees beside it.", "orbit", code="value.outside-range"
+        )
     orbit = radius + altitude
     period = float(2.0 * np.pi * np.sqrt(orbit**3 / attraction))
     share = np.sqrt(altitude**2 + 2.0 * radius * altitude) / (orbit * max(float(np.cos(np.radians(beta))), 1e-12))
@@ -261,9 +266,9 @@ def orbit_irradiation(
     angles = {"sun": degrees(sun, "orbit, sun"), "subsolar": degrees(subsolar, "orbit, subsolar")}
     for name, value in angles.items():
         if not 0.0 <= value <= 180.0:
-            raise ScenarioError(f"the angle is {value:g} degrees. Give 0 to 180.", f"orbit, {name}")
+            raise ScenarioError(f"the angle is {value:g} degrees. Give 0 to 180.", f"orbit, {name}", code="value.outside-range")
     if not 0.0 <= albedo <= 1.0:
-        raise ScenarioError(f"the albedo is {albedo:g}. Give 0 to 1.", "orbit")
+        raise ScenarioError(f"the albedo is {albedo:g}. Give 0 to 1.", "orbit", code="value.outside-range")
     light = _lit(lit)
     strength = si_number(solar, "W/m^2", "orbit, solar")
     glow = si_number(infrared, "W/m^2", "orbit, infrared")
@@ -310,5 +315,5 @@ def eclipse_signal(altitude: str | float, beta: float | str, duration: str | flo
 def _lit(written: Any) -> Signal:
     lit = Constant(float(written)) if isinstance(written, int | float) else signal(written, "1", "orbit, lit")
     if not (lit.bounds[0] >= 0.0 and lit.bounds[1] <= 1.0):
-        raise ScenarioError("give light from 0 in eclipse to 1 in the sun.", "orbit, lit")
+        raise ScenarioError("give light from 0 in eclipse to 1 in the sun.", "orbit, lit", code="value.outside-range")
     return lit

@@ -166,7 +166,9 @@ def moisture(
     ScenarioError   When a name is no gas of the model, a humidity does not exist, or latent heat and temperatures find no balance.
     """
     if not isinstance(humidity, Mapping) or not (humidity or volumes):
-        raise ScenarioError("give the humidity by gas: gas -> relative humidity, such as {'air': 0.6}.", scenario.title)
+        raise ScenarioError(
+            "give the humidity by gas: gas -> relative humidity, such as {'air': 0.6}.", scenario.title, code="value.incomplete"
+        )
     flat = compile_network(model, media=scenario.media()).flat
     gases = list(dict.fromkeys(c.gas for c in _exchanging(flat)))
     volumes_by_path = {flat.names.find(k): v for k, v in (volumes or {}).items()}
@@ -175,7 +177,9 @@ def moisture(
         check_span(given_humidity, scenario.seconds, f"{scenario.title}, humidity of {name}")
     for name, volume in volumes_by_path.items():
         if volume.to and flat.names.find(volume.to) not in (*open_air, *volumes_by_path):
-            raise ScenarioError(f"'{name}' exchanges gas with '{volume.to}', whose humidity is not given.", scenario.title)
+            raise ScenarioError(
+                f"'{name}' exchanges gas with '{volume.to}', whose humidity is not given.", scenario.title, code="run.input-missing"
+            )
     others = {flat.names.find(v.to) for v in volumes_by_path.values() if v.to}
     no_surface = "no surface exchanges heat with '{}' by convection."
     refuse_unknown((*volumes_by_path, *open_air), {*gases, *others}, scenario.title, no_surface, ScenarioError)
@@ -200,7 +204,11 @@ def moisture(
             names[c.path]: TableSignal(solution.times, heat, after="hold")
             for c, heat in zip(parts, _mixed(dry_heats, changes), strict=True)
         }
-    raise ScenarioError(f"latent heat and temperatures did not converge in {PASSES} passes. Give a shorter `every`.", scenario.title)
+    raise ScenarioError(
+        f"latent heat and temperatures did not converge in {PASSES} passes. Give a shorter `every`.",
+        scenario.title,
+        code="run.did-not-finish",
+    )
 
 
 def _mixed(heats: Sequence[Array], residuals: Sequence[Array]) -> Array:
@@ -300,6 +308,7 @@ def humid(
             f"no surface exchanges heat with {' or '.join(gases)} by convection, so no surface can condense water. Give the deck "
             "surfaces, or run the profile without humidity.",
             scenario.title,
+            code="value.incomplete",
         )
     air = {c.gas: humidity for c in parts}
     try:

@@ -275,12 +275,16 @@ def _checked(
     low = si_number(perigee, "m", "orbit, perigee")
     high = low if apogee is None else si_number(apogee, "m", "orbit, apogee")
     if not 0.0 < low <= high < float("inf"):
-        raise ScenarioError(f"no orbit has a perigee of {low:g} m and an apogee of {high:g} m above the ground.", "orbit")
+        raise ScenarioError(
+            f"no orbit has a perigee of {low:g} m and an apogee of {high:g} m above the ground.", "orbit", code="value.outside-range"
+        )
     if not 0.0 <= albedo <= 1.0:
-        raise ScenarioError(f"the albedo is {albedo:g}. Give 0 to 1.", "orbit")
+        raise ScenarioError(f"the albedo is {albedo:g}. Give 0 to 1.", "orbit", code="value.outside-range")
     tilt = degrees(beta, "orbit, beta")
     if not -90.0 <= tilt <= 90.0:
-        raise ScenarioError(f"the angle of the sun to a plane is at most 90 degrees, not {tilt:g}.", "orbit, beta")
+        raise ScenarioError(
+            f"the angle of the sun to a plane is at most 90 degrees, not {tilt:g}.", "orbit, beta", code="value.outside-range"
+        )
     return body, low, high, tilt
 
 

@@ -96,14 +96,18 @@ def pad_scenario(
     if sun or downward is not None:
         if instant is None:
             raise ScenarioError(
-                "the sun needs a date and time. Give begin = '2026-03-21 06:00', or read the weather with its beginning.", title
+                "the sun needs a date and time. Give begin = '2026-03-21 06:00', or read the weather with its beginning.",
+                title,
+                code="value.incomplete",
             )
         fields["irradiation"] = {"*": open_sky(place, instant, seconds, weather, downward, air, albedo, turbidity, sun)}
         fields["irradiation"] |= others.pop("irradiation", {})
     if wind:
         if weather is None or "wind" not in weather:
             raise ScenarioError(
-                "coefficients follow the wind, but the weather has no wind. Give a column of it, or fixed coefficients.", title
+                "coefficients follow the wind, but the weather has no wind. Give a column of it, or fixed coefficients.",
+                title,
+                code="value.incomplete",
             )
         coefficients = {path: _coefficient(weather, table, place.pressure, f"{title}, wind.{path}") for path, table in wind.items()}
         fields["schedule"] = {**coefficients, **others.pop("schedule", {})}
@@ -118,6 +122,7 @@ def _downward(weather: Weather | None, air: Signal) -> Signal:
         raise ScenarioError(
             "the sky temperature needs infrared, dew_point or humidity, but the weather has none of them. Give one, or sky = false.",
             weather.name if weather is not None else "pad",
+            code="value.incomplete",
         )
     wet = "dew_point" if "dew_point" in weather else "humidity"
     cloud = TableSignal(*weather["cloud"]) if "cloud" in weather else Constant(0.0)
@@ -186,13 +191,17 @@ def _coefficient(weather: Weather, table: Mapping[str, Any], pressure: float, wh
     """Return a coefficient that follows wind, and rain that leaves as warm as the wall. [W/(m^2 K)]"""
     unknown = set(table) - set(WIND)
     if unknown or not {"length", "calm"} <= set(table):
-        raise ScenarioError("give a coefficient in wind length and calm, and rain = 'roof' or 'wall' if it gets wet.", where)
+        raise ScenarioError(
+            "give a coefficient in wind length and calm, and rain = 'roof' or 'wall' if it gets wet.", where, code="value.incomplete"
+        )
     length, calm = literal(table["length"], "m", where), literal(table["calm"], "W/(m^2 K)", where)
     if not (length > 0.0 and calm >= 0.0):
-        raise ScenarioError("the length along the wind must be above zero, and the calm coefficient zero or more.", where)
+        raise ScenarioError(
+            "the length along the wind must be above zero, and the calm coefficient zero or more.", where, code="value.outside-range"
+        )
     wet = table.get("rain", "")
     if wet not in ("", "roof", "wall"):
-        raise ScenarioError(f"rain falls on a 'roof' or is driven on a 'wall', not on a '{wet}'.", where)
+        raise ScenarioError(f"rain falls on a 'roof' or is driven on a 'wall', not on a '{wet}'.", where, code="value.wrong-kind")
     kelvin = TableSignal(*weather["dry_bulb"]) if "dry_bulb" in weather else Constant(300.0)
     fall = TableSignal(*weather["rain"]) if wet else Constant(0.0)
     # straight between the rows of the weather: a correlation is no better than that
@@ -220,7 +229,11 @@ def _place(weather: Weather | None, title: str) -> Site:
     """Return the site that a weather file names."""
     place = weather.place if weather is not None else {}
     if not {"latitude", "longitude"} <= set(place):
-        raise ScenarioError("the place is missing. Give a Site with latitude and longitude; only EPW and TMY3 files contain them.", title)
+        raise ScenarioError(
+            "the place is missing. Give a Site with latitude and longitude; only EPW and TMY3 files contain them.",
+            title,
+            code="value.incomplete",
+        )
     name = weather.name if weather is not None else title
     return Site(place["latitude"], place["longitude"], place.get("altitude", 0.0), place.get("timezone"), name)
 
@@ -229,7 +242,11 @@ def _temperature(weather: Weather | None, temperature: Any, title: str, air: str
     if temperature is not None:
         return signal(temperature, TEMPERATURE, f"{title}, air_temperature")
     if weather is None or "dry_bulb" not in weather:
-        raise ScenarioError(f"the temperature of the air '{air}' is missing. Give weather with dry_bulb, or air_temperature.", title)
+        raise ScenarioError(
+            f"the temperature of the air '{air}' is missing. Give weather with dry_bulb, or air_temperature.",
+            title,
+            code="value.incomplete",
+        )
     return TableSignal(*weather["dry_bulb"])
 
 
@@ -245,5 +262,5 @@ def _environment(site: Site, weather: Weather | None, seconds: float) -> Environ
 
 def _duration(duration: Any, title: str) -> float:
     if duration is None:
-        raise ScenarioError("the duration is missing. Give one, such as duration = '12 [h]'.", title)
+        raise ScenarioError("the duration is missing. Give one, such as duration = '12 [h]'.", title, code="value.incomplete")
     return si_number(duration, "s", f"{title}, duration")

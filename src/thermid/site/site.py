@@ -65,13 +65,15 @@ class Site:
                 raise ScenarioError(error.message, f"{self.name}, {field}") from None
             object.__setattr__(self, field, value)
             if not -limit <= value <= limit:
-                raise ScenarioError(f"a {field} of {value:g} degrees is not on earth; give -{limit:g} to {limit:g}.", self.name)
+                raise ScenarioError(
+                    f"a {field} of {value:g} degrees is not on earth; give -{limit:g} to {limit:g}.", self.name, code="value.outside-range"
+                )
         if isinstance(self.altitude, str):
             object.__setattr__(self, "altitude", literal(self.altitude, "m", f"{self.name}, altitude"))
         if not -450.0 <= self.altitude <= 9000.0:
-            raise ScenarioError(f"a site at {self.altitude:g} m is not on the ground.", self.name)
+            raise ScenarioError(f"a site at {self.altitude:g} m is not on the ground.", self.name, code="value.outside-range")
         if self.timezone is not None and not -12.0 <= self.timezone <= 14.0:
-            raise ScenarioError(f"a time zone of {self.timezone:g} h does not exist.", self.name)
+            raise ScenarioError(f"a time zone of {self.timezone:g} h does not exist.", self.name, code="value.outside-range")
 
     @property
     def zone(self) -> Zone:
@@ -83,7 +85,9 @@ class Site:
         """
         if self.timezone is None:
             raise ScenarioError(
-                "the time zone is missing. Give the site's timezone in hours, or instants with a zone: 2026-03-21 06:00-03:00.", self.name
+                "the time zone is missing. Give the site's timezone in hours, or instants with a zone: 2026-03-21 06:00-03:00.",
+                self.name,
+                code="value.incomplete",
             )
         return Zone(timedelta(hours=self.timezone))
 
@@ -102,7 +106,9 @@ class Site:
         try:
             instant = begin if isinstance(begin, datetime) else datetime.fromisoformat(begin)
         except ValueError:
-            raise ScenarioError(f"'{begin}' is not a date and time. Write it as 2026-03-21 06:00.", self.name) from None
+            raise ScenarioError(
+                f"'{begin}' is not a date and time. Write it as 2026-03-21 06:00.", self.name, code="value.wrong-kind"
+            ) from None
         return instant if instant.tzinfo is not None else instant.replace(tzinfo=self.zone)
 
     def sun(self, begin: str | datetime, times: Any) -> SunPath:
@@ -145,7 +151,9 @@ class Site:
             with ignore_future_warnings():
                 sky = place.get_clearsky(index, **options)
         except ImportError:
-            raise ScenarioError("the map of turbidity needs h5py; install it, or give turbidity = 3.", self.name) from None
+            raise ScenarioError(
+                "the map of turbidity needs h5py; install it, or give turbidity = 3.", self.name, code="extra.not-installed"
+            ) from None
         return {
             "direct_normal": sky["dni"].to_numpy(float),
             "diffuse": sky["dhi"].to_numpy(float),

@@ -58,7 +58,7 @@ class OpenSky(Shown, Sky):
     def __post_init__(self) -> None:
         """Refuse a ground that does not exist."""
         if not 0.0 <= self.albedo <= 1.0:
-            raise ScenarioError(f"the albedo is {self.albedo:g}. Give 0 to 1.", "sun")
+            raise ScenarioError(f"the albedo is {self.albedo:g}. Give 0 to 1.", "sun", code="value.outside-range")
 
     @property
     def radiates(self) -> bool:
@@ -192,6 +192,7 @@ def _radiation(weather: Weather, site: Site, begin: Any, times: Array, zenith: A
     raise ScenarioError(
         "the weather has no global radiation, nor beam and diffuse: give such a column, or sun = false.",
         weather.name,
+        code="value.incomplete",
     )
 
 
@@ -214,4 +215,5 @@ def _check_night(weather: Weather, site: Site, begin: Any, duration: float) -> N
                     f"{name} is {values[k]:.0f} W/m^2 {times[k] / 3600:.4g} h after {begin}, when the sun stands {stands}. "
                     "Check the time zone, latitude and longitude.",
                     weather.name,
+                    code="value.contradicts",
                 )

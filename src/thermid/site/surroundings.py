@@ -35,13 +35,15 @@ def surrounded(table: Mapping[str, Any], columns: LogColumns, file: str) -> Scen
     if tables["orbit"]:
         clash = [name for name in ("site", "weather", "sun", "wind", "ascent") if tables[name]]
         if clash:
-            raise ScenarioError(f"a scenario is in orbit or it is not: it has {clash[0]} and orbit.", file)
+            raise ScenarioError(f"a scenario is in orbit or it is not: it has {clash[0]} and orbit.", file, code="value.excludes-another")
         return _orbit(tables["orbit"], rest, duration, f"{file}, orbit")
     if tables["ascent"]:
         clash = [name for name in ("site", "weather", "sun", "wind") if tables[name]]
         if clash:
             raise ScenarioError(
-                f"a scenario is either on the ground or an ascent, but this one has {clash[0]} and ascent. Remove one.", file
+                f"a scenario is either on the ground or an ascent, but this one has {clash[0]} and ascent. Remove one.",
+                file,
+                code="value.excludes-another",
             )
         return _ascent(tables["ascent"], rest, duration, columns, file)
     weather, sun = tables["weather"], tables["sun"]
@@ -76,14 +78,16 @@ def _orbit(table: Mapping[str, Any], rest: dict[str, Any], duration: float | Non
     """Return a time in orbit: what falls on the faces, no gas where nothing else is said of one, as long as some orbits."""
     orbits = table.get("orbits")
     if orbits is not None and duration is not None:
-        raise ScenarioError("the run lasts so many orbits or has a duration; give one of them.", where)
+        raise ScenarioError("the run lasts so many orbits or has a duration; give one of them.", where, code="value.excludes-another")
     with errors_at(where):
         flown = {k: v for k, v in table.items() if k not in ("planet", "faces", "orbits")}
         fluxes = orbit_fluxes(**flown, planet=_planet(table.get("planet", "earth"), where))
         falling = fluxes.irradiation(_faces(table["faces"], where) if "faces" in table else None)
     twice = sorted(set(falling) & set(rest.get("irradiation", {})))
     if twice:
-        raise ScenarioError(f"what falls on '{twice[0]}' is given by orbit and by irradiation; give one of them.", where)
+        raise ScenarioError(
+            f"what falls on '{twice[0]}' is given by orbit and by irradiation; give one of them.", where, code="value.excludes-another"
+        )
     environment = {"*": Environment(Constant(0.0)), **rest.pop("environment", {})}
     falls = {**falling, **rest.pop("irradiation", {})}
     length = fluxes.period * float(orbits) if orbits is not None else duration or 0.0
@@ -104,6 +108,8 @@ def _faces(faces: Mapping[str, Any], where: str) -> dict[str, str]:
     for face, surfaces in faces.items():
         for surface in [surfaces] if isinstance(surfaces, str) else surfaces:
             if surface in out:
-                raise ScenarioError(f"'{surface}' looks one way: it is on the faces {out[surface]} and {face}.", f"{where}.faces")
+                raise ScenarioError(
+                    f"'{surface}' looks one way: it is on the faces {out[surface]} and {face}.", f"{where}.faces", code="value.contradicts"
+                )
             out[surface] = face
     return out

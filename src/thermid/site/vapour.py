@@ -84,9 +84,9 @@ class Volume:
         for name, slot in (("volume", "m^3"), ("exchange", "m^3/s")):
             object.__setattr__(self, name, si_number(getattr(self, name), slot, name))
         if not float(self.volume) > 0.0 or float(self.exchange) < 0.0:
-            raise ScenarioError("a volume of gas must be above zero, and its exchange zero or more.")
+            raise ScenarioError("a volume of gas must be above zero, and its exchange zero or more.", code="value.outside-range")
         if (float(self.exchange) > 0.0) != bool(self.to):
-            raise ScenarioError("exchange and to belong together. Give both for a volume that exchanges gas.")
+            raise ScenarioError("exchange and to belong together. Give both for a volume that exchanges gas.", code="value.incomplete")
         _check_humidity(np.array([self.humidity]), "a volume")
 
 
@@ -480,13 +480,16 @@ def _exchanges(solution: Solution, order: Sequence[str], volumes: Mapping[str, V
         a, b = order.index(name) - first, order.index(find(v.to)) - first
         flow = float(v.exchange)
         if a == b:
-            raise ScenarioError(f"'{name}' exchanges gas with itself; name another gas node.", solution.scenario)
+            raise ScenarioError(
+                f"'{name}' exchanges gas with itself; name another gas node.", solution.scenario, code="model.self-reference"
+            )
         if b >= 0 and (b, a) in out:
             if abs(out[b, a] - flow) > 1e-9 * flow:
                 raise ScenarioError(
                     f"'{name}' exchanges {flow:g} m^3/s with '{order[b + first]}', which exchanges {out[b, a]:g} m^3/s with '{name}'. "
                     "Both must be equal. Give it once, or the same at both.",
                     solution.scenario,
+                    code="value.contradicts",
                 )
             continue
         out[a, b] = flow
@@ -569,6 +572,7 @@ def _check_air(solution: Solution, gases: Iterable[str]) -> None:
             raise ScenarioError(
                 f"'{gas}' is {kind}, but the diffusion of vapour is known in air only. Leave its humidity out, or run it in air.",
                 solution.scenario,
+                code="model.element-not-supported",
             )
 
 
@@ -582,4 +586,6 @@ def _pressure(solution: Solution, gas: str, humidity: Signal) -> Array:
 def _check_humidity(values: Array, whose: str) -> None:
     bad = ~((values >= 0.0) & (values <= 1.0))
     if bad.any():
-        raise ScenarioError(f"{whose} has a relative humidity of {values[bad][0]:g}. Give 0 to 1, or a text such as '60 [%]'.")
+        raise ScenarioError(
+            f"{whose} has a relative humidity of {values[bad][0]:g}. Give 0 to 1, or a text such as '60 [%]'.", code="value.outside-range"
+        )

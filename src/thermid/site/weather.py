@@ -176,6 +176,7 @@ class Weather(Result):
                 f"it covers {self._stamp(covered[0])} to {self._stamp(covered[1])}, "
                 f"not {self._stamp(first)} and {length / 3600:.4g} h more.",
                 self.name,
+                code="record.not-overlapping",
             )
         moved = {name: WeatherSeries(s.times - first, s.values) for name, s in self.series.items()}
         # instants are written to the second
@@ -188,11 +189,13 @@ class Weather(Result):
             return amount(begin, "s", self.name)
         if self.begin is None:
             raise RecordError(
-                "its times are seconds, without a date. Give begin as '6 [h]', or read the weather with its beginning.", self.name
+                "its times are seconds, without a date. Give begin as '6 [h]', or read the weather with its beginning.",
+                self.name,
+                code="value.incomplete",
             )
         instant = begin if isinstance(begin, datetime) else self._read_stamp(begin)
         if instant.tzinfo is not None and self.begin.tzinfo is None:
-            raise RecordError("its times have no time zone. Leave the zone of the instant out.", self.name)
+            raise RecordError("its times have no time zone. Leave the zone of the instant out.", self.name, code="value.excludes-another")
         if instant.tzinfo is None:
             # a time of day without zone is meant in the zone of the weather
             instant = instant.replace(tzinfo=self.begin.tzinfo)
@@ -205,7 +208,9 @@ class Weather(Result):
                 return datetime.fromisoformat(candidate)
             except ValueError:
                 continue
-        raise RecordError(f"'{text}' is not a date and time. Write it as 2026-03-21 06:00, or 03-21 06:00.", self.name)
+        raise RecordError(
+            f"'{text}' is not a date and time. Write it as 2026-03-21 06:00, or 03-21 06:00.", self.name, code="value.wrong-kind"
+        )
 
     def _stamp(self, seconds: float) -> str:
         return _stamp(self.begin, seconds)
@@ -276,7 +281,11 @@ def read_weather(
         shift = 0.5 * table.step if name in RADIATION and (averaged or table.averaged) else 0.0
         series[name] = WeatherSeries(series_of_column.times - shift, checked)
     if "dry_bulb" not in series and not (set(RADIATION) & set(series)):
-        raise RecordError(f"it has no weather: none of {', '.join(QUANTITIES)} is a column. Name the columns with columns=.", target.name)
+        raise RecordError(
+            f"it has no weather: none of {', '.join(QUANTITIES)} is a column. Name the columns with columns=.",
+            target.name,
+            code="record.layout-unclear",
+        )
     return Weather(target.name, table.begin, series, table.place, tuple(filled), tuple(notes))
 
 
@@ -291,6 +300,7 @@ def _bridged(columns: Columns, name: str, values: FloatArray, longest: float, fi
             f"{name} is missing from {_stamp(columns.begin, at[0])} to {_stamp(columns.begin, at[1])}, at an end of the file, so it "
             "cannot be interpolated. Cut the file, or leave the column out.",
             file,
+            code="record.time-unclear",
         )
     steps = np.diff(times)
     for k in np.flatnonzero(steps > 1.5 * columns.step):
@@ -299,7 +309,7 @@ def _bridged(columns: Columns, name: str, values: FloatArray, longest: float, fi
         )
         if steps[k] > longest * (1 + 1e-9):
             say = "give max_gap = '6 [h]' or similar to interpolate gaps linearly" if longest == 0.0 else "it is longer than max_gap"
-            raise RecordError(f"{hole}: {say}, or correct the file.", file)
+            raise RecordError(f"{hole}: {say}, or correct the file.", file, code="record.time-unclear")
         filled.append(f"{hole}, interpolated linearly")
     return WeatherSeries(times, values[valid])
 
@@ -324,6 +334,7 @@ def _existing(columns: Columns, name: str, series: WeatherSeries, file: str) -> 
             f"{name} is {shown[0]} {unit_text} at {_stamp(columns.begin, series.times[k])}, outside {shown[1]} .. {shown[2]} {unit_text}. "
             "Check the column's unit, or leave the value empty.",
             file,
+            code="value.outside-range",
         )
     return np.clip(values, low, high)
 
@@ -364,7 +375,11 @@ def read_columns(path: Path, columns: Mapping[str, str] | None, begin: str | Non
     if not epw and b"Date (MM/DD/YYYY)" not in head:
         return _table(path, columns, begin, time)
     if columns:
-        raise RecordError("columns= applies to a plain table only; the columns of EPW and TMY3 files are fixed. Leave it out.", path.name)
+        raise RecordError(
+            "columns= applies to a plain table only; the columns of EPW and TMY3 files are fixed. Leave it out.",
+            path.name,
+            code="value.without-effect",
+        )
     return _typical(path, year, epw)
 
 
@@ -380,7 +395,9 @@ def _typical(path: Path, year: int, epw: bool) -> Columns:
         if mixed:
             data, meta = iotools.read_epw(path, coerce_year=year) if epw else iotools.read_tmy3(path, coerce_year=year, map_variables=True)
     except (ValueError, KeyError, IndexError, TypeError, UnicodeDecodeError) as error:
-        raise RecordError(f"this is not a readable {'EPW' if epw else 'TMY3'} file: {error}.", path.name) from None
+        raise RecordError(
+            f"this is not a readable {'EPW' if epw else 'TMY3'} file: {error}.", path.name, code="file.another-kind"
+        ) from None
     stamps = data.index
     seconds = np.asarray((stamps - stamps[0]).total_seconds(), dtype=np.float64)
     # EPW stamps of pvlib stand at the beginning of their hour; its values belong to the end, as those of TMY3 do
@@ -389,7 +406,9 @@ def _typical(path: Path, year: int, epw: bool) -> Columns:
     place = {"latitude": "latitude", "longitude": "longitude", "altitude": "altitude", "timezone": "TZ"}
     notes = (f"a typical year, dated {year}",) if mixed else ()
     if (np.diff(seconds) <= 0).any():
-        raise RecordError(f"time does not go on after line {int(np.argmax(np.diff(seconds) <= 0)) + 1} of the data.", path.name)
+        raise RecordError(
+            f"time does not go on after line {int(np.argmax(np.diff(seconds) <= 0)) + 1} of the data.", path.name, code="record.time-order"
+        )
     values = _converted(data, _EPW if epw else _TMY3)
     where = {k: float(meta[v]) for k, v in place.items() if v in meta}
     return Columns(seconds, values, first, _step(seconds), True, where, notes)
@@ -426,14 +445,14 @@ def _table(path: Path, columns: Mapping[str, str] | None, begin: str | None, tim
 def _instant(stamp: str | None, begin: str | None, file: str) -> datetime | None:
     """Return the instant of time zero: the first stamp, or what the caller says."""
     if stamp is not None and begin is not None:
-        raise RecordError("its times are stamps with a date. Leave begin out.", file)
+        raise RecordError("its times are stamps with a date. Leave begin out.", file, code="value.excludes-another")
     text = stamp or begin
     if text is None:
         return None
     try:
         return datetime.fromisoformat(text)
     except ValueError:
-        raise RecordError(f"'{text}' is not a date and time. Write it as 2026-03-21 06:00-03:00.", file) from None
+        raise RecordError(f"'{text}' is not a date and time. Write it as 2026-03-21 06:00-03:00.", file, code="value.wrong-kind") from None
 
 
 def _step(seconds: FloatArray) -> float:

@@ -29,14 +29,14 @@ UnitText = Annotated[str, reads(str, _known_unit)]
 def _law(table: Any) -> Distribution:
     """Return the distribution that a table gives by its form and its numbers; a law inside a law likewise."""
     if not isinstance(table, dict) or not isinstance(table.get("form"), str) or table["form"] not in DISTRIBUTIONS:
-        raise DeckError(f"a law has the form {', '.join(DISTRIBUTIONS)}.")
+        raise DeckError(f"a law has the form {', '.join(DISTRIBUTIONS)}.", code="value.wrong-kind")
     kind: Any = DISTRIBUTIONS[table["form"]]
     wanted, numbers_of_table = set(kind.__dataclass_fields__), {k: v for k, v in table.items() if k != "form"}
     if wanted != set(numbers_of_table):
-        raise DeckError(f"a law of form {table['form']} has {', '.join(sorted(wanted)) or 'no numbers'}.")
+        raise DeckError(f"a law of form {table['form']} has {', '.join(sorted(wanted)) or 'no numbers'}.", code="value.incomplete")
     numbers: dict[str, Any] = {k: _law(v) if k == "law" else v for k, v in numbers_of_table.items()}
     if any(isinstance(v, bool) or not isinstance(v, int | float) for k, v in numbers.items() if k != "law"):
-        raise DeckError(f"a law of form {table['form']} is given by numbers.")
+        raise DeckError(f"a law of form {table['form']} is given by numbers.", code="value.wrong-kind")
     law: Distribution = kind(**numbers)
     return law
 

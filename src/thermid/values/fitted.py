@@ -172,10 +172,12 @@ class FittedValues(Shown, Mapping[str, FittedValue]):
         """
         bare_values = self.bare()
         if members < 1:
-            raise DeckError("an ensemble needs at least one member.", self.stage)
+            raise DeckError("an ensemble needs at least one member.", self.stage, code="value.outside-range")
         loose = [p for p, c in zip(bare_values, np.diag(bare_values.covariance), strict=True) if not np.isfinite(c)]
         if loose:
-            raise DeckError(f"'{loose[0]}' has no finite error, so it cannot be drawn. Leave it out with only().", self.stage)
+            raise DeckError(
+                f"'{loose[0]}' has no finite error, so it cannot be drawn. Leave it out with only().", self.stage, code="fit.not-determined"
+            )
         sizes, vectors = np.linalg.eigh(bare_values.covariance)
         root = vectors * np.sqrt(np.clip(sizes, 0.0, None))
         deviations = root @ np.random.default_rng(seed).standard_normal((len(bare_values), members))
@@ -365,11 +367,11 @@ def read_values(path: str | os.PathLike[str]) -> dict[str, Any]:
     """
     target = Path(path)
     if not target.is_file():
-        raise DeckError(f"there is no values file '{target.name}'. Run the calibration first.")
+        raise DeckError(f"there is no values file '{target.name}'. Run the calibration first.", code="file.not-found")
     try:
         return parse_toml(read_text(target))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise DeckError(f"this is not a values file of thermid: {error}.", target.name) from None
+        raise DeckError(f"this is not a values file of thermid: {error}.", target.name, code="file.another-kind") from None
 
 
 def load_store(path: str | os.PathLike[str]) -> tuple[Store, str]:
@@ -381,12 +383,17 @@ def load_store(path: str | os.PathLike[str]) -> tuple[Store, str]:
     """
     target, data = Path(path), read_values(path)
     if not data:
-        raise DeckError("this is not a values file of thermid, because it is empty. Run the calibration again to write it.", target.name)
+        raise DeckError(
+            "this is not a values file of thermid, because it is empty. Run the calibration again to write it.",
+            target.name,
+            code="file.another-kind",
+        )
     if "schema" not in data:
         raise DeckError(
             "this file was written by hand, so it needs the units and bounds of a deck. Use it with a deck by --values, or as "
             "`values` of a campaign's stage.",
             target.name,
+            code="file.another-kind",
         )
     kind = "thermid.values._schema.OldValuesFile" if data["schema"] == 1 and "stage" in data else "thermid.values._schema.ValuesFile"
     checked = by_grammar(kind, data, Places(target.name))
@@ -398,6 +405,7 @@ def load_store(path: str | os.PathLike[str]) -> tuple[Store, str]:
                 f"the error of '{name}' is {in_table:g} in its table and {from_row:g} in its row, so the file was changed by hand. Run the "
                 "calibration again.",
                 target.name,
+                code="file.changed-by-hand",
             )
     return store, stage
 

@@ -46,7 +46,9 @@ def read_spread(written: Any, slot: str, nominal: float, where: str, *, bounds: 
     """
     if written == "range":
         if not np.isfinite(bounds).all():
-            raise ScenarioError("'range' needs min and max of the value in its deck. Give them, or another spread.", where)
+            raise ScenarioError(
+                "'range' needs min and max of the value in its deck. Give them, or another spread.", where, code="value.incomplete"
+            )
         return Uniform(*bounds)
     table: Mapping[str, Any] = {"sd": written} if isinstance(written, str) or stated(written) is not None else written
     form = _form(table, where)
@@ -56,7 +58,9 @@ def read_spread(written: Any, slot: str, nominal: float, where: str, *, bounds: 
     law: Normal | LogNormal
     if form == "log_sd":
         if slot in (TEMPERATURE, "K") or not mean > 0.0:
-            raise ScenarioError("log_sd applies only to a value above zero that is not a temperature. Give sd.", where)
+            raise ScenarioError(
+                "log_sd applies only to a value above zero that is not a temperature. Give sd.", where, code="value.without-effect"
+            )
         law = LogNormal(mean, _from_zero(literal(table["log_sd"], "1", where), where))
         size = law.log_sd
     else:
@@ -78,16 +82,21 @@ def _form(table: Any, where: str) -> str:
 def _uniform(table: Mapping[str, Any], slot: str, nominal: float, where: str, bounds: tuple[float, float]) -> Uniform:
     """Return the law between two written ends."""
     if slot == TEMPERATURE and _absolute(table["low"], where) != _absolute(table["high"], where):
-        raise ScenarioError("one end is a temperature and the other a shift in kelvin. Write both in degC, or both in K.", where)
+        raise ScenarioError(
+            "one end is a temperature and the other a shift in kelvin. Write both in degC, or both in K.",
+            where,
+            code="value.excludes-another",
+        )
     low, high = (_value(table[k], slot, nominal, where) for k in ("low", "high"))
     if low > high:
-        raise ScenarioError("its low end is above its high end. Exchange them.", where)
+        raise ScenarioError("its low end is above its high end. Exchange them.", where, code="value.outside-range")
     slack = 1e-9 * max(abs(low), abs(high), 1e-300)
     if low < bounds[0] - slack or high > bounds[1] + slack:
         raise ScenarioError(
             f"{table['low']} to {table['high']} exceeds its bounds, {bounds[0]:.6g} to {bounds[1]:.6g} in SI units. "
             'Give ends within them, or "range".',
             where,
+            code="value.outside-range",
         )
     return Uniform(max(low, bounds[0]), min(high, bounds[1]))
 
@@ -96,7 +105,7 @@ def _absolute(text: Any, where: str) -> bool:
     """Return whether a written number is a temperature and no difference of two."""
     number = parse(text).literal if isinstance(text, str) else stated(text)
     if number is None:
-        raise ScenarioError(f"{text!r} has no unit. {THREE_WAYS}; a shift is '2 [K]'.", where)
+        raise ScenarioError(f"{text!r} has no unit. {THREE_WAYS}; a shift is '2 [K]'.", where, code="value.incomplete")
     return number.unit.absolute
 
 
@@ -106,11 +115,17 @@ def _value(text: Any, slot: str, nominal: float, where: str) -> float:
         return literal(text, slot, where)
     if _absolute(text, where):
         if slot == "K":
-            raise ScenarioError(f"this input varies in time or is a difference. Give a shift in kelvin, such as 2 [K], not {text}.", where)
+            raise ScenarioError(
+                f"this input varies in time or is a difference. Give a shift in kelvin, such as 2 [K], not {text}.",
+                where,
+                code="value.without-effect",
+            )
         return literal(text, TEMPERATURE, where)
     shift = literal(text, "K", where)
     if slot == TEMPERATURE and abs(shift) > LARGEST_SHIFT:
-        raise ScenarioError(f"{text} would be a shift of more than {LARGEST_SHIFT:g} K. Write a temperature in degC.", where)
+        raise ScenarioError(
+            f"{text} would be a shift of more than {LARGEST_SHIFT:g} K. Write a temperature in degC.", where, code="value.outside-range"
+        )
     return nominal + shift if slot == TEMPERATURE else shift
 
 
@@ -126,13 +141,13 @@ def deviation(text: Any, slot: str, mean: float, where: str) -> float:
     if number is None or number.unit.text != "%":
         return literal(text, "K" if slot == TEMPERATURE else slot, where)
     if slot in (TEMPERATURE, "K"):
-        raise ScenarioError("per cent do not apply to a temperature. Give kelvin.", where)
+        raise ScenarioError("per cent do not apply to a temperature. Give kelvin.", where, code="value.without-effect")
     return literal(text, "1", where) * abs(mean)
 
 
 def _from_zero(sd: float, where: str) -> float:
     if not (sd >= 0.0 and np.isfinite(sd)):
-        raise ScenarioError("a standard deviation must be zero or more.", where)
+        raise ScenarioError("a standard deviation must be zero or more.", where, code="value.outside-range")
     return sd
 
 
@@ -148,6 +163,8 @@ def cut(law: Distribution, bounds: tuple[float, float], where: str) -> Distribut
         return law
     if not out.share > MIN_SHARE_IN_BOUNDS:
         raise ScenarioError(
-            "almost all values of this spread lie outside its bounds. Choose a mean inside them, or a smaller spread.", where
+            "almost all values of this spread lie outside its bounds. Choose a mean inside them, or a smaller spread.",
+            where,
+            code="value.outside-range",
         )
     return out

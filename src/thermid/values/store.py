@@ -809,7 +809,8 @@ def _chosen(path: str, several: Sequence[tuple[str, State, Array]]) -> tuple[Sta
         one, two = nearest_root[0][1].origin, nearest_root[1][1].origin
         raise DeckError(
             f"{one} and {two} both give '{path}' independently of each other. Inherit one of them, or leave the value out of one by "
-            f'without = ["{path}"].'
+            f'without = ["{path}"].',
+            code="value.excludes-another",
         )
     _, state, row = candidates[0]
     return (

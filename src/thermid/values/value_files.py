@@ -48,7 +48,9 @@ def hand_values(path: Path, model: Model, stage: str, where: str) -> Store:
         return replace(store, states={p: replace(s, origin=mine) if s.origin.kind == "hand" else s for p, s in store.states.items()})
     rows = data.get("values", {k: v for k, v in data.items() if k not in ("title", "note")})
     if not rows:
-        raise DeckError(f'\'{path.name}\' holds no value. Write rows like "lid.conductance" = "0.21 [W/K]".', where)
+        raise DeckError(
+            f'\'{path.name}\' holds no value. Write rows like "lid.conductance" = "0.21 [W/K]".', where, code="file.key-missing"
+        )
     key = hashlib.sha256(json.dumps([stage, data], sort_keys=True, default=str).encode()).hexdigest()
     with errors_at(f"{where}, {path.name}"):
         try:
@@ -63,7 +65,7 @@ def _as_table(name: str, row: Any, where: str) -> Mapping[str, Any]:
     """Return a row as a table of what it gives: value and spread."""
     table = {"value": row} if isinstance(row, str) else row
     if not isinstance(table, Mapping) or not ({"value"} <= set(table) or {"low", "high"} <= set(table)):
-        raise DeckError(f"'{name}' needs a text with a unit, {{ value, sd }} or {{ low, high }}.", where)
+        raise DeckError(f"'{name}' needs a text with a unit, {{ value, sd }} or {{ low, high }}.", where, code="value.wrong-kind")
     return table
 
 

@@ -73,7 +73,9 @@ def log(
         positive_seconds(silence, "--silence"),
     )
     if (identify or ice_point) and sensors is None:
-        raise RecordError("the map that is to be written must be named: --sensors sensors.toml.", "--identify, --ice-point")
+        raise RecordError(
+            "the map that is to be written must be named: --sensors sensors.toml.", "--identify, --ice-point", code="value.incomplete"
+        )
     sensor_map = load_sensors(sensors) if sensors is not None and (sensors.exists() or not identify) else {}
     steps = load_programme(programme) if programme is not None else None
     end = positive_seconds(duration, "--for") if duration is not None else None
@@ -103,7 +105,7 @@ def log(
     typer.echo(f"{file}: {logger.state.lines} lines, {logger.state.missing} missing, {faulty} faulty values. Marks: {marks or 'none'}.")
     if logger.store.waiting:
         where = f"are in {logger.store.rest}; append them to the log when there is room" if logger.store.rest else "are lost"
-        raise RecordError(f"the disk is full: the last {logger.store.waiting / 1e3:.0f} kB {where}.", str(file))
+        raise RecordError(f"the disk is full: the last {logger.store.waiting / 1e3:.0f} kB {where}.", str(file), code="bench.log")
 
 
 def _closed(logger: Logger) -> None:
@@ -220,7 +222,9 @@ class Judge:
         self.rule: StabilityRule = rule_of(rule)
         if self.rule.stored:
             raise RecordError(
-                f"'{self.rule.name}' is about stored heat, which readings alone do not show. Give a rule on the rate.", "--rule"
+                f"'{self.rule.name}' is about stored heat, which readings alone do not show. Give a rule on the rate.",
+                "--rule",
+                code="record.does-not-apply",
             )
         self._log = log
         self._seen: dict[str, tuple[float, Outlook]] = {}

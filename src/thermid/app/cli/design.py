@@ -174,6 +174,6 @@ def _parts(texts: list[str]) -> dict[str, tuple[str | float, str | float]]:
     for name, text in pairs(texts, "--part").items():
         length, comma, conductivity = text.partition(",")
         if not comma:
-            raise ThermidError(f"'{text}' must be LENGTH,CONDUCTIVITY, such as '20 [mm], 0.25'.", f"--part {name}")
+            raise ThermidError(f"'{text}' must be LENGTH,CONDUCTIVITY, such as '20 [mm], 0.25'.", f"--part {name}", code="value.wrong-kind")
         out[name] = (with_unit(length.strip(), "m"), with_unit(conductivity.strip(), "W/(m K)"))
     return out

@@ -166,7 +166,9 @@ def _network(file: Path, units: str = "") -> NetworkFile:
         return read_esatan(file)
     if not head or re.search(r"^\s*(?:HEADER\s+\w+|BCD\s+3)", head, re.MULTILINE | re.IGNORECASE):
         return read_sinda(file, units)
-    raise DeckError("it has neither $MODEL (ESATAN) nor HEADER or BCD 3 (SINDA); an InitFcn script ends with .m.", str(file))
+    raise DeckError(
+        "it has neither $MODEL (ESATAN) nor HEADER or BCD 3 (SINDA); an InitFcn script ends with .m.", str(file), code="file.another-kind"
+    )
 
 
 def _import_script(script: Path, to: Path | None, block: bool, force: bool, as_json: bool) -> None:
@@ -179,7 +181,11 @@ def _import_script(script: Path, to: Path | None, block: bool, force: bool, as_j
     model = model_from_dict(deck)
     if to is not None and not force and to.is_file():
         if load_model(to) != model:
-            raise OutputError("another deck is there already. Give another name or move it away; --force replaces it.", str(to))
+            raise OutputError(
+                "another deck is there already. Give another name or move it away; --force replaces it.",
+                str(to),
+                code="output.over-another-file",
+            )
     elif to is not None:
         save_model(model, to)
     shown = {"file": to.name} if to is not None else {}
@@ -228,12 +234,12 @@ def export(
     model, standing = judged_model(deck, values, keep_values, param, accept)
     conditions = scenario_of(scenario, boundary, load, start, duration, vacuum, as_printed)
     if step is not None and form != "c":
-        raise DeckError(f"a step is of a C header; '{form}' has no steps of its own.", "--step")
+        raise DeckError(f"a step is of a C header; '{form}' has no steps of its own.", "--step", code="value.without-effect")
     if library is not None and form != "modelica":
-        raise DeckError(f"a library is of a Modelica package; '{form}' has none.", "--library")
+        raise DeckError(f"a library is of a Modelica package; '{form}' has none.", "--library", code="value.without-effect")
     if form == "fmu":
         if to is None:
-            raise OutputError("an FMU is a file of bytes: give it a name, --to model.fmu.", "--as fmu")
+            raise OutputError("an FMU is a file of bytes: give it a name, --to model.fmu.", "--as fmu", code="output.wrong-ending")
         written = to_fmu(model, conditions, to, fmi)
         answer(standing, as_json, {"file": to.name, **written.to_dict()}, f"{written}\nwritten: {to}")
     name = to.stem if to is not None else ""

@@ -139,7 +139,7 @@ def report(
     campaign = campaign or _only_campaign()
     if to is None and pdf is None:
         if not alone:
-            raise ScenarioError("a report needs a file: --to page.html, --pdf page.pdf, or both.", "command line")
+            raise ScenarioError("a report needs a file: --to page.html, --pdf page.pdf, or both.", "command line", code="value.incomplete")
         to = Path("report.html")
     to, pdf = ready(to, pdf)
     check_audience(audience)
@@ -164,7 +164,9 @@ def _only_campaign() -> Path:
     if len(found) != 1:
         several = ", ".join(map(str, found)) or "none"
         raise ScenarioError(
-            f"campaigns of this folder: {several}. Name one: thermid report campaign.toml --to report.html.", "command line"
+            f"campaigns of this folder: {several}. Name one: thermid report campaign.toml --to report.html.",
+            "command line",
+            code="value.incomplete",
         )
     return found[0]
 
@@ -301,7 +303,11 @@ def swap(
     The plan lists what is assumed. With --new-data, only the stages that are due are fitted.
     """
     if to is not None and new_data is None:
-        raise ScenarioError("without a retune there are no values to write. Give the folder of the repeated tests: --new-data.", "--to")
+        raise ScenarioError(
+            "without a retune there are no values to write. Give the folder of the repeated tests: --new-data.",
+            "--to",
+            code="value.incomplete",
+        )
     if to is not None:
         to.mkdir(parents=True, exist_ok=True)  # a name that is no folder's is refused before minutes of work
     plan = plan_retune(staged(campaign, data, results, accept), part, deck, sensors=pairs(sensor_at, "--sensor-at"))
@@ -350,7 +356,11 @@ def predict(
     compared with its readings.
     """
     if scenario is not None and record:
-        raise ScenarioError("a prediction is of a scenario or of logged runs. Give --scenario FILE or --record NAME.", "command line")
+        raise ScenarioError(
+            "a prediction is of a scenario or of logged runs. Give --scenario FILE or --record NAME.",
+            "command line",
+            code="value.incomplete",
+        )
     conditions = load_scenario(scenario) if scenario is not None else None
     writable((csv, TABLE))
     stages = staged(campaign, data, results, accept)
@@ -430,11 +440,13 @@ def _spreads(texts: list[str]) -> dict[str, Any]:
     for text in texts:
         name, equals, value = text.partition("=")
         if not equals or not name.strip() or not value.strip():
-            raise ScenarioError(f"'{text}' must be written as NAME=SPREAD, such as air=1 [K].", "--spread")
+            raise ScenarioError(f"'{text}' must be written as NAME=SPREAD, such as air=1 [K].", "--spread", code="value.wrong-kind")
         try:
             out[name.strip()] = tomllib.loads(f"x = {value}")["x"] if value.lstrip().startswith("{") else value.strip()
         except tomllib.TOMLDecodeError as error:
-            raise ScenarioError(f"'{value}' is no table such as {{ low = '-2 [K]', high = '2 [K]' }}: {error}", "--spread") from None
+            raise ScenarioError(
+                f"'{value}' is no table such as {{ low = '-2 [K]', high = '2 [K]' }}: {error}", "--spread", code="value.wrong-kind"
+            ) from None
     return out
 
 
@@ -474,7 +486,7 @@ def hold(
             _, answer = hold_question.run(n=members, folder=folder, executor=executor_of(workers, cluster), progress=progress)
         except KeyboardInterrupt:
             done = f"interrupted with {progress.finished} of {progress.members} runs done"
-            raise SolverError(f"{done}. The same command goes on from there.") from None
+            raise SolverError(f"{done}. The same command goes on from there.", code="fit.stopped") from None
     answer = replace(answer, standing=answer.standing.accept(accept or ()))
     if figure is not None:
         picture(answer, figure)

@@ -33,7 +33,7 @@ def look(
     """
     for option, one in (("--svg", to), ("--cut", cut)):
         if one is not None and len(logs) > 1:
-            raise RecordError("it is of one log. Give one log.", option)
+            raise RecordError("it is of one log. Give one log.", option, code="value.wrong-kind")
     if cut is not None:
         logs = _cut(logs[0], cut)
     if to is not None:

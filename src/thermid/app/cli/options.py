@@ -180,7 +180,7 @@ def scenario_of(
         changes["duration"] = with_unit(duration, "s")
     scenario = base.with_(**changes)
     if vacuum and as_printed:
-        raise ScenarioError("--vacuum keeps radiation and --as-printed drops it; give one of them.")
+        raise ScenarioError("--vacuum keeps radiation and --as-printed drops it; give one of them.", code="value.excludes-another")
     return scenario.vacuum(as_printed=as_printed) if vacuum or as_printed else scenario
 
 
@@ -189,7 +189,7 @@ def moments(texts: list[str], seconds: float) -> list[float]:
     times = [literal(with_unit(t, "s"), "s", "--at") for t in texts]
     outside = [t for t in times if not 0 <= t <= seconds]
     if outside:
-        raise ScenarioError(f"{outside[0]:g} s lies outside the run of {seconds:g} s.", "--at")
+        raise ScenarioError(f"{outside[0]:g} s lies outside the run of {seconds:g} s.", "--at", code="value.outside-range")
     return times
 
 
@@ -202,5 +202,5 @@ def limit_ends(text: str, pattern: str) -> tuple[float, float]:
         literal(with_unit(high.strip(), "degC"), "temperature", where) if high.strip() else math.inf,
     )
     if not ends[0] < ends[1]:
-        raise ScenarioError("the lower limit is not below the upper one.", where)
+        raise ScenarioError("the lower limit is not below the upper one.", where, code="value.outside-range")
     return ends

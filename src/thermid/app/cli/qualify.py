@@ -145,9 +145,11 @@ def correlate(
         try:
             windows.append((float(begin), float(end)))
         except ValueError:
-            raise ScenarioError(f"'{text}' is no stretch; write BEGIN:END in seconds, such as 3600:7200.", "--steady") from None
+            raise ScenarioError(
+                f"'{text}' is no stretch; write BEGIN:END in seconds, such as 3600:7200.", "--steady", code="value.wrong-kind"
+            ) from None
         if not windows[-1][0] < windows[-1][1]:
-            raise ScenarioError(f"'{text}' ends before it begins.", "--steady")
+            raise ScenarioError(f"'{text}' ends before it begins.", "--steady", code="value.outside-range")
     first, second = read_two(measured, simulated, accuracy=accuracy, time=time)
     result = correlation.correlate(
         (first, second),
@@ -182,9 +184,13 @@ def deliver(
         say(as_json, {"met_K": met}, f"{deck.name}: as delivered, {counted(len(met), 'scenario')} met")
         return
     if to is None:
-        raise DeckError("a delivery needs a folder: --to FOLDER.", "command line")
+        raise DeckError("a delivery needs a folder: --to FOLDER.", "command line", code="value.incomplete")
     if at and not (nodes or within or values):
-        raise DeckError(f"'{at}' is the part that is reduced or has values; give --nodes, --within or --values with it.", "--at")
+        raise DeckError(
+            f"'{at}' is the part that is reduced or has values; give --nodes, --within or --values with it.",
+            "--at",
+            code="value.incomplete",
+        )
     model, values_laid = load_model(deck), []
     for file in values:
         filled = filed(file, model, at=at, keep=keep_values)
@@ -243,7 +249,7 @@ def profile(
     if on is None:
         for option, path in (("--csv", csv), ("--picture", picture)):
             if path is not None:
-                raise ScenarioError("there is no run to write: name the deck with --on.", option)
+                raise ScenarioError("there is no run to write: name the deck with --on.", option, code="value.incomplete")
         say(as_json, _object(course), course, verbose)
         return
     writable((csv, TABLE), (picture, PICTURE))
@@ -278,11 +284,11 @@ def _list(as_json: bool, verbose: bool) -> None:
 def _profile(standard: str, name: str, level: str, lowest: str | None, highest: str | None, change: list[str]) -> ThermalProfile:
     """Return the profile that was asked for, from the library or a file."""
     if (lowest is None) != (highest is None):
-        raise ScenarioError("give both --lowest and --highest.", "command line")
+        raise ScenarioError("give both --lowest and --highest.", "command line", code="value.incomplete")
     predicted = None if lowest is None or highest is None else (with_unit(lowest, "degC"), with_unit(highest, "degC"))
     if standard.endswith(".toml"):
         if name or level:
-            raise ScenarioError("a file says itself which profile and level it is like.", standard)
+            raise ScenarioError("a file says itself which profile and level it is like.", standard, code="value.excludes-another")
         course = load_profile(standard)
     else:
         course = profile_of(standard, name, level=level)

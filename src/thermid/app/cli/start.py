@@ -85,7 +85,7 @@ def init(
         _from_template(template, to, as_json)
         return
     if template:
-        raise ScenarioError("a template is for a project without a log; give one of them.", "--template")
+        raise ScenarioError("a template is for a project without a log; give one of them.", "--template", code="value.excludes-another")
     scales, formulas = pairs(full_scale or [], "--full-scale"), pairs(formula or [], "--formula")
     roles = roles_of(logs[0], temperature or (), surroundings, power or (), scales, time, formulas)
     roles = _ask_for_roles(logs[0], roles, time, bool(temperature), bool(power)) if sys.stdin.isatty() and not as_json else roles
@@ -145,7 +145,7 @@ def _from_template(name: str, to: Path, as_json: bool) -> None:
         typer.echo("  tclab: two heaters on a board, real measurements", err=True)
         name = typer.prompt("1 of 1. Template", default="part", err=True)
     if not name:
-        raise ScenarioError(f"give a log, or a template: --template {', '.join([*TEMPLATES, 'tclab'])}.", "init")
+        raise ScenarioError(f"give a log, or a template: --template {', '.join([*TEMPLATES, 'tclab'])}.", "init", code="value.incomplete")
     if name == "tclab":
         copied = copy_example(name, to if to != Path() else None, copies(None))
         say(as_json, {"files": [str(copied.folder)], "next": copied.example.first}, str(copied))
@@ -238,7 +238,7 @@ def example(
         return
     chosen = example_named(name)
     if run and not chosen.campaign:
-        raise ScenarioError(f"example '{name}' has no campaign; its command is: {chosen.first}", "--run")
+        raise ScenarioError(f"example '{name}' has no campaign; its command is: {chosen.first}", "--run", code="value.without-effect")
     if chosen.data is not None and not as_json:
         show(chosen.data.words, err=True)
     with working("making the synthetic logs" if chosen.makes else ""):

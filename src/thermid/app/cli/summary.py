@@ -105,7 +105,9 @@ def ready(to: Path | None, pdf: Path | None) -> tuple[Path | None, Path | None]:
     """
     if to is not None and to.suffix.lower() == ".pdf":
         if pdf is not None:
-            raise ScenarioError(f"'{to}' and '{pdf}' are both PDFs. Give one of them; the page itself ends in .html.", "--to")
+            raise ScenarioError(
+                f"'{to}' and '{pdf}' are both PDFs. Give one of them; the page itself ends in .html.", "--to", code="value.excludes-another"
+            )
         to, pdf = None, to
     if to is not None or pdf is not None:
         require("report", "a report")

@@ -106,14 +106,19 @@ def watch(
     """
     step = literal(with_unit(every, "s"), "s", "--every")
     if not step > 0.0:
-        raise RecordError(f"the time between two readings of the log must be above zero, not '{every}'.", "--every")
+        raise RecordError(
+            f"the time between two readings of the log must be above zero, not '{every}'.", "--every", code="value.outside-range"
+        )
     if capture is not None and not _is_port(log):
-        raise RecordError(f"'{log}' is no serial port, whose lines could be kept. Leave --capture out.", "--capture")
+        raise RecordError(
+            f"'{log}' is no serial port, whose lines could be kept. Leave --capture out.", "--capture", code="value.without-effect"
+        )
     by_hand = model is not None or values is not None or bool(channel or full_scale)
     if by_hand if campaign is not None else bool(record or stage):
         raise RecordError(
             "give a campaign with --record and --stage, or a deck with --model, --values, --channel and --full-scale.",
             "command line",
+            code="value.incomplete",
         )
     stated = scenario_of(scenario, boundary, [], None, None) if boundary or scenario is not None else None
     read = pairs(reading, "--read")
@@ -231,7 +236,7 @@ def settle(
     Exit code 1 if the log is not stable by the rule, 4 if it cannot decide.
     """
     if not amount(with_unit(within, "K"), "K", "--within") > 0.0:
-        raise RecordError(f"half of an interval is above zero, not '{within}'.", "--within")
+        raise RecordError(f"half of an interval is above zero, not '{within}'.", "--within", code="value.outside-range")
     record = _read(log, channel, reference, time)
     names = [n for n in record.channels if n != reference]
     begin, end = with_unit(since, "s"), with_unit(at, "s")
@@ -289,7 +294,7 @@ def _read(log: Path, channel: list[str], reference: str, time: str | None) -> Re
     sits = {n: node or n for n, _, node in (text.partition("=") for text in channel)}
     names = list(sits) or [n for n in temperature_columns(log, time) if n != reference]
     if not names:
-        raise RecordError("no column looks like a temperature. Name them with --channel.", log.name)
+        raise RecordError("no column looks like a temperature. Name them with --channel.", log.name, code="record.nothing-there")
     bindings: dict[str, str | dict[str, object]] = {n: {"node": sits.get(n, n)} for n in names}
     if reference:
         bindings[reference] = {"boundary": reference}

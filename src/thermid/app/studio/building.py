@@ -431,7 +431,7 @@ class Building:
         """
         plain = Path(name.replace("\\", "/")).name
         if not plain.strip(". ") or any(ord(c) < 32 for c in plain) or len(plain.encode()) > 200:
-            raise DeckError("the log has no name for a file. Rename it.", "log")
+            raise DeckError("the log has no name for a file. Rename it.", "log", code="name.not-valid")
         folder = self.draft.documents[CAMPAIGN].path.parent / "logs"
         folder.mkdir(parents=True, exist_ok=True)
         stem, dot, ending = plain.partition(".")
@@ -442,7 +442,7 @@ class Building:
                 write_bytes(target, data, RESULTS_FILE)
             if target.is_file() and read_bytes(target) == data:
                 return f"logs/{target.name}"
-        raise DeckError("there are too many logs of this name.", "log")
+        raise DeckError("there are too many logs of this name.", "log", code="studio.not-now")
 
 
 _SHOWN: Final = ("nodes", "surfaces", "conductors", "loads", "submodels")

@@ -143,14 +143,18 @@ def profile_for(course: Course, changes: Mapping[str, Any]) -> ThermalProfile:
     profile = load_profile(course.of[0]) if len(course.of) == 1 else profile_of(course.of[0], course.of[1], level=course.of[2])
     ends = [changes.get("lowest"), changes.get("highest")]
     if (ends[0] is None) != (ends[1] is None):
-        raise ScenarioError("give both the lowest and the highest predicted temperature, or neither.", course.title)
+        raise ScenarioError(
+            "give both the lowest and the highest predicted temperature, or neither.", course.title, code="value.incomplete"
+        )
     numbers = changes.get("numbers", {})
     if not isinstance(numbers, Mapping) or not all(isinstance(v, str) for v in numbers.values()):
-        raise ScenarioError("give numbers as texts by name.", course.title)
+        raise ScenarioError("give numbers as texts by name.", course.title, code="value.wrong-kind")
     try:
         predicted = None if ends[0] is None else [f"{float(str(v))!r} [degC]" for v in ends]
     except ValueError:
-        raise ScenarioError(f"give the predicted temperatures as numbers, not {ends[0]!r} and {ends[1]!r}.", course.title) from None
+        raise ScenarioError(
+            f"give the predicted temperatures as numbers, not {ends[0]!r} and {ends[1]!r}.", course.title, code="value.wrong-kind"
+        ) from None
     changed: dict[str, Any] = {str(k): typed(str(k), v) for k, v in numbers.items() if v.strip()}
     return profile.with_(predicted=predicted, **changed)
 
@@ -317,7 +321,11 @@ def run_course(shelf: Shelf, desk: Desk, course: Course, values: Mapping[str, fl
     bands: Mapping[str, Band] | None = None
     if query.get("uncertain") and limits:
         if desk.calibration is None or values:
-            raise ScenarioError("the uncertainty applies to fitted values only. Run the stage, and reset the sliders (Reset).", desk.title)
+            raise ScenarioError(
+                "the uncertainty applies to fitted values only. Run the stage, and reset the sliders (Reset).",
+                desk.title,
+                code="studio.not-now",
+            )
         expected = foresee(Knowledge.of_source(desk.calibration), scenario, nodes=[one.node for one in limits], times=solution.times)
         rooms, bands = margins({course.title: expected}, limits, states={course.title: state}), expected.prediction.bands
     remarks = run.remarks if run is not None else tuple(solution.warnings)

@@ -91,7 +91,7 @@ def texts_of(query: Mapping[str, Any], key: str) -> tuple[str, ...]:
     """
     several = query.get(key) or ()
     if not isinstance(several, list | tuple) or not all(isinstance(one, str) for one in several):
-        raise DeckError(f"'{key}' is no list of texts.", "studio")
+        raise DeckError(f"'{key}' is no list of texts.", "studio", code="value.wrong-kind")
     return tuple(several)
 
 
@@ -104,7 +104,7 @@ def text_of(query: Mapping[str, Any], key: str) -> str:
     """
     text = query.get(key, "")
     if not isinstance(text, str):
-        raise DeckError(f"'{key}' is not a text.", "studio")
+        raise DeckError(f"'{key}' is not a text.", "studio", code="value.wrong-kind")
     return text
 
 
@@ -117,7 +117,7 @@ def number_of(query: Mapping[str, Any], key: str) -> float:
     """
     number = query.get(key)
     if not isinstance(number, int | float) or isinstance(number, bool) or not math.isfinite(number):
-        raise DeckError(f"'{key}' is not a number.", "studio")
+        raise DeckError(f"'{key}' is not a number.", "studio", code="value.wrong-kind")
     return float(number)
 
 
@@ -132,5 +132,5 @@ def window_of(query: Mapping[str, Any]) -> Window:
     if window is None:
         return None
     if not isinstance(window, list) or len(window) != 2 or not all(isinstance(v, int | float) for v in window) or not window[0] < window[1]:
-        raise DeckError("give a window as two times, the earlier first.", "studio")
+        raise DeckError("give a window as two times, the earlier first.", "studio", code="value.wrong-kind")
     return float(window[0]), float(window[1])

@@ -36,7 +36,7 @@ def _view(path: Path, content: Mapping[str, Any]) -> None:
     """
     for name, place in content.get(PLACES, {}).items():
         if not (isinstance(place, list) and len(place) == 2 and all(isinstance(v, int | float) for v in place)):
-            raise DeckError("a place is two numbers, [x, y].", f"{path.name}, {PLACES}.{name}")
+            raise DeckError("a place is two numbers, [x, y].", f"{path.name}, {PLACES}.{name}", code="value.wrong-kind")
 
 
 @dataclass(frozen=True)

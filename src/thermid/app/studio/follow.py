@@ -128,7 +128,7 @@ class Follower:
     def _path(self, name: str) -> Path:
         if not name:
             if self.log is None:
-                raise DeckError("no log is open. Choose one of the project, or start with --log FILE.", "bench")
+                raise DeckError("no log is open. Choose one of the project, or start with --log FILE.", "bench", code="studio.not-now")
             return self.log
         return resolve_inside(self.folder, name, "bench")
 
@@ -186,7 +186,7 @@ def _hours(value: Any, name: str) -> float | None:
     if value is None or value == "":
         return None
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise RecordError(f"'{name}' is a number of hours.", "bench")
+        raise RecordError(f"'{name}' is a number of hours.", "bench", code="value.wrong-kind")
     return 3600.0 * float(value)
 
 

@@ -40,7 +40,7 @@ def told_columns(asked: Mapping[str, Any]) -> Tables:
     """
     told = asked.get("channels") or {}
     if not (isinstance(told, dict) and all(isinstance(t, dict) and all(isinstance(v, str) for v in t.values()) for t in told.values())):
-        raise RecordError("'channels' is a table for each column, of texts.", "bench")
+        raise RecordError("'channels' is a table for each column, of texts.", "bench", code="value.wrong-kind")
     return {n: t for n, t in told.items() if any(t.get(role) for role in WATCHED_ROLES)}
 
 
@@ -135,7 +135,7 @@ class LiveWatch:
 def _within(query: Mapping[str, Any]) -> float:
     within = query.get("within") or DEFAULT_MAX_HALF_WIDTH
     if isinstance(within, bool) or not isinstance(within, int | float) or not within > 0.0:
-        raise RecordError("'within' is a number of kelvin above zero.", "bench")
+        raise RecordError("'within' is a number of kelvin above zero.", "bench", code="value.outside-range")
     return float(within)
 
 

@@ -62,12 +62,12 @@ def orders(project: Project, work: Work) -> dict[str, Callable[[Body], Any]]:
     def profile(body: Body) -> Any:
         course = work.shelf.course(project.desk(text_of(body, "stage")), text_of(body, "course"))
         if course.kind != "profile":
-            raise DeckError(f"'{course.title}' is not a profile, so it has no numbers to change.", "studio")
+            raise DeckError(f"'{course.title}' is not a profile, so it has no numbers to change.", "studio", code="value.without-effect")
         return profile_object(profile_for(course, body))
 
     def outcome(body: Body) -> Any:
         if work.outcome is None:
-            raise DeckError("no run exists yet. Run one first.", "studio")
+            raise DeckError("no run exists yet. Run one first.", "studio", code="studio.not-now")
         return outcome_object(work.outcome, window_of(body))
 
     return {
@@ -94,7 +94,7 @@ def _values(body: Mapping[str, Any]) -> dict[str, float]:
     if not isinstance(sliders, dict) or not all(
         isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v) for v in sliders.values()
     ):
-        raise DeckError("give values as numbers by path.", "studio")
+        raise DeckError("give values as numbers by path.", "studio", code="value.wrong-kind")
     return {str(k): float(v) for k, v in sliders.items()}
 
 
@@ -178,7 +178,7 @@ def _run_of(desk: Desk, body: Mapping[str, Any]) -> int:
     """
     run = body.get("run", 0)
     if not isinstance(run, int) or isinstance(run, bool) or not 0 <= run < len(desk.runs):
-        raise DeckError("give a run as a whole number and a time as a number.", "studio")
+        raise DeckError("give a run as a whole number and a time as a number.", "studio", code="value.wrong-kind")
     return run
 
 

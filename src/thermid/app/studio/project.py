@@ -54,7 +54,7 @@ class Project:
         self.path = Path(path).resolve()
         if self.path.is_dir():
             inside = ", ".join(sorted(f.name for f in self.path.glob("*.toml"))[:9]) or "none"
-            raise DeckError(f"a folder is not a deck or campaign. Give a file in it: {inside}.", self.path.name)
+            raise DeckError(f"a folder is not a deck or campaign. Give a file in it: {inside}.", self.path.name, code="file.not-a-file")
         self.results = results if results is not None else self.path.parent / "results"
         self._data = data
         self.source, self.title = self._read()
@@ -177,7 +177,7 @@ class Project:
         ThermidError   When it cannot be run; the message says why.
         """
         if self.source is None:
-            raise DeckError("a deck has no stages to run. Open a campaign.", self.path.name)
+            raise DeckError("a deck has no stages to run. Open a campaign.", self.path.name, code="studio.not-now")
         calibration = fit(self._request(name), progress)
         if calibration.converged:
             remember(self.results, name, self._keys[name], calibration.kept, self._made_of[name])
@@ -239,9 +239,11 @@ class Project:
         IdentificationError   When nothing is free, or the logs cannot tell.
         """
         if self.source is None:
-            raise IdentificationError("a deck has no log, so a fit is not possible. Open a campaign.", self.path.name)
+            raise IdentificationError(
+                "a deck has no log, so a fit is not possible. Open a campaign.", self.path.name, code="studio.not-now"
+            )
         if not free:
-            raise IdentificationError("no parameter is selected. Tick the parameters to fit.", name)
+            raise IdentificationError("no parameter is selected. Tick the parameters to fit.", name, code="fit.nothing-free")
         desk, request = self.desk(name), self._request(name)
         priors = {k: v for k, v in request.priors.items() if ParameterSet(request.model).freeable(k, request.model.canonical) in free}
         # what is fitted keeps the deck's value as the mean of its prior, wherever its slider stands; the search starts at the slider
@@ -311,14 +313,14 @@ class Project:
         """
         stem = file_name(title.strip())
         if not stem.strip("_"):
-            raise DeckError("give the values a name of letters and digits.", "save")
+            raise DeckError("give the values a name of letters and digits.", "save", code="name.not-valid")
         desk = self.desk(name)
         # a stage that was not run has what it inherits
         fitted, bare = desk.calibration, self.source is None
         base = fitted.store if fitted is not None else Store() if bare else self._request(name).store
         store = in_force(desk, values, base)
         if not store.states:
-            raise DeckError("no value was changed, so there is nothing to save.", "save")
+            raise DeckError("no value was changed, so there is nothing to save.", "save", code="studio.not-now")
         self.results.mkdir(parents=True, exist_ok=True)
         target, k = self.results / f"{stem}.values.toml", 2
         while target.exists():
@@ -399,10 +401,10 @@ class Project:
         ThermidError   When the campaign is not done, the deck is none of the project's, or it does not fit.
         """
         if self.source is None:
-            raise DeckError("a swap needs a campaign whose stages have been run.", self.path.name)
+            raise DeckError("a swap needs a campaign whose stages have been run.", self.path.name, code="campaign.not-run")
         undone = [n for n in self.stages if n not in self.done]
         if undone:
-            raise DeckError(f"stage '{undone[0]}' has not been run. Run the stages first.", self.title)
+            raise DeckError(f"stage '{undone[0]}' has not been run. Run the stages first.", self.title, code="campaign.not-run")
         file = resolve_inside(self.path.parent, deck, "swap", ())
         return plan_retune(self.campaign or self._unjudged_campaign(), part, load_model(file))
 
@@ -431,7 +433,7 @@ class Project:
             stage = self.source.content.stages[k]
             missing = [n for i in stage.inherit.values() for n in i.stages if n not in self.done]
             if missing:
-                raise DeckError(f"needs values of '{missing[0]}', which has not been run. Run that first.", name)
+                raise DeckError(f"needs values of '{missing[0]}', which has not been run. Run that first.", name, code="campaign.not-run")
             request, self._made_of[name] = keyed(request_of(self.source, stage, k, self.done), stage, self._keys)
             self._keys[name], self._requests[name] = request.key, request
         return self._requests[name]

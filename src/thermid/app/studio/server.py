@@ -313,7 +313,9 @@ def serve(room: Room, port: int, ready: Callable[[str], None] | None = None) -> 
         listener.bind(("127.0.0.1", port))
     except OSError:
         listener.close()
-        raise DeckError(f"port {port} is in use. Give another with --port, or 0 for any free one.", "studio") from None
+        raise DeckError(
+            f"port {port} is in use. Give another with --port, or 0 for any free one.", "studio", code="studio.not-now"
+        ) from None
     taken = int(listener.getsockname()[1])
     listener.listen()
     token = secrets.token_urlsafe()

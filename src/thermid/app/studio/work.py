@@ -97,7 +97,11 @@ class Jobs:
         DeckError   While another one runs.
         """
         if self.busy:
-            raise DeckError(f"'{self._job.stage if self._job else ''}' is still running. Wait until it ends, or stop it.", "studio")
+            raise DeckError(
+                f"'{self._job.stage if self._job else ''}' is still running. Wait until it ends, or stop it.",
+                "studio",
+                code="studio.not-now",
+            )
         job = self._job = JobState(what, stage, keeps=keeps)
 
         def work() -> None:

@@ -15,8 +15,11 @@ class CodeMeaning(NamedTuple):
 
 
 SUBJECTS: Final[Mapping[str, str]] = {
+    "bench": "The bench: boards, sensors, loggers",
+    "campaign": "Campaigns",
     "cap": "Limits of size",
     "command": "The command line",
+    "delivery": "Deliveries",
     "expression": "Expressions",
     "extra": "Optional parts",
     "file": "Files that are read",
@@ -24,20 +27,64 @@ SUBJECTS: Final[Mapping[str, str]] = {
     "fleet": "Fleets of units",
     "fmu": "FMUs of others",
     "htc": "Coefficients of a settled test",
+    "import": "Files of other tools",
     "model": "Models",
     "name": "Names",
     "output": "Files that are written",
     "physics": "Laws and correlations",
+    "plan": "Test plans",
     "prediction": "Predictions",
     "record": "Logs and records",
     "result": "Results",
     "run": "Runs",
+    "studio": "The studio",
     "unit": "Units",
     "value": "Values and arguments",
+    "verdict": "Verdicts",
 }
 """First word of a code -> what it is about."""
 
 CODES: Final[Mapping[str, CodeMeaning]] = {
+    "bench.log": CodeMeaning(
+        "error",
+        "The file into which a logger writes cannot be opened or written, or another logger writes to it.",
+        "Give another file or place; the message names it.",
+    ),
+    "bench.no-board": CodeMeaning(
+        "error",
+        "No board or no sensor answers, several boards do, or the port was disconnected.",
+        "Check plug, wire and supply, or name the port: `--port`.",
+    ),
+    "bench.protocol": CodeMeaning(
+        "error",
+        "A line of a board or of its log is not of the protocol, or its checksum does not fit.",
+        "Check the cable and the firmware; lines that are cut are not read.",
+    ),
+    "bench.sensor": CodeMeaning(
+        "error",
+        "A sensor of the bench has a mistyped identity, an impossible offset or reading, or made the board cut its heaters.",
+        "Check the sensor and its wire; the message gives the reading.",
+    ),
+    "campaign.not-from-file": CodeMeaning(
+        "error",
+        "The request needs the campaign's file, and this campaign was made in Python.",
+        "Write the campaign into a file and pass that.",
+    ),
+    "campaign.not-run": CodeMeaning(
+        "error",
+        "The request needs the results of a stage that was not run.",
+        "Run the stage first.",
+    ),
+    "campaign.record-used": CodeMeaning(
+        "error",
+        "A record that a fit used is asked to validate it.",
+        "Use a record that no fit used.",
+    ),
+    "campaign.refused": CodeMeaning(
+        "error",
+        "Stages, records and levels of a campaign do not fit together.",
+        "Change the place that the message names.",
+    ),
     "cap.exceeded": CodeMeaning(
         "error",
         "A file, a text or a request goes beyond a limit of the table of caps, which lies far above usual sizes.",
@@ -52,6 +99,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "error",
         "An option or argument of a command is unknown, missing, or has a value of another kind.",
         "See `thermid COMMAND --help`.",
+    ),
+    "delivery.differs": CodeMeaning(
+        "error",
+        "A file or an expected value of a delivery is not the one that was delivered.",
+        "Ask for the delivery again, or find what changed.",
     ),
     "expression.decimal-comma": CodeMeaning(
         "error",
@@ -102,6 +154,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "error",
         "The file is of another kind than what is read here, such as a campaign instead of a deck.",
         "Give the file of the kind that the message asks for.",
+    ),
+    "file.changed-by-hand": CodeMeaning(
+        "error",
+        "Two places of a file that thermid wrote contradict each other.",
+        "Run the command again that wrote it.",
     ),
     "file.key-missing": CodeMeaning(
         "error",
@@ -167,6 +224,31 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "error",
         "The chains of a posterior move too slowly along a direction for an interval.",
         "Give more steps, a prior, or another record.",
+    ),
+    "fit.model-fails": CodeMeaning(
+        "error",
+        "The model cannot be run at any value that a search tries, or the search ends without a result.",
+        "Start nearer, or widen the range that the message names.",
+    ),
+    "fit.needs-session": CodeMeaning(
+        "error",
+        "The request needs a fit that was made in this session, since files do not hold its records.",
+        "Repeat the fit.",
+    ),
+    "fit.not-determined": CodeMeaning(
+        "error",
+        "Readings do not determine what is asked of them.",
+        "Fix the value, give it a prior, or log a test that shows it.",
+    ),
+    "fit.not-possible": CodeMeaning(
+        "error",
+        "A method needs more than this fit has: sensors, parameters, noise or a loss.",
+        "Give what the message names, or take another method.",
+    ),
+    "fit.nothing-free": CodeMeaning(
+        "error",
+        "Nothing is free to be fitted, or what is listed is not free.",
+        "Name free values of the model.",
     ),
     "fit.stopped": CodeMeaning(
         "error",
@@ -248,6 +330,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "The measured coefficient or the time of settling is not the one that correlations, mass and area give.",
         "Check the causes of the message.",
     ),
+    "import.not-understood": CodeMeaning(
+        "error",
+        "A statement of another tool's file cannot be read.",
+        "Correct or remove the line that the message names.",
+    ),
     "model.capacitance-not-positive": CodeMeaning(
         "error",
         "A node has a mass or capacitance, and stores no heat or infinitely much.",
@@ -257,6 +344,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "remark",
         "Constant coefficients carry most of the heat out, and nothing says whether air, a fan or a solid carries it.",
         "State `carried_by`.",
+    ),
+    "model.element-not-supported": CodeMeaning(
+        "error",
+        "What is asked does not apply to an element of this model, such as a control, a schedule or a law that is not linear.",
+        "Leave the element out, or ask otherwise as the message says.",
     ),
     "model.heat-cannot-leave": CodeMeaning(
         "warning",
@@ -273,6 +365,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "A value is set for one instance, or cut from its twins, so that a fit estimates it apart.",
         "Nothing, if that is meant.",
     ),
+    "model.law-refused": CodeMeaning(
+        "error",
+        "A table, a function or a control of the model breaks a rule of its kind.",
+        "Correct the point or key that the message names.",
+    ),
     "model.load-without-effect": CodeMeaning(
         "warning",
         "A load heats what has a given temperature.",
@@ -282,6 +379,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "error",
         "A massless node has no conductance to anything with a temperature.",
         "Add a conductor, or a mass.",
+    ),
+    "model.needs-gas-law": CodeMeaning(
+        "error",
+        "Nothing says what a surface, gap or stream does in the gas or vacuum of this run.",
+        "Give the emissivity, the coefficient or the fluid that the message names.",
     ),
     "model.negative-conductance": CodeMeaning(
         "error",
@@ -303,6 +405,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "Heat of a part reaches no boundary, so that it warms or cools without limit.",
         "Connect it to a boundary, if that is not meant.",
     ),
+    "model.nothing-to-solve": CodeMeaning(
+        "error",
+        "All temperatures are given.",
+        "Remove a boundary or a prescribed node.",
+    ),
     "model.radiates-into-gas": CodeMeaning(
         "error",
         "A surface radiates to a node that is gas.",
@@ -317,6 +424,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "error",
         "A name, value or law of the model is refused when it is put together.",
         "Follow the message.",
+    ),
+    "model.self-reference": CodeMeaning(
+        "error",
+        "A file, a name, a value or an element refers to itself.",
+        "Break the loop that the message shows.",
     ),
     "model.stream-unfed": CodeMeaning(
         "warning, remark",
@@ -378,6 +490,21 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "Some values have no source, while others have one.",
         "Give `source`.",
     ),
+    "model.view-factors": CodeMeaning(
+        "error",
+        "View factors are negative, not reciprocal, do not sum to one, or a face sees the back of another.",
+        "Correct the factor, area or place that the message names.",
+    ),
+    "name.not-valid": CodeMeaning(
+        "error",
+        "A name has characters that names may not have, or is a reserved word.",
+        "Use letters, digits and _, beginning with a letter.",
+    ),
+    "name.taken": CodeMeaning(
+        "error",
+        "One name stands for two things that must differ.",
+        "Rename or remove one of them.",
+    ),
     "name.unknown": CodeMeaning(
         "error",
         "A name stands here that does not exist in its place.",
@@ -392,6 +519,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "error",
         "An edit of a deck takes away what is not there, changes nothing, or cannot be written without touching other lines.",
         "Edit the text of the deck.",
+    ),
+    "output.not-expressible": CodeMeaning(
+        "error",
+        "The format that is written has nothing for an element of the model.",
+        "Take another format (an FMU has every law), or change the element.",
     ),
     "output.over-another-file": CodeMeaning(
         "error",
@@ -413,10 +545,20 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "The Biot number of a part is above 0.1, so that one node does not describe its inside.",
         "Split it into more nodes.",
     ),
+    "physics.not-possible": CodeMeaning(
+        "error",
+        "The conditions or values cannot exist, or no formula covers them.",
+        "Check values and units that the message gives.",
+    ),
     "physics.outside-range": CodeMeaning(
         "warning, remark",
         "A formula is used outside the range in which its source vouches for it.",
         "Take the formula that the message names, or stay inside.",
+    ),
+    "plan.incomplete": CodeMeaning(
+        "error",
+        "A test plan lacks what must be stated before a log is read.",
+        "State it.",
     ),
     "prediction.error-not-followed": CodeMeaning(
         "error",
@@ -427,6 +569,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "remark",
         "No departure of a usual size explains the readings of a fit, so its bands do not hold what is wrong.",
         "Look for a wrong column, unit, power or noise of the logs, or for a missing element: criticise does.",
+    ),
+    "record.another-log": CodeMeaning(
+        "error",
+        "The log is not the one that the campaign or example was written for.",
+        "Get that log, or change the checksum by intention.",
     ),
     "record.damaged": CodeMeaning(
         "error",
@@ -558,10 +705,20 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "A result holds no numbers to draw.",
         "Print it.",
     ),
+    "run.cluster": CodeMeaning(
+        "error",
+        "The cluster does not respond, its address is none, or its workers have another version.",
+        "Start it, or install one version everywhere.",
+    ),
     "run.density-assumed": CodeMeaning(
         "remark",
         "A stream by volume comes from no boundary; its density is that at a standard temperature.",
         "Write a mass flow, if that matters.",
+    ),
+    "run.did-not-finish": CodeMeaning(
+        "error",
+        "An integration or a filter ended before its time.",
+        "See the time and node of the message; values far from usual are the most common cause.",
     ),
     "run.gases-differ": CodeMeaning(
         "remark",
@@ -577,6 +734,31 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "remark",
         "A relative humidity is given, and the equations hold no moisture.",
         "Give a schedule of coefficients for moist air.",
+    ),
+    "run.input-missing": CodeMeaning(
+        "error",
+        "A run lacks its start, the temperature of a boundary, or an input up to its end.",
+        "Give it in the scenario.",
+    ),
+    "run.members-failed": CodeMeaning(
+        "error",
+        "Runs of an ensemble failed.",
+        "Run the member of the message alone to see why.",
+    ),
+    "run.no-periodic-state": CodeMeaning(
+        "error",
+        "No state comes back after a period.",
+        "Simulate, and use a late part of the run.",
+    ),
+    "run.no-steady-state": CodeMeaning(
+        "error",
+        "No steady state exists, or none was found.",
+        "Give every part a path to a boundary; simulate where a control keeps switching.",
+    ),
+    "run.outside-times": CodeMeaning(
+        "error",
+        "A time outside the run is asked for.",
+        "Ask within the run, or run longer.",
     ),
     "run.path-stays-without-gas": CodeMeaning(
         "remark",
@@ -608,6 +790,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "A worker of a cluster ended while it was at work.",
         "Start it again, with more memory if it had too little.",
     ),
+    "studio.not-now": CodeMeaning(
+        "error",
+        "The studio cannot do this at present.",
+        "Do first what the message says.",
+    ),
     "unit.ambiguous": CodeMeaning(
         "error",
         "The unit is read as another one than was probably meant: mK is the millikelvin, gr the grain.",
@@ -638,6 +825,16 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "The unit is of another quantity than its place needs, or is missing.",
         "Write the quantity with a unit of the message.",
     ),
+    "value.contradicts": CodeMeaning(
+        "error",
+        "Values contradict one another: areas, directions, or an amount counted twice.",
+        "Correct one of them.",
+    ),
+    "value.excludes-another": CodeMeaning(
+        "error",
+        "Two values are given of which only one can hold.",
+        "Leave one out.",
+    ),
     "value.incomplete": CodeMeaning(
         "error",
         "A value needs another one beside it, or is given twice.",
@@ -653,10 +850,25 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "A number is not finite, not above zero, or not in the order that its place needs.",
         "Give one in range.",
     ),
+    "value.shape": CodeMeaning(
+        "error",
+        "A list or array has another length or shape than its place needs.",
+        "Give one value for each, as the message says.",
+    ),
+    "value.without-effect": CodeMeaning(
+        "error",
+        "A value would change nothing here, or belongs to another kind of element, file or command.",
+        "Leave it out, or give what it belongs to.",
+    ),
     "value.wrong-kind": CodeMeaning(
         "error",
         "An argument, option or key holds another kind of thing than it takes.",
         "Give what the message requests.",
+    ),
+    "verdict.criteria": CodeMeaning(
+        "error",
+        "Criteria of a verdict do not apply to the data, or leave out more than they may.",
+        "Change the criteria, or state why.",
     ),
 }
 """Code -> what it stands for; in the order of the alphabet."""

@@ -82,6 +82,7 @@ def paired(measured: Record, simulated: Record, case: str = "") -> tuple[Overlay
             f"'{measured.name}' and '{simulated.name}' have no column name in common; the second has {names}. Name the columns of the "
             "simulation like the sensors.",
             "two logs",
+            code="record.not-overlapping",
         )
     out = []
     for name in common:
@@ -101,12 +102,17 @@ def _refuse_blank(name: str, times: Array, rows: Array, valid: Bools) -> None:
     """
     run, places, where = rows[valid], np.flatnonzero(valid), "two logs"
     if not times.size or not run.size:
-        raise RecordError(f"'{name}' has no {'simulated number' if times.size else 'reading'} at all. Remove the column.", where)
+        raise RecordError(
+            f"'{name}' has no {'simulated number' if times.size else 'reading'} at all. Remove the column.",
+            where,
+            code="record.not-overlapping",
+        )
     if times[0] < run[0] - 1e-9 or times[-1] > run[-1] + 1e-9:
         raise RecordError(
             f"the simulated numbers of '{name}' run from {run[0]:g} s to {run[-1]:g} s, its readings from {times[0]:g} s to "
             f"{times[-1]:g} s. Cut the readings or simulate longer.",
             where,
+            code="record.not-overlapping",
         )
     gaps = np.flatnonzero((np.diff(places) > 1) & (np.diff(run) >= gap_from(run)))
     for a, b in zip(run[gaps], run[gaps + 1], strict=True):
@@ -115,6 +121,7 @@ def _refuse_blank(name: str, times: Array, rows: Array, valid: Bools) -> None:
                 f"the simulation has no numbers for '{name}' between {a:g} s and {b:g} s, but the log has readings there. Mask them, "
                 "or simulate this time.",
                 where,
+                code="record.not-overlapping",
             )
 
 
@@ -141,12 +148,15 @@ class Exclusions:
         for sensor, reason in self.reasons.items():
             refuse_unknown([sensor], sensors, "exclusions", "'{}' is excluded, but is not a sensor here.", IdentificationError)
             if not reason.strip():
-                raise IdentificationError(f"'{sensor}' is excluded without a reason. State what is wrong with it.", "exclusions")
+                raise IdentificationError(
+                    f"'{sensor}' is excluded without a reason. State what is wrong with it.", "exclusions", code="verdict.criteria"
+                )
         if len(self.reasons) > self.cap * len(sensors) + 1e-9:
             raise IdentificationError(
                 f"{len(self.reasons)} of {len(sensors)} sensors are excluded, the project allows {100 * self.cap:g} %. "
                 "A model that meets its criteria only without these sensors does not meet them. Exclude fewer sensors.",
                 "exclusions",
+                code="verdict.criteria",
             )
 
 
@@ -258,13 +268,15 @@ def correlate(
     else:
         pairs = tuple(o for o in readings if isinstance(o, Overlay))
     if not pairs:
-        raise IdentificationError("the log has no readings to compare with.", title)
+        raise IdentificationError("the log has no readings to compare with.", title, code="record.nothing-there")
     sensors = list(dict.fromkeys(o.sensor for o in pairs))
     left_out = exclusions or Exclusions()
     left_out.check(sensors)
     for sensor, weight in (weights or {}).items():
         if sensor not in sensors or not weight > 0:
-            raise IdentificationError(f"'{sensor}' has weight {weight:g}. Give a sensor a weight above zero.", title)
+            raise IdentificationError(
+                f"'{sensor}' has weight {weight:g}. Give a sensor a weight above zero.", title, code="value.outside-range"
+            )
     windows = {case: tuple(stretches) for case, stretches in (steady or {}).items()}
     unread = "steady periods are given for '{}', which has no log."
     refuse_unknown(windows, [o.case for o in pairs], title, unread, IdentificationError)
@@ -292,6 +304,7 @@ def _deviation(o: Overlay, kind: str, window: Window, weight: float, reason: str
             f"the steady period from {window[0]:g} s to {window[1]:g} s holds no reading of '{o.sensor}' in '{o.case}'. Name another "
             "period, or exclude the sensor and state why.",
             o.case,
+            code="record.nothing-there",
         )
     if kind == "steady" and not reason:
         # refuse a settled stretch for whose first or last part a sensor has no readings: what is not read does not agree
@@ -302,6 +315,7 @@ def _deviation(o: Overlay, kind: str, window: Window, weight: float, reason: str
                 f"the steady period from {window[0]:g} s to {window[1]:g} s has readings of '{o.sensor}' in '{o.case}' from "
                 f"{times[0]:g} s to {times[-1]:g} s only. Name a period that it covers, or exclude the sensor and state why.",
                 o.case,
+                code="record.nothing-there",
             )
     case = o.case if kind == "transient" else f"{o.case}, {window[0] / 3600:.4g} .. {window[1] / 3600:.4g} h"
     residuals = Residuals.equally_weighted(o.times[inside], o.residuals[inside])
@@ -338,6 +352,7 @@ def read_two(measured: Path, simulated: Path, *, accuracy: str = "", time: str |
             f"'{measured.name}' and '{simulated.name}' have no column name in common besides the time: {', '.join(first)} against "
             f"{', '.join(second)}. Name the columns of the simulation like the sensors.",
             "two logs",
+            code="record.not-overlapping",
         )
     extra: dict[str, object] = {"accuracy": accuracy} if accuracy else {}
     one = read_record(measured, {c: {"node": c} | extra for c in common}, time=time, name=measured.stem)

@@ -71,14 +71,20 @@ class Criteria:
     ) -> None:
         place = where or (f"criteria '{name}'" if name else "criteria")
         if limits is not None and not isinstance(limits, Mapping):
-            raise ScenarioError(f"give limits as a table, not {limits!r}: Criteria(rmse='0.5 [K]', max_error='2 [K]').", place)
+            raise ScenarioError(
+                f"give limits as a table, not {limits!r}: Criteria(rmse='0.5 [K]', max_error='2 [K]').", place, code="value.wrong-kind"
+            )
         common = _kelvin({**(limits or {}), **more}, place)
         sensor_limits = {sensor: _kelvin(table, f"{place}.sensors.{sensor}") for sensor, table in (sensors or {}).items()}
         check_mark(mark, place)
         if name and not common:
-            raise ScenarioError(f"a set of criteria needs at least one limit above zero: {', '.join(known_criteria())}.", place)
+            raise ScenarioError(
+                f"a set of criteria needs at least one limit above zero: {', '.join(known_criteria())}.", place, code="value.incomplete"
+            )
         if not isinstance(share, int | float) or not 0 < share <= 1:
-            raise ScenarioError(f"the share of sensors that must meet a limit must be above 0, up to 1; given: {share}.", place)
+            raise ScenarioError(
+                f"the share of sensors that must meet a limit must be above 0, up to 1; given: {share}.", place, code="value.outside-range"
+            )
         refuse_unknown(kinds or ("",), KINDS, place, "criteria apply to steady or transient cases, not to '{}'.", ScenarioError)
         fields = {
             "name": name,
@@ -123,7 +129,7 @@ def _parsed(table: Any, where: str) -> Any:
 def _kelvin(limits: Mapping[str, str | float], where: str) -> dict[str, float]:
     """Limits in kelvin by known metrics; an empty text is none."""
     if not isinstance(limits, Mapping):
-        raise ScenarioError("give the criteria of a sensor as a table such as { rmse = '1 [K]' }.", where)
+        raise ScenarioError("give the criteria of a sensor as a table such as { rmse = '1 [K]' }.", where, code="value.wrong-kind")
     out: dict[str, float] = {}
     for key, limit in limits.items():
         if key != "each":
@@ -132,7 +138,7 @@ def _kelvin(limits: Mapping[str, str | float], where: str) -> dict[str, float]:
             continue
         out[key] = float(limit) if isinstance(limit, int | float) else literal(limit, "K", f"{where}.{key}")
         if not math.isfinite(out[key]) or out[key] <= 0:
-            raise ScenarioError("a limit must be above zero.", where)
+            raise ScenarioError("a limit must be above zero.", where, code="value.outside-range")
     return out
 
 
@@ -268,7 +274,9 @@ def judge_sensors(criteria: Criteria, deviations: Sequence[Deviation]) -> Iterat
     for d in deviations:
         limits = {**criteria.limits, **criteria.sensors.get(d.sensor, {})}
         if not limits:
-            raise IdentificationError(f"'{d.sensor}' has no criterion. Give it at least one limit: rmse, max_error or mean_error.")
+            raise IdentificationError(
+                f"'{d.sensor}' has no criterion. Give it at least one limit: rmse, max_error or mean_error.", code="value.incomplete"
+            )
         for key, limit in limits.items():
             yield _at_sensors(criteria, d.kind, d.case, key, limit, [d])
 
@@ -282,14 +290,18 @@ def judge(criteria: Criteria, deviations: Sequence[Deviation], where: str) -> It
     """
     if criteria.sensors:
         raise IdentificationError(
-            f"limits of single sensors, such as '{next(iter(criteria.sensors))}', apply in a verdict only. Use td.validate.", where
+            f"limits of single sensors, such as '{next(iter(criteria.sensors))}', apply in a verdict only. Use td.validate.",
+            where,
+            code="value.without-effect",
         )
     for kind in criteria.kinds:
         counted = [d for d in deviations if d.kind == kind and not d.excluded]
         if not counted:
             how = "give its steady periods" if kind == "steady" else "give a log"
             raise IdentificationError(
-                f"the criteria '{criteria.name}' apply to {kind} cases, but there are no data for them: {how}.", where
+                f"the criteria '{criteria.name}' apply to {kind} cases, but there are no data for them: {how}.",
+                where,
+                code="verdict.criteria",
             )
         # each case by itself, or too warm in one would compensate too cold in another
         for case in dict.fromkeys(d.case for d in counted):

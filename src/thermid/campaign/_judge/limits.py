@@ -64,11 +64,19 @@ class Limits:
                 with errors_at(f"{where}, {state}"):
                     object.__setattr__(self, field, tuple(end_of_range(end) for end in ends))
         if not np.isfinite(self.operating).any():
-            raise ScenarioError("operating: both ends are empty, so no limit would be checked. Give the lower, the upper, or both.", where)
+            raise ScenarioError(
+                "operating: both ends are empty, so no limit would be checked. Give the lower, the upper, or both.",
+                where,
+                code="value.incomplete",
+            )
         for state, field in STATES.items():
             ends = getattr(self, field)
             if ends is not None and not ends[0] < ends[1]:
-                raise ScenarioError(f"{state}: the lower limit, {text_of(ends[0])}, is not below the upper one, {text_of(ends[1])}.", where)
+                raise ScenarioError(
+                    f"{state}: the lower limit, {text_of(ends[0])}, is not below the upper one, {text_of(ends[1])}.",
+                    where,
+                    code="value.outside-range",
+                )
         for inner, outer in (("operating", "non-operating"), ("start-up", "non-operating")):
             a, b = self.ends(inner), self.ends(outer)
             if a is None or b is None:
@@ -80,6 +88,7 @@ class Limits:
                         f"the {side} {inner} limit, {text_of(a[k])}, lies beyond the {side} {outer} one, {text_of(b[k])}. "
                         "Non-operating limits must be at least as wide as operating limits.",
                         where,
+                        code="value.outside-range",
                     )
 
     def ends(self, state: str) -> Ends | None:
@@ -115,7 +124,9 @@ def read_limits(tables: Mapping[str, Any], where: str | Callable[[str], str]) ->
     """
     place = Places(where) if isinstance(where, str) else where
     if not tables:
-        raise ScenarioError("no limits are given. Write a table per reference point: node, operating = [low, high].", place(""))
+        raise ScenarioError(
+            "no limits are given. Write a table per reference point: node, operating = [low, high].", place(""), code="value.incomplete"
+        )
     read = by_grammar("thermid.campaign._judge.schema.LimitsFile", tables, place).root
     return tuple(Limits(name, **{**dict(table), "loads": tuple(table.loads)}) for name, table in read.items())
 
@@ -290,7 +301,7 @@ def check_limits(run: Solution, limits: Sequence[Limits], *, state: str = "opera
     ScenarioError       When the state is none.
     """
     if state not in ("operating", "non-operating"):
-        raise ScenarioError(f"a run is operating or non-operating, not '{state}'.", run.scenario)
+        raise ScenarioError(f"a run is operating or non-operating, not '{state}'.", run.scenario, code="value.wrong-kind")
     fine = run.refined([one.node for one in limits])
     out = []
     for one in limits:

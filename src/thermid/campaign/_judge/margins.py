@@ -241,7 +241,7 @@ def margins(
     if isinstance(policy, str):
         policy = look_up(policy, POLICIES, f"unknown margin policy '{{}}'. Use one of {'; '.join(POLICIES)}.", "margins")
     if not runs:
-        raise ScenarioError("margins need at least one run.", "margins")
+        raise ScenarioError("margins need at least one run.", "margins", code="value.outside-range")
     out = []
     for one in limits:
         for k, side in enumerate(("cold", "hot")):
@@ -336,12 +336,14 @@ def heater_duty(
     powers, times = run.solution.load_powers, run.solution.times
     refuse_unknown([load], powers, run.solution.title, "no load '{}'.", NameNotFoundError)
     if full <= 0:
-        raise ScenarioError(f"the full power of heater '{load}' must be above zero.", run.solution.title)
+        raise ScenarioError(f"the full power of heater '{load}' must be above zero.", run.solution.title, code="value.outside-range")
     begin, end = window or (0.5 * float(times[-1]), float(times[-1]))
     inside = (times >= begin) & (times <= end)
     if np.count_nonzero(inside) < 2:
         raise ScenarioError(
-            f"the window of heater '{load}', {begin:g} s to {end:g} s, holds fewer than two stored times.", run.solution.title
+            f"the window of heater '{load}', {begin:g} s to {end:g} s, holds fewer than two stored times.",
+            run.solution.title,
+            code="record.too-short",
         )
     watts = np.broadcast_to(powers[load], times.shape)[inside]
     mean = float(np.trapezoid(watts, times[inside]) / (times[inside][-1] - times[inside][0]))

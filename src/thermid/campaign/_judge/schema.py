@@ -15,7 +15,9 @@ from thermid.base.grammar import Amount, Finite, Flag, Grammar, GrammarOf, Stric
 def _ends(pair: list[str | float]) -> tuple[float, float]:
     """Return the two ends of a limit; infinite where the text is empty. [K]"""
     if len(pair) != 2:
-        raise ScenarioError('a limit is a pair, ["-20 [degC]", "55 [degC]"]; an empty text for an end without limit.')
+        raise ScenarioError(
+            'a limit is a pair, ["-20 [degC]", "55 [degC]"]; an empty text for an end without limit.', code="value.wrong-kind"
+        )
     low, high = pair
     return (kelvin(low) if low != "" else -np.inf, kelvin(high) if high != "" else np.inf)
 

@@ -134,7 +134,7 @@ def size(
     low, high = task.searched(between)
     items = list(_items(task, limits, scenarios))
     if not items:
-        raise ScenarioError("no limit applies to a scenario. Give limits of the state of the scenarios.", path)
+        raise ScenarioError("no limit applies to a scenario. Give limits of the state of the scenarios.", path, code="value.incomplete")
     grid = np.linspace(low, high, RANGE_SAMPLES)
     spare = np.array([[item.spare(float(x)) for x in grid] for item in items])
     ends = [(x, item) for item, row in zip(items, spare, strict=True) for x in _crossings(item, grid, row)]
@@ -179,7 +179,9 @@ class _Task:
         ends = between if between is not None else (deck.minimum, deck.maximum)
         low, high = (np.nan if end is None else amount(end, self.unit, f"between, {self.path}") for end in ends)
         if not low < high:
-            raise ScenarioError("the range is missing or empty. Give between=(low, high), or min and max in the deck.", self.path)
+            raise ScenarioError(
+                "the range is missing or empty. Give between=(low, high), or min and max in the deck.", self.path, code="value.incomplete"
+            )
         return low, high
 
     def at(self, x: float) -> Model:

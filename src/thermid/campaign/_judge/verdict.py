@@ -240,7 +240,8 @@ def validate(
     user = calibration.seen.get(record.origin.sha256)
     if user is not None:
         raise IdentificationError(
-            f"record '{record.name}' was used by {user}. A validation needs a hold-out record: use one that no fit used."
+            f"record '{record.name}' was used by {user}. A validation needs a hold-out record: use one that no fit used.",
+            code="campaign.record-used",
         )
     prediction = fit(record_request(calibration, record, scenario, local, readings, window))
     statistics = prediction.statistics[record.name]

@@ -157,7 +157,9 @@ def copy_example(
     example, source = example_named(name), shipped()
     folder = to or Path(name)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise OutputError("the folder is not empty, and a copy would mix with its files. Give a new folder.", str(folder))
+        raise OutputError(
+            "the folder is not empty, and a copy would mix with its files. Give a new folder.", str(folder), code="output.over-another-file"
+        )
     data = example.data
     with folder_replacing(folder) as half:
         write_bytes(half / ROOT_FILE, (source / ROOT_FILE).read_bytes(), COPY)

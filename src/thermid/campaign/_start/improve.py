@@ -148,6 +148,7 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
         raise DeckError(
             f"stage '{name}' has values tuned by hand and fits nothing, so structures cannot be compared. Give a stage that fits records.",
             path.name,
+            code="campaign.refused",
         )
     request = before.request
     refuse_unseen(request.model, "a search for another structure")
@@ -197,7 +198,7 @@ def _full_fit(request: Request, stage: str, changes: Sequence[MissingElement] = 
         raise IdentificationError(error.message, stage, code=error.code) from None
     for words, possible in (c.judge(fitted) for c in changes):
         if not possible:
-            raise IdentificationError(f"it finds {words}, which is not physically possible.", stage)
+            raise IdentificationError(f"it finds {words}, which is not physically possible.", stage, code="physics.not-possible")
     return fitted
 
 

@@ -94,7 +94,9 @@ def tclab(data: bytes, name: str) -> str:
     series = {n: series_of(p) for n, p in objects_of(data, name).items()}
     levels, readings = series.get("u1u2"), series.get("y1y2")
     if levels is None or readings is None:
-        raise RecordError(f"it holds {', '.join(series) or 'no objects'}, not the timeseries u1u2 and y1y2.", name)
+        raise RecordError(
+            f"it holds {', '.join(series) or 'no objects'}, not the timeseries u1u2 and y1y2.", name, code="record.layout-unclear"
+        )
     at = np.searchsorted(np.round(levels["Time"], 6), np.round(readings["Time"], 6), side="right") - 1
     held = levels["Data"][np.maximum(at, 0), :2]
     table = np.column_stack([held, readings["Data"]])
@@ -126,7 +128,7 @@ def thermocouples(data: bytes, name: str) -> str:
     head = next((k for k, row in enumerate(lines) if row and row[0] == "Sample"), None)
     rate = next((float(row[0].partition(":")[2]) for row in lines[: head or 0] if row and row[0].startswith("Scan Rate")), None)
     if head is None or rate is None:
-        raise RecordError("it has no row 'Sample' below a 'Scan Rate'.", name)
+        raise RecordError("it has no row 'Sample' below a 'Scan Rate'.", name, code="record.layout-unclear")
     columns = [lines[head].index(c) for c in TEMPERATURES if c in lines[head]]
     names = [c for c in TEMPERATURES if c in lines[head]]
     order = [lines[head][c] for c in sorted(columns)]
@@ -147,7 +149,7 @@ def controller(data: bytes, name: str) -> str:
     lines = list(csv.reader(io.StringIO(data.decode("utf-8-sig"))))
     missing = [c for c in CONTROLLER if c not in lines[0]]
     if missing:
-        raise RecordError(f"it has no column {', '.join(missing)}.", name)
+        raise RecordError(f"it has no column {', '.join(missing)}.", name, code="record.layout-unclear")
     columns = [lines[0].index(c) for c in CONTROLLER]
     rows = [",".join(f"{float(row[c]):.6g}" for c in columns) for row in lines[1:] if len(row) > max(columns)]
     return "\n".join([",".join(CONTROLLER.values()), *rows, ""])
@@ -241,5 +243,6 @@ def converted(source: DataSet, file: Original, folder: Path | None) -> bytes:
             "of commit "
             f"{source.commit[:7]}.",
             source.repository,
+            code="record.another-log",
         )
     return gzip.compress(text.encode(), mtime=0) if file.to.endswith(".gz") else text.encode()

@@ -442,6 +442,7 @@ def _refuse_still(records: Sequence[Record], roles: Roles, noise: Mapping[str, f
         "no temperature of a part changes by more than its noise, so the log does not determine any time constant. Log a test in "
         "which a power or the ambient changes.",
         records[0].name,
+        code="fit.not-determined",
     )
 
 
@@ -494,7 +495,7 @@ def _begun(roles: Roles, records: Sequence[Record], facts: StatedFacts) -> tuple
                 best = placed, one
     if best is None:
         raise refusal or IdentificationError(
-            "no structure could be fitted. Check the roles of the columns with `thermid look`.", records[0].name
+            "no structure could be fitted. Check the roles of the columns with `thermid look`.", records[0].name, code="fit.not-determined"
         )
     return best
 

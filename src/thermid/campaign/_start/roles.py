@@ -223,7 +223,11 @@ def roles_of(
     if len(set(parts.values())) < len(parts):
         parts = {n: word(n) for n in parts}
     if not parts:
-        raise RecordError("no column is recognised as the temperature of a part. Name them: --temperature COLUMN=PART.", path.name)
+        raise RecordError(
+            "no column is recognised as the temperature of a part. Name them: --temperature COLUMN=PART.",
+            path.name,
+            code="record.nothing-there",
+        )
     scales = dict(full_scale or {})
     heated = [_pair(p, False) for p in powers] or [(n, "") for n in (*guessed["power"], *guessed["duty"]) if not _idle(columns[n].values)]
     logged_powers = tuple(

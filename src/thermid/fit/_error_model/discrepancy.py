@@ -156,7 +156,9 @@ def discrepancy(fit: Calibration) -> Discrepancy:
     """
     discrepancy_of_fit = discrepancy_kept(fit.values)
     if discrepancy_of_fit is None:
-        raise IdentificationError("this calibration does not include the data on its model discrepancy. Run the fit again.", fit.stage)
+        raise IdentificationError(
+            "this calibration does not include the data on its model discrepancy. Run the fit again.", fit.stage, code="fit.needs-session"
+        )
     return discrepancy_of_fit
 
 

@@ -116,6 +116,7 @@ class Dynamics:
                 f"'{switched[0]}' is switched by a thermostat, so process noise would change its switching times. Log its power and "
                 "bind it to the load.",
                 where,
+                code="model.element-not-supported",
             )
         flat = self.wiring.network.flat
         for name in self.wiring.network.controls:
@@ -124,20 +125,26 @@ class Dynamics:
                     f"the state of the control '{name}' depends on its history, which a filter does not have. Log the power or the state "
                     "that it sets, and bind it; or use a table or a proportional control.",
                     where,
+                    code="model.element-not-supported",
                 )
         if self.wiring.network.stores:
             node = next(iter(self.wiring.network.stores))
             raise IdentificationError(
-                f"'{node}' stores heat by a table, which is not supported with process noise. Fit without process noise.", where
+                f"'{node}' stores heat by a table, which is not supported with process noise. Fit without process noise.",
+                where,
+                code="model.element-not-supported",
             )
         if self.experiment.ticks is not None:
             raise IdentificationError(
                 "the offset of a second clock is not known, which is not supported with process noise. Call td.inference.align first.",
                 where,
+                code="model.element-not-supported",
             )
         if self.engine.is_large:
             raise IdentificationError(
-                f"the filter supports models of up to some hundred nodes, not {len(self.engine.nodes)}. Reduce the model.", where
+                f"the filter supports models of up to some hundred nodes, not {len(self.engine.nodes)}. Reduce the model.",
+                where,
+                code="model.element-not-supported",
             )
 
     def _heats(self, noise: ProcessNoise) -> Array:
@@ -150,6 +157,7 @@ class Dynamics:
                 f"'{node}' has no heat capacity, and '{noise.target}' cannot be separated from its neighbours. Give the noise to one "
                 "of these.",
                 self.engine.title,
+                code="model.element-not-supported",
             )
         out[self.nodes.index(node)] = 1.0
         return out

@@ -75,7 +75,9 @@ def estimate(
     """
     title = name or model.title
     if not process_noise:
-        raise IdentificationError("no process noise is given. Give process_noise = {'node': 'free'}, or use td.calibrate.", title)
+        raise IdentificationError(
+            "no process noise is given. Give process_noise = {'node': 'free'}, or use td.calibrate.", title, code="fit.nothing-free"
+        )
     many = (records,) if isinstance(records, Record) else tuple(records)
     scenarios = dict(scenario) if isinstance(scenario, Mapping) else {"*": scenario} if scenario else {}
     specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
@@ -103,6 +105,7 @@ def _estimated(request: Request, noise_table: Mapping[str, Any], start_sd: Mappi
             f"a horizon of {duration_text(ahead)} leaves too little to fit: of the {duration_text(min(spans))} of the shortest record "
             f"{100 * MIN_FITTED_SHARE:.0f} % are fitted at least. Give a shorter horizon.",
             request.name,
+            code="value.outside-range",
         )
     split = [min(FITTED_SHARE * s, s - ahead) for s in spans]
     earlier = replace(request, records=tuple(_before(r, t) for r, t in zip(request.records, split, strict=True)))

@@ -154,7 +154,7 @@ class Likelihood:
                     score = scores[fitted.tobytes()] = self.score(fitted)
                 root = square_root(score.information, drop=True)
             except (np.linalg.LinAlgError, FloatingPointError) as error:
-                raise SolverError("the filter breaks off at these values.", "estimate") from error
+                raise SolverError("the filter breaks off at these values.", "estimate", code="run.did-not-finish") from error
             # rows r and slopes L' with the gradient L r and the information L L'
             return score.loss, np.asarray(np.linalg.lstsq(root, score.gradient, rcond=None)[0], dtype=float), root.T
 

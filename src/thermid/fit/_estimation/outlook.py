@@ -148,7 +148,9 @@ def unread(request: Request, fitted: Likelihood, scenario: Scenario, times: Arra
     """
     name = f"{request.name}, prediction"
     if times.size < 2 or times[0] < 0.0:
-        raise ScenarioError("a prediction needs times from zero on. Give times, or a scenario with a duration.", name)
+        raise ScenarioError(
+            "a prediction needs times from zero on. Give times, or a scenario with a duration.", name, code="value.incomplete"
+        )
     node = fitted.dynamics[0].states[0]
     # a record must read something; what it reads here is never taken
     blank = Channel.from_array(node, np.full(times.size, 300.0), unit="K", role="node", target=node, noise=1.0)
@@ -158,7 +160,9 @@ def unread(request: Request, fitted: Likelihood, scenario: Scenario, times: Arra
     )
     problem = build_problem(unread_request)
     if problem.experiments[0].loose:
-        raise ScenarioError("the scenario does not say at which temperature it starts. Add start, or initial temperatures.", name)
+        raise ScenarioError(
+            "the scenario does not say at which temperature it starts. Add start, or initial temperatures.", name, code="value.incomplete"
+        )
     walks = {p.target: 0.0 for p in fitted.noises if p.walks}
     return likelihood_of(problem, fitted.noises, walks | starts_sd(problem, start_sd, fitted.noises, name))
 
@@ -177,7 +181,11 @@ def starts_sd(problem: Problem, texts: Mapping[str, str], noises: Sequence[Proce
             )
         value = literal(text, "K", f"{where}, start_sd.{raw}")
         if not (np.isfinite(value) and value >= 0.0):
-            raise IdentificationError(f"a standard deviation of {text} is not possible. Give zero or more.", f"{where}, start_sd.{raw}")
+            raise IdentificationError(
+                f"a standard deviation of {text} is not possible. Give zero or more.",
+                f"{where}, start_sd.{raw}",
+                code="value.outside-range",
+            )
         out[path] = value
     return out
 

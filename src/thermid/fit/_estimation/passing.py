@@ -99,7 +99,11 @@ class Passing:
         missed = float(np.abs((rates_after - foreseen)[:, : d.massive.size]).max()) * seconds / 3.0
         if not np.isfinite(missed) or (missed > MAX_CURVATURE_ERROR and halvings < HALVINGS):
             if halvings >= HALVINGS:
-                raise SolverError(f"the filter diverged at {begin:.6g} s. Look for a noise that is far too large.", d.engine.title)
+                raise SolverError(
+                    f"the filter diverged at {begin:.6g} s. Look for a noise that is far too large.",
+                    d.engine.title,
+                    code="run.did-not-finish",
+                )
             middle = 0.5 * (begin + end)
             half, legs = self._bent_step(belief, begin, middle, halvings + 1)
             whole, more = self._bent_step(half, middle, end, halvings + 1)

@@ -93,7 +93,7 @@ def read_process(process_noise: Mapping[str, Any], network: Network, where: str)
     out = [_one(raw, table, network, f"{where}, process_noise.{raw}") for raw, table in process_noise.items()]
     twice = sorted({p.target for p in out if sum(q.target == p.target for q in out) > 1})
     if twice:
-        raise IdentificationError(f"'{twice[0]}' has two process noises. Leave one out.", where)
+        raise IdentificationError(f"'{twice[0]}' has two process noises. Leave one out.", where, code="name.taken")
     return tuple(out)
 
 
@@ -112,11 +112,15 @@ def _one(raw: str, written: Any, network: Network, where: str) -> ProcessNoise:
             f"unknown process noise '{kind}'.{nearest(kind, (WIENER, MARKOV))} Write {WIENER} or {MARKOV}.", where, code="name.unknown"
         )
     if kind == WIENER and "time" in table:
-        raise IdentificationError(f"a {WIENER} noise has no correlation time. Leave time out, or write kind = '{MARKOV}'.", where)
+        raise IdentificationError(
+            f"a {WIENER} noise has no correlation time. Leave time out, or write kind = '{MARKOV}'.", where, code="value.without-effect"
+        )
     unit = UNITS[place, kind]
     free = table.get("size", FREE) == FREE
     if "start" in table and not free:
-        raise IdentificationError("a fixed size has no start value. Write size = 'free', or leave start out.", where)
+        raise IdentificationError(
+            "a fixed size has no start value. Write size = 'free', or leave start out.", where, code="value.without-effect"
+        )
     size = _positive(table.get("start", None) if free else table["size"], unit, GUESS[unit], f"{where}, {'start' if free else 'size'}")
     late = table.get("time", FREE)
     time = math.inf if kind == WIENER else _positive(None if late == FREE else late, "s", HOUR, f"{where}, time")
@@ -128,7 +132,9 @@ def _positive(written: Any, unit: str, otherwise: float, where: str) -> float:
         return otherwise
     value = literal(written, unit, where)
     if not (math.isfinite(value) and value > 0):
-        raise IdentificationError(f"{written} must be above zero and finite. For no noise leave the entry out.", where)
+        raise IdentificationError(
+            f"{written} must be above zero and finite. For no noise leave the entry out.", where, code="value.outside-range"
+        )
     return float(value)
 
 
@@ -139,7 +145,9 @@ def _place(raw: str, network: Network, where: str) -> tuple[str, str]:
     if path in loads:
         if loads[path] not in network.nodes:
             raise IdentificationError(
-                f"'{raw}' heats '{loads[path]}', whose temperature is given; noise of it would change nothing.", where
+                f"'{raw}' heats '{loads[path]}', whose temperature is given; noise of it would change nothing.",
+                where,
+                code="value.without-effect",
             )
         return path, "load"
     try:
@@ -153,5 +161,9 @@ def _place(raw: str, network: Network, where: str) -> tuple[str, str]:
     if node in network.boundaries:
         return node, "boundary"
     if network.numbers().capacitances[node] is None:
-        raise IdentificationError(f"'{raw}' has no heat capacity, so process noise cannot act on it. Give the noise to a neighbour.", where)
+        raise IdentificationError(
+            f"'{raw}' has no heat capacity, so process noise cannot act on it. Give the noise to a neighbour.",
+            where,
+            code="model.element-not-supported",
+        )
     return node, "node"

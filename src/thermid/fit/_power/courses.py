@@ -121,7 +121,9 @@ def recovered(
     tried = [_profiled(request, PowerCourse(name, into, s, 0.1 * span, power, begin=begin), 3.0 * step, 0.5 * span) for s in shapes]
     cost, course = min(tried, key=lambda attempt: attempt[0])
     if not np.isfinite(cost):
-        raise IdentificationError(f"no course of a power at '{into}' can be run with these records.", request.name or request.model.title)
+        raise IdentificationError(
+            f"no course of a power at '{into}' can be run with these records.", request.name or request.model.title, code="fit.model-fails"
+        )
     return course
 
 

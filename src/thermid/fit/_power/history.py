@@ -90,7 +90,9 @@ class PowerHistory(Result):
         count = int(self.times[-1] / width + 1e-9)
         if width < 0.99 * float(np.median(steps)) or count < 1:
             raise IdentificationError(
-                f"a window of {window} does not fit knots every {np.median(steps):g} s over {self.times[-1]:g} s.", self.load
+                f"a window of {window} does not fit knots every {np.median(steps):g} s over {self.times[-1]:g} s.",
+                self.load,
+                code="value.outside-range",
             )
         edges: Array = width * np.arange(count + 1, dtype=float)
         # the integral of each hat from the beginning to every edge: of its rising side, then of its falling one
@@ -255,7 +257,7 @@ def _best(h: PowerHistory, law: Formula, starts: list[list[float]]) -> tuple[Arr
         rows, steps = misses(b), LAW_STEP * np.maximum(np.abs(b), 1.0)
         slopes = np.column_stack([(misses(b + s) - misses(b - s)) / (2.0 * s.sum()) for s in np.diag(steps)])
         if not (np.isfinite(rows).all() and np.isfinite(slopes).all()):
-            raise SolverError("the law gives no finite power.", h.load)
+            raise SolverError("the law gives no finite power.", h.load, code="run.did-not-finish")
         return 0.5 * float(rows @ rows), rows, slopes
 
     descents = []
@@ -455,12 +457,17 @@ def power_history(
             "without a period of known power only ratios to the power can be estimated, so no parameter can be free. Give 'known' or "
             "a prior.",
             where,
+            code="fit.not-determined",
         )
     if any(len(stretch) != 3 or isinstance(stretch, str) for stretch in known):
-        raise IdentificationError("give 'known' as a list of periods (from, to, power), such as [('0 [h]', '1 [h]', '5 [W]')].", where)
+        raise IdentificationError(
+            "give 'known' as a list of periods (from, to, power), such as [('0 [h]', '1 [h]', '5 [W]')].", where, code="value.incomplete"
+        )
     logged = next((n for n, c in record.channels.items() if c.role in ("load", "auto") and (c.target or n) in (load, path)), "")
     if logged:
-        raise IdentificationError(f"channel '{logged}' of '{record.name}' already gives this power. Leave it out.", where)
+        raise IdentificationError(
+            f"channel '{logged}' of '{record.name}' already gives this power. Leave it out.", where, code="value.without-effect"
+        )
     usual = max(record.duration / KNOTS, record.step)
     step = literal(every, "s", where) if every else usual
     knots, pins = _knots(record, step, known, accuracy, where)
@@ -532,6 +539,7 @@ def _undetermined(free: Sequence[str], where: str) -> IdentificationError:
         f"readings, priors and known powers together do not determine {what}. Give priors = {{...}} or a longer period of known "
         "power, or free fewer parameters.",
         where,
+        code="fit.not-determined",
     )
 
 
@@ -551,11 +559,17 @@ def _knots(record: Record, step: float, known_powers: Sequence[tuple[Any, Any, A
     """Return the times of the knots from the first sample [s], two close together where a stretch of known power begins or ends."""
     end = float(record.times[-1] - record.times[0])
     if not 0 < step <= end / 4:
-        raise IdentificationError(f"knots every {step:g} s do not fit into a log of {end:g} s. Give at least four intervals.", where)
+        raise IdentificationError(
+            f"knots every {step:g} s do not fit into a log of {end:g} s. Give at least four intervals.", where, code="value.outside-range"
+        )
     stretches = [(literal(a, "s", where), literal(b, "s", where), literal(p, "W", where)) for a, b, p in known_powers]
     for first, last, _ in stretches:
         if not -1e-9 <= first < last <= end * (1 + 1e-9):
-            raise IdentificationError(f"the power was known from {first:g} to {last:g} s, which is not within a log of {end:g} s.", where)
+            raise IdentificationError(
+                f"the power was known from {first:g} to {last:g} s, which is not within a log of {end:g} s.",
+                where,
+                code="value.outside-range",
+            )
     cuts = np.unique(np.clip([0.0, end, *(t for a, b, _ in stretches for t in (a, b))], 0.0, end))
     parts: list[Array] = []
     at: list[int] = []
@@ -879,6 +893,7 @@ def _refuse_undetermined(problem: Problem, sides: Sequence[tuple[Array, Array]],
             f"the readings do not determine {names} together with the power. Give a prior (priors = {{...}}), a period of known power, or "
             "fix it.",
             problem.experiments[0].record.name,
+            code="fit.not-determined",
         )
 
 

@@ -70,6 +70,7 @@ def on_the_clock_of(record: Record, scenario: Scenario) -> Scenario:
                 f"the scenario has a column of the log '{record.origin.file}', but the record has other times after this step "
                 f"({again}). Leave that step out, or give the column in a separate log.",
                 record.name,
+                code="record.does-not-apply",
             )
         zero = float(record.times[0])
         return course.shifted(zero - course.log[1])
@@ -184,6 +185,7 @@ def attached(model: Model, record: Record) -> tuple[Model, dict[str, Seat]]:
                 "its sensor has a lag, a heat capacity or leads, which cannot be added to the equations of an FMU. Leave them out, or give "
                 "it an accuracy that includes them.",
                 f"{record.name}, {channel.name}",
+                code="model.element-not-supported",
             )
         seats[channel.name] = _seat(channel, node)
         model = _with_sensor(model, names, channel, node, f"{record.name}, {channel.name}")
@@ -287,7 +289,11 @@ def first_reading(record: Record, name: str, window: float = 0.0) -> float:
     channel = record.channel(name)
     times = record.times[channel.valid]
     if times.size == 0:
-        raise RecordError(f"channel '{name}' has no valid sample. Leave it out, or check why all its samples are masked.", record.name)
+        raise RecordError(
+            f"channel '{name}' has no valid sample. Leave it out, or check why all its samples are masked.",
+            record.name,
+            code="record.nothing-there",
+        )
     return float(np.median(channel.values[channel.valid][times <= times[0] + window]))
 
 
@@ -651,19 +657,24 @@ def role_and_target(record: Record, channel: Channel, network: Network) -> tuple
                 f"'{target}' is a load of {network.title}, but the channel holds a {channel.quantity}. "
                 f"Bind it with load = '{target}', or give its unit.",
                 where,
+                code="record.does-not-apply",
             )
         return ("command" if channel.role == "command" else "load"), canonical
     path = network.find(target, where)
     if channel.role == "prescribed" and path in network.flat.names.boundaries:
         raise RecordError(
-            f"'{target}' is a boundary of {network.title}, so its temperature is given. Bind the channel with boundary = '{target}'.", where
+            f"'{target}' is a boundary of {network.title}, so its temperature is given. Bind the channel with boundary = '{target}'.",
+            where,
+            code="record.does-not-apply",
         )
     role = "boundary" if path in network.boundaries else "node"
     if channel.role not in ("auto", role, "prescribed"):
-        raise RecordError(f"'{target}' is a {role} of {network.title}, not a {channel.role}.", where)
+        raise RecordError(f"'{target}' is a {role} of {network.title}, not a {channel.role}.", where, code="record.does-not-apply")
     if channel.quantity != "temperature":
         raise RecordError(
-            f"'{target}' is a {role} of {network.title}, but the channel holds a {channel.quantity}. Bind it to a load.", where
+            f"'{target}' is a {role} of {network.title}, but the channel holds a {channel.quantity}. Bind it to a load.",
+            where,
+            code="record.does-not-apply",
         )
     return role, path
 
@@ -720,7 +731,9 @@ def bind(
             inputs.take(channel, role, path, signal_of(record, channel, role, zero), errors)
     if not observed:
         raise RecordError(
-            f"no channel observes a node of {network.title}, so no reading can be compared. Bind one with node = '...'.", record.name
+            f"no channel observes a node of {network.title}, so no reading can be compared. Bind one with node = '...'.",
+            record.name,
+            code="record.does-not-apply",
         )
     grid = np.flatnonzero(np.any([c.valid for c, _ in observed], axis=0))
     times = record.times[grid] - zero
@@ -794,6 +807,7 @@ def _timed(channel: Channel, record: Record) -> None:
             "its readings are compared with the model, but its clock is not known yet. The log with the compared temperatures must "
             "give the time. Join the logs the other way round; if both have such temperatures, call td.inference.align first.",
             f"{record.name}, {channel.name}",
+            code="record.does-not-apply",
         )
 
 
@@ -811,6 +825,7 @@ def _driving(channel: Channel, role: str, record: Record) -> str:
             f"its sensor has {what}, but its readings are the input of a {role}, where these cannot be modelled. Give it an accuracy "
             "that includes them instead.",
             f"{record.name}, {channel.name}",
+            code="model.element-not-supported",
         )
     return "command" if channel.gain and channel.quantity != "power" else role
 

@@ -31,11 +31,11 @@ def build_problem(request: Request) -> Problem:
     """
     where = request.name or request.model.title
     if not request.records:
-        raise RecordError("a calibration needs at least one record.", where)
+        raise RecordError("a calibration needs at least one record.", where, code="record.nothing-there")
     names = [r.name for r in request.records]
     twice = sorted({n for n in names if names.count(n) > 1})
     if twice:
-        raise RecordError(f"two records are named '{twice[0]}'.", where)
+        raise RecordError(f"two records are named '{twice[0]}'.", where, code="name.taken")
     for name in (n for n in request.scenarios if n not in (*names, "*")):
         raise RecordError(
             f"a scenario is given for '{name}', which is not a record of this fit.{nearest(name, names)}", where, code="name.unknown"
@@ -47,7 +47,9 @@ def build_problem(request: Request) -> Problem:
     for sensor, weight in request.weights.items():
         refuse_unknown([sensor], sensors, where, "a weight is given for '{}', which is not a sensor of this fit.", IdentificationError)
         if not (math.isfinite(weight) and weight > 0):
-            raise IdentificationError(f"the weight of '{sensor}' must be above zero. To leave a sensor out, ignore it.", where)
+            raise IdentificationError(
+                f"the weight of '{sensor}' must be above zero. To leave a sensor out, ignore it.", where, code="value.outside-range"
+            )
     return problem_of(request, experiments)
 
 
@@ -95,7 +97,9 @@ def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unk
             unknown = replace(unknown, prior=Prior(unknown.to_fitted(unknown.start), sd))
         unknowns[path] = unknown
     for path in priors:
-        raise IdentificationError(f"a prior is given for '{path}', which is not free.{nearest(path, unknowns)}", request.name)
+        raise IdentificationError(
+            f"a prior is given for '{path}', which is not free.{nearest(path, unknowns)}", request.name, code="fit.nothing-free"
+        )
     return list(unknowns.values())
 
 
@@ -116,7 +120,11 @@ def prior_of(unknown: Unknown, prior: tuple[Any, Any] | Mapping[str, Any]) -> Pr
     table = prior if isinstance(prior, Mapping) else ({"mean": prior[0]} if mean_of(prior) else {}) | {"sd": prior[1]}
     law = read_spread(table, slot, unknown.start, where)
     if law.variance <= 0 or (unknown.log and law.mean <= 0):
-        raise IdentificationError("a prior needs a standard deviation above zero, and a mean above zero for a positive quantity.", where)
+        raise IdentificationError(
+            "a prior needs a standard deviation above zero, and a mean above zero for a positive quantity.",
+            where,
+            code="value.outside-range",
+        )
     sd = math.sqrt(law.variance)
     return Prior(math.log(law.mean), sd / law.mean) if unknown.log else Prior(law.mean, sd)
 
@@ -133,6 +141,7 @@ def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown
                     f"'{raw}' follows a channel of {experiment.record.name}, so it has no local value. "
                     "Ignore the channel, or give it an accuracy.",
                     f"local.{raw}",
+                    code="fit.nothing-free",
                 )
             named.add(name)
             start = request.local_start(experiment.record, raw)

@@ -52,10 +52,12 @@ class LocalSpec:
         table = written if isinstance(written, Mapping) else {"start": written}
         refuse_unknown(table, ("start", "sd"), where, "give a local value start and sd, not {}.", IdentificationError)
         if "start" not in table:
-            raise IdentificationError("a local value needs a start.", where)
+            raise IdentificationError("a local value needs a start.", where, code="value.incomplete")
         sd = literal(table["sd"], "K", where) if "sd" in table else math.inf
         if not sd > 0:
-            raise IdentificationError(f"the standard deviation {table['sd']} of a local value must be above zero.", where)
+            raise IdentificationError(
+                f"the standard deviation {table['sd']} of a local value must be above zero.", where, code="value.outside-range"
+            )
         start = table["start"]
         with errors_at(where):
             return cls(start if isinstance(start, str) else f"{kelvin(start)!r} [K]", sd)
@@ -80,7 +82,7 @@ class Reading:
         table = written if isinstance(written, Mapping) else {"channel": written}
         unknown = set(table) - {"channel", "offset"}
         if unknown or "channel" not in table:
-            raise IdentificationError("give a reading a channel, and an offset if needed.", where)
+            raise IdentificationError("give a reading a channel, and an offset if needed.", where, code="value.wrong-kind")
         return cls(str(table["channel"]), str(table.get("offset", "")))
 
 
@@ -209,7 +211,9 @@ def weighing(weights: Mapping[str, float] | str, where: str) -> dict[str, Any]:
     if weights == EFFECTIVE:
         return {"effective": True}
     if isinstance(weights, str):
-        raise IdentificationError(f"weights are numbers by sensor, or '{EFFECTIVE}', not '{weights}'.", f"{where}.weights")
+        raise IdentificationError(
+            f"weights are numbers by sensor, or '{EFFECTIVE}', not '{weights}'.", f"{where}.weights", code="value.wrong-kind"
+        )
     return {"weights": weights}
 
 
@@ -269,7 +273,7 @@ def freed(
     """
     free = [free] if isinstance(free, str) else free  # one name, and not its letters
     if not isinstance(free, Iterable) or not all(isinstance(raw_name, str) for raw_name in free):
-        raise IdentificationError(f"what is to be fitted is a list of names, not {free!r}.", where)
+        raise IdentificationError(f"what is to be fitted is a list of names, not {free!r}.", where, code="value.wrong-kind")
     if not freeze and not any(map(is_glob, free)):
         return list(free), set()
     values = ParameterSet(model)
@@ -285,7 +289,9 @@ def freed(
         hits = {q for p in hits for q in (shared or {}).get(p, (p,))}
         if not hits & candidates:
             raise IdentificationError(
-                f"'{name}' is listed as frozen, but it is not free here, so it stays fixed anyway. Remove it from the list.", where
+                f"'{name}' is listed as frozen, but it is not free here, so it stays fixed anyway. Remove it from the list.",
+                where,
+                code="value.without-effect",
             )
         frozen |= hits
     return [name for path, name in here.items() if path not in frozen], frozen
@@ -318,6 +324,7 @@ def priors_of(model: Model, stated: Mapping[str, Any], where: str) -> dict[str, 
             raise IdentificationError(
                 f"a prior is a pair (mean, standard deviation), a table such as {{'sd': '1 [K]'}}, or 'range', not {one!r}.",
                 f"{where}.priors.{name}",
+                code="value.wrong-kind",
             )
     if not any(is_glob(name) or _is_range(one) for name, one in stated.items()):
         return dict(stated)
@@ -348,9 +355,12 @@ def _range(values: ParameterSet, path: str, where: str) -> tuple[str, str]:
             f"the range of '{path}' is not a prior: its source is {parameter.source or 'not stated'}, so min and max only bound the "
             "search. If they are the tolerance of a data sheet, state source = 'datasheet'; otherwise give the prior a mean and sd.",
             where,
+            code="value.without-effect",
         )
     if low is None or high is None or not low < high:
-        raise IdentificationError(f"'{path}' has no range: it needs both min and max. Give them, or a prior with mean and sd.", where)
+        raise IdentificationError(
+            f"'{path}' has no range: it needs both min and max. Give them, or a prior with mean and sd.", where, code="value.incomplete"
+        )
     of, printed = unit(parameter.unit or "1"), PrintedRange(low, high)
     if low > 0.0 and not of.absolute:  # as it will be fitted, by its logarithm: see `Parameter.form`
         return "", f"{100.0 * printed.log_sd(1.0)!r} [%]"

@@ -73,7 +73,7 @@ class Unknown:
         DeckError   When its logarithm is fitted, and it is not above zero.
         """
         if self.log and not value > 0.0:
-            raise DeckError(f"the value must be above zero, not {value:g}: its logarithm is fitted.", self.name)
+            raise DeckError(f"the value must be above zero, not {value:g}: its logarithm is fitted.", self.name, code="value.outside-range")
         return math.log(value) if self.log else value
 
     def to_value(self, fitted: float) -> float:

@@ -184,7 +184,9 @@ class _Case:
         self.nodes = tuple(p for role, p in self.slots if role == "node" and network.numbers().capacitances.get(p) is not None)
         if not self.nodes:
             raise RecordError(
-                "no channel measures a node with a capacitance, so no balance is possible. Bind one with node = '...'.", point.name
+                "no channel measures a node with a capacitance, so no balance is possible. Bind one with node = '...'.",
+                point.name,
+                code="record.does-not-apply",
             )
         for path, rate, error in rates:
             if path in self.nodes:
@@ -214,7 +216,8 @@ class _Case:
         refuse_controllers(self.network.flat.controls, self.network.controls, what)
         if cools := [n for n, store in self.network.stores.items() if store.melt is not None]:
             raise DeckError(
-                f"{what} cannot know whether '{cools[0]}', which supercools, has crystals. Simulate, and read the run's balance."
+                f"{what} cannot know whether '{cools[0]}', which supercools, has crystals. Simulate, and read the run's balance.",
+                code="model.element-not-supported",
             )
         temperatures = {n: np.array([t]) for n, t in at.items()}
         flows = wiring.conductor_flows(a.numbers, temperatures, zero, wiring.shares(a.numbers, temperatures.__getitem__, zero))

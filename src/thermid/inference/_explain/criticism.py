@@ -255,7 +255,9 @@ def criticise(fit: Calibration, elements: bool | None = None, *, executor: Worke
     adds are integrated over the widths of their priors.
     """
     if fit.request is None or fit.problem is None:
-        raise IdentificationError("this calibration was not made by a fit in this session; repeat the fit.", fit.stage)
+        raise IdentificationError(
+            "this calibration was not made by a fit in this session; repeat the fit.", fit.stage, code="fit.needs-session"
+        )
     traces, checks = tuple(_traces(fit)), tuple(running_locals(fit))
     wanted = (any(not t.is_noise for t in traces) and fit.model.runner is None) if elements is None else elements
     if wanted:

@@ -278,7 +278,7 @@ def _refit(request: Request, begin: Mapping[str, float], deck_values: Sequence[s
 
     def watch(count: int, rms: float) -> None:
         if count > MAX_REFIT_EVALUATIONS:
-            raise IdentificationError(f"{count} evaluations did not end a refit.", request.name)
+            raise IdentificationError(f"{count} evaluations did not end a refit.", request.name, code="fit.model-fails")
 
     options = replace(problem.options, max_steps=MAX_REFIT_STEPS)
     return fit_problem(request, replace(problem, unknowns=tuple(begun(u) for u in problem.unknowns), options=options), watch)

@@ -256,6 +256,7 @@ def diagnose(
         raise IdentificationError(
             f"a diagnosis needs at least two sensors, because it separates faults by their pattern over sensors; {len(noted)} is given.",
             several[0].stage if several else "diagnose",
+            code="fit.not-possible",
         )
     accuracies = {s: accuracy if o.accuracy is None else o.accuracy for s, o in noted.items()}
     grown, candidates = faults_of(several[0].fitted_model, {s: o.seat for s, o in noted.items()})

@@ -141,7 +141,9 @@ def plausibility(fit: Calibration, *, weights: Mapping[str, str] | None = None, 
     IdentificationError   When the fit has no records any more, or a load of `delivered` has no power.
     """
     if not fit.experiments:
-        raise IdentificationError("this calibration has no records, because it was read from a file. Repeat the fit.", fit.stage)
+        raise IdentificationError(
+            "this calibration has no records, because it was read from a file. Repeat the fit.", fit.stage, code="fit.needs-session"
+        )
     network = fit.experiments[0].network
     fitted = fit.values.parameters
     owners = {p: v for v in fitted.values() for p in (v.path, *v.also)}
@@ -293,7 +295,9 @@ def _losses(fit: Calibration, network: Network, owners: Mapping[str, FittedValue
             yield RangeCheck(name, watts, error, low, high, what, "P_out (1/efficiency - 1)", meaning)
         else:
             raise IdentificationError(
-                f"'{raw}' has no power in this fit, so its loss cannot be judged. Name a load with a power.", "delivered"
+                f"'{raw}' has no power in this fit, so its loss cannot be judged. Name a load with a power.",
+                "delivered",
+                code="fit.not-possible",
             )
 
 

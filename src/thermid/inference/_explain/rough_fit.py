@@ -216,7 +216,7 @@ class RoughFit:
             prior = np.column_stack([prior, np.zeros(values.size)])
         residuals = np.concatenate(rows)
         if not np.isfinite(residuals).all() or not np.isfinite(np.concatenate(slopes)).all():
-            raise SolverError("the run gives numbers that are not finite.", "rough fit")
+            raise SolverError("the run gives numbers that are not finite.", "rough fit", code="run.did-not-finish")
         square, spent = float(residuals @ residuals), float(values @ values)
         return RoughEnd(x, square, spent, tuple(residuals_of_trace), np.concatenate([*slopes, prior]), np.concatenate([residuals, values]))
 
@@ -267,7 +267,7 @@ class RoughFit:
             except SolverError as error:
                 refused = error
         if not ends:
-            raise refused or SolverError("the start is missing.", "rough fit")
+            raise refused or SolverError("the start is missing.", "rough fit", code="run.input-missing")
         return min(ends, key=lambda e: e.cost)
 
     def named(self, end: RoughEnd) -> dict[str, float]:

@@ -260,7 +260,7 @@ class EvaluationBudget:
         def counted(count: int, rms: float) -> None:
             self.spent = before + count
             if self.over:
-                raise IdentificationError("its fit takes more evaluations than the search has left.", stage)
+                raise IdentificationError("its fit takes more evaluations than the search has left.", stage, code="fit.model-fails")
 
         return counted
 
@@ -582,7 +582,7 @@ def _ended(
     end = minimise(problem, request.loss, request.loss_scale, _from(problem, values_before, start), budget.watch(request.name), SEARCHED)
     budget.pace = min(budget.pace, (time.process_time() - begun) / max(end.evaluations, 1))
     if not np.isfinite(end.cost):
-        raise IdentificationError("its fit does not end at a finite cost.", request.name)
+        raise IdentificationError("its fit does not end at a finite cost.", request.name, code="fit.model-fails")
     return end, weighed_at(problem, end.fitted, sizes, request.loss, request.loss_scale).less(chosen)
 
 

@@ -123,7 +123,9 @@ class CovariateDesign:
             lacking = [u for u in units if name not in covariates.get(u, {})]
             if lacking:
                 raise IdentificationError(
-                    f"the covariate '{name}' is not given for {quoted(lacking[:3])}. Give it for every unit.", "fleet"
+                    f"the covariate '{name}' is not given for {quoted(lacking[:3])}. Give it for every unit.",
+                    "fleet",
+                    code="fleet.covariate",
                 )
             entries = [covariates[u][name] for u in units]
             texts = sorted({g for g in entries if isinstance(g, str)})

@@ -110,7 +110,7 @@ def _models(deck: EsatanDeck, lines: list[Line], path: Path) -> _Scope:
             open_.pop()
         elif not open_:
             if head:
-                raise DeckError(f"'{line.text.strip()}' is outside a $MODEL block.", str(line.where))
+                raise DeckError(f"'{line.text.strip()}' is outside a $MODEL block.", str(line.where), code="import.not-understood")
         elif head and head not in ("REAL", "INTEGER", "CHARACTER", "CONTROL", "DOUBLE"):
             open_[-1].blocks.append((head, []))
             rest = line.text[word.end(1) :] if word else ""
@@ -119,9 +119,9 @@ def _models(deck: EsatanDeck, lines: list[Line], path: Path) -> _Scope:
         elif open_[-1].blocks:
             open_[-1].blocks[-1][1].append(line if not head else replace(line, text=f"${head}"))
     if top is None:
-        raise DeckError("no $MODEL found: this is not an ESATAN deck.", str(path))
+        raise DeckError("no $MODEL found: this is not an ESATAN deck.", str(path), code="file.another-kind")
     if open_:
-        raise DeckError(f"$MODEL {open_[-1].name} has no $ENDMODEL, so the file is incomplete.", str(path))
+        raise DeckError(f"$MODEL {open_[-1].name} has no $ENDMODEL, so the file is incomplete.", str(path), code="import.not-understood")
     return top
 
 
@@ -150,7 +150,7 @@ def _statements(lines: list[Line]) -> Iterator[Line]:
         if not text.strip():
             text, first = "", None
     if text.strip() and first is not None:
-        raise DeckError(f"'{text.strip()[:60]}' has no end. Add the missing semicolon.", str(first))
+        raise DeckError(f"'{text.strip()[:60]}' has no end. Add the missing semicolon.", str(first), code="import.not-understood")
 
 
 def _read(deck: EsatanDeck, scope: _Scope, prefix: str) -> None:
@@ -209,7 +209,9 @@ def _arrays(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> N
             continue
         sizes = [int(size) for size in match[2].split(",") if size.strip().isdigit()]
         if sizes and int(np.prod(sizes)) != values.size:
-            raise DeckError(f"array {match[1]}({match[2]}) has {counted(values.size, 'number')}.", str(statement.where))
+            raise DeckError(
+                f"array {match[1]}({match[2]}) has {counted(values.size, 'number')}.", str(statement.where), code="import.not-understood"
+            )
         scope.arrays[match[1].upper()] = values.reshape(sizes[::-1]) if len(sizes) > 1 else values
 
 
@@ -265,7 +267,9 @@ def _conductors(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) 
         except ThermidError:
             raise
         except ValueError:
-            raise DeckError(f"'{statement.text[:60]}' does not name two nodes.", str(statement.where)) from None
+            raise DeckError(
+                f"'{statement.text[:60]}' does not name two nodes.", str(statement.where), code="import.not-understood"
+            ) from None
         if deck.inactive & {a, b}:
             continue
         where = statement.part(match.start(4), match.end(4))

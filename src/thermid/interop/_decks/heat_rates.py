@@ -82,9 +82,13 @@ def heat_rates(
     times = np.array(arrays.get(5, [])) * seconds
     for number, what in ((1, means), (3, areas if areas.any() else None)):
         if what is not None and len(what) != len(nodes):
-            raise DeckError(f"array {number} has {counted(len(what), 'number')} for {counted(len(nodes), 'node')} in CARRAY DATA.", where)
+            raise DeckError(
+                f"array {number} has {counted(len(what), 'number')} for {counted(len(nodes), 'node')} in CARRAY DATA.",
+                where,
+                code="import.not-understood",
+            )
     if len(scale) != 1:
-        raise DeckError(f"array 4 has {counted(len(scale), 'scale')}; one for all nodes is read.", where)
+        raise DeckError(f"array 4 has {counted(len(scale), 'scale')}; one for all nodes is read.", where, code="import.not-understood")
     rates, absent = [], []
     courses = {owner: arrays[number] for number, owner in owners.items()}
     if not courses and len([number for number in arrays if number >= FIRST_COURSE]) == len(nodes):
@@ -121,7 +125,7 @@ def _nodes(words: Sequence[str], where: str) -> list[tuple[str, str]]:
         if not word.isdigit():
             submodel = word.upper()
         elif not submodel:
-            raise DeckError(f"node {word} of CARRAY DATA stands before the name of its submodel.", where)
+            raise DeckError(f"node {word} of CARRAY DATA stands before the name of its submodel.", where, code="import.not-understood")
         else:
             nodes.append((submodel, f"T{int(word)}"))
     return nodes

@@ -133,7 +133,11 @@ def _defined(at: Mapping[tuple[str, str], str], end: tuple[str, str], what: str,
     DeckError   When the deck does not define it.
     """
     if end not in at:
-        raise DeckError(f"{what} {element.name} names node {'.'.join(end).strip('.')}, which the deck does not define.", str(element.where))
+        raise DeckError(
+            f"{what} {element.name} names node {'.'.join(end).strip('.')}, which the deck does not define.",
+            str(element.where),
+            code="import.not-understood",
+        )
     return at[end]
 
 
@@ -324,7 +328,9 @@ class NetworkFile:
         factors = (*self.groups(), *self.emissivities)
         lacking = sorted({*numbers, *factors} - now.keys())
         if lacking:
-            raise DeckError(f"the deck has no '{lacking[0]}', so it is no import of this file. Import it again.", self.title)
+            raise DeckError(
+                f"the deck has no '{lacking[0]}', so it is no import of this file. Import it again.", self.title, code="file.another-kind"
+            )
         named = {name: float(now[name]) for name in (*numbers, *factors)}
         read = ParameterSet(self.model())
         before = read.evaluate(named)  # what the files state with the changed parameters and factors
@@ -438,9 +444,15 @@ class FileCourse:
         """Refuse points that are no course."""
         t = self.seconds
         if t.size != self.numbers.size or t.size == 0:
-            raise DeckError(f"{counted(t.size, 'time')} and {counted(self.numbers.size, 'value')} do not form a table.", self.where)
+            raise DeckError(
+                f"{counted(t.size, 'time')} and {counted(self.numbers.size, 'value')} do not form a table.",
+                self.where,
+                code="import.not-understood",
+            )
         if self.period and t[-1] - t[0] > self.period * (1.0 + 1e-9):
-            raise DeckError(f"times over {t[-1] - t[0]:g} s exceed the period of {self.period:g} s.", self.where)
+            raise DeckError(
+                f"times over {t[-1] - t[0]:g} s exceed the period of {self.period:g} s.", self.where, code="import.not-understood"
+            )
 
     def beginning(self, seconds: float) -> FileCourse:
         """Return the course with another time as its zero. [s]"""

@@ -146,7 +146,7 @@ def sinda_print(path: str | Path) -> list[Printed]:
                 prints.append(Printed(routine, time, numbers, digits, time_digit))
             numbers[key], digits[key] = float(word), _half_digit(word)
     if not prints:
-        raise DeckError("the file has no printed temperatures (T 1= ... under SUBMODEL NAME).", str(path))
+        raise DeckError("the file has no printed temperatures (T 1= ... under SUBMODEL NAME).", str(path), code="file.another-kind")
     return prints
 
 

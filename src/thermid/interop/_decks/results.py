@@ -104,7 +104,7 @@ def agreement(network: NetworkFile, prints: Sequence[Printed]) -> Agreement:
     moving = [output for output in prints if not output.settled]
     nodes = tuple(name for name in paths if all(name in output.numbers for output in (*settled, *moving)))
     if not nodes:
-        raise DeckError("the print has none of the deck's nodes, so it is of another case.", network.title)
+        raise DeckError("the print has none of the deck's nodes, so it is of another case.", network.title, code="file.another-kind")
     model, scenario = network.model(), network.scenario()
     times = [_within(output, network, scenario.seconds) for output in moving]
     rows = []
@@ -146,7 +146,11 @@ def balance(network: NetworkFile, printed: Printed) -> Balance:
     names = [f"{node.submodel}.{node.name}" for node in network.nodes]
     missing = [name for name in names if name not in printed.numbers]
     if missing:
-        raise DeckError(f"the print has no temperature of {', '.join(missing[:5])}{' ...' if len(missing) > 5 else ''}.", network.title)
+        raise DeckError(
+            f"the print has no temperature of {', '.join(missing[:5])}{' ...' if len(missing) > 5 else ''}.",
+            network.title,
+            code="file.another-kind",
+        )
     at = {name: k for k, name in enumerate(names)}
     celsius = network.celsius(printed.numbers)
     t = np.array([celsius[name] for name in names]) + ICE_POINT

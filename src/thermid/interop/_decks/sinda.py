@@ -159,7 +159,7 @@ def read_sinda(path: str | Path, units: str = "") -> NetworkFile:
         deck.units.sigma = 1.0
     deck.steps.extend(card_blocks(numbered(text, str(path))) if old else _blocks(deck, path, text, ()))
     if not any(header.startswith("NODE") for header, _, _ in deck.steps):
-        raise DeckError("no HEADER NODE DATA found: this is not a SINDA deck.", str(path))
+        raise DeckError("no HEADER NODE DATA found: this is not a SINDA deck.", str(path), code="file.another-kind")
     _read_units(deck, path)
     for wanted in ("OPERATION", "REGISTER", "ARRAY", "CARRAY", "NODE", "CONDUCTOR", "SOURCE", "VARIABLES 0", "VARIABLES 1"):
         for header, submodel, lines in deck.steps:
@@ -319,7 +319,7 @@ def _arrays(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
             try:
                 deck.arrays[submodel, key].append(float(fortran(word)))
             except (ValueError, KeyError):
-                raise DeckError(f"'{word}' is not a number of an array.", str(line.where)) from None
+                raise DeckError(f"'{word}' is not a number of an array.", str(line.where), code="import.not-understood") from None
 
 
 def _carrays(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
@@ -370,7 +370,11 @@ def _nodes(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
         except ThermidError:
             raise
         except (ValueError, IndexError):
-            raise DeckError(f"'{line.text.strip()}' is not a node. Write number, temperature, capacitance.", str(line.where)) from None
+            raise DeckError(
+                f"'{line.text.strip()}' is not a node. Write number, temperature, capacitance.",
+                str(line.where),
+                code="import.not-understood",
+            ) from None
 
 
 def _node(deck: SindaDeck, submodel: str, line: Line, cells: Cells) -> FileNode:
@@ -430,11 +434,13 @@ def _points(deck: SindaDeck, submodel: str, kind: str, word: str, line: Line) ->
     """Return temperature [degC] and value of an array of pairs, or of a polynomial every 5 K."""
     values = _array(deck, submodel, word)
     if values is None:
-        raise DeckError(f"array {word} is not in ARRAY DATA of {submodel}.", str(line.where))
+        raise DeckError(f"array {word} is not in ARRAY DATA of {submodel}.", str(line.where), code="import.not-understood")
     if kind != "SPV":
         if len(values) % 2:
             raise DeckError(
-                f"array {word} has {counted(len(values), 'number')}, but needs pairs of temperature and value.", str(line.where)
+                f"array {word} has {counted(len(values), 'number')}, but needs pairs of temperature and value.",
+                str(line.where),
+                code="import.not-understood",
             )
         return [(deck.units.celsius(t), v) for t, v in zip(values[::2], values[1::2], strict=True)]
     grid = np.arange(-270.0, 230.1, 5.0)
@@ -469,7 +475,9 @@ def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
         except ThermidError:
             raise
         except (ValueError, IndexError):
-            raise DeckError(f"'{line.text.strip()}' is not a conductor. Write number, node, node, value.", str(line.where)) from None
+            raise DeckError(
+                f"'{line.text.strip()}' is not a conductor. Write number, node, node, value.", str(line.where), code="import.not-understood"
+            ) from None
 
 
 def _followed(deck: SindaDeck, lines: list[Line]) -> dict[TextSpan, tuple[FileEmissivity, ...]]:

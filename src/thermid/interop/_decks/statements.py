@@ -44,7 +44,9 @@ class DeckReading:
         DeckError   When it is missing, too large, binary, or includes itself.
         """
         if not path.is_file():
-            raise DeckError(f"there is no file '{path.name}' in {path.parent.name or 'this folder'}.", named_in or str(path))
+            raise DeckError(
+                f"there is no file '{path.name}' in {path.parent.name or 'this folder'}.", named_in or str(path), code="file.not-found"
+            )
         if path in inside or len(inside) >= cap("includes"):
             chain = " -> ".join(file.name for file in (*inside, path))
             raise DeckError(
@@ -60,7 +62,9 @@ class DeckReading:
             )
         text = read_bytes(path).decode("latin-1")
         if "\0" in text:
-            raise DeckError("this is a binary file, but a deck is a text. Give its text file (.cc, .k, .inp, .d).", str(path))
+            raise DeckError(
+                "this is a binary file, but a deck is a text. Give its text file (.cc, .k, .inp, .d).", str(path), code="file.another-kind"
+            )
         self.texts[str(path)] = text
         return text
 
@@ -95,7 +99,7 @@ class DeckReading:
         if name is None:
             function = FUNCTIONS.get(word.upper())
             if function is None:
-                raise DeckError(f"'{word}' is not defined before it is used.", str(where))
+                raise DeckError(f"'{word}' is not defined before it is used.", str(where), code="import.not-understood")
             return function
         return name
 

@@ -88,13 +88,21 @@ class _Deck:
         """Return the temperature of a boundary. [degC]"""
         signal = self.w.boundaries[boundary]
         if not isinstance(signal, Constant):
-            raise DeckError(f"the boundary '{boundary}' changes in time, which is not written to {self.tool}.", self.w.network.title)
+            raise DeckError(
+                f"the boundary '{boundary}' changes in time, which is not written to {self.tool}.",
+                self.w.network.title,
+                code="output.not-expressible",
+            )
         return round(signal.value - ICE_POINT, 12)
 
     def course(self, source: HeatSource) -> TableSignal | None:
         """Return the table of a source; None where its power is constant."""
         if source.curve is not None:
-            raise DeckError(f"the load '{source.load}' depends on temperature, which is not written to {self.tool}.", self.w.network.title)
+            raise DeckError(
+                f"the load '{source.load}' depends on temperature, which is not written to {self.tool}.",
+                self.w.network.title,
+                code="output.not-expressible",
+            )
         signal: Drawn = source.signal
         if isinstance(signal, Constant) or (isinstance(signal, TableSignal) and signal.times.size == 1):
             return None
@@ -102,6 +110,7 @@ class _Deck:
             raise DeckError(
                 f"the load '{source.load}' follows steps or a sine; only straight lines between points are written to {self.tool}.",
                 self.w.network.title,
+                code="output.not-expressible",
             )
         return signal
 
@@ -113,7 +122,7 @@ class _Deck:
     def refused(self, label: str, row: ConductorRow) -> DeckError:
         """Return the refusal of a law."""
         what = "changes with the pressure of its gas in time" if row.signal else f"is of a form ({row.form})"
-        return DeckError(f"'{label}' {what}, which is not written to {self.tool}.", self.w.network.title)
+        return DeckError(f"'{label}' {what}, which is not written to {self.tool}.", self.w.network.title, code="output.not-expressible")
 
 
 class _Sinda(_Deck):
@@ -176,7 +185,9 @@ class _Sinda(_Deck):
             x, y, held = table_points(row.curve)
             if not held:
                 raise DeckError(
-                    f"'{label}' has outside = 'refuse', but SINDA uses its last value there. Use outside = 'hold'.", self.w.network.title
+                    f"'{label}' has outside = 'refuse', but SINDA uses its last value there. Use outside = 'hold'.",
+                    self.w.network.title,
+                    code="output.not-expressible",
                 )
             arrays.append((len(arrays) + 1, [v for t, g in zip(x, y, strict=True) for v in (round(t - ICE_POINT, 12), g)]))
             return f"      SIV {k}, {ends}, A{len(arrays)}, {number_text(value_of(row.coefficients[0]))} {tail}"
@@ -260,6 +271,7 @@ class _Esatan(_Deck):
                 raise DeckError(
                     f"more than four loads of '{source.node}' change in time, but ESATAN has only four. Combine some of them.",
                     self.w.network.title,
+                    code="output.not-expressible",
                 )
             number, power = self.numbers[source.node][1], number_text(float(source.power))
             yield f"  {names.pop()}{number} = INTRP1(TIMEM, COURSE{k}, 1) * {power}"

@@ -155,7 +155,9 @@ class FmuRunner:
                     nodes[q.name] = q
         if not nodes:
             raise DeckError(
-                "no output or state of the FMU is in K or degC or without a unit, so no log can be compared with it.", str(file.path)
+                "no output or state of the FMU is in K or degC or without a unit, so no log can be compared with it.",
+                str(file.path),
+                code="model.element-not-supported",
             )
         return cls(file, parameters, nodes, boundaries, loads, tuple(_noted(nodes, parameters, undriven)))
 
@@ -244,9 +246,11 @@ class FmuRunner:
         strange = [n for n in nodes if n not in self.nodes]
         if strange or set(a.reduced.nodes) != set(self.nodes):
             words = "a node of an FMU can be neither prescribed nor carry a sensor with a lag, a heat capacity or leads"
-            raise ScenarioError(f"{words}: nothing can be added to its equations.", where)
+            raise ScenarioError(f"{words}: nothing can be added to its equations.", where, code="model.element-not-supported")
         if wiring.schedule is not None:
-            raise ScenarioError("parameters of an FMU cannot follow a schedule. Give them one value for the run.", where)
+            raise ScenarioError(
+                "parameters of an FMU cannot follow a schedule. Give them one value for the run.", where, code="model.element-not-supported"
+            )
 
     def _starts(self, wiring: Wiring, a: Assembled, index: Mapping[str, int]) -> dict[str, FmuQuantity]:
         """Return the nodes whose start is set: where the scenario gives one, or a fit looks for it."""
@@ -257,6 +261,7 @@ class FmuRunner:
             raise ScenarioError(
                 f"the start of '{fixed[0].partition('.')[2]}' follows from others in the FMU, so it cannot be looked for.",
                 str(self.file.path),
+                code="model.element-not-supported",
             )
         return {n: q for n, q in self.nodes.items() if q.settable and (whole or n in stated_starts)}
 
@@ -354,7 +359,9 @@ def _quantity(v: Any, units: Mapping[str, _Measure], used: dict[str, str], file:
     name = name if name[:1].isalpha() else f"v_{name}"
     if used.setdefault(name, v.name) != v.name:
         raise DeckError(
-            f"'{v.name}' and '{used[name]}' would both be called '{name}'. Rename one of them where the FMU is made.", str(file.path)
+            f"'{v.name}' and '{used[name]}' would both be called '{name}'. Rename one of them where the FMU is made.",
+            str(file.path),
+            code="name.taken",
         )
     # without a unit a temperature is a number of degrees Celsius
     plain = not of.known or of.dimension == PLAIN

@@ -101,7 +101,9 @@ class _FmuRun(ABC):
         except Exception as error:
             message = next((m for m in reversed(self.messages) if m), "")
             words = ": ".join(filter(None, (str(error), message)))
-            raise SolverError(f"the FMU could not be run at t = {self.now:g} s: {words}", str(self.file.path)) from error
+            raise SolverError(
+                f"the FMU could not be run at t = {self.now:g} s: {words}", str(self.file.path), code="run.did-not-finish"
+            ) from error
         finally:
             self.fmu.freeInstance()
 
@@ -199,17 +201,19 @@ class _Exchange(_FmuRun):
         for _ in range(1000):
             again, ends, _, changed, defined, due = update()
             if ends:
-                raise SolverError("the FMU asked to end the simulation.", str(self.file.path))
+                raise SolverError("the FMU asked to end the simulation.", str(self.file.path), code="run.did-not-finish")
             if changed and self.ways and self.now > 0.0:
                 raise EventsFound
             if not again:
                 return float(due) if defined else np.inf
-        raise SolverError("the discrete states of the FMU do not settle.", str(self.file.path))
+        raise SolverError("the discrete states of the FMU do not settle.", str(self.file.path), code="run.did-not-finish")
 
     def _event(self, solver: Any) -> float:
         self.events += 1
         if self.events > MOST_EVENTS:
-            raise SolverError(f"the FMU has more than {MOST_EVENTS} events up to t = {self.now:g} s.", str(self.file.path))
+            raise SolverError(
+                f"the FMU has more than {MOST_EVENTS} events up to t = {self.now:g} s.", str(self.file.path), code="run.did-not-finish"
+            )
         self.fmu.enterEventMode()
         self.drive(self.now, self.since)
         due = self._settle_events()
@@ -229,7 +233,7 @@ class _Exchange(_FmuRun):
         if self.file.described.modelExchange.needsCompletedIntegratorStep:
             called, ends = self.fmu.completedIntegratorStep()
             if ends:
-                raise SolverError("the FMU asked to end the simulation.", str(self.file.path))
+                raise SolverError("the FMU asked to end the simulation.", str(self.file.path), code="run.did-not-finish")
             event = bool(event or called)
         return bool(event)
 
@@ -320,7 +324,7 @@ class _Steps(_FmuRun):
             self.drive(0.5 * (begin + end), begin + SAME_INSTANT * self.end)
             done = self.fmu.doStep(currentCommunicationPoint=float(begin), communicationStepSize=float(end - begin))
             if done is not None and done[1]:
-                raise SolverError("the FMU asked to end the simulation.", str(self.file.path))
+                raise SolverError("the FMU asked to end the simulation.", str(self.file.path), code="run.did-not-finish")
             rows.append(self.get(self.wanted) if self.wanted else [])
         table = np.array(rows, dtype=float).reshape(grid.size, len(self.wanted))
         return np.column_stack([np.interp(self.times, grid, c) for c in table.T]), np.zeros((self.times.size, len(self.wanted), 0))

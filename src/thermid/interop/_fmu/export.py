@@ -124,13 +124,14 @@ def to_fmu(model: Model, scenario: Scenario, to: str | Path, version: str = "3.0
     """
     refuse_unknown([version], VERSIONS, "version", "FMI has no version '{}' here.{near} There are {known}.", ThermidError)
     if Path(to).suffix.lower() != ".fmu":
-        raise OutputError("the file of an FMU ends with .fmu: hosts know it by that.", str(to))
+        raise OutputError("the file of an FMU ends with .fmu: hosts know it by that.", str(to), code="output.wrong-ending")
     library = _library()
     network = network_for(model, scenario)
     if len(network.nodes) > MAX_KERNEL_NODES:
         raise ThermidError(
             f"an FMU takes at most {MAX_KERNEL_NODES} nodes; this model has {len(network.nodes)}. Reduce it first: thermid reduce.",
             model.title,
+            code="output.not-expressible",
         )
     table = network.flat.parameters
     scheduled = {table.literal_behind(network.flat.names.model.canonical(raw)) for raw in scenario.schedule}
@@ -293,7 +294,10 @@ def _library() -> Path:
     """Return the library that runs models of FMUs on this platform."""
     library = Path(_kernel.__file__).with_name("_fmu") / f"_kernel_fmu{_ENDING}"
     if not library.is_file():
-        raise ThermidError(f"this installation has no library for FMUs: {library.name} is missing beside the kernel. Reinstall thermid.")
+        raise ThermidError(
+            f"this installation has no library for FMUs: {library.name} is missing beside the kernel. Reinstall thermid.",
+            code="extra.not-installed",
+        )
     return library
 
 

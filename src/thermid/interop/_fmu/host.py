@@ -149,11 +149,13 @@ class FmuFile(FmuDescribed):
             with path.open("rb") as file:  # of its own opening FMPy leaves it open after an error
                 described = self.fmpy.read_model_description(file)
         except Exception as error:  # whatever FMPy finds wrong with it
-            raise ThermidError(f"it is no FMU that FMPy reads: {error}", str(path)) from error
+            raise ThermidError(f"it is no FMU that FMPy reads: {error}", str(path), code="file.another-kind") from error
         if str(described.fmiVersion)[:2] not in ("2.", "3."):
-            raise ThermidError(f"it is an FMU of FMI {described.fmiVersion}; 2.0 and 3.0 are supported.", str(path))
+            raise ThermidError(
+                f"it is an FMU of FMI {described.fmiVersion}; 2.0 and 3.0 are supported.", str(path), code="file.another-kind"
+            )
         if described.modelExchange is None and described.coSimulation is None:
-            raise ThermidError("it offers neither model exchange nor co-simulation.", str(path))
+            raise ThermidError("it offers neither model exchange nor co-simulation.", str(path), code="file.another-kind")
         try:
             super().__init__(path, described)
         except AttributeError as error:
@@ -276,7 +278,9 @@ class FmuFile(FmuDescribed):
             except SolverError:
                 continue
         if not parts:
-            raise SolverError("the FMU could not be run at values beside these, which a difference needs.", str(self.path))
+            raise SolverError(
+                "the FMU could not be run at values beside these, which a difference needs.", str(self.path), code="run.did-not-finish"
+            )
         if len(parts) == 1:
             return np.asarray((ends[0] - base) / parts[0])
         return np.asarray((ends[1] - ends[0]) / (2.0 * by))
@@ -299,7 +303,11 @@ class FmuFile(FmuDescribed):
         if odd.size:
             row, column = divmod(int(odd[0]), len(wanted)) if odd[0] < shape[0] * shape[1] else (0, 0)
             name = next(v.name for v in self.described.modelVariables if v.valueReference == wanted[column])
-            raise SolverError(f"output '{name}' of the FMU, or its derivative, is not a number at t = {times[row]:g} s.", str(self.path))
+            raise SolverError(
+                f"output '{name}' of the FMU, or its derivative, is not a number at t = {times[row]:g} s.",
+                str(self.path),
+                code="run.did-not-finish",
+            )
         values, slopes = np.split(numbers, [len(times) * len(wanted)])
         return values.reshape(shape[:2]), slopes.reshape(*shape[:2], len(ways))
 

@@ -96,12 +96,14 @@ class Block(Shown):
     def __post_init__(self) -> None:
         """Turn texts into numbers, and refuse what makes no block."""
         if len(self.size) != 3 or len(self.cells) != 3:
-            raise DeckError("give the size and the number of cells of a block in x, y and z.", self.title)
+            raise DeckError("give the size and the number of cells of a block in x, y and z.", self.title, code="value.incomplete")
         cells = tuple(int(n) for n in self.cells)
         if min(cells) < 1 or cells != tuple(self.cells):
-            raise DeckError(f"the numbers of cells must be whole and at least one, not {self.cells}.", self.title)
+            raise DeckError(
+                f"the numbers of cells must be whole and at least one, not {self.cells}.", self.title, code="value.outside-range"
+            )
         if math.prod(cells) > 2**30:
-            raise DeckError("a block holds at most 2^30 cells.", self.title)
+            raise DeckError("a block holds at most 2^30 cells.", self.title, code="value.outside-range")
         object.__setattr__(self, "cells", cells)
         object.__setattr__(self, "size", tuple(_number(v, "m", f"{self.title}, size", positive=True) for v in self.size))
         for name, slot in (("conductivity", "W/(m K)"), ("density", "kg/m^3"), ("specific_heat", "J/(kg K)")):
@@ -114,9 +116,9 @@ class Block(Shown):
         if not isinstance(value, np.ndarray):
             return _number(value, slot, where, positive=True)
         if value.shape != self.cells:
-            raise DeckError(f"an array needs one value per cell, {self.cells}, not {value.shape}.", where)
+            raise DeckError(f"an array needs one value per cell, {self.cells}, not {value.shape}.", where, code="value.shape")
         if not (np.isfinite(value).all() and (value > 0).all()):
-            raise DeckError("every cell needs a value above zero.", where)
+            raise DeckError("every cell needs a value above zero.", where, code="value.outside-range")
         return value.astype(float)
 
     def _factors(self, factors: tuple[Array, Array, Array]) -> tuple[Array, ...]:
@@ -125,9 +127,11 @@ class Block(Shown):
         for axis, factor in enumerate(factors):
             shape = tuple(n - (k == axis) for k, n in enumerate(self.cells))
             if np.shape(factor) != shape:
-                raise DeckError(f"the factors in {'xyz'[axis]} must have the shape {shape}, not {np.shape(factor)}.", where)
+                raise DeckError(
+                    f"the factors in {'xyz'[axis]} must have the shape {shape}, not {np.shape(factor)}.", where, code="value.shape"
+                )
             if not (np.isfinite(factor).all() and (np.asarray(factor) >= 0).all()):
-                raise DeckError("a factor must be finite and not negative.", where)
+                raise DeckError("a factor must be finite and not negative.", where, code="value.outside-range")
             out.append(np.asarray(factor, dtype=float))
         return tuple(out)
 
@@ -147,12 +151,12 @@ class Block(Shown):
         """
         where = f"{self.title}, {name}"
         if not _NAME.match(name) or name in self.heaters:
-            raise DeckError("give each heater its own name: letters, digits and _, beginning with a letter.", where)
+            raise DeckError("give each heater its own name: letters, digits and _, beginning with a letter.", where, code="name.taken")
         if (box is None) == (cells is None):
-            raise DeckError("give the place of a heater as a box or as cells, not both.", where)
+            raise DeckError("give the place of a heater as a box or as cells, not both.", where, code="value.excludes-another")
         chosen = self._in_box(box, where) if cells is None else cells
         if len(chosen) != 3 or any(not range(*s.indices(n)) for s, n in zip(chosen, self.cells, strict=True)):
-            raise DeckError("no cell of the block lies in this box. Correct the coordinates.", where)
+            raise DeckError("no cell of the block lies in this box. Correct the coordinates.", where, code="value.contradicts")
         return replace(self, heaters={**self.heaters, name: Heater(chosen, signal(power, "W", where))})
 
     def _in_box(self, box: Any, where: str) -> tuple[slice, slice, slice]:
@@ -182,14 +186,20 @@ class Block(Shown):
         where = f"{self.title}, exchange with {to}"
         table = htc if isinstance(htc, Mapping) else {"coefficient": htc if htc is not None else 0.0, "exponent": 0.0}
         if set(table) != {"coefficient", "exponent"}:
-            raise DeckError("give coefficient and exponent of a coefficient that depends on temperature.", where)
+            raise DeckError("give coefficient and exponent of a coefficient that depends on temperature.", where, code="value.incomplete")
         coefficient = _number(table["coefficient"], "W/(m^2 K)", where) if table["coefficient"] else 0.0
         exponent, emits = float(table["exponent"]), float(emissivity)
         if coefficient < 0 or not 0.0 <= emits <= 1.0 or not 0.0 <= exponent <= 1.0 or not (coefficient or emits):
-            raise DeckError("give a coefficient above zero, an emissivity from 0 to 1, or both; an exponent lies from 0 to 1.", where)
+            raise DeckError(
+                "give a coefficient above zero, an emissivity from 0 to 1, or both; an exponent lies from 0 to 1.",
+                where,
+                code="value.incomplete",
+            )
         if emits and htc is None:
             raise DeckError(
-                "the face has an emissivity but no htc, so it would have no convection. Give htc, or htc = 0 if that is intended.", where
+                "the face has an emissivity but no htc, so it would have no convection. Give htc, or htc = 0 if that is intended.",
+                where,
+                code="value.incomplete",
             )
         new = Exchange(_faces(faces, where), _boundary(to, where), coefficient, exponent, emits)
         return replace(self, exchanges=(*self.exchanges, new))
@@ -279,7 +289,7 @@ def _number(value: Any, slot: str, where: str, positive: bool = False) -> float:
     """Return the SI value of a text or a number."""
     number = literal(value, slot, where) if isinstance(value, str) else float(value)
     if not math.isfinite(number) or (positive and number <= 0):
-        raise DeckError(f"the value '{value}' must be finite{' and above zero' if positive else ''}.", where)
+        raise DeckError(f"the value '{value}' must be finite{' and above zero' if positive else ''}.", where, code="value.outside-range")
     return number
 
 
@@ -288,13 +298,17 @@ def _faces(text_or_names: str | Iterable[str], where: str) -> tuple[str, ...]:
     names = FACES if wanted == ["all"] else tuple(wanted)
     unknown = [f for f in names if f not in FACES]
     if unknown or not names or len(set(names)) < len(names):
-        raise DeckError(f"faces are {', '.join(FACES)}, each once, or all; not {' '.join(map(str, wanted)) or 'nothing'}.", where)
+        raise DeckError(
+            f"faces are {', '.join(FACES)}, each once, or all; not {' '.join(map(str, wanted)) or 'nothing'}.",
+            where,
+            code="value.wrong-kind",
+        )
     return names
 
 
 def _boundary(name: str, where: str) -> str:
     if not _NAME.match(name):
-        raise DeckError("give the boundary a name of letters, digits and _, beginning with a letter.", where)
+        raise DeckError("give the boundary a name of letters, digits and _, beginning with a letter.", where, code="name.not-valid")
     return name
 
 
@@ -352,6 +366,7 @@ def _block_model(block: Block, offers: tuple[str, ...]) -> Model:
             raise DeckError(
                 f"the power of '{name}' changes in time. Give the heater its full power, and a command for its loads in the scenario.",
                 block.title,
+                code="model.element-not-supported",
             )
     names = [f"c{'_'.join(str(i) for i in index)}" for index in np.ndindex(*block.cells)]
     parameters: dict[str, Any] = {}

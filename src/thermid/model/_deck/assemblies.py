@@ -160,23 +160,28 @@ class PackageTable(StrictTable):
                     f"{psi} is not a thermal resistance. It is a characterisation parameter, {reading} with the power of the whole "
                     f"package; in its test most heat takes another path (JESD51-12). Give {theta} instead.",
                     where(psi),
+                    code="value.contradicts",
                 )
         if self.theta_JB is None and self.theta_JC is None:
-            raise DeckError("give theta_JB, theta_JC, or both, for a package.", where(""))
+            raise DeckError("give theta_JB, theta_JC, or both, for a package.", where(""), code="value.incomplete")
         if self.theta_JC is not None and not (self.lid or self.top):
             raise DeckError(
                 'theta_JC leads to the top of the case, but nothing removes heat there. Give top = { to = "air", area = ..., htc = ..., '
                 "emissivity = ... }; or lid = a node, with top = { resistance = ... } for the interface; or leave theta_JC out.",
                 where("theta_JC"),
+                code="value.incomplete",
             )
         if self.theta_JC is None and (self.lid or self.top):
-            raise DeckError("top and lid need theta_JC, the resistance from the junction to the top of the case.", where(""))
+            raise DeckError(
+                "top and lid need theta_JC, the resistance from the junction to the top of the case.", where(""), code="value.incomplete"
+            )
         if self.lid and not self.top:
             raise DeckError(
                 "give the thermal resistance between lid and case: top = { resistance = ... }, { conductance = ... } or { "
                 "conductivity, area, "
                 "thickness }.",
                 where("lid"),
+                code="value.incomplete",
             )
 
 
@@ -195,7 +200,9 @@ class LadderTable(StrictTable):
         """Return its deck: nodes `junction`, `n2`, `n3` ... with capacitances, resistances between them and to the node `to`."""
         if (self.foster is None) == (self.cauer is None):
             raise DeckError(
-                "give a ladder as foster or cauer: rows of [resistance, capacitance]; for foster also [resistance, time].", where("")
+                "give a ladder as foster or cauer: rows of [resistance, capacitance]; for foster also [resistance, time].",
+                where(""),
+                code="value.incomplete",
             )
         kind = "foster" if self.foster is not None else "cauer"
         ladder = self.foster or self.cauer or []
@@ -227,7 +234,7 @@ def _rows(file: str, where: str, read: Reader | None) -> list[tuple[list[str], s
     for row, place in rows_of_file(file, where, read, ("R",)):
         second = row.get("C", row.get("tau"))
         if set(row) not in ({"R", "C"}, {"R", "tau"}):
-            raise DeckError("the columns of a ladder are R [K/W], and C [J/K] or tau [s]; no others.", place)
+            raise DeckError("the columns of a ladder are R [K/W], and C [J/K] or tau [s]; no others.", place, code="value.wrong-kind")
         out.append(([str(row["R"]), str(second)], place))
     return out
 
@@ -286,7 +293,9 @@ def cauer_of_foster(rungs: list[tuple[float, float]], where: str = "") -> list[t
         out.append((float(resisting), float(storing)))
     if not all(0.0 < r < float("inf") and 0.0 < c < float("inf") for r, c in out):
         raise DeckError(
-            "two time constants of the Foster ladder are too close for the conversion to a Cauer ladder. Merge them into one.", where
+            "two time constants of the Foster ladder are too close for the conversion to a Cauer ladder. Merge them into one.",
+            where,
+            code="model.law-refused",
         )
     return out
 
@@ -325,7 +334,11 @@ class CoolerTable(StrictTable):
         units = COOLER_UNITS | {"T_hot": "temperature"}
         v, i, d, t = (plain(getattr(self, key), f"coolers.{key}", units[key], where(key)) for key in ("V_max", "I_max", "dT_max", "T_hot"))
         if not d < t:
-            raise DeckError("dT_max must be below T_hot in kelvin: its cold side would be colder than absolute zero.", where(""))
+            raise DeckError(
+                "dT_max must be below T_hot in kelvin: its cold side would be colder than absolute zero.",
+                where(""),
+                code="value.outside-range",
+            )
         parameters: dict[str, Any] = {
             key: {"value": getattr(self, key), "source": "datasheet"} for key in ("V_max", "I_max", "dT_max", "T_hot")
         }
@@ -360,6 +373,7 @@ class CoolerTable(StrictTable):
                 f"the other values give a Q_max of {expected:.4g} W at the same T_hot, and {self.Q_max} is {share:.2f} of it. A data sheet "
                 "misses by a few per cent: look for another T_hot, or a unit.",
                 where("Q_max"),
+                code="value.contradicts",
             )
         basis = f"Q_max {self.Q_max} where V_max, I_max and dT_max give {expected:.4g} W"
         return {"value": 1, "min": min(1.0, share), "max": max(1.0, share), "source": "datasheet", "basis": basis}
@@ -408,12 +422,13 @@ class FanTable(StrictTable):
         points = [(literal(v, "m^3/s", where("curve")), literal(p, "Pa", where("curve"))) for v, p in self.curve]
         for (v0, p0), (v1, p1) in pairwise(points):
             if not v1 > v0 >= 0.0:
-                raise DeckError("the flows of a fan's curve must increase, from zero or above.", where("curve"))
+                raise DeckError("the flows of a fan's curve must increase, from zero or above.", where("curve"), code="value.outside-range")
             if not p1 < p0:
                 raise DeckError(
                     f"the pressure of a fan's curve must fall with flow; from {v0:g} to {v1:g} m^3/s it does not. Leave the stall "
                     "region out.",
                     where("curve"),
+                    code="value.outside-range",
                 )
         return points
 
@@ -421,7 +436,9 @@ class FanTable(StrictTable):
         """Return the quadratic resistance, given itself or by one point of the system."""
         if (self.resistance is None) == (self.passes is None):
             raise DeckError(
-                "give either the resistance of the fan's system, or passes = [flow, pressure], a point of its curve.", where("")
+                "give either the resistance of the fan's system, or passes = [flow, pressure], a point of its curve.",
+                where(""),
+                code="value.incomplete",
             )
         if self.resistance is not None:
             return self.resistance

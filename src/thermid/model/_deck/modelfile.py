@@ -64,7 +64,7 @@ def _load(path: Path, trail: tuple[Path, ...], loaded: dict[Path, Loaded]) -> Lo
     """Return a deck's model; each file is read once, however often it is used."""
     here = path.resolve()
     if here in trail:
-        raise DeckError(f"the deck uses itself: {' -> '.join(p.name for p in (*trail, path))}.", path.name)
+        raise DeckError(f"the deck uses itself: {' -> '.join(p.name for p in (*trail, path))}.", path.name, code="model.self-reference")
     if len(trail) >= cap("decks"):
         raise DeckError(
             f"decks are nested deeper than {cap('decks'):.0f} levels. Merge some levels.{raising('decks')}", path.name, code="cap.exceeded"
@@ -94,11 +94,11 @@ def _model_of_content(
 def _text_of(path: Path, where: str) -> str:
     if not path.is_file():
         near = nearest(path.name, {p.name for p in path.parent.glob(f"*{path.suffix}")})
-        raise DeckError(f"there is no file '{path.name}'.{near}", where)
+        raise DeckError(f"there is no file '{path.name}'.{near}", where, code="file.not-found")
     try:
         return read_text(path, "utf-8-sig")
     except UnicodeDecodeError:
-        raise DeckError(f"'{path.name}' is not UTF-8 text.", where) from None
+        raise DeckError(f"'{path.name}' is not UTF-8 text.", where, code="file.not-text") from None
 
 
 @dataclass(frozen=True)
@@ -195,7 +195,11 @@ def _parts(deck: Any, site: _Site) -> Iterator[tuple[str, Instances]]:
         elif used.use.startswith(STANDARD):
             part, definition = _load(standard_part(used.use, site.where(f"{key}.use")), (), {})
         elif site.use is None:
-            raise DeckError("a file name works in a deck file only. Here pass a Model: td.load_model(file).", site.where(f"{key}.use"))
+            raise DeckError(
+                "a file name works in a deck file only. Here pass a Model: td.load_model(file).",
+                site.where(f"{key}.use"),
+                code="value.wrong-kind",
+            )
         else:
             part, definition = site.use(used.use, site.where(f"{key}.use"))
         below = site.below(key)
@@ -227,24 +231,38 @@ def _check_names(model: Model) -> None:
     declared += [(joint.mid, f"joints.{name}.mid", "the mid of a joint") for name, joint in model.joints.items() if joint.mid]
     for name, key, what in declared:
         if not NAME.match(name) or "." in name:
-            raise DeckError(f"'{name}' is not a valid name: use letters, digits and _, and do not begin with a digit.", model.where(key))
+            raise DeckError(
+                f"'{name}' is not a valid name: use letters, digits and _, and do not begin with a digit.",
+                model.where(key),
+                code="name.not-valid",
+            )
         if name in model.parameters and (iskeyword(name) or name in RESERVED):
-            raise DeckError(f"'{name}' is a reserved word of expressions. Choose another name.", model.where(key))
+            raise DeckError(f"'{name}' is a reserved word of expressions. Choose another name.", model.where(key), code="name.not-valid")
         if name in first_use:
             raise DeckError(
-                f"'{name}' is already the name of {first_use[name]}. Names in a model must differ; choose another one.", model.where(key)
+                f"'{name}' is already the name of {first_use[name]}. Names in a model must differ; choose another one.",
+                model.where(key),
+                code="name.taken",
             )
         first_use[name] = what
     for alias in model.aliases:
         key = f"aliases.{alias}"
         if not NAME.match(alias):
-            raise DeckError(f"'{alias}' is not a valid name: use letters, digits and _, and do not begin with a digit.", model.where(key))
+            raise DeckError(
+                f"'{alias}' is not a valid name: use letters, digits and _, and do not begin with a digit.",
+                model.where(key),
+                code="name.not-valid",
+            )
         if alias in first_use:
-            raise DeckError(f"'{alias}' is already the name of {first_use[alias]}. Choose another alias.", model.where(key))
+            raise DeckError(
+                f"'{alias}' is already the name of {first_use[alias]}. Choose another alias.", model.where(key), code="name.taken"
+            )
         trail = [alias]
         while (step := _alias_in(model, model.aliases[trail[-1]])) is not None:
             if step in trail:
-                raise DeckError(f"the alias '{alias}' refers to itself: {' -> '.join([*trail, step])}.", model.where(key))
+                raise DeckError(
+                    f"the alias '{alias}' refers to itself: {' -> '.join([*trail, step])}.", model.where(key), code="model.self-reference"
+                )
             trail.append(step)
 
 

@@ -47,7 +47,7 @@ def written_out(
         key = f"tables.{title}"
         refuse_unknown([table.makes], grammar, where(f"{key}.makes"), "a table makes {known}; not '{}'.", DeckError)
         if bool(table.file) == bool(table.rows):
-            raise DeckError("give either file or rows for a table.", where(key))
+            raise DeckError("give either file or rows for a table.", where(key), code="value.incomplete")
         rows_with_places = (
             rows_of_file(table.file, where(f"{key}.file"), read, (NAME,))
             if table.file
@@ -57,11 +57,11 @@ def written_out(
         for row, place in rows_with_places:
             name = str(row.pop(NAME, ""))
             if not name:
-                raise DeckError(f"a row needs a {NAME}.", place)
+                raise DeckError(f"a row needs a {NAME}.", place, code="value.incomplete")
             if name in group:
                 before = places.get(f"{table.makes}.{name}")
                 also = f" It is defined at {before} too." if isinstance(before, str) else " The deck defines it too."
-                raise DeckError(f"'{name}' is the name of another of the {table.makes}.{also}", place)
+                raise DeckError(f"'{name}' is the name of another of the {table.makes}.{also}", place, code="name.taken")
             group[name] = _nested(table.each, row, grammar[table.makes], place)
             places[f"{table.makes}.{name}"] = place
         out[table.makes] = group
@@ -82,11 +82,13 @@ def rows_of_file(name: str, where: str, read: Reader | None, wanted: tuple[str, 
     DeckError   With file and line.
     """
     if read is None:
-        raise DeckError("a table file works in a deck file only. Here give rows.", where)
+        raise DeckError("a table file works in a deck file only. Here give rows.", where, code="value.wrong-kind")
     lines = [(n, line) for n, line in enumerate(read(name, where).splitlines(), start=1) if line.strip() and not line.startswith("#")]
     if len(lines) < 2:
         raise DeckError(
-            f"'{name}' has no rows. Write the names of the columns in the first line, and one element in each further line.", where
+            f"'{name}' has no rows. Write the names of the columns in the first line, and one element in each further line.",
+            where,
+            code="value.incomplete",
         )
     sign = ";" if ";" in lines[0][1] and "," not in lines[0][1] else ","
     cells = list(csv.reader((line for _, line in lines), delimiter=sign, skipinitialspace=True))
@@ -94,19 +96,25 @@ def rows_of_file(name: str, where: str, read: Reader | None, wanted: tuple[str, 
     for cell, head in zip(cells[0], heads, strict=True):
         if head is None:
             raise DeckError(
-                f"'{cell}' is not a valid column heading. Write a field and its unit in brackets: theta_JC [K/W].", f"{name}:{lines[0][0]}"
+                f"'{cell}' is not a valid column heading. Write a field and its unit in brackets: theta_JC [K/W].",
+                f"{name}:{lines[0][0]}",
+                code="value.wrong-kind",
             )
     keys = [head["key"] for head in heads if head]
     twice = next((k for k in keys if keys.count(k) > 1), None)
     missing = next((k for k in wanted if k not in keys), None)
     if twice or missing:
         what = f"the column '{twice}' twice" if twice else f"no column '{missing}'"
-        raise DeckError(f"it has {what}.", f"{name}:{lines[0][0]}")
+        raise DeckError(f"it has {what}.", f"{name}:{lines[0][0]}", code="model.refused")
     out: Rows = []
     for (number, _), row in zip(lines[1:], cells[1:], strict=True):
         place = f"{name}:{number}"
         if len(row) != len(heads):
-            raise DeckError(f"the line has {len(row)} cells for {len(heads)} columns. A text with '{sign}' in it must be in quotes.", place)
+            raise DeckError(
+                f"the line has {len(row)} cells for {len(heads)} columns. A text with '{sign}' in it must be in quotes.",
+                place,
+                code="value.wrong-kind",
+            )
         head_cells = zip(heads, (cell.strip() for cell in row), strict=True)
         out.append(({head["key"]: _cell(cell, head["unit"]) for head, cell in head_cells if head and cell}, place))
     return out
@@ -134,7 +142,7 @@ def _nested(common: Mapping[str, Any], row: Mapping[str, Any], fields: Any, plac
         for group in groups:
             here = here.setdefault(group, {})
             if not isinstance(here, dict):
-                raise DeckError(f"'{key}': '{group}' is used as a value and as a group of values.", place)
+                raise DeckError(f"'{key}': '{group}' is used as a value and as a group of values.", place, code="name.taken")
         here[last] = value
     return out
 

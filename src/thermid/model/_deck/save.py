@@ -95,7 +95,9 @@ def _equals(path: Path, model: Model) -> bool:
 
 def _collect(model: Model, path: Path, files: dict[Path, Model], names: Mapping[str, str]) -> None:
     if path in files and files[path].identity() != model.identity():
-        raise DeckError(f"two different submodels would be saved in the same file '{path.name}'. Give them different titles.")
+        raise DeckError(
+            f"two different submodels would be saved in the same file '{path.name}'. Give them different titles.", code="name.taken"
+        )
     files[path] = model
     for part in model.submodels.values():
         _collect(part.model, path.parent / names[part.model.title], files, names)

@@ -109,9 +109,15 @@ class NodeTable(ElementTable):
         if self.enthalpy is not None:
             tables["enthalpy"] = self.enthalpy.curve_of("enthalpy", where("enthalpy"))
         if tables and (set(fields) != {"mass"} or len(tables) > 1):
-            raise DeckError("a table of specific heat or of enthalpy needs a mass, and excludes all other heat capacities.", where(""))
+            raise DeckError(
+                "a table of specific heat or of enthalpy needs a mass, and excludes all other heat capacities.",
+                where(""),
+                code="value.excludes-another",
+            )
         if not tables and set(fields) not in (set(), {"capacitance"}, {"mass", "specific_heat"}):
-            raise DeckError("give a node mass and specific_heat, or capacitance, or neither (a massless node).", where(""))
+            raise DeckError(
+                "give a node mass and specific_heat, or capacitance, or neither (a massless node).", where(""), code="value.incomplete"
+            )
         cools = self._supercooling(melts, where)
         return Node(fields, self.reference_point, self.test_only, next(iter(tables.items()), None), self.stands_for or "", cools)
 
@@ -119,17 +125,27 @@ class NodeTable(ElementTable):
         """Return how far the melt cools before it freezes; None where it does not."""
         if self.supercooling is None:
             if self.starts is not None:
-                raise DeckError("starts = 'liquid' belongs to a node with supercooling; any other melts where it is warm.", where("starts"))
+                raise DeckError(
+                    "starts = 'liquid' belongs to a node with supercooling; any other melts where it is warm.",
+                    where("starts"),
+                    code="value.without-effect",
+                )
             return None
         if self.enthalpy is None and not melts:
             raise DeckError(
-                "supercooling belongs to a node that melts: latent_heat and melts_from, or an enthalpy and melts_to.", where("")
+                "supercooling belongs to a node that melts: latent_heat and melts_from, or an enthalpy and melts_to.",
+                where(""),
+                code="model.law-refused",
             )
         if self.starts not in (None, "solid", "liquid"):
-            raise DeckError(f"starts = '{self.starts}' is neither 'solid' nor 'liquid'.", where("starts"))
+            raise DeckError(f"starts = '{self.starts}' is neither 'solid' nor 'liquid'.", where("starts"), code="value.wrong-kind")
         degree = plain(self.supercooling, "supercooling", "K", where("supercooling"))
         if not melts and self.melts_to is None:
-            raise DeckError("supercooling beside an enthalpy counts from melts_to, where everything is liquid.", where("melts_to"))
+            raise DeckError(
+                "supercooling beside an enthalpy counts from melts_to, where everything is liquid.",
+                where("melts_to"),
+                code="value.contradicts",
+            )
         liquidus = (
             melts.get("melts_to", melts.get("melts_from", 0.0))
             if melts
@@ -149,6 +165,7 @@ class NodeTable(ElementTable):
                 "for a node that melts give mass, specific_heat, latent_heat and melts_from as plain quantities, and melts_to and "
                 "liquid_specific_heat if needed; or give a table of enthalpy.",
                 where(""),
+                code="value.incomplete",
             )
         return texts
 
@@ -190,13 +207,16 @@ class SurfaceTable(ElementTable):
                 "give a surface either htc (convection alone) or effective_htc (convection and radiation together, as fitted in "
                 "air), not both.",
                 where(""),
+                code="value.excludes-another",
             )
         if self.finish:
             fields.setdefault("emissivity", finish_emissivity(self.finish, where("finish")))
         if self.htc is None and not {"effective_htc", "emissivity"} & set(fields):
-            raise DeckError("the surface exchanges no heat. Give htc, effective_htc, emissivity or finish.", where(""))
+            raise DeckError(
+                "the surface exchanges no heat. Give htc, effective_htc, emissivity or finish.", where(""), code="value.incomplete"
+            )
         if self.sees and self.radiates_to:
-            raise DeckError("sees and radiates_to have the same meaning. Give sees only.", where(""))
+            raise DeckError("sees and radiates_to have the same meaning. Give sees only.", where(""), code="value.excludes-another")
         words = self.words(KINDS["convection"].words)
         _check_carried_by(fields, words, where(""))
         controls = {what: control_names(names) for what in ("htc", "emissivity") if (names := getattr(self, f"{what}_control"))}
@@ -204,9 +224,12 @@ class SurfaceTable(ElementTable):
             raise DeckError(
                 "emissivity_control has nothing to control. Give an emissivity or a finish, and htc for the convection.",
                 where("emissivity_control"),
+                code="value.without-effect",
             )
         if "htc" in controls and self.htc is None and self.effective_htc is None:
-            raise DeckError("htc_control has nothing to control. Give htc or effective_htc.", where("htc_control"))
+            raise DeckError(
+                "htc_control has nothing to control. Give htc or effective_htc.", where("htc_control"), code="value.without-effect"
+            )
         sees = self.sees or self.radiates_to
         return Surface(self.of, self.to, fields, sees, self.test_only, self.finish, words, self.facing, controls)
 
@@ -218,6 +241,7 @@ def _check_carried_by(fields: Mapping[str, Parameter], words: Mapping[str, str],
             f"{CARRIED_BY} states what carries the heat behind a constant coefficient: effective_htc, or htc as a number. Here the law "
             "is given, or nothing convects; leave it out.",
             where,
+            code="value.excludes-another",
         )
 
 
@@ -244,9 +268,15 @@ class JointTable(ElementTable):
         """Return the joint."""
         fields = self.parameters(("area", "contact_conductance", "conductivity", "thickness", "gap"))
         if {f for f in fields if not f.startswith("gap.")} not in ({"area", "contact_conductance"}, {"area", "conductivity", "thickness"}):
-            raise DeckError("give a joint area and contact_conductance; or area, conductivity and thickness of each half.", where(""))
+            raise DeckError(
+                "give a joint area and contact_conductance; or area, conductivity and thickness of each half.",
+                where(""),
+                code="value.incomplete",
+            )
         if self.between[0] == self.between[1]:
-            raise DeckError("both ends of the joint are the same surface. Name two different surfaces.", where(""))
+            raise DeckError(
+                "both ends of the joint are the same surface. Name two different surfaces.", where(""), code="model.self-reference"
+            )
         return Joint(self.between, fields, self.mid, self.gap.to if self.gap is not None else "", self.test_only)
 
 
@@ -281,10 +311,12 @@ class PlaceTable(StrictTable):
             face = Placed("cylinder", centre, axis, radius=radius, inside=self.inside)
         else:
             raise DeckError(
-                "give a place as corner and sides; or centre, normal and radius; or centre, axis and radius, and inside.", where
+                "give a place as corner and sides; or centre, normal and radius; or centre, axis and radius, and inside.",
+                where,
+                code="value.incomplete",
             )
         if not (0.0 < face.area < float("inf") and any(face.first)):
-            raise DeckError("sides, radius, normal and axis of a place must not be zero.", where)
+            raise DeckError("sides, radius, normal and axis of a place must not be zero.", where, code="value.outside-range")
         return face
 
 
@@ -312,30 +344,36 @@ class EnclosureTable(ElementTable):
                 "give an enclosure exactly one of places, shape, view_factors and exchange_factors; given: "
                 f"{' and '.join(ways) or 'none of them'}.",
                 where(""),
+                code="value.incomplete",
             )
         size = len(self.faces)
         views, exchanges = (tuple(tuple(row) for row in matrix or ()) for matrix in (self.view_factors, self.exchange_factors))
         views = self._placed_view_factors(where) if self.places else views
         for name, matrix in (("view factors", views), ("exchange factors", exchanges)):
             if matrix and {len(matrix), *map(len, matrix)} != {size}:
-                raise DeckError(f"{size} faces need {size} rows of {size} {name}.", where(""))
+                raise DeckError(f"{size} faces need {size} rows of {size} {name}.", where(""), code="value.shape")
         if self.rest and self.exchange_factors:
             raise DeckError(
                 "exchange factors include everything that a face sees, so rest does not apply. Add the rest as a face, or leave it out.",
                 where(""),
+                code="value.excludes-another",
             )
         dimensions = {n: plain(v, "dimensions", "m", where(f"dimensions.{n}")) for n, v in self.dimensions.items()}
         if self.shape:
             _check_shape(self.shape, self.faces, dimensions, bool(self.rest), where(""))
         elif dimensions:
-            raise DeckError("dimensions are given, but no shape. Give shape, or leave dimensions out.", where(""))
+            raise DeckError(
+                "dimensions are given, but no shape. Give shape, or leave dimensions out.", where(""), code="value.excludes-another"
+            )
         return Enclosure(self.faces, self.shape or "", dimensions, views, exchanges, self.rest, self.test_only)
 
     def _placed_view_factors(self, where: Where) -> tuple[tuple[float, ...], ...]:
         """Return the view factors of faces that have a place each."""
         if set(self.places) != set(self.faces):
             odd = sorted(set(self.places) ^ set(self.faces))[0]
-            raise DeckError(f"faces and places must have the same names; '{odd}' is only one of them.", where("places"))
+            raise DeckError(
+                f"faces and places must have the same names; '{odd}' is only one of them.", where("places"), code="model.law-refused"
+            )
         placed = [self.places[name].placed(where(f"places.{name}")) for name in self.faces]
         _, factors, _ = placed_factors(tuple(placed), tuple(self.faces), where=where("places"))
         return tuple(map(tuple, factors.tolist()))
@@ -353,9 +391,9 @@ def _check_shape(name: str, faces: Mapping[str, str], dimensions: Mapping[str, f
             )
     missing = [d for d in shape.dimensions if d not in dimensions]
     if missing:
-        raise DeckError(f"'{name}' needs {', '.join(missing)}.", where)
+        raise DeckError(f"'{name}' needs {', '.join(missing)}.", where, code="value.incomplete")
     if name == "cylinder in cylinder" and dimensions["inner_radius"] >= dimensions["outer_radius"]:
-        raise DeckError("the inner radius must be smaller than the outer one.", where)
+        raise DeckError("the inner radius must be smaller than the outer one.", where, code="value.outside-range")
     missing = [f for f in shape.faces if f not in faces]
     if (missing or len(shape.faces) == 2) and not rest:
         also = f" ({', '.join(missing)} left out)" if missing else ""
@@ -363,6 +401,7 @@ def _check_shape(name: str, faces: Mapping[str, str], dimensions: Mapping[str, f
             f"the faces of '{name}'{also} do not close it: their view factors sum to less than 1. Name the node that "
             "fills the rest of the view: rest = a node.",
             where,
+            code="value.contradicts",
         )
 
 
@@ -389,11 +428,13 @@ class CycleTable(StrictTable):
             end = literal(self.period, "s", where)
             if not end > times[-1]:
                 raise DeckError(
-                    "the period ends before the last row. Give a longer period, or leave it out if the last row is its end.", where
+                    "the period ends before the last row. Give a longer period, or leave it out if the last row is its end.",
+                    where,
+                    code="value.outside-range",
                 )
             times, values = [*times, end], [*values, values[0]]
         if times[0] != 0.0:
-            raise DeckError("the first row of a cycle must be at 0 s.", where)
+            raise DeckError("the first row of a cycle must be at 0 s.", where, code="value.outside-range")
         cycle = Cycle(tuple(times), tuple(values), self.hold)
         try:
             cycle.signal()
@@ -455,23 +496,41 @@ class LoadTable(ElementTable):
         controls = [c for c in CONTROLS if getattr(self, c) is not None]
         curved = [f for f in fields if f.endswith("_coefficient")]
         if (self.power is None) == (shape is None):
-            raise DeckError("give a load either power, or a table of power over temperature.", where(""))
+            raise DeckError("give a load either power, or a table of power over temperature.", where(""), code="value.incomplete")
         if len(controls) > 1:
-            raise DeckError(f"{' and '.join(controls)} cannot both control one load. Define two loads.", where(""))
+            raise DeckError(
+                f"{' and '.join(controls)} cannot both control one load. Define two loads.", where(""), code="value.excludes-another"
+            )
         if curved and shape is not None:
-            raise DeckError(f"{curved[0]} and a table are both laws of the same temperature. Put both into the table.", where(""))
+            raise DeckError(
+                f"{curved[0]} and a table are both laws of the same temperature. Put both into the table.",
+                where(""),
+                code="value.excludes-another",
+            )
         if self.proportional is not None and (self.proportional.gain is None) == (self.proportional.band is None):
-            raise DeckError("give proportional either gain [W/K] or band [K].", where("proportional"))
+            raise DeckError("give proportional either gain [W/K] or band [K].", where("proportional"), code="value.incomplete")
         if "proportional.gain" in fields and self.control is not None:
-            raise DeckError("a gain in W/K needs a fixed power, but the control changes it. Give band in K.", where("proportional"))
+            raise DeckError(
+                "a gain in W/K needs a fixed power, but the control changes it. Give band in K.",
+                where("proportional"),
+                code="value.incomplete",
+            )
         if "proportional.gain" in fields and shape is not None:
-            raise DeckError("a gain in W/K needs a fixed power, but this power is a table. Give band in K.", where("proportional"))
+            raise DeckError(
+                "a gain in W/K needs a fixed power, but this power is a table. Give band in K.",
+                where("proportional"),
+                code="value.incomplete",
+            )
         if curved and self.reference_temperature is None:
-            raise DeckError(f"{curved[0]} needs reference_temperature: the temperature at which `power` holds.", where(""))
+            raise DeckError(
+                f"{curved[0]} needs reference_temperature: the temperature at which `power` holds.", where(""), code="value.incomplete"
+            )
         if self.exponential_coefficient is not None and len(curved) > 1:
-            raise DeckError("give either exponential_coefficient or the polynomial coefficients.", where(""))
+            raise DeckError("give either exponential_coefficient or the polynomial coefficients.", where(""), code="value.incomplete")
         if self.scale is not None and shape is None:
-            raise DeckError("scale applies to a table of power only. For a constant power change power itself.", where(""))
+            raise DeckError(
+                "scale applies to a table of power only. For a constant power change power itself.", where(""), code="value.without-effect"
+            )
         sensor = getattr(self, controls[0]).sensor if controls else ""
         cycle = self.cycle.cycle(where("cycle")) if self.cycle is not None else None
         by = control_names(self.control)
@@ -540,16 +599,23 @@ class ControlTable(ElementTable):
         kinds = [k for k in KINDS_OF_CONTROL if getattr(self, k) is not None]
         if len(kinds) != 1:
             kinds_given = f"; given: {' and '.join(kinds)}" if kinds else ""
-            raise DeckError(f"give a control exactly one of {', '.join(KINDS_OF_CONTROL)}{kinds_given}.", where(""))
+            raise DeckError(
+                f"give a control exactly one of {', '.join(KINDS_OF_CONTROL)}{kinds_given}.", where(""), code="value.incomplete"
+            )
         kind = kinds[0]
         if self.follows is None and (kind != "modes" or any(t.follows is None and t.after is None for t in self.transitions.values())):
-            raise DeckError('a control follows a node: follows = "plate", a list of nodes (their mean) or nodes with weights.', where(""))
+            raise DeckError(
+                'a control follows a node: follows = "plate", a list of nodes (their mean) or nodes with weights.',
+                where(""),
+                code="value.incomplete",
+            )
         follows = followed(self.follows, where("follows")) if self.follows is not None else {}
         sample = plain(self.sample, "sample", "s", where("sample")) if self.sample is not None else 0.0
         if sample and kind not in ("proportional", "pid", "table"):
             raise DeckError(
                 f"a sample time applies to proportional, pid or table. {kind} switches at the exact instant; leave sample out.",
                 where("sample"),
+                code="value.without-effect",
             )
         fields = self.parameters(dict.fromkeys(slot.partition(".")[0] for slot in CONTROL_SLOTS))
         fields |= {f"modes.{name}": value for name, value in (self.modes or {}).items()}
@@ -565,33 +631,53 @@ class ControlTable(ElementTable):
     def _check(self, kind: str, follows: Mapping[str, float], fields: Mapping[str, Parameter], where: Where) -> None:
         """Refuse what does not go together in one control."""
         if kind != "modes" and (self.transitions or self.starts):
-            raise DeckError("starts and transitions apply to modes only.", where(""))
+            raise DeckError("starts and transitions apply to modes only.", where(""), code="value.without-effect")
         if kind == "modes" and not (self.starts and self.transitions):
-            raise DeckError("modes need starts (the mode at the start) and transitions.", where(""))
+            raise DeckError("modes need starts (the mode at the start) and transitions.", where(""), code="value.incomplete")
         if kind == "thermostat":
             ends = {name.partition(".")[2] for name in fields}
             if ends not in ({"on_below", "off_above"}, {"on_above", "off_below"}):
                 raise DeckError(
-                    "give a thermostat on_below and off_above (heating), or on_above and off_below (cooling).", where("thermostat")
+                    "give a thermostat on_below and off_above (heating), or on_above and off_below (cooling).",
+                    where("thermostat"),
+                    code="value.incomplete",
                 )
         if kind == "pid":
             derived = {"pid.derivative_time", "pid.filter_time"} & set(fields)
             if len(derived) == 1:
-                raise DeckError("the derivative part of a PID control needs both derivative_time and filter_time.", where("pid"))
+                raise DeckError(
+                    "the derivative part of a PID control needs both derivative_time and filter_time.",
+                    where("pid"),
+                    code="value.incomplete",
+                )
             if len(follows) > (1 if derived else 2):
                 raise DeckError(
-                    f"a PID control may follow one node with a derivative part, two without; {len(follows)} are given.", where("pid")
+                    f"a PID control may follow one node with a derivative part, two without; {len(follows)} are given.",
+                    where("pid"),
+                    code="model.law-refused",
                 )
         if kind == "table" and isinstance(self.table, Points):
             if self.table.over == "difference" and not of_difference(follows):
-                raise DeckError("a table over a difference needs a difference: follows = { hot = 1, cold = -1 }.", where("table"))
+                raise DeckError(
+                    "a table over a difference needs a difference: follows = { hot = 1, cold = -1 }.",
+                    where("table"),
+                    code="model.law-refused",
+                )
             if self.table.outside == "refuse":
-                raise DeckError("outside = 'refuse' is not possible for a control's table. Leave it out, or use 'hold'.", where("table"))
+                raise DeckError(
+                    "outside = 'refuse' is not possible for a control's table. Leave it out, or use 'hold'.",
+                    where("table"),
+                    code="model.law-refused",
+                )
 
     def _transition(self, t: TransitionTable, where: str) -> ModeChange:
         senses = [s for s in ("above", "below", "after") if getattr(t, s) is not None]
         if len(senses) != 1:
-            raise DeckError("give a transition exactly one of above, below (a temperature) and after (a time in its mode).", where)
+            raise DeckError(
+                "give a transition exactly one of above, below (a temperature) and after (a time in its mode).",
+                where,
+                code="value.incomplete",
+            )
         return ModeChange(t.before, t.after_mode, senses[0], followed(t.follows, where) if t.follows is not None else {})
 
 
@@ -614,7 +700,11 @@ def _check_stream(fields: set[str], fluid: str, where: str) -> None:
     """Refuse a stream whose fluid is unknown, a gas with a density of its own, and another fluid without its properties."""
     if fluid in GASES:
         if "density" in fields:
-            raise DeckError(f"the density of {fluid} follows from its pressure and temperature: leave density out.", where)
+            raise DeckError(
+                f"the density of {fluid} follows from its pressure and temperature: leave density out.",
+                where,
+                code="value.excludes-another",
+            )
         return
     if fluid not in ("", LIQUID):
         raise DeckError(
@@ -630,6 +720,7 @@ def _check_stream(fields: set[str], fluid: str, where: str) -> None:
             f"a stream {what} needs volume_flow and density and specific_heat, or mass_flow and specific_heat{cure}. "
             f"Given: {', '.join(sorted(fields))}.",
             where,
+            code="value.incomplete",
         )
 
 
@@ -637,13 +728,19 @@ def _check_gap(fields: dict[str, Parameter], words: Mapping[str, str], where: st
     """Refuse a gap that says half of how it lies; give one that convects the scatter of its correlation."""
     if not {"tilt", "aspect"} & set(words):
         if "convection_factor" in fields:
-            raise DeckError("convection_factor applies to a gap that convects only. Give tilt and aspect too.", where)
+            raise DeckError(
+                "convection_factor applies to a gap that convects only. Give tilt and aspect too.", where, code="value.without-effect"
+            )
         return
     if not {"tilt", "aspect"} <= set(words):
-        raise DeckError('a gap that convects needs both tilt ("0 [deg]": first end below) and aspect (height over thickness).', where)
+        raise DeckError(
+            'a gap that convects needs both tilt ("0 [deg]": first end below) and aspect (height over thickness).',
+            where,
+            code="value.incomplete",
+        )
     plain(words["aspect"], "aspect", "1", where)
     if not 0.0 <= (tilt := degrees(words["tilt"], where)) <= 180.0:
-        raise DeckError(f"the tilt of a gap is {tilt:g} degrees. Give 0 (first end below) to 180.", where)
+        raise DeckError(f"the tilt of a gap is {tilt:g} degrees. Give 0 (first end below) to 180.", where, code="value.outside-range")
     fields.setdefault("convection_factor", gap_scatter(words, where))
 
 
@@ -669,13 +766,17 @@ class _ConductorTable(ElementTable):
         kind = KINDS[self.kind]
         if self.material:
             if "conductivity" not in kind.slots:
-                raise DeckError(f"a conductor of kind '{self.kind}' has no conductivity. Leave material out.", where("material"))
+                raise DeckError(
+                    f"a conductor of kind '{self.kind}' has no conductivity. Leave material out.",
+                    where("material"),
+                    code="value.without-effect",
+                )
             return self.made_of(self.material, "conductivity", where("material")).element(where)
         name = kind.tabulated or "conductivity"
         written = getattr(self, name, None)
         shape = written.curve_of(name, where(name)) if isinstance(written, Property) else None
         if shape is not None and not kind.tabulated:
-            raise DeckError(f"a conductor of kind '{self.kind}' takes no table of conductivity.", where(""))
+            raise DeckError(f"a conductor of kind '{self.kind}' takes no table of conductivity.", where(""), code="value.without-effect")
         fields, words = self._of_kind({name} if shape is not None else set(), where(""))
         _check_carried_by(fields, words, where(""))
         if self.kind == "gas":
@@ -683,21 +784,30 @@ class _ConductorTable(ElementTable):
         if self.kind == "flow":
             _check_stream(set(fields), words.get("fluid", ""), where(""))
         if self.reversible and (self.kind != "flow" or (words.get("fluid") in GASES and "volume_flow" in fields)):
-            raise DeckError("reversible applies to a flow only; for a gas the flow must be a mass_flow.", where("reversible"))
+            raise DeckError(
+                "reversible applies to a flow only; for a gas the flow must be a mass_flow.",
+                where("reversible"),
+                code="value.without-effect",
+            )
         points = curve_of(self.table, "W/K", where(""))
         if (points is not None) != kind.needs_curve:
-            raise DeckError(f"a conductor of kind '{self.kind}' {'needs' if kind.needs_curve else 'has no'} table of points.", where(""))
+            raise DeckError(
+                f"a conductor of kind '{self.kind}' {'needs' if kind.needs_curve else 'has no'} table of points.",
+                where(""),
+                code="value.without-effect",
+            )
         if points is not None and (points.y < 0).any():
             k = int(np.argmax(points.y < 0))
             raise DeckError(
                 f"the table gives {points.y[k]:g} W/K at {points.x[k]:.9g} K. A conductance must not be negative: heat would flow "
                 "from cold to hot.",
                 where(""),
+                code="model.negative-conductance",
             )
         if self.between[0] == self.between[1]:
-            raise DeckError("both ends are the same node.", where(""))
+            raise DeckError("both ends are the same node.", where(""), code="model.self-reference")
         if self.takes and "area" not in fields:
-            raise DeckError("it takes area from a surface but gives no area. Give area.", where("takes"))
+            raise DeckError("it takes area from a surface but gives no area. Give area.", where("takes"), code="value.incomplete")
         law = shape if points is None else limited(points)
         by = control_names(self.control)
         return Conductor(self.kind, self.between, fields, law, tuple(self.takes), self.test_only, words, by, self.reversible)
@@ -709,7 +819,7 @@ class _ConductorTable(ElementTable):
         words = self.words(_WORDS)
         odd = sorted(set(words) - kind.words)
         if odd:
-            raise DeckError(f"a conductor of kind '{self.kind}' has no {odd[0]}.", where)
+            raise DeckError(f"a conductor of kind '{self.kind}' has no {odd[0]}.", where, code="value.without-effect")
         if {*fields, *tables} - kind.optional not in [set(a) for a in kind.alternatives]:
             wanted = ", or ".join(" and ".join(s for s in kind.slots if s in a) for a in kind.alternatives if a)
             strange = sorted(set(fields) - set(kind.slots))
@@ -718,7 +828,7 @@ class _ConductorTable(ElementTable):
                 if strange
                 else f" Given: {', '.join(fields) or 'nothing'}."
             )
-            raise DeckError(f"a conductor of kind '{self.kind}' needs {wanted}.{also}", where)
+            raise DeckError(f"a conductor of kind '{self.kind}' needs {wanted}.{also}", where, code="value.incomplete")
         return fields, words
 
 

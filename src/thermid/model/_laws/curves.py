@@ -105,15 +105,19 @@ def curve(
     """
     falls = [b[0] < a[0] or (b[0] == a[0] and not steps) for a, b in pairwise(points)]
     if len(points) < 2 or any(falls):
-        raise DeckError("a table needs at least two points, with increasing temperatures.", where)
+        raise DeckError("a table needs at least two points, with increasing temperatures.", where, code="model.law-refused")
     if len({len(p) for p in points}) > 1:
-        raise DeckError("some points of the table have slopes and some have none; give all or none.", where)
+        raise DeckError("some points of the table have slopes and some have none; give all or none.", where, code="model.law-refused")
     if not all(math.isfinite(v) for p in points for v in p):
-        raise DeckError("a table holds a number that is not finite.", where)
+        raise DeckError("a table holds a number that is not finite.", where, code="model.law-refused")
     columns = np.array(points).T
     x, y, *slope = (np.ascontiguousarray(c) for c in columns)
     if (interpolation == "smooth" or slope) and (np.diff(x) == 0.0).any():
-        raise DeckError("the table has a step (two points at one temperature), so it cannot have slopes. Leave out the slopes.", where)
+        raise DeckError(
+            "the table has a step (two points at one temperature), so it cannot have slopes. Leave out the slopes.",
+            where,
+            code="model.law-refused",
+        )
     return Curve(over, x, y, slope[0] if slope else None, (), source, basis, interpolation, outside)
 
 

@@ -59,9 +59,15 @@ def law(
     slot = "temperature" if over == "temperature" else "K"
     low, high = (_end(b, slot) for b in between)
     if not (low < high and np.isfinite([low, high]).all() and (over == "difference" or low >= 0.0)):
-        raise DeckError(f"between {low:g} K and {high:g} K the range is empty. Give the lower end first.", "law, between")
+        raise DeckError(
+            f"between {low:g} K and {high:g} K the range is empty. Give the lower end first.", "law, between", code="value.outside-range"
+        )
     if not 1e-12 <= tolerance < 1.0:
-        raise DeckError(f"a tolerance of {tolerance:g} cannot be reached in double precision. Give 1e-12 or more.", "law, tolerance")
+        raise DeckError(
+            f"a tolerance of {tolerance:g} cannot be reached in double precision. Give 1e-12 or more.",
+            "law, tolerance",
+            code="value.outside-range",
+        )
     checked = _CheckedFunction(function)
     x = np.array([low, 0.0, high] if over == "difference" and low < 0.0 < high else [low, high])
     knots, values, slopes = _refined(checked, x, tolerance)
@@ -89,14 +95,20 @@ class _CheckedFunction:
             except (TypeError, ValueError):
                 values = np.array([self._one(x) for x in at.tolist()])
             except Exception as error:
-                raise DeckError(f"the function fails: {type(error).__name__}: {error}.", "law") from error
+                raise DeckError(f"the function fails: {type(error).__name__}: {error}.", "law", code="model.law-refused") from error
         if values.shape not in ((), at.shape):
-            raise DeckError(f"the function returns {values.shape} for {at.shape} temperatures; it must return one value for each.", "law")
+            raise DeckError(
+                f"the function returns {values.shape} for {at.shape} temperatures; it must return one value for each.",
+                "law",
+                code="value.shape",
+            )
         values = np.broadcast_to(values, at.shape)
         bad = ~np.isfinite(values)
         if bad.any():
             raise DeckError(
-                f"the function is {values[bad][0]} at {at[bad][0]:.9g} K. Correct the function there, or choose another range.", "law"
+                f"the function is {values[bad][0]} at {at[bad][0]:.9g} K. Correct the function there, or choose another range.",
+                "law",
+                code="model.law-refused",
             )
         return values
 
@@ -104,7 +116,9 @@ class _CheckedFunction:
         try:
             return float(self.function(x))
         except Exception as error:
-            raise DeckError(f"the function fails at {x:.9g} K: {type(error).__name__}: {error}.", "law") from error
+            raise DeckError(
+                f"the function fails at {x:.9g} K: {type(error).__name__}: {error}.", "law", code="model.law-refused"
+            ) from error
 
     def slopes(self, at: Array, low: float, high: float) -> Array:
         """Return the slopes (points,) by central differences, of second order at the ends too, where they lean inward."""
@@ -142,6 +156,7 @@ def _refined(checked: _CheckedFunction, x: Array, tolerance: float) -> tuple[Arr
                 f"the function needs more than {MAX_POINTS} points, most of them near {x[np.argmin(width)]:.6g} K."
                 " Allow a larger tolerance or a narrower range, or smooth it there.",
                 "law",
+                code="model.law-refused",
             )
         new = 0.5 * (x[halve] + x[halve + 1])
         opened = np.zeros(x.size - 1, dtype=bool)
@@ -174,4 +189,5 @@ def _refuse_jumps(checked: _CheckedFunction, x: Array, sharp: Indices, largest: 
                 f"the function jumps at {ends[0]:.7g} K, from {values[0]:.6g} to {values[1]:.6g}. A law must be continuous. Connect "
                 "both sides over a few hundredths of a kelvin, or use a thermostat.",
                 "law",
+                code="model.law-refused",
             )

@@ -163,28 +163,31 @@ class TableSignal:
     def __post_init__(self) -> None:
         """Refuse tables that are no function of time."""
         if self.times.ndim != 1 or self.times.shape != self.values.shape or self.times.size == 0:
-            raise ScenarioError("a table needs as many values as times, and at least one.")
+            raise ScenarioError("a table needs as many values as times, and at least one.", code="value.shape")
         if not (np.isfinite(self.times).all() and np.isfinite(self.values).all()):
-            raise ScenarioError("a table holds a time or a value that is not a number.")
+            raise ScenarioError("a table holds a time or a value that is not a number.", code="value.outside-range")
         if (np.diff(self.times) <= 0).any():
             k = int(np.argmax(np.diff(self.times) <= 0))
-            raise ScenarioError(f"times of a table must increase; {self.times[k + 1]:g} s follows {self.times[k]:g} s.")
+            raise ScenarioError(
+                f"times of a table must increase; {self.times[k + 1]:g} s follows {self.times[k]:g} s.", code="value.outside-range"
+            )
         if self.after not in ("", *AFTER):
-            raise ScenarioError(f"after is 'hold' or 'repeat', not '{self.after}'.")
+            raise ScenarioError(f"after is 'hold' or 'repeat', not '{self.after}'.", code="value.wrong-kind")
         if self.before not in ("", "hold"):
-            raise ScenarioError(f"before is 'hold' (the first value), not '{self.before}'.")
+            raise ScenarioError(f"before is 'hold' (the first value), not '{self.before}'.", code="value.wrong-kind")
         if self.samples not in ("", *SAMPLES):
-            raise ScenarioError(f"samples are 'instant' or 'average', not '{self.samples}'.")
+            raise ScenarioError(f"samples are 'instant' or 'average', not '{self.samples}'.", code="value.wrong-kind")
         if self.after == "repeat":
             # refuse a table whose end does not meet its beginning
             if self.times.size < 2:
-                raise ScenarioError("a table of one row has no period to repeat.")
+                raise ScenarioError("a table of one row has no period to repeat.", code="model.law-refused")
             size = max(float(np.ptp(self.values)), 1e-12 * float(np.abs(self.values).max()))
             if abs(float(self.values[-1] - self.values[0])) > 1e-9 * size:
                 raise ScenarioError(
                     f"a table that repeats must end with its first value. Its last row, at {self.times[-1]:g} s, has "
                     f"{self.values[-1]:.6g} and its "
-                    f"first {self.values[0]:.6g} (SI). Repeat the first value at the end, or give the period: period = '24 [h]'."
+                    f"first {self.values[0]:.6g} (SI). Repeat the first value at the end, or give the period: period = '24 [h]'.",
+                    code="model.law-refused",
                 )
 
     @property
@@ -263,7 +266,9 @@ class TableSignal:
         first, last = self.span
         beyond = times[(times < first - 1e-6) | (times > last + 1e-6)]
         if beyond.size:
-            raise ScenarioError(f"it is known from {first:g} to {last:g} s, but requested at {beyond[0]:g} s.", where)
+            raise ScenarioError(
+                f"it is known from {first:g} to {last:g} s, but requested at {beyond[0]:g} s.", where, code="value.outside-range"
+            )
         return self.at(times)
 
     def retimed(self, law: Callable[[Array], Array]) -> TableSignal:
@@ -651,10 +656,13 @@ def check_span(course: Signal, end: float, where: str) -> None:
             f"it ends at {_hours(course.extent)} and the run lasts {_hours(end)}. State the value beyond its end: after = 'hold' (its "
             "last value) or 'repeat'; or give it up to the end, or shorten the run.",
             where,
+            code="run.input-missing",
         )
     if first > 0.0:
         raise ScenarioError(
-            f"its first row is at {_hours(course.onset)} and the run begins at zero. Give the value there, or before = 'hold'.", where
+            f"its first row is at {_hours(course.onset)} and the run begins at zero. Give the value there, or before = 'hold'.",
+            where,
+            code="run.input-missing",
         )
 
 
@@ -795,7 +803,7 @@ def literal(text: Any, slot: str, where: str = "") -> float:
         if value is not None:
             return value
         if isinstance(text, bool) or not isinstance(text, Real):
-            raise ScenarioError(f"a number with a unit is needed, such as '5 [{slot or 'K'}]', not {text!r}.")
+            raise ScenarioError(f"a number with a unit is needed, such as '5 [{slot or 'K'}]', not {text!r}.", code="value.incomplete")
         return text_value(repr(text if isinstance(text, int) else float(text)), slot)
     except ThermidError as error:
         raise error.located(where) from None
@@ -844,7 +852,9 @@ def signal(value: Any, slot: str, where: str = "") -> Signal:
     except ThermidError as error:
         raise error.located(where) from None
     hint = f" {THREE_WAYS}; with times in seconds ([0, 18000], td.celsius([24, 25]))." if slot == TEMPERATURE else ""
-    raise ScenarioError(f"give a signal as a value with a unit, a table of times and values, or a sine.{hint}", where)
+    raise ScenarioError(
+        f"give a signal as a value with a unit, a table of times and values, or a sine.{hint}", where, code="value.incomplete"
+    )
 
 
 def _sampled(values: Quantity, slot: str) -> TableSignal:
@@ -855,7 +865,7 @@ def _sampled(values: Quantity, slot: str) -> TableSignal:
     ScenarioError   When it does not.
     """
     if values.times is None:
-        raise ScenarioError("an array has no times. Give a pair: (times, values).")
+        raise ScenarioError("an array has no times. Give a pair: (times, values).", code="value.wrong-kind")
     return TableSignal(values.times, np.asarray(si_values(values, slot), dtype=float))
 
 
@@ -891,7 +901,7 @@ def _from_table(value: Mapping[str, Any], slot: str, where: str) -> Signal:
     keys = {str(key) for key in value}
     for key in ("times", "values"):
         if key in value and (isinstance(value[key], str) or not isinstance(value[key], Sequence | np.ndarray | Quantity)):
-            raise ScenarioError(f"the {key} of a table are a list, not {value[key]!r}.", where)
+            raise ScenarioError(f"the {key} of a table are a list, not {value[key]!r}.", where, code="value.wrong-kind")
     if {"times", "values"} <= keys <= {"times", "values", "hold", *CONDUCT}:
         try:
             rows = TableSignal(_column(value["times"], "s", where), _column(value["values"], slot, where), bool(value.get("hold", False)))
@@ -902,13 +912,14 @@ def _from_table(value: Mapping[str, Any], slot: str, where: str) -> Signal:
         difference = "K" if slot == TEMPERATURE else slot
         period = literal(value["period"], "s", where)
         if period <= 0:
-            raise ScenarioError("a sine needs a period above zero.", where)
+            raise ScenarioError("a sine needs a period above zero.", where, code="value.outside-range")
         amplitude = literal(value["amplitude"], difference, where)
         return Sine(literal(value["mean"], slot, where), amplitude, period, literal(value.get("phase", 0.0), "1", where))
     raise ScenarioError(
         f"a signal is a table of times and values (hold, before, after, period, samples), or of mean, amplitude and period (phase), not of "
         f"{', '.join(sorted(keys))}.",
         where,
+        code="value.wrong-kind",
     )
 
 
@@ -922,17 +933,22 @@ def conducted(rows: TableSignal, details: Mapping[str, Any], where: str) -> Tabl
     samples, after = str(details.get("samples", "")), str(details.get("after", ""))
     if samples == "average":
         if details.get("hold"):
-            raise ScenarioError("samples = 'average' implies steps, each up to its time stamp. Leave hold out.", where)
+            raise ScenarioError(
+                "samples = 'average' implies steps, each up to its time stamp. Leave hold out.", where, code="value.without-effect"
+            )
         rows = averages(rows.times, rows.values, unit=rows.unit, log=rows.log)
     if "period" in details:
         if after != "repeat":
-            raise ScenarioError("a period applies to after = 'repeat' only. Add it, or leave the period out.", where)
+            raise ScenarioError(
+                "a period applies to after = 'repeat' only. Add it, or leave the period out.", where, code="value.incomplete"
+            )
         length = literal(details["period"], "s", where)
         if not length > float(rows.times[-1] - rows.times[0]):
             raise ScenarioError(
                 f"a period of {length:g} s ends before the last row of its table. Give a longer period, or leave it out if the last "
                 "row is its end.",
                 where,
+                code="value.outside-range",
             )
         rows = replace(rows, times=np.append(rows.times, rows.times[0] + length), values=np.append(rows.values, rows.values[0]))
     return replace(rows, samples=samples or rows.samples, after=after, before=str(details.get("before", "")))

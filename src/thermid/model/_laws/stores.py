@@ -131,17 +131,29 @@ def tabulated(name: str, curve: Curve, where: str) -> Curve:
     DeckError   When it is not over temperature, or holds values that no material has.
     """
     if curve.over != "temperature":
-        raise DeckError(f"{name} must be a table over temperature.", where)
+        raise DeckError(f"{name} must be a table over temperature.", where, code="model.law-refused")
     if curve.x[0] <= MIN_PROPERTY_TEMPERATURE or curve.x[-1] >= MAX_PROPERTY_TEMPERATURE:
-        raise DeckError(f"the points of {name} must lie between {MIN_PROPERTY_TEMPERATURE:g} and {MAX_PROPERTY_TEMPERATURE:g} K.", where)
+        raise DeckError(
+            f"the points of {name} must lie between {MIN_PROPERTY_TEMPERATURE:g} and {MAX_PROPERTY_TEMPERATURE:g} K.",
+            where,
+            code="value.outside-range",
+        )
     if name == "enthalpy" and (np.diff(curve.y) <= 0.0).any():
         k = int(np.argmax(np.diff(curve.y) <= 0.0))
-        raise DeckError(f"an enthalpy must increase with temperature; it does not from {curve.x[k]:.6g} to {curve.x[k + 1]:.6g} K.", where)
+        raise DeckError(
+            f"an enthalpy must increase with temperature; it does not from {curve.x[k]:.6g} to {curve.x[k + 1]:.6g} K.",
+            where,
+            code="model.law-refused",
+        )
     if name == "enthalpy" and (np.diff(curve.x)[[0, -1]] == 0.0).any():
-        raise DeckError("an enthalpy needs a point below and a point above the temperature at which it melts.", where)
+        raise DeckError(
+            "an enthalpy needs a point below and a point above the temperature at which it melts.", where, code="model.law-refused"
+        )
     if name != "enthalpy" and (curve.y <= 0.0).any():
         k = int(np.argmax(curve.y <= 0.0))
-        raise DeckError(f"{name} must be above zero; it is {curve.y[k]:g} {TABULATED[name]} at {curve.x[k]:.6g} K.", where)
+        raise DeckError(
+            f"{name} must be above zero; it is {curve.y[k]:g} {TABULATED[name]} at {curve.x[k]:.6g} K.", where, code="model.law-refused"
+        )
     return limited(curve, positive=name != "enthalpy")
 
 
@@ -163,7 +175,11 @@ def melting(heat: float, liquid: float, latent: float, begins: float, ends: floa
     """
     low, high = 1.5 * MIN_PROPERTY_TEMPERATURE, MAX_PROPERTY_TEMPERATURE - 1.0
     if not low < begins <= ends < high:
-        raise DeckError(f"melting from {begins:.6g} to {ends:.6g} K is not possible. Give melts_to at or above melts_from.", where)
+        raise DeckError(
+            f"melting from {begins:.6g} to {ends:.6g} K is not possible. Give melts_to at or above melts_from.",
+            where,
+            code="value.outside-range",
+        )
     solid = heat * (begins - low)
     molten = solid + latent + 0.5 * (heat + liquid) * (ends - begins)
     return curve("temperature", [(low, 0.0), (begins, solid), (ends, molten), (high, molten + liquid * (high - ends))], where, steps=True)
@@ -242,7 +258,9 @@ def store(name: str, curve: Curve, supercooling: Supercooling | None = None) -> 
         melt = _melt(curve, x, y, supercooling) if supercooling is not None else None
         return HeatStore(reference, curve, Curve("temperature", x, y), _inverse(curve, x, y, None), melt)
     if supercooling is not None:
-        raise DeckError("supercooling needs an enthalpy of straight lines, or latent_heat, melts_from and melts_to.")
+        raise DeckError(
+            "supercooling needs an enthalpy of straight lines, or latent_heat, melts_from and melts_to.", code="model.law-refused"
+        )
     if name == "enthalpy":
         x, y, d = _enthalpy(curve)
         reference = float(d[0])
@@ -252,7 +270,8 @@ def store(name: str, curve: Curve, supercooling: Supercooling | None = None) -> 
     if not (d > 0.0).all():
         raise DeckError(
             f"the specific heat falls to zero at {x[np.argmin(d)]:.6g} K; it must be above zero everywhere. Correct the "
-            "table or its slopes there."
+            "table or its slopes there.",
+            code="model.law-refused",
         )
     x, y, d = _extended(x, y, d, replace(curve, outside="hold") if name == "enthalpy" else curve)
     y, d = MIN_PROPERTY_TEMPERATURE + (y - y[0]) / reference, d / reference
@@ -260,7 +279,9 @@ def store(name: str, curve: Curve, supercooling: Supercooling | None = None) -> 
     if (np.diff(y) > 0.0).all():
         x, y, d = _divided(x, y, d)
     if not (np.diff(y) > 0.0).all():
-        raise DeckError("the specific heats of the table lie too many decades apart to be integrated. Correct the table.")
+        raise DeckError(
+            "the specific heats of the table lie too many decades apart to be integrated. Correct the table.", code="model.law-refused"
+        )
     return HeatStore(reference, curve, rise, _inverse(curve, x, y, 1.0 / d))
 
 
@@ -275,10 +296,13 @@ def _melt(curve: Curve, x: Array, y: Array, supercooling: Supercooling) -> Melt:
     k = int(np.searchsorted(x, liquidus, side="right")) - 1
     if not (0 < k < x.size - 1 and x[k] == liquidus):
         raise DeckError(
-            f"melts_to = {liquidus:.6g} K is not a point of the enthalpy table. Add that point; supercooling is counted from it."
+            f"melts_to = {liquidus:.6g} K is not a point of the enthalpy table. Add that point; supercooling is counted from it.",
+            code="model.law-refused",
         )
     if not (supercooling.degree > 0.0 and nucleation > MIN_PROPERTY_TEMPERATURE):
-        raise DeckError(f"supercooling of {supercooling.degree:.6g} K below {liquidus:.6g} K cannot be; give some kelvin.")
+        raise DeckError(
+            f"supercooling of {supercooling.degree:.6g} K below {liquidus:.6g} K cannot be; give some kelvin.", code="value.outside-range"
+        )
     rate = (y[k + 1] - y[k]) / (x[k + 1] - x[k])
     xs, ys = np.r_[MIN_PROPERTY_TEMPERATURE, x[k:]], np.r_[y[k] - rate * (liquidus - MIN_PROPERTY_TEMPERATURE), y[k:]]
     freezes = float(y[k] - rate * supercooling.degree)
@@ -286,7 +310,8 @@ def _melt(curve: Curve, x: Array, y: Array, supercooling: Supercooling) -> Melt:
     if not after > nucleation:
         raise DeckError(
             f"a melt that cools by {supercooling.degree:.6g} K has given off more than its latent heat: with crystals it would be at"
-            f" {after:.6g} K, below the {nucleation:.6g} K at which they form. Give less supercooling."
+            f" {after:.6g} K, below the {nucleation:.6g} K at which they form. Give less supercooling.",
+            code="value.outside-range",
         )
     return Melt(supercooling, Curve("temperature", xs, ys), _inverse(curve, xs, ys, None), float(y[k]), freezes)
 

@@ -106,6 +106,7 @@ def followed(written: object, where: str) -> dict[str, float]:
         raise DeckError(
             f"a control follows one to {MAX_FOLLOWED_NODES} nodes; {len(out)} are given. Connect more to a massless node and follow that.",
             where,
+            code="model.law-refused",
         )
     total = sum(out.values())
     if not (abs(total) < 1e-9 or abs(total - 1.0) < 1e-9):
@@ -113,6 +114,7 @@ def followed(written: object, where: str) -> dict[str, float]:
             f"the weights of the nodes that a control follows sum to {total:g}; give weights that sum to one (a temperature) or zero "
             "(a difference).",
             where,
+            code="model.law-refused",
         )
     return out
 
@@ -154,7 +156,7 @@ def check_modes(control: Control, where: str) -> None:
     """
     modes = [name.partition(".")[2] for name in control.fields if name.startswith("modes.")]
     if len(modes) < 2:
-        raise DeckError("give at least two modes, each with its share.", where)
+        raise DeckError("give at least two modes, each with its share.", where, code="value.incomplete")
     named = {"starts": control.starts} | {
         f"transitions.{name}.{end}": mode for name, t in control.transitions.items() for end, mode in (("from", t.before), ("to", t.after))
     }
@@ -165,8 +167,10 @@ def check_modes(control: Control, where: str) -> None:
             )
     for name, t in control.transitions.items():
         if t.before == t.after:
-            raise DeckError(f"the transition '{name}' leads from '{t.before}' to itself.", where)
+            raise DeckError(f"the transition '{name}' leads from '{t.before}' to itself.", where, code="model.self-reference")
     reached = {control.starts, *(t.after for t in control.transitions.values())}
     lost = [mode for mode in modes if mode not in reached]
     if lost:
-        raise DeckError(f"no transition leads to the mode '{lost[0]}'. Add a transition to it, or remove the mode.", where)
+        raise DeckError(
+            f"no transition leads to the mode '{lost[0]}'. Add a transition to it, or remove the mode.", where, code="model.law-refused"
+        )

@@ -106,12 +106,17 @@ class FaceExchange:
                 f"what the sun leaves in '{self.path}' is reflected by view factors, and it has exchange factors, which hold those of heat "
                 "alone. Give view_factors, a shape or places.",
                 self.where,
+                code="value.contradicts",
             )
         size, names = np.array([value_of(a) for a in areas]), [f.name for f in self.faces]
         factors, sized, areas = self._factors(size, names, areas)
         factor_faults(factors, sized, names, self.where, closed=not self.rest)
         if not self.rest and all(value_of(a) == 0.0 for a in dark):
-            raise DeckError(f"no face of '{self.path}' absorbs, so the sun in it goes round for ever. Give one an absorptance.", self.where)
+            raise DeckError(
+                f"no face of '{self.path}' absorbs, so the sun in it goes round for ever. Give one an absorptance.",
+                self.where,
+                code="value.contradicts",
+            )
         out = absorbing_areas(factors, areas, dark)
         if self.rest:
             first = [sum((row[k] for row in out), 0.0 * out[0][k]) for k in range(len(areas))]
@@ -131,6 +136,7 @@ class FaceExchange:
                 raise DeckError(
                     f"the emissivity of '{face.path}' is {value_of(number):g}. In an enclosure it must be above 0, up to 1.",
                     self.where,
+                    code="value.outside-range",
                 )
         size = np.array([value_of(a) for a in areas])
         names = [f.name for f in self.faces]
@@ -157,6 +163,7 @@ class FaceExchange:
                     f"the surface '{face.path}' has {area * 1e4:.6g} cm^2 free, but the face '{face.name}' has {wanted * 1e4:.6g} cm^2. "
                     "Correct the area or a dimension, or give view factors.",
                     self.where,
+                    code="value.contradicts",
                 )
         return factors[np.ix_(at, at)], geometric[at]
 
@@ -223,6 +230,7 @@ class Enclosed:
                     f"'{path}' is in the sun and reflects it to '{face.path}' in '{self.exchange.path}', which has no absorptance. "
                     "Give it one; 1 for a black face.",
                     self.exchange.where,
+                    code="model.view-factors",
                 )
             out |= {p: p for p in (f"{face.path}.area", f"{face.path}.absorptance", *(t.path for t in face.takes))}
         return out
@@ -244,12 +252,15 @@ def pairs(exchange: FaceExchange, rest: str) -> list[Pair]:
     for face in faces:
         if face.surface.is_effective or "emissivity" not in face.surface.fields:
             why = "its effective_htc includes radiation already" if face.surface.is_effective else "it has no emissivity"
-            raise DeckError(f"'{face.path}' cannot be a face of '{path}': {why}. Give it htc and emissivity.", where)
+            raise DeckError(
+                f"'{face.path}' cannot be a face of '{path}': {why}. Give it htc and emissivity.", where, code="value.contradicts"
+            )
         if face.surface.sees:
             raise DeckError(
                 f"'{face.path}' radiates to '{face.surface.sees}' and in the enclosure '{path}', so its radiation would "
                 "count twice. Leave sees out.",
                 where,
+                code="value.contradicts",
             )
     fields = {p: p for f in faces for p in (f"{f.path}.area", f"{f.path}.emissivity", *(t.path for t in f.takes))}
     nodes = [(f.name, f.node) for f in faces] + ([("rest", rest)] if rest else [])

@@ -31,9 +31,9 @@ class Facing:
     def __post_init__(self) -> None:
         """Refuse directions that do not exist."""
         if not 0.0 <= self.tilt <= 180.0:
-            raise DeckError(f"the tilt is {self.tilt:g} degrees. Give 0 (facing up) to 180 (facing down).")
+            raise DeckError(f"the tilt is {self.tilt:g} degrees. Give 0 (facing up) to 180 (facing down).", code="value.outside-range")
         if self.azimuth is not None and not -180.0 <= self.azimuth <= 360.0:
-            raise DeckError(f"the azimuth is {self.azimuth:g} degrees. Give 0 to 360, from north through east.")
+            raise DeckError(f"the azimuth is {self.azimuth:g} degrees. Give 0 to 360, from north through east.", code="value.outside-range")
 
 
 def degrees(value: Any, where: str = "") -> float:
@@ -47,7 +47,7 @@ def degrees(value: Any, where: str = "") -> float:
         return float(value)
     match = _DEGREES.match(value) if isinstance(value, str) else None
     if match is None:
-        raise DeckError(f"'{value}' is not an angle. Write a number of degrees, such as 90 or '90 [deg]'.", where)
+        raise DeckError(f"'{value}' is not an angle. Write a number of degrees, such as 90 or '90 [deg]'.", where, code="value.wrong-kind")
     return float(match[1])
 
 

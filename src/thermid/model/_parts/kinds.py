@@ -69,12 +69,18 @@ class Law:
             return (self,)
         x, y = zip(*self.points, strict=True)
         if self.form != "table" or self.over not in HINGES or self.medium != "solid":
-            raise DeckError(f"a table of points applies to a solid over {' or '.join(HINGES)}; this law is '{self.form}' over {self.over}.")
+            raise DeckError(
+                f"a table of points applies to a solid over {' or '.join(HINGES)}; this law is '{self.form}' over {self.over}.",
+                code="model.law-refused",
+            )
         if any(not value_of(b) > value_of(a) for a, b in pairwise(x)):
             shown = ", ".join(f"{value_of(coefficient):.6g}" for coefficient in x)
-            raise DeckError(f"a table needs increasing temperatures; its points lie at {shown} K.")
+            raise DeckError(f"a table needs increasing temperatures; its points lie at {shown} K.", code="model.law-refused")
         if any(value_of(coefficient) < 0.0 for coefficient in y):
-            raise DeckError("the table has a negative conductance; heat would flow from cold to hot. Correct the table.")
+            raise DeckError(
+                "the table has a negative conductance; heat would flow from cold to hot. Correct the table.",
+                code="model.negative-conductance",
+            )
         scale = self.coefficients[0]
         lines = [0.0, *((d - c) / (b - a) for (a, c), (b, d) in pairwise(self.points)), 0.0]
         hinges = [Law(HINGES[self.over], (scale * (after - before), at)) for (before, after), at in zip(pairwise(lines), x, strict=True)]
@@ -241,7 +247,7 @@ def _bolted(f: Fields) -> tuple[Law, ...]:
     else:
         zone = f["count"] * contact.bolt_zone(f["washer"], f["diameter"], f["thickness"])
         if value_of(zone) <= 0.0:
-            raise DeckError("a washer must be wider than the screw's hole.")
+            raise DeckError("a washer must be wider than the screw's hole.", code="value.outside-range")
         force = contact.bolt_preload(*(f[name] for name in ("torque", "diameter", "nut_factor") if name in f))
         pressure = f["count"] * force / zone
         screws = zone * contact.plastic_contact_conductance(f["conductivity"], f["slope"], f["roughness"], pressure, f["hardness"])
@@ -249,10 +255,12 @@ def _bolted(f: Fields) -> tuple[Law, ...]:
     if not filler:
         return (Law("linear", (screws,)),)
     if len(filler) < 3:
-        raise DeckError("a filler needs area (of the whole joint), filler_conductivity and filler_thickness.")
+        raise DeckError("a filler needs area (of the whole joint), filler_conductivity and filler_thickness.", code="value.incomplete")
     rest = f["area"] - zone
     if value_of(rest) < 0.0:
-        raise DeckError("the contact area under the screws is larger than the joint. Give a larger area, or smaller washers.")
+        raise DeckError(
+            "the contact area under the screws is larger than the joint. Give a larger area, or smaller washers.", code="value.contradicts"
+        )
     return Law("linear", (screws,)), Law("linear", (conduction.slab_conductance(f["filler_conductivity"], rest, f["filler_thickness"]),))
 
 
@@ -264,14 +272,19 @@ def _wedge_lock(f: Fields) -> tuple[Law, ...]:
         return (Law("linear", (whole,)),)
     solid = edges / f["vacuum_resistance_length"]
     if value_of(solid) > value_of(whole):
-        raise DeckError("the resistance in vacuum is below that in air. Give a vacuum_resistance_length at or above resistance_length.")
+        raise DeckError(
+            "the resistance in vacuum is below that in air. Give a vacuum_resistance_length at or above resistance_length.",
+            code="value.contradicts",
+        )
     return Law("linear", (solid,)), Law("linear", (whole - solid,), "gas")
 
 
 def _spreading(f: Fields) -> Law:
     """Return a small source on a plate, from the mean of the source to the plate's far side."""
     if not value_of(f["source_area"]) < value_of(f["plate_area"]):
-        raise DeckError('the source must be smaller than its plate. If it covers the plate, use kind = "conduction".')
+        raise DeckError(
+            'the source must be smaller than its plate. If it covers the plate, use kind = "conduction".', code="value.outside-range"
+        )
     spread = conduction.spreading_resistance(f["conductivity"], f["source_area"], f["plate_area"], f["thickness"], f.get("htc"))
     return Law("linear", (1.0 / (spread + f["thickness"] / (f["conductivity"] * f["plate_area"])),))
 

@@ -270,7 +270,7 @@ class Parameter:
         low = -math.inf if self.minimum is None else self.minimum
         high = math.inf if self.maximum is None else self.maximum
         if not low <= value <= high:
-            raise DeckError(f"the start {value:g} of '{path}' lies outside its bounds {low:g} .. {high:g}.")
+            raise DeckError(f"the start {value:g} of '{path}' lies outside its bounds {low:g} .. {high:g}.", code="value.outside-range")
         return (low > 0 or (dimension in POSITIVE and low != 0.0)) and value > 0, low, high
 
 
@@ -291,10 +291,11 @@ def _bound(value: Any, expression: Expression) -> float | None:
     if isinstance(value, str):
         literal = parse(value).literal
         if literal is None:
-            raise DeckError(f"the bound '{value}' must be a number with a unit.")
+            raise DeckError(f"the bound '{value}' must be a number with a unit.", code="value.wrong-kind")
         if expression.literal is not None and literal.unit.dimension != expression.literal.unit.dimension:
             raise UnitError(
-                f"the bound '{value}' is {describe(literal.unit.dimension)}; the value is {describe(expression.literal.unit.dimension)}."
+                f"the bound '{value}' is {describe(literal.unit.dimension)}; the value is {describe(expression.literal.unit.dimension)}.",
+                code="unit.wrong-dimension",
             )
         return literal.value
     number = float(_written_number(value))
@@ -307,7 +308,7 @@ def _bound(value: Any, expression: Expression) -> float | None:
 def _written_number(value: Any) -> str:
     """Return the text of a number that was given without one."""
     if isinstance(value, bool) or value != value or not hasattr(value, "__float__"):
-        raise DeckError(f"{value!r} is not a value. Write a text with a unit, '2.5 [W]', or a number.")
+        raise DeckError(f"{value!r} is not a value. Write a text with a unit, '2.5 [W]', or a number.", code="value.wrong-kind")
     return repr(float(value))
 
 
@@ -332,13 +333,16 @@ def parameter(value: str | float | Mapping[str, Any] | Parameter, where: str = "
         if unknown or "value" not in table:
             raise DeckError(
                 "the keys of a parameter are value, min, max, source, note and basis; given: "
-                f"{', '.join(sorted(unknown)) or 'a table without value'}."
+                f"{', '.join(sorted(unknown)) or 'a table without value'}.",
+                code="value.wrong-kind",
             )
         raw = table["value"]
         expression = parse(raw if isinstance(raw, str) else _written_number(raw))
         low, high = _bound(table.get("min"), expression), _bound(table.get("max"), expression)
         if low is not None and high is not None and low > high:
-            raise DeckError(f"its minimum {table['min']} is above its maximum {table['max']}. Exchange the two bounds.")
+            raise DeckError(
+                f"its minimum {table['min']} is above its maximum {table['max']}. Exchange the two bounds.", code="value.outside-range"
+            )
         source = table.get("source", "")
         refuse_unknown([source] if source else (), SOURCES, refusal="source '{}' is not one of {known}.", error=DeckError)
         out = Parameter(expression, low, high, source, table.get("note", ""), table.get("basis", ""))
@@ -359,4 +363,8 @@ def check_bounds(value: float, parameter: Parameter, where: str) -> None:
             word = "below" if beyond < 0 else "above"
             of = unit(parameter.unit or "1")
             shown = [f"{from_si(v, of):.6g}" for v in (value, bound)]
-            raise DeckError(f"{shown[0]} lies {word} its {side} {shown[1]} [{of.text}]. Correct the value or the bound.", where)
+            raise DeckError(
+                f"{shown[0]} lies {word} its {side} {shown[1]} [{of.text}]. Correct the value or the bound.",
+                where,
+                code="value.outside-range",
+            )

@@ -36,5 +36,6 @@ def exposed_area(surface: str, total: Number, takes: tuple[Take, ...], values: M
             f"the surface '{surface}' has {value_of(total) * 1e4:.6g} cm^2, but {parts}. Reduce the area of a joint, or enlarge the "
             "surface.",
             where,
+            code="value.contradicts",
         )
     return remaining if value_of(remaining) > 0 else 0.0 * remaining

@@ -103,12 +103,18 @@ def _check_chain(use: Use, part: Model, where: Callable[[str], str]) -> None:
     if not use.chain:
         return
     if len(use.count) != 1:
-        raise DeckError("a chain needs a single count. Connect rows and columns by links.", where("chain"))
+        raise DeckError("a chain needs a single count. Connect rows and columns by links.", where("chain"), code="model.law-refused")
     for need, offered in use.chain.items():
         if need not in part.needs:
-            raise DeckError(f"'{part.title}' needs {', '.join(part.needs) or 'nothing'}, not '{need}'.", where("chain"))
+            raise DeckError(
+                f"'{part.title}' needs {', '.join(part.needs) or 'nothing'}, not '{need}'.", where("chain"), code="name.unknown"
+            )
         if offered not in part.offers:
-            raise DeckError(f"'{part.title}' does not offer '{offered}'. It offers {', '.join(part.offers) or 'nothing'}.", where("chain"))
+            raise DeckError(
+                f"'{part.title}' does not offer '{offered}'. It offers {', '.join(part.offers) or 'nothing'}.",
+                where("chain"),
+                code="name.unknown",
+            )
 
 
 def _placed(text: str, place: Place) -> str:
@@ -122,7 +128,7 @@ def _value(raw: Any, k: int, place: Place, count: int, where: str) -> Parameter:
     """Return the value of one instance: the same for all, one of a list, or a text with its index."""
     if isinstance(raw, list):
         if len(raw) != count:
-            raise DeckError(f"{len(raw)} values for {count} instances.", where)
+            raise DeckError(f"{len(raw)} values for {count} instances.", where, code="value.shape")
         raw = raw[k]
     table = dict(raw)
     if isinstance(table["value"], str):
@@ -136,7 +142,7 @@ def _linked(
     """Yield the conductors between neighbours; the values of the first are those of all."""
     there = set(places)
     if links and len(places) < 2:
-        raise DeckError("links need neighbours. Give a count of 2 or more.", where("links"))
+        raise DeckError("links need neighbours. Give a count of 2 or more.", where("links"), code="model.law-refused")
     for link, conductor in links.items():
         first = ""
         for place in places:
@@ -164,5 +170,5 @@ def merged(into: dict[str, Any], more: Mapping[str, Any], where: str) -> None:
     """
     for name, element in more.items():
         if name in into:
-            raise DeckError(f"'{name}' is generated here and defined in the deck too. Remove one of them.", where)
+            raise DeckError(f"'{name}' is generated here and defined in the deck too. Remove one of them.", where, code="name.taken")
         into[name] = element

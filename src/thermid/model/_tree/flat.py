@@ -86,10 +86,16 @@ class FlatConductor:
         try:
             built = (self.recipe or KINDS[self.kind].recipe)(fields)
         except ArithmeticError as error:
-            raise DeckError(f"'{self.path}' has no finite conductance: {error}. Check the sizes of its values.", self.where) from None
+            raise DeckError(
+                f"'{self.path}' has no finite conductance: {error}. Check the sizes of its values.",
+                self.where,
+                code="expression.no-finite-value",
+            ) from None
         laws = built if isinstance(built, tuple) else (built,)
         if not all(is_finite(number) for law in laws for number in law.coefficients):
-            raise DeckError(f"'{self.path}' has no finite conductance. Check the sizes of its values.", self.where)
+            raise DeckError(
+                f"'{self.path}' has no finite conductance. Check the sizes of its values.", self.where, code="expression.no-finite-value"
+            )
         return laws
 
 
@@ -305,6 +311,7 @@ def _enclosures(model: Tree, names: Names, takes: Mapping[str, list[Take]]) -> t
                         f"'{raw}' is a face of '{first}' already, so its radiation would count twice. "
                         "List the surface in one enclosure only.",
                         owner.where(key),
+                        code="value.contradicts",
                     )
                 node = names.end(part, part_prefix, surface.of, key)
                 faces.append(Face(face, path, surface, node, tuple(takes.get(path, ()))))
@@ -362,6 +369,7 @@ def _surface(
             "a face of an enclosure needs a constant emissivity, because all exchange factors depend on it. Give a number, or take "
             "the face out of the enclosure.",
             owner.where(key),
+            code="model.law-refused",
         )
     return out
 
@@ -408,11 +416,17 @@ def _losses(conductor: FlatConductor) -> list[FlatConductor]:
         return []
     if "to" not in conductor.words:
         if {"htc", "effective_htc", "emissivity"} & set(conductor.fields):
-            raise DeckError('the lead loses heat along its length, but no node takes it. Name the node: to = "air".', conductor.where)
+            raise DeckError(
+                'the lead loses heat along its length, but no node takes it. Name the node: to = "air".',
+                conductor.where,
+                code="value.incomplete",
+            )
         return []
     if {"htc", "effective_htc"} <= set(conductor.fields):
         raise DeckError(
-            "give a lead either htc (convection alone) or effective_htc (convection and radiation together), not both.", conductor.where
+            "give a lead either htc (convection alone) or effective_htc (convection and radiation together), not both.",
+            conductor.where,
+            code="value.excludes-another",
         )
     sides = zip(("first", "second"), conductor.ends, strict=True)
     return [
@@ -450,7 +464,7 @@ def _controls(owner: Tree, prefix: str, raw: Sequence[str], key: str) -> tuple[s
                 f"no control '{name}'.{nearest(tail, part.controls)} Declare it under controls.", owner.where(f"{key}.control")
             )
         if prefix + path in {named_control(c)[0] for c in out}:
-            raise DeckError(f"the control '{name}' is named twice. Remove one of them.", owner.where(f"{key}.control"))
+            raise DeckError(f"the control '{name}' is named twice. Remove one of them.", owner.where(f"{key}.control"), code="name.taken")
         out.append(f"{COMPLEMENT}{prefix}{path}" if rest else prefix + path)
     return tuple(out)
 

@@ -206,6 +206,7 @@ def _ports(model: Tree, head: str, new: Tree, path: str) -> dict[str, str]:
         raise DeckError(
             f"'{path}' has ports {has}; its replacement has {new_has}: {lack}. Add the port to the new part, or keep the old part.",
             model.title,
+            code="model.refused",
         )
     return {need: node for need, node in old.bind.items() if need in new.needs}
 
@@ -226,6 +227,7 @@ def _check_read(model: Tree, path: str, new_values: Mapping[str, Entry], full: s
                     f"'{parameter.text}' reads '{name}', which the replacement of '{full}' does not have. Give the new part a parameter of "
                     "that name, or write a number here.",
                     model.where(key),
+                    code="model.refused",
                 )
 
 

@@ -351,6 +351,7 @@ class Names:
                 raise DeckError(
                     f"port '{need}' of '{name}' is not bound. Give it a node: bind = {{ {need} = \"...\" }}.",
                     model.where(f"submodels.{name}"),
+                    code="model.refused",
                 )
             target = part.bind[need]
             key = f"submodels.{name}.bind.{need}"
@@ -546,7 +547,7 @@ class ParameterSet:
                 return
             if path in trail:
                 loop = [*trail[trail.index(path) :], path]
-                raise ExpressionError(f"'{path}' needs itself: {' -> '.join(loop)}.", self.table[path].where)
+                raise ExpressionError(f"'{path}' needs itself: {' -> '.join(loop)}.", self.table[path].where, code="model.self-reference")
             trail.append(path)
             for other in self._needs[path]:
                 visit(other)
@@ -577,7 +578,9 @@ class ParameterSet:
             try:
                 values[path] = entry.parameter.expression.evaluate(lambda name, scope=scope: values[scope + name])  # type: ignore[misc]
             except ArithmeticError as error:
-                raise ExpressionError(f"'{entry.parameter.text}' has no finite value: {error}.", entry.where) from None
+                raise ExpressionError(
+                    f"'{entry.parameter.text}' has no finite value: {error}.", entry.where, code="expression.no-finite-value"
+                ) from None
         return values
 
     def downstream(self, changed: Iterable[str]) -> tuple[str, ...]:
@@ -617,11 +620,14 @@ class ParameterSet:
         return frozenset(self.literal_behind(p) for p in self.table if p.rpartition(".")[2] in SHARES)
 
     def bounded(self, path: str) -> Parameter:
-        """Return a parameter with the walls of its deck; those of a share, such as an emissivity, lie within 0 and 1."""
+        """Return a parameter with the walls of its deck; those of a share, such as an emissivity, lie within 0 and 1.
+
+        A share without a minimum begins above zero: it is fitted by its logarithm, as what a fit found of a printed one is, which has none.
+        """
         parameter = self.table[path].parameter
         low, high = parameter.walls
         if path in self._shares:
-            least = min(LEAST_EMISSIVITY, parameter.minimum or 0.0) if parameter.is_printed else 0.0
+            least = 0.0 if low is not None else min(LEAST_EMISSIVITY, LEAST_EMISSIVITY if parameter.minimum is None else parameter.minimum)
             low, high = max(low or 0.0, least), min(1.0 if high is None else high, 1.0)
         return replace(parameter, minimum=low, maximum=high)
 
@@ -646,6 +652,8 @@ class ParameterSet:
         if not entry.parameter.is_literal:
             roots = [p for p in self.order if self.table[p].parameter.is_literal and path in self.downstream([p])]
             raise DeckError(
-                f"'{raw}' is derived from other values: {entry.parameter.text}. Free one of {', '.join(roots)} instead.", entry.where
+                f"'{raw}' is derived from other values: {entry.parameter.text}. Free one of {', '.join(roots)} instead.",
+                entry.where,
+                code="model.refused",
             )
         return path

@@ -144,9 +144,11 @@ def sobol_of(
     groups = _groups(job)
     names = list(dict.fromkeys(groups))
     if len(names) < 2:
-        raise ScenarioError("Sobol's indices need at least two uncertain inputs; fewer are given.", job.model.title)
+        raise ScenarioError(
+            "Sobol's indices need at least two uncertain inputs; fewer are given.", job.model.title, code="value.outside-range"
+        )
     if base < 2 or base & (base - 1):
-        raise ScenarioError(f"the base of the design must be a power of two, not {base}.", job.model.title)
+        raise ScenarioError(f"the base of the design must be a power of two, not {base}.", job.model.title, code="value.outside-range")
     half = 0.5**32  # a normal has no value at 0 or 1
     problem: dict[str, Any] = {
         "num_vars": len(groups),
@@ -179,7 +181,7 @@ def _temperature_of(job: Job, numbers: Array, node: str, time: float | None) -> 
     """
     part = run_members_of(job, numbers)
     if part.failed:
-        raise ScenarioError(f"a run of the design failed: {next(iter(part.failed.values()))}", job.model.title)
+        raise ScenarioError(f"a run of the design failed: {next(iter(part.failed.values()))}", job.model.title, code="run.members-failed")
     if time is None:
         return part.highest(job.nodes, node)
     return np.array([np.interp(time, job.times, row) for row in part.temperatures[:, job.nodes.index(node)]])

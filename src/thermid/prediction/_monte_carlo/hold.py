@@ -150,7 +150,9 @@ class Hold(Result):
         """Return the entry of a limit by the name that was given to it, or by its node."""
         points = [p for p in self.points if name in (p.name, p.node)]
         if not points:
-            raise ScenarioError(f"no limit was given for '{name}'. Limits: {', '.join(p.name for p in self.points)}.", self.title)
+            raise ScenarioError(
+                f"no limit was given for '{name}'. Limits: {', '.join(p.name for p in self.points)}.", self.title, code="name.unknown"
+            )
         return points[0]
 
     @property
@@ -266,6 +268,7 @@ def hold(runs: UncertainRuns, limits: Mapping[str, Any], *, confidence: float = 
             f"{len(runs.failed)} of {len(runs)} members failed, so how long they keep the limits is not known and no hold time is given. "
             f"Member {member}: {why} Correct the model, or narrow the spread that leads there.",
             runs.title,
+            code="run.members-failed",
         )
     points = [_point(runs, runs.drawn(runs.whole), name, side, value, confidence) for name, side, value in wanted]
     points.sort(key=lambda p: (p.hold, p.never, -p.exceedance[-1]))
@@ -287,10 +290,14 @@ def check_members(members: int, confidence: float, title: str) -> None:
     ScenarioError   With how many would do.
     """
     if not 0.5 <= confidence < 1.0:
-        raise ScenarioError(f"the confidence is {confidence:g}. Give 0.95 or another number from 0.5 up to 1.", title)
+        raise ScenarioError(
+            f"the confidence is {confidence:g}. Give 0.95 or another number from 0.5 up to 1.", title, code="value.outside-range"
+        )
     if members * (1.0 - confidence) < 1.0:
         enough = math.ceil(20 / (1 - confidence))
-        raise ScenarioError(f"{members} members are too few for {100 * confidence:g} %. Request {enough} or more.", title)
+        raise ScenarioError(
+            f"{members} members are too few for {100 * confidence:g} %. Request {enough} or more.", title, code="value.outside-range"
+        )
 
 
 def _point(runs: UncertainRuns, draws: Mapping[str, Array], name: str, side: str, kelvin: float, confidence: float) -> HoldPoint:

@@ -57,11 +57,11 @@ def starts(spec: Any, scenario: Scenario) -> tuple[list[float], tuple[str, ...],
     """
     where = f"{scenario.title}, spread of 'start_time'"
     if not isinstance(spec, Mapping) or not {"low", "high"} <= set(spec) <= {"low", "high", "step", "stays"}:
-        raise ScenarioError('write { low = "0 [h]", high = "6 [h]", step = "30 [min]" }.', where)
+        raise ScenarioError('write { low = "0 [h]", high = "6 [h]", step = "30 [min]" }.', where, code="value.wrong-kind")
     low, high = (literal(spec[k], "s", where) for k in ("low", "high"))
     step = literal(spec["step"], "s", where) if "step" in spec else START_TIME_STEP
     if not (0.0 <= low <= high and step > 0.0 and (high - low) / step <= 1000.0):
-        raise ScenarioError("start times must increase from zero or later, in at most 1000 steps.", where)
+        raise ScenarioError("start times must increase from zero or later, in at most 1000 steps.", where, code="value.outside-range")
     times = np.arange(low, high + 1e-9 * step, step).tolist()
     stays = tuple(spec.get("stays", ()))
     refuse_unknown(stays, scenario.names(), f"{where}, stays", "the scenario has no changing input '{}'.", ScenarioError)
@@ -96,7 +96,7 @@ def plan_runs(
     sources = [values] if isinstance(values, Values) else list(values)
     scenarios = [scenario] if isinstance(scenario, Scenario) else list(scenario)
     if not scenarios or chunk < 1:
-        raise ScenarioError("a campaign of runs needs a scenario, and chunks of at least one member.", model.title)
+        raise ScenarioError("a campaign of runs needs a scenario, and chunks of at least one member.", model.title, code="value.incomplete")
     stated = dict(spread or {})
     begun, stays, remarks = starts(stated.pop("start_time"), scenarios[0]) if "start_time" in stated else ([0.0], (), ())
     first = begun_at(scenarios[0], begun[0], stays)
@@ -135,18 +135,20 @@ def limits_of(limits: Mapping[str, Any], title: str) -> list[tuple[str, str, flo
     """
     wanted = [(name, side, value) for name, spec in limits.items() for side, value in _sides(name, spec)]
     if not wanted:
-        raise ScenarioError('no limit is given. Give one: { "FOG_x" = "50 [degC]" }.', title)
+        raise ScenarioError('no limit is given. Give one: { "FOG_x" = "50 [degC]" }.', title, code="value.incomplete")
     return wanted
 
 
 def _sides(name: str, spec: Any) -> list[tuple[str, float]]:
     table = spec if isinstance(spec, Mapping) else {"highest": spec}
     if not table or not set(table) <= set(SIDES):
-        raise ScenarioError('give a limit as "50 [degC]", or { highest = "50 [degC]", lowest = "-20 [degC]" }.', f"limits, {name}")
+        raise ScenarioError(
+            'give a limit as "50 [degC]", or { highest = "50 [degC]", lowest = "-20 [degC]" }.', f"limits, {name}", code="value.wrong-kind"
+        )
     ends_by_side = [(side, literal(value, TEMPERATURE, f"limits, {name}")) for side, value in table.items()]
     ends = dict(ends_by_side)
     if len(ends) == 2 and not ends["lowest"] < ends["highest"]:
-        raise ScenarioError("its lowest temperature is not below its highest.", f"limits, {name}")
+        raise ScenarioError("its lowest temperature is not below its highest.", f"limits, {name}", code="value.outside-range")
     return ends_by_side
 
 
@@ -277,7 +279,9 @@ class UncertainRuns(Result):
         """
         if self.counts:
             raise ScenarioError(
-                f"only the first {self.whole} of {len(self)} members were kept whole. Give keep=True to keep all.", self.title
+                f"only the first {self.whole} of {len(self)} members were kept whole. Give keep=True to keep all.",
+                self.title,
+                code="value.outside-range",
             )
         return self._kept_temperatures(node)
 
@@ -289,7 +293,7 @@ class UncertainRuns(Result):
         path = self.job.model.canonical(node)
         refuse_unknown([path], self.nodes, self.title, f"'{node}' was not stored.{{near}} Name it in 'nodes'.", NameNotFoundError)
         if len(self.failed) == len(self):
-            raise ScenarioError(f"no member reached the end of the run. Member 0: {self.failed[0]}", self.title)
+            raise ScenarioError(f"no member reached the end of the run. Member 0: {self.failed[0]}", self.title, code="run.members-failed")
         points = self.turnings.get(path)
         return self.temperatures[self.reached, self.nodes.index(path)], points.taken(
             self.reached, self.whole
@@ -440,7 +444,7 @@ def uncertain_runs(
         text = f"{n} members are too many; at most {cap('members'):,.0f} are run.{raising('members')}"
         raise ScenarioError(text, model.title, code="cap.exceeded")
     if n < 1:
-        raise ScenarioError("a campaign of runs needs at least one member.", model.title)
+        raise ScenarioError("a campaign of runs needs at least one member.", model.title, code="value.outside-range")
     job, remarks = plan_runs(
         model, scenario, values, at=at, spread=spread, without=without, seed=seed, nodes=nodes, every=every, chunk=chunk, options=options
     )

@@ -63,6 +63,7 @@ def macro_model(host: Model | str | os.PathLike[str], unit: Model | str | os.Pat
             '{ value = ..., source = "measured", "datasheet", "published", "derived" or "assumed", basis = "..." }'
             f"{', with source and basis beside the points of a table' if any(p in shapes for p in bare) else ''}.",
             model.file or model.title,
+            code="value.incomplete",
         )
     return model
 

@@ -111,12 +111,15 @@ def part_of(network: Network, run: Solution, inside: str, shown: frozenset[str],
         raise DeckError(
             f"'{named}' is a control that follows temperatures, which a reduced deck cannot represent. Reduce a part without controls.",
             network.title,
+            code="model.element-not-supported",
         )
     rows = tuple(r for r in numbers.conductors if r.name.startswith(inside) and set(r.ends) & set(nodes))
     moving = next((r.name for r in rows if r.signal or r.second), "")
     if moving:
         raise DeckError(
-            f"'{moving}' changes with its gas or a schedule. Reduce in a constant state: one pressure, no schedule.", network.title
+            f"'{moving}' changes with its gas or a schedule. Reduce in a constant state: one pressure, no schedule.",
+            network.title,
+            code="model.element-not-supported",
         )
     outside = tuple(dict.fromkeys(e for r in rows for e in r.ends if e not in nodes))
     means = {n: float(np.trapezoid(run[n].kelvin, run.times) / (run.times[-1] - run.times[0])) for n in (*nodes, *outside)}
@@ -142,6 +145,7 @@ def _share(network: Network, run: Solution, node: str) -> tuple[float, float, fl
             f"'{node}' stores heat by a table of enthalpy with latent heat, which a reduced deck cannot represent. Reduce a part "
             "without it: at = ...",
             owner.where(f"nodes.{name}"),
+            code="model.element-not-supported",
         )
     course = run[node].kelvin
     low, high = float(course.min()), float(course.max())
@@ -439,11 +443,15 @@ def reduce(
     """
     cases = [scenarios] if isinstance(scenarios, Scenario) else list(scenarios)
     if not cases or (nodes is None) == (within is None):
-        raise ScenarioError("a reduction needs a scenario, and either 'nodes' or 'within'.", model.title)
+        raise ScenarioError("a reduction needs a scenario, and either 'nodes' or 'within'.", model.title, code="value.incomplete")
     ahead = f"{model.canonical(at)}." if at else ""
     moving = next((p for s in cases for p in map(model.canonical, s.schedule) if p.startswith(ahead)), "")
     if moving:
-        raise DeckError(f"'{moving}' follows a schedule, which a reduced deck cannot represent. Reduce the part around it.", model.title)
+        raise DeckError(
+            f"'{moving}' follows a schedule, which a reduced deck cannot represent. Reduce the part around it.",
+            model.title,
+            code="model.element-not-supported",
+        )
     runs = [simulate(model, s) for s in cases]
     network = network_for(model, cases[0])
     held = frozenset(network.find(f"{ahead}{k}" if at and not k.startswith(ahead) else k) for k in keep)
@@ -464,6 +472,7 @@ def reduce(
         f"no reduced deck is within {limit:g} K of the full model; with all masses kept the largest error is "
         f"{farthest:.2g} K. Allow a larger error.",
         model.title,
+        code="value.outside-range",
     )
 
 
@@ -587,6 +596,10 @@ def _load(load: FlatLoad, numbers: Numbers, name: Mapping[str, str], written: An
     odd = sorted(set(load.fields) - plain)
     if load.curve is not None or odd or load.sensor not in ("", load.node):
         what = ", ".join(odd) or "a table"
-        raise DeckError(f"'{load.path}' is not a constant power ({what}). Reduce the part around it, and keep it outside.", load.where)
+        raise DeckError(
+            f"'{load.path}' is not a constant power ({what}). Reduce the part around it, and keep it outside.",
+            load.where,
+            code="model.element-not-supported",
+        )
     units = {field: "K" if LOAD_SLOTS[field] == "temperature" else LOAD_SLOTS[field] for field in load.fields}
     return {"into": name[load.node], **{f: written(value_of(numbers.values[p]), units[f]) for f, p in load.fields.items()}}

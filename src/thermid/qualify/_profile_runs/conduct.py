@@ -340,7 +340,11 @@ def wait(leg: Leg, state: Array, wanted: Wanted) -> Reached:
     ScenarioError   When a rule on stored heat is to be asked of averages.
     """
     if wanted.average and wanted.rule.stored:
-        raise ScenarioError(f"'{wanted.rule.name}' does not apply to averages. Use a rule on the rate, or no average.", wanted.where)
+        raise ScenarioError(
+            f"'{wanted.rule.name}' does not apply to averages. Use a rule on the rate, or no average.",
+            wanted.where,
+            code="value.without-effect",
+        )
     step = wanted.window / (OUTPUTS_PER_WINDOW if wanted.rule.window else 1)
     if wanted.average:
         step = wanted.average / max(MIN_OUTPUTS_PER_AVERAGE, math.ceil(wanted.average / step))
@@ -464,7 +468,9 @@ def bench_of(
     chosen = (chamber,) if isinstance(chamber, str) else tuple(chamber)
     if not chosen and len(network.boundaries) != 1:
         raise ScenarioError(
-            f"name the boundaries that are the chamber: chamber = ... out of {', '.join(network.boundaries)}.", profile.title
+            f"name the boundaries that are the chamber: chamber = ... out of {', '.join(network.boundaries)}.",
+            profile.title,
+            code="value.incomplete",
         )
     names = tuple(model.canonical(n) for n in chosen) or network.boundaries
     refuse_unknown(names, network.boundaries, f"{profile.title}, chamber", "'{}' is not a boundary.", ScenarioError)
@@ -473,6 +479,7 @@ def bench_of(
         raise ScenarioError(
             f"boundary '{free[0]}' is not the chamber and has no temperature. Name it in chamber, or give it one in the scenario.",
             profile.title,
+            code="run.input-missing",
         )
     loads = {load.path: load for load in network.flat.loads}
     switched = tuple(model.canonical(n) for n in equipment) if equipment is not None else ()
@@ -566,7 +573,7 @@ def _chamber_ramp(ramp: str | float) -> float:
     """Return what a chamber can. [K/s]"""
     rate = literal(ramp, "K/s", "chamber_ramp") if isinstance(ramp, str) else float(ramp)
     if rate <= 0.0:
-        raise ScenarioError("the chamber's rate of change must be above zero.", "chamber_ramp")
+        raise ScenarioError("the chamber's rate of change must be above zero.", "chamber_ramp", code="value.outside-range")
     return rate
 
 
@@ -649,6 +656,7 @@ class _Course:
         raise ScenarioError(
             f"no chamber temperature brings '{self.base}' to {level - 273.15:.1f} degC. Use another level.",
             self.profile.title,
+            code="value.outside-range",
         )
 
     def _pass(self, step: ProfileStep, after: ChamberConditions, span: float, kind: str) -> None:
@@ -667,7 +675,11 @@ class _Course:
     def _wait(self, step: ProfileStep) -> None:
         """Run on until the unit is stable."""
         if self.rule is None:
-            raise ScenarioError("it waits for a stable unit, but the rule is missing. Give one: stable = '3 C/h'.", self.profile.title)
+            raise ScenarioError(
+                "it waits for a stable unit, but the rule is missing. Give one: stable = '3 C/h'.",
+                self.profile.title,
+                code="value.incomplete",
+            )
         tolerance = self.profile.value("tolerance") if self.profile.has("tolerance") else float("inf")
         base = self.base if np.isfinite(tolerance) else ""
         where = f"{self.profile.title}, {step.name}"
@@ -713,7 +725,7 @@ def _finished(course: _Course, every: str | float, progress: Callable[[int, int,
     scenario = plan.scenario(bench.base, bench, profile.title)
     step = literal(every, "s", "every") if isinstance(every, str) else float(every)
     if step <= 0.0:
-        raise ScenarioError("the interval of output must be above zero.", "every")
+        raise ScenarioError("the interval of output must be above zero.", "every", code="value.outside-range")
     grid = np.arange(0.0, scenario.seconds, step)
     times = np.unique(np.concatenate([grid, plan.times]))
     times = times[np.append(True, np.diff(times) > 1e-6)]

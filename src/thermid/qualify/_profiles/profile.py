@@ -72,21 +72,23 @@ def number(name: str, spec: Any, mark: str, clause: str, where: str) -> Number:
     if isinstance(spec, Mapping):
         unknown = set(spec) - {"value", "mark", "clause", "note"}
         if unknown or "value" not in spec:
-            raise ScenarioError("give a number as a value, or as a table of value, mark, clause and note.", place)
+            raise ScenarioError("give a number as a value, or as a table of value, mark, clause and note.", place, code="value.wrong-kind")
         mark, clause, note = spec.get("mark", mark), spec.get("clause", clause), spec.get("note", "")
         spec = spec["value"]
     check_mark(mark, place)
     if name in WORDS:
         if not isinstance(spec, str) or (WORDS[name] and spec not in WORDS[name]):
-            raise ScenarioError(f"{spec!r} is not one of {', '.join(WORDS[name]) or 'the rules of stability'}.", place)
+            raise ScenarioError(
+                f"{spec!r} is not one of {', '.join(WORDS[name]) or 'the rules of stability'}.", place, code="value.wrong-kind"
+            )
         return Number(spec, "", mark, clause, note)
     with errors_at(place):
         si = si_value(spec, SLOTS[name])
     if si is None and (isinstance(spec, bool) or not isinstance(spec, int | float)):
-        raise ScenarioError(f"{spec!r} is not a value with a unit.", place)
+        raise ScenarioError(f"{spec!r} is not a value with a unit.", place, code="value.wrong-kind")
     value = float(spec) if si is None else si
     if SLOTS[name] != TEMPERATURE and value < 0.0:
-        raise ScenarioError(f"{spec!r} is below zero.", place)
+        raise ScenarioError(f"{spec!r} is below zero.", place, code="value.outside-range")
     return Number(value, SLOTS[name], mark, clause, note)
 
 
@@ -155,6 +157,7 @@ def equivalent_cycles(cold: str | float, hot: str | float, level: str | Equivale
         raise ScenarioError(
             f"the cold level, {low - 273.15:g} degC, is not below the hot one, {high - 273.15:g} degC. Give cold first, then hot.",
             "cycles",
+            code="value.outside-range",
         )
     return math.ceil(round(level.exact(high - low), 9))
 
@@ -202,7 +205,7 @@ def _read(profile: ThermalProfile, row: Mapping[str, Any], where: str) -> Profil
             return profile.value(text)
         quantity = literal(text, slot, f"{where}, {key}")
         if slot != TEMPERATURE and quantity < 0.0:
-            raise ScenarioError(f"{text!r} is below zero.", f"{where}, {key}")
+            raise ScenarioError(f"{text!r} is below zero.", f"{where}, {key}", code="value.outside-range")
         return quantity
 
     power = row.get("power")
@@ -321,7 +324,7 @@ class ThermalProfile(Result):
             ends = [self["cold"], self["hot"]]
             return Number(sum(float(n.value) for n in ends) / 2.0, TEMPERATURE, weakest(n.mark for n in ends), "", "mean of hot and cold")
         if name in SLOTS or name in WORDS:
-            raise ScenarioError(f"it has no {name}. Give it: {name} = ...", self.title)
+            raise ScenarioError(f"it has no {name}. Give it: {name} = ...", self.title, code="value.incomplete")
         raise ScenarioError(f"a profile has no '{name}'.{nearest(name, [*SLOTS, *WORDS])}", self.title, code="name.unknown")
 
     def _level(self, side: str) -> Number:
@@ -332,6 +335,7 @@ class ThermalProfile(Result):
                 f"its {side} level is not known: give {side}, or predicted=(lowest, highest), the predicted temperatures including "
                 "their uncertainty.",
                 self.title,
+                code="value.incomplete",
             )
         sign, pick = (1.0, max) if side == "hot" else (-1.0, min)
         used = [n for n in (margin, least) if n is not None]
@@ -349,7 +353,7 @@ class ThermalProfile(Result):
         """Return a number. [SI]"""
         number = self[name].value
         if isinstance(number, str):
-            raise ScenarioError(f"its {name} is a word, not a number: {number}.", self.title)
+            raise ScenarioError(f"its {name} is a word, not a number: {number}.", self.title, code="value.wrong-kind")
         return number
 
     def word(self, name: str, otherwise: str) -> str:
@@ -373,7 +377,9 @@ class ThermalProfile(Result):
                 code="cap.exceeded",
             )
         if count < 1 or count != self.value("cycles"):
-            raise ScenarioError(f"the number of cycles must be whole, at least one, not {self['cycles'].text}.", self.title)
+            raise ScenarioError(
+                f"the number of cycles must be whole, at least one, not {self['cycles'].text}.", self.title, code="value.outside-range"
+            )
         if not self.plan:
             return tuple(_cycling(self, count))
         out: list[ProfileStep] = []
@@ -490,10 +496,14 @@ class ThermalProfile(Result):
 def pair_of(pair: Any, where: str) -> tuple[float, float]:
     """Return the predicted range (lowest, highest). [K]"""
     if not isinstance(pair, Sequence | Quantity) or isinstance(pair, str) or len(pair) != 2:
-        raise ScenarioError("give predicted as a pair: the lowest and the highest predicted temperature.", where)
+        raise ScenarioError("give predicted as a pair: the lowest and the highest predicted temperature.", where, code="value.incomplete")
     low, high = (literal(v, TEMPERATURE, f"{where}, predicted") for v in pair)
     if low >= high:
-        raise ScenarioError(f"predicted: the lowest ({low - 273.15:g} degC) is not below the highest ({high - 273.15:g} degC).", where)
+        raise ScenarioError(
+            f"predicted: the lowest ({low - 273.15:g} degC) is not below the highest ({high - 273.15:g} degC).",
+            where,
+            code="value.outside-range",
+        )
     return low, high
 
 
@@ -578,7 +588,11 @@ def ordered(profile: ThermalProfile) -> None:
     """
     cold, hot = profile["cold"], profile["hot"]
     if float(cold.value) >= float(hot.value):
-        raise ScenarioError(f"its cold level, {cold.text}, is not below its hot level, {hot.text}. Exchange them.", profile.title)
+        raise ScenarioError(
+            f"its cold level, {cold.text}, is not below its hot level, {hot.text}. Exchange them.",
+            profile.title,
+            code="value.outside-range",
+        )
 
 
 def _condensation(profile: ThermalProfile) -> Iterator[str]:

@@ -72,7 +72,7 @@ def profile_of(standard: str, name: str = "", *, level: str = "", predicted: Any
     if name not in profiles:
         have = ", ".join(f"'{k}'" for k in profiles)
         if not name:
-            raise ScenarioError(f"{data['standard']} has several profiles. Name one: {have}.", "profile")
+            raise ScenarioError(f"{data['standard']} has several profiles. Name one: {have}.", "profile", code="value.incomplete")
         raise ScenarioError(
             f"{data['standard']} has no profile '{name}'; it has {have}.{nearest(name, profiles)}", "profile", code="name.unknown"
         )
@@ -81,7 +81,7 @@ def profile_of(standard: str, name: str = "", *, level: str = "", predicted: Any
     levels = spec.get("levels", {})
     for word in (standard, name, level):
         if not isinstance(word, str):
-            raise ScenarioError(f"a standard, a profile and a level are texts, not {word!r}.", "profile")
+            raise ScenarioError(f"a standard, a profile and a level are texts, not {word!r}.", "profile", code="value.wrong-kind")
     if level and level not in levels:
         have = f"it has {', '.join(levels)}" if levels else "it has none"
         raise ScenarioError(
@@ -137,7 +137,7 @@ def profile_from(data: Mapping[str, Any], where: str | Callable[[str], str], ste
     at = Places(f"{where}, profile") if isinstance(where, str) else where
     place = at("")
     if not data:
-        raise ScenarioError("the table [profile] is missing.", place)
+        raise ScenarioError("the table [profile] is missing.", place, code="value.incomplete")
     data = by_grammar("thermid.qualify._profiles.schema.ProfileTable", data, at).written
     numbers = {**data.get("numbers", {}), **{k: v for k, v in data.items() if k in SLOTS or k in WORDS}}
     if "like" in data:
@@ -167,4 +167,4 @@ def _split(like: Any, where: str) -> tuple[str, str]:
         if text.casefold().startswith(name.casefold()):
             return name, text[len(name) :].strip(" ,:")
     titles = ", ".join(d["standard"] for d in _library())
-    raise ScenarioError(f"like = {text!r} does not begin with a known standard. Known: {titles}.", where)
+    raise ScenarioError(f"like = {text!r} does not begin with a known standard. Known: {titles}.", where, code="name.unknown")

@@ -136,7 +136,11 @@ class Forecast(EndForecast, Result):
         """
         at = amount(time, "s", "time")
         if at < self.now:
-            raise RecordError(f"{at:g} s is before the last reading used, at {self.now:g} s.", f"{self.record}, {self.channel}")
+            raise RecordError(
+                f"{at:g} s is before the last reading used, at {self.now:g} s.",
+                f"{self.record}, {self.channel}",
+                code="value.outside-range",
+            )
         return estimate(with_step(self._approach.at(at, reading=True), self._step), level or self.level)
 
     @property
@@ -214,12 +218,14 @@ def _limit(slowest: str | float | None, span: float, where: str) -> float:
             f"a slowest time constant of {duration_text(limit)} is far below the {duration_text(span)} of readings. Give the longest "
             "time constant that the unit can have, with its unit.",
             where,
+            code="value.outside-range",
         )
     if limit > MAX_TIME_CONSTANT_RATIO * span:
         raise RecordError(
             f"a slowest time constant of {short(limit, 3)} s is {short(limit / span, 3)} times the {duration_text(span)} of readings, "
             f"above {MAX_TIME_CONSTANT_RATIO:.0e} times. Give the longest time constant that the unit can have, with its unit.",
             where,
+            code="value.outside-range",
         )
     return limit
 
@@ -274,7 +280,7 @@ def forecast(
     guard = curve if trusted else approach(times, kelvin, limit, constants, room, GUARD)
     half, wanted = amount(within, "K", "within"), rule_of(rule)
     if not half > 0.0:
-        raise RecordError(f"half of an interval is above zero, not {half:g} K.", f"{record.name}, within")
+        raise RecordError(f"half of an interval is above zero, not {half:g} K.", f"{record.name}, within", code="value.outside-range")
     step = record.channel(name).step
     final, slow = estimate(with_step(guard.at(float("inf")), step), level), guard.slowest(SLOW_SHARE)
     return Forecast(
@@ -302,12 +308,16 @@ def _readings(record: Record, name: str, inside: BoolArray, level: float) -> tup
     """Return the readings of a stretch. [s], [K]"""
     measured, where = record.channel(name), f"{record.name}, {name}"
     if measured.quantity != "temperature":
-        raise RecordError(f"it is a {measured.quantity}; temperatures are forecast.", where)
+        raise RecordError(f"it is a {measured.quantity}; temperatures are forecast.", where, code="record.does-not-apply")
     keep = inside & measured.valid
     if np.count_nonzero(keep) < MIN_FORECAST_READINGS:
-        raise RecordError(f"{np.count_nonzero(keep)} readings are in the period; a forecast needs {MIN_FORECAST_READINGS}.", where)
+        raise RecordError(
+            f"{np.count_nonzero(keep)} readings are in the period; a forecast needs {MIN_FORECAST_READINGS}.",
+            where,
+            code="record.too-short",
+        )
     if not 0.5 <= level < 1.0:
-        raise RecordError(f"a level of {level:g} is not possible. Give 0.5 to 0.99.", where)
+        raise RecordError(f"a level of {level:g} is not possible. Give 0.5 to 0.99.", where, code="value.outside-range")
     return record.times[keep], measured.values[keep]
 
 
@@ -319,7 +329,9 @@ def _only(record: Record) -> str:
     RecordError   When there are several, or none.
     """
     if len(record.measured) != 1:
-        raise RecordError(f"name the channel: {', '.join(record.measured) or 'there is no temperature'}.", record.name)
+        raise RecordError(
+            f"name the channel: {', '.join(record.measured) or 'there is no temperature'}.", record.name, code="value.incomplete"
+        )
     return record.measured[0]
 
 
@@ -329,7 +341,9 @@ def _of_model(model: Model | None, scenario: Scenario | None) -> Sequence[float]
         return ()
     if scenario is None:
         raise ScenarioError(
-            "the time constants of a model depend on the conditions. Give the scenario of the period with the model.", model.title
+            "the time constants of a model depend on the conditions. Give the scenario of the period with the model.",
+            model.title,
+            code="value.incomplete",
         )
     constants = simulate(model, scenario if scenario.seconds > 0 else scenario.with_(duration=3600.0)).time_constants
     return tuple(float(t) for t in constants if np.isfinite(t))

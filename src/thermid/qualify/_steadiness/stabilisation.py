@@ -240,7 +240,7 @@ def _of_record(
     times = record.times[inside]
     wanted = names or tuple(record.measured)
     if not wanted:
-        raise RecordError("it has no temperature. Give a log or run with one.", record.name)
+        raise RecordError("it has no temperature. Give a log or run with one.", record.name, code="record.does-not-apply")
     begin, end = float(times[0]), float(times[-1])
     cut = record.trim(begin, end)
     stored = None
@@ -284,7 +284,9 @@ def _of_solution(
     window = rule.window or SIMULATED_WINDOW
     if end - window < begin - 1e-9 or end > run.times[-1] * (1 + 1e-12):
         raise RecordError(
-            f"'{rule.name}' needs {duration_text(window)} before {end:g} s, but the run does not include that time.", run.title
+            f"'{rule.name}' needs {duration_text(window)} before {end:g} s, but the run does not include that time.",
+            run.title,
+            code="record.too-short",
         )
     stored = None
     if rule.stored:
@@ -332,7 +334,11 @@ def _power(run: Solution, unit: str, start: float, end: float) -> float:
     powers = [np.broadcast_to(w, run.times.shape) for load, w in run.load_powers.items() if load.startswith(ahead)]
     power = float(sum(np.abs(np.interp(axis, run.times, w)).mean() for w in powers))
     if power <= 0.0:
-        raise RecordError("the unit has no power, so a rule on stored heat does not apply. Give a rule on the rate.", run.title)
+        raise RecordError(
+            "the unit has no power, so a rule on stored heat does not apply. Give a rule on the rate.",
+            run.title,
+            code="record.does-not-apply",
+        )
     return power
 
 
@@ -376,6 +382,7 @@ def _stored_in_log(
             f"'{rule.name}' is a rule on stored heat, which cannot be found from readings alone. Give a rule on the rate, or a run of "
             "a model under the same conditions (run=; on the command line --model and --scenario).",
             record.name,
+            code="record.does-not-apply",
         )
     find = run._run.network.find
     capacities = _capacities(run, unit)
@@ -391,6 +398,7 @@ def _stored_in_log(
             f"{'are' if len(hidden) > 1 else 'is'} not measured ({share:.2g} % of the capacitance). "
             "Put sensors there, or use a rule on the rate.",
             record.name,
+            code="record.does-not-apply",
         )
     first, measured = float(record.times[0]), [name for n, names in sits.items() if n in capacities for name in names]
     for span, last in spans(record, first, end):

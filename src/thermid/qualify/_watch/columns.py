@@ -63,7 +63,7 @@ class BoundColumns:
         """Return the tables of temperatures alone."""
         names = list(self.told) or self._temperature_columns(path)
         if not names:
-            raise RecordError("no column looks like a temperature. Name them with --channel.", path.name)
+            raise RecordError("no column looks like a temperature. Name them with --channel.", path.name, code="record.nothing-there")
         return {n: self._table(n, "node", self.told.get(n, n)) for n in names}
 
     def _by_model(self, path: Path, model: Model) -> dict[str, Any]:
@@ -83,6 +83,7 @@ class BoundColumns:
                 f"no column has the name of a node of {model.title}. Bind them: --channel COLUMN=NODE. Columns: {', '.join(header)}. "
                 f"Nodes: {nodes}.",
                 path.name,
+                code="record.nothing-there",
             )
         self.remarks = tuple(
             f"not used: column {n}, which has no name of the deck's" for n in self._temperature_columns(path) if n not in roles_by_column

@@ -58,7 +58,9 @@ def check_audience(audience: str) -> str:
     ScenarioError   When there is no such audience.
     """
     if audience not in AUDIENCES:
-        raise ScenarioError(f"a report is for {', '.join(AUDIENCES[:-1])} or {AUDIENCES[-1]}, not for '{audience}'.", "audience")
+        raise ScenarioError(
+            f"a report is for {', '.join(AUDIENCES[:-1])} or {AUDIENCES[-1]}, not for '{audience}'.", "audience", code="value.wrong-kind"
+        )
     return audience
 
 

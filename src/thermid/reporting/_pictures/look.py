@@ -297,7 +297,7 @@ class Look(Result):
         ThermidError   When times cannot be read or no column is known.
         """
         if self.times is None:
-            raise ThermidError(f"nothing to draw: {self.problem}", self.path.name)
+            raise ThermidError(f"nothing to draw: {self.problem}", self.path.name, code="result.nothing-to-draw")
         length, unit_name = time_unit(float(self.times.values[-1] - self.times.values[0]))
         x = (self.times.values - self.times.values[0]) / length
         panels: list[Panel] = []
@@ -321,7 +321,9 @@ class Look(Result):
                 panels.append(Panel(name, shown, lines, share=2.0 if name == "temperature" else 1.0))
         if not panels:
             raise ThermidError(
-                "nothing to draw: no column is recognised as a temperature, power or duty cycle. Give its unit.", self.path.name
+                "nothing to draw: no column is recognised as a temperature, power or duty cycle. Give its unit.",
+                self.path.name,
+                code="result.nothing-to-draw",
             )
         return _standing(panels, legend, self.path.name, unit_name)
 

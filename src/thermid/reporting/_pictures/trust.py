@@ -47,7 +47,9 @@ def picture(thing: Profile | Criticism | Hold | ProfileRun, to: str | os.PathLik
     """
     drawers: dict[type, Any] = {Profile: _profile, Criticism: _criticism, Hold: draw_hold, ProfileRun: draw_run}
     if type(thing) not in drawers:
-        raise ThermidError(f"a {type(thing).__name__} has no picture. Pictures exist of {', '.join(t.__name__ for t in drawers)}.")
+        raise ThermidError(
+            f"a {type(thing).__name__} has no picture. Pictures exist of {', '.join(t.__name__ for t in drawers)}.", code="value.wrong-kind"
+        )
     target = check_ending(to, PICTURE)
     with _canvas() as figure:
         drawers[type(thing)](figure, thing)

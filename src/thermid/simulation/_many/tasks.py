@@ -54,7 +54,7 @@ def in_tasks(
 
     calls = [(function, version("thermid"), name, arguments) for name, arguments in tasks]
     if isinstance(workers, int) and workers < 1:
-        raise ScenarioError(f"{workers} processes cannot do anything. Give at least one.")
+        raise ScenarioError(f"{workers} processes cannot do anything. Give at least one.", code="value.outside-range")
     if workers is None or (isinstance(workers, int) and (min(workers, len(tasks)) <= 1 or seconds < PROCESSES_PAY)):
         yield from map(_done, enumerate(calls))
     elif workers == "joblib":
@@ -75,12 +75,14 @@ def _pool(workers: Executor | str | int, stack: ExitStack) -> Executor:
         loky = optional("joblib.externals.loky", "a run on several processes")
         return loky.get_reusable_executor(max_workers=workers, env=ONE_THREAD, initializer=_leave_interrupts)  # type: ignore[no-any-return]
     if "://" not in workers:
-        raise ScenarioError(f"'{workers}' is no address of a scheduler. Write tcp://host:8786, or joblib.")
+        raise ScenarioError(f"'{workers}' is no address of a scheduler. Write tcp://host:8786, or joblib.", code="run.cluster")
     distributed = optional("distributed", "a run on several processes")
     try:
         client = distributed.Client(workers, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
-        raise ScenarioError(f"no cluster responds at '{workers}'. Start one: dask scheduler, then dask worker {workers}.") from error
+        raise ScenarioError(
+            f"no cluster responds at '{workers}'. Start one: dask scheduler, then dask worker {workers}.", code="run.cluster"
+        ) from error
     return stack.enter_context(client).get_executor(pure=False)  # type: ignore[no-any-return]
 
 
@@ -166,7 +168,7 @@ def _done(numbered: tuple[int, Call]) -> tuple[int, Any]:
 
     place, (function, wanted, name, arguments) = numbered
     if (here := version("thermid")) != wanted:
-        raise ScenarioError(f"a worker has thermid {here}, this is {wanted}. Install one version everywhere.")
+        raise ScenarioError(f"a worker has thermid {here}, this is {wanted}. Install one version everywhere.", code="run.cluster")
     try:
         with errors_at(name, ", "):
             return place, function(*arguments)

@@ -383,7 +383,8 @@ def refuse_controllers(controls: Mapping[str, FlatControl], named: Sequence[str]
         if controls[name].has_history:
             raise DeckError(
                 f"the state of the control '{name}' depends on its history, which {what} does not have. Use a table or a proportional "
-                "control, or simulate."
+                "control, or simulate.",
+                code="model.element-not-supported",
             )
 
 
@@ -395,4 +396,4 @@ def refuse_controls(named: Sequence[str], what: str, cure: str) -> None:
     DeckError
     """
     if named:
-        raise DeckError(f"{what} does not support controls, and '{named[0]}' is in use. {cure}")
+        raise DeckError(f"{what} does not support controls, and '{named[0]}' is in use. {cure}", code="model.element-not-supported")

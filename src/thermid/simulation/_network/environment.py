@@ -54,23 +54,26 @@ class Environment:
                 object.__setattr__(self, name, literal(value, slot, f"environment, {name}"))
         for name in ("gas", "vented"):
             if not isinstance(getattr(self, name), str):
-                raise ScenarioError(f"it takes a name, not {getattr(self, name)!r}.", f"environment, {name}")
+                raise ScenarioError(f"it takes a name, not {getattr(self, name)!r}.", f"environment, {name}", code="value.wrong-kind")
         if not 0.0 <= self.humidity <= 1.0:
-            raise ScenarioError(f"the relative humidity is {self.humidity:g}. Give 0 to 1.")
+            raise ScenarioError(f"the relative humidity is {self.humidity:g}. Give 0 to 1.", code="value.outside-range")
         if self.lowest() < 0.0:
-            raise ScenarioError("the pressure is below zero. Give 0 or more.")
+            raise ScenarioError("the pressure is below zero. Give 0 or more.", code="value.outside-range")
         if not self.pressure.bounds[1] <= HIGHEST:
             raise ScenarioError(
-                f"a pressure of {self.pressure.bounds[1]:.4g} Pa lies beyond {HIGHEST:.4g} Pa, the limit of the gas properties used."
+                f"a pressure of {self.pressure.bounds[1]:.4g} Pa lies beyond {HIGHEST:.4g} Pa, the limit of the gas properties used.",
+                code="value.outside-range",
             )
         if not (self.gravity >= 0.0 and self.wind.bounds[0] >= 0.0):
-            raise ScenarioError("gravity and wind must not be negative. Give their magnitudes.")
+            raise ScenarioError("gravity and wind must not be negative. Give their magnitudes.", code="value.outside-range")
         if self.gas not in GASES:
             gas_named(self.gas, "environment")
         if self.sealed and self.vented:
-            raise ScenarioError("a volume is either sealed or vented. Leave one of them out.")
+            raise ScenarioError("a volume is either sealed or vented. Leave one of them out.", code="value.excludes-another")
         if bool(self.vented) != (self.time_constant > 0.0):
-            raise ScenarioError("give a vented volume the gas node that it is vented to, and a time constant above zero.")
+            raise ScenarioError(
+                "give a vented volume the gas node that it is vented to, and a time constant above zero.", code="value.incomplete"
+            )
 
     def mapped(self, law: Callable[[Signal], Signal]) -> Environment:
         """Return the gas with what a law makes of its signals."""

@@ -57,17 +57,23 @@ class Irradiation(Shown):
             low, high = course.bounds
             if name != "infrared" and low < 0.0:
                 what = "a temperature below absolute zero" if name == "sky" else f"{name} radiation of {low:.4g} W/m^2"
-                raise ScenarioError(f"{what} is not possible.", "irradiation")
+                raise ScenarioError(f"{what} is not possible.", "irradiation", code="value.outside-range")
             if high > MAX_IRRADIATION:
                 raise ScenarioError(
-                    f"{name} reaches {high:.4g}; the sun has 1361 W/m^2 above the atmosphere. Check the unit.", "irradiation"
+                    f"{name} reaches {high:.4g}; the sun has 1361 W/m^2 above the atmosphere. Check the unit.",
+                    "irradiation",
+                    code="value.outside-range",
                 )
         if self.total is not None and (self.direct is not None or self.diffuse is not None):
-            raise ScenarioError("total is the sum of direct and diffuse. Give either the sum or the parts.", "irradiation")
+            raise ScenarioError(
+                "total is the sum of direct and diffuse. Give either the sum or the parts.", "irradiation", code="value.excludes-another"
+            )
         if (self.sky is None) != (self.sky_view is None):
-            raise ScenarioError("give the temperature of the sky and sky_view, the view factor to it.", "irradiation")
+            raise ScenarioError(
+                "give the temperature of the sky and sky_view, the view factor to it.", "irradiation", code="value.incomplete"
+            )
         if self.sky_view is not None and not 0.0 <= self.sky_view <= 1.0:
-            raise ScenarioError(f"sky_view is {self.sky_view:g}. Give 0 to 1.", "irradiation")
+            raise ScenarioError(f"sky_view is {self.sky_view:g}. Give 0 to 1.", "irradiation", code="value.outside-range")
 
     def signals(self) -> dict[str, Signal]:
         """Return what changes, or may change, by name."""
@@ -89,7 +95,8 @@ class Irradiation(Shown):
             if around is None:
                 raise ScenarioError(
                     "a sky replaces surroundings with a given temperature. Here the surroundings are a node of the "
-                    "model; leave the sky out."
+                    "model; leave the sky out.",
+                    code="value.excludes-another",
                 )
             parts.append(Mixed(Less(float(self.sky_view or 0.0)), (self.sky, around)))
         return added(*parts) if parts else None
@@ -151,7 +158,9 @@ def absorbers(flat: Flat, irradiation: Mapping[str, Irradiation | Sky]) -> tuple
         sky = irradiation["*"]
         if not isinstance(sky, Sky):
             raise ScenarioError(
-                "radiation on '*' must be an open sky. For a single plane give the name of its surface instead of '*'.", "irradiation"
+                "radiation on '*' must be an open sky. For a single plane give the name of its surface instead of '*'.",
+                "irradiation",
+                code="value.wrong-kind",
             )
         sources = dict.fromkeys(_outdoors(flat, sky), sky)
     for raw, one in irradiation.items():
@@ -170,6 +179,7 @@ def _outdoors(flat: Flat, sky: Sky) -> list[str]:
         raise ScenarioError(
             f"no surface is outdoors: none has facing, and none exchanges heat with '{sky.air}'. Give facing = {{ tilt = 90 }} to one.",
             "sun",
+            code="value.incomplete",
         )
     for path in out:
         if flat.faces[path].facing is None:
@@ -186,7 +196,9 @@ def _loads(path: str, face: FlatSurface, source: Irradiation | Sky) -> list[Flat
         outdoors, stream = False, source.stream
         solar, wave = any(getattr(source, name) is not None for name in SOLAR), source.infrared is not None or source.sky is not None
     if solar and "absorptance" not in face.fields:
-        raise DeckError(f"'{path}' is in the sun but has no absorptance. Give one, or 0 if no sun can reach it.", face.where)
+        raise DeckError(
+            f"'{path}' is in the sun but has no absorptance. Give one, or 0 if no sun can reach it.", face.where, code="value.incomplete"
+        )
     out = _sunlit(path, face, partial(_sun, source, face.facing)) if solar else []
     if wave and not (outdoors and face.sees != face.to):
         if "emissivity" not in face.fields:
@@ -196,6 +208,7 @@ def _loads(path: str, face: FlatSurface, source: Irradiation | Sky) -> list[Flat
             raise DeckError(
                 f"'{path}' is a face of an enclosure, which computes its long-wave radiation already. Give a sky to outer surfaces only.",
                 face.where,
+                code="value.contradicts",
             )
         out.append(_load(path, face, "longwave", "emissivity", partial(_longwave, source, face, path)))
     if stream is not None:

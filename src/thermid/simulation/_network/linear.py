@@ -82,6 +82,7 @@ def state_space(network: Network, numbers: Numbers | None = None) -> StateSpace:
         raise SolverError(
             f"'{crooked[0]}' is not linear, so the network has no constant matrix. Request the time constants at a temperature instead.",
             network.title,
+            code="model.element-not-supported",
         )
     massive = [k for k, n in enumerate(network.nodes) if numbers.capacitances[n] is not None]
     massless = [k for k, n in enumerate(network.nodes) if numbers.capacitances[n] is None]
@@ -135,7 +136,11 @@ def _weights(network: Network, heat: Array, everything: Array, massless: list[in
     if lost:
         name = network.nodes[lost[0]]
         where = next((n.where for n in network.flat.nodes if n.path == name), network.title)
-        raise DeckError(f"the massless node '{name}' has no conductance to any node, so its temperature is undefined. Connect it.", where)
+        raise DeckError(
+            f"the massless node '{name}' has no conductance to any node, so its temperature is undefined. Connect it.",
+            where,
+            code="model.massless-undefined",
+        )
     return weights
 
 

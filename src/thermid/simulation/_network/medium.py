@@ -120,9 +120,9 @@ def vented(inside: Signal, outside: Signal, time_constant: float, where: str) ->
     ScenarioError   When the pressure at the start is no constant, or that outside swings without end.
     """
     if not isinstance(inside, Constant):
-        raise ScenarioError("the pressure of a vented volume is its initial pressure. Give a constant.", where)
+        raise ScenarioError("the pressure of a vented volume is its initial pressure. Give a constant.", where, code="value.without-effect")
     if isinstance(outside, Sine):
-        raise ScenarioError("a volume cannot be vented to a periodic pressure. Give a table.", where)
+        raise ScenarioError("a volume cannot be vented to a periodic pressure. Give a table.", where, code="value.without-effect")
     tau = time_constant
     last = max(outside.extent, 1.0)
     # a stretch of constant slope has the exact solution below; fine steps keep straight lines between samples right to a thousandth
@@ -276,6 +276,7 @@ def ducted(c: FlatConductor, law: Law, state: GasState) -> ConductorRow:
             f"the pressure of the gas in '{c.path}' changes, but the law of a duct is valid at constant pressure only. Give a "
             "constant pressure.",
             c.where,
+            code="value.without-effect",
         )
     if state.pressure <= VACUUM_LIMIT or value_of(flux) == 0.0:
         return ConductorRow(c.path, c.ends, Law("linear", (0.0 * base,)))
@@ -356,7 +357,9 @@ class Media:
         if not environment.vented:
             return pressure
         if environment.vented == gas or self._environment(environment.vented).vented:
-            raise ScenarioError(f"'{gas}' is vented to '{environment.vented}', which has no pressure of its own.", "environment")
+            raise ScenarioError(
+                f"'{gas}' is vented to '{environment.vented}', which has no pressure of its own.", "environment", code="model.needs-gas-law"
+            )
         outside = self._environment(environment.vented).pressure.drawn(self.seconds)
         return vented(pressure, outside, environment.time_constant, f"environment.{gas}")
 
@@ -527,6 +530,7 @@ class Media:
             raise ScenarioError(
                 f"the coefficient of '{c.path}' applies to air and is not valid in {environment.gas}. Give a correlation, or a gap.",
                 c.where,
+                code="model.element-not-supported",
             )
         radiation: tuple[ConductorRow, ...] = ()
         without_gas = (
@@ -573,6 +577,7 @@ class Media:
                 f"the coefficient of '{c.path}' applies to air and is not valid in {self._environment(c.gas).gas}. Give a "
                 f"correlation: htc = {{ length = ... }}.",
                 c.where,
+                code="model.element-not-supported",
             )
         if state == "jumping":
             key = self._key(c.gas)
@@ -588,6 +593,7 @@ class Media:
             "emissivity or finish. Or use --as-printed: it sets the whole coefficient to zero, and the temperatures are then an "
             "upper bound.",
             c.where,
+            code="model.needs-gas-law",
         )
 
     def _radiation_without_gas(self, c: FlatConductor, fields: Mapping[str, Number], emissivity: Number | None) -> tuple[Number, ...]:
@@ -625,6 +631,7 @@ def refuse_unsaid(media: Media, flat: Flat) -> None:
             f"{quoted(list(thin))} {has} htc but no emissivity. Without gas in {_gases(thin)} no heat would leave {them}. Give an "
             "emissivity or a finish, or emissivity = 0 if that is intended.",
             _where(flat, next(iter(thin))),
+            code="model.needs-gas-law",
         )
     filled = {path: gas for path, gas in still(flat).items() if not media.empty(gas)}
     if filled:
@@ -634,6 +641,7 @@ def refuse_unsaid(media: Media, flat: Flat) -> None:
             f"Give htc as a value or from a correlation, htc = {{ length = ... }}, or htc = 0 if that is intended. For vacuum give "
             "environment, pressure = '0 [Pa]' (--vacuum).",
             _where(flat, next(iter(filled))),
+            code="model.needs-gas-law",
         )
     for title, gas, state, where in flat.made_in:
         if not media.as_made(gas, state):
@@ -642,6 +650,7 @@ def refuse_unsaid(media: Media, flat: Flat) -> None:
                 f"'{title}' was reduced with {of} in one state, {state}, and its conductances are valid there only. Reduce the full "
                 "model again in the state of this run.",
                 where,
+                code="model.element-not-supported",
             )
 
 

@@ -223,7 +223,11 @@ class Network:
         with errors_at(c.where):
             laws = c.laws(fields)
         if not c.reversible and any(value_of(law.coefficients[0]) < 0 for law in laws):
-            raise DeckError(f"'{c.path}' has a negative conductance; heat would flow from cold to hot. Check signs and areas.", c.where)
+            raise DeckError(
+                f"'{c.path}' has a negative conductance; heat would flow from cold to hot. Check signs and areas.",
+                c.where,
+                code="model.negative-conductance",
+            )
         if c.factor != 1.0:
             laws = tuple(law.scaled(c.factor) for law in laws)
         if c.kind == "flow" and c.path in self.streams:
@@ -254,7 +258,9 @@ def _capacitance(node: FlatNode, values: Mapping[str, Any]) -> Number | None:
         return None
     if not value_of(capacitance) > 0 or not np.isfinite(value_of(capacitance)):
         raise DeckError(
-            "a node's capacitance must be above zero and finite. For a massless node leave mass and capacitance out.", node.where
+            "a node's capacitance must be above zero and finite. For a massless node leave mass and capacitance out.",
+            node.where,
+            code="model.capacitance-not-positive",
         )
     return capacitance
 
@@ -300,10 +306,13 @@ def _control(load: FlatLoad, f: Mapping[str, Number]) -> tuple[str, tuple[Number
             raise DeckError(
                 "the thermostat switches on and off at the same temperature and would switch endlessly. Set off_above some kelvin higher.",
                 load.where,
+                code="value.outside-range",
             )
         if value_of(low) > value_of(high):
             raise DeckError(
-                "the thermostat switches on above the temperature where it switches off. Exchange on_below and off_above.", load.where
+                "the thermostat switches on above the temperature where it switches off. Exchange on_below and off_above.",
+                load.where,
+                code="value.outside-range",
             )
         return "thermostat", (low, high)
     if "proportional.band" in f:
@@ -362,7 +371,11 @@ def _compiled(model: Model, media: Media | None, prescribed: tuple[str, ...]) ->
                 flat.names.find(name, "environment" if name == gas else f"environment.{gas}, vented")
     nodes = tuple(n.path for n in flat.nodes if n.path not in driven)
     if not nodes:
-        raise DeckError("all temperatures are given, so nothing is left to solve. Remove a boundary or a prescribed node.", model.title)
+        raise DeckError(
+            "all temperatures are given, so nothing is left to solve. Remove a boundary or a prescribed node.",
+            model.title,
+            code="model.nothing-to-solve",
+        )
     stores = {n.path: n.store for n in flat.nodes if n.store is not None and n.path in nodes}
     network = Network(
         model.title, flat, nodes, (*flat.names.boundaries, *driven), media or Media(), driven, stores, traced(media or Media(), flat)
@@ -470,7 +483,9 @@ def reduce_network(network: Network, numbers: Numbers, gone: tuple[str, ...]) ->
         if not value_of(total) > 0:
             where = next((n.where for n in network.flat.nodes if n.path == node), network.title)
             raise DeckError(
-                f"the massless node '{node}' has no conductance to any node, so its temperature is undefined. Connect it.", where
+                f"the massless node '{node}' has no conductance to any node, so its temperature is undefined. Connect it.",
+                where,
+                code="model.massless-undefined",
             )
         mesh = {pair: g for pair, g in mesh.items() if node not in pair}
         ends = list(star)

@@ -63,6 +63,7 @@ class Streams:
                     'pressure, that of a liquid does not. Write fluid = "air" (or another gas; its density then follows), or '
                     'fluid = "liquid".',
                     c.where,
+                    code="model.needs-gas-law",
                 )
         gas, inner = tuple(c for c in streams_of(flat.conductors) if fluid_of(c) in GASES), {n.path for n in flat.nodes}
         return cls(gas, _shares(gas, values, inner), _lines(gas, inner), unfed(flat), media)

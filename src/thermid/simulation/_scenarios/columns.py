@@ -55,11 +55,14 @@ class LogColumns:
                 f"the weather of '{file.name}' begins at another time than its first line, but the times of its columns count from "
                 "that line. Leave begin out, or give the column in a separate log.",
                 where,
+                code="record.time-unclear",
             )
         role = {TEMPERATURE: "boundary", "W": "load", "1": "command"}.get(slot, "")
         text = value.get("unit") or ("" if role else dict(read_plain(file, time).heads).get(name) or slot)
         if not (role or text):
-            raise ScenarioError(f"give the unit of '{name}': unit = '...', or a header such as '{name} [W/(m^2 K)]'.", where)
+            raise ScenarioError(
+                f"give the unit of '{name}': unit = '...', or a header such as '{name} [W/(m^2 K)]'.", where, code="record.unit-unclear"
+            )
         with errors_at(where, ", "):
             record = read_record(file, {name: ({role: "x"} if role else {}) | ({"unit": text} if text else {})}, time=time)
         times, values, _ = record.table(name)

@@ -61,7 +61,7 @@ class Start:
             return cls(rest or STEADY)
         time = literal(rest, "s", where)
         if time < 0.0:
-            raise ScenarioError("the time of a steady start must be zero or later.", where)
+            raise ScenarioError("the time of a steady start must be zero or later.", where, code="value.outside-range")
         return cls(STEADY, time)
 
 
@@ -110,7 +110,11 @@ class Scenario(Shown):
         """Turn texts into signals, so that a mistake shows here and not in a run."""
         for name in (*SLOTS, "gains", "environment", "irradiation", "initial"):
             if not isinstance(getattr(self, name), Mapping):
-                raise ScenarioError(f"it takes a dictionary from names to values, not {getattr(self, name)!r}.", f"{self.title}, {name}")
+                raise ScenarioError(
+                    f"it takes a dictionary from names to values, not {getattr(self, name)!r}.",
+                    f"{self.title}, {name}",
+                    code="value.wrong-kind",
+                )
         object.__setattr__(self, "start", _start(self.start, f"{self.title}, start"))
         object.__setattr__(self, "initial", {k: _start(v, f"{self.title}, initial.{k}") for k, v in self.initial.items()})
         for name, slot in SLOTS.items():
@@ -123,12 +127,15 @@ class Scenario(Shown):
             for key, course in table.items() if slot == TEMPERATURE else ():
                 lowest = course.bounds[0]
                 if lowest < 0.0:
-                    raise ScenarioError(f"{lowest - 273.15:g} degC lies below 0 K.", f"{self.title}, {name}.{key}")
+                    raise ScenarioError(
+                        f"{lowest - 273.15:g} degC lies below 0 K.", f"{self.title}, {name}.{key}", code="value.outside-range"
+                    )
         for gas, around in self.environment.items():
             if not isinstance(around, Environment):
                 raise ScenarioError(
                     f"it takes an environment, not {around!r}. Make one: td.simulation.Environment(...).",
                     f"{self.title}, environment.{gas}",
+                    code="value.wrong-kind",
                 )
         bare = isinstance(self.duration, Real) and not isinstance(self.duration, bool)
         seconds = float(self.duration) if bare else literal(self.duration, "s", f"{self.title}, duration")
@@ -136,9 +143,10 @@ class Scenario(Shown):
             raise ScenarioError(
                 f"a duration of {seconds:g} s has no end. Give a finite duration, or request a steady state.",
                 f"{self.title}, duration",
+                code="value.outside-range",
             )
         if seconds < 0:
-            raise ScenarioError("the duration is below zero. Give a positive one.", f"{self.title}, duration")
+            raise ScenarioError("the duration is below zero. Give a positive one.", f"{self.title}, duration", code="value.outside-range")
         object.__setattr__(self, "duration", seconds)
 
     @property

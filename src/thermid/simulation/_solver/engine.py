@@ -206,6 +206,7 @@ class Modal:
             raise ScenarioError(
                 f"the modal solution is not possible: {why}. Leave 'method' at 'auto'.",
                 f"{self.wiring.network.title}, {self.wiring.scenario.title}",
+                code="model.element-not-supported",
             )
         if why or method == "modal":
             return why
@@ -342,7 +343,9 @@ class Engine(KernelProblem):
             else self.memo.value("refusal", lambda: refusal(self))
         )
         if why and method != "auto":
-            raise ScenarioError(f"method '{method}' cannot run this model: {why}. Leave the method out.", self.title)
+            raise ScenarioError(
+                f"method '{method}' cannot run this model: {why}. Leave the method out.", self.title, code="model.element-not-supported"
+            )
         if why or method != "auto" or len(self.nodes) > MAX_INTEGRATED_NODES:
             return not why
         projected = any(isinstance(s, TableSignal) and s.times.size > (5000 if s.hold else 500) for s in self.inputs)
@@ -542,9 +545,17 @@ class Engine(KernelProblem):
         if not unknown.any():
             return a
         if self.runner is not None:
-            raise ScenarioError("an FMU has no steady start here. Give a temperature as its start.", self.wiring.scenario.title)
+            raise ScenarioError(
+                "an FMU has no steady start here. Give a temperature as its start.",
+                self.wiring.scenario.title,
+                code="model.element-not-supported",
+            )
         if not unknown.all():
-            raise ScenarioError("a steady start gives the temperatures of all nodes. Leave 'initial' out.", self.wiring.scenario.title)
+            raise ScenarioError(
+                "a steady start gives the temperatures of all nodes. Leave 'initial' out.",
+                self.wiring.scenario.title,
+                code="value.excludes-another",
+            )
         temperatures, slopes = self._beginning(a, gradients)
         return replace(a, initial=temperatures, initial_gradient=slopes if gradients else a.initial_gradient)
 
@@ -650,6 +661,7 @@ def _settled(problem: KernelProblem, a: Assembled, time: float, gradients: bool,
                     f"at rest '{node}' would be above {MAX_TEMPERATURE:,.0f} K: more heat is supplied than its paths to a boundary "
                     "carry. Check its power and these conductances; a unit may be wrong.",
                     where,
+                    code="run.no-steady-state",
                 )
         else:
             temperatures = _drifted(temperatures, heat, jacobian, k - DIRECT)
@@ -660,16 +672,21 @@ def _settled(problem: KernelProblem, a: Assembled, time: float, gradients: bool,
                     "the steady state is unstable: a power grows faster with temperature than the heat removed. Check "
                     "the temperature coefficients of the loads.",
                     where,
+                    code="run.no-steady-state",
                 )
             _, jacobian, slopes = balance(temperatures, gradients)
             if beyond := problem.tables_left(a, time, balance.states(temperatures)):
-                raise SolverError(f"in the steady state {beyond}", where)
+                raise SolverError(f"in the steady state {beyond}", where, code="run.no-steady-state")
             moves = _solved(jacobian, leaving, slopes) if slopes is not None else np.zeros((temperatures.size, 0))
             if moves is None:
                 raise SolverError(_no_steady(problem, a), where)
             return balance.states(temperatures), balance.moves(temperatures, moves)
     if any(row.control == "thermostat" for row in a.numbers.loads):
-        raise SolverError("no steady state exists: a thermostat keeps switching. Simulate, and use the mean over a late period.", where)
+        raise SolverError(
+            "no steady state exists: a thermostat keeps switching. Simulate, and use the mean over a late period.",
+            where,
+            code="run.no-steady-state",
+        )
     raise SolverError(unsettled(any(load.follows_temperature for load in problem.wiring.network.flat.loads)), where)
 
 
@@ -810,12 +827,14 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
         raise SolverError(
             "a thermostat switches at its own period, so no state is periodic with the inputs. Simulate, and use a late part of the run.",
             where,
+            code="run.no-periodic-state",
         )
     if engine.machines:
         raise SolverError(
             f"the control '{engine.machines[0]}' switches at its own period, so no state is periodic with the inputs. Simulate, and "
             "use a late part of the run.",
             where,
+            code="run.no-periodic-state",
         )
     capacity = engine.capacities(a)
     massive = capacity > 0.0
@@ -847,7 +866,9 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
         state[massive] = np.maximum(held + step, 0.1)
     else:
         raise SolverError(
-            f"no periodic state with a period of {period:g} s was found; the last residual is {np.abs(missed).max():.3g} K.", where
+            f"no periodic state with a period of {period:g} s was found; the last residual is {np.abs(missed).max():.3g} K.",
+            where,
+            code="run.no-periodic-state",
         )
     for _ in range(MAX_CYCLE_PERIODS if gradients else 0):
         _, moved = after(state, slopes)

@@ -158,12 +158,14 @@ class Options:
         for name in ("error", "max_step", "max_steps", "inputs"):
             value = getattr(self, name)
             if value is not None and (isinstance(value, bool) or not isinstance(value, Real) or not float(value) >= 0.0):
-                raise ScenarioError(f"it takes a number, zero or above, not {value!r}.", f"Options, {name}")
+                raise ScenarioError(f"it takes a number, zero or above, not {value!r}.", f"Options, {name}", code="value.outside-range")
         for name, kind in (("method", str), ("extremes", bool)):
             if not isinstance(value := getattr(self, name), kind):
-                raise ScenarioError(f"it takes {'a name' if kind is str else 'true or false'}, not {value!r}.", f"Options, {name}")
+                raise ScenarioError(
+                    f"it takes {'a name' if kind is str else 'true or false'}, not {value!r}.", f"Options, {name}", code="value.wrong-kind"
+                )
         if not isinstance(self.max_steps, Integral):
-            raise ScenarioError(f"it takes a whole number, not {self.max_steps!r}.", "Options, max_steps")
+            raise ScenarioError(f"it takes a whole number, not {self.max_steps!r}.", "Options, max_steps", code="value.outside-range")
 
     @property
     def of_step(self) -> float:
@@ -548,6 +550,7 @@ class KernelProblem:
                     f"the control '{row.name}' samples every {row.sample:g} s, {end / row.sample:.3g} times in this run of {end:g} s; "
                     f"a run takes at most {options.max_steps} steps. Give a longer sample time, or allow more max_steps.",
                     self.wiring.network.title,
+                    code="run.did-not-finish",
                 )
         return {"rtol": 0.0, "atol": options.of_step, **limits(options, self.inputs, end)}
 

@@ -73,17 +73,20 @@ def normalised(network: Network, scenario: Scenario) -> Scenario:
             raise ScenarioError(
                 f"'{name}' is a node with a heat balance, not a boundary. To prescribe its temperature put it under 'prescribed'.",
                 where,
+                code="value.wrong-kind",
             )
     for name in network.boundaries:
         if name not in boundaries:
             raise ScenarioError(
-                f"boundary '{name}' of {network.title} has no temperature. Give it one in the scenario's boundaries.", where
+                f"boundary '{name}' of {network.title} has no temperature. Give it one in the scenario's boundaries.",
+                where,
+                code="run.input-missing",
             )
     loads = {load(k): v for k, v in scenario.loads.items()}
     commands = {load(k): v for k, v in scenario.commands.items()}
     both = sorted(set(loads) & set(commands))
     if both:
-        raise ScenarioError(f"load '{both[0]}' has both a power and a command. Give one of them.", where)
+        raise ScenarioError(f"load '{both[0]}' has both a power and a command. Give one of them.", where, code="value.excludes-another")
     gains = {load(k): gain(v, "1" if load(k) in loads else "W") for k, v in scenario.gains.items()}  # a share of a power, or a power
     initial = {network.find(k, where): v for k, v in scenario.initial.items()}
     scenario.check_spans()
@@ -120,6 +123,7 @@ def load_inputs(network: Network, scenario: Scenario, numbers: Numbers) -> dict[
                     f"the power of '{load.path}' is a table of temperature, so the scenario cannot replace it by a power. Give a "
                     "command instead.",
                     scenario.title,
+                    code="model.element-not-supported",
                 )
             out[f"watts {load.path}"] = watts
             command = watts
@@ -281,7 +285,9 @@ class ScheduledCoefficients:
         clash = sorted(set(names) & set(free))
         if clash:
             raise ScenarioError(
-                f"'{clash[0]}' follows a schedule, so it cannot be fitted. Free a factor that multiplies it.", network.title
+                f"'{clash[0]}' follows a schedule, so it cannot be fitted. Free a factor that multiplies it.",
+                network.title,
+                code="model.element-not-supported",
             )
         base_parts = network.parts({**free, **schedule.overrides(self.reference)})
 
@@ -311,12 +317,14 @@ class ScheduledCoefficients:
                         f"in '{row.name}' a parameter that differs between runs and a scheduled one do not act as a product, so the "
                         "runs need different schedules. Run them one by one, with with_values.",
                         self.network.title,
+                        code="model.element-not-supported",
                     )
                 if course is not None and not _same_slopes(number, ratio, mine[r][c]):
                     raise ScenarioError(
                         f"in '{row.name}' a free parameter and a scheduled one do not act as a product, so their effects cannot be "
                         "separated. Fix the parameter.",
                         self.network.title,
+                        code="model.element-not-supported",
                     )
 
     def _with_coefficients(self, base: Varied, mine: list[list[Number]]) -> Numbers:
@@ -350,7 +358,9 @@ def _check_masses(varied: Varied, first: Varied, title: str) -> None:
         before = first.capacitances[node]
         if capacitance is not None and before is not None and value_of(capacitance) != value_of(before):
             raise ScenarioError(
-                f"the capacitance of '{node}' depends on a schedule; only conductors and loads may. Give it a constant.", title
+                f"the capacitance of '{node}' depends on a schedule; only conductors and loads may. Give it a constant.",
+                title,
+                code="model.element-not-supported",
             )
 
 
@@ -573,7 +583,11 @@ class Wiring:
             check_start(self.start, self.cycle, self.changing, self.scenario)
         if start == "":
             if len(self.network.boundaries) != 1:
-                raise ScenarioError("the start is missing. Give a temperature, the name of a boundary, or 'steady'.", self.scenario.title)
+                raise ScenarioError(
+                    "the start is missing. Give a temperature, the name of a boundary, or 'steady'.",
+                    self.scenario.title,
+                    code="run.input-missing",
+                )
             start = self.network.boundaries[0]
         self._start = self._temperature(start, "start") if self.start is None else STEADY
         self._initial = {n: self._temperature(v, f"initial.{n}") for n, v in self.scenario.initial.items()}
@@ -581,6 +595,7 @@ class Wiring:
             raise ScenarioError(
                 f"start = '{start}' has no effect, because [initial] gives every node a temperature. Leave one of them out.",
                 f"{self.scenario.title}, start",
+                code="value.excludes-another",
             )
 
     def _temperature(self, value: Any, key: str) -> Number | str:
@@ -592,7 +607,9 @@ class Wiring:
             if path.replace(".", "").replace("_", "").isalnum() and not path[0].isdigit():
                 names = [*self.network.boundaries, STEADY, PERIODIC]
                 raise ScenarioError(
-                    f"'{value}' is neither a temperature nor a boundary.{nearest(value, names)}", f"{self.scenario.title}, {key}"
+                    f"'{value}' is neither a temperature nor a boundary.{nearest(value, names)}",
+                    f"{self.scenario.title}, {key}",
+                    code="name.unknown",
                 )
         return literal(value, TEMPERATURE, f"{self.scenario.title}, {key}") if isinstance(value, str) else float(value)
 
@@ -820,7 +837,11 @@ class Wiring:
             follow = self._follow.get((row.name, position, c), "")
             signal, number = row.signal if c == 0 else "", coefficient
             if follow and signal and self.signals[signal] != Constant(1.0):
-                raise ScenarioError(f"load '{row.name}' follows both a command and a schedule. Combine them into one.", self.scenario.title)
+                raise ScenarioError(
+                    f"load '{row.name}' follows both a command and a schedule. Combine them into one.",
+                    self.scenario.title,
+                    code="value.excludes-another",
+                )
             if c == 0 and signal.startswith("load "):
                 number = self._power(row.name, coefficient, numbers, values)
             out.append((number, follow or signal))
@@ -918,7 +939,9 @@ def mean_span(changing: Sequence[str], cycle: float | None, scenario: Scenario) 
     """
     span = cycle or scenario.seconds
     if changing and not span:
-        raise ScenarioError("the mean needs a period, but the inputs do not repeat. Give a duration.", scenario.title)
+        raise ScenarioError(
+            "the mean needs a period, but the inputs do not repeat. Give a duration.", scenario.title, code="run.no-periodic-state"
+        )
     return span
 
 
@@ -957,20 +980,29 @@ def check_start(start: Start, cycle: float | None, changing: Sequence[str], scen
     """
     where, seconds = f"{scenario.title}, start", scenario.seconds
     if start.time > seconds > 0.0:
-        raise ScenarioError(f"it takes the inputs at {start.time:g} s, after the end of the run at {seconds:g} s.", where)
+        raise ScenarioError(
+            f"it takes the inputs at {start.time:g} s, after the end of the run at {seconds:g} s.", where, code="value.outside-range"
+        )
     if start.kind == STEADY:
         return
     if (cycle or 0.0) > seconds * (1.0 + 1e-9):
         raise ScenarioError(
-            f"the inputs have a period of {cycle:g} s, and the run lasts {seconds:g} s. Extend the run to at least one period.", where
+            f"the inputs have a period of {cycle:g} s, and the run lasts {seconds:g} s. Extend the run to at least one period.",
+            where,
+            code="value.outside-range",
         )
     if start.kind == PERIODIC and not cycle:
         if not changing:
-            raise ScenarioError("a periodic start needs inputs that change in time, and none does. Write start = 'steady'.", where)
+            raise ScenarioError(
+                "a periodic start needs inputs that change in time, and none does. Write start = 'steady'.",
+                where,
+                code="run.no-periodic-state",
+            )
         raise ScenarioError(
             f"a periodic start needs periodic inputs, but {', '.join(changing)} do not repeat. Give a table after = 'repeat'; the longest "
             "period may be at most 1000 times the shortest.",
             where,
+            code="run.no-periodic-state",
         )
 
 
@@ -983,7 +1015,9 @@ def levels_of(signals: Mapping[str, Signal], length: float, title: str, most: in
     """
     moving = [name for name, s in signals.items() if not s.held]
     if moving:
-        raise ScenarioError(f"'{moving[0]}' has no plateaus. Request its mean, a time or the periodic state.", title)
+        raise ScenarioError(
+            f"'{moving[0]}' has no plateaus. Request its mean, a time or the periodic state.", title, code="value.without-effect"
+        )
     knots = np.unique(np.concatenate([[0.0, length], *(s.knots(0.0, length) for s in signals.values())]))
     knots = knots[(knots >= 0.0) & (knots <= length)]
     middles = 0.5 * (knots[1:] + knots[:-1])[np.diff(knots) > 1e-5 * length / max(knots.size, 1)] if length else np.zeros(1)
@@ -991,7 +1025,9 @@ def levels_of(signals: Mapping[str, Signal], length: float, title: str, most: in
     _, first = np.unique(rows, axis=0, return_index=True)
     if first.size > most:
         raise ScenarioError(
-            f"the inputs take {first.size} combinations of values; the limit is {most}. Request the mean or single times.", title
+            f"the inputs take {first.size} combinations of values; the limit is {most}. Request the mean or single times.",
+            title,
+            code="cap.exceeded",
         )
     return [float(middles[k]) for k in np.sort(first)]
 
