@@ -35,9 +35,10 @@ export async function upload(name: string, data: Blob): Promise<{ file: string }
   return read(await fetch(`/api/draft/log/${encodeURIComponent(name)}`, how).catch(() => { throw new Error(GONE); }));
 }
 
+// a refusal says where; a job that failed says its error in its state, and is an answer
 async function read<T>(answer: Response): Promise<T> {
   const found = JSON.parse(await answer.text(), (_, v) => (typeof v?.f4 === "string" ? numbers(v.f4, 4) : typeof v?.f8 === "string" ? numbers(v.f8, 8) : v));
-  if (found.error) throw new Error(found.where && !found.error.includes(found.where) ? `${found.where}: ${found.error}` : found.error);
+  if (found.error && "where" in found) throw new Error(found.where && !found.error.includes(found.where) ? `${found.where}: ${found.error}` : found.error);
   return found as T;
 }
 

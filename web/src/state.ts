@@ -74,8 +74,8 @@ export function pick(node: string) {
 export async function watch() {
   while (true) {
     const now = await told(() => ask<Job>("built"));
+    job.value = now ?? {}; // of a studio that does not answer nothing is known to run
     if (!now) return;
-    job.value = now;
     if (now.ended !== false) break;
     await new Promise((r) => setTimeout(r, 150));
   }
