@@ -17,7 +17,7 @@ DECK = """title = "box"
 needs = ["room"]
 
 [nodes]
-board = { capacitance = "120 [J/K]" }
+board = { capacitance = { value = "120 [J/K]", min = "1 [J/K]", max = "1e5 [J/K]" } }
 case = { capacitance = "450 [J/K]" }
 
 [conductors]
@@ -62,3 +62,62 @@ def test_a_run_and_a_fit_that_are_refused_leave_the_page_ready(person: Person) -
     assert "Stop" not in page.text(".tabs")
     person.click("[data-path='joint.area']", "#fit")
     page.until("document.querySelector('#fitted')", 15)
+
+
+@pytest.mark.parametrize("wrong", ["1e-12", "500 [W]", "0,8"])
+def test_a_value_that_is_refused_is_marked_until_it_is_mended(person: Person, wrong: str) -> None:
+    """It stood in the sheet as if it were in force, once anything else was done."""
+    page, field = person.page, "#field-capacitance"
+    person.click("[data-node=board] rect")
+    person.fill(field, wrong)
+    person.click("#run")
+    page.until("document.querySelector('.results[data-what=run]')", 30)
+    person.click("[data-pane=log]")
+    assert page.run("return document.getElementById('error').hidden")  # the message above is gone, that at the field stays
+    assert page.run(f"const e = document.querySelector('{field}'); return [e.value, e.getAttribute('aria-invalid')]") == [wrong, "true"]
+    assert page.text(f"{field}-why").endswith("In force: 120 J/K.")
+    assert page.serious(False) == []
+    person.fill(field, "130")
+    assert page.run(f"const e = document.querySelector('{field}'); return [e.value, e.getAttribute('aria-invalid')]") == ["130", None]
+    person.fill(field, wrong)
+    person.click("[data-node=case] rect", "[data-node=board] rect")  # what is in force comes back with the sheet
+    assert page.run(f"return document.querySelector('{field}').value") == "130"
+
+
+def test_names_boundaries_and_units_that_are_refused_are_marked(person: Person) -> None:
+    page = person.page
+    person.choose("#log-known", "logs/run.csv")
+    page.until("document.querySelector('#columns')")
+    person.choose("[aria-label='room C is']", "")
+    for field, wrong, now in (
+        ("[data-held=room]", "warm", ""),
+        ("[aria-label='Unit of case C']", "blorb", "degC"),
+        ("[data-error='noise case C']", "-1", "0.049"),
+    ):
+        person.fill(field, wrong)
+        shown = page.run("const e = document.querySelector(arguments[0]); return [e.value, e.getAttribute('aria-invalid')]", field)
+        assert shown == [wrong, "true"]
+        why = page.run("return document.querySelector(arguments[0]).closest('td, label').querySelector('.why').textContent", field)
+        assert now.replace("degC", "°C") in why
+        person.fill(field, now or "23")
+        assert page.run("return document.querySelector(arguments[0]).getAttribute('aria-invalid')", field) is None
+    person.click("[data-node=board] rect")
+    person.fill("#sheet-name", "case")
+    assert page.run("return document.querySelector('#sheet-name').getAttribute('aria-invalid')") == "true"
+    assert "board" in page.run("return document.querySelector('#sheet-name').parentElement.textContent")
+
+
+def test_the_focus_goes_on_after_a_name(person: Person) -> None:
+    """M, a name, Tab, a value, Enter: the sheet was built anew and the value typed into nothing."""
+    from selenium.webdriver.common.keys import Keys
+
+    page = person.page
+    person.click(".canvas > svg")
+    person.press("m")
+    person.press("lid", Keys.TAB)
+    page.until("document.querySelector('[data-node=lid]')")
+    person.press("250", Keys.ENTER)
+    assert page.run("return document.querySelector('#field-capacitance').value") == "250"
+    assert person.at("#field-capacitance")
+    person.fill("#sheet-name", "cover")
+    assert person.at("#sheet-name")

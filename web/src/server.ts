@@ -3,14 +3,15 @@ export interface Field { name: string; number: string; unit: string; units: stri
 export interface Element { table: string; name: string; shape: string; ends: string[]; fields: Field[]; sensor: boolean; logged?: string; schedule?: Record<"on" | "off" | "share", string> | null; use?: string; bind?: Record<string, unknown> }
 export interface Shape { name: string; words: string; key: string; table: string; ends: number }
 export interface Fault { severity: string; code: string; message: string; where: string; line: number | null }
-export interface Column { name: string; unit: string; assumed: boolean; guess: string; why: string; low?: number; high?: number }
+export interface Column { name: string; key?: string; unit: string; assumed: boolean; open: boolean; roles: string[]; used?: string[]; guess: string; why: string; low?: number; high?: number }
 export type Binding = Record<string, string>;
-export interface Log { record: string; file: string; channels: Record<string, Binding | string>; columns: Column[]; rows: number; problem: string; questions: string[]; notes: string[]; others: number }
+export interface Log { record: string; file: string; channels: Record<string, Binding | string>; columns: Column[]; rows: number; problem: string; questions: string[]; notes: string[] }
+export interface Use { name: string; file: string; use: "fit" | "held out"; limit?: string }
 export interface Parameter { path: string; text: string; free: boolean }
 export interface Draft {
   file: string; title: string; text: string; notice: string; elements: Element[]; others: Record<string, number>;
   places: Record<string, [number, number]>; palette: Shape[]; sources: string[]; faults: Fault[]; undo: number; redo: number;
-  unsaved: string[]; changed: string[]; log: Log | null; logs: string[]; parameters: Parameter[]; decks: string[]; missing: number;
+  unsaved: string[]; changed: string[]; log: Log | null; records: Use[]; logs: string[]; parameters: Parameter[]; decks: string[]; missing: number;
   stages: string[]; stage: string; inherited: { path: string; words: string }[]; held: Record<string, string>; refused?: Fault; made?: string; table?: string;
 }
 export interface Curve { name: string; node: string; times: Float32Array; simulated: Float32Array; seen?: Float32Array; measured?: Float32Array; apart?: Float32Array; left?: Float32Array; rmse?: number | null; bias?: number | null; largest?: number | null; count?: number; sigma?: number | null }
