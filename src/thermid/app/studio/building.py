@@ -186,7 +186,7 @@ class Building:
         except ThermidError as error:
             looked = {"problem": error.message, "rows": 0, "columns": [], "questions": [], "notes": [], "supply": []}
         columns = _with_uses(looked["columns"], looked["supply"], table["channels"])
-        shown = {k: looked[k] for k in ("problem", "rows", "questions", "notes", "sampling", "clock") if k in looked}
+        shown: dict[str, Any] = {k: looked[k] for k in ("problem", "rows", "questions", "notes", "sampling", "clock") if k in looked}
         return {"record": open_ones[0], "file": table["file"], "channels": table["channels"], "columns": columns, **shown}
 
     def _records(self) -> list[dict[str, Any]]:
@@ -339,10 +339,10 @@ class Building:
         out = {c: t | {"accuracy": f"{ACCURACY:g} [K]"} if _warm(t) else t for c, t in channels.items()}
         nodes = {c: t for c, t in out.items() if "node" in t}
         try:
-            read = self._read(record, nodes) if nodes else {}
+            read = self._read(record, nodes) if nodes else None
         except ThermidError:
             return out  # what is wrong with it is said where it is bound, or run
-        noises = {c: round(read[c].noise_seen, 6) for c in nodes}
+        noises = {c: round(read[c].noise_seen, 6) for c in nodes} if read is not None else {}
         return out | {c: t | {"noise": f"{short(noises[c], 2)} [K]"} for c, t in nodes.items() if noises[c]}
 
     def _hold(self, body: Body) -> Draft:

@@ -487,6 +487,9 @@ def test_a_second_log_is_held_out_until_the_fit_is_to_use_it(tmp_path: Path) -> 
     building.save(building.difference()["diff"])
     verdicts = run_stages(tmp_path / "box_campaign.toml").verdicts
     assert [(v.record, v.passed) for v in verdicts] == [("second", True)]
+    third = do(building, "log", file=building.stored_log("third.csv", _electric(tmp_path / "c.csv", 5)))
+    assert [r["use"] for r in third["records"]] == ["fit", "held out", "held out"]
+    do(building, "use", record="third", how="none")
     state = do(building, "use", record="second", how="fit")
     assert [(r["name"], r["use"]) for r in state["records"]] == [("run", "fit"), ("second", "fit")]
     assert not building.draft.documents["campaign"].content.get("verdicts")
