@@ -12,7 +12,7 @@ export interface Draft {
   file: string; title: string; text: string; notice: string; elements: Element[]; others: Record<string, number>;
   places: Record<string, [number, number]>; palette: Shape[]; sources: string[]; faults: Fault[]; undo: number; redo: number;
   unsaved: string[]; changed: string[]; log: Log | null; records: Use[]; logs: string[]; parameters: Parameter[]; decks: string[]; missing: number;
-  stages: string[]; stage: string; inherited: { path: string; words: string }[]; held: Record<string, string>; refused?: Fault; made?: string; table?: string;
+  stages: string[]; stage: string; inherited: { path: string; words: string }[]; held: Record<string, string>; refused?: Fault; typed?: string; made?: string; table?: string;
 }
 export interface Curve { name: string; node: string; times: Float32Array; simulated: Float32Array; seen?: Float32Array; measured?: Float32Array; apart?: Float32Array; left?: Float32Array; rmse?: number | null; bias?: number | null; largest?: number | null; count?: number; sigma?: number | null }
 export interface Result {
@@ -22,7 +22,7 @@ export interface Result {
 export interface Job { what?: string; ended?: boolean; error?: string; evaluations?: number; rms?: number; seconds?: number; result?: Result }
 export interface Conditions { runs: string[]; boundaries: Record<string, number>; loads: string[]; hours: number; finishes: string[] }
 export interface Compared { curves?: { node: string; times: Float32Array; temperatures: Float32Array; after: Float32Array; after_times: Float32Array }[]; changes: string[]; refused?: string; surfaces?: string[] }
-export interface Front { folder: string; files: { file: string; kind: string; title: string }[]; examples: { name: string; shows: string; fetched: boolean }[]; recent: string[]; open: string | null }
+export interface Front { folder: string; files: { file: string; kind: string; title: string }[]; waiting: string[]; examples: { name: string; shows: string; fetched: boolean }[]; recent: string[]; open: string | null }
 
 const GONE = "The studio does not answer: it was ended. Start it again and open the address that it prints; edits that were not saved come back.";
 

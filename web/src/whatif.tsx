@@ -3,11 +3,11 @@ import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Tile } from "./results";
 import { ask, nice, shown, type Compared, type Conditions } from "./server";
-import { command, draft, told } from "./state";
+import { command, draft, error, told } from "./state";
 
 const conditions = signal<Conditions | null>(null), result = signal<Compared | null>(null);
 const asked = signal<{ boundaries: Record<string, string>; factors: Record<string, string>; duration: string; start: string; gas: string }>({ boundaries: {}, factors: {}, duration: "", start: "", gas: "air" });
-const finish = signal("");
+const finish = signal(""), lacking = signal("");
 
 async function run(more: Record<string, string> = {}) {
   const a = asked.value, degrees = (v: string) => (/[[]/.test(v) ? v : `${v} [degC]`), kept = (o: Record<string, string>) => Object.entries(o).filter(([, v]) => v.trim());
@@ -20,8 +20,8 @@ async function run(more: Record<string, string> = {}) {
 
 export function WhatIf() {
   const c = conditions.value, a = asked.value, r = result.value, set = (more: Partial<typeof a>) => { asked.value = { ...a, ...more }; };
-  useEffect(() => { result.value = null; void told(() => ask<Conditions>("conditions")).then((made) => { conditions.value = made; finish.value ||= made?.finishes[0] ?? ""; }); }, [draft.value?.text, draft.value?.log?.record]);
-  if (!c) return <p class="soft">A run needs a model first: a mass, and what it is joined to.</p>;
+  useEffect(() => { result.value = null; void told(() => ask<Conditions>("conditions")).then((made) => { conditions.value = made; lacking.value = error.value; finish.value ||= made?.finishes[0] ?? ""; }); }, [draft.value?.text, draft.value?.log?.record]);
+  if (!c) return <p class="soft" id="if-lacking">{lacking.value && `No run yet: ${nice(lacking.value)}`}</p>;
   return (
     <div class="whatif">
       <form onSubmit={(e) => { e.preventDefault(); void run(); }}>

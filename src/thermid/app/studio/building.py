@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -105,7 +106,7 @@ class Building:
             "logs": Follower(draft.documents[CAMPAIGN].path.parent).offered()["logs"],
             "missing": sum(f["missing"] for e in elements for f in e["fields"]),
             **{"stages": [s["name"] for s in draft.documents[CAMPAIGN].content["stages"]], "stage": self._stage()["name"]},
-            **{"inherited": self._inherited(), "held": held if log is not None else {}},
+            **{"inherited": self._inherited(), "held": held if log is not None else {}, **self._refused()},
         }
 
     @property
@@ -223,20 +224,38 @@ class Building:
 
         Raises
         ------
-        ThermidError   When it is refused; nothing is changed then.
+        ThermidError   When it is refused, as all else is while a text that is no deck yet waits; nothing is changed then.
         """
         what, more = text_of(body, "do"), {}
         refuse_unknown([what], self._commands, "build", "no command '{}'.", NameNotFoundError)
+        if self.draft.typed and what not in ("text", "drop text"):
+            raise self._unmended()
         try:
             after = self._commands[what](self, body)
-        except ThermidError as error:
+        except ThermidError:
             if what != "text":
                 raise
-            return self.state() | {"refused": self._fault("error", error.code, error.message, error.where, text_of(body, "text"))}
+            after = replace(self.draft, typed=text_of(body, "text"))
         if isinstance(after, tuple):
             after, more = after
         self._take(after)
         return self.state() | more
+
+    def _unmended(self) -> DeckError:
+        """Return the refusal of what would lose a text that is no deck yet."""
+        line = self._refused()["refused"]["line"]
+        at = f" at line {line}" if line else ""
+        return DeckError(f"the text has a fault{at}. Mend it in Text, or drop what was typed there.", "text", code="output.edit-refused")
+
+    def _refused(self) -> dict[str, Any]:
+        """Return a text that is no deck yet and its fault; nothing where there is none."""
+        typed = self.draft.typed
+        try:
+            if typed:
+                self.draft.rewritten(typed)
+        except ThermidError as error:
+            return {"typed": typed, "refused": self._fault("error", error.code, error.message, error.where, typed)}
+        return {}
 
     def _take(self, draft: Draft) -> None:
         if draft is not self.draft:
@@ -501,7 +520,8 @@ class Building:
         "rename": _rename,
         "remove": _remove,
         "move": lambda s, b: s.draft.edited({VIEW: [s._place(text_of(b, "name"), b)]}),
-        "text": lambda s, b: s.draft.rewritten(text_of(b, "text")),
+        "text": lambda s, b: replace(s.draft.rewritten(text_of(b, "text")), typed=""),
+        "drop text": lambda s, b: replace(s.draft, typed=""),
         "undo": lambda s, b: s.draft.undo(),
         "redo": lambda s, b: s.draft.redo(),
         "stage": _open_stage,
@@ -536,8 +556,8 @@ class Building:
 
     def desk(self) -> Desk:
         """Return the draft ready to run: on its record, or in a room where no log is bound."""
-        log, title = self._bound(), str(self.draft.deck.content["title"])
-        if log["channels"] if log is not None else self._stage().get("records"):
+        title, records = str(self.draft.deck.content["title"]), self.draft.documents[CAMPAIGN].content["records"]
+        if any(records.get(n, {}).get("channels", True) for n in self._stage().get("records", [])):
             request = self.request()
             return Desk(title, request.model, build_problem(request))
         boundaries = dict.fromkeys(compile_network(self.model).boundaries, "24 [degC]")
@@ -579,6 +599,8 @@ class Building:
 
     def difference(self) -> dict[str, Any]:
         """Return what saving would change, as a unified diff, with what somebody else changed in the files merged into it first."""
+        if self.draft.typed:
+            raise self._unmended()
         self._take(self.draft.merged())
         return {"diff": self.draft.diff(), "files": [d.path.name for d in self.draft.to_save().values()]}
 

@@ -34,7 +34,8 @@ class Edit:
 
     Parameters
     ----------
-    keys : tuple of str     Where: ``("nodes", "case", "capacitance")``; a number is a place in a list, ``("stages", 0, "free")``, and one more adds to it.
+    keys : tuple of str     Where: ``("nodes", "case", "capacitance")``; a number is a place in a list,
+                            ``("stages", 0, "free")``; the first one that is free adds to it.
     value : object          What stands there then: text, number, list or table; `Renamed`; `GONE`, the default, takes it away.
     """
 

@@ -398,7 +398,7 @@ def test_a_log_that_is_chosen_again_keeps_its_record(tmp_path: Path) -> None:
 
 
 def test_logs_of_one_name_are_two_records(tmp_path: Path) -> None:
-    building, state = _with_log(tmp_path)
+    building, _ = _with_log(tmp_path)
     (tmp_path / "day2").mkdir()
     write_log(tmp_path / "day2" / "run.csv", 4)
     assert do(building, "log", file="day2/run.csv")["log"]["record"] == "run_2"
@@ -496,3 +496,38 @@ def test_a_second_log_is_held_out_until_the_fit_is_to_use_it(tmp_path: Path) -> 
     state = do(building, "use", record="second", how="none")
     assert [r["name"] for r in state["records"]] == ["run"]
     assert state["log"]["record"] == "run"
+
+
+def test_a_text_that_is_no_deck_yet_is_not_lost(tmp_path: Path) -> None:
+    """Any edit in the sheet, an undo or a reload threw away what was typed."""
+    building = box(tmp_path)
+    text = building.draft.deck.text
+    typed = text + "oops = [\n"
+    do(building, "text", text=typed)
+    for what, more in (("undo", {}), ("set", {"keys": ["loads", "heater", "power"], "value": "4 [W]", "source": ""})):
+        with pytest.raises(DeckError, match="text has a fault"):
+            do(building, what, **more)
+    with pytest.raises(DeckError, match="text has a fault"):
+        building.difference()
+    again = Building(tmp_path / "box.toml")
+    assert again.state()["typed"] == typed
+    assert "TOML" in again.state()["refused"]["message"]
+    state = do(again, "drop text")
+    assert (state["text"], "typed" in state) == (text, False)
+    do(again, "text", text=typed)
+    state = do(again, "text", text=text + "# mended\n")
+    assert "typed" not in state
+    assert do(again, "undo")["text"] == text
+
+
+def test_a_model_that_was_never_saved_is_on_the_start_page(tmp_path: Path) -> None:
+    room = Room(tmp_path)
+    room.new("my box")
+    assert room.front()["waiting"] == []
+    room.ordering["edit"]({"do": "add", "shape": "mass", "ends": [], "name": "case"})
+    again = Room(tmp_path)
+    assert again.front()["waiting"] == ["my_box"]
+    again.new("my_box")
+    assert [e["name"] for e in again.built().state()["elements"]] == ["case"]
+    again.ordering["draft/save"]({"diff": again.ordering["draft/difference"]({})["diff"]})
+    assert again.front()["waiting"] == []
