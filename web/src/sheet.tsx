@@ -14,7 +14,7 @@ function Value({ of, field }: { of: Element; field: Field }) {
   const keys = [of.table, of.name, field.name];
   const write = (value: string, unit: string, from: string) => {
     const bare = /^[-+0-9.eE\s]+$/.test(value);
-    void sent(command({ do: "set", keys, value: value.trim() && bare ? `${value.trim()} [${unit}]` : value, source: from }));
+    void sent(command({ do: "set", keys, value: value.trim() && bare ? `${value.trim()} [${unit}]` : value, source: from }), value);
   };
   const id = `field-${field.name}`;
   if (field.law) return <div class="field"><span>{plain(field.name)}</span><span class="soft">a law or table; edit it in the text</span></div>;
