@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 
 from planted import campaign
+from two_masses import write_log
 
 from .browser import Page, needed, page, studio
+from .test_refused import DECK
 
 pytestmark = pytest.mark.campaign
 TILES = "return Object.fromEntries([...document.querySelectorAll('#stages button')].map((b) => [b.dataset.stage, b.innerText]))"
@@ -134,3 +136,39 @@ def test_a_changed_deck_is_stale_at_the_next_look_and_a_mended_one_works(shown: 
     deck.write_text(before, encoding="utf-8")
     shown.until(f"{state} === 'done' && document.getElementById('error').hidden && document.querySelector('[data-sensor=T_BASE]')")
     shown.clean()
+
+
+PLAN = """title = "plan"
+
+[records.run]
+file = "logs/run.csv"
+channels = { "board C" = { node = "board", unit = "degC" }, "case C" = { node = "case", unit = "degC" }, "room C" = { boundary = "room", unit = "degC" }, "heater W" = { load = "heater", unit = "W" } }
+
+[[stages]]
+name = "both"
+model = "box.toml"
+records = ["run"]
+free = ["joint.contact_conductance", "skin.effective_htc"]
+"""  # noqa: E501
+TABLE = """Object.fromEntries([...document.querySelectorAll('[data-slider]')].map((r) =>
+  [r.dataset.slider, [Number(r.querySelector('.number').value), r.querySelector('.error-of').textContent]]))"""
+
+
+def test_the_table_shows_what_a_run_found(tmp_path: Path) -> None:
+    """It kept the values from before the fit, without their errors, until the page was loaded anew."""
+    needed()
+    (tmp_path / "logs").mkdir()
+    write_log(tmp_path / "logs" / "run.csv")
+    (tmp_path / "box.toml").write_text(DECK, encoding="utf-8")
+    (tmp_path / "plan.toml").write_text(PLAN, encoding="utf-8")
+    with studio(str(tmp_path / "plan.toml")) as address, page(address) as made:
+        before = made.run(f"return {TABLE}")
+        made.click("#run-stage")
+        made.until("studio.state.desk && studio.state.desk.fitted")
+        made.wait("await pause(300)")
+        shown, found = made.run(f"return [{TABLE}, Object.fromEntries(studio.state.desk.sliders.map((x) => [x.path, x.value]))]")
+        assert {p: v for p, (v, _) in shown.items()} == {p: pytest.approx(v, rel=1e-4) for p, v in found.items()}
+        for path in ("joint.contact_conductance", "skin.effective_htc"):
+            assert shown[path][0] != before[path][0]
+            assert shown[path][1].startswith("±")
+        made.clean()

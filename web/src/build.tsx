@@ -17,12 +17,12 @@ function Text() {
   const faults: Fault[] = state.refused ? [state.refused] : state.faults;
   useEffect(() => {
     let gone = false;
-    void import("./text").then((m) => { if (gone) return; editor.current = m.open(host.current!, (text) => void command({ do: "text", text })); editor.current.show(draft.value!.text, draft.value!.faults); });
+    void import("./text").then((m) => { if (gone) return; editor.current = m.open(host.current!, (text) => void command({ do: "text", text })); const at = draft.value!; editor.current.show(at.typed ?? at.text, at.refused ? [at.refused] : at.faults); });
     return () => { gone = true; editor.current?.close(); editor.current = null; };
   }, []);
-  useEffect(() => editor.current?.show(state.text, faults), [state]);
+  useEffect(() => editor.current?.show(state.typed ?? state.text, faults), [state]);
   return <>
-    {state.refused && <p class="bad" role="status" id="refused">{state.refused.line ? `Line ${state.refused.line}: ` : ""}{state.refused.message} The model stays as it was.</p>}
+    {state.refused && <p class="bad" role="status" id="refused">{state.refused.line ? `Line ${state.refused.line}: ` : ""}{state.refused.message} The model stays as it was, and nothing else is edited before it is mended. <button id="drop-text" type="button" onClick={() => command({ do: "drop text" })}>Drop what was typed</button></p>}
     <div ref={host} class="editor" id="text" />
   </>;
 }
@@ -61,8 +61,11 @@ function Build() {
     const fetched = () => told(() => ask<Draft>("draft")).then((d) => { if (d) take(d); }), again = () => void fetched();
     void fetched().then(() => document.getElementById("canvas")?.focus());
     document.addEventListener("keydown", keys);
-    window.addEventListener("focus", again); // what another tab or another program changed meanwhile
-    return () => { document.removeEventListener("keydown", keys); window.removeEventListener("focus", again); };
+    window.addEventListener("focus", again); // what another tab changed meanwhile
+    const looks = setInterval(() => { // and what another program does now
+      if (!document.hidden && draft.value && !diff.value) void ask<{ changed: string[] }>("draft/changed").then(({ changed }) => { if (String(changed) !== String(draft.value?.changed)) again(); }, () => undefined);
+    }, 2000);
+    return () => { clearInterval(looks); document.removeEventListener("keydown", keys); window.removeEventListener("focus", again); };
   }, []);
   if (!state) return <main><p role="alert" class="error" hidden={!error.value}>{error.value} <a href="/start">Start page</a></p></main>;
   const armed = tool.value, others: [string, number | string][] = [...Object.entries(state.others), ...(hidden().length ? [[`couplings to parts that are not drawn (${hidden().map((e) => e.name).slice(0, 4).join(", ")})`, hidden().length] as [string, number]] : [])], show = pane.value;

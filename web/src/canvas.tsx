@@ -149,7 +149,7 @@ export function Canvas() {
     if (!found || !one) return;
     const heat = ["power", "duty"].includes(one.guess) ? state!.elements.find((l) => l.table === "loads" && top(l.ends[0] ?? "") === node) : undefined;
     const role = heat ? { [one.guess === "duty" ? "command" : "load"]: heat.name } : found.table === "needs" ? { boundary: node } : { node };
-    void command({ do: "bind", channels: { [column]: { ...role, ...(one.assumed && one.unit ? { unit: one.unit } : {}) } } });
+    void command({ do: "bind", channels: { [one.key ?? column]: { ...role, ...(one.assumed && one.unit ? { unit: one.unit } : {}) } } });
   }
 
   const drawn = state.elements.filter((e) => (e.table === "conductors" || e.table === "surfaces") && isDrawn(e));

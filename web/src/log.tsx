@@ -1,7 +1,8 @@
 // A log: dropped or chosen, looked at, its columns bound to nodes, boundaries and loads; what a fit may find is ticked here.
-import { useRef, useState } from "preact/hooks";
+import { useState } from "preact/hooks";
 import { nice, shown, upload, type Binding, type Column } from "./server";
 import { begin, command, draft, job, told } from "./state";
+import { Typed, useTyped, Why } from "./typed";
 
 export async function dropped(files: FileList | null | undefined) {
   const file = files?.[0];
@@ -12,29 +13,47 @@ export async function dropped(files: FileList | null | undefined) {
 
 const ROLES: [string, string][] = [["node", "nodes"], ["boundary", "needs"], ["load", "loads"], ["command", "loads"]];
 
+const kelvin = (text: string) => (!text.trim() || text.includes("[") ? text.trim() : `${text.trim()} [K]`), number = (text: unknown) => String(text ?? "").replace(/ ?\[[KW]\]$/, "");
+
 // what a column may be: its role, and the names that it may be bound to
 export type Offered = [string, string[]][];
-export function Row({ column, bound, known, taken, stated = false }: { column: Column; bound: Binding | undefined; known: Offered; taken: (to: Binding | null) => void; stated?: boolean }) {
-  const role = ROLES.find(([r]) => bound?.[r])?.[0], unit = useRef<HTMLInputElement>(null), full = useRef<HTMLInputElement>(null), exact = useRef<HTMLInputElement>(null), sensor = role === "node" || role === "boundary";
-  const value = role ? `${role}:${bound![role]}` : "", percent = (bound?.unit ?? column.unit) === "%" || column.guess === "duty";
-  const bind = (to: string) => {
-    const [kind, ...rest] = to.split(":"), own = unit.current?.value.trim() || (column.assumed ? column.unit : ""), watts = full.current?.value.trim(), error = exact.current?.value.trim();
-    const kept = Object.fromEntries(Object.entries(bound ?? {}).filter(([k]) => !ROLES.some(([r]) => r === k) && k !== "full_scale" && k !== "unit" && k !== "accuracy"));
-    taken(to ? { ...kept, [kind!]: rest.join(":"), ...(own ? { unit: own } : {}), ...(kind === "load" && percent && watts ? { full_scale: /\[/.test(watts) ? watts : `${watts} [W]` } : {}), ...(error ? { accuracy: /\[/.test(error) ? error : `${error} [K]` } : {}) } : null);
+export function Row({ column, bound, known, taken, errors = false }: { column: Column; bound: Binding | undefined; known: Offered; taken: (to: Binding | null) => Promise<unknown>; errors?: boolean }) {
+  const role = ROLES.find(([r]) => bound?.[r])?.[0], name = column.name, value = role ? `${role}:${bound![role]}` : "", percent = (bound?.unit ?? column.unit) === "%" || column.guess === "duty";
+  const unit = useTyped(bound?.unit ?? (column.assumed ? column.unit : ""), name), full = useTyped(number(bound?.full_scale), name), choice = useTyped(value, name);
+  const bind = (to: string, more: Binding = {}) => {
+    const [kind, ...rest] = to.split(":"), own = unit.text.trim(), watts = full.text.trim(), dropped = [...ROLES.map(([r]) => r), "full_scale", ...(column.open ? ["unit"] : [])];
+    const kept = Object.fromEntries(Object.entries(bound ?? {}).filter(([k]) => !dropped.includes(k)));
+    return taken(to ? { ...kept, [kind!]: rest.join(":"), ...(column.open && own ? { unit: own } : {}), ...(kind === "load" && percent && watts ? { full_scale: /\[/.test(watts) ? watts : `${watts} [W]` } : {}), ...more } : null);
   };
-  const heats = ["power", "duty"].includes(column.guess), open = column.guess === "ignored";
-  const offered = known.filter(([r]) => open || (heats ? r === "load" || (column.guess === "duty" && r === "command") : r === "node" || r === "boundary"));
+  const offered = known.filter(([r]) => column.roles.includes(r)).flatMap(([r, names]) => names.map((n) => `${r}:${n}`)), warm = role === "node" || role === "boundary", used = column.used ?? [];
+  const error = (kind: "noise" | "accuracy", none: string) => <td>{warm && <Typed class="unit" inputMode="decimal" data-error={`${kind} ${name}`} aria-label={`${kind} of ${name} in K`} now={number(bound![kind])} unit="K" of={name} placeholder={none} send={(t) => bind(value, { [kind]: kelvin(t) })} />}</td>;
   return (
-    <tr data-column={column.name}>
-      <th scope="row" draggable onDragStart={(e) => e.dataTransfer?.setData("text/x-column", column.name)} title="Drag to a node, or choose at the right">{column.name}</th>
+    <tr data-column={name}>
+      <th scope="row" draggable onDragStart={(e) => e.dataTransfer?.setData("text/x-column", name)} title="Drag to a node, or choose at the right">{name}</th>
       <td class="num">{shown(column.low)} … {shown(column.high)}</td>
-      <td>{column.assumed || !column.unit ? <input ref={unit} class="unit" type="text" aria-label={`Unit of ${column.name}`} defaultValue={bound?.unit ?? column.unit} placeholder="unit" onChange={() => value && bind(value)} /> : nice(column.unit)}</td>
+      <td>{column.open ? <><input class="unit" type="text" aria-label={`Unit of ${name}`} value={unit.text} placeholder="unit" aria-invalid={unit.why ? "true" : undefined} onInput={(e) => unit.setText(e.currentTarget.value)} onChange={() => value && void unit.sent(bind(value))} /><Why id={`unit ${name}`} why={unit.why} now={bound?.unit ?? ""} /></> : nice(column.unit)}</td>
       <td class="soft">{column.guess}: {column.why}</td>
-      <td><select aria-label={`${column.name} is`} value={value} onChange={(e) => bind(e.currentTarget.value)}>
+      <td>{offered.length > 0 || value ? <select aria-label={`${name} is`} value={value} onChange={(e) => void choice.sent(bind(e.currentTarget.value))}>
         <option value="">not used</option>
-        {offered.flatMap(([r, names]) => names.map((n) => <option key={`${r}:${n}`} value={`${r}:${n}`}>{r} {n}</option>))}
-      </select>{stated && sensor && <label class="soft" title="Standard deviation of its constant error: half of a stated ± 1 K. The fit then finds an offset."> ± <input ref={exact} class="unit" type="text" data-accuracy={column.name} aria-label={`Accuracy of ${column.name} in kelvin`} defaultValue={bound?.accuracy?.replace(/ ?\[K\]$/, "") ?? ""} placeholder="exact" onChange={() => bind(value)} /> K</label>}{percent && heats && <label class="soft"> 100 % is <input ref={full} class="unit" type="text" data-full={column.name} aria-label={`Power of ${column.name} at 100 %`} defaultValue={bound?.full_scale?.replace(/ ?\[W\]$/, "") ?? ""} placeholder="watts" onChange={() => role === "load" && bind(value)} /> W</label>}</td>
+        {[...offered, ...(value && !offered.includes(value) ? [value] : [])].map((o) => <option key={o} value={o}>{o.replace(":", " ")}</option>)}
+      </select> : used.length === 0 && <span class="soft">cannot be bound</span>}{used.length > 0 && <span> used by {used.join(", ")}</span>}
+        {percent && column.roles.includes("load") && <label class="soft"> 100 % is <input class="unit" type="text" data-full={name} aria-label={`Power of ${name} at 100 %`} value={full.text} placeholder="watts" aria-invalid={full.why ? "true" : undefined} onInput={(e) => full.setText(e.currentTarget.value)} onChange={() => role === "load" && void full.sent(bind(value))} /> W</label>}
+        <Why id={`use ${name}`} why={choice.why || full.why} now={value.replace(":", " ")} /></td>
+      {errors && <>{error("noise", role === "node" ? "1 assumed" : "not given")}{error("accuracy", "exact")}</>}
     </tr>
+  );
+}
+
+// what the fit does with a log: it uses it, or is judged on it
+function Uses({ log }: { log: string }) {
+  const { records } = draft.value!, mine = records.find((r) => r.name === log)!, use = (how: string) => command({ do: "use", record: log, how });
+  return (
+    <div class="bar" id="records">
+      <label>Log <select id="record" value={mine.file} onChange={(e) => command({ do: "log", file: e.currentTarget.value })}>{records.map((r) => <option key={r.name} value={r.file}>{r.file}{r.use === "fit" ? "" : ", held out"}</option>)}</select></label>
+      <label><select id="use" aria-label={`What the fit does with ${log}`} value={mine.use} onChange={(e) => use(e.currentTarget.value)}><option value="fit">the fit uses it</option><option value="held out">held out of the fit, which is judged on it</option></select></label>
+      {mine.use === "held out" && <><label>RMSE of each sensor at most <Typed id="limit" class="unit" inputMode="decimal" now={number(mine.limit)} unit="K" of={log} send={(v) => command({ do: "limit", record: log, value: kelvin(v) })} /> K</label><span class="soft">Correlate judges it when the stage was run.</span></>}
+      <button id="take-out" type="button" onClick={() => use("none")}>Take it out</button>
+    </div>
   );
 }
 
@@ -42,7 +61,6 @@ export function Log() {
   const state = draft.value!, log = state.log, [over, setOver] = useState(false);
   const ticked = state.parameters.filter((p) => p.free).map((p) => p.path);
   const running = job.value.ended === false, bound = log ? Object.keys(log.channels).length : 0;
-  const exact = Object.entries(log?.channels ?? {}).filter(([, b]) => typeof b === "string" || ((b.node || b.boundary) && !b.accuracy)).map(([name]) => name);
   return (
     <div class="log">
       <div class={`drop ${over ? "over" : ""}`} onDragOver={() => setOver(true)} onDragLeave={() => setOver(false)} onDrop={() => setOver(false)}>
@@ -50,13 +68,14 @@ export function Log() {
         {state.logs.length > 0 && <label>or one of the folder <select id="log-known" value="" onChange={(e) => e.currentTarget.value && command({ do: "log", file: e.currentTarget.value })}><option value="">…</option>{state.logs.map((l) => <option key={l} value={l}>{l}</option>)}</select></label>}
       </div>
       {log && <>
-        <p>{log.file}: {log.rows} rows{log.others > 0 && `, ${log.others} more records in the campaign`}. {log.problem && <strong class="bad">{log.problem}</strong>}{[...log.questions, ...log.notes].map((q) => <span key={q} class="soft"> {q}</span>)}</p>
+        <Uses log={log.record} />
+        <p>{log.rows} rows. {log.problem && <strong class="bad">{log.problem}</strong>}{[...log.questions, ...log.notes].map((q) => <span key={q} class="soft"> {q}</span>)}</p>
         <div class="scroll" tabIndex={0} role="group" aria-label="Columns of the log"><table id="columns"><caption>Columns: drag a name to a node on the canvas, or choose what it is</caption>
-          <thead><tr><th scope="col">Column</th><th scope="col" class="num">Range</th><th scope="col">Unit</th><th scope="col">Looks like</th><th scope="col">Is</th></tr></thead>
-          <tbody>{log.columns.filter((c) => c.guess !== "time").map((c) => { const b = log.channels[c.name]; return <Row key={c.name} stated column={c} bound={typeof b === "string" ? { node: b } : b} known={ROLES.map(([r, table]) => [r, state.elements.filter((e) => e.table === table).map((e) => e.name)])} taken={(to) => void command({ do: "bind", channels: { [c.name]: to } })} />; })}</tbody></table></div>
+          <thead><tr><th scope="col">Column</th><th scope="col" class="num">Range</th><th scope="col">Unit</th><th scope="col">Looks like</th><th scope="col">Is</th><th scope="col" title="Standard deviation of one reading">Noise [K]</th><th scope="col" title="Standard deviation of its constant error">Accuracy [K]</th></tr></thead>
+          <tbody>{log.columns.filter((c) => c.guess !== "time").map((c) => { const key = c.key ?? c.name, b = log.channels[key]; return <Row key={`${log.record} ${c.name}`} errors column={c} bound={typeof b === "string" ? { node: b } : b} known={ROLES.map(([r, table]) => [r, state.elements.filter((e) => e.table === table).map((e) => e.name)])} taken={(to) => command({ do: "bind", channels: { [key]: to } })} />; })}</tbody></table></div>
+        {Object.values(log.channels).some((b) => typeof b === "string" || (b.node && !b.noise)) && <p class="soft" id="assumed">Where no noise is given, 1 K is assumed of a reading. An exact thermometer has no constant error.</p>}
       </>}
-      {exact.length > 0 && <p class="soft" id="exact">No accuracy is stated for {exact.join(", ")}: a fit takes {exact.length > 1 ? "them" : "it"} as exact, and offsets of sensors then go into the values. State ± in kelvin.</p>}
-      {Object.entries(state.held).length > 0 && <p class="held">No column is {Object.entries(state.held).map(([n, v]) => <label key={n}><strong>{n}</strong>: held at <input type="text" data-held={n} aria-label={`Temperature of ${n} for the whole log`} inputMode="decimal" value={v.replace(/ ?\[degC\]$/, "")} onChange={(e) => { const t = e.currentTarget.value.trim(); void command({ do: "hold", name: n, value: !t || t.includes("[") ? t : `${t} [degC]` }); }} /> °C </label>)}</p>}
+      {Object.entries(state.held).length > 0 && <p class="held">No column is {Object.entries(state.held).map(([n, v]) => <label key={n}><strong>{n}</strong>: held at <Typed data-held={n} aria-label={`Temperature of ${n} for the whole log`} inputMode="decimal" now={v.replace(/ ?\[degC\]$/, "")} unit="degC" of={n} send={(v) => { const t = v.trim(); return command({ do: "hold", name: n, value: !t || t.includes("[") ? t : `${t} [degC]` }); }} /> °C </label>)}</p>}
       {state.inherited.length > 0 && <details id="inherited" open={state.inherited.length < 6}><summary>{state.inherited[0]!.path ? `${state.inherited.length} values come from stages below` : "Values come from stages below"}</summary><ul class="detail">{state.inherited.map((v) => <li key={v.path}>{v.path && <strong>{v.path} </strong>}{nice(v.words)}</li>)}</ul></details>}
       <fieldset id="free"><legend>A fit finds</legend>{state.parameters.map((p) => (
         <label class="tick" key={p.path}><input type="checkbox" checked={p.free} data-path={p.path} onChange={(e) => command({ do: "free", paths: e.currentTarget.checked ? [...ticked, p.path] : ticked.filter((t) => t !== p.path) })} /> {p.path} <span class="soft">{nice(p.text)}</span></label>

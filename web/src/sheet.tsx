@@ -1,34 +1,33 @@
 // The property sheet: every value of what is chosen with its unit and where it comes from; what nobody gave yet is red.
 import { useEffect, useRef, useState } from "preact/hooks";
 import { nice, type Element, type Field } from "./server";
-import { arm, chosen, command, draft, element, error, focusName } from "./state";
+import { arm, chosen, command, draft, element, focusName } from "./state";
+import { Typed, useTyped, Why } from "./typed";
 import { free } from "./canvas";
 
 const plain = (name: string) => name.replaceAll("_", " ");
 
 function Value({ of, field }: { of: Element; field: Field }) {
-  const [number, setNumber] = useState(field.number), [source, setSource] = useState(field.missing ? "" : field.source), [refused, setRefused] = useState("");
+  const { text: number, setText: setNumber, why, sent } = useTyped(field.number, [of.table, of.name, field.unit, field.missing].join()), [source, setSource] = useState(field.missing ? "" : field.source);
   // the field keeps the focus while what it shows is another
-  useEffect(() => { setNumber(field.number); setSource(field.missing ? "" : field.source); setRefused(""); }, [of.table, of.name, field.number, field.source, field.missing]);
+  useEffect(() => { setSource(field.missing ? "" : field.source); }, [of.table, of.name, field.source, field.missing]);
   const keys = [of.table, of.name, field.name];
-  const write = async (value: string, unit: string, from: string) => {
+  const write = (value: string, unit: string, from: string) => {
     const [, bare, own] = /^\s*([-+0-9.eE]+)\s*([^\[\]]*?)\s*$/.exec(value) ?? [];
-    const made = await command({ do: "set", keys, value: bare ? `${bare} [${own || unit}]` : value, source: from });
-    setRefused(made ? "" : error.value); // the field keeps what was typed, and says what holds instead
-    if (made) setNumber(made.elements.find((e) => e.table === of.table && e.name === of.name)?.fields.find((f) => f.name === field.name)?.number ?? field.number);
+    void sent(command({ do: "set", keys, value: bare ? `${bare} [${own || unit}]` : value, source: from }), value);
   };
   const id = `field-${field.name}`;
   if (field.law) return <div class="field"><span>{plain(field.name)}</span><span class="soft">a law or table; edit it in the text</span></div>;
   return (
-    <div class={`field ${field.missing || refused ? "lacking" : ""}`}>
+    <div class={`field ${field.missing ? "lacking" : ""}`}>
       <label for={id}>{plain(field.name)}{field.missing && <em> not given yet</em>}</label>
-      <input id={id} type="text" inputMode="decimal" autocomplete="off" value={number} aria-invalid={refused ? true : undefined} aria-describedby={refused ? `${id}-refused` : field.low ? `${id}-range` : undefined} onInput={(e) => setNumber(e.currentTarget.value)}
-        onChange={(e) => void write(e.currentTarget.value, field.unit, source)} onKeyDown={(e) => { if (e.key === "Enter" && field.missing && number === field.number) void write(number, field.unit, source); }} />
-      <select aria-label={`Unit of ${plain(field.name)}`} value={field.unit} onChange={(e) => void write(number, e.currentTarget.value, source)}>{field.units.map((u) => <option key={u} value={u}>{u === "1" ? "–" : nice(u)}</option>)}</select>
-      <select aria-label={`Source of ${plain(field.name)}`} value={source} onChange={(e) => { setSource(e.currentTarget.value); if (number) void write(number, field.unit, e.currentTarget.value); }}>
+      <input id={id} type="text" inputMode="decimal" autocomplete="off" value={number} aria-invalid={why ? "true" : undefined} aria-describedby={[why && `${id}-why`, field.low && `${id}-range`].filter(Boolean).join(" ") || undefined} onInput={(e) => setNumber(e.currentTarget.value)}
+        onChange={(e) => write(e.currentTarget.value, field.unit, source)} onKeyDown={(e) => { if (e.key === "Enter" && field.missing && number === field.number) write(number, field.unit, source); }} />
+      <select aria-label={`Unit of ${plain(field.name)}`} value={field.unit} onChange={(e) => write(number, e.currentTarget.value, source)}>{field.units.map((u) => <option key={u} value={u}>{u === "1" ? "–" : nice(u)}</option>)}</select>
+      <select aria-label={`Source of ${plain(field.name)}`} value={source} onChange={(e) => { setSource(e.currentTarget.value); if (number) write(number, field.unit, e.currentTarget.value); }}>
         <option value="">no source</option>{draft.value?.sources.map((s) => <option key={s} value={s}>{s}</option>)}
       </select>
-      {refused && <span id={`${id}-refused`} class="bad range">Refused: {nice(refused)} The model has {field.number || "nothing"} {nice(field.unit === "1" ? "" : field.unit)}.</span>}
+      <Why id={`${id}-why`} why={why} now={field.number && `${field.number} ${field.expression || field.unit === "1" ? "" : field.unit}`.trim()} />
       {field.low && <span id={`${id}-range`} class="soft range">{nice(field.low)} to {nice(field.high)}</span>}
     </div>
   );
@@ -36,20 +35,18 @@ function Value({ of, field }: { of: Element; field: Field }) {
 
 export function Sheet() {
   const one = element.value, state = draft.value, name = useRef<HTMLInputElement>(null), wanted = focusName.value;
-  useEffect(() => { if (name.current && one) name.current.value = one.name; }, [one?.table, one?.name]);
   useEffect(() => { if (wanted) { name.current?.focus(); name.current?.select(); } }, [wanted]);
   if (!one || !state) return <p class="soft">Choose a node or a line to see its values.</p>;
   const place = state.places[one.name], keys = [one.table, one.name], shown = one.fields.filter((f) => f.given), rest = one.fields.filter((f) => !f.given);
-  const rename = async (to: string) => { if (to.trim() === one.name) return; const table = one.table; if (await command({ do: "rename", keys, name: to })) chosen.value = `${table}/${to.trim()}`; else if (name.current) name.current.value = one.name; };
   const heat = one.fields.some((f) => f.name === "mass" && f.given) ? "mass" : one.shape === "massless" ? "massless" : "capacitance";
   const loads = state.elements.filter((l) => l.table === "loads" && l.ends[0] === one.name);
   return (
     <form onSubmit={(e) => e.preventDefault()}>
-      <div class="field wide"><label for="sheet-name">name of this {one.shape}</label><input id="sheet-name" ref={name} type="text" autocomplete="off" defaultValue={one.name} onChange={(e) => void rename(e.currentTarget.value)} /></div>
+      <div class="field wide"><label for="sheet-name">name of this {one.shape}</label><Typed id="sheet-name" box={name} now={one.name} of={one.table} send={async (to) => (to.trim() === one.name ? state : command({ do: "rename", keys, name: to }))} /></div>
       {one.ends.length > 0 && <p class="soft">{one.table === "submodels" ? "bound to" : one.table === "loads" ? "into" : "between"} {one.ends.join(" and ")}</p>}
+      {shown.map((f) => <Value key={f.name} of={one} field={f} />)}
       {one.table === "nodes" && <div class="field wide"><label for="sheet-heat">stores heat by</label><select id="sheet-heat" value={heat} onChange={(e) => command({ do: "stored", name: one.name, how: e.currentTarget.value })}>
         <option value="capacitance">capacitance</option><option value="mass">mass and specific heat</option><option value="massless">nothing (massless)</option></select></div>}
-      {shown.map((f) => <Value key={f.name} of={one} field={f} />)}
       {one.table !== "nodes" && rest.length > 0 && <details><summary>{rest.length} more that may be given</summary>{rest.map((f) => <Value key={f.name} of={one} field={f} />)}</details>}
       {one.table === "nodes" && <label class="tick"><input type="checkbox" checked={one.sensor} onChange={(e) => command({ do: "sensor", name: one.name, on: e.currentTarget.checked })} /> sensor: its temperature is measured or judged</label>}
       {one.schedule && <Schedule of={one} />}
@@ -71,11 +68,11 @@ export function Sheet() {
 function Schedule({ of }: { of: Element }) {
   const now = of.schedule!, timed = (v: string) => (!v.trim() || v.includes("[") ? v : `${v.trim()} [min]`);
   const write = (more: Partial<typeof now>) => command({ do: "schedule", keys: [of.table, of.name], ...now, ...more });
-  const field = (key: "on" | "off", words: string) => <div class="field"><label for={`schedule-${key}`}>{words}</label><input id={`schedule-${key}`} type="text" inputMode="decimal" disabled={key === "off" && !now.on} value={now[key].replace(/ ?\[min\]$/, "")} onChange={(e) => void write({ [key]: timed(e.currentTarget.value) })} /><span class="soft">min</span></div>;
+  const field = (key: "on" | "off", words: string) => <div class="field"><label for={`schedule-${key}`}>{words}</label><Typed id={`schedule-${key}`} inputMode="decimal" disabled={key === "off" && !now.on} now={now[key].replace(/ ?\[min\]$/, "")} of={of.name} send={(v) => write({ [key]: timed(v) })} /><span class="soft">min</span></div>;
   return (
     <details open={Boolean(now.on)}><summary id="schedule">{of.table === "surfaces" ? "schedule of its fan" : "schedule"}</summary>
       {field("on", "on for")}{field("off", "then off for")}
-      <div class="field"><label for="schedule-share">left while off</label><input id="schedule-share" type="text" inputMode="decimal" disabled={!now.on} value={now.share} placeholder="0" onChange={(e) => void write({ share: e.currentTarget.value })} /><span class="soft">of 1</span></div>
+      <div class="field"><label for="schedule-share">left while off</label><Typed id="schedule-share" inputMode="decimal" disabled={!now.on} now={now.share} of={of.name} placeholder="0" send={(share) => write({ share })} /><span class="soft">of 1</span></div>
     </details>
   );
 }

@@ -35,6 +35,7 @@ function Start() {
         <ul class="files" id="files">{hits.map((f) => (
           <li key={f.file}><button type="button" data-file={f.file} onClick={() => go("open", { file: f.file }, setError)}><strong>{f.title || f.file}</strong> <span class="soft">{f.kind} · {f.file}</span></button></li>
         ))}</ul>
+        {front.waiting.length > 0 && <><h3>Begun and not saved</h3><ul class="files" id="waiting">{front.waiting.map((name) => <li key={name}><button type="button" data-waiting={name} onClick={() => go("new", { name }, setError)}>{name}</button></li>)}</ul></>}
         {hits.length === 0 && <p class="soft">No deck or campaign {find ? "of that name " : ""}in this folder.</p>}
       </section>
       <section aria-labelledby="recent-title">

@@ -1,5 +1,5 @@
 // What the page knows: the draft as the server has it, and what is chosen in the page.
-import { computed, signal } from "@preact/signals";
+import { batch, computed, signal } from "@preact/signals";
 import { ask, type Draft, type Element, type Job, type Shape } from "./server";
 
 export const draft = signal<Draft | null>(null);
@@ -42,9 +42,13 @@ export async function command(body: Record<string, unknown>): Promise<Draft | nu
   return made;
 }
 
+// what was chosen stays chosen under its new name, so that its sheet, and the focus in it, stay too
 export function take(made: Draft) {
-  draft.value = made;
-  if (chosen.value && !made.elements.some((e) => idOf(e) === chosen.value)) chosen.value = "";
+  const known = (id: string) => made.elements.some((e) => idOf(e) === id), renamed = `${made.table}/${made.made}`;
+  batch(() => {
+    draft.value = made;
+    if (chosen.value && !known(chosen.value)) chosen.value = known(renamed) ? renamed : "";
+  });
 }
 
 export async function add(shape: Shape, ends: string[] = [], place?: [number, number]) {
@@ -74,8 +78,8 @@ export function pick(node: string) {
 export async function watch() {
   while (true) {
     const now = await told(() => ask<Job>("built"));
+    job.value = now ?? {}; // of a studio that does not answer nothing is known to run
     if (!now) return;
-    job.value = now;
     if (now.ended !== false) break;
     await new Promise((r) => setTimeout(r, 150));
   }

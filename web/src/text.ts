@@ -31,7 +31,7 @@ export function open(host: HTMLElement, typed: (text: string) => void): Pane {
     show(text, faults) {
       const now = editor.state.doc.toString(), refused = faults.some((f) => f.severity === "error");
       // what was typed and refused stays, and so does what is typed at this moment
-      if (now !== text && !refused && (now === own || !editor.hasFocus)) editor.dispatch({ changes: { from: 0, to: now.length, insert: text }, userEvent: "server" });
+      if (now !== text && (!now || (!refused && (now === own || !editor.hasFocus)))) editor.dispatch({ changes: { from: 0, to: now.length, insert: text }, userEvent: "server" });
       const lines = editor.state.doc.lines;
       const marks: Diagnostic[] = faults.filter((f) => f.line && f.line <= lines).map((f) => {
         const { from, to } = editor.state.doc.line(f.line!);

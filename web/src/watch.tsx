@@ -139,7 +139,7 @@ function Columns() {
     <details id="watch-columns" open={!found.value || Boolean(found.value.watch.unused)}><summary>Columns of the log</summary>
       <div class="scroll" tabIndex={0} role="group" aria-label="Columns of the log"><table><caption>{known.length ? "What each column is, in the names of the model" : "Which columns are temperatures"}</caption>
         <thead><tr><th scope="col">Column</th><th scope="col" class="num">Range</th><th scope="col">Unit</th><th scope="col">Looks like</th><th scope="col">Is</th></tr></thead>
-        <tbody>{all.map((c) => { const b = used[c.name]; return <Row key={c.name} column={c} bound={typeof b === "string" ? { node: b } : b} known={known.length ? known : [["node", [c.name]]]} taken={(to) => taken(c.name, to)} />; })}</tbody></table></div>
+        <tbody>{all.map((c) => { const b = used[c.name]; return <Row key={c.name} column={c} bound={typeof b === "string" ? { node: b } : b} known={known.length ? known : [["node", [c.name]]]} taken={async (to) => taken(c.name, to)} />; })}</tbody></table></div>
       {bound.value && <button type="button" onClick={() => { bound.value = null; found.value = null; void look(true); }}>As the log names them</button>}
     </details>
   );

@@ -7,7 +7,7 @@ import { command, draft, error, told } from "./state";
 
 const conditions = signal<Conditions | null>(null), result = signal<Compared | null>(null);
 const asked = signal<{ boundaries: Record<string, string>; factors: Record<string, string>; duration: string; start: string; gas: string }>({ boundaries: {}, factors: {}, duration: "", start: "", gas: "air" });
-const finish = signal("");
+const finish = signal(""), lacking = signal("");
 
 const highest = (v: Float32Array) => v.reduce((a, b) => Math.max(a, b), -Infinity);
 
@@ -22,8 +22,8 @@ async function run(more: Record<string, string> = {}) {
 
 export function WhatIf() {
   const c = conditions.value, a = asked.value, r = result.value, set = (more: Partial<typeof a>) => { asked.value = { ...a, ...more }; };
-  useEffect(() => { result.value = null; void told(() => ask<Conditions>("conditions")).then((made) => { conditions.value = made; finish.value ||= made?.finishes[0] ?? ""; }); }, [draft.value?.text, draft.value?.log?.record]);
-  if (!c) return <p class="soft">{error.value || "A run needs a model first: a mass, and what it is joined to."}</p>;
+  useEffect(() => { result.value = null; void told(() => ask<Conditions>("conditions")).then((made) => { conditions.value = made; lacking.value = error.value; finish.value ||= made?.finishes[0] ?? ""; }); }, [draft.value?.text, draft.value?.log?.record]);
+  if (!c) return <p class="soft" id="if-lacking">{lacking.value && `No run yet: ${nice(lacking.value)}`}</p>;
   return (
     <div class="whatif">
       <form onSubmit={(e) => { e.preventDefault(); void run(); }}>

@@ -4,7 +4,12 @@ from thermid.campaign._start.examples import EXAMPLES as EXAMPLES, copy_example 
 from thermid.campaign._start.improve import improve as improve
 from thermid.campaign._start.originals import PUBLIC as PUBLIC, copies as copies
 from thermid.campaign._start.physical import known_masses as known_masses
-from thermid.campaign._start.project import parted as parted, write_project as write_project
+from thermid.campaign._start.project import (
+    VERDICT_NOISES as VERDICT_NOISES,
+    VERDICT_SHARE_OF_RANGE as VERDICT_SHARE_OF_RANGE,
+    parted as parted,
+    write_project as write_project,
+)
 from thermid.campaign._start.proposal import StatedFacts as StatedFacts, propose as propose, seated as seated
 from thermid.campaign._start.roles import (
     ACCURACY as ACCURACY,

@@ -160,3 +160,20 @@ def test_a_file_that_somebody_changed_meanwhile_is_not_overwritten(tmp_path: Pat
     file.write_bytes(file.read_bytes() + b"# mine\n")
     with pytest.raises(DeckError, match="changed by somebody else"):
         document.save()
+
+
+@pytest.mark.parametrize(
+    "rows", ['[[rows]]\nname = "a" # mine\n\n[[rows]]\nname = "b"\n\n[after]\nx = 1\n', 'rows = [{ name = "a" }, { name = "b" }]\n']
+)
+def test_entries_are_added_to_a_list_and_taken_from_it(rows: str) -> None:
+    document = DeckDocument(Path("list.toml"), rows, check=lambda path, content: None)
+    longer = document.edited(Edit(("rows", 2), {"name": "c", "limits": {"rmse": "1 [K]"}}))
+    assert [r["name"] for r in longer.content["rows"]] == ["a", "b", "c"]
+    other = longer.edited(Edit(("rows", 1), {"name": "d"}))
+    assert [r["name"] for r in other.content["rows"]] == ["a", "d", "c"]
+    shorter = other.edited(Edit(("rows", 0)))
+    assert [r["name"] for r in shorter.content["rows"]] == ["d", "c"]
+    assert shorter.undo().undo().undo().text == rows
+    for wrong in (Edit(("rows", 3), {"name": "e"}), Edit(("rows", 2)), Edit(("rows", -1), {"name": "e"})):
+        with pytest.raises(DeckError, match="no such entry"):
+            document.edited(wrong)

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
+
+import numpy as np
 
 from thermid.app.studio.conditions import compared, conditions_object, finished
 from thermid.app.studio.curves import number_of, text_of, texts_of
@@ -14,15 +17,33 @@ from thermid.app.studio.draft import CAMPAIGN, DECK, PLACES, VIEW, Draft, keep, 
 from thermid.app.studio.follow import Follower, looked_at
 from thermid.app.studio.live import WATCHED_ROLES
 from thermid.app.studio.orders import curves_object
-from thermid.app.studio.shapes import PALETTE, SOURCES, added, palette, removed, renamed, scheduled, schedules, sheets, stored, valued
+from thermid.app.studio.shapes import (
+    PALETTE,
+    SOURCES,
+    added,
+    free_name,
+    palette,
+    removed,
+    renamed,
+    scheduled,
+    schedules,
+    sheets,
+    stored,
+    valued,
+)
 from thermid.app.studio.work import Jobs, JobState
 from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, ThermidError, refuse_unknown
+from thermid.base.expression import kelvin
 from thermid.base.files import RESULTS_FILE, read_bytes, write_bytes
 from thermid.base.toml_files import read_toml, resolve_inside
 from thermid.base.units import from_si
 from thermid.campaign.stages import request_of
-from thermid.campaign.start import word
+from thermid.campaign.start import ACCURACY, VERDICT_NOISES, VERDICT_SHARE_OF_RANGE, word
+from thermid.campaign.verdicts import Criteria
 from thermid.fit.calibration import Calibration, Request, build_problem, fit
+from thermid.measure.amounts import short
+from thermid.measure.readers import name_and_unit, read_record
+from thermid.measure.records import Record
 from thermid.model.deck import Edit
 from thermid.model.tree import Model, parameter_table
 from thermid.reporting.diagrams import card_places
@@ -54,6 +75,8 @@ class Building:
         self.draft, self.notice = recalled(path, stage)
         self.jobs = Jobs()
         self._model: tuple[str, Model] | None = None
+        self._opened = ""
+        self._looks: dict[Path, tuple[Any, dict[str, Any]]] = {}
         self.fitted: dict[str, dict[str, Any]] = {}
 
     # ---- what the page is told -------------------------------------------------------------------------------------------------
@@ -73,11 +96,17 @@ class Building:
             **{"file": draft.deck.path.name, "title": content["title"], "text": text.removeprefix("\ufeff"), "notice": self.notice},
             **{"elements": elements, "others": others, "places": self._places(elements), "palette": palette(), "sources": SOURCES},
             **{"faults": self.faults(), "undo": len(draft.past), "redo": len(draft.future), "unsaved": [*draft.to_save()]},
-            **{"changed": list(draft.moved_on()), "log": log, "parameters": self._parameters(), "decks": self._decks()},
+            **{
+                "changed": list(draft.moved_on()),
+                "log": log,
+                "records": self._records(),
+                "parameters": self._parameters(),
+                "decks": self._decks(),
+            },
             "logs": Follower(draft.documents[CAMPAIGN].path.parent).offered()["logs"],
             "missing": sum(f["missing"] for e in elements for f in e["fields"]),
             **{"stages": [s["name"] for s in draft.documents[CAMPAIGN].content["stages"]], "stage": self._stage()["name"]},
-            **{"inherited": self._inherited(), "held": held if log is not None else {}},
+            **{"inherited": self._inherited(), "held": held if log is not None else {}, **self._refused()},
         }
 
     @property
@@ -147,18 +176,43 @@ class Building:
         return [{"path": path, "words": f"{value:.4g} [{s.unit}], {s.origin}"} for path, value, s in shown]
 
     def _bound(self) -> dict[str, Any] | None:
-        """Return the log of the stage with its columns and what they are bound to; None where there is none."""
-        content = self.draft.documents[CAMPAIGN].content
-        name = next((n for n in reversed(self._stage().get("records", [])) if n in content["records"]), None)
-        if name is None or "file" not in content["records"][name]:
+        """Return the log that is looked at, at first the last one of the fit, with its columns and their bindings; None without one."""
+        records = self._records()
+        open_ones = [r["name"] for r in records if r["name"] == self._opened] or [r["name"] for r in records if r["use"] == "fit"][-1:]
+        if not open_ones:
             return None
-        table = content["records"][name]
+        table = self.draft.documents[CAMPAIGN].content["records"][open_ones[0]]
         try:
-            looked = looked_at(self._inside(table["file"]), table.get("time"))
-            looked = {k: looked[k] for k in ("problem", "rows", "columns", "questions", "notes", "sampling", "clock")}
+            looked = self._looked(table)
         except ThermidError as error:
-            looked = {"problem": error.message, "rows": 0, "columns": [], "questions": [], "notes": []}
-        return {"record": name, "file": table["file"], "channels": table["channels"], "others": len(content["records"]) - 1, **looked}
+            looked = {"problem": error.message, "rows": 0, "columns": [], "questions": [], "notes": [], "supply": []}
+        columns = _with_uses(looked["columns"], looked["supply"], table["channels"])
+        shown: dict[str, Any] = {k: looked[k] for k in ("problem", "rows", "questions", "notes", "sampling", "clock") if k in looked}
+        return {"record": open_ones[0], "file": table["file"], "channels": table["channels"], "columns": columns, **shown}
+
+    def _records(self) -> list[dict[str, Any]]:
+        """Return the logs of the stage: those that its fit uses, then those that are held out, each with the limit of its RMSE."""
+        content = self.draft.documents[CAMPAIGN].content
+        stage, held = self._stage(), self._verdicts()
+        out = [{"name": n, "use": "fit"} for n in stage.get("records", [])]
+        out += [{"name": n, "use": "held out", "limit": str(v["criteria"].get("rmse", ""))} for n, v in held.items()]
+        files = {n: t["file"] for n, t in content["records"].items() if "file" in t}
+        return [r | {"file": files[r["name"]]} for r in out if r["name"] in files]
+
+    def _verdicts(self) -> dict[str, Any]:
+        """Return record -> verdict on the stage, with its place in the campaign."""
+        verdicts = self.draft.documents[CAMPAIGN].content.get("verdicts", [])
+        name = self._stage()["name"]
+        return {v["record"]: {**v, "place": k} for k, v in enumerate(verdicts) if v["model"] == name}
+
+    def _looked(self, table: Mapping[str, Any]) -> dict[str, Any]:
+        """Return what the log of a record looks like, looked at again where it was written since."""
+        path = self._inside(table["file"])
+        status = path.stat() if path.exists() else None
+        stamp = (table.get("time"), status and (status.st_mtime_ns, status.st_size))
+        if path not in self._looks or self._looks[path][0] != stamp:
+            self._looks[path] = stamp, looked_at(path, table.get("time"))
+        return self._looks[path][1]
 
     def _inside(self, name: str) -> Path:
         return resolve_inside(self.draft.documents[CAMPAIGN].path.parent, name, "log")
@@ -170,20 +224,38 @@ class Building:
 
         Raises
         ------
-        ThermidError   When it is refused; nothing is changed then.
+        ThermidError   When it is refused, as all else is while a text that is no deck yet waits; nothing is changed then.
         """
         what, more = text_of(body, "do"), {}
         refuse_unknown([what], self._commands, "build", "no command '{}'.", NameNotFoundError)
+        if self.draft.typed and what not in ("text", "drop text"):
+            raise self._unmended()
         try:
             after = self._commands[what](self, body)
-        except ThermidError as error:
+        except ThermidError:
             if what != "text":
                 raise
-            return self.state() | {"refused": self._fault("error", error.code, error.message, error.where, text_of(body, "text"))}
+            after = replace(self.draft, typed=text_of(body, "text"))
         if isinstance(after, tuple):
             after, more = after
         self._take(after)
         return self.state() | more
+
+    def _unmended(self) -> DeckError:
+        """Return the refusal of what would lose a text that is no deck yet."""
+        line = self._refused()["refused"]["line"]
+        at = f" at line {line}" if line else ""
+        return DeckError(f"the text has a fault{at}. Mend it in Text, or drop what was typed there.", "text", code="output.edit-refused")
+
+    def _refused(self) -> dict[str, Any]:
+        """Return a text that is no deck yet and its fault; nothing where there is none."""
+        typed = self.draft.typed
+        try:
+            if typed:
+                self.draft.rewritten(typed)
+        except ThermidError as error:
+            return {"typed": typed, "refused": self._fault("error", error.code, error.message, error.where, typed)}
+        return {}
 
     def _take(self, draft: Draft) -> None:
         if draft is not self.draft:
@@ -218,7 +290,7 @@ class Building:
     def _place(self, name: str, body: Body) -> Edit:
         return Edit((PLACES, name), [round(number_of(body, axis) / PLACE_GRID) * PLACE_GRID for axis in ("x", "y")])
 
-    def _rename(self, body: Body) -> Draft:
+    def _rename(self, body: Body) -> tuple[Draft, dict[str, Any]]:
         keys, name = texts_of(body, "keys"), text_of(body, "name").strip()
         edits = renamed(self.draft.deck.content, keys, name)
         placed, bound = self.draft.documents[VIEW].content.get(PLACES, {}), self.draft.documents[CAMPAIGN].content
@@ -233,7 +305,7 @@ class Building:
         free = self._stage().get("free", [])
         new = [name + p[len(keys[1]) :] if p.startswith(f"{keys[1]}.") else p for p in free]
         freed = [Edit(("stages", self._place_of_stage(), "free"), new)] if new != free else []
-        return self.draft.edited({DECK: edits, VIEW: places, CAMPAIGN: [*channels, *freed]})
+        return self.draft.edited({DECK: edits, VIEW: places, CAMPAIGN: [*channels, *freed]}), {"made": name, "table": keys[0]}
 
     def _remove(self, body: Body) -> Draft:
         keys = texts_of(body, "keys")
@@ -242,18 +314,68 @@ class Building:
         return self.draft.edited({DECK: removed(self.draft.deck.content, keys), VIEW: places})
 
     def _bind(self, body: Body) -> Draft:
-        """Return the draft with columns of the log bound, each to nothing where no target is given."""
+        """Return the draft with columns of the log bound, each to nothing where no target is given.
+
+        A thermometer that is bound for the first time gets the errors that its readings show; see `_with_errors`.
+
+        Raises
+        ------
+        ThermidError   When a column cannot be what it is bound to.
+        """
         log = self._bound()
         if log is None:
             raise MissingDataError("no log is open. Drop one on the page first.", "log")
-        edits = []
+        edits, record = [], self.draft.documents[CAMPAIGN].content["records"][log["record"]]
+        rows = {c["key"]: c for c in log["columns"]}
         for column, table in dict(body.get("channels", {})).items():
             keys = ("records", log["record"], "channels", str(column))
+            before = log["channels"].get(column)
             if table:
-                edits.append(Edit(keys, {str(k): str(v) for k, v in dict(table).items() if v}))
-            elif column in log["channels"]:
+                made = {str(k): v for k, v in dict(table).items() if v not in ("", None)} | rows.get(column, {}).get("formula", {})
+                if not _warm(made):
+                    made = {k: v for k, v in made.items() if k not in ("noise", "accuracy")}
+                channel = {column: made}
+                channel = self._with_errors(record, channel) if not _warm(before) and not {"noise", "accuracy"} & set(table) else channel
+                self._read(record, channel)
+                edits.append(Edit(keys, channel[column]))
+            elif before is not None:
                 edits.append(Edit(keys))
         return self.draft.edited({CAMPAIGN: edits})
+
+    def _read(self, record: Mapping[str, Any], channels: Mapping[str, Any]) -> Record:
+        """Return some channels of a record's log.
+
+        Raises
+        ------
+        ThermidError   When a column cannot be what it is bound to.
+        """
+        how = {k: record[k] for k in ("time", "units", "separator", "decimal", "clock") if k in record}
+        how["units"] = {n: u for n, u in record.get("units", {}).items() if n in channels} or None
+        return read_record(self._inside(record["file"]), channels, **how)
+
+    def _with_errors(self, record: Mapping[str, Any], channels: Mapping[str, Any]) -> dict[str, Any]:
+        """Return bindings with the accuracy of thermometers that `thermid init` assumes too, and the noise that readings of nodes show."""
+        out = {c: t | {"accuracy": f"{ACCURACY:g} [K]"} if _warm(t) else t for c, t in channels.items()}
+        nodes = {c: t for c, t in out.items() if "node" in t}
+        try:
+            read = self._read(record, nodes) if nodes else None
+        except ThermidError:
+            return out  # what is wrong with it is said where it is bound, or run
+        noises = {c: round(read[c].noise_seen, 6) for c in nodes} if read is not None else {}
+        return out | {c: t | {"noise": f"{short(noises[c], 2)} [K]"} for c, t in nodes.items() if noises[c]}
+
+    def _hold(self, body: Body) -> Draft:
+        """Return the draft with a boundary held at a temperature for the whole log; without a text that is taken away.
+
+        Raises
+        ------
+        ThermidError   When the text is no temperature.
+        """
+        value = text_of(body, "value")
+        if value.strip():
+            kelvin(value)
+        where = ("stages", self._place_of_stage(), "scenario", "boundaries", text_of(body, "name"))
+        return self.draft.edited({CAMPAIGN: valued({}, where, value, "")})
 
     def _free(self, body: Body) -> Draft:
         return self.draft.edited({CAMPAIGN: [Edit(("stages", self._place_of_stage(), "free"), list(texts_of(body, "paths")))]})
@@ -269,25 +391,92 @@ class Building:
         return draft
 
     def _log(self, body: Body) -> Draft:
-        """Return the draft with a log of the folder as its record, its columns bound as their names and units suggest."""
-        file = text_of(body, "file")
-        looked = looked_at(self._inside(file))
-        name, stage = word(Path(file).name.partition(".")[0]), self._place_of_stage()
-        records = [*(r for r in self._stage().get("records", []) if r != name), name]
-        tables, first = self.draft.documents[CAMPAIGN].content["records"], [Edit(("stages", stage, "records"), records)]
-        if tables.get(name, {}).get("file") == file:  # looked at again: what a person bound stays
-            return self.draft.edited({CAMPAIGN: first})
-        bound = {c: t for r in records for c, t in tables.get(r, {}).get("channels", {}).items()}
-        channels = self._proposed(looked["columns"]) | {c["name"]: bound[c["name"]] for c in looked["columns"] if c["name"] in bound}
-        edits = [Edit(("records", name), {"file": file, "channels": channels}), *first]
+        """Return the draft with a log of the folder as a record, looked at; one that is a record already stays as it is.
+
+        The first log of a stage is fitted, a further one held out until `_use` says otherwise. Its columns are bound as those of the log
+        that was looked at before, and others as their names and units suggest.
+        """
+        file, content = text_of(body, "file"), self.draft.documents[CAMPAIGN].content
+        path, folder = self._inside(file), self.draft.documents[CAMPAIGN].path.parent
+        there = {n: t for n, t in content["records"].items() if "file" in t and (folder / t["file"]).resolve() == path}
+        name = next(iter(there), "") or free_name(Path(file).name.partition(".")[0], content["records"])
+        table, edits = there.get(name, {"file": file, "channels": {}}), []
+        if not table["channels"]:
+            table = {**table, "channels": self._proposed(table, self._bound())}
+            edits.append(Edit(("records", name), table))
+        if name not in {r["name"] for r in self._records()}:
+            edits += self._use_edits(name, "held out" if self._stage().get("records") else "fit", table)
+        draft, self._opened = self.draft.edited({CAMPAIGN: edits}), name
+        return draft
+
+    def _use(self, body: Body) -> Draft:
+        """Return the draft with a log used by the fit, held out of it to be judged, or taken out of the stage."""
+        name, how = text_of(body, "record"), text_of(body, "how")
+        refuse_unknown([how], ("fit", "held out", "none"), "log", "no use '{}' of a log.", NameNotFoundError)
+        refuse_unknown([name], [r["name"] for r in self._records()], "log", "no log '{}'.", NameNotFoundError)
+        content = self.draft.documents[CAMPAIGN].content
+        edits = self._use_edits(name, how, content["records"][name])
+        stage = self._stage()["name"]
+        others = [r for s in content["stages"] if s["name"] != stage for r in s.get("records", [])]
+        others += [v["record"] for v in content.get("verdicts", []) if v["model"] != stage]
+        if how == "none" and name not in others:
+            edits.append(Edit(("records", name)))
         return self.draft.edited({CAMPAIGN: edits})
 
-    def _proposed(self, columns: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, str]]:
-        """Return column -> binding where a name of the deck stands in the column's name and its unit fits."""
-        content, out = self.draft.deck.content, {}
+    def _use_edits(self, name: str, how: str, table: Mapping[str, Any]) -> list[Edit]:
+        """Return the edits that make a record one of the fit, one that is held out, or none of the stage."""
+        verdicts, records = self.draft.documents[CAMPAIGN].content.get("verdicts", []), self._stage().get("records", [])
+        held, place = self._verdicts(), ("stages", self._place_of_stage(), "records")
+        edits = []
+        if how != "held out" and name in held:
+            edits.append(Edit(("verdicts",)) if len(verdicts) == 1 else Edit(("verdicts", held[name]["place"])))
+        if how == "fit" and name not in records:
+            edits.append(Edit(place, [*records, name]))
+        if how != "fit" and name in records:
+            edits.append(Edit(place, [r for r in records if r != name]))
+        if how == "held out" and name not in held:
+            verdict = {"model": self._stage()["name"], "record": name, "criteria": {"rmse": self._first_limit(table)}}
+            edits.append(Edit(("verdicts", len(verdicts)), verdict) if verdicts else Edit(("verdicts",), [verdict]))
+        return edits
+
+    def _first_limit(self, table: Mapping[str, Any]) -> str:
+        """Return a limit of the RMSE that a person may change: as `thermid init` has it, of the sensor that is allowed most."""
+        nodes = {c: t for c, t in table["channels"].items() if isinstance(t, Mapping) and "node" in t}
+        try:
+            read = self._read(table, nodes)
+            sizes = [
+                max(VERDICT_NOISES * c.noise_seen, VERDICT_SHARE_OF_RANGE * float(np.ptp(c.values[c.valid])))
+                for c in map(read.channel, nodes)
+            ]
+        except (ThermidError, ValueError):
+            sizes = []
+        return f"{short(max(sizes, default=1.0), 2)} [K]"
+
+    def _limit(self, body: Body) -> Draft:
+        """Return the draft with another limit of the RMSE on a log that is held out.
+
+        Raises
+        ------
+        ThermidError   When no such log is, or the limit is no temperature difference above zero.
+        """
+        held, name, value = self._verdicts(), text_of(body, "record"), text_of(body, "value")
+        refuse_unknown([name], held, "log", "no log '{}' is held out.", NameNotFoundError)
+        Criteria(rmse=value)
+        return self.draft.edited({CAMPAIGN: [Edit(("verdicts", held[name]["place"], "criteria", "rmse"), value)]})
+
+    def _proposed(self, table: Mapping[str, Any], before: Mapping[str, Any] | None) -> dict[str, dict[str, Any]]:
+        """Return column -> binding: as in the log before, of columns that it has; else where a name of the deck stands in the column's."""
+        looked, content = self._looked(table), self.draft.deck.content
+        columns, out, kept = looked["columns"], {}, {}
+        if before is not None:
+            names, known = {c["name"] for c in columns}, {c["name"] for c in before["columns"]}
+            own = {c["key"]: _columns_of(c["name"], before["channels"].get(c["key"])) for c in before["columns"]}
+            kept = {n: before["channels"][n] for n, parts in own.items() if n in before["channels"] and parts <= names}
+            columns = [c for c in columns if c["name"] not in known]
         warm = {"node": content.get("nodes", {}), "boundary": content.get("needs", [])}
-        rooms = {"temperature": warm, "boundary": warm, "power": (heats := {"load": content.get("loads", {})})}
-        rooms["duty"] = {"command": content.get("loads", {})}  # a share of the deck's power
+        heats = {"load": content.get("loads", {})}
+        # a duty is a share of the deck's power
+        rooms = {"temperature": warm, "boundary": warm, "power": heats, "duty": {"command": content.get("loads", {})}}
         for column in columns:
             words, unit = word(column["name"]), column["unit"] if column["assumed"] else ""
             stem, _, letter = words.rpartition("_")
@@ -298,7 +487,12 @@ class Building:
             if hits:
                 _, role, target = max(hits)
                 out[column["name"]] = {role: target} | ({"unit": unit} if unit else {})
-        return out
+        heated = {t[r] for t in (kept | out).values() if isinstance(t, Mapping) for r in ("load", "command") if r in t}
+        cold = [n for n in content.get("loads", {}) if n not in heated]
+        power = next((c for c in _with_uses(columns, looked["supply"], kept | out) if "formula" in c), None)
+        if len(cold) == 1 and power is not None:  # nothing else can be what the volts and amperes heat
+            out[power["name"]] = {"load": cold[0], **power["formula"]}
+        return kept | self._with_errors(table, out)
 
     def _take_fit(self, body: Body) -> Draft:
         """Return the draft with values that the last fit log."""
@@ -316,9 +510,7 @@ class Building:
         "schedule": lambda s, b: s.draft.edited(
             {DECK: scheduled(s.draft.deck.content, texts_of(b, "keys"), *(text_of(b, k) for k in ("on", "off", "share")))}
         ),
-        "hold": lambda s, b: s.draft.edited(
-            {CAMPAIGN: valued({}, ("stages", s._place_of_stage(), "scenario", "boundaries", text_of(b, "name")), text_of(b, "value"), "")}
-        ),
+        "hold": _hold,
         "sensor": lambda s, b: s.draft.edited({DECK: [Edit(("nodes", text_of(b, "name"), "reference_point"), bool(b.get("on")))]}),
         "use part": lambda s, b: s.draft.edited(
             {DECK: [Edit(("submodels", text_of(b, "name"), k), v) for k, v in s._part(text_of(b, "deck")).items()]}
@@ -328,11 +520,14 @@ class Building:
         "rename": _rename,
         "remove": _remove,
         "move": lambda s, b: s.draft.edited({VIEW: [s._place(text_of(b, "name"), b)]}),
-        "text": lambda s, b: s.draft.rewritten(text_of(b, "text")),
+        "text": lambda s, b: replace(s.draft.rewritten(text_of(b, "text")), typed=""),
+        "drop text": lambda s, b: replace(s.draft, typed=""),
         "undo": lambda s, b: s.draft.undo(),
         "redo": lambda s, b: s.draft.redo(),
         "stage": _open_stage,
         "log": _log,
+        "use": _use,
+        "limit": _limit,
         "bind": _bind,
         "free": _free,
         "take fit": _take_fit,
@@ -361,8 +556,8 @@ class Building:
 
     def desk(self) -> Desk:
         """Return the draft ready to run: on its record, or in a room where no log is bound."""
-        log, title = self._bound(), str(self.draft.deck.content["title"])
-        if log["channels"] if log is not None else self._stage().get("records"):
+        title, records = str(self.draft.deck.content["title"]), self.draft.documents[CAMPAIGN].content["records"]
+        if any(records.get(n, {}).get("channels", True) for n in self._stage().get("records", [])):
             request = self.request()
             return Desk(title, request.model, build_problem(request))
         boundaries = dict.fromkeys(compile_network(self.model).boundaries, "24 [degC]")
@@ -404,6 +599,8 @@ class Building:
 
     def difference(self) -> dict[str, Any]:
         """Return what saving would change, as a unified diff, with what somebody else changed in the files merged into it first."""
+        if self.draft.typed:
+            raise self._unmended()
         self._take(self.draft.merged())
         return {"diff": self.draft.diff(), "files": [d.path.name for d in self.draft.to_save().values()]}
 
@@ -443,6 +640,41 @@ class Building:
             if target.is_file() and read_bytes(target) == data:
                 return f"logs/{target.name}"
         raise DeckError("there are too many logs of this name.", "log", code="studio.not-now")
+
+
+def _warm(binding: Any) -> bool:
+    """Whether a column is bound as a thermometer."""
+    return isinstance(binding, Mapping) and bool({"node", "boundary"} & set(binding))
+
+
+def _columns_of(name: str, binding: Any) -> set[str]:
+    """Return the columns that a channel is read from: its own, the one that it names, or those of its formula."""
+    if not isinstance(binding, Mapping):
+        return {binding or name}
+    power = binding.get("power")
+    return {name} if power is None else set(re.findall(r"`([^`]+)`", str(power))) if isinstance(power, str) else {*map(str, power.values())}
+
+
+def _with_uses(columns: Sequence[Mapping[str, Any]], supply: Sequence[str], channels: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the columns of a log, each with the channels that use it; a power of several columns is a row of its own, bound or not.
+
+    A channel has the name of its column, or its heading as written; `key` is the one in use.
+    """
+    names = {c["name"] for c in columns}
+    formula = {n: t["power"] for n, t in channels.items() if isinstance(t, Mapping) and "power" in t}
+    if supply and {*supply} <= names and not any({*supply} <= _columns_of(n, channels[n]) for n in formula):
+        free = "P_supply" if "P_supply" not in {*names, *channels} else free_name("P_supply", {*names, *channels})
+        formula[free] = dict(zip(("volts", "amperes"), supply, strict=True))
+    why = {n: p if isinstance(p, str) else ", ".join(f"{k} = {c}" for k, c in p.items()) for n, p in formula.items()}
+    row = {"unit": "W", "assumed": False, "open": False, "guess": "power", "roles": ("load",), "used": []}
+    own = [{"name": n, "key": n, **row, "why": why[n], "formula": {"power": p}} for n, p in formula.items()]
+    keys = {name_and_unit(n)[0]: n for n in channels} | {n: n for n in channels}
+    out = []
+    for column in (c for c in columns if c["name"] not in formula):
+        key = keys.get(column["name"], column["name"])
+        users = [n for n, t in channels.items() if n != key and {column["name"], key} & _columns_of(n, t)]
+        out.append({**column, "key": key, "used": users})
+    return [*out, *own]
 
 
 _SHOWN: Final = ("nodes", "surfaces", "conductors", "loads", "submodels")

@@ -50,6 +50,7 @@ class Draft:
     future : tuple      For each step that was undone, the next one last.
     base : dict         Name -> text of its file when it was read or last saved; empty for none.
     stage : int         Place of the stage in the campaign; -1 is the last one.
+    typed : str         Text of the deck that somebody typed and that is no deck yet; empty where there is none. An edit would lose it.
     """
 
     documents: Mapping[str, DeckDocument]
@@ -57,6 +58,7 @@ class Draft:
     future: tuple[tuple[str, ...], ...] = field(default=())
     base: Mapping[str, str] = field(default_factory=dict)
     stage: int = -1
+    typed: str = ""
 
     @classmethod
     def opened(cls, path: Path, stage: int = -1) -> Draft:
@@ -235,7 +237,7 @@ def keep(draft: Draft) -> None:
     """Write the journal of a draft, so that a killed studio loses nothing."""
     documents = {name: d.history for name, d in draft.documents.items()}
     steps = {"past": draft.past, "future": draft.future, "base": draft.base}
-    text = json.dumps({"documents": documents, **steps, "waiting": bool(draft.to_save())})
+    text = json.dumps({"documents": documents, **steps, "typed": draft.typed, "waiting": bool(draft.to_save() or draft.typed)})
     with command(force=True):
         write_bytes(journal_of(draft.deck.path), text.encode(), RESULTS_FILE)
 
@@ -250,14 +252,14 @@ def recalled(path: Path, stage: int = -1) -> tuple[Draft, str]:
         journal = json.loads(read_text(journal_of(plain.deck.path)))
         documents = {name: plain.documents[name].with_history(**of) for name, of in journal["documents"].items()}
         past, future = (tuple(map(tuple, journal[key])) for key in ("past", "future"))
-        draft = Draft(documents, past, future, dict(journal["base"]), stage)
+        draft = Draft(documents, past, future, dict(journal["base"]), stage, str(journal.get("typed", "")))
         for document in documents.values():
             document.check(document.path, document.content)
     except (OSError, ValueError, KeyError, TypeError, ThermidError):
         return plain, ""
     if draft.moved_on() and not journal["waiting"]:
         return plain, ""
-    return draft, "Edits that were not saved are back." if draft.to_save() else ""
+    return draft, "Edits that were not saved are back." if draft.to_save() or draft.typed else ""
 
 
 def parsed_line(text: str, where: str) -> int | None:
@@ -265,3 +267,17 @@ def parsed_line(text: str, where: str) -> int | None:
     lines, (_, _, key) = line_numbers(text), where.partition(", ")
     steps = key.split(".") if key else []
     return next((lines[k] for n in range(len(steps), 0, -1) if (k := ".".join(steps[:n])) in lines), None)
+
+
+def waiting(folder: Path) -> list[str]:
+    """Return the names of decks of a folder that were begun and never saved: their journal is there, and no file."""
+    out = []
+    for journal in sorted(folder.glob(".*.studio.json")):
+        name = journal.name.removeprefix(".").removesuffix(".studio.json")
+        try:
+            unsaved = bool(json.loads(read_text(journal))["waiting"])
+        except (OSError, ValueError, KeyError, TypeError, ThermidError):
+            continue
+        if unsaved and not (folder / f"{name}.toml").exists():
+            out.append(name)
+    return out

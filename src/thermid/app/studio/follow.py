@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from thermid.app.studio.live import LiveWatch, temperatures_alone, told_columns
 from thermid.base.errors import DeckError, MissingDataError, RecordError, ThermidError, refuse_unknown
 from thermid.base.linear_algebra import Array, Bools
 from thermid.base.toml_files import project_root, resolve_inside
+from thermid.base.units import unit
 from thermid.measure.readers import read_record, temperature_columns
 from thermid.measure.records import Channel, Record
 from thermid.measure.steadiness import RULES, ChannelStability, StabilityRule, channel_stability, rule_of, since_when
@@ -34,9 +35,33 @@ BREAK = 5.0
 """A time between samples that is so many times the usual one is drawn as a gap."""
 
 
+_ROLES: Final = {"K": ("node", "boundary"), "W": ("load",), "1": ("load", "command")}
+"""Unit -> what a column of its kind may be bound as."""
+
+
 def looked_at(path: Path, time: str | None = None) -> dict[str, Any]:
-    """Return what `thermid look` says of a log: its columns with what they look like and why, its rows, and questions."""
-    return look(path, time=time).as_object()
+    """Return what `thermid look` says of a log: its columns with what they look like and why, its rows, questions, volts and amperes.
+
+    Each column has its `roles`, what it may be bound as, and is `open` where somebody must say its unit.
+    """
+    found = look(path, time=time)
+    out = found.as_object()
+    for column in out["columns"]:
+        roles = _roles(column["unit"])
+        column |= {"roles": _ANY if roles is None else roles, "open": column["assumed"] or roles is None}
+    return out | {"supply": [c.name for c in found.supply or ()]}
+
+
+_ANY: Final = ("node", "boundary", "load", "command")
+
+
+def _roles(text: str) -> tuple[str, ...] | None:
+    """Return what a column in a unit may be bound as; None where the unit is none that is known."""
+    try:
+        of = unit(text).dimension if text.strip() else None
+    except ThermidError:
+        of = None
+    return None if of is None else next((roles for slot, roles in _ROLES.items() if of == unit(slot).dimension), ())
 
 
 @dataclass

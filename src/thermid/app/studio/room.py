@@ -9,6 +9,7 @@ from typing import Any, Final
 
 from thermid.app.studio.building import Building
 from thermid.app.studio.curves import text_of
+from thermid.app.studio.draft import waiting
 from thermid.app.studio.follow import Follower
 from thermid.app.studio.live import LiveWatch
 from thermid.app.studio.orders import orders, questions
@@ -58,6 +59,7 @@ class Room:
             "draft": lambda q: self.built().state(),
             "built": lambda q: self.built().jobs.state(),
             "conditions": lambda q: self.built().conditions(),
+            "draft/changed": lambda q: {"changed": list(self.built().draft.moved_on())},
         }
 
     @property
@@ -122,6 +124,7 @@ class Room:
         return {
             "folder": self.folder.name or str(self.folder),
             "files": self._files(),
+            "waiting": waiting(self.folder),
             "examples": [{"name": e.name, "shows": e.shows, "fetched": e.data is not None} for e in EXAMPLES.values()],
             "recent": [f.relative_to(self.folder).as_posix() for f in self._recent() if f.is_relative_to(self.folder) and f.is_file()],
             "open": None if self.project is None else self.project.path.name,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
@@ -126,7 +126,7 @@ def added(content: Mapping[str, Any], shape: str, name: str, ends: Sequence[str]
     if kind.table == "sensors":
         return [Edit(("nodes", ends[0], "reference_point"), True)], ends[0]
     taken = names_of(content)
-    chosen = name.strip() or _free_name("_".join(ends if kind.ends == 2 else (shape, *ends)), taken)
+    chosen = name.strip() or free_name("_".join(ends if kind.ends == 2 else (shape, *ends)), taken)
     if chosen in taken or not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", chosen):
         raise _no_name(chosen)
     if kind.table == "needs":
@@ -135,7 +135,8 @@ def added(content: Mapping[str, Any], shape: str, name: str, ends: Sequence[str]
     return [Edit((kind.table, chosen), {**fields, **part, **kind.content})], chosen
 
 
-def _free_name(wanted: str, taken: Sequence[str] | set[str]) -> str:
+def free_name(wanted: str, taken: Container[str]) -> str:
+    """Return a name made of letters of a wanted one that is not taken yet."""
     plain = word(wanted)
     return next(n for k in range(1, 10**6) if (n := plain if k == 1 else f"{plain}_{k}") not in taken)
 
@@ -178,7 +179,7 @@ def scheduled(content: Mapping[str, Any], keys: Sequence[str], on: str, off: str
     table, name = keys
     refuse_unknown([table], SWITCHED, name, "what stands in '{}' is not switched.", NameNotFoundError)
     naming = (table, name, SWITCHED[table])
-    control = content[table][name].get(SWITCHED[table]) or _free_name(f"{name}_schedule", set(content.get("controls", {})))
+    control = content[table][name].get(SWITCHED[table]) or free_name(f"{name}_schedule", set(content.get("controls", {})))
     if not on.strip():
         return [Edit(naming), Edit(("controls", control))]
     turns = {"ends": {"from": "on", "to": "off", "after": on}, "begins": {"from": "off", "to": "on", "after": off or on}}

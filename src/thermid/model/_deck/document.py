@@ -34,7 +34,8 @@ class Edit:
 
     Parameters
     ----------
-    keys : tuple of str     Where: ``("nodes", "case", "capacitance")``; a number is a place in a list, ``("stages", 0, "free")``.
+    keys : tuple of str     Where: ``("nodes", "case", "capacitance")``; a number is a place in a list,
+                            ``("stages", 0, "free")``; the first one that is free adds to it.
     value : object          What stands there then: text, number, list or table; `Renamed`; `GONE`, the default, takes it away.
     """
 
@@ -261,9 +262,10 @@ def _with(content: Any, edit: Edit, name: str) -> Any:
     head, *rest = edit.keys
     out: Any = list(content) if isinstance(content, list) else dict(content)
     if isinstance(out, list):
-        if not rest or not isinstance(head, int) or not 0 <= head < len(out):
+        if not isinstance(head, int) or not 0 <= head < len(out) + (not rest and edit.value is not GONE):
             raise _refused("there is no such entry.", f"{name}, {head}")
-        out[head] = _with(out[head], Edit(tuple(rest), edit.value), f"{name}, {head}")
+        new = [_with(out[head], Edit(tuple(rest), edit.value), f"{name}, {head}")] if rest else [] if edit.value is GONE else [edit.value]
+        out[head : head + 1] = new
     elif rest:
         inner = out.get(head, {} if edit.value is not GONE else GONE)
         if not isinstance(inner, dict | list):
@@ -286,25 +288,29 @@ def _rewritten(text: str, edit: Edit, name: str) -> str:
     """Return a text after an edit, in its own line ends."""
     from tomlkit import dumps, inline_table, parse, table
     from tomlkit.exceptions import TOMLKitError
-    from tomlkit.items import Table
+    from tomlkit.items import AoT, Table
 
     mark, plain = text[: text.startswith(BOM)], text.removeprefix(BOM)
     try:
         document = parse(plain)
         home: Any = document
+        last: Any = edit.keys[-1]
         for key in edit.keys[:-1]:
             if not isinstance(key, int) and key not in home:
                 home[key] = table() if home is document else inline_table()
             home = home[key]
         if edit.value is GONE:
-            del home[edit.keys[-1]]
+            del home[last]
         elif isinstance(edit.value, Renamed):
-            old = edit.keys[-1]
-            if isinstance(home[old], Table):
-                home[old].display_name = None  # a header is written by its key
-            getattr(home, "value", home)._replace(old, edit.value.name, home[old])
+            if isinstance(home[last], Table):
+                home[last].display_name = None  # a header is written by its key
+            getattr(home, "value", home)._replace(last, edit.value.name, home[last])
+        elif isinstance(home, list):
+            if last < len(home):
+                del home[last]
+            home.insert(last, toml_item([edit.value], isinstance(home, AoT))[0])
         else:
-            home[edit.keys[-1]] = toml_item(edit.value, home is document)
+            home[last] = toml_item(edit.value, home is document)
         written = dumps(document)
     except (TOMLKitError, ThermidError, AttributeError, KeyError, TypeError, ValueError) as error:
         raise _refused(f"this edit cannot be written: {error}.", f"{name}, {'.'.join(map(str, edit.keys))}") from None

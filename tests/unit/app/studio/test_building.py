@@ -18,7 +18,7 @@ from thermid.app.studio.project import Project
 from thermid.app.studio.room import Room
 from thermid.app.studio.shapes import PALETTE
 from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, ThermidError
-from thermid.campaign.stages import check_campaign
+from thermid.campaign.stages import check_campaign, run_stages
 from thermid.fit.calibration import calibrate
 from thermid.measure.readers import read_record
 from thermid.model.deck import load_model, model_from_dict
@@ -50,9 +50,9 @@ def test_what_is_built_fits_as_calibrate_does(tmp_path: Path) -> None:
     file = building.stored_log("test run.csv", write_log(tmp_path / "elsewhere.csv").read_bytes())
     state = do(building, "log", file=file)
     assert state["log"]["channels"] == {
-        "board C": {"node": "board", "unit": "degC"},
-        "case C": {"node": "case", "unit": "degC"},
-        "room C": {"boundary": "room", "unit": "degC"},
+        "board C": {"node": "board", "unit": "degC", "accuracy": "0.5 [K]", "noise": "0.056 [K]"},
+        "case C": {"node": "case", "unit": "degC", "accuracy": "0.5 [K]", "noise": "0.049 [K]"},
+        "room C": {"boundary": "room", "unit": "degC", "accuracy": "0.5 [K]"},
         "heater W": {"load": "heater", "unit": "W"},
     }
     free = ["joint.contact_conductance", "skin.effective_htc"]
@@ -384,3 +384,169 @@ def test_a_boundary_without_a_column_is_held_and_a_duty_is_a_command(tmp_path: P
     assert do(building, "hold", name="room", value="23 [degC]")["held"] == {"room": "23 [degC]"}
     assert building.desk().run_of(0, {})[1].boundaries["room"].value == pytest.approx(296.15)
     assert do(building, "hold", name="room", value="")["held"] == {"room": ""}
+
+
+def _electric(file: Path, seed: int = 3) -> bytes:
+    """The log of the box with the heater's voltage and current in place of its power."""
+    head, *rows = write_log(file, seed).read_text(encoding="utf-8").splitlines()
+    out = [head.replace("heater W", "U out (V),I out (mA)")]
+    for row in rows:
+        *cells, watts = row.split(",")
+        out.append(",".join([*cells, *(("10.0", "500") if float(watts) else ("0.0", "0"))]))
+    return "\n".join([*out, ""]).encode()
+
+
+def _with_log(folder: Path, data: bytes | None = None, name: str = "run.csv") -> tuple[Building, dict[str, Any]]:
+    building = box(folder)
+    return building, do(building, "log", file=building.stored_log(name, data or write_log(folder / "elsewhere.csv").read_bytes()))
+
+
+def test_a_log_that_is_chosen_again_keeps_its_record(tmp_path: Path) -> None:
+    building, state = _with_log(tmp_path, _electric(tmp_path / "a.csv"))
+    do(building, "bind", channels={"case C": None})
+    before = building.draft.documents["campaign"].text
+    other = do(building, "log", file=building.stored_log("other.csv", write_log(tmp_path / "b.csv", 4).read_bytes()))
+    assert other["log"]["record"] == "other"
+    state = do(building, "log", file="logs/run.csv")
+    assert state["log"]["record"] == "run"
+    assert state["log"]["channels"]["P_supply"]["power"] == {"volts": "U out", "amperes": "I out"}
+    assert "case C" not in state["log"]["channels"]
+    while "other" in building.draft.documents["campaign"].content["records"]:
+        do(building, "undo")
+    assert building.draft.documents["campaign"].text == before
+
+
+def test_logs_of_one_name_are_two_records(tmp_path: Path) -> None:
+    building, _ = _with_log(tmp_path)
+    (tmp_path / "day2").mkdir()
+    write_log(tmp_path / "day2" / "run.csv", 4)
+    assert do(building, "log", file="day2/run.csv")["log"]["record"] == "run_2"
+    assert building.draft.documents["campaign"].content["records"]["run"]["file"] == "logs/run.csv"
+
+
+def test_thermometers_are_bound_with_the_errors_that_they_show(tmp_path: Path) -> None:
+    """The noise that `thermid look` proposes, and the accuracy that `thermid init` assumes; a person may give others, or none."""
+    building, state = _with_log(tmp_path)
+    for column in ("board C", "case C"):
+        table = state["log"]["channels"][column]
+        assert float(table["noise"].removesuffix(" [K]")) == pytest.approx(0.05, rel=0.2)
+        assert table["accuracy"] == "0.5 [K]"
+    assert state["log"]["channels"]["room C"] == {"boundary": "room", "unit": "degC", "accuracy": "0.5 [K]"}
+    bare = {k: v for k, v in state["log"]["channels"]["case C"].items() if k not in ("noise", "accuracy")}
+    given = {**bare, "noise": "0.1 [K]", "accuracy": ""}
+    assert do(building, "bind", channels={"case C": given})["log"]["channels"]["case C"] == {**bare, "noise": "0.1 [K]"}
+    do(building, "bind", channels={"case C": None})
+    state = do(building, "bind", channels={"case C": bare})
+    assert state["log"]["channels"]["case C"]["accuracy"] == "0.5 [K]"
+    with pytest.raises(ThermidError):
+        do(building, "bind", channels={"case C": {**bare, "noise": "0.1 [W]"}})
+
+
+def test_volts_and_amperes_are_the_power_of_a_load(tmp_path: Path) -> None:
+    building, state = _with_log(tmp_path, _electric(tmp_path / "a.csv"))
+    rows = {c["name"]: c for c in state["log"]["columns"]}
+    assert state["log"]["channels"]["P_supply"] == {"load": "heater", "power": {"volts": "U out", "amperes": "I out"}}
+    assert rows["P_supply"]["roles"] == ("load",)
+    assert rows["case C"]["roles"] == ("node", "boundary", "load", "command")  # it has no unit
+    for column in ("U out", "I out"):
+        assert rows[column]["roles"] == ()
+        assert rows[column]["used"] == ["P_supply"]
+    assert next(e for e in state["elements"] if e["name"] == "heater")["logged"]
+    (tmp_path / "plain").mkdir()
+    plain, _ = _with_log(tmp_path / "plain")
+    for one in (building, plain):
+        one.run()
+        one.jobs.wait()
+    ends = [one.jobs.state()["result"]["runs"][0]["curves"][0]["simulated"][-1] for one in (building, plain)]
+    assert ends[0] == pytest.approx(ends[1], abs=1e-6)
+    state = do(building, "bind", channels={"P_supply": None})  # and it can be taken away, and given again
+    assert "P_supply" not in state["log"]["channels"]
+    assert "P_supply" in {c["name"] for c in state["log"]["columns"]}
+    state = do(building, "bind", channels={"P_supply": {"load": "heater"}})
+    assert state["log"]["channels"]["P_supply"]["power"] == {"volts": "U out", "amperes": "I out"}
+
+
+@pytest.mark.parametrize(("column", "binding"), [("U out", {"load": "heater"}), ("I out", {"node": "board"})])
+def test_a_column_that_cannot_be_what_it_is_bound_to_is_refused_at_once(tmp_path: Path, column: str, binding: dict[str, str]) -> None:
+    """It was taken, and every run refused."""
+    building, state = _with_log(tmp_path, _electric(tmp_path / "a.csv"))
+    with pytest.raises(ThermidError, match=r"is needed|a power|temperature"):
+        do(building, "bind", channels={column: binding})
+    assert building.state()["log"]["channels"] == state["log"]["channels"]
+
+
+def test_a_unit_that_nobody_knows_can_be_given(tmp_path: Path) -> None:
+    data = write_log(tmp_path / "a.csv").read_text(encoding="utf-8").replace("case C", "case [blorb]").encode()
+    building, state = _with_log(tmp_path, data)
+    row = next(c for c in state["log"]["columns"] if c["name"] == "case")
+    assert row["open"]
+    with pytest.raises(ThermidError):
+        do(building, "bind", channels={"case": {"node": "case"}})
+    state = do(building, "bind", channels={"case": {"node": "case", "unit": "degC"}})
+    assert state["log"]["channels"]["case"]["unit"] == "degC"
+
+
+def test_a_second_log_is_held_out_until_the_fit_is_to_use_it(tmp_path: Path) -> None:
+    building, state = _with_log(tmp_path, _electric(tmp_path / "a.csv"))
+    do(building, "bind", channels={"case C": {"node": "case", "unit": "degC", "noise": "0.07 [K]"}})
+    state = do(building, "log", file=building.stored_log("second.csv", _electric(tmp_path / "b.csv", 4)))
+    assert [(r["name"], r["use"]) for r in state["records"]] == [("run", "fit"), ("second", "held out")]
+    first = building.draft.documents["campaign"].content["records"]["run"]["channels"]
+    assert state["log"]["channels"] == first  # bindings made by hand go over to the same columns
+    content = building.draft.documents["campaign"].content
+    assert content["stages"][0]["records"] == ["run"]
+    assert content["verdicts"][0] | {"criteria": 0} == {"model": "box", "record": "second", "criteria": 0}
+    limit = float(content["verdicts"][0]["criteria"]["rmse"].removesuffix(" [K]"))
+    assert 0.1 < limit < 3.0
+    state = do(building, "limit", record="second", value="0.4 [K]")
+    assert state["records"][1]["limit"] == "0.4 [K]"
+    with pytest.raises(ThermidError):
+        do(building, "limit", record="second", value="4 [W]")
+    do(building, "free", paths=["joint.contact_conductance", "skin.effective_htc"])
+    building.save(building.difference()["diff"])
+    verdicts = run_stages(tmp_path / "box_campaign.toml").verdicts
+    assert [(v.record, v.passed) for v in verdicts] == [("second", True)]
+    third = do(building, "log", file=building.stored_log("third.csv", _electric(tmp_path / "c.csv", 5)))
+    assert [r["use"] for r in third["records"]] == ["fit", "held out", "held out"]
+    do(building, "use", record="third", how="none")
+    state = do(building, "use", record="second", how="fit")
+    assert [(r["name"], r["use"]) for r in state["records"]] == [("run", "fit"), ("second", "fit")]
+    assert not building.draft.documents["campaign"].content.get("verdicts")
+    state = do(building, "use", record="second", how="none")
+    assert [r["name"] for r in state["records"]] == ["run"]
+    assert state["log"]["record"] == "run"
+
+
+def test_a_text_that_is_no_deck_yet_is_not_lost(tmp_path: Path) -> None:
+    """Any edit in the sheet, an undo or a reload threw away what was typed."""
+    building = box(tmp_path)
+    text = building.draft.deck.text
+    typed = text + "oops = [\n"
+    do(building, "text", text=typed)
+    for what, more in (("undo", {}), ("set", {"keys": ["loads", "heater", "power"], "value": "4 [W]", "source": ""})):
+        with pytest.raises(DeckError, match="text has a fault"):
+            do(building, what, **more)
+    with pytest.raises(DeckError, match="text has a fault"):
+        building.difference()
+    again = Building(tmp_path / "box.toml")
+    assert again.state()["typed"] == typed
+    assert "TOML" in again.state()["refused"]["message"]
+    state = do(again, "drop text")
+    assert (state["text"], "typed" in state) == (text, False)
+    do(again, "text", text=typed)
+    state = do(again, "text", text=text + "# mended\n")
+    assert "typed" not in state
+    assert do(again, "undo")["text"] == text
+
+
+def test_a_model_that_was_never_saved_is_on_the_start_page(tmp_path: Path) -> None:
+    room = Room(tmp_path)
+    room.new("my box")
+    assert room.front()["waiting"] == []
+    room.ordering["edit"]({"do": "add", "shape": "mass", "ends": [], "name": "case"})
+    again = Room(tmp_path)
+    assert again.front()["waiting"] == ["my_box"]
+    again.new("my_box")
+    assert [e["name"] for e in again.built().state()["elements"]] == ["case"]
+    again.ordering["draft/save"]({"diff": again.ordering["draft/difference"]({})["diff"]})
+    assert again.front()["waiting"] == []
