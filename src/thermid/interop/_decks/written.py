@@ -37,7 +37,8 @@ def to_sinda(model: Model, scenario: Scenario, path: str | os.PathLike[str] | No
     DeckError       When a law, a load or a boundary cannot be written.
     ScenarioError   When the scenario does not fit the model or follows a schedule.
     """
-    return exported("\n".join(_Sinda(wired(model, scenario, "SINDA")).lines()) + "\n", path, "C ")
+    w = wired(model, scenario, "SINDA")
+    return exported(w, _Sinda(w).lines(), path, "C ")
 
 
 @takes_objects
@@ -56,7 +57,8 @@ def to_esatan(model: Model, scenario: Scenario, path: str | os.PathLike[str] | N
     DeckError       When a law, a load or a boundary cannot be written.
     ScenarioError   When the scenario does not fit the model or follows a schedule.
     """
-    return exported("\n".join(_Esatan(wired(model, scenario, "ESATAN")).lines()) + "\n", path, "#")
+    w = wired(model, scenario, "ESATAN")
+    return exported(w, _Esatan(w).lines(), path, "#")
 
 
 class _Deck:
