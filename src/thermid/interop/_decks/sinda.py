@@ -137,6 +137,7 @@ class SindaDeck:
     listed: dict[TextSpan, tuple[str, float]] = field(default_factory=dict)
     steps: list[tuple[str, str, list[Line]]] = field(default_factory=list)
     subroutines: set[str] = field(default_factory=set)
+    operations: list[Line] = field(default_factory=list)
     cards: bool = False
     settles: bool = False
     ends: bool = False
@@ -325,24 +326,32 @@ def _registers(deck: SindaDeck, _: str, lines: list[Line]) -> None:
 
 def _arrays(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     """Read ARRAY DATA: number = values, over as many lines as they take."""
-    key = ""
+    numbers: list[float] | None = None
+    repeated: list[tuple[str, TextSpan, list[float]]] = []
     for line in lines:
         row = line.text
         match = re.match(r"\s*(\d+)\s*=(\s*SPACE\s*,\s*\d+\s*$)?", row, re.IGNORECASE)
         if match:
-            key, row = match[1], row[match.end() :]
-            if owner := owner_of(line.before):
-                deck.owners[submodel, key] = owner
-            if not deck.reading.is_first(f"array {submodel}.{key}", line.part(match.start(1), match.end(1))):
-                key = f"{key} again"
-            deck.arrays[submodel, key] = [0.0] * int(match[2].rpartition(",")[2]) if match[2] else []
-        for word in re.split(r"[\s,]+", row.strip()):
-            if not word or word.upper() == "END":
+            row, numbers, where = row[match.end() :], [], line.part(match.start(1), match.end(1))
+            name = f"array {submodel}.{match[1]}"
+            if match[2]:  # room that a file with the numbers fills
+                deck.arrays.setdefault((submodel, match[1]), [0.0] * int(match[2].rpartition(",")[2]))
+            elif name.upper() in deck.reading.defined:
+                repeated.append((match[1], where, numbers))
+            elif deck.reading.is_first(name, where):
+                deck.arrays[submodel, match[1]] = numbers
+                if owner := owner_of(line.before):
+                    deck.owners[submodel, match[1]] = owner
+        for word in re.findall(r"[^\s,]+", row):
+            if word.upper() == "END":
                 continue
             try:
-                deck.arrays[submodel, key].append(float(fortran(word)))
-            except (ValueError, KeyError):
+                numbers.append(float(fortran(word)))  # type: ignore[union-attr]
+            except (ValueError, AttributeError):
                 raise DeckError(f"'{word}' is not a number of an array.", str(line.where)) from None
+    for key, where, again in repeated:
+        if again != deck.arrays[submodel, key]:
+            deck.reading.is_first(f"array {submodel}.{key}", where)
 
 
 def _carrays(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
@@ -375,7 +384,7 @@ def _operation(deck: SindaDeck, _: str, lines: list[Line]) -> None:
             left.append(line)
     deck.settles = solved[:1] == ["steady"]
     deck.ends = deck.settles and "transient" not in solved
-    deck.reading.name_logic(line for line in left if _acts(deck, line))
+    deck.operations.extend(left)
 
 
 def _called(deck: SindaDeck, line: Line) -> list[str]:
@@ -967,6 +976,7 @@ def _read_units(deck: SindaDeck, path: Path, given: str) -> None:
 def _name_what_is_left(deck: SindaDeck) -> None:
     """Name what no reader took: in blocks of statements those that act, other blocks whole."""
     rest = [step for step in deck.steps if not step[0].startswith(("CONTROL", *_READERS, *_WITHOUT_EFFECT))]
+    deck.reading.name_logic(line for line in deck.operations if _acts(deck, line))
     for header, submodel, lines in rest:
         if header.startswith(("VARIABLES", "OUTPUT", "SUBROUTINE")):
             deck.reading.name_logic(line for line in _joined(lines) if _acts(deck, line))
@@ -977,6 +987,7 @@ def _name_what_is_left(deck: SindaDeck) -> None:
 
 _READERS = {
     "REGISTER": _registers,
+    "OPERATION": _operation,
     "ARRAY": _arrays,
     "CARRAY": _carrays,
     "NODE": _nodes,
@@ -984,6 +995,5 @@ _READERS = {
     "SOURCE": _sources,
     "VARIABLES 0": _logic,
     "VARIABLES 1": _logic,
-    "OPERATION": _operation,
 }
 """Block -> its reader, in the order in which they are read."""

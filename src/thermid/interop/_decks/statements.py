@@ -69,7 +69,8 @@ class DeckReading:
             raise DeckError("this is a binary file, but a deck is a text. Give its text file (.cc, .k, .inp, .d).", str(path))
         self.texts[str(path)] = text
         for mark in _MARK.finditer(text):  # an export of an incomplete model says so
-            self.remark(TextSpan(str(path), text.count("\n", 0, mark.start()) + 1, *mark.span()), mark[1].strip())
+            span = TextSpan(str(path), text.count("\n", 0, mark.start()) + 1, *mark.span())
+            self.remarks.append(DeckRemark(span, mark[1].strip(), mark=True))
         return text
 
     def remark(self, where: TextSpan, what: str, dropped: bool = True) -> None:
@@ -86,7 +87,7 @@ class DeckReading:
             runs[-1].append(line)
         for run in runs:
             rows = f"lines {run[0].where.line} to {run[-1].where.line}" if len(run) > 1 else "line"
-            quoted = "; ".join(" ".join(line.text.split()) for line in run)
+            quoted = "; ".join(line.text.strip() for line in run)
             self.remark(run[0].where, f"logic not taken over ({rows}): '{quoted[:MOST_QUOTED]}'")
 
     def is_first(self, what: str, where: TextSpan) -> bool:
