@@ -332,9 +332,14 @@ def test_an_exponent_without_its_letter_is_asked_about(tmp_path: Path, number: s
     assert ParameterSet(sums.model()).evaluate({})["A_G1.conductance"] == 6.5
 
 
-@pytest.mark.parametrize("place", ["control", "run"])
+@pytest.mark.parametrize("place", ["control", "block", "run"])
 def test_the_absolute_zero_of_an_esatan_deck(tmp_path: Path, place: str) -> None:
-    changed = {"old": "$LOCALS\n", "new": "$LOCALS\n  $CONTROL\n  TABS = 0.0;\n"} if place == "control" else {"run": "TABS = 0.0"}
+    block = "$CONTROL\n  TABS = 0.0;\n  NLOOP = 20;\n"
+    changed = {
+        "control": {"old": "$LOCALS\n", "new": f"$LOCALS\n{block}"},
+        "block": {"old": "$LOCALS\n", "new": f"{block}$LOCALS\n"},
+        "run": {"run": "TABS = 0.0"},
+    }[place]
     network = _esatan(tmp_path, **changed)
     assert _missing(network) == []
     assert [node.celsius for node in network.nodes] == pytest.approx([20.0 - 273.15, 20.0 - 273.15, 10.0 - 273.15])
@@ -408,3 +413,17 @@ def test_a_written_file_says_what_is_missing_and_reading_it_says_so_again(tmp_pa
         again = (read_sinda if write is to_sinda else read_esatan)(_file(tmp_path, "again.txt", text))
         assert network.incomplete in _missing(again)[0]
         assert again.model().incomplete
+
+
+@pytest.mark.parametrize("write", [to_sinda, to_esatan])
+def test_a_course_written_out_to_the_end_of_the_run_says_so(tmp_path: Path, write: object) -> None:
+    network = _cards(tmp_path, "CALL D11MCY(600.,TIMEM,A3,0.5,Q1)")
+    assert "a longer run needs a new export" in write(network.model(), network.scenario())  # type: ignore[operator]
+    held = _cards(tmp_path, "CALL D1DEG1(TIMEM,A3,Q1)")
+    assert "a longer run" not in write(held.model(), held.scenario())  # type: ignore[operator]
+
+
+def test_a_load_with_a_course_says_where_it_is(tmp_path: Path) -> None:
+    network = _cards(tmp_path, "CALL D1DEG1(TIMEM,A3,Q1)")
+    td.save_model(network.model(), tmp_path / "plates.toml")
+    assert "mean of its course, which the scenario has" in (tmp_path / "plates.toml").read_text()

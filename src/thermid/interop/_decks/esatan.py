@@ -148,6 +148,8 @@ def _models(deck: EsatanDeck, lines: list[Line], path: Path) -> _Scope:
                 open_[-1].blocks[-1][1].append(replace(line, text=" " * (word.end(1) if word else 0) + rest))
         elif open_[-1].blocks:
             open_[-1].blocks[-1][1].append(line if not head else replace(line, text=f"${head}"))
+        elif head:
+            open_[-1].blocks.append(("LOCALS", [replace(line, text=f"${head}")]))
         else:
             deck.reading.name_logic([line])
     if top is None:

@@ -250,7 +250,7 @@ class NetworkFile:
                 if (by := element.table.get("control"))
             },
             "loads": {
-                element.name: {"into": _defined(at, element.into, "load", element), "power": _watts(element.power), **element.more}
+                element.name: {"into": _defined(at, element.into, "load", element), "power": _power(element), **element.more}
                 for element in self.loads
             },
         }
@@ -385,8 +385,13 @@ def _node(node: FileNode) -> dict[str, Any]:
     return {"capacitance": {"value": text, "source": "derived", "basis": str(node.where), "note": node.title}}
 
 
-def _watts(power: float | str) -> str:
-    return power if isinstance(power, str) else f"{power!r} [W]"
+def _power(load: FileLoad) -> dict[str, str] | str:
+    """Return the power of a load, with the remark that its course is elsewhere."""
+    watts = load.power if isinstance(load.power, str) else f"{load.power!r} [W]"
+    what = "scale of its course" if load.scales else "mean of its course"
+    return (
+        {"value": watts, "source": "derived", "basis": str(load.where), "note": f"{what}, which the scenario has"} if load.course else watts
+    )
 
 
 def _times(number: str, factor: float) -> str:
