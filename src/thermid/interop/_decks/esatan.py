@@ -17,7 +17,7 @@ import numpy as np
 from thermid.base.errors import DeckError, ThermidError
 from thermid.base.units import counted
 from thermid.interop._decks.network_file import FileConductor, FileCourse, FileLoad, FileNode, NetworkFile, TextSpan, identifier
-from thermid.interop._decks.statements import DeckReading, Line, fields, nesting, numbered, stream, with_defined_ends, with_unit
+from thermid.interop._decks.statements import DeckReading, Line, acts, fields, nesting, numbered, stream, with_defined_ends, with_unit
 from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
 
 STEFAN: Final = 5.6686e-8
@@ -211,15 +211,14 @@ def _read(deck: EsatanDeck, scope: _Scope, prefix: str) -> None:
 
 
 def _acts(deck: EsatanDeck, line: Line) -> bool:
-    """Return whether a statement can change the network or its run; variables of its own, prints and loops of statements cannot."""
-    called = [name.upper() for name in re.findall(r"\bCALL\s+(\w+)", line.text, re.IGNORECASE)]
-    target = re.search(r"(?:^|\)|\s)(\w+)\s*=(?!=)", line.text)
-    own = (*deck.reading.names, *_RUN)
-    return (
-        any(not _PRINTS.fullmatch(name) and name not in deck.subroutines for name in called)
-        or _ACTS.search(line.text) is not None
-        or (target is not None and target[1].upper() in own)
-    )
+    """Return whether a statement can change the network or its run."""
+    called = [name for name in _called(line) if name not in deck.subroutines]
+    return acts(line, called, _PRINTS, _ACTS, (*deck.reading.names, *_RUN))
+
+
+def _called(line: Line) -> list[str]:
+    """Return the routines that a statement calls."""
+    return [name.upper() for name in re.findall(r"\bCALL\s+(\w+)", line.text, re.IGNORECASE)]
 
 
 def _names(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> None:
@@ -435,7 +434,7 @@ def _execution(deck: EsatanDeck, lines: list[Line]) -> None:
     left, depth, solved = list[Line](), 0.0, list[str]()
     for line in lines:
         deeper = nesting(line.text)
-        called = [name.upper() for name in re.findall(r"\bCALL\s+(\w+)", line.text, re.IGNORECASE)]
+        called = _called(line)
         if depth or deeper > 0.0:
             depth = max(depth + deeper, 0.0)
             left.append(line)

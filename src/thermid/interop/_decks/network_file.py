@@ -195,8 +195,8 @@ class NetworkFile:
         kinds = Counter(re.split(r":| \(", remark.what, maxsplit=1)[0] for remark in dropped if not remark.mark)
         listed = ", ".join(f"{n} x {what}" if n > 1 else what for what, n in kinds.most_common(MOST_KINDS))
         more = f" and {len(kinds) - MOST_KINDS} more kinds" if len(kinds) > MOST_KINDS else ""
-        own = [f"{counted(kinds.total(), 'statement')} of {self.tool} not taken over ({listed}{more})"] if kinds else []
-        return "; ".join([*(remark.what for remark in dropped if remark.mark), *own])
+        here = [f"{counted(kinds.total(), 'statement')} of {self.tool} not taken over ({listed}{more})"] if kinds else []
+        return "; ".join([*(remark.what for remark in dropped if remark.mark), *here])
 
     def celsius(self, printed: Mapping[str, float]) -> dict[str, float]:
         """Return printed temperatures in degC; a deck in kelvin or Fahrenheit prints in its own unit."""
@@ -388,10 +388,10 @@ def _node(node: FileNode) -> dict[str, Any]:
 def _power(load: FileLoad) -> dict[str, str] | str:
     """Return the power of a load, with the remark that its course is elsewhere."""
     watts = load.power if isinstance(load.power, str) else f"{load.power!r} [W]"
+    if load.course is None:
+        return watts
     what = "scale of its course" if load.scales else "mean of its course"
-    return (
-        {"value": watts, "source": "derived", "basis": str(load.where), "note": f"{what}, which the scenario has"} if load.course else watts
-    )
+    return {"value": watts, "source": "derived", "basis": str(load.where), "note": f"{what}, which the scenario has"}
 
 
 def _times(number: str, factor: float) -> str:

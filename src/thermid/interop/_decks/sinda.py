@@ -31,7 +31,7 @@ from thermid.interop._decks.network_file import (
     fortran,
     identifier,
 )
-from thermid.interop._decks.statements import DeckReading, Line, fields, nesting, numbered, stream, with_defined_ends, with_unit
+from thermid.interop._decks.statements import DeckReading, Line, acts, fields, nesting, numbered, stream, with_defined_ends, with_unit
 from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
 
 BTU: Final = 1055.05585262
@@ -55,8 +55,8 @@ _TRANSIENT: Final = re.compile(
     r"TRANSIENT|FWDBCK|FORWRD|ATSDUF|CN(?:FRWD|FRDL|FAST|FWBK|BACK|VARB|EXPN|DUFR|QUIK)|SN(?:FRWD|FRDL|FWBK|DUFR)"
 )
 """Solution routines of SINDA/FLUINT, SINDA/G and the older SINDAs, as in their user's manuals."""
-_PRINTS: Final = re.compile(r"\w*(?:PRINT|PRNT|PRT)|SAVE|RESAVE|CHGSAV|NODMAP|QMAP|HNQCAL|OUTLOG|COMMON|DPCS|LOAD_BINARY_SINGLET_ARRAYS")
-"""Routines that print, keep or prepare; what they do is no part of the network."""
+_PRINTS: Final = re.compile(r"\w*(?:PRINT|PRNT|PRT)|SAVE|RESAVE|CHGSAV|NODMAP|QMAP|HNQCAL|OUTLOG|COMMON|DPCS|LOAD\w+")
+"""Routines that print, keep or prepare, and LOADQ, whose heat rates are read: what else they do is no part of the network."""
 _ACTS: Final = re.compile(
     r"(?<![\w.])(?:\w+\.)?(?:XK|[TQCGAK])\s*(?:\d+|\((?:[^()=]|\([^()=]*\))*\))\s*=(?!=)|^\s*(?:INCLUDE|INSERT)\b", re.IGNORECASE
 )
@@ -397,16 +397,12 @@ def _called(deck: SindaDeck, line: Line) -> list[str]:
 
 
 def _acts(deck: SindaDeck, line: Line) -> bool:
-    """Return whether a statement can change the network or its run; variables of its own, prints and loops of statements cannot."""
-    text = line.text
-    if any(not _PRINTS.fullmatch(name) and name not in deck.subroutines for name in _called(deck, line)):
-        return not CALL.match(text)
-    if match := re.match(r"\s*BUILDF?\s+(?:\w+\s*,)?(.+)", text, re.IGNORECASE):
+    """Return whether a statement can change the network or its run; one that builds all submodels cannot."""
+    if match := re.match(r"\s*BUILDF?\s+(?:\w+\s*,)?(.+)", line.text, re.IGNORECASE):
         built = set(re.split(r"[\s,]+", match[1].strip().upper()))
         return "ALL" not in built and not {node.submodel for node in deck.nodes} <= built
-    own = (*deck.reading.names, "TIMEO", "TIMEND", "TIMEN", "ABSZRO", "SIGMA")
-    target = re.search(r"(?:^|\)|\s)(\w+)\s*=(?!=)", text)
-    return _ACTS.search(text) is not None or (target is not None and target[1].upper() in own)
+    called = [name for name in _called(deck, line) if name not in deck.subroutines]
+    return acts(line, called, _PRINTS, _ACTS, (*deck.reading.names, "TIMEO", "TIMEND", "TIMEN", "ABSZRO", "SIGMA"))
 
 
 def _nodes(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
@@ -760,14 +756,14 @@ def _logic(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
         elif match := CALL.match(line.text):
             _absorbed(deck, (match[1] or match[2]).upper(), line)
         elif put := _interpolated(deck, submodel, line):
-            target, made = put
+            target, variable = put
             if match := re.fullmatch(r"(?:(\w+)\.)?([QT])(\d+)", target):
                 into = ((match[1] or submodel).upper(), f"T{int(match[3])}")
-                if branch or not _put(deck, match[2], into, made.factor, line.where, made.course, label):
+                if branch or not _put(deck, match[2], into, variable.factor, line.where, variable.course, label):
                     unknown.append(line)
             else:
                 unknown.extend([unused[target]] if target in unused else [])
-                variables[target] = made
+                variables[target] = variable
                 unused[target] = line
         elif not _taken(deck, submodel, line, variables, unused, branch, label) and not (deck.cards and text.upper() == "CONTINUE"):
             unknown.append(line)
@@ -785,18 +781,18 @@ def _interpolated(deck: SindaDeck, submodel: str, line: Line) -> tuple[str, _Cou
     words = [word for word, _ in fields(replace(line, text=match[2]))] if match else []
     if not form or len(words) != len(form) or words[form.index("x")].upper() not in ("TIMEM", "TIMEN"):
         return None
-    given = dict(zip(form, words, strict=True))
+    arguments = dict(zip(form, words, strict=True))
     try:
-        pairs = [_array(deck, submodel, given[key]) for key in "PTY" if key in given]
-        times, numbers = (pairs[0][::2], pairs[0][1::2]) if "P" in given and pairs[0] is not None else pairs
-        factor = deck.reading.value(given.get("z", "1.0"), line.where)
-        period = deck.reading.number(deck.reading.value(given.get("p", "0.0"), line.where))
+        pairs = [_array(deck, submodel, arguments[key]) for key in "PTY" if key in arguments]
+        times, numbers = (pairs[0][::2], pairs[0][1::2]) if "P" in arguments and pairs[0] is not None else pairs
+        factor = deck.reading.value(arguments.get("z", "1.0"), line.where)
+        period = deck.reading.number(deck.reading.value(arguments.get("p", "0.0"), line.where))
         if times is None or numbers is None:
             return None
         course = FileCourse(np.array(times) * deck.units.time, np.array(numbers), period * deck.units.time, str(line.where))
     except (ThermidError, ValueError):
         return None
-    return given["r"].upper(), _CourseVariable(course, factor, line)
+    return arguments["r"].upper(), _CourseVariable(course, factor, line)
 
 
 def _taken(
@@ -940,7 +936,7 @@ def _unique(loads: list[FileLoad]) -> Iterator[FileLoad]:
         yield load if uses_of_name[load.name] == 1 else replace(load, name=f"{load.name}_{uses_of_name[load.name]}")
 
 
-def _read_units(deck: SindaDeck, path: Path, given: str) -> None:
+def _read_units(deck: SindaDeck, path: Path, words: str) -> None:
     """Read CONTROL DATA, and ask for the units that neither it nor anything else states.
 
     Raises
@@ -950,14 +946,15 @@ def _read_units(deck: SindaDeck, path: Path, given: str) -> None:
     for header, submodel, lines in deck.steps:
         if header.startswith("CONTROL"):
             _control(deck, submodel, lines)
-    units, asked = deck.units, Units()
-    asked.take(given)
-    off = abs(asked.zero - units.zero) > 1.0 if asked.temperature_stated else False
-    if off or (asked.power_stated and not math.isclose(asked.power, units.power, rel_tol=1e-3)):
+    units, stated = deck.units, Units()
+    stated.take(words)
+    other_zero = stated.temperature_stated and round(stated.zero) != round(units.zero)
+    if other_zero or (stated.power_stated and round(stated.power / units.power, 2) != 1.0):
         raise DeckError(
-            f"the units '{given}' contradict the deck: its absolute zero is {units.zero:g}, and its unit of power {units.power:g} W. "
+            f"the units '{words}' contradict the deck: its absolute zero is {units.zero:g}, and its unit of power {units.power:g} W. "
             "Give the units that it states, or none.",
             str(path),
+            code="value.wrong-kind",
         )
     fahrenheit = round(units.zero) in (-459, -460)
     if not units.temperature_stated or (fahrenheit and not units.power_stated):

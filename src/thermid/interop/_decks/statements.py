@@ -88,7 +88,7 @@ class DeckReading:
         for run in runs:
             rows = f"lines {run[0].where.line} to {run[-1].where.line}" if len(run) > 1 else "line"
             quoted = "; ".join(line.text.strip() for line in run)
-            self.remark(run[0].where, f"logic not taken over ({rows}): '{quoted[:MOST_QUOTED]}'")
+            self.remark(run[0].where, f"logic not taken over ({rows}): '{quoted}'")
 
     def is_first(self, what: str, where: TextSpan) -> bool:
         """Return whether something of this name is defined for the first time; a second definition is named and left out."""
@@ -166,8 +166,6 @@ FUNCTIONS: Final[Mapping[str, str]] = {
 }  # fmt: skip
 """Function of Fortran -> of an expression here."""
 RESERVED: Final = frozenset({"pi", "sqrt", "exp", "abs", "min", "max"})
-MOST_QUOTED: Final = 120
-"""Characters of statements that a remark quotes."""
 _MARK: Final = re.compile(r"^(?:C|#)\s*INCOMPLETE: (.+)$", re.MULTILINE)
 
 
@@ -181,12 +179,26 @@ def nesting(text: str) -> float:
     return float(opens is not None) - float(closes is not None)
 
 
+def acts(line: Line, called: Iterable[str], harmless: re.Pattern[str], assigned: re.Pattern[str], names: Iterable[str]) -> bool:
+    """Return whether a statement can change a network or its run; variables of its own, prints and the frames of statements cannot.
+
+    Parameters
+    ----------
+    line, called        The statement, and the routines that it calls.
+    harmless, assigned  Routines without effect; assignments to what a deck defines by kind and number.
+    names               Names of the deck, in capitals, and its control constants.
+    """
+    target = re.search(r"(?:^|\)|\s)(\w+)\s*=(?!=)", line.text)
+    by_name = target is not None and target[1].upper() in names
+    return by_name or assigned.search(line.text) is not None or any(not harmless.fullmatch(name) for name in called)
+
+
 def with_defined_ends(reading: DeckReading, nodes: Iterable[FileNode], elements: Iterable[Element], unread: bool) -> Iterator[Element]:
     """Yield conductors and loads; where a statement of nodes was not taken over, those of undefined nodes are named instead."""
-    known = {(node.submodel, node.name) for node in nodes}
+    defined = {(node.submodel, node.name) for node in nodes}
     for element in elements:
         ends = element.ends if isinstance(element, FileConductor) else (element.into,)
-        absent = [end for end in ends if end not in known]
+        absent = [end for end in ends if end not in defined]
         if absent and unread:
             reading.remark(element.where, f"{element.name} is at node {'.'.join(absent[0])}, whose statement was not taken over")
         else:
