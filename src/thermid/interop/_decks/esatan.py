@@ -431,13 +431,13 @@ def _course(deck: EsatanDeck, scope: _Scope, match: re.Match[str], line: Line) -
 
 def _execution(deck: EsatanDeck, lines: list[Line]) -> None:
     """Read $EXECUTION: control constants, and whether a steady state comes before the transient, which begins with its temperatures."""
-    left, depth, solved = list[Line](), 0.0, list[str]()
+    rest, depth, solved = list[Line](), 0.0, list[str]()
     for line in lines:
         deeper = nesting(line.text)
         called = _called(line)
         if depth or deeper > 0.0:
             depth = max(depth + deeper, 0.0)
-            left.append(line)
+            rest.append(line)
         elif (match := re.match(r"\s*(\w+)\s*=\s*(.+?)\s*$", line.text)) and match[1].upper() in _RUN:
             _control(deck, match, line)
         elif called[:1] == ["SOLCYC"]:
@@ -445,10 +445,10 @@ def _execution(deck: EsatanDeck, lines: list[Line]) -> None:
         elif called and (_STEADY.fullmatch(called[0]) or _TRANSIENT.fullmatch(called[0])):
             solved.append("steady" if _STEADY.fullmatch(called[0]) else "transient")
         else:
-            left.append(line)
+            rest.append(line)
     if solved[:1] == ["steady"] and "transient" in solved:
         deck.start = "steady"
-    deck.reading.name_logic(line for line in left if _acts(deck, line))
+    deck.reading.name_logic(line for line in rest if _acts(deck, line))
 
 
 _READERS = {"LOCALS": _names, "CONSTANTS": _names, "ARRAYS": _arrays, "NODES": _nodes, "CONDUCTORS": _conductors}

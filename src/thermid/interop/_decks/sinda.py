@@ -371,7 +371,7 @@ def _operation(deck: SindaDeck, _: str, lines: list[Line]) -> None:
     """
     if not lines:
         return
-    left, solved = list[Line](), list[str]()
+    rest, solved = list[Line](), list[str]()
     for line in _joined(lines):
         if solution := next((name for name in _called(deck, line) if _STEADY.fullmatch(name) or _TRANSIENT.fullmatch(name)), None):
             solved.append("steady" if _STEADY.fullmatch(solution) else "transient")
@@ -379,12 +379,12 @@ def _operation(deck: SindaDeck, _: str, lines: list[Line]) -> None:
             try:
                 deck.control[match[1].upper()] = deck.reading.number(deck.reading.value(match[2], line.where))
             except DeckError:
-                left.append(line)
+                rest.append(line)
         else:
-            left.append(line)
+            rest.append(line)
     deck.settles = solved[:1] == ["steady"]
     deck.ends = deck.settles and "transient" not in solved
-    deck.operations.extend(left)
+    deck.operations.extend(rest)
 
 
 def _called(deck: SindaDeck, line: Line) -> list[str]:
@@ -814,7 +814,7 @@ def _taken(
         else:
             rows = [re.sub(rf"(?<![\w.]){re.escape(used)}(?!\w)", at, text, flags=re.IGNORECASE) for at in ("1.0", "2.0", "3.0")]
             one, two, three = (deck.reading.number(deck.reading.value(row, where)) for row in rows)
-            if not math.isclose(two, 2.0 * one) or not math.isclose(three, 3.0 * one):
+            if not math.isclose(two, one + one) or not math.isclose(three, one + two):
                 return False  # no multiple of the course
             factor, course = deck.reading.value(rows[0], where), variables[used].course
             factor = _times(factor, variables[used].factor)
