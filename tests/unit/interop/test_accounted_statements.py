@@ -202,6 +202,9 @@ def test_a_course_of_a_boundary_and_a_constant_one(tmp_path: Path) -> None:
         "IF (T1 .GT. 5.0) Q1 = Q1 + 3.0",
         "IF (T1 .GT. 5.0) THEN\n      Q1 = Q1 + 3.0\n      ENDIF",
         "IF (T1 .GT. 5.0) GO TO 10\n      Q1 = Q1 + 3.0",
+        "IF (NSOL .GT. 1) THEN\n      IF (T1 .GT. 5.) THEN\n      Q1 = Q1 + 3.0\n      ENDIF\n      ENDIF",
+        "IF (NSOL .GT. 1) THEN\n      Q1 = Q1 + 3.0\n      ELSE\n      Q1 = Q1 + 1.\n      ENDIF",
+        "IF (NSOL .GT. 1) THEN\n      ELSE IF (T1 .GT. 5.) THEN\n      Q1 = Q1 + 3.0\n      ENDIF",
         "G1 = 3.0",
         "T1 = T1 + 3.0",
     ],
@@ -209,7 +212,8 @@ def test_a_course_of_a_boundary_and_a_constant_one(tmp_path: Path) -> None:
 def test_logic_that_no_reader_takes_is_named(tmp_path: Path, logic: str) -> None:
     network = _headers(tmp_path, f"HEADER VARIABLES 1, A\n      {logic}\n")
     assert network.incomplete
-    assert any(f"plates.inp:{HEADERS.count(chr(10)) + 2}" in row for row in _missing(network)), _missing(network)
+    first = HEADERS.count("\n") + 2
+    assert any(f"plates.inp:{line}:" in row for row in _missing(network) for line in (first, first + 1))
     assert _watts(network, "T1", 0.0, 300.0) == [3.0, 3.0]
 
 
@@ -424,3 +428,9 @@ def test_a_load_with_a_course_says_where_it_is(tmp_path: Path) -> None:
     network = _cards(tmp_path, "CALL D1DEG1(TIMEM,A3,Q1)")
     td.save_model(network.model(), tmp_path / "plates.toml")
     assert "mean of its course" in (tmp_path / "plates.toml").read_text()
+
+
+def test_an_fmu_says_what_is_missing(tmp_path: Path) -> None:
+    network = _headers(tmp_path, "HEADER VARIABLES 2, A\n      G1 = 3.0\n")
+    exported = td.interop.to_fmu(network.model(), network.scenario(), tmp_path / "plates.fmu")
+    assert network.incomplete in exported.notes[0]

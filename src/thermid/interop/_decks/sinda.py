@@ -743,12 +743,13 @@ def _logic(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     for line in _joined(lines):
         text = " ".join(line.text.split())
         label = next((_label(words) for words in line.before if words.startswith("Heat Load")), label)
-        deeper = 0.0 if _NOT_STEADY.fullmatch(text) or (branch and not depth) else nesting(text)
+        deeper = nesting("GO TO" if branch and re.match(r"ELSE ?IF\b", text, re.IGNORECASE) else text)
+        if not branch and not depth and _NOT_STEADY.fullmatch(text):
+            branch = "transient"
+            continue
         if depth or deeper > 0.0:
             depth = max(depth + deeper, 0.0)
             unknown.append(line)
-        elif _NOT_STEADY.fullmatch(text):
-            branch = "transient"
         elif branch and text.upper() == "ELSE":
             branch = "steady"
         elif branch and text.upper().replace(" ", "") == "ENDIF":
@@ -820,9 +821,7 @@ def _taken(
             factor = _times(factor, variables[used].factor)
     except (ThermidError, ArithmeticError):
         return False
-    if not adds and branch:
-        return False
-    if not _put(deck, kind, (owner, node), factor, where, course, label, adds, branch):
+    if (branch and not adds) or not _put(deck, kind, (owner, node), factor, where, course, label, adds, branch):
         return False
     unused.pop(used or "", None)
     return True
@@ -864,11 +863,13 @@ def _put(
         load = replace(load, power=float(np.mean(course.numbers)) * factor * unit, course=course, factor=factor * unit)
     elif course is not None:
         load = replace(load, course=course, scales=True)
-    elif branch == "steady":
-        for k, other in enumerate(deck.loads):
-            if other.course is not None and other.into == into and other.group == label:
-                deck.loads[k], deck.averages = replace(other, power=load.power, stands=False), True
-                return True
+    elif branch:  # in a steady state, what stands for a course of the transient
+        like = (k for k, other in enumerate(deck.loads) if other.course is not None and (other.into, other.group) == (into, label))
+        k = next(like, None) if branch == "steady" else None
+        if k is None:
+            return False
+        deck.loads[k], deck.averages = replace(deck.loads[k], power=load.power, stands=False), True
+        return True
     deck.loads.append(load)
     return True
 
