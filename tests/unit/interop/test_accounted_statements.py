@@ -384,7 +384,8 @@ def test_a_transient_after_a_steady_state_begins_there(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("order", [0, 2])
 def test_an_interpolation_that_is_no_straight_line_is_named(tmp_path: Path, order: int) -> None:
-    assert f"PAIRS, {order})" in _missing(_esatan(tmp_path, logic=f"QE1 = INTRP1(TIMEM, PAIRS, {order})"))[0]
+    network = _esatan(tmp_path, logic=f"QE1 = INTRP1(TIMEM, PAIRS, {order})")
+    assert f"PAIRS, {order})" in _missing(network)[0]
 
 
 @pytest.mark.parametrize(
