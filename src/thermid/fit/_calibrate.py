@@ -965,6 +965,7 @@ def _refuse_without_errors(request: Request, problem: Problem, total: Array) -> 
         raise IdentificationError(
             f"at the end of the fit almost no reading depends on {quoted(lost[:3])}, so its error is unknown. Fix it, or give it a prior.",
             request.name or request.model.title,
+            code="fit.not-determined",
         )
 
 

@@ -119,6 +119,7 @@ class Wired:
     gas : dict                  Signal name -> presence of a gas in time, for rows that follow it.
     initial : dict              Massive node -> its temperature at the start. [K]
     courses : dict              Parameter path -> what it follows in time; formulas hold its name. [SI]
+    lacking : tuple             What the model lacks of the hardware, in words.
     """
 
     network: Network
@@ -130,6 +131,7 @@ class Wired:
     gas: Mapping[str, Drawn]
     initial: Mapping[str, float]
     courses: Mapping[str, Drawn] = field(default_factory=dict)
+    lacking: tuple[str, ...] = ()
 
     @cached_property
     def parameters(self) -> tuple[ExportedParameter, ...]:
@@ -221,6 +223,7 @@ def wired(model: Model, scenario: Scenario, what: str | Writer) -> Wired:
         | {name: curve for name, curve in wiring.signals.items() if name.startswith(signal_of(""))},
         massive,
         _courses(wiring),
+        tuple(model.missing_parts()),
     )
     _refuse_bent_courses(out, writer)
     _refuse_other_formulas(out, wiring, writer)
@@ -620,8 +623,13 @@ def with_formulas(network: Network) -> Numbers:
     return network.numbers(expressions)
 
 
-def exported(text: str, path: str | os.PathLike[str] | None, comment: str) -> str:
-    """Return a model as written, also in the file at `path` where there is one; `comment` begins a comment of the language."""
+def exported(w: Wired, lines: Iterable[str], path: str | os.PathLike[str] | None, comment: str) -> str:
+    """Return a model as written, also in the file at `path` where there is one; `comment` begins a comment of the language.
+
+    What the model lacks stands in the first lines, where readers of decks find it again.
+    """
+    lacking = [f"{comment.strip()} INCOMPLETE: {one_line(what)}" for what in w.lacking]
+    text = "\n".join([*lacking, *lines]) + "\n"
     if path is not None:
         write_text(path, text, EXPORT, comment)
     return text

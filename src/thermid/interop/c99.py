@@ -129,7 +129,7 @@ def to_c(
             code="output.not-expressible",
         )
     length, stated = (step, stated_error(w, step)) if step is not None else chosen_step(w, error)
-    return exported(_Header(w, called, length, stated).text(), target, "//")
+    return exported(w, _Header(w, called, length, stated).text().splitlines(), target, "//")
 
 
 @dataclass(frozen=True)

@@ -158,7 +158,7 @@ def to_modelica(
         )
     refuse_unknown([library], tuple(LIBRARIES), "--library", "there is no library '{}'.{near} There are {known}.", DeckError)
     w = wired(model, scenario, MODELICA)
-    return exported("\n".join(_Package(w, called, library).lines()) + "\n", target, "//")
+    return exported(w, _Package(w, called, library).lines(), target, "//")
 
 
 class _Package:

@@ -67,7 +67,7 @@ def to_octave(model: Model, scenario: Scenario, path: str | os.PathLike[str] | N
         )
     w = wired(model, scenario, "Octave")
     refuse_crooked(w, "Octave")
-    return exported("\n".join(_Writer(w, called).lines()) + "\n", target, "%")
+    return exported(w, _Writer(w, called).lines(), target, "%")
 
 
 HEAD = f"""\

@@ -42,7 +42,8 @@ def to_spice(model: Model, scenario: Scenario, path: str | os.PathLike[str] | No
     DeckError       When a law or a load cannot be written.
     ScenarioError   When the scenario does not fit the model or follows a schedule.
     """
-    return exported("\n".join(_Netlist(wired(model, scenario, "SPICE")).lines()) + "\n", path, "*")
+    w = wired(model, scenario, "SPICE")
+    return exported(w, _Netlist(w).lines(), path, "*")
 
 
 class _Netlist:

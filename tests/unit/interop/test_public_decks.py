@@ -62,7 +62,7 @@ ESATAN = {"NODES": re.compile(r"\s*[DBX]\d+\s*="), "CONDUCTORS": re.compile(r"\s
 def _read(deck: Path) -> NetworkFile:
     if deck.suffix == ".d":
         return read_esatan(deck)
-    return read_sinda(deck, "BTU in F s" if deck.suffix == ".sin" else "W m K")
+    return read_sinda(deck, "BTU in F s" if deck.suffix == ".sin" else "")
 
 
 def _files(deck: Path) -> list[Path]:

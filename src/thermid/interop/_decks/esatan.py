@@ -15,17 +15,27 @@ from typing import Final
 import numpy as np
 
 from thermid.base.errors import DeckError, ThermidError
-from thermid.base.expression import parse
 from thermid.base.units import counted
 from thermid.interop._decks.network_file import FileConductor, FileCourse, FileLoad, FileNode, NetworkFile, TextSpan, identifier
-from thermid.interop._decks.statements import DeckReading, Line, fields, numbered, stream, with_unit
-from thermid.physics.constants import STEFAN_BOLTZMANN
+from thermid.interop._decks.statements import DeckReading, Line, acts, fields, nesting, numbered, stream, with_defined_ends, with_unit
+from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
 
 STEFAN: Final = 5.6686e-8
 """Stefan-Boltzmann constant that ESATAN takes where a deck sets no STEFAN. [W/(m^2 K^4)]"""
 POWERS: Final = ("QI", "QS", "QE", "QA", "QR")
-_IGNORED: Final = ("OUTPUTS", "SUBROUTINES", "VARIABLES2")
-"""Blocks that say how ESATAN runs or prints, not what the network is; TIMEND and a cycle's period are read from EXECUTION."""
+SURFACES: Final = ("A", "ALP", "EPS", "FX", "FY", "FZ")
+"""Values of nodes that ESATAN hands to the deck's own logic, and computes nothing with."""
+_STEADY: Final = re.compile(r"SOLVIT|SOLVFM|SOLVCG")
+_TRANSIENT: Final = re.compile(r"SLFRWD|SLFWBK|SLCRNC|SLGEAR|SLGRDJ")
+"""Solution routines of ESATAN-TMS's user manual."""
+_PRINTS: Final = re.compile(r"PR\w+|DMP\w+|SETND[RI]|STORMM|GENMOR")
+"""Routines that print, keep or prepare; what they do is no part of the network."""
+_ACTS: Final = re.compile(
+    r"(?<![\w.:])(?:T|C|Q[ISEAR]|G[LRFV]|ALP|EPS|A)\s*:?(?:\w+:)*\s*(?:\d+|\([^()=]*\))\s*=(?!=)|^\s*\$?INCLUDE\b", re.IGNORECASE
+)
+"""An assignment to a node or a conductor; or more of the deck."""
+_RUN: Final = ("STEFAN", "TABS", "TIMEO", "TIMEND")
+"""Control constants that decide numbers; others say how ESATAN solves and prints."""
 
 
 @dataclass
@@ -33,7 +43,7 @@ class _Scope:
     """A model of the deck: its name, its names, what it holds."""
 
     name: str
-    names: dict[str, str] = field(default_factory=dict)
+    where: TextSpan
     arrays: dict[str, np.ndarray] = field(default_factory=dict)
     blocks: list[tuple[str, list[Line]]] = field(default_factory=list)
     inner: list[_Scope] = field(default_factory=list)
@@ -44,14 +54,14 @@ class EsatanDeck:
     """What has been read so far."""
 
     reading: DeckReading = field(default_factory=DeckReading)
-    parameters: dict[str, tuple[float | str, TextSpan]] = field(default_factory=dict)
     nodes: list[FileNode] = field(default_factory=list)
     conductors: list[FileConductor] = field(default_factory=list)
     loads: list[FileLoad] = field(default_factory=list)
     boundaries: dict[str, FileCourse] = field(default_factory=dict)
     inactive: set[tuple[str, str]] = field(default_factory=set)
-    duration: float = 0.0
-    numbers: dict[str, float] = field(default_factory=dict)
+    control: dict[str, float] = field(default_factory=dict)
+    subroutines: set[str] = field(default_factory=set)
+    start: str = ""
 
 
 def read_esatan(path: str | Path) -> NetworkFile:
@@ -63,15 +73,34 @@ def read_esatan(path: str | Path) -> NetworkFile:
     """
     path = Path(path)
     deck = EsatanDeck()
-    top = _models(deck, list(_lines(deck, path, deck.reading.open(path), ())), path)
+    lines = list(_lines(deck, path, deck.reading.open(path), ()))
+    begins = (re.match(r"\s*(?:\w+\s+)?SUBROUTINE\s+(\w+)", line.text, re.IGNORECASE) for line in lines)
+    deck.subroutines = {match[1].upper() for match in begins if match}
+    top = _models(deck, lines, path)
     _read(deck, top, "")
-    radiating = [c for c in deck.conductors if c.table["kind"] == "radiation"]
-    if radiating and "stefan" not in deck.parameters:
-        deck.reading.remark(radiating[0].where, f"STEFAN is not set; ESATAN's {STEFAN:g} W/(m^2 K^4) is assumed", dropped=False)
+    if any(c.table["kind"] == "radiation" for c in deck.conductors) and "STEFAN" not in deck.control:
+        first = next(c for c in deck.conductors if c.table["kind"] == "radiation")
+        deck.reading.remark(first.where, f"STEFAN is not set; ESATAN's {STEFAN:g} W/(m^2 K^4) is assumed", dropped=False)
+    offset, ratio = deck.control.get("TABS", ICE_POINT) - ICE_POINT, deck.control.get("STEFAN", STEFAN) / STEFAN_BOLTZMANN
+    unread = any("is not a node" in remark.what for remark in deck.reading.remarks)
+    begin = deck.control.get("TIMEO", 0.0)
     return NetworkFile(
-        identifier(top.name or path.stem), "ESATAN", tuple(deck.nodes), tuple(deck.conductors), tuple(deck.loads), deck.parameters,
-        deck.duration, tuple(deck.reading.remarks), deck.reading.texts, deck.boundaries,
+        identifier(top.name or path.stem), "ESATAN", tuple(replace(node, celsius=node.celsius + offset) for node in deck.nodes),
+        tuple(_radiating(c, ratio) for c in with_defined_ends(deck.reading, deck.nodes, deck.conductors, unread)),
+        tuple(with_defined_ends(deck.reading, deck.nodes, deck.loads, unread)), deck.reading.parameters,
+        max(deck.control.get("TIMEND", 0.0) - begin, 0.0), tuple(deck.reading.remarks), deck.reading.texts,
+        {name: replace(course, numbers=course.numbers + offset) for name, course in deck.boundaries.items()},
+        zero_and_degree=(-ICE_POINT - offset, 1.0),
+        start=deck.start,
+        begin=begin,
     )  # fmt: skip
+
+
+def _radiating(conductor: FileConductor, ratio: float) -> FileConductor:
+    """Return a conductor, its exchange area by ESATAN's constant of radiation as one by the constant here."""
+    if conductor.table["kind"] != "radiation":
+        return conductor
+    return replace(conductor, table={**conductor.table, "area": with_unit(conductor.table["area"], "m^2", ratio)})
 
 
 def _lines(deck: EsatanDeck, path: Path, text: str, inside: tuple[Path, ...]) -> Iterator[Line]:
@@ -100,7 +129,7 @@ def _models(deck: EsatanDeck, lines: list[Line], path: Path) -> _Scope:
         word = re.match(r"\s*\$(\w+)\s*([\w]*)", line.text)
         head = word[1].upper() if word else ""
         if word and head in ("MODEL", "VIRTUAL"):
-            scope = _Scope(word[2].upper())
+            scope = _Scope(word[2].upper(), line.where)
             if open_:
                 open_[-1].inner.append(scope)
             elif top is None:
@@ -111,6 +140,7 @@ def _models(deck: EsatanDeck, lines: list[Line], path: Path) -> _Scope:
         elif not open_:
             if head:
                 raise DeckError(f"'{line.text.strip()}' is outside a $MODEL block.", str(line.where), code="import.not-understood")
+            deck.reading.name_logic([line])
         elif head and head not in ("REAL", "INTEGER", "CHARACTER", "CONTROL", "DOUBLE"):
             open_[-1].blocks.append((head, []))
             rest = line.text[word.end(1) :] if word else ""
@@ -118,6 +148,10 @@ def _models(deck: EsatanDeck, lines: list[Line], path: Path) -> _Scope:
                 open_[-1].blocks[-1][1].append(replace(line, text=" " * (word.end(1) if word else 0) + rest))
         elif open_[-1].blocks:
             open_[-1].blocks[-1][1].append(line if not head else replace(line, text=f"${head}"))
+        elif head:
+            open_[-1].blocks.append(("LOCALS", [replace(line, text=f"${head}")]))
+        else:
+            deck.reading.name_logic([line])
     if top is None:
         raise DeckError("no $MODEL found: this is not an ESATAN deck.", str(path), code="file.another-kind")
     if open_:
@@ -162,37 +196,53 @@ def _read(deck: EsatanDeck, scope: _Scope, prefix: str) -> None:
             if head == wanted:
                 _READERS[wanted](deck, scope, owner, lines)
     for inner in scope.inner:
-        _read(deck, inner, owner)
+        if deck.reading.is_first(f"$MODEL {owner}.{inner.name}", inner.where):
+            _read(deck, inner, owner)
     for head, lines in scope.blocks:
         if head == "EXECUTION":
             _execution(deck, lines)
         elif head in ("INITIAL", "VARIABLES1"):
             _variables(deck, scope, owner, lines)
-        elif head not in _READERS and head not in _IGNORED and lines:
+        elif head in ("VARIABLES2", "OUTPUTS", "SUBROUTINES"):
+            deck.reading.name_logic(line for line in lines if _acts(deck, line))
+        elif head not in _READERS and lines:
             deck.reading.remark(lines[0].where, f"${head}: {counted(len(lines), 'line')}")
     deck.reading.names = outer
 
 
+def _acts(deck: EsatanDeck, line: Line) -> bool:
+    """Return whether a statement can change the network or its run."""
+    called = [name for name in _called(line) if name not in deck.subroutines]
+    return acts(line, called, _PRINTS, _ACTS, (*deck.reading.names, *_RUN))
+
+
+def _called(line: Line) -> list[str]:
+    """Return the routines that a statement calls."""
+    return [name.upper() for name in re.findall(r"\bCALL\s+(\w+)", line.text, re.IGNORECASE)]
+
+
 def _names(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> None:
-    """Read $LOCALS and $CONSTANTS: name = number or arithmetic of earlier names; texts and control words are not values."""
+    """Read $LOCALS and $CONSTANTS: name = number or arithmetic of earlier names; of control constants those that decide numbers."""
     kind = "REAL"
     for statement in _statements(lines):
         if statement.text.strip().startswith("$"):
             kind = statement.text.strip()[1:].upper()
             continue
         match = re.match(r"(\w+)\s*=\s*(.+)", statement.text, re.DOTALL)
-        if match is None or kind == "CHARACTER" or "'" in match[2] or (kind == "CONTROL" and match[1].upper() != "STEFAN"):
-            continue
-        where = statement.part(match.start(2), match.end(2))
-        value = deck.reading.value(match[2], where)
-        name = deck.reading.name(match[1])
-        deck.parameters[name] = (value, where)
-        deck.numbers[name] = _number(deck, value)
+        if match is None:
+            deck.reading.name_logic([statement])
+        elif match[1].upper() in _RUN:
+            _control(deck, match, statement)
+        elif kind not in ("CHARACTER", "CONTROL") and "'" not in match[2]:
+            deck.reading.define(match[1], match[2], statement.part(match.start(2), match.end(2)), owner)
 
 
-def _number(deck: EsatanDeck, value: float | str) -> float:
-    """Return the number of a value, with the names as the deck has them."""
-    return value if isinstance(value, float) else float(parse(value).evaluate(lambda name: deck.numbers[name]))
+def _control(deck: EsatanDeck, match: re.Match[str], line: Line) -> None:
+    """Keep a control constant: its name and value; one that is no number is named."""
+    try:
+        deck.control[match[1].upper()] = deck.reading.number(deck.reading.value(match[2], line.where))
+    except ThermidError:
+        deck.reading.name_logic([line])
 
 
 def _arrays(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> None:
@@ -200,10 +250,14 @@ def _arrays(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> N
     for statement in _statements(lines):
         match = re.match(r"(\w+)\s*\(([^)]*)\)\s*=\s*(.+)", statement.text, re.DOTALL)
         if not match:
+            if not statement.text.strip().startswith("$"):
+                deck.reading.name_logic([statement])
+            continue
+        if not deck.reading.is_first(f"array {owner}.{match[1]}", statement.where):
             continue
         words = [word for word in re.split(r"[\s,]+", match[3].strip()) if word]
         try:
-            values = np.array([_number(deck, deck.reading.value(word, statement.where)) for word in words])
+            values = np.array([deck.reading.number(deck.reading.value(word, statement.where)) for word in words])
         except ThermidError:
             deck.reading.remark(statement.where, f"array {match[1]} is not of numbers")
             continue
@@ -227,15 +281,19 @@ def _nodes(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> No
         values: dict[str, tuple[float | str, TextSpan]] = {}
         for cell, where in fields(body):
             key, mark, word = cell.partition("=")
-            if mark and key.strip().upper() in ("T", "C", *POWERS):
+            if key.strip().upper() not in ("T", "C", *POWERS, *SURFACES):
+                deck.reading.remark(where, f"value of a node: '{cell}'")
+            elif mark:
                 values[key.strip().upper()] = (
                     deck.reading.value(word, where),
                     TextSpan(where.file, where.line, where.end - len(word.lstrip()), where.end),
                 )
+        if not deck.reading.is_first(f"node {owner}.{name}", statement.where):
+            continue
         if kind == "X":
             deck.inactive.add((owner, name))
             continue
-        celsius = _number(deck, values["T"][0]) if "T" in values else 0.0
+        celsius = deck.reading.number(values["T"][0]) if "T" in values else 0.0
         mass = values.get("C", (0.0, statement.where))
         capacitance = None if kind == "B" or mass[0] == 0.0 else with_unit(mass[0], "J/K")
         deck.nodes.append(FileNode(owner, name, capacitance, celsius, kind == "B", mass[1], title))
@@ -281,8 +339,7 @@ def _conductors(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) 
         elif match[1].upper() == "GF":
             table = stream(value)
         else:
-            ratio = deck.numbers.get(deck.reading.names.get("STEFAN", ""), STEFAN) / STEFAN_BOLTZMANN
-            table = {"kind": "radiation", "exchange_factor": 1.0, "area": with_unit(value, "m^2", ratio)}
+            table = {"kind": "radiation", "exchange_factor": 1.0, "area": value}  # STEFAN may still come
         again[name] = again.get(name, 0) + 1
         deck.conductors.append(FileConductor(f"{name}_{again[name]}" if again[name] > 1 else name, (a, b), table, where))
     if views:
@@ -291,81 +348,111 @@ def _conductors(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) 
         )
 
 
-_SILENT: Final = re.compile(r"GENMOR|CALL SETND[RI]|CALL STORMM|CALL STATST")
-"""Statements of $INITIAL and $VARIABLES1 that prepare printing."""
-_CONSTANT: Final = re.compile(r"\s*(QI|QS|QE|QA|QR)\s*:?(\d+)\s*=\s*([^=]+?)\s*$", re.IGNORECASE)
-_COURSE: Final = re.compile(r"\s*(QI|QS|QE|QA|QR|T)\s*:?(\d+)\s*=\s*(INTCYC|INTRP1)\s*\(([^()]*)\)\s*(?:\*\s*(.+?))?\s*$", re.IGNORECASE)
+_CONSTANT: Final = re.compile(r"\s*(QI|QS|QE|QA|QR|T)\s*:?(\d+)\s*=\s*([^=]+?)\s*$", re.IGNORECASE)
+_COURSE: Final = re.compile(
+    r"\s*(QI|QS|QE|QA|QR|T)\s*:?(\d+)\s*=\s*(?:([^=]+?)\s*\*\s*)?(INTCYC|INTRP1)\s*\(([^()]*)\)\s*(?:\*\s*(.+?))?\s*$", re.IGNORECASE
+)
 
 
 def _variables(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> None:
-    """Read $VARIABLES1: powers and temperatures that follow arrays of time; every other statement is named."""
-    depth = 0
+    """Read $INITIAL and $VARIABLES1: powers and temperatures, also such that follow arrays of time; every other statement is named."""
+    depth, unknown = 0.0, list[Line]()
     for line in lines:
-        word = line.text.strip().upper()
-        depth += bool(re.match(r"IF\b.*\bTHEN$", word))
-        if _SILENT.match(word):
+        deeper = nesting(line.text)
+        if depth or deeper > 0.0:
+            depth = max(depth + deeper, 0.0)
+        elif _followed(deck, scope, owner, line) or _constant(deck, owner, line):
             continue
-        match = None if depth else _COURSE.match(line.text)
+        if _acts(deck, line) or "=" in line.text:
+            unknown.append(line)
+    deck.reading.name_logic(unknown)
+
+
+def _followed(deck: EsatanDeck, scope: _Scope, owner: str, line: Line) -> bool:
+    """Take a power or a temperature that follows arrays of time, times factors; whether it did."""
+    match = _COURSE.match(line.text)
+    try:
         course = _course(deck, scope, match, line) if match else None
-        depth -= bool(re.match(r"END ?IF$", word))
-        if course is None and not depth and word not in ("ENDIF", "END IF") and _constant(deck, owner, line):
-            continue
         if match is None or course is None:
-            deck.reading.remark(line.where, f"logic not taken over: '{line.text.strip()[:60]}'")
-            continue
-        into = (owner, f"T{int(match[2])}")
-        factor = deck.reading.value(match[5], line.part(match.start(5), match.end(5))) if match[5] else 1.0
-        if match[1].upper() == "T":
-            deck.boundaries[f"{owner}_{into[1]}"] = replace(course, numbers=course.numbers * _number(deck, factor))
-            continue
-        name = f"{owner}_{match[1].upper()}_{into[1]}"
-        deck.loads = [load for load in deck.loads if load.name != name]
-        deck.loads.append(FileLoad(name, into, with_unit(factor, "W"), line.where, "", course, scales=True))
+            return False
+        factor = deck.reading.value("*".join(f"({word})" for word in (match[3], match[6]) if word) or "1.0", line.where)
+    except ThermidError:
+        return False
+    into = (owner, f"T{int(match[2])}")
+    if match[1].upper() == "T":
+        if not any(node.held and (node.submodel, node.name) == into for node in deck.nodes):
+            return False
+        deck.boundaries[f"{owner}_{into[1]}"] = replace(course, numbers=course.numbers * deck.reading.number(factor))
+        return True
+    name = f"{owner}_{match[1].upper()}_{into[1]}"
+    deck.loads = [load for load in deck.loads if load.name != name]
+    deck.loads.append(FileLoad(name, into, with_unit(factor, "W"), line.where, "", course, scales=True))
+    return True
 
 
 def _constant(deck: EsatanDeck, owner: str, line: Line) -> bool:
-    """Take a power that VARIABLES1 sets to arithmetic of names; whether it did."""
+    """Take a power, a start or a boundary's temperature that is set to arithmetic of names; whether it did."""
     match = _CONSTANT.match(line.text)
     if match is None:
         return False
-    where = line.part(match.start(3), match.end(3))
+    where, into = line.part(match.start(3), match.end(3)), (owner, f"T{int(match[2])}")
     try:
-        power = deck.reading.value(match[3], where)
+        value = deck.reading.value(match[3], where)
     except DeckError:
         return False
-    name = f"{owner}_{match[1].upper()}_T{int(match[2])}"
+    if match[1].upper() == "T":
+        k = next((k for k, node in enumerate(deck.nodes) if (node.submodel, node.name) == into), None)
+        if k is None:
+            return False
+        deck.nodes[k] = replace(deck.nodes[k], celsius=deck.reading.number(value))
+        return True
+    name = f"{owner}_{match[1].upper()}_{into[1]}"
     deck.loads = [load for load in deck.loads if load.name != name]
-    deck.loads.append(FileLoad(name, (owner, f"T{int(match[2])}"), with_unit(power, "W"), where))
+    if into not in deck.inactive:
+        deck.loads.append(FileLoad(name, into, with_unit(value, "W"), where))
     return True
 
 
 def _course(deck: EsatanDeck, scope: _Scope, match: re.Match[str], line: Line) -> FileCourse | None:
-    """Return the course of INTCYC(time, times, values, order, period, shift) or INTRP1(time, array of pairs, order)."""
-    words = [word.strip() for word in match[4].split(",")]
-    if words[0].upper() not in ("TIMEM", "TIMEN", "TIME"):
-        return None
-    if match[3].upper() == "INTCYC":
-        times, values = (scope.arrays.get(word.upper()) for word in words[1:3])
-        if times is None or values is None or len(words) < 5 or words[3] != "1":
-            return None
-        shift = _number(deck, deck.reading.value(words[5], line.where)) if len(words) > 5 else 0.0
-        period = _number(deck, deck.reading.value(words[4], line.where))
-        return FileCourse(times + shift, values, period, str(line.where))
-    pairs = scope.arrays.get(words[1].upper())
-    if pairs is None or pairs.ndim != 2 or pairs.shape[1] != 2:
-        return None
-    return FileCourse(pairs[:, 0], pairs[:, 1], 0.0, str(line.where))
+    """Return the course of INTCYC(time, times, values, order, period, shift) or INTRP1(time, pairs, order); INTCYC takes pairs too.
+
+    Raises
+    ------
+    ThermidError    When a period or a shift is no number.
+    """
+    words = [word.strip().upper() for word in match[5].split(",")]
+    arrays = [scope.arrays[word] for word in words[1:3] if word in scope.arrays]
+    if len(arrays) == 1 and arrays[0].ndim == 2 and arrays[0].shape[1] == 2:
+        arrays = [arrays[0][:, 0], arrays[0][:, 1]]
+        words.insert(2, "")
+    if words[0] not in ("TIMEM", "TIMEN", "TIME") or len(arrays) != 2 or words[3:4] != ["1"]:
+        return None  # another order is no straight line
+    if match[4].upper() == "INTRP1":
+        return FileCourse(arrays[0], arrays[1], 0.0, str(line.where)) if len(words) == 4 else None
+    period, shift = ([deck.reading.number(deck.reading.value(word, line.where)) for word in words[4:]] + [0.0])[:2]
+    return FileCourse(arrays[0] + shift, arrays[1], period, str(line.where))
 
 
 def _execution(deck: EsatanDeck, lines: list[Line]) -> None:
-    """Take the end of the transient from $EXECUTION."""
+    """Read $EXECUTION: control constants, and whether a steady state comes before the transient, which begins with its temperatures."""
+    rest, depth, solved = list[Line](), 0.0, list[str]()
     for line in lines:
-        match = re.match(r"\s*TIMEND\s*=\s*(.+?)\s*$", line.text, re.IGNORECASE)
-        if match:
-            try:
-                deck.duration = _number(deck, deck.reading.value(match[1], line.where))
-            except ThermidError:
-                deck.reading.remark(line.where, f"the end of the run, '{match[1]}', is not a number")
+        deeper = nesting(line.text)
+        called = _called(line)
+        if depth or deeper > 0.0:
+            depth = max(depth + deeper, 0.0)
+            rest.append(line)
+        elif (match := re.match(r"\s*(\w+)\s*=\s*(.+?)\s*$", line.text)) and match[1].upper() in _RUN:
+            _control(deck, match, line)
+        elif called[:1] == ["SOLCYC"]:
+            deck.reading.remark(line.where, "the cyclic solution of SOLCYC is no start here; --start periodic is", dropped=False)
+        elif called and (_STEADY.fullmatch(called[0]) or _TRANSIENT.fullmatch(called[0])):
+            solved.append("steady" if _STEADY.fullmatch(called[0]) else "transient")
+        else:
+            rest.append(line)
+    if solved[:1] == ["steady"] and "transient" in solved:
+        deck.start = "steady"
+    deck.reading.name_logic(line for line in rest if _acts(deck, line))
 
 
 _READERS = {"LOCALS": _names, "CONSTANTS": _names, "ARRAYS": _arrays, "NODES": _nodes, "CONDUCTORS": _conductors}

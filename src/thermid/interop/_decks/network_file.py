@@ -56,11 +56,12 @@ class TextSpan:
 
 @dataclass(frozen=True)
 class DeckRemark:
-    """A statement of a deck that was not taken over as it is."""
+    """A statement of a deck that was not taken over as it is; a mark says what another import, whose export the deck is, had dropped."""
 
     where: TextSpan
     what: str
     dropped: bool = True
+    mark: bool = False
 
     def __str__(self) -> str:
         """Return place and words."""
@@ -193,11 +194,13 @@ class NetworkFile:
 
     @property
     def incomplete(self) -> str:
-        """What was not taken over, counted by kind; empty where nothing is missing."""
-        kinds = Counter(re.split(r":| \(", remark.what, maxsplit=1)[0] for remark in self.remarks if remark.dropped)
+        """What was not taken over, counted by kind, after the marks of other imports; empty where nothing is missing."""
+        dropped = [remark for remark in self.remarks if remark.dropped]
+        kinds = Counter(re.split(r":| \(", remark.what, maxsplit=1)[0] for remark in dropped if not remark.mark)
         listed = ", ".join(f"{n} x {what}" if n > 1 else what for what, n in kinds.most_common(MOST_KINDS))
         more = f" and {len(kinds) - MOST_KINDS} more kinds" if len(kinds) > MOST_KINDS else ""
-        return f"{counted(kinds.total(), 'statement')} of {self.tool} not taken over ({listed}{more})" if kinds else ""
+        here = [f"{counted(kinds.total(), 'statement')} of {self.tool} not taken over ({listed}{more})"] if kinds else []
+        return "; ".join([*(remark.what for remark in dropped if remark.mark), *here])
 
     def celsius(self, printed: Mapping[str, float]) -> dict[str, float]:
         """Return printed temperatures in degC; a deck in kelvin or Fahrenheit prints in its own unit."""
@@ -251,7 +254,7 @@ class NetworkFile:
                 if (by := element.table.get("control"))
             },
             "loads": {
-                element.name: {"into": _defined(at, element.into, "load", element), "power": _watts(element.power), **element.more}
+                element.name: {"into": _defined(at, element.into, "load", element), "power": _power(element), **element.more}
                 for element in self.loads
             },
         }
@@ -388,8 +391,13 @@ def _node(node: FileNode) -> dict[str, Any]:
     return {"capacitance": {"value": text, "source": "derived", "basis": str(node.where), "note": node.title}}
 
 
-def _watts(power: float | str) -> str:
-    return power if isinstance(power, str) else f"{power!r} [W]"
+def _power(load: FileLoad) -> dict[str, str] | str:
+    """Return the power of a load, with the remark that its course is elsewhere."""
+    watts = load.power if isinstance(load.power, str) else f"{load.power!r} [W]"
+    if load.course is None:
+        return watts
+    what = "scale of its course" if load.scales else "mean of its course"
+    return {"value": watts, "source": "derived", "basis": str(load.where), "note": f"{what}, which the scenario has"}
 
 
 def _times(number: str, factor: float) -> str:

@@ -6,6 +6,7 @@ conductor has a negative number, its heat is ``SIGMA G (T_a^4 - T_b^4)``; a minu
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -30,7 +31,7 @@ from thermid.interop._decks.network_file import (
     fortran,
     identifier,
 )
-from thermid.interop._decks.statements import DeckReading, Line, fields, numbered, stream, with_unit
+from thermid.interop._decks.statements import DeckReading, Line, acts, fields, nesting, numbered, stream, with_defined_ends, with_unit
 from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
 
 BTU: Final = 1055.05585262
@@ -47,18 +48,25 @@ INSULATION: Final = 20_000
 """By how much the number of an insulation's node exceeds that of the surface below, as Thermal Desktop numbers them."""
 Cells = list[tuple[str, TextSpan]]
 """What stands between the commas of a row, each with its place."""
-_SILENT: Final = (
-    "OPTIONS",
-    "OUTPUT",
-    "SUBROUTINE",
-    "SOLVER",
-    "VARIABLES 2",
-    "USER DATA",
-    "DESIGN",
-    "PROCEDURE",
-    "RELIABILITY",
+_WITHOUT_EFFECT: Final = ("OPTIONS", "SOLVER", "USER DATA", "DESIGN", "PROCEDURE", "RELIABILITY")
+"""Blocks that act by calls and names alone: titles, settings of an optimizer, variables of logic; a call of them is named."""
+_STEADY: Final = re.compile(r"STEADY|STDSTL|FASTIC|CINDS[SLBM]|SNDSNR|SNSOSS|SNHOSS")
+_TRANSIENT: Final = re.compile(
+    r"TRANSIENT|FWDBCK|FORWRD|ATSDUF|CN(?:FRWD|FRDL|FAST|FWBK|BACK|VARB|EXPN|DUFR|QUIK)|SN(?:FRWD|FRDL|FWBK|DUFR)"
 )
-"""Blocks that say how SINDA runs or prints, not what the network is."""
+"""Solution routines of SINDA/FLUINT, SINDA/G and the older SINDAs, as in their user's manuals."""
+_PRINTS: Final = re.compile(r"\w*(?:PRINT|PRNT|PRT)|SAVE|RESAVE|CHGSAV|NODMAP|QMAP|HNQCAL|OUTLOG|COMMON|DPCS|LOAD\w+")
+"""Routines that print, keep or prepare, and LOADQ, whose heat rates are read: what else they do is no part of the network."""
+_ACTS: Final = re.compile(
+    r"(?<![\w.])(?:\w+\.)?(?:XK|[TQCGAK])\s*(?:\d+|\((?:[^()=]|\([^()=]*\))*\))\s*=(?!=)|^\s*(?:INCLUDE|INSERT)\b", re.IGNORECASE
+)
+"""An assignment to a node, a conductor, an array or a constant; or more of the deck."""
+_INTERPOLATIONS: Final = {
+    "D1DEG1": "xPr", "D1D1DA": "xTYr", "D1D1WM": "xPzr", "D11MDA": "xTYzr",
+    "D11CYL": "pxPr", "DA11CY": "pxTYr", "D11MCY": "pxPzr", "DA11MC": "pxTYzr",
+}  # fmt: skip
+"""Linear interpolations of SINDA's manuals: their arguments are a period (p), what they interpolate over (x), an array of pairs (P) or two
+of abscissas and ordinates (T, Y), a factor (z) and where the result is put (r)."""
 
 
 @dataclass
@@ -90,7 +98,7 @@ class Units:
         ------
         DeckError   When a word is none of them, or when no temperature or no power is among them.
         """
-        for word in re.split(r"[\s,]+", words.strip().upper()):
+        for word in re.findall(r"[^\s,]+", words.upper()):
             if word in _ZERO:
                 self.zero, self.degree, self.temperature_stated = _ZERO[word], RANKINE if word in "FR" else 1.0, True
             elif word == "W" or word in _ENERGY:
@@ -123,15 +131,17 @@ class SindaDeck:
     arrays: dict[tuple[str, str], list[float]] = field(default_factory=dict)
     words: dict[str, list[str]] = field(default_factory=dict)
     owners: dict[tuple[str, str], tuple[str, str]] = field(default_factory=dict)
-    registers: dict[str, tuple[float | str, TextSpan]] = field(default_factory=dict)
     control: dict[str, float] = field(default_factory=dict)
     courses: dict[str, FileCourse] = field(default_factory=dict)
     emissivities: dict[str, tuple[float, int]] = field(default_factory=dict)
     listed: dict[TextSpan, tuple[str, float]] = field(default_factory=dict)
-    logic: list[tuple[str, list[Line]]] = field(default_factory=list)
     steps: list[tuple[str, str, list[Line]]] = field(default_factory=list)
+    subroutines: set[str] = field(default_factory=set)
+    operations: list[Line] = field(default_factory=list)
+    cards: bool = False
     settles: bool = False
     ends: bool = False
+    averages: bool = False
 
 
 def read_sinda(path: str | Path, units: str = "") -> NetworkFile:
@@ -140,13 +150,12 @@ def read_sinda(path: str | Path, units: str = "") -> NetworkFile:
     Parameters
     ----------
     path : path     The file.
-    units : str     Units of energy, time, length and temperature of a deck that does not state them: ``"BTU h ft F"``, ``"W m C"``. What
-                    the deck states holds all the same.
+    units : str     Units of energy, time, length and temperature of a deck that does not state them: ``"BTU h ft F"``, ``"W m C"``.
 
     Raises
     ------
     DeckError   With file and line: a file is missing, includes itself, is binary or too large; a row is no node, no conductor or no number;
-                nothing states the unit of temperatures or of powers.
+                nothing states the unit of temperatures or of powers, or the deck contradicts the stated ones.
     """
     path = Path(path)
     deck = SindaDeck()
@@ -154,18 +163,23 @@ def read_sinda(path: str | Path, units: str = "") -> NetworkFile:
     deck.title = path.stem
     if units:
         deck.units.take(units)
-    old = re.search(r"^\s*BCD\s+3NODE\b", text, re.MULTILINE | re.IGNORECASE) is not None
-    if old:
+    deck.cards = re.search(r"^\s*BCD\s+3NODE\b", text, re.MULTILINE | re.IGNORECASE) is not None
+    if deck.cards:
         deck.units.sigma = 1.0
-    deck.steps.extend(card_blocks(numbered(text, str(path))) if old else _blocks(deck, path, text, ()))
+    deck.steps.extend(card_blocks(numbered(text, str(path))) if deck.cards else _blocks(deck, path, text, ()))
     if not any(header.startswith("NODE") for header, _, _ in deck.steps):
         raise DeckError("no HEADER NODE DATA found: this is not a SINDA deck.", str(path), code="file.another-kind")
-    _read_units(deck, path)
-    for wanted in ("OPERATION", "REGISTER", "ARRAY", "CARRAY", "NODE", "CONDUCTOR", "SOURCE", "VARIABLES 0", "VARIABLES 1"):
+    _read_units(deck, path, units)
+    begins = (re.match(r"\s*F?\s*SUBROUTINE\s+(\w+)", line.text, re.IGNORECASE) for _, _, lines in deck.steps for line in lines)
+    deck.subroutines = {match[1].upper() for match in begins if match}
+    for wanted in _READERS:
         for header, submodel, lines in deck.steps:
             if header.startswith(wanted):
                 _READERS[wanted](deck, submodel, lines)
     _name_what_is_left(deck)
+    unread = any(remark.what.startswith("node") for remark in deck.reading.remarks if remark.dropped)
+    deck.conductors = list(with_defined_ends(deck.reading, deck.nodes, deck.conductors, unread))
+    deck.loads = list(with_defined_ends(deck.reading, deck.nodes, deck.loads, unread))
     if deck.units.sigma is None and any(c.table["kind"] == "radiation" for c in deck.conductors):
         first = next(c for c in deck.conductors if c.table["kind"] == "radiation")
         deck.reading.remark(
@@ -175,9 +189,8 @@ def read_sinda(path: str | Path, units: str = "") -> NetworkFile:
             dropped=False,
         )
     begin = deck.control.get("TIMEO", 0.0) * deck.units.time
-    parameters = {deck.reading.names[name]: value for name, value in deck.registers.items()}
     return NetworkFile(
-        identifier(deck.title), "SINDA", tuple(deck.nodes), tuple(deck.conductors), tuple(_unique(deck.loads)), parameters,
+        identifier(deck.title), "SINDA", tuple(deck.nodes), tuple(deck.conductors), tuple(_unique(deck.loads)), deck.reading.parameters,
         deck.control.get("TIMEND", 0.0) * deck.units.time - begin, tuple(deck.reading.remarks), deck.reading.texts,
         zero_and_degree=(deck.units.zero, deck.units.degree),
         start=_start(deck),
@@ -193,7 +206,17 @@ def _start(deck: SindaDeck) -> str:
     """Return where the transient begins: empty for the temperatures of NODE DATA."""
     if not deck.settles or deck.ends:
         return ""
-    return "steady" if deck.control.get("DTIMES", 0.0) else "steady, mean"
+    if deck.control.get("DTIMES", 0.0) or not deck.averages:
+        return "steady"
+    others = [load for load in deck.loads if load.course is not None and load.stands]
+    if others:
+        deck.reading.remark(
+            others[0].where,
+            f"the steady state before the transient takes the means of all courses; SINDA takes {counted(len(others), 'course')} that no "
+            "heat rate is at the time of its start",
+            dropped=False,
+        )
+    return "steady, mean"
 
 
 Blocks = Generator[tuple[str, str, list[Line]], None, tuple[str, str]]
@@ -296,30 +319,39 @@ def _registers(deck: SindaDeck, _: str, lines: list[Line]) -> None:
         if not match:
             deck.reading.remark(line.where, f"'{line.text.strip()}' is not a register")
             continue
-        where = line.part(match.start(2), match.end(2))
-        value = deck.reading.value(match[2], where)
-        deck.reading.name(match[1])
-        deck.registers[match[1].upper()] = (value, where)
+        deck.reading.define(match[1], match[2], line.part(match.start(2), match.end(2)))
+        if deck.cards:  # lines of Fortran call a constant by another name
+            deck.reading.names[f"X{match[1].upper()}"] = deck.reading.names[match[1].upper()]
 
 
 def _arrays(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     """Read ARRAY DATA: number = values, over as many lines as they take."""
-    key = ""
+    numbers: list[float] | None = None
+    repeated: list[tuple[str, TextSpan, list[float]]] = []
     for line in lines:
         row = line.text
         match = re.match(r"\s*(\d+)\s*=(\s*SPACE\s*,\s*\d+\s*$)?", row, re.IGNORECASE)
         if match:
-            key, row = match[1], row[match.end() :]
-            if owner := owner_of(line.before):
-                deck.owners[submodel, key] = owner
-            deck.arrays[submodel, key] = [0.0] * int(match[2].rpartition(",")[2]) if match[2] else []
-        for word in re.split(r"[\s,]+", row.strip()):
-            if not word or word.upper() == "END":
+            row, numbers, where = row[match.end() :], [], line.part(match.start(1), match.end(1))
+            name = f"array {submodel}.{match[1]}"
+            if match[2]:  # room that a file with the numbers fills
+                deck.arrays.setdefault((submodel, match[1]), [0.0] * int(match[2].rpartition(",")[2]))
+            elif name.upper() in deck.reading.defined:
+                repeated.append((match[1], where, numbers))
+            elif deck.reading.is_first(name, where):
+                deck.arrays[submodel, match[1]] = numbers
+                if owner := owner_of(line.before):
+                    deck.owners[submodel, match[1]] = owner
+        for word in re.findall(r"[^\s,]+", row):
+            if word.upper() == "END":
                 continue
             try:
-                deck.arrays[submodel, key].append(float(fortran(word)))
-            except (ValueError, KeyError):
+                numbers.append(float(fortran(word)))  # type: ignore[union-attr]
+            except (ValueError, AttributeError):
                 raise DeckError(f"'{word}' is not a number of an array.", str(line.where), code="import.not-understood") from None
+    for key, where, again in repeated:
+        if again != deck.arrays[submodel, key]:
+            deck.reading.is_first(f"array {submodel}.{key}", where)
 
 
 def _carrays(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
@@ -333,40 +365,59 @@ def _carrays(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
 
 
 def _operation(deck: SindaDeck, _: str, lines: list[Line]) -> None:
-    """Read OPERATION DATA: whether a steady state comes before the transient, or no transient at all."""
+    """Read OPERATION DATA: the run's times, whether a steady state comes before the transient, or no transient at all.
+
+    The temperatures of a steady state are those that the transient after it begins with; the steady state is that at TIMEO.
+    """
     if not lines:
         return
-    calls = " ".join(line.text.upper() for line in lines)
-    steady = re.search(r"CALL\s+(?:STEADY|STDSTL|FASTIC)\b", calls)
-    transient = re.search(r"CALL\s+(?:TRANSIENT|FWDBCK|FORWRD|ATSDUF)\b", calls)
-    deck.settles = steady is not None and (transient is None or steady.start() < transient.start())
-    deck.ends = steady is not None and transient is None
+    rest, solved = list[Line](), list[str]()
+    for line in _joined(lines):
+        if solution := next((name for name in _called(deck, line) if _STEADY.fullmatch(name) or _TRANSIENT.fullmatch(name)), None):
+            solved.append("steady" if _STEADY.fullmatch(solution) else "transient")
+        elif match := re.fullmatch(r"\s*(TIMEO|TIMEND|DTIMES)\s*=\s*(.+?)\s*", line.text, re.IGNORECASE):
+            try:
+                deck.control[match[1].upper()] = deck.reading.number(deck.reading.value(match[2], line.where))
+            except DeckError:
+                rest.append(line)
+        else:
+            rest.append(line)
+    deck.settles = solved[:1] == ["steady"]
+    deck.ends = deck.settles and "transient" not in solved
+    deck.operations.extend(rest)
+
+
+def _called(deck: SindaDeck, line: Line) -> list[str]:
+    """Return the routines that a statement calls; among cards a name alone, or one with arguments, is a call."""
+    text = re.sub(r"^\s*[FM]\b", "", line.text)
+    names = re.findall(r"\bCALL\s+(\w+)", text, re.IGNORECASE)
+    if deck.cards and not names and (match := re.fullmatch(r"\s*([A-Z]\w*)\s*(\(.*\))?\s*", text, re.IGNORECASE)):
+        names = [] if re.fullmatch(r"IF|ELSE|ENDIF|ENDDO|RETURN|END|CONTINUE|CLOSE|OPEN|COMMON", match[1], re.IGNORECASE) else [match[1]]
+    return [name.upper() for name in names]
+
+
+def _acts(deck: SindaDeck, line: Line) -> bool:
+    """Return whether a statement can change the network or its run; one that builds all submodels cannot."""
+    if match := re.match(r"\s*BUILDF?\s+(?:\w+\s*,)?(.+)", line.text, re.IGNORECASE):
+        built = set(re.split(r"[\s,]+", match[1].strip().upper()))
+        return "ALL" not in built and not {node.submodel for node in deck.nodes} <= built
+    called = [name for name in _called(deck, line) if name not in deck.subroutines]
+    return acts(line, called, _PRINTS, _ACTS, (*deck.reading.names, "TIMEO", "TIMEND", "TIMEN", "ABSZRO", "SIGMA"))
 
 
 def _nodes(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
-    """Read NODE DATA: number, temperature, capacitance; GEN, SIV and SPV."""
+    """Read NODE DATA: groups of number, temperature, capacitance; GEN, CAL, SIV, SPV, DIV and boundaries over time (SIT)."""
     for line in lines:
         (head, _), *rest = fields(line) or [("", line.where)]
         word, _, first = head.partition(" ")
         kind = word.upper() if first else ""
         try:
             cells = [(first.strip(), rest[0][1]), *rest] if kind else [(head, line.where), *rest]
-            if kind == "":
-                deck.nodes.append(_node(deck, submodel, line, cells))
-            elif kind == "GEN":
-                deck.nodes.extend(_generated(deck, submodel, line, cells))
-            elif kind in ("SIV", "SPV", "DIV"):
-                deck.nodes.append(_tabulated_node(deck, submodel, line, kind, cells))
-            elif kind == "CAL":
-                deck.nodes.append(_node(deck, submodel, line, [*cells[:2], _product(cells[2:])]))
-            elif kind == "SIT" and cells[0][0].startswith("-") and not any(float(fortran(word)) for word, _ in cells[3:]):
-                # a boundary whose temperature is an array over time (SIT)
-                course = _over_time(deck, submodel, cells[2][0], line)
-                node = _node(deck, submodel, line, [cells[0], cells[1], ("0.0", cells[2][1])])
-                deck.courses[node.path] = replace(course, numbers=np.array([deck.units.celsius(t) for t in course.numbers]))
-                deck.nodes.append(node)
-            else:
-                deck.reading.remark(line.where, f"node option {kind}: '{line.text.strip()}'")
+            for node, course in _nodes_of_card(deck, submodel, line, kind, cells):
+                if deck.reading.is_first(f"node {submodel}.{node.name}", node.where):
+                    deck.nodes.append(node)
+                    if course is not None:
+                        deck.courses[node.path] = course
         except ThermidError:
             raise
         except (ValueError, IndexError):
@@ -375,6 +426,30 @@ def _nodes(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
                 str(line.where),
                 code="import.not-understood",
             ) from None
+
+
+def _nodes_of_card(deck: SindaDeck, submodel: str, line: Line, kind: str, cells: Cells) -> Iterator[tuple[FileNode, FileCourse | None]]:
+    """Yield the nodes of a card, with the course of a boundary's temperature; a card that is not read is named."""
+    if kind == "":
+        if len(cells) % 3:
+            raise ValueError
+        yield from ((_node(deck, submodel, line, cells[k : k + 3]), None) for k in range(0, len(cells), 3))
+    elif kind == "GEN":
+        yield from ((node, None) for node in _generated(deck, submodel, line, cells))
+    elif kind in ("SIV", "SPV", "DIV"):
+        yield _tabulated_node(deck, submodel, line, kind, cells), None
+    elif kind == "CAL":
+        yield _node(deck, submodel, line, [*cells[:2], _product(cells[2:])]), None
+    elif kind == "SIT" and cells[0][0].startswith("-") and not any(float(fortran(word)) for word, _ in cells[3:]):
+        course = _over_time(deck, submodel, cells[2][0], line)
+        yield _node(deck, submodel, line, [cells[0], cells[1], ("0.0", cells[2][1])]), _celsius(deck, course)
+    else:
+        deck.reading.remark(line.where, f"node option {kind}: '{line.text.strip()}'")
+
+
+def _celsius(deck: SindaDeck, course: FileCourse) -> FileCourse:
+    """Return a course of temperatures in degC."""
+    return replace(course, numbers=np.array([deck.units.celsius(t) for t in course.numbers]))
 
 
 def _node(deck: SindaDeck, submodel: str, line: Line, cells: Cells) -> FileNode:
@@ -411,6 +486,8 @@ def _over_time(deck: SindaDeck, submodel: str, word: str, line: Line) -> FileCou
 
 def _tabulated_node(deck: SindaDeck, submodel: str, line: Line, kind: str, cells: Cells) -> FileNode:
     """Return a node whose capacitance is an array over temperature (SIV), a polynomial of it (SPV), or two arrays (DIV), times factors."""
+    if len(cells) > (6 if kind == "DIV" else 4):
+        raise ValueError
     number, celsius = int(cells[0][0]), deck.units.celsius(float(fortran(cells[1][0])))
     pairs = [(cells[k][0], float(fortran(cells[k + 1][0])) if len(cells) > k + 1 else 1.0) for k in range(2, 6 if kind == "DIV" else 4, 2)]
     tables = [(factor, *np.array(_points(deck, submodel, kind, word, line)).T) for word, factor in pairs]
@@ -427,7 +504,7 @@ def _tabulated_node(deck: SindaDeck, submodel: str, line: Line, kind: str, cells
 def _array(deck: SindaDeck, submodel: str, word: str) -> list[float] | None:
     """Return the numbers of an array: A3 of the submodel that names it, or OTHER.A3."""
     owner, _, name = word.upper().rpartition(".")
-    return deck.arrays.get((owner or submodel, name.removeprefix("A")))
+    return deck.arrays.get((owner or submodel, name.removeprefix("A").strip(" ()")))
 
 
 def _points(deck: SindaDeck, submodel: str, kind: str, word: str, line: Line) -> list[tuple[float, float]]:
@@ -468,8 +545,11 @@ def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
                 deck.conductors.extend(_generated_conductors(deck, submodel, cells, group, line))
             elif kind == "CAL" and len(cells) > 4 and float(fortran(cells[-1][0])) == 1.0:  # X Y Z / W
                 deck.conductors.extend(_row(deck, submodel, "", [*cells[:3], _product(cells[3:-1])], group, line))
-            elif kind in ("", "SIV", "SPV"):
+            elif kind in ("SIV", "SPV"):
                 deck.conductors.extend(_row(deck, submodel, kind, cells, group, line))
+            elif kind == "":
+                for k, n in _groups(cells):
+                    deck.conductors.extend(_row(deck, submodel, "", cells[k:n], group, line))
             else:
                 deck.reading.remark(line.where, f"conductor option {kind}: '{line.text.strip()}'")
         except ThermidError:
@@ -544,6 +624,17 @@ def _end(word: str, submodel: str) -> tuple[tuple[str, str], bool]:
     return ((owner.upper() or submodel), f"T{int(number)}"), oneway
 
 
+def _groups(cells: Cells) -> Iterator[tuple[int, int]]:
+    """Yield where the conductors of a card begin and end: number, pairs of nodes, value; a value before the last is no name of a node."""
+    begin = 0
+    for k in range(1, len(cells)):
+        if k == len(cells) - 1 or re.fullmatch(r"-?(?:[A-Za-z]\w*\.)?\d+", cells[k][0]) is None:
+            yield begin, k + 1
+            begin = k + 1
+    if begin < len(cells):
+        raise ValueError
+
+
 def _row(deck: SindaDeck, submodel: str, kind: str, cells: Cells, group: _Group, line: Line) -> Iterator[FileConductor]:
     """Yield the conductors of a row: one for each pair of nodes."""
     number = int(cells[0][0])
@@ -553,6 +644,8 @@ def _row(deck: SindaDeck, submodel: str, kind: str, cells: Cells, group: _Group,
         pairs, values = cells[1:-1], cells[-1:]
     if not pairs or len(pairs) % 2:
         raise ValueError
+    if not deck.reading.is_first(f"conductor {submodel}.{abs(number)}", cells[0][1]):
+        return
     for k in range(0, len(pairs), 2):
         (a, minus_a), (b, minus_b) = _end(pairs[k][0], submodel), _end(pairs[k + 1][0], submodel)
         name = f"{submodel}_{'R' if number < 0 else 'G'}{abs(number)}" + (f"_{k // 2 + 1}" if len(pairs) > 2 else "")
@@ -602,38 +695,38 @@ def _generated_conductors(deck: SindaDeck, submodel: str, cells: Cells, group: _
 
 
 def _sources(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
-    """Read SOURCE DATA: node, power; SIT node, array over time, factor."""
+    """Read SOURCE DATA: groups of node and power; SIT node, array over time, factor."""
     for line in lines:
         cells = fields(line)
         try:
             if match := re.fullmatch(r"SIT\s+(\d+)", cells[0][0], re.IGNORECASE):
                 course = _over_time(deck, submodel, cells[1][0], line)
-                watts = float(fortran(cells[2][0])) * deck.units.power
-                mean, into = float(np.mean(course.numbers)) * watts, (submodel, f"T{int(match[1])}")
+                (factor,) = (float(fortran(word)) for word, _ in cells[2:])
+                watts, into = factor * deck.units.power, (submodel, f"T{int(match[1])}")
+                mean = float(np.mean(course.numbers)) * watts
                 deck.loads.append(FileLoad(f"{submodel}_Q{int(match[1])}", into, mean, line.where, "", course, factor=watts, stands=False))
                 continue
-            node, power = int(cells[0][0]), deck.reading.value(cells[1][0], cells[1][1])
+            pairs = zip(cells[::2], cells[1::2], strict=True)
+            powers = [(int(node), deck.reading.value(word, where), where) for (node, _), (word, where) in pairs]
         except ThermidError:
             raise
         except (ValueError, IndexError):
             deck.reading.remark(line.where, f"source '{line.text.strip()}'")
             continue
-        deck.loads.append(FileLoad(f"{submodel}_Q{node}", (submodel, f"T{node}"), with_unit(power, "W", deck.units.power), cells[1][1]))
+        for node, power, where in powers:
+            deck.loads.append(FileLoad(f"{submodel}_Q{node}", (submodel, f"T{node}"), with_unit(power, "W", deck.units.power), where))
 
 
-_ADDED: Final = re.compile(r"\s*(?:(\w+)\.)?Q(\d+)\s*=\s*(?:(\w+)\.)?Q(\d+)\s*\+\s*(.+?)\s*$", re.IGNORECASE)
-_CYCLIC: Final = re.compile(
-    r"\s*CALL\s+DA11MC\s*\(\s*([^,]+),\s*TIME[MN]\s*,\s*([\w.]+)\s*,\s*([\w.]+)\s*,\s*([^,]+),\s*(\w+)\s*\)", re.IGNORECASE
-)
-_PAIRED: Final = re.compile(r"\s*CALL\s+(D11MCY|D1DEG1)\s*\(\s*(.+?)\s*\)\s*$", re.IGNORECASE)
+_SET: Final = re.compile(r"\s*(?:(\w+)\.)?([QT])(\d+)\s*=\s*(?:((?:\w+\.)?Q\d+)\s*\+)?\s*(.+?)\s*$", re.IGNORECASE)
 
 
 @dataclass
 class _CourseVariable:
-    """A course over time that a call put into a variable: times [s] and values without unit, its period or nothing."""
+    """A course over time that a call put into a variable, the factor that it had, and the statement."""
 
     course: FileCourse
-    variable: str
+    factor: float | str
+    line: Line
 
 
 def _joined(lines: list[Line]) -> Iterator[Line]:
@@ -651,34 +744,142 @@ def _joined(lines: list[Line]) -> Iterator[Line]:
 
 
 def _logic(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
-    """Read VARIABLES 0 and 1: powers, powers of time, heaters; every other statement is named."""
+    """Read VARIABLES 0 and 1: powers, temperatures of boundaries, both over time too, heaters; every other statement is named."""
     lines = list(_heaters(deck, submodel, lines))
-    course: _CourseVariable | None = None
-    branch, label, unknown = "", "", list[Line]()
+    variables: dict[str, _CourseVariable] = {}
+    branch, label, depth, unknown, unused = "", "", 0.0, list[Line](), dict[str, Line]()
     for line in _joined(lines):
         text = " ".join(line.text.split())
         label = next((_label(words) for words in line.before if words.startswith("Heat Load")), label)
-        if re.fullmatch(r"IF ?\( ?NSOL \.GT\. 1 ?\) THEN", text, re.IGNORECASE):
+        deeper = nesting("GO TO" if branch and re.match(r"ELSE ?IF\b", text, re.IGNORECASE) else text)
+        if not branch and not depth and _NOT_STEADY.fullmatch(text):
             branch = "transient"
+            continue
+        if depth or deeper > 0.0:
+            depth = max(depth + deeper, 0.0)
+            unknown.append(line)
         elif branch and text.upper() == "ELSE":
             branch = "steady"
         elif branch and text.upper().replace(" ", "") == "ENDIF":
             branch = ""
         elif match := CALL.match(line.text):
             _absorbed(deck, (match[1] or match[2]).upper(), line)
-        elif match := _CYCLIC.match(line.text):
-            course = _cyclic(deck, submodel, match, line)
-        elif match := _PAIRED.match(line.text):
-            course = _paired(deck, submodel, match, line)
-        elif (
-            (match := _ADDED.match(line.text)) and (match[1] or submodel).upper() == (match[3] or submodel).upper() and match[2] == match[4]
-        ):
-            _power(deck, (match[1] or submodel).upper(), match, line, course, branch, label)
-        else:
+        elif put := _interpolated(deck, submodel, line):
+            target, variable = put
+            if match := re.fullmatch(r"(?:(\w+)\.)?([QT])(\d+)", target):
+                into = ((match[1] or submodel).upper(), f"T{int(match[3])}")
+                if branch or not _put(deck, match[2], into, variable.factor, line.where, variable.course, label):
+                    unknown.append(line)
+            else:
+                unknown.extend([unused[target]] if target in unused else [])
+                variables[target] = variable
+                unused[target] = line
+        elif not _taken(deck, submodel, line, variables, unused, branch, label) and not (deck.cards and text.upper() == "CONTINUE"):
             unknown.append(line)
-    for begin, end in _runs(unknown):
-        rows = f"lines {begin.where.line} to {end.where.line}" if begin is not end else "line"
-        deck.reading.remark(begin.where, f"logic not taken over ({rows}): '{begin.text.strip()[:60]}'")
+    deck.reading.name_logic([*unknown, *unused.values()])
+
+
+_NOT_STEADY: Final = re.compile(r"IF ?\( ?NSOL ?\.GT\. ?1(?: ?\.OR\. ?DTIMES ?\.GT\. ?0\.?)? ?\) ?THEN", re.IGNORECASE)
+"""The question whether a transient is computed, as Thermal Desktop writes it."""
+
+
+def _interpolated(deck: SindaDeck, submodel: str, line: Line) -> tuple[str, _CourseVariable] | None:
+    """Return where the interpolation of a statement goes, and its course over time; None when it is none over time."""
+    match = re.match(r"\s*(?:CALL\s+)?(\w+)\s*\((.*)\)\s*$", line.text, re.IGNORECASE)
+    form = _INTERPOLATIONS.get(match[1].upper(), "") if match else ""
+    words = [word for word, _ in fields(replace(line, text=match[2]))] if match else []
+    if not form or len(words) != len(form) or words[form.index("x")].upper() not in ("TIMEM", "TIMEN"):
+        return None
+    arguments = dict(zip(form, words, strict=True))
+    try:
+        pairs = [_array(deck, submodel, arguments[key]) for key in "PTY" if key in arguments]
+        times, numbers = (pairs[0][::2], pairs[0][1::2]) if "P" in arguments and pairs[0] is not None else pairs
+        factor = deck.reading.value(arguments.get("z", "1.0"), line.where)
+        period = deck.reading.number(deck.reading.value(arguments.get("p", "0.0"), line.where))
+        if times is None or numbers is None:
+            return None
+        course = FileCourse(np.array(times) * deck.units.time, np.array(numbers), period * deck.units.time, str(line.where))
+    except (ThermidError, ValueError):
+        return None
+    return arguments["r"].upper(), _CourseVariable(course, factor, line)
+
+
+def _taken(
+    deck: SindaDeck, submodel: str, line: Line, variables: Mapping[str, _CourseVariable], unused: dict[str, Line], branch: str, label: str
+) -> bool:
+    """Take a statement that sets a power or a boundary's temperature, or adds a power; whether it is one."""
+    match = _SET.fullmatch(line.text)
+    if match is None:
+        return False
+    owner, kind, node = (match[1] or submodel).upper(), match[2].upper(), f"T{int(match[3])}"
+    adds = match[4] is not None
+    if adds and _end(re.sub(r"Q(?=\d+$)", "", match[4].upper()), submodel)[0] != (owner, node):
+        return False
+    text, where = match[5], line.part(match.start(5), match.end(5))
+    used = next((name for name in variables if re.search(rf"(?<![\w.]){re.escape(name)}(?!\w)", text, re.IGNORECASE)), None)
+    try:
+        if used is None:
+            factor, course = deck.reading.value(text, where), None
+        else:
+            rows = [re.sub(rf"(?<![\w.]){re.escape(used)}(?!\w)", at, text, flags=re.IGNORECASE) for at in ("1.0", "2.0", "3.0")]
+            one, two, three = (deck.reading.number(deck.reading.value(row, where)) for row in rows)
+            if not math.isclose(two, one + one) or not math.isclose(three, one + two):
+                return False  # no multiple of the course
+            factor, course = deck.reading.value(rows[0], where), variables[used].course
+            factor = _times(factor, variables[used].factor)
+    except (ThermidError, ArithmeticError):
+        return False
+    if (branch and not adds) or not _put(deck, kind, (owner, node), factor, where, course, label, adds, branch):
+        return False
+    unused.pop(used or "", None)
+    return True
+
+
+def _times(a: float | str, b: float | str) -> float | str:
+    """Return the product of two values of a deck."""
+    return a * b if isinstance(a, float) and isinstance(b, float) else f"({a})*({b})"
+
+
+def _put(
+    deck: SindaDeck,
+    kind: str,
+    into: tuple[str, str],
+    factor: float | str,
+    where: TextSpan,
+    course: FileCourse | None,
+    label: str,
+    adds: bool = False,
+    branch: str = "",
+) -> bool:
+    """Put a power into a node (Q), or a temperature on a boundary (T): a constant, or a course times a factor; whether it can be."""
+    unit = deck.units.power
+    if kind == "T":
+        k = next((k for k, node in enumerate(deck.nodes) if (node.submodel, node.name) == into and node.held), None)
+        if k is None or adds or branch or not isinstance(factor, float):
+            return False
+        if course is None:
+            deck.nodes[k] = replace(deck.nodes[k], celsius=deck.units.celsius(factor))
+        else:
+            deck.courses[deck.nodes[k].path] = _celsius(deck, replace(course, numbers=course.numbers * factor))
+        return True
+    if not adds and (old := [load for load in deck.loads if load.into == into]):
+        deck.reading.remark(where, f"the power of {'.'.join(into)} replaces {counted(len(old), 'power')} set before", dropped=False)
+        deck.loads = [load for load in deck.loads if load.into != into]
+    name = f"{into[0]}_Q{into[1][1:]}" + (f"_{label}" if label else "")
+    load = FileLoad(name, into, with_unit(factor, "W", unit), where, label)
+    if course is not None and isinstance(factor, float):
+        load = replace(load, power=float(np.mean(course.numbers)) * factor * unit, course=course, factor=factor * unit)
+    elif course is not None:
+        load = replace(load, course=course, scales=True)
+    elif branch:  # in a steady state, what stands for a course of the transient
+        like = (k for k, other in enumerate(deck.loads) if other.course is not None and (other.into, other.group) == (into, label))
+        k = next(like, None) if branch == "steady" else None
+        if k is None:
+            return False
+        deck.loads[k], deck.averages = replace(deck.loads[k], power=load.power, stands=False), True
+        return True
+    deck.loads.append(load)
+    return True
 
 
 def _absorbed(deck: SindaDeck, submodel: str, line: Line) -> None:
@@ -694,78 +895,13 @@ def _absorbed(deck: SindaDeck, submodel: str, line: Line) -> None:
     for rate in rates:
         name = f"{rate.into[0]}_{submodel.lower()}_{rate.into[1]}"
         mean, course = rate.mean * deck.units.power, None if deck.ends else rate.course
+        deck.averages |= course is not None
         deck.loads.append(FileLoad(name, rate.into, mean, line.where, submodel, course, factor=deck.units.power, stands=False))
 
 
 def _label(words: str) -> str:
     """Return the name of a heat load: `Heat Load-chips[SUB]::3EA` -> `chips_3ea`."""
     return identifier(re.sub(r"^Heat Load-?|\[[^\]]*\]", "", words)).removeprefix("n_")
-
-
-def _runs(lines: list[Line]) -> Iterator[tuple[Line, Line]]:
-    """Yield first and last of lines that follow each other."""
-    first = last = None
-    for line in lines:
-        if first is None or last is None or line.where.file != last.where.file or line.where.line > last.where.line + 4:
-            if first is not None and last is not None:
-                yield first, last
-            first = line
-        last = line
-    if first is not None and last is not None:
-        yield first, last
-
-
-def _cyclic(deck: SindaDeck, submodel: str, match: re.Match[str], line: Line) -> _CourseVariable | None:
-    """Return the course of DA11MC(period, time, array of times, array of values, factor, result)."""
-    times, values = (_array(deck, submodel, match[k]) for k in (2, 3))
-    if times is None or values is None or len(times) != len(values):
-        deck.reading.remark(line.where, f"'{line.text.strip()}': its arrays are not in ARRAY DATA of {submodel}")
-        return None
-    period, factor = float(fortran(match[1])), float(fortran(match[4]))
-    unit = deck.units.time
-    return _CourseVariable(FileCourse(np.array(times) * unit, np.array(values) * factor, period * unit, str(line.where)), match[5].upper())
-
-
-def _paired(deck: SindaDeck, submodel: str, match: re.Match[str], line: Line) -> _CourseVariable | None:
-    """Return the course of D11MCY(period, time, array of pairs, factor, result) or D1DEG1(time, array of pairs, result)."""
-    words = [word.strip() for word in match[2].split(",")]
-    cyclic = match[1].upper() == "D11MCY"
-    at = 1 if cyclic else 0
-    values = _array(deck, submodel, words[at + 1]) if len(words) > at + 1 else None
-    if values is None or words[at].upper() not in ("TIMEM", "TIMEN") or len(values) % 2:
-        deck.reading.remark(line.where, f"'{line.text.strip()}' is not a function of time by an array of pairs")
-        return None
-    times, powers = np.array(values[::2]) * deck.units.time, np.array(values[1::2])
-    if cyclic:
-        powers = powers * float(fortran(words[3]))
-        return _CourseVariable(FileCourse(times, powers, float(fortran(words[0])) * deck.units.time, str(line.where)), words[-1].upper())
-    return _CourseVariable(FileCourse(times, powers, 0.0, str(line.where)), words[-1].upper())
-
-
-def _power(deck: SindaDeck, owner: str, match: re.Match[str], line: Line, course: _CourseVariable | None, branch: str, label: str) -> None:
-    """Add the power of one statement: a constant, or a course times constants."""
-    node, text = f"T{int(match[2])}", match[5]
-    where = line.part(match.start(5), match.end(5))
-    name = f"{owner}_Q{int(match[2])}" + (f"_{label}" if label else "")
-    if course is not None and course.variable in text.upper():
-        rest = re.sub(re.escape(course.variable), "1.0", text, flags=re.IGNORECASE)
-        factor = deck.reading.value(rest, where)
-        if not isinstance(factor, float):
-            deck.reading.remark(line.where, f"a register times a function of time: '{line.text.strip()}'")
-            return
-        watts = factor * deck.units.power
-        mean = float(np.mean(course.course.numbers)) * watts
-        deck.loads.append(FileLoad(name, (owner, node), mean, where, label, course.course, factor=watts))
-        return
-    power = with_unit(deck.reading.value(text, where), "W", deck.units.power)
-    if branch == "steady":
-        k = next(
-            (k for k, load in enumerate(deck.loads) if load.course is not None and load.into == (owner, node) and load.group == label), None
-        )
-        if k is not None:
-            deck.loads[k] = replace(deck.loads[k], power=power)
-            return
-    deck.loads.append(FileLoad(name, (owner, node), power, where, label))
 
 
 def _heaters(deck: SindaDeck, submodel: str, lines: list[Line]) -> Iterator[Line]:
@@ -809,17 +945,26 @@ def _unique(loads: list[FileLoad]) -> Iterator[FileLoad]:
         yield load if uses_of_name[load.name] == 1 else replace(load, name=f"{load.name}_{uses_of_name[load.name]}")
 
 
-def _read_units(deck: SindaDeck, path: Path) -> None:
+def _read_units(deck: SindaDeck, path: Path, words: str) -> None:
     """Read CONTROL DATA, and ask for the units that neither it nor anything else states.
 
     Raises
     ------
-    DeckError   When the unit of temperatures is open, or that of powers beside degrees Fahrenheit.
+    DeckError   When the unit of temperatures is open, or that of powers beside degrees Fahrenheit; when the deck states others than given.
     """
     for header, submodel, lines in deck.steps:
         if header.startswith("CONTROL"):
             _control(deck, submodel, lines)
-    units = deck.units
+    units, stated = deck.units, Units()
+    stated.take(words)
+    other_zero = stated.temperature_stated and round(stated.zero) != round(units.zero)
+    if other_zero or (stated.power_stated and round(stated.power / units.power, 2) != 1.0):
+        raise DeckError(
+            f"the units '{words}' contradict the deck: its absolute zero is {units.zero:g}, and its unit of power {units.power:g} W. "
+            "Give the units that it states, or none.",
+            str(path),
+            code="value.wrong-kind",
+        )
     fahrenheit = round(units.zero) in (-459, -460)
     if not units.temperature_stated or (fahrenheit and not units.power_stated):
         what = "the unit of powers (UID)" if units.temperature_stated else "the unit of temperatures (ABSZRO)"
@@ -835,23 +980,26 @@ def _read_units(deck: SindaDeck, path: Path) -> None:
 
 
 def _name_what_is_left(deck: SindaDeck) -> None:
-    """Name the blocks that were not read and are more than printing and solving."""
-    headers_read = ("CONTROL", *_READERS)
-    for header, submodel, lines in deck.steps:
-        if not lines or not header or header.startswith((*headers_read, *_SILENT)):
-            continue
-        what = "FLUINT (fluid submodels)" if header.startswith(("FLOW", "FPROP")) else f"HEADER {header} {submodel}".rstrip()
-        deck.reading.remark(lines[0].where, f"{what}: {counted(len(lines), 'line')}")
+    """Name what no reader took: in blocks of statements those that act, other blocks whole."""
+    rest = [step for step in deck.steps if not step[0].startswith(("CONTROL", *_READERS, *_WITHOUT_EFFECT))]
+    deck.reading.name_logic(line for line in deck.operations if _acts(deck, line))
+    for header, submodel, lines in rest:
+        if header.startswith(("VARIABLES", "OUTPUT", "SUBROUTINE")):
+            deck.reading.name_logic(line for line in _joined(lines) if _acts(deck, line))
+        elif lines:
+            what = "FLUINT (fluid submodels)" if header.startswith(("FLOW", "FPROP")) else f"HEADER {header} {submodel}".strip()
+            deck.reading.remark(lines[0].where, f"{what}: {counted(len(lines), 'line')}")
 
 
 _READERS = {
-    "OPERATION": _operation,
-    "CARRAY": _carrays,
     "REGISTER": _registers,
+    "OPERATION": _operation,
     "ARRAY": _arrays,
+    "CARRAY": _carrays,
     "NODE": _nodes,
     "CONDUCTOR": _conductors,
     "SOURCE": _sources,
     "VARIABLES 0": _logic,
     "VARIABLES 1": _logic,
 }
+"""Block -> its reader, in the order in which they are read."""

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
 from thermid.base.errors import DeckError, ThermidError, cap, raising
 from thermid.base.expression import parse
 from thermid.base.files import read_bytes
-from thermid.interop._decks.network_file import DeckRemark, TextSpan, fortran, identifier
+from thermid.interop._decks.network_file import DeckRemark, FileConductor, FileLoad, FileNode, TextSpan, fortran, identifier
+
+Element = TypeVar("Element", FileConductor, FileLoad)
 
 
 @dataclass(frozen=True)
@@ -30,10 +33,13 @@ class Line:
 
 @dataclass
 class DeckReading:
-    """The state of a reader: texts of files as opened, names of parameters, remarks."""
+    """The state of a reader: texts of files as opened, names of parameters and their numbers, what was defined where, remarks."""
 
     texts: dict[str, str] = field(default_factory=dict)
     names: dict[str, str] = field(default_factory=dict)
+    numbers: dict[str, float] = field(default_factory=dict)
+    parameters: dict[str, tuple[float | str, TextSpan]] = field(default_factory=dict)
+    defined: dict[str, TextSpan] = field(default_factory=dict)
     remarks: list[DeckRemark] = field(default_factory=list)
 
     def open(self, path: Path, inside: tuple[Path, ...] = (), named_in: str = "") -> str:
@@ -66,20 +72,66 @@ class DeckReading:
                 "this is a binary file, but a deck is a text. Give its text file (.cc, .k, .inp, .d).", str(path), code="file.another-kind"
             )
         self.texts[str(path)] = text
+        for mark in _MARK.finditer(text):  # an export of an incomplete model says so
+            span = TextSpan(str(path), text.count("\n", 0, mark.start()) + 1, *mark.span())
+            self.remarks.append(DeckRemark(span, mark[1].strip(), mark=True))
         return text
 
     def remark(self, where: TextSpan, what: str, dropped: bool = True) -> None:
         """Keep what was not taken over, or was assumed."""
         self.remarks.append(DeckRemark(where, what, dropped))
 
+    def name_logic(self, lines: Iterable[Line]) -> None:
+        """Name statements that no reader took over, those that follow each other together."""
+        runs: list[list[Line]] = []
+        for line in sorted(lines, key=lambda line: (line.where.file, line.where.line)):
+            last = runs[-1][-1].where if runs else None
+            if last is None or line.where.file != last.file or line.where.line > last.line + 4:
+                runs.append([])
+            runs[-1].append(line)
+        for run in runs:
+            rows = f"lines {run[0].where.line} to {run[-1].where.line}" if len(run) > 1 else "line"
+            quoted = "; ".join(line.text.strip() for line in run)
+            self.remark(run[0].where, f"logic not taken over ({rows}): '{quoted}'")
+
+    def is_first(self, what: str, where: TextSpan) -> bool:
+        """Return whether something of this name is defined for the first time; a second definition is named and left out."""
+        first = self.defined.setdefault(what.upper(), where)
+        if first is not where:
+            self.remark(where, f"{what} is defined again: its first definition, at {first}, holds")
+        return first is where
+
+    def define(self, word: str, text: str, where: TextSpan, scope: str = "") -> None:
+        """Make a parameter of a name of the deck; of a name defined twice in its scope the first holds.
+
+        Raises
+        ------
+        DeckError   As `value` does.
+        """
+        value = self.value(text, where)
+        if self.is_first(f"{scope}.{word}".strip("."), where):
+            name = self.name(word)
+            self.parameters[name], self.numbers[name] = (value, where), self.number(value)
+
+    def number(self, value: float | str) -> float:
+        """Return the number of a value, with the names as the deck has them."""
+        return value if isinstance(value, float) else float(parse(value).evaluate(lambda name: self.numbers[name]))
+
     def value(self, text: str, where: TextSpan) -> float | str:
         """Return a number, or an expression of the deck's names as a model has it.
 
         Raises
         ------
-        DeckError   When it is neither; an unknown name is stated.
+        DeckError   When it is neither; an unknown name is stated. When it is a number with an exponent without its letter: 2.5+4 is 25000
+                    in data that Fortran reads, and 6.5 as arithmetic.
         """
         words = fortran(text)
+        if match := re.fullmatch(r"([-+]?(?:\d+\.\d*|\.\d+))([-+]\d{1,2})", words):
+            raise DeckError(
+                f"'{words}' is {match[1]}E{match[2]} to Fortran, and a sum as arithmetic. Write the E, or blanks around the sign.",
+                str(where),
+                code="value.wrong-kind",
+            )
         try:
             return float(words)
         except ValueError:
@@ -106,7 +158,7 @@ class DeckReading:
     def name(self, word: str) -> str:
         """Return the name of a parameter for a name of the file, and remember it."""
         name, n = identifier(word), 2
-        while name in {*self.names.values()} or name in RESERVED:
+        while name in self.parameters or name in RESERVED:
             name, n = f"{identifier(word)}_{n}", n + 1
         self.names[word.upper()] = name
         return name
@@ -118,6 +170,43 @@ FUNCTIONS: Final[Mapping[str, str]] = {
 }  # fmt: skip
 """Function of Fortran -> of an expression here."""
 RESERVED: Final = frozenset({"pi", "sqrt", "exp", "abs", "min", "max"})
+_MARK: Final = re.compile(r"^(?:C|#)\s*INCOMPLETE: (.+)$", re.MULTILINE)
+
+
+def nesting(text: str) -> float:
+    """Return by how much a statement of Fortran or Mortran deepens what follows; after a GO TO all is conditional."""
+    words = " ".join(text.upper().split())
+    if re.search(r"\bGO ?TO\b", words):
+        return math.inf
+    opens = re.match(r"(?:IF\b.*\bTHEN|DO\b.*|FOR\b.*\bDO|WHILE\b.*)$", words)
+    closes = re.match(r"(?:END ?(?:IF|DO|FOR|WHILE)|\d+ CONTINUE)$", words)
+    return float(opens is not None) - float(closes is not None)
+
+
+def acts(line: Line, called: Iterable[str], harmless: re.Pattern[str], assigned: re.Pattern[str], names: Iterable[str]) -> bool:
+    """Return whether a statement can change a network or its run; variables of its own, prints and the frames of statements cannot.
+
+    Parameters
+    ----------
+    line, called        The statement, and the routines that it calls.
+    harmless, assigned  Routines without effect; assignments to what a deck defines by kind and number.
+    names               Names of the deck, in capitals, and its control constants.
+    """
+    target = re.search(r"(?:^|\)|\s)(\w+)\s*=(?!=)", line.text)
+    by_name = target is not None and target[1].upper() in names
+    return by_name or assigned.search(line.text) is not None or any(not harmless.fullmatch(name) for name in called)
+
+
+def with_defined_ends(reading: DeckReading, nodes: Iterable[FileNode], elements: Iterable[Element], unread: bool) -> Iterator[Element]:
+    """Yield conductors and loads; where a statement of nodes was not taken over, those of undefined nodes are named instead."""
+    defined = {(node.submodel, node.name) for node in nodes}
+    for element in elements:
+        ends = element.ends if isinstance(element, FileConductor) else (element.into,)
+        absent = [end for end in ends if end not in defined]
+        if absent and unread:
+            reading.remark(element.where, f"{element.name} is at node {'.'.join(absent[0])}, whose statement was not taken over")
+        else:
+            yield element
 
 
 def with_unit(value: float | str, unit: str, factor: float = 1.0) -> str:

@@ -37,7 +37,8 @@ def to_sinda(model: Model, scenario: Scenario, path: str | os.PathLike[str] | No
     DeckError       When a law, a load or a boundary cannot be written.
     ScenarioError   When the scenario does not fit the model or follows a schedule.
     """
-    return exported("\n".join(_Sinda(wired(model, scenario, "SINDA")).lines()) + "\n", path, "C ")
+    w = wired(model, scenario, "SINDA")
+    return exported(w, _Sinda(w).lines(), path, "C ")
 
 
 @takes_objects
@@ -56,7 +57,8 @@ def to_esatan(model: Model, scenario: Scenario, path: str | os.PathLike[str] | N
     DeckError       When a law, a load or a boundary cannot be written.
     ScenarioError   When the scenario does not fit the model or follows a schedule.
     """
-    return exported("\n".join(_Esatan(wired(model, scenario, "ESATAN")).lines()) + "\n", path, "#")
+    w = wired(model, scenario, "ESATAN")
+    return exported(w, _Esatan(w).lines(), path, "#")
 
 
 class _Deck:
@@ -79,6 +81,12 @@ class _Deck:
             self.numbers[node] = (owner, number)
 
     main = "MAIN"
+
+    def notes(self) -> Iterator[str]:
+        """Yield what a reader of the deck has to know of its run."""
+        drawn = (*self.w.scenario.loads.values(), *self.w.scenario.commands.values())
+        if any(isinstance(signal, TableSignal) and signal.after == "repeat" for signal in drawn):
+            yield f"courses that repeat are written out to TIMEND = {number_text(self.w.scenario.seconds)}; a longer run needs a new export"
 
     def radiation(self, row: ConductorRow) -> float:
         """Return the exchange area of a radiation row. [m^2]"""
@@ -134,6 +142,7 @@ class _Sinda(_Deck):
         courses = [(source, self.course(source)) for source in w.sources]
         yield "HEADER OPTIONS"
         yield f"C    {one_line(w.network.title)}, {one_line(w.scenario.title)}: W, J, s, degC, m"
+        yield from (f"C    {note}" for note in self.notes())
         yield f"TITLE {one_line(w.network.title)}"
         yield "HEADER CONTROL DATA, GLOBAL"
         yield from (f"      {name} = {value}" for name, value in self._control().items())
@@ -227,6 +236,7 @@ class _Esatan(_Deck):
                 powers[source.node] = powers.get(source.node, 0.0) + self.watts(source)
         yield f"$MODEL {self.main}"
         yield f"# {one_line(w.network.title)}, {one_line(w.scenario.title)}"
+        yield from (f"# {note}" for note in self.notes())
         yield from ("$CONSTANTS", "$REAL", f"STEFAN = {number_text(STEFAN_BOLTZMANN)};", "$NODES")
         for node, (_, number) in self.numbers.items():
             yield self._node(node, number, powers)

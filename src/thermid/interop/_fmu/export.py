@@ -246,7 +246,7 @@ class _Draft:
 
     def _notes(self) -> list[str]:
         """Return what is fixed, assumed or not carried."""
-        scenario, out = self.wiring.scenario, []
+        scenario, out = self.wiring.scenario, [f"INCOMPLETE: {what}." for what in self.wiring.network.flat.names.model.missing_parts()]
         moving = [n.partition(" ") for n, course in self.wiring.signals.items() if not isinstance(course, Constant)]
         courses = [path for kind, _, path in moving if kind in ("boundary", "load", "sine")]
         courses += list(self.wiring.schedule.signals) if self.wiring.schedule is not None else []
