@@ -382,7 +382,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     ),
     "model.needs-gas-law": CodeMeaning(
         "error",
-        "Nothing says what a surface, gap or stream does in the gas or vacuum of this run.",
+        "A surface, gap or stream has no law for the gas or vacuum of this run.",
         "Give the emissivity, the coefficient or the fluid that the message names.",
     ),
     "model.negative-conductance": CodeMeaning(
@@ -757,8 +757,8 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     ),
     "run.outside-times": CodeMeaning(
         "error",
-        "A time outside the run is asked for.",
-        "Ask within the run, or run longer.",
+        "A temperature at a time outside the run is requested.",
+        "Request a time within the run, or run longer.",
     ),
     "run.path-stays-without-gas": CodeMeaning(
         "remark",

@@ -400,6 +400,7 @@ def _thermostat(h: PowerHistory) -> PowerLaw | None:
 
 
 PRIORS = ("auto", "walk", "integrated walk")
+KNOWN_FORM = "give 'known' as a list of periods (from, to, power), such as [('0 [h]', '1 [h]', '5 [W]')]."
 KNOTS = 120
 WIDER = 1.5
 """Times the default spacing from which knots are wide."""
@@ -453,21 +454,14 @@ def power_history(
     where = f"power of {load}"
     path, model = _plain(model, load)
     if free and not known and not priors:
-        raise IdentificationError(
-            "without a period of known power only ratios to the power can be estimated, so no parameter can be free. Give 'known' or "
-            "a prior.",
-            where,
-            code="fit.not-determined",
-        )
+        words = "without a period of known power only ratios to the power can be estimated, so no parameter can be free. "
+        raise IdentificationError(f"{words}Give 'known' or a prior.", where, code="fit.not-determined")
     if any(len(stretch) != 3 or isinstance(stretch, str) for stretch in known):
-        raise IdentificationError(
-            "give 'known' as a list of periods (from, to, power), such as [('0 [h]', '1 [h]', '5 [W]')].", where, code="value.incomplete"
-        )
+        raise IdentificationError(KNOWN_FORM, where, code="value.wrong-kind")
     logged = next((n for n, c in record.channels.items() if c.role in ("load", "auto") and (c.target or n) in (load, path)), "")
     if logged:
-        raise IdentificationError(
-            f"channel '{logged}' of '{record.name}' already gives this power. Leave it out.", where, code="value.without-effect"
-        )
+        words = f"channel '{logged}' of '{record.name}' already gives this power. Leave it out."
+        raise IdentificationError(words, where, code="value.without-effect")
     usual = max(record.duration / KNOTS, record.step)
     step = literal(every, "s", where) if every else usual
     knots, pins = _knots(record, step, known, accuracy, where)

@@ -730,11 +730,8 @@ def bind(
                 means |= _of_mean(channel, role, path, signal_of(record, channel, role, zero))
             inputs.take(channel, role, path, signal_of(record, channel, role, zero), errors)
     if not observed:
-        raise RecordError(
-            f"no channel observes a node of {network.title}, so no reading can be compared. Bind one with node = '...'.",
-            record.name,
-            code="record.does-not-apply",
-        )
+        words = f"no channel observes a node of {network.title}, so no reading can be compared. Bind one with node = '...'."
+        raise RecordError(words, record.name, code="record.does-not-apply")
     grid = np.flatnonzero(np.any([c.valid for c, _ in observed], axis=0))
     times = record.times[grid] - zero
     observations = tuple(
