@@ -19,6 +19,7 @@ from thermid.campaign._file import CampaignSource, read_campaign
 from thermid.campaign._joint import Level, places_of
 from thermid.campaign._stages import Campaign, Notice, progress_of, request_of
 from thermid.fit.calibration import Calibration, Request, fit, key_of
+from thermid.fit.error_model import KEY as ERRORS
 from thermid.model.deck import load_model
 from thermid.model.elements import Constant, Standing, exact
 from thermid.model.identity import PlaceStart, Replacement, definition_of, inside, instances, short_text, touching
@@ -490,13 +491,16 @@ def retuned(
 
 
 def _carried(before: Calibration, request: Request) -> Calibration:
-    """Return a fit with what is known after the swap: nothing of the old part."""
-    new_paths = [p for p, s in request.store.states.items() if s.origin.stage == before.stage]
+    """Return a fit with what is known after the swap: nothing of the old part, whose values are among those of its model of error."""
+    store, stage = request.store, before.stage
+    kept = {k: v for k, v in store.provenance.get(stage, {}).items() if k != ERRORS}
+    store = replace(store, provenance={**store.provenance, stage: kept})
+    new_paths = [p for p, s in store.states.items() if s.origin.stage == stage]
     return replace(
         before,
         model=request.model,
-        values=view(request.store, new_paths, before.stage),
-        store=request.store,
+        values=view(store, new_paths, stage),
+        store=store,
         request=request,
         problem=None,
         warnings=(*before.warnings, CARRIED),

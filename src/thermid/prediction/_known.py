@@ -70,6 +70,17 @@ class Knowledge(Result):
             base = store.laid_over(base)
         return replace(self, model=base)
 
+    def replaced_values(self, model: Model) -> str:
+        """Return which values of another model those of the fit take the place of, in words; empty where it has them or the first deck's."""
+        laid = self.for_model(model).model
+        decks = [m for m in (laid, self.fit.model if self.fit is not None else None) if m is not None]
+        told = dict.fromkeys(p for v in self.placed for p in v.parameters)
+        own = {p: model.at(p).text for p in told if all(p not in m.parameters or model.at(p).text != m.at(p).text for m in decks)}
+        if not own:
+            return ""
+        shown = ", ".join(f"'{p}' is {laid.at(p).text}, not {text}" for p, text in list(own.items())[:3])
+        return f"values of the fit replace those of the given model: {shown}. Simulate the model for its own values, or fit it"
+
     @property
     def standing(self) -> Standing:
         """Of the values of the model, and of the fit where it is at hand."""

@@ -411,7 +411,7 @@ def predict(
     ----------
     fit : Calibration, Known    What is known: a fit, or a model with fitted values.
     scenario : Scenario         What is done to the model; it is taken as exact but for what `spread` says.
-    model : Model               Another model that holds the fitted paths; the fitted one by default.
+    model : Model               Another model that holds the fitted paths, on which the fit's values are laid; the fitted one by default.
     spread : dict, Spread       What else is not known exactly: name -> spread as text, or `Spread`, or several of these.
     every, times                When to store, as in `simulate`.
     nodes : sequence of str     Nodes to predict; all by default.
@@ -435,6 +435,8 @@ def predict(
         )
     request = PredictRequest(scenario, spread, without, every, times, draws, seed, options, as_logged)
     plain = request.answer(knowledge.for_model(model) if model is not None else knowledge, nodes)
+    if model is not None and (words := knowledge.replaced_values(model)):
+        plain = replace(plain, warnings=(words, *plain.warnings))
     if knowledge.fit is None or model is not None or draws or DEFECTS in without:
         return plain
     others = explained(knowledge.fit)

@@ -1,0 +1,102 @@
+"""A part that was replaced and tested alone: what is predicted of the unit stands on the new part, by every way of asking."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import thermid as td
+from unit.fit.bench import log
+from unit.fit.project import write_log
+
+HEAD = """
+title  = "{title}"
+needs  = ["place"]
+offers = ["element", "housing"]
+nodes  = {{ element = {{ capacitance = "20 [J/K]" }}, housing = {{ capacitance = "80 [J/K]" }} }}
+
+[conductors]
+pot  = {{ kind = "conduction", between = ["element", "housing"], conductance = {{ value = "{pot} [W/K]", min = 0.01, max = 2 }} }}
+foot = {{ kind = "conduction", between = ["housing", "place"], conductance = {{ value = "0.5 [W/K]", min = 0.01, max = 5 }} }}
+
+[loads]
+heat = {{ into = "element", power = "1.5 [W]" }}
+"""
+UNIT = """
+title = "Unit"
+needs = ["air"]
+nodes = { base = { capacitance = "300 [J/K]" } }
+submodels = { head = { use = "head.toml", bind = { place = "base" } } }
+
+[surfaces]
+skin = { of = "base", to = "air", area = "300 [cm^2]", htc = { coefficient = { value = "2 [W/(m^2 K)]", min = 0.2, max = 20 }, exponent = 0.25 }, emissivity = 0.8 }
+"""
+CAMPAIGN = """
+title = "A unit with a head"
+
+[records.head]
+file     = "logs/head.csv"
+time     = "time_s"
+channels = { T_E = { node = "element", noise = "0.03 [K]", accuracy = "0.1 [K]" }, T_H = { node = "housing", noise = "0.03 [K]", accuracy = "0.1 [K]" }, ROOM = { boundary = "place" } }
+
+[records.unit]
+file     = "logs/unit.csv"
+time     = "time_s"
+channels = { T_E = { node = "head.element", noise = "0.03 [K]", accuracy = "0.1 [K]" }, T_B = { node = "base", noise = "0.03 [K]", accuracy = "0.1 [K]" }, ROOM = { boundary = "air" } }
+
+[[stages]]
+name    = "head"
+model   = "head.toml"
+records = ["head"]
+free    = ["pot.conductance", "foot.conductance"]
+
+[[stages]]
+name    = "unit"
+model   = "unit.toml"
+records = ["unit"]
+free    = ["skin.htc.coefficient", "base.capacitance"]
+inherit = { head = { stage = "head", as = "prior" } }
+"""
+HOT = td.Scenario("hot", boundaries={"air": "50 [degC]"}, start="air", duration="8 [h]")
+
+
+@pytest.fixture(scope="module")
+def retuned(tmp_path_factory: pytest.TempPathFactory) -> tuple[td.Campaign, td.Campaign]:
+    """The campaign, and the one after a swap to a head of half the inner conductance, with a log of the new head alone."""
+    folder = tmp_path_factory.mktemp("swap")
+    (folder / "thermid.toml").write_text("")
+    (folder / "head.toml").write_text(HEAD.format(title="Head", pot=0.1))
+    (folder / "new.toml").write_text(HEAD.format(title="New head", pot=0.06))
+    (folder / "unit.toml").write_text(UNIT)
+    (folder / "campaign.toml").write_text(CAMPAIGN)
+    head, new, unit = (td.load_model(folder / f"{n}.toml") for n in ("head", "new", "unit"))
+    part = {"T_E": "element", "T_H": "housing"}
+    write_log(log(head, {"pot.conductance": "0.12 [W/K]"}, part, noise=0.03, samples=61, boundary="place"), folder / "logs" / "head.csv")
+    truth = {"head.pot.conductance": "0.12 [W/K]", "skin.htc.coefficient": "1.7 [W/(m^2 K)]"}
+    nodes = {"T_E": "head.element", "T_B": "base"}
+    write_log(log(unit, truth, nodes, noise=0.03, samples=61, seed=2, hours=8.0), folder / "logs" / "unit.csv")
+    (folder / "after" / "logs").mkdir(parents=True)
+    alone = log(new, {"pot.conductance": "0.05 [W/K]"}, part, noise=0.03, samples=61, boundary="place", seed=3)
+    write_log(alone, folder / "after" / "logs" / "head.csv")
+    before = td.run_stages(folder / "campaign.toml")
+    return before, td.design.plan_retune(before, "head", new).run(folder / "after", part_only=True)
+
+
+def test_a_prediction_stands_on_the_new_part(retuned: tuple[td.Campaign, td.Campaign]) -> None:
+    """The unit's model of error was made with the old part: its values stood for those of the new one, and the band was the old unit's."""
+    before, after = retuned
+    fit, node = after["unit"], "head.element"
+    run, old = (td.simulate(c["unit"].fitted_model, HOT)[node].final for c in (after, before))
+    assert run - old > 10.0
+    assert td.predict(fit, HOT)[node].kelvin[-1] - 273.15 == pytest.approx(run, abs=0.5)
+    assert td.predict(fit, HOT, draws=200)[node].kelvin[-1] - 273.15 == pytest.approx(run, abs=0.5)
+    drawn = td.qualify.uncertain_runs(fit.model, HOT, fit, n=200, nodes=[node], seed=1)
+    assert np.mean(drawn.node_temperatures(node)[:, -1]) - 273.15 == pytest.approx(run, abs=0.5)
+
+
+def test_values_of_a_given_model_that_those_of_the_fit_replace_are_named(retuned: tuple[td.Campaign, td.Campaign]) -> None:
+    fit, path = retuned[0]["unit"], "skin.htc.coefficient"
+    other = fit.fitted_model.with_values({path: "3 [W/(m^2 K)]"})
+    assert f"'{path}' is 1." in td.predict(fit, HOT, model=other).warnings[0]
+    for same in (fit.model, fit.fitted_model):
+        assert not any(path in w for w in td.predict(fit, HOT, model=same).warnings)
