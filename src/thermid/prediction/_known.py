@@ -71,7 +71,7 @@ class Knowledge(Result):
         return replace(self, model=base)
 
     def replaced_values(self, model: Model) -> str:
-        """Return which values of another model those of the fit take the place of, in words; empty where it has them or the first deck's."""
+        """Return which values of another model those of the fit replace, in words; empty where it has these or those of the fit's deck."""
         laid = self.for_model(model).model
         decks = [m for m in (laid, self.fit.model if self.fit is not None else None) if m is not None]
         told = dict.fromkeys(p for v in self.placed for p in v.parameters)
