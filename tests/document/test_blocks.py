@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code, warns_code
 from strategies import TIGHTER
-from thermid.base.errors import SolverError, ThermidWarning
+from thermid.base.errors import SolverError
 from thermid.physics.htc import biot_number
 
 pytestmark = pytest.mark.document
@@ -106,7 +107,7 @@ def test_B14_biot_of_cases(htc: float, length: float, conductivity: float, print
 
 
 def test_B14_biot_of_a_fibre_coil_warns() -> None:  # noqa: N802
-    with pytest.warns(ThermidWarning, match="its inside is not at one temperature"):
+    with warns_code("physics.not-one-temperature"):
         assert biot_number(5.0, 0.020, 0.25) == pytest.approx(0.4)
 
 
@@ -151,5 +152,5 @@ def test_B16_runaway_is_detected() -> None:  # noqa: N802
         r"a power grows faster with temperature than the heat removed",
     ):
         td.simulate(_gyro(0.1), bench)
-    with pytest.raises(SolverError, match="the steady state is unstable: a power grows faster with temperature than the heat removed"):
+    with raises_code("run.no-steady-state", SolverError):
         td.steady(_gyro(0.1), bench)

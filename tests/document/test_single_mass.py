@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from strategies import TIGHTER
 from thermid.base.errors import ScenarioError
 
@@ -119,7 +120,7 @@ def test_B3_initial_temperature_is_a_parameter(start: float) -> None:  # noqa: N
 
 
 def test_vacuum_is_refused_for_an_effective_coefficient() -> None:
-    with pytest.raises(ScenarioError, match=r"the coefficient of 'skin' is effective: it includes radiation,"):
+    with raises_code("model.needs-gas-law", ScenarioError, match="'skin'"):
         td.simulate(_accelerometer(), BENCH.vacuum())
 
 

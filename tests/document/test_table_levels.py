@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError
 from thermid.model.deck import load_model, model_from_dict, save_model
 from thermid.model.tree import Model, flatten, ledger
@@ -301,9 +302,8 @@ def test_what_is_left_to_convect(build: Any, surface: str, exposed: float) -> No
 
 
 def test_over_allocation_is_refused_at_any_depth() -> None:
-    with pytest.raises(
-        DeckError,
-        match=r"the surface 'imu\.acc\.support\.skin' has 92\.1 cm\^2, but 'imu\.block' takes 85 cm\^2 .* and 'imu\.acc\.foot1' takes 3\.7",
+    with raises_code(
+        "value.contradicts", DeckError, match=r"'imu\.acc\.support\.skin'.*92\.1.*cm\^2.*'imu\.block'.*85.*cm\^2.*'imu\.acc\.foot1'.*3\.7"
     ):
         ledger(sd().with_values({"imu.block.area": "85 [cm^2]"}))
 
@@ -454,7 +454,7 @@ def test_names_of_the_example() -> None:
     names = flatten(load_model(EXAMPLES / "02_stack/m_PrE.toml")).names
     assert names.find("m_PrE_PrS") == names.find("PrS.case") == "proc.case"
     assert names.find("m_PrE_EleG") == names.find("EleG.case") == "ele.case"
-    with pytest.raises(NameNotFoundError, match=r"m_PrE: no node 'm_PrE_PrX'"):
+    with raises_code("name.unknown", NameNotFoundError, match="m_PrE.*'m_PrE_PrX'"):
         names.find("m_PrE_PrX")
 
 

@@ -21,6 +21,7 @@ import tomlkit
 from typer.testing import CliRunner
 
 import thermid as td
+from by_code import raises_code
 from properties.door_cases import CASES
 from thermid.app.cli.app import app, main
 from thermid.app.studio.courses import outcome_object
@@ -124,7 +125,7 @@ def test_a_run_that_starts_settled_starts_at_the_steady_state(asked: Asked) -> N
     settled = asked.scenario.with_(start="steady")
     if "thermostat" in str(CASES[asked.name].deck):  # it keeps switching, and both say so
         for ask in (td.steady, td.simulate):
-            with pytest.raises(ThermidError, match="no steady state exists"):
+            with raises_code("run.no-steady-state"):
                 ask(asked.model, settled)
         return
     found = td.steady(asked.model, settled)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import IdentificationError, NameNotFoundError
 from thermid.inference._posterior import _Density
 from unit.fit.test_search import BENCH, case, log
@@ -70,7 +71,7 @@ class TestSamples:
         assert found.evaluations > 200 * 12
         assert found.independent > 0.3 * len(found.draws["near.conductance"])
         assert f"{len(found.draws['near.conductance'])} draws, effective sample size " in str(found)
-        with pytest.raises(NameNotFoundError, match="was not sampled"):
+        with raises_code("name.unknown", NameNotFoundError):
             found.interval("near.conductanc")
 
     def test_short_chains_run_on(self, fit: td.Calibration) -> None:
@@ -124,11 +125,11 @@ class TestSamples:
     def test_refusals(self, fit: td.Calibration) -> None:
         pytest.importorskip("emcee")
         pytest.importorskip("dynesty")
-        with pytest.raises(IdentificationError, match="samples need a fit made in this session,"):
+        with raises_code("fit.needs-session", IdentificationError):
             td.inference.posterior(replace(fit, problem=None))
-        with pytest.raises(IdentificationError, match="samples need the loss 'linear',"):
+        with raises_code("fit.not-possible", IdentificationError, match="'linear'"):
             td.inference.posterior(td.calibrate(fit.model, log(), ["near.conductance"], scenario=BENCH, loss="huber"))
-        with pytest.raises(IdentificationError, match="noise of every sensor"):
+        with raises_code("fit.not-possible", IdentificationError):
             td.inference.evidence(td.calibrate(fit.model, log(noise=None), ["near.conductance"], scenario=BENCH))
-        with pytest.raises(IdentificationError, match="no parameter was free, so there is nothing to sample"):
+        with raises_code("fit.nothing-free", IdentificationError):
             td.inference.posterior(td.calibrate(fit.model, log(), [], scenario=BENCH))

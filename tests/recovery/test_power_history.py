@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import IdentificationError, NameNotFoundError
 
 pytestmark = pytest.mark.recovery
@@ -70,7 +71,7 @@ def test_means_over_windows_are_integrals(history: td.inference.PowerHistory) ->
     fine = np.linspace(middle[4] - 1800.0, middle[4] + 1800.0, 20001)
     assert mean[4] == pytest.approx(np.interp(fine, history.times, history.power).mean(), rel=1e-4)
     assert sd[4] < np.median(history.sd)
-    with pytest.raises(IdentificationError, match="does not fit knots"):
+    with raises_code("value.outside-range", IdentificationError):
         history.averaged("1 [min]")
 
 
@@ -166,13 +167,13 @@ def test_a_cooler_is_v_shaped() -> None:
 
 def test_refusals() -> None:
     record = log(np.full(TIMES.size, 2.0))
-    with pytest.raises(NameNotFoundError, match="no load 'p' in Box"):
+    with raises_code("name.unknown", NameNotFoundError, match="'p'"):
         td.inference.power_history(BOX, record, "p", scenario=AIR)
-    with pytest.raises(IdentificationError, match=r"unknown prior 'smooth'\. Use one of auto, walk, integrated walk\."):
+    with raises_code("name.unknown", IdentificationError, match="'smooth'"):
         td.inference.power_history(BOX, record, "q", scenario=AIR, prior="smooth")
-    with pytest.raises(IdentificationError, match="without a period of known power only ratios to the power can be estimated"):
+    with raises_code("fit.not-determined", IdentificationError):
         td.inference.power_history(BOX, record, "q", scenario=AIR, free=["skin.emissivity"])
-    with pytest.raises(IdentificationError, match="known from 10800 to 18000 s, which is not within a log of 14400 s"):
+    with raises_code("value.outside-range", IdentificationError, match="10800.*18000.*14400"):
         td.inference.power_history(BOX, record, "q", scenario=AIR, known=[("3 [h]", "5 [h]", "2 [W]")])
-    with pytest.raises(IdentificationError, match=r"\. Give at least four intervals\."):
+    with raises_code("value.outside-range", IdentificationError):
         td.inference.power_history(BOX, record, "q", scenario=AIR, every="2 [h]")

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-import thermid as td
 from by_code import raises_code
 from thermid.base.errors import MissingExtraError
 from thermid.base.results import MAX_REPR_CHARACTERS, ROWS, PlottedTrace, Result
@@ -110,7 +109,7 @@ def test_six_abilities(results: dict[str, Any], name: str) -> None:
     assert html.count("<tr>") <= ROWS + 1
     assert "object at 0x" not in html + text
     if name in WORDS:
-        with pytest.raises(td.ThermidError, match="nothing to draw"):
+        with raises_code("result.nothing-to-draw"):
             one.plot()
     else:
         assert isinstance(one.plot(), matplotlib.axes.Axes)
@@ -167,7 +166,7 @@ def test_markup_is_escaped() -> None:
 
 
 def test_nothing_to_draw_is_refused() -> None:
-    with pytest.raises(td.ThermidError, match="nothing to draw"):
+    with raises_code("result.nothing-to-draw"):
         Result().plot()
 
 

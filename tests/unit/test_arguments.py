@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.arguments import TYPES_WITH_OWN_MESSAGE
 from thermid.base.errors import DeckError, ScenarioError
 
@@ -76,5 +77,5 @@ def test_a_guarded_function_is_itself() -> None:
 
 
 def test_a_table_of_a_scenario_is_a_dictionary() -> None:
-    with pytest.raises(ScenarioError, match=r"bench, boundaries: it takes a dictionary from names to values, not 'air'"):
+    with raises_code("value.wrong-kind", ScenarioError, match="'air'"):
         BENCH.with_(boundaries="air")

@@ -125,7 +125,7 @@ def test_a_sealed_text_is_replaced_until_somebody_changes_it(tmp_path: Path, kin
     write_text(path, text, kind, comment)
     for changed in (b" " + whole, whole + b"x = 1\n", whole.replace(b"t", b"T", 1), text.encode(), b"somebody's"):
         path.write_bytes(changed)
-        with pytest.raises(OutputError, match=r"already.*--force"):
+        with raises_code("output.over-another-file", OutputError):
             write_text(path, text, kind, comment)
         assert path.read_bytes() == changed
     path.write_bytes(whole)
@@ -187,7 +187,7 @@ def test_no_file_has_the_ending_of_another_format(tmp_path: Path, name: str) -> 
             may_write(tmp_path / f"x{ending}", kind)
     for ending in ("", ".out"):
         if kind.named:
-            with pytest.raises(OutputError, match="does not say a format"):
+            with raises_code("output.wrong-ending", OutputError):
                 may_write(tmp_path / f"x{ending}", kind)
         else:
             may_write(tmp_path / f"x{ending}", kind)
@@ -211,7 +211,7 @@ def test_what_is_written_in_python_has_the_format_of_its_name(tmp_path: Path) ->
         (lambda path: td.save_model(model, path), "deck.json"),
         (lambda path: td.reporting.structures_report("none", [object()], to=path), "page.docx"),
     ):
-        with pytest.raises(OutputError, match="promises"):
+        with raises_code("output.wrong-ending", OutputError):
             write(tmp_path / name)
     assert names(tmp_path) == []
 
@@ -239,7 +239,7 @@ def test_what_a_command_read_is_not_written_over(tmp_path: Path) -> None:
                     may_write(target, DECK)
                 read(one)
                 for target in (path, link, twin):
-                    with pytest.raises(OutputError, match=r"Give another name\."):
+                    with raises_code("output.over-input", OutputError):
                         write_text(target, "b = 2\n", DECK)
     with command(force=True):
         read_text(path)

@@ -16,7 +16,7 @@ from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import KEY, Discrepancy, kept_in
 from thermid.fit.error_model import KEY as ERRORS, ErrorModel
 from thermid.model.elements import Standing, worst
-from thermid.model.tree import Model
+from thermid.model.tree import Model, flatten
 from thermid.values.fitted import FittedValue, FittedValues, as_store
 from thermid.values.store import (
     COVARIANCE_KINDS,
@@ -72,13 +72,13 @@ class Knowledge(Result):
 
     def replaced_values(self, model: Model) -> str:
         """Return which values of another model those of the fit replace, in words; empty where it has these or those of the fit's deck."""
-        laid = self.for_model(model).model
-        decks = [m for m in (laid, self.fit.model if self.fit is not None else None) if m is not None]
-        told = dict.fromkeys(p for v in self.placed for p in v.parameters)
-        own = {p: model.at(p).text for p in told if all(p not in m.parameters or model.at(p).text != m.at(p).text for m in decks)}
+        laid, given = (flatten(m).parameters.table for m in (self.for_model(model).model, model))
+        known = [laid, *([flatten(self.fit.model).parameters.table] if self.fit is not None else [])]
+        told = [p for v in self.placed for p in v.parameters if p in given]
+        own = {p: given[p].parameter.text for p in told if all(p not in t or t[p].parameter.text != given[p].parameter.text for t in known)}
         if not own:
             return ""
-        shown = ", ".join(f"'{p}' is {laid.at(p).text}, not {text}" for p, text in list(own.items())[:3])
+        shown = ", ".join(f"'{p}' is {laid[p].parameter.text}, not {text}" for p, text in list(own.items())[:3])
         return f"values of the fit replace those of the given model: {shown}. Simulate the model for its own values, or fit it"
 
     @property

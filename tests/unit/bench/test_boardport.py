@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import RecordError
 from thermid.bench.bench_files import Programme
 from thermid.bench.board import Board, BoardPort, simulated
@@ -79,5 +80,5 @@ def test_a_wait_without_a_line_ends_in_the_boards_time() -> None:
 
 
 def test_a_speed_that_is_none_is_refused() -> None:
-    with pytest.raises(RecordError, match=r"the speed of a board must be above zero, not 0\."):
+    with raises_code("value.outside-range", RecordError, match=r"0\."):
         BoardPort(Board(lambda t, d: [20.0], 1), 0.0)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from by_code import raises_code
 from thermid.base.errors import MissingDataError, RecordError, UnitError
 from thermid.bench.bench_files import MappedSensor, load_programme, load_sensors, save_sensor
 from thermid.bench.board import made_up_rom
@@ -53,7 +54,7 @@ def test_a_wrong_map_is_refused(text: str, word: str, tmp_path: Path) -> None:
 
 
 def test_a_missing_map_says_how_to_make_one(tmp_path: Path) -> None:
-    with pytest.raises(MissingDataError, match=r"Make one with `thermid log --identify`\."):
+    with raises_code("record.log-missing", MissingDataError, match="`thermid log --identify`"):
         load_sensors(tmp_path / "no.toml")
 
 

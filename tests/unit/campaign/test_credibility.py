@@ -11,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 import thermid as td
+from by_code import raises_code
 from thermid.app.cli.app import app
 from thermid.base.errors import DeckError, NameNotFoundError
 from thermid.campaign._judge.verdict import FILE, _read, look
@@ -71,7 +72,7 @@ class TestRecord:
         assert found["b.heat.power"].unit == "W"
 
     def test_an_unknown_path_names_the_nearest(self, record: td.inference.CredibilityRecord) -> None:
-        with pytest.raises(NameNotFoundError, match=r"no value 'stack\.contact_conductanse'\. Did you mean"):
+        with raises_code("name.unknown", NameNotFoundError, match=r"'stack\.contact_conductanse'"):
             record["stack.contact_conductanse"]
 
     def test_files(self, record: td.inference.CredibilityRecord, tmp_path: Path) -> None:
@@ -125,7 +126,7 @@ class TestDifference:
         )
         found = td.inference.difference(pair(), lidded, self.SCENARIO)
         assert (found.gone, found.added) == ((), ("lid",))
-        with pytest.raises(NameNotFoundError, match="no node 'lid' in both versions"):
+        with raises_code("name.unknown", NameNotFoundError, match="'lid'"):
             td.inference.difference(pair(), lidded, self.SCENARIO, nodes=["lid"])
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.base.errors import ThermidWarning
+from by_code import warns_code
 from thermid.fit import _search as search
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
@@ -143,7 +143,7 @@ class TestPrice:
 
     def test_plain_python_is_warned_of_a_long_one(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(search, "WARNED_SEARCH_TIME", 0.0)
-        with pytest.warns(ThermidWarning, match="a fit goes on with up to 5 descents from the best of 64 points"):
+        with warns_code("fit.takes-long", match="5.*64"):
             td.calibrate(chain(), log(TRUTH), FREE, scenario=BENCH, search="multistart")
 
     def test_what_nobody_asked_for_is_limited_and_said(self, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -158,7 +158,7 @@ class TestPrice:
         assert "descents" in at_once.search
         hours = iter(np.arange(0.0, 3.6e9, 3600.0))
         monkeypatch.setattr(search.time, "perf_counter", lambda: float(next(hours)))
-        with pytest.warns(ThermidWarning, match="The interrupt key ends it"):
+        with warns_code("fit.takes-long"):
             late = searched(problem, "auto", "linear", 1.0)
         assert (late.search, late.evaluations, late.remarks) == (at_once.search, at_once.evaluations, at_once.remarks)
         assert np.array_equal(late.fitted, at_once.fitted)

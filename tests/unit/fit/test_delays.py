@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import RecordError, ThermidError
 from thermid.fit._second_clocks import widened_by_noise_of_powers
 from thermid.model.elements import TableSignal
@@ -112,7 +113,7 @@ def test_what_cannot_be_delayed(by, channels, message) -> None:
 
 
 def test_only_one_clock_is_left_to_the_fit() -> None:
-    with pytest.raises(RecordError, match=r"Only one clock at a time may be; state this delay as one time\."):
+    with raises_code("record.second-clock", RecordError):
         late(0.0).delayed((0.0, 60.0)).delayed((0.0, 60.0))
 
 

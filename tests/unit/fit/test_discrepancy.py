@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from by_code import raises_code
 from thermid.base.errors import IdentificationError
 from thermid.base.expression import quantity
 from thermid.fit._calibrate import calibrate
@@ -99,7 +100,7 @@ def test_conditions_are_kept_with_the_values_and_go_up_with_them(constant: Calib
 
 def test_a_calibration_without_its_records_says_so(constant: Calibration) -> None:
     bare = replace(constant.values, provenance={})
-    with pytest.raises(IdentificationError, match="does not include the data on its model discrepancy"):
+    with raises_code("fit.needs-session", IdentificationError):
         discrepancy(replace(constant, values=bare))
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import IdentificationError
 from thermid.fit._error_model.courses import OperatingPoint
 from thermid.fit._error_model.elements import JointLaw, SurfaceLaw, class_of, with_laws
@@ -208,7 +209,7 @@ def test_sizes_stay_near_their_priors_where_runs_say_little(model: ErrorModel) -
 
 
 def test_a_calibration_of_a_file_has_no_model_of_error(fit: td.Calibration) -> None:
-    with pytest.raises(IdentificationError, match="does not hold what its fit was asked"):
+    with raises_code("prediction.error-not-followed", IdentificationError):
         ErrorModel.of_fit(replace(fit, problem=None))
 
 

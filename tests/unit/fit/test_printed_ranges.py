@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.fit._error_model.courses import OperatingPoint
 from thermid.fit._error_model.elements import SHARE_OF, SurfaceLaw, ways_of
 from thermid.fit._error_model.sizes import FINISH
@@ -67,7 +68,7 @@ def test_a_material_beyond_its_range_is_a_right_fit() -> None:
 
 
 def test_a_number_outside_its_own_range_is_refused() -> None:
-    with pytest.raises(td.ThermidError, match="its maximum 8"):
+    with raises_code("value.outside-range", match="8"):
         box(parameters={"film": HTC | {"value": "9 [W/(m^2 K)]"}})
 
 

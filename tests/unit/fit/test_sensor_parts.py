@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.base.errors import ThermidError
+from by_code import raises_code
 from thermid.fit._calibrate import calibrate
 from thermid.fit._calibration import instrument_shares
 from thermid.fit._problem.experiment import Seat, attached, sensor_model
@@ -51,7 +51,7 @@ def test_it_is_attached_where_its_channel_says_at_any_depth() -> None:
 
 
 def test_leads_that_end_nowhere_are_refused() -> None:
-    with pytest.raises(ThermidError, match=r"its leads end at 'aire', which the model does not have.*Did you mean 'air'"):
+    with raises_code("name.unknown", match="'aire'.*'air'"):
         calibrate(box(), worn(lead={"conductance": "1 [mW/K]", "to": "aire"}), [HTC])
 
 

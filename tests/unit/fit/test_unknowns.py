@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from by_code import raises_code
 from thermid.base.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, UnitError
 from thermid.base.units import unit
 from thermid.fit._calibrate import calibrate, fit
@@ -77,19 +78,19 @@ class TestForm:
         assert Unknown("x", "local", (), 300.0, prior=Prior(300.0, 2.0)).scale == 2.0
 
     def test_a_start_outside_its_bounds_is_refused(self) -> None:
-        with pytest.raises(DeckError, match=r"the start 9 of 'x' lies outside its bounds 1 \.\. 8"):
+        with raises_code("value.outside-range", DeckError, match="9.*'x'.*1.*8"):
             unknown({"value": "9 [W]", "min": 1, "max": 8}, "W")
-        with pytest.raises(DeckError, match=r"12 lies above its maximum 8 \[W\]"):
+        with raises_code("value.outside-range", DeckError, match="12.*8"):
             calibrate(box({"parameters/power/value": "12 [W]"}), log(box(), {}, {"T": "case"}, samples=11), ["power"])
 
 
 class TestNames:
     def test_an_unknown_name(self, record: Record) -> None:
-        with pytest.raises(NameNotFoundError, match=r"no parameter 'case\.mas'.*Did you mean 'case\.mass'"):
+        with raises_code("name.unknown", NameNotFoundError, match=r"'case\.mas'.*'case\.mass'"):
             calibrate(box(), record, ["case.mas"])
 
     def test_a_derived_value_names_what_to_free_instead(self, record: Record) -> None:
-        with pytest.raises(DeckError, match=r"'heat\.power' is derived from other values: 2\*power\. Free one of power instead"):
+        with raises_code("model.refused", DeckError, match=r"'heat\.power'"):
             calibrate(box({"loads/heat/power": "2*power"}), record, ["heat.power"])
 
     def test_a_bare_name_is_followed_to_its_value(self, record: Record) -> None:
@@ -290,9 +291,9 @@ class TestReadings:
         assert held[MASS].value == pytest.approx(1.5, rel=2e-3)
 
     def test_an_unknown_offset_or_one_of_another_dimension(self, record: Record) -> None:
-        with pytest.raises(NameNotFoundError, match=r"no parameter 'lift'"):
+        with raises_code("name.unknown", NameNotFoundError, match="'lift'"):
             build_problem(Request(box(), (record,), (HTC,), readings={"initial.case": Reading("T", "lift")}))
-        with pytest.raises(UnitError, match=r"a temperature difference \[K\] is needed"):
+        with raises_code("unit.wrong-dimension", UnitError):
             build_problem(Request(box(), (record,), (HTC,), readings={"initial.case": Reading("T", "power")}))
 
 

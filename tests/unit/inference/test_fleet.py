@@ -10,6 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 import thermid as td
+from by_code import raises_code
 from fleet_of_boxes import FREE, MEANS, MODEL, SPREADS, boxes, log
 from thermid.app.cli.app import app
 from thermid.base.errors import DeckError, IdentificationError
@@ -230,7 +231,7 @@ def test_what_cannot_be_is_refused(logs: dict[str, td.Record], free: list[str], 
 
 
 def test_two_units_are_no_fleet(logs: dict[str, td.Record]) -> None:
-    with pytest.raises(IdentificationError, match="three"):
+    with raises_code("fleet.too-small", IdentificationError):
         td.inference.fleet(MODEL, {n: logs[n] for n in list(logs)[:2]}, FREE)
 
 

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from by_code import raises_code
 from thermid.base.errors import RecordError
 from thermid.measure._readers.binary import _matlab_size, _tdms_times
 from thermid.measure._readers.common_step import Explanation, LogCourse, _rows
@@ -33,7 +34,7 @@ def test_days_of_a_spreadsheet_are_those_of_1970_to_2100(day: float, tmp_path: P
     path = tmp_path / "log.csv"
     rows = [f"{day + k / 1440.0:.6f},{20.0 + k:.1f}" for k in range(20)]
     path.write_text("\n".join(["time,T_case [degC]", *rows]) + "\n")
-    with pytest.raises(RecordError, match="spreadsheet's day"):
+    with raises_code("record.time-unclear", RecordError):
         read_record(path, {"T_case": {"node": "a"}})
 
 

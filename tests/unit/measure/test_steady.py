@@ -70,7 +70,7 @@ def test_what_is_asked_must_make_sense() -> None:
         approach().steady(limit=0.0)
     with raises_code("record.too-short", RecordError, match="3.*8"):
         approach().steady("7 [h]", "7.04 [h]")
-    with pytest.raises(NameNotFoundError, match=r"no channel 'TT'"):
+    with raises_code("name.unknown", NameNotFoundError, match="'TT'"):
         approach().steady("7 [h]")["TT"]
 
 

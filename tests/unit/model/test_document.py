@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from by_code import raises_code
 from thermid.base.errors import DeckError, ThermidError
 from thermid.base.files import command as as_command, was_read
 from thermid.model.deck import DeckDocument, Edit, load_model
@@ -158,7 +159,7 @@ def test_a_file_that_somebody_changed_meanwhile_is_not_overwritten(tmp_path: Pat
         document.save()  # a file that was read is written over: it is the document's own
     assert file.read_bytes() == document.text.encode()
     file.write_bytes(file.read_bytes() + b"# mine\n")
-    with pytest.raises(DeckError, match="changed by somebody else"):
+    with raises_code("output.changed-meanwhile", DeckError):
         document.save()
 
 

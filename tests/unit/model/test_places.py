@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import DeckError
 from thermid.physics.view_factors import SHAPES, Placed, facing_discs, facing_plates, placed_factors
 
@@ -143,5 +144,5 @@ def test_places_that_cannot_be(places: dict[str, Any], message: str) -> None:
 
 
 def test_one_way_of_saying_is_enough() -> None:
-    with pytest.raises(DeckError, match="give an enclosure exactly one of"):
+    with raises_code("value.incomplete", DeckError):
         plates({"places": PLACES, "view_factors": [[0, 1], [1, 0]], "faces": {"low": "inner", "high": "under"}})

@@ -336,9 +336,7 @@ def test_like_a_deck_without_tables(sink: Model, tmp_path: Path) -> None:
 
 def test_two_parts_of_one_title_that_differ(sink: Model, tmp_path: Path) -> None:
     other = sink.submodels["two"].model.with_values({"area": "0.055 [m^2]"})
-    with pytest.raises(
-        DeckError, match=r"two different submodels would be saved in the same file 'Box\.toml'\. Give them different titles\."
-    ):
+    with raises_code("name.taken", DeckError, match=r"'Box\.toml'"):
         save_model(sink.replace("two", other), tmp_path / "out.toml")
 
 

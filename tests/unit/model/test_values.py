@@ -154,9 +154,9 @@ def test_value_outside_its_bounds(part: Build, power: dict[str, Any], message: s
 
 
 def test_bounds_hold_for_values_from_above(part: Build, pair: Build) -> None:
-    with pytest.raises(DeckError, match=r"caller, power: 9 lies above its maximum 8 \[W\]"):
+    with raises_code("value.outside-range", DeckError, match="9.*8"):
         flatten(part().with_values({"power": "9 [W]"}))
-    with pytest.raises(DeckError, match=r"Pair, set\.a\.power: 9000 lies above its maximum 8000 \[mW\]"):
+    with raises_code("value.outside-range", DeckError, match=r"set\.a\.power.*9000.*8000"):
         flatten(pair({"set": {"a.power": "9000 [mW]"}}))
     wider = pair({"set": {"a.power": {"value": "9 [W]", "max": 10}}})
     assert value(wider, "a.power") == 9.0
@@ -166,24 +166,24 @@ def test_bounds_hold_for_values_from_above(part: Build, pair: Build) -> None:
 
 
 def test_circle_is_printed(part: Build) -> None:
-    with pytest.raises(ExpressionError, match=r"Box, parameters\.area: 'area' needs itself: area -> exposed -> total -> area\."):
+    with raises_code("model.self-reference", ExpressionError, match=r"parameters\.area.*'area'"):
         flatten(part({"parameters/area": "2*exposed", "parameters/exposed": "total", "parameters/total": "area/3"}))
 
 
 def test_circle_of_one(part: Build) -> None:
-    with pytest.raises(ExpressionError, match="'area' needs itself: area -> area"):
+    with raises_code("model.self-reference", ExpressionError, match="'area'"):
         flatten(part({"parameters/area": "area"}))
 
 
 def test_circle_through_set(pair: Build) -> None:
-    with pytest.raises(ExpressionError, match=r"'a\.area' needs itself: a\.area -> b\.area -> a\.area"):
+    with raises_code("model.self-reference", ExpressionError, match=r"'a\.area'.*a\.area.*b\.area.*a\.area"):
         flatten(pair({"set": {"a.area": "b.area", "b.area": "a.area"}}))
 
 
 def test_no_finite_value(part: Build) -> None:
-    with pytest.raises(ExpressionError, match=r"Box, parameters\.area: '1/zero' has no finite value"):
+    with raises_code("expression.no-finite-value", ExpressionError, match=r"parameters\.area.*'1/zero'"):
         flatten(part({"parameters/area": "1/zero", "parameters/zero": "0 [1/m^2]"}))
-    with pytest.raises(ExpressionError, match=r"'x\*\*0\.5' has no finite value: a negative number has no real root"):
+    with raises_code("expression.no-finite-value", ExpressionError, match=r"'x\*\*0\.5'"):
         flatten(part({"parameters/r": "x**0.5", "parameters/x": "0 - 2"}))
 
 
@@ -278,7 +278,7 @@ def test_what_may_be_freed(part: Build) -> None:
     model = part({"parameters/half": "area/2", "surfaces/skin/area": "half"})
     values = ParameterSet(model)
     assert values.freeable("heat.power", model.canonical) == "power"
-    with pytest.raises(DeckError, match=r"'skin\.area' is derived from other values:"):
+    with raises_code("model.refused", DeckError, match=r"'skin\.area'"):
         values.freeable("skin.area", model.canonical)
     with raises_code("name.unknown", NameNotFoundError, match="'aera'.*'area'"):
         values.freeable("aera", model.canonical)

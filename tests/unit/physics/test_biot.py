@@ -7,6 +7,7 @@ import warnings
 import numpy as np
 import pytest
 
+from by_code import warns_code
 from thermid.base.errors import ThermidWarning
 from thermid.physics.htc import biot_number, biot_warning
 
@@ -35,7 +36,7 @@ def test_one_node_is_enough(htc: float, length: float, conductivity: float, biot
 
 @pytest.mark.parametrize(("htc", "length", "conductivity", "biot", "tolerance"), LAYERED)
 def test_one_node_is_not_enough(htc: float, length: float, conductivity: float, biot: float, tolerance: float) -> None:
-    with pytest.warns(ThermidWarning, match=r"Biot number of this part is .*, above 0\.1: its inside is not at one temperature"):
+    with warns_code("physics.not-one-temperature", match=r"0\.1"):
         found = biot_number(htc, length, conductivity)
     assert found == pytest.approx(biot, rel=tolerance)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from thermid.base.errors import ThermidWarning
+from by_code import warns_code
 from thermid.physics.air import AIR_300K, Gas, dry_air
 from thermid.physics.convection import power_law_htc
 from thermid.physics.plates import (
@@ -76,9 +76,9 @@ def test_gas_defaults() -> None:
 
 
 def test_air_outside_the_range_warns_with_limits() -> None:
-    with pytest.warns(ThermidWarning, match="from 200 to 450 K"):
+    with warns_code("physics.outside-range", match="200.*450"):
         dry_air(500.0)
-    with pytest.warns(ThermidWarning, match="from 200 to 450 K"):
+    with warns_code("physics.outside-range", match="200.*450"):
         dry_air(np.array([150.0, 300.0]))
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import DeckError
 from thermid.fit._error_model.sizes import LENGTHS
 from thermid.fit.error_model import SIZES
@@ -200,7 +201,7 @@ def test_a_word_on_a_law_that_is_given_is_refused(change: dict[str, Any]) -> Non
     skin = wrong["surfaces"]["skin"]
     del skin["effective_htc"]
     wrong["surfaces"]["skin"] = skin | change | {"carried_by": "fan"}
-    with pytest.raises(DeckError, match="carried_by states what carries the heat behind a constant coefficient"):
+    with raises_code("value.excludes-another", DeckError, match="carried_by"):
         td.model_from_dict(wrong)
 
 
@@ -209,7 +210,7 @@ def test_an_unknown_word_and_a_conductor_that_has_none_are_refused() -> None:
         td.model_from_dict(deck("wind"))
     wrong = deck()
     wrong["conductors"]["seat"]["carried_by"] = "leads"
-    with pytest.raises(DeckError, match="a conductor of kind 'conduction' has no carried_by"):
+    with raises_code("value.without-effect", DeckError, match="'conduction'.*carried_by"):
         td.model_from_dict(wrong)
 
 

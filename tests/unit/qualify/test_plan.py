@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError
 from thermid.qualify._plan import load_plan, lock_plan, lock_status, note_look
 from thermid.qualify._programme import run_plan
@@ -65,7 +66,7 @@ def test_what_is_no_plan_is_refused(tmp_path: Path, text: str, error: type[Excep
 
 def test_a_test_without_a_course_is_refused(tmp_path: Path) -> None:
     text = PLAN.replace('scenario = { boundaries = { air = "10 [degC]" }, start = "20 [degC]", duration = "2 [h]" }', "")
-    with pytest.raises(DeckError, match=r"needs a profile or a scenario\."):
+    with raises_code("value.incomplete", DeckError):
         load_plan(project(tmp_path, text))
 
 
@@ -116,9 +117,7 @@ def test_a_lock_that_comes_after_the_look_is_late(tmp_path: Path) -> None:
 def test_a_damaged_lock_is_no_fresh_start(tmp_path: Path) -> None:
     file = project(tmp_path)
     file.with_suffix(".lock.json").write_text("{", encoding="utf-8")
-    with pytest.raises(
-        DeckError, match=r"it is no lock of a plan any more\. Take it from the version control; a new one would forget the looks\."
-    ):
+    with raises_code("file.not-valid", DeckError):
         lock_status(load_plan(file))
 
 
@@ -133,13 +132,13 @@ def test_reading_a_log_is_noted_as_a_look(tmp_path: Path) -> None:
 
 def test_a_node_that_the_model_does_not_have_is_named_with_its_place(tmp_path: Path) -> None:
     text = PLAN.replace('T_ELE  = { node = "ele"', 'T_ELE  = { node = "eel"')
-    with pytest.raises(NameNotFoundError, match=r"plan.toml, sensors.T_ELE.node: no node 'eel'. Did you mean 'ele'\?"):
+    with raises_code("name.unknown", NameNotFoundError, match="plan.toml.*sensors.T_ELE.node.*'eel'.*'ele'"):
         run_plan(project(tmp_path, text))
 
 
 def test_an_error_inside_a_test_says_which(tmp_path: Path) -> None:
     text = PLAN.replace('criteria = ["ECSS", "ours"]', 'criteria = ["ECSS", "ours"]\nspread = { aer = "1 [K]" }')
-    with pytest.raises(NameNotFoundError, match=r"plan.toml, test 'hot', unit: no parameter 'aer'"):
+    with raises_code("name.unknown", NameNotFoundError, match="plan.toml.*'hot'.*'aer'"):
         run_plan(project(tmp_path, text))
 
 
@@ -278,10 +277,10 @@ def test_errors_of_a_plan_s_limits_and_model_name_the_plan(tmp_path: Path) -> No
     text = PLAN.replace(limits, "").replace("objectives", 'limits = "limits.toml"\nobjectives')
     file = project(tmp_path, text)
     (tmp_path / "limits.toml").write_text('[processor]\nnode = "proc"\noperating = ["-20 [degC]"]\n', encoding="utf-8")
-    with pytest.raises(td.ThermidError, match=r"^plan.toml:3, limits, limits.toml:3, processor.operating: a limit is a pair"):
+    with raises_code("value.wrong-kind", match="^plan.toml:3.*limits.toml:3.*processor.operating"):
         td.qualify.load_plan(file)
     (tmp_path / "limits.toml").unlink()
-    with pytest.raises(td.ThermidError, match=r"^plan.toml:3, limits"):
+    with raises_code("file.not-found", match="^plan.toml:3"):
         td.qualify.load_plan(file)
     gone = project(tmp_path, PLAN.replace('deck = "unit.toml"', 'deck = "unit.toml"\nvalues = "none.toml"'))
     with pytest.raises(td.ThermidError, match=r"^plan.toml.*none.toml"):
@@ -295,13 +294,13 @@ def test_a_stage_that_a_campaign_does_not_have_is_named_with_the_plan(tmp_path: 
     source = plan.content.model.model_copy(update={"deck": "", "campaign": "unit.toml", "stage": "unti"})
     other = replace(plan, content=plan.content.model_copy(update={"model": source}))
     monkeypatch.setattr("thermid.qualify._plan.run_stages", lambda *a, **k: stages.Campaign("c", {"unit": None}, (), {}))  # type: ignore[dict-item]
-    with pytest.raises(td.ThermidError, match=r"^plan.toml, model.stage: the campaign has no stage 'unti'. Did you mean 'unit'\?"):
+    with raises_code("name.unknown", match="^plan.toml.*model.stage.*'unti'.*'unit'"):
         assert other.knowledge
 
 
 def test_criteria_are_listed_in_quotes(tmp_path: Path) -> None:
     file = project(tmp_path, PLAN.replace('criteria = ["ECSS", "ours"]', 'criteria = ["ECS"]'))
-    with pytest.raises(td.ThermidError, match=r"there are .*'MIL-HDBK-340, transient'.* and 'ours'. Did you mean 'ECSS'"):
+    with raises_code("name.unknown", match="'MIL-HDBK-340, transient'.*'ours'.*'ECSS'"):
         td.qualify.load_plan(file)
 
 

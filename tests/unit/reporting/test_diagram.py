@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import NameNotFoundError
 from thermid.model.elements import KINDS
 from thermid.model.tree import flatten
@@ -157,7 +158,7 @@ def test_warm_masses_are_tinted_otherwise_than_cold_ones(nested: td.Model) -> No
 
 
 def test_a_temperature_of_no_node_is_refused(box: td.Model) -> None:
-    with pytest.raises(NameNotFoundError, match="Did you mean 'case'"):
+    with raises_code("name.unknown", NameNotFoundError, match="'case'"):
         network_map(box, temperatures={"cas": 300.0})
 
 

@@ -11,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 import thermid as td
+from by_code import raises_code
 from thermid.app.cli.app import app
 from thermid.base.errors import ThermidError
 from thermid.campaign.start import roles_of
@@ -98,7 +99,7 @@ def test_a_log_whose_times_are_open_is_shown_with_what_decides(tmp_path):
     seen = td.look(path)
     assert "both fit and give different times" in seen.problem
     assert [c.guess for c in seen.columns] == ["time", "temperature"]
-    with pytest.raises(ThermidError, match="nothing to draw"):
+    with raises_code("result.nothing-to-draw"):
         seen.svg()
     done = CliRunner().invoke(app, ["look", str(path)])
     assert (done.exit_code, "NOT READABLE YET" in done.output.splitlines()[1]) == (2, True)

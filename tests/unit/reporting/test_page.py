@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import thermid as td
-from thermid.base.errors import ThermidError
+from by_code import raises_code
 from thermid.campaign.stages import Campaign
 from thermid.reporting._blocks import extras
 from thermid.reporting._pages import campaign as page_module
@@ -233,7 +233,7 @@ def test_sixty_records_make_a_small_page_soon(campaign: Campaign, tmp_path: Path
 
 def test_a_missing_extra_is_told_in_words(campaign: Campaign, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "jinja2", None)
-    with pytest.raises(ThermidError, match=r"needs 'jinja2'.*pip install jinja2"):
+    with raises_code("extra.not-installed", match="'jinja2'.*jinja2"):
         report(campaign, to=tmp_path / "x.html")
     assert not (tmp_path / "x.html").exists()
 
@@ -252,7 +252,7 @@ def test_a_name_that_ends_in_pdf_is_a_pdf_or_refused(campaign: Campaign, tmp_pat
     assert made == tmp_path / "out" / "x.PDF"
     assert made.read_bytes().startswith(b"%PDF-1.4 1\n")
     assert [p.name for p in made.parent.iterdir() if p.suffix.lower() in (".html", ".pdf")] == ["x.PDF"]
-    with pytest.raises(td.errors.OutputError, match=r"the ending '\.docx' promises a word processor's document, but the page"):
+    with raises_code("output.wrong-ending", td.errors.OutputError, match=r"'\.docx'"):
         td.report(campaign, to=tmp_path / "x.docx")
 
     def none() -> str:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import SolverError
 from thermid.base.linear_algebra import solve_conserving
 
@@ -108,7 +109,7 @@ def test_a_passive_network_stays_between_its_start_and_its_boundary(seed: int) -
 
 @pytest.mark.parametrize("seed", [0, 2, 4, 10])
 def test_what_would_be_hotter_than_anything_is_refused_for_that(seed: int) -> None:
-    with pytest.raises(SolverError, match=r"at rest 'n\d' would be above 100,000 K: more heat is supplied than its paths"):
+    with raises_code("run.no-steady-state", SolverError, match=r"'n\d'.*100,000"):
         td.steady(network(seed, power=True), case())
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError
 from thermid.physics.constants import STEFAN_BOLTZMANN
 
@@ -174,7 +175,7 @@ def test_radiation_that_cannot_be_is_refused(flux: dict[str, Any], words: str) -
 
 
 def test_a_wrong_name_is_offered_the_right_one() -> None:
-    with pytest.raises(NameNotFoundError, match="Did you mean 'face'"):
+    with raises_code("name.unknown", NameNotFoundError, match="'face'"):
         td.simulate(plate(), under(direct=BRIGHT).with_(irradiation={"fase": td.simulation.Irradiation(direct=BRIGHT)}))
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import SolverError
 from thermid.model.elements import TableSignal
 from thermid.simulation._simulator import prepare
@@ -188,12 +189,12 @@ def test_sensitivities_are_left_or_refused(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(problem, "LARGE_FROM", 5)
     run = prepare(chain(6), ends(), ["g0.conductance"]).run(sensitivities=True)
     assert np.abs(run.sensitivity("n0", "g0.conductance")).max() > 0
-    with pytest.raises(td.ThermidError, match="sensitivities"):
+    with raises_code("model.element-not-supported"):
         prepare(chain(6), ends(), ["g0.conductance"], options=td.Options(method="RKC2")).run(sensitivities=True)
 
 
 def test_an_unknown_method_is_refused() -> None:
-    with pytest.raises(td.ThermidError, match=r"unknown method .RKC.\. Did you mean .RKC2."):
+    with raises_code("name.unknown", match="RKC2"):
         td.simulate(chain(3), ends(), options=td.Options(method="RKC"))
 
 
@@ -293,5 +294,5 @@ def test_more_nodes_than_the_integrator_takes_are_refused_in_a_sentence(asked: s
         heater["thermostat"] = {"sensor": "n0", "on_below": "25 [degC]", "off_above": "27 [degC]"}
     chain = td.model_from_dict({"title": "many", "needs": ["air"], "nodes": nodes, "conductors": links, "loads": {"heater": heater}})
     ready = td.prepare(chain, td.Scenario("s", boundaries={"air": "20 [degC]"}, start="20 [degC]", duration="1 [min]"), ["scale.heater"])
-    with pytest.raises(SolverError, match=r"5001 nodes are more than the 5000 that a run takes with thermostats, .* Merge nodes"):
+    with raises_code("run.too-many-nodes", SolverError, match="5001.*5000"):
         ready.ensemble({"scale.heater": [1.0, 1.1]}) if asked == "members" else ready.run(sensitivities=asked == "derivatives")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError
 
 DECK = {
@@ -60,24 +61,24 @@ def test_sensitivities_are_slopes(simulator: td.simulation.Simulator, node: str,
 
 
 def test_a_solution_without_sensitivities_says_how_to_get_them(simulator: td.simulation.Simulator) -> None:
-    with pytest.raises(NameNotFoundError, match=r"computed\. Run with run\(sensitivities=True\)"):
+    with raises_code("name.unknown", NameNotFoundError):
         simulator.run().sensitivity("hot", "skin.htc")
-    with pytest.raises(NameNotFoundError, match=r"no sensitivity to 'gap\.conductance': it has those to left\.conductance"):
+    with raises_code("name.unknown", NameNotFoundError, match=r"'gap\.conductance'.*left\.conductance"):
         simulator.run(sensitivities=True).sensitivity("hot", "gap.conductance")
 
 
 def test_only_free_names_take_values(simulator: td.simulation.Simulator) -> None:
-    with pytest.raises(NameNotFoundError, match=r"'right\.conductance' is not free in this simulator\. Name it in free="):
+    with raises_code("name.unknown", NameNotFoundError, match=r"'right\.conductance'"):
         simulator.run({"right.conductance": 1.0})
-    with pytest.raises(NameNotFoundError, match=r"Did you mean 'skin\.htc'"):
+    with raises_code("name.unknown", NameNotFoundError, match=r"'skin\.htc'"):
         simulator.run({"skin.hct": 1.0})
 
 
 def test_names_are_checked_when_it_is_prepared() -> None:
-    with pytest.raises(NameNotFoundError, match=r"no parameter 'skin\.hct'"):
+    with raises_code("name.unknown", NameNotFoundError, match=r"'skin\.hct'"):
         td.prepare(td.model_from_dict(DECK), ROOM, ["skin.hct"])
     derived = {**DECK, "parameters": {"side": "0.2 [m]", "face": "side**2"}}
-    with pytest.raises(DeckError, match="'face' is derived"):
+    with raises_code("model.refused", DeckError, match="'face'"):
         td.prepare(td.model_from_dict(derived), ROOM, ["face"])
 
 
@@ -102,7 +103,7 @@ def test_a_trace_is_asked_with_a_unit_and_within_its_run() -> None:
     assert trace.at("10 [min]") == trace.at(600.0)
     assert trace.at([0.0, 3600.0]).tolist() == [trace.celsius[0], trace.celsius[-1]]
     for wrong in (3601.0, -1.0, "2 [h]", [60.0, 7200.0]):
-        with pytest.raises(ScenarioError, match=r"hot, at: the run goes from 0 s to 3600 s; it has no temperature at"):
+        with raises_code("run.outside-times", ScenarioError, match="0.*3600"):
             trace.at(wrong)
     with pytest.raises(td.ThermidError, match="min"):
         trace.at("10 min")

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.physics.enclosure import absorbing_areas
 
 SUN = 800.0
@@ -141,15 +142,15 @@ def test_random_cavities_close() -> None:
 
 
 def test_what_has_no_reflection_is_refused() -> None:
-    with pytest.raises(td.ThermidError, match=r"'floor' is in the sun and reflects it to 'wall' in 'box', which has no absorptance"):
+    with raises_code("model.view-factors", match="'floor'.*'wall'.*'box'"):
         td.simulate(cavity((0.3, None, 0.9)), lit("floor"))
-    with pytest.raises(td.ThermidError, match="goes round for ever"):
+    with raises_code("value.contradicts"):
         td.simulate(cavity((0.0, 0.0, 0.0), rest=False), lit("floor"))
     with pytest.raises(td.ThermidError, match=r"'lid\.absorptance' is 1\.2"):
         td.simulate(cavity((0.3, 0.6, 1.2)), lit("floor"))
     given = [[0.0, 0.2, 0.1], [0.1, 0.0, 0.3], [0.2 / 3.0, 0.4, 0.0]]
     deck = cavity()
-    with pytest.raises(td.ThermidError, match="exchange factors, which hold those of heat alone"):
+    with raises_code("value.contradicts"):
         td.simulate(imported(deck, given), lit("floor"))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 
 
 def plate(**load: Any) -> td.Model:
@@ -20,18 +21,14 @@ def plate(**load: Any) -> td.Model:
 def test_a_period_that_nobody_can_sample() -> None:
     fast = {"mean": "1 [W/(m^2 K)]", "amplitude": "0.1 [W/(m^2 K)]", "period": "1e-7 [h]"}
     given = td.Scenario("fast", boundaries={"air": "20 [degC]"}, start="25 [degC]", duration="10 [h]")
-    with pytest.raises(
-        td.ThermidError, match=r"a period of 0\.00036 s would take 4e\+10 samples for this run, more than the limit of 5e\+06"
-    ):
+    with raises_code("cap.exceeded", match=r"0\.00036.*4e\+10.*5e\+06"):
         td.simulate(plate(), given.with_(schedule={"lost.contact_conductance": fast}))
-    with pytest.raises(td.ThermidError, match=r"a period of 0\.00036 s would take 3e\+08"):
+    with raises_code("cap.exceeded", match=r"0\.00036.*3e\+08"):
         td.simulate(plate(periodic={"period": "1e-7 [h]", "duty": 0.5}), given)
 
 
 def test_an_environment_is_no_dictionary() -> None:
-    with pytest.raises(
-        td.ThermidError, match=r"plate, environment\.air: it takes an environment, not .*\. Make one: td\.simulation\.Environment\("
-    ):
+    with raises_code("value.wrong-kind", match=r"environment\.air.*td\.simulation\.Environment\("):
         td.Scenario("plate", boundaries={"air": "20 [degC]"}, environment={"air": {"pressure": "1 [atm]"}})  # type: ignore[dict-item]
 
 

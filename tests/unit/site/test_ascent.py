@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import RecordError, ScenarioError
 from thermid.site._atmosphere import standard_atmosphere
 
@@ -40,14 +41,14 @@ def test_pressure_follows_altitude() -> None:
 
 
 def test_above_86_km_somebody_must_say_what_the_air_is() -> None:
-    with pytest.raises(ScenarioError, match=r"end at 86 km, and 150 km was requested\. Above it"):
+    with raises_code("physics.not-possible", ScenarioError, match="86.*150"):
         launch(upper="")
     day = td.site.Trajectory(LAUNCH.times, LAUNCH.altitude, LAUNCH.speed, np.full(8, 5.0), np.full(8, 1e-7))
     made = td.site.ascent_scenario(day, air="gas", air_temperature="20 [degC]", flow={"face": 1.0}, separation="170 [s]")
     assert made.irradiation["face"].stream.at(np.array([240.0]))[0] == pytest.approx(0.5e-7 * 4300.0**3)
-    with pytest.raises(ScenarioError, match="ends at 200 km here, and 400 km"):
+    with raises_code("physics.not-possible", ScenarioError, match="200.*400"):
         td.site.Trajectory(np.array([0.0, 9.0]), np.array([0.0, 4e5])).air(np.array([9.0]), "standard")
-    with pytest.raises(ScenarioError, match="upper is 'standard'"):
+    with raises_code("value.wrong-kind", ScenarioError, match="'standard'"):
         launch(upper="msis")
 
 
@@ -103,7 +104,7 @@ upper = "standard"
     assert np.abs(one - other).max() < 1e-6
     both = (tmp_path / "ascent.toml").read_text(encoding="utf-8") + "[site]\nlatitude = 0\nlongitude = 0\n"
     (tmp_path / "both.toml").write_text(both, encoding="utf-8")
-    with pytest.raises(ScenarioError, match="a scenario is either on the"):
+    with raises_code("value.excludes-another", ScenarioError):
         td.load_scenario(tmp_path / "both.toml")
 
 
@@ -133,11 +134,11 @@ def test_what_a_trajectory_lacks_is_said(tmp_path: Path) -> None:
         path.write_text(text, encoding="ascii")
         with pytest.raises(RecordError, match=words):
             td.site.read_trajectory(path)
-    with pytest.raises(ScenarioError, match="a speed of -5 m/s"):
+    with raises_code("value.outside-range", ScenarioError, match="-5"):
         td.site.Trajectory(np.array([0.0, 1.0]), np.array([0.0, 5.0]), np.array([0.0, -5.0]))
-    with pytest.raises(ScenarioError, match="give a trajectory, or the pressure"):
+    with raises_code("value.incomplete", ScenarioError):
         td.site.ascent_scenario(air_temperature="20 [degC]", duration="60 [s]")
-    with pytest.raises(ScenarioError, match=r"the duration is missing\."):
+    with raises_code("value.incomplete", ScenarioError):
         td.site.ascent_scenario(pressure="1 [Pa]", air_temperature="20 [degC]")
 
 

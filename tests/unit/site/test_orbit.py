@@ -11,6 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import ScenarioError
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.site.exposure import eclipse, planet_share
@@ -142,7 +143,7 @@ def test_surfaces_are_named_and_their_signals_repeat() -> None:
     sun = fell["panel"].direct
     assert sun.at(np.array([0.0, 10 * found.period])) == pytest.approx([1361.0, 1361.0])
     assert sun.at(np.array([0.5 * found.period]))[0] == 0.0
-    with pytest.raises(ScenarioError, match="no face 'zenit'"):
+    with raises_code("name.unknown", ScenarioError, match="'zenit'"):
         found.irradiation({"panel": "zenit"})
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError, UnitError
 
 from .weather_cases import DRY, SUN, epw, table, tmy3
@@ -66,9 +67,9 @@ def test_a_hole_is_refused_or_bridged_and_marked(tmp_path: Path, write, name) ->
     if write is not table:
         pytest.importorskip("pvlib")
     path = write(tmp_path / name, missing=(10, 11, 12))
-    with pytest.raises(RecordError, match=r"dry_bulb has a gap of 4 h from .* to .*: give max_gap"):
+    with raises_code("record.time-unclear", RecordError, match="dry_bulb.*4.*max_gap"):
         td.site.read_weather(path)
-    with pytest.raises(RecordError, match="it is longer than max_gap"):
+    with raises_code("record.time-unclear", RecordError, match="max_gap"):
         td.site.read_weather(path, max_gap="3 [h]")
     filled = td.site.read_weather(path, max_gap="4 [h]")
     assert len(filled.filled) == 1
@@ -80,17 +81,17 @@ def test_a_hole_is_refused_or_bridged_and_marked(tmp_path: Path, write, name) ->
 
 def test_a_line_that_is_left_out_is_a_hole(tmp_path: Path) -> None:
     pytest.importorskip("pvlib")
-    with pytest.raises(RecordError, match="dry_bulb has a gap of 3 h from 2026-01-01"):
+    with raises_code("record.time-unclear", RecordError, match="dry_bulb.*3.*2026-01-01"):
         td.site.read_weather(epw(tmp_path / "w.epw", skip=(20, 21)))
 
 
 def test_a_hole_at_an_end_cannot_be_bridged(tmp_path: Path) -> None:
-    with pytest.raises(RecordError, match="at an end of the file"):
+    with raises_code("record.time-unclear", RecordError):
         td.site.read_weather(table(tmp_path / "t.csv", missing=(47, 48)), max_gap="9 [h]")
 
 
 def test_humidity_above_100_is_refused_with_its_time(tmp_path: Path) -> None:
-    with pytest.raises(RecordError, match=r"humidity is 104 % at 2026-03-21 20:00, outside 0 \.\."):
+    with raises_code("value.outside-range", RecordError, match="104.*2026-03-21.*20:00.*0"):
         td.site.read_weather(table(tmp_path / "t.csv", humidity=104.0))
 
 
@@ -121,9 +122,9 @@ def test_a_window_starts_at_zero_and_stays_inside(tmp_path: Path) -> None:
     same = weather.window("2026-03-21 09:30+00:00", "2 [h]")
     assert same["dry_bulb"].values == pytest.approx(part["dry_bulb"].values)
     for begin, length in (("2026-03-20 23:00", "2 [h]"), ("2026-03-22 20:00", "9 [h]")):
-        with pytest.raises(RecordError, match="it covers 2026-03-21 00:00 to 2026-03-23 00:00"):
+        with raises_code("record.not-overlapping", RecordError, match="2026-03-21.*00:00.*2026-03-23.*00:00"):
             weather.window(begin, length)
-    with pytest.raises(RecordError, match=r"'tomorrow' is not a date and time\."):
+    with raises_code("value.wrong-kind", RecordError, match="'tomorrow'"):
         weather.window("tomorrow", "2 [h]")
 
 
@@ -146,12 +147,12 @@ def test_bad_tables_are_refused(tmp_path: Path, text: str, words: str, error: ty
 
 
 def test_a_missing_file_and_a_wrong_name_are_said(tmp_path: Path) -> None:
-    with pytest.raises(MissingDataError, match=r"no file 'w\.epw'"):
+    with raises_code("record.log-missing", MissingDataError, match=r"'w\.epw'"):
         td.site.read_weather(tmp_path / "w.epw")
     path = table(tmp_path / "t.csv")
-    with pytest.raises(NameNotFoundError, match=r"no quantity 'dry_blub'\. Did you mean 'dry_bulb'"):
+    with raises_code("name.unknown", NameNotFoundError, match="'dry_blub'.*'dry_bulb'"):
         td.site.read_weather(path, {"dry_blub": "dry_bulb"})
-    with pytest.raises(NameNotFoundError, match="no column 'T'"):
+    with raises_code("name.unknown", NameNotFoundError, match="'T'"):
         td.site.read_weather(path, {"dry_bulb": "T"})
     with pytest.raises(NameNotFoundError, match=r"no 'winds'\."):
         td.site.read_weather(path)["winds"]
@@ -161,5 +162,5 @@ def test_text_that_is_no_weather_file_is_refused(tmp_path: Path) -> None:
     pytest.importorskip("pvlib")
     path = tmp_path / "w.epw"
     path.write_text("LOCATION,nowhere\n", encoding="ascii")
-    with pytest.raises(RecordError, match="this is not a readable"):
+    with raises_code("file.another-kind", RecordError):
         td.site.read_weather(path)

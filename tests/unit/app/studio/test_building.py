@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from by_code import raises_code
 from hand_written import hand_written
 from planted import campaign
 from thermid.app.studio.building import CARD_ROOM, Building
@@ -169,7 +170,7 @@ def test_a_line_that_both_changed_is_refused_with_its_number(tmp_path: Path) -> 
     theirs = file.read_text(encoding="utf-8").replace("600 [cm^2]", "700 [cm^2]")
     file.write_text(theirs, encoding="utf-8")
     before = building.draft
-    with pytest.raises(DeckError, match=r"line \d+ was changed"):
+    with raises_code("output.changed-meanwhile", DeckError):
         building.difference()
     assert building.draft == before
     assert "700 [cm^2]" in do(building, "restart")["text"]
@@ -365,7 +366,7 @@ def test_a_schedule_goes_with_its_element_and_keeps_to_it_when_renamed(tmp_path:
     do(building, "undo")
     do(building, "schedule", keys=["loads", "chips"], on="", off="", share="")
     assert building.draft.deck.content["loads"]["chips"] == plain["loads"]["heater"]
-    with pytest.raises(NameNotFoundError, match="is not switched"):
+    with raises_code("name.unknown", NameNotFoundError):
         do(building, "schedule", keys=["nodes", "a"], on="40 [min]", off="", share="")
 
 
@@ -379,7 +380,7 @@ def test_a_boundary_without_a_column_is_held_and_a_duty_is_a_command(tmp_path: P
     state = do(building, "log", file="run.csv")
     assert state["log"]["channels"]["Q1_pct"] == {"command": "Q1"}
     assert state["held"] == {"room": ""}
-    with pytest.raises(ThermidError, match="boundary 'room'"):
+    with raises_code("run.input-missing", match="'room'"):
         building.desk().run_of(0, {})
     assert do(building, "hold", name="room", value="23 [degC]")["held"] == {"room": "23 [degC]"}
     assert building.desk().run_of(0, {})[1].boundaries["room"].value == pytest.approx(296.15)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from by_code import raises_code
 from planted import campaign
 from thermid.app.studio.follow import Follower
 from thermid.app.studio.orders import curves_object, picture
@@ -100,7 +101,7 @@ def test_a_kept_file_is_a_state_to_compare_with(project: Project) -> None:
     fit = project.done["whole"].values
     free = [s.path for s in project.desk("whole").sliders if s.free]
     assert {p: kept[p] for p in free} == pytest.approx({p: fit[p].value for p in free}, rel=1e-6)
-    with pytest.raises(NameNotFoundError, match="no values file"):
+    with raises_code("name.unknown", NameNotFoundError):
         project.kept_values("whole", "../whole.toml")
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.app.studio.follow import Follower
 from thermid.app.studio.orders import as_json
 from thermid.base.errors import DeckError, RecordError, ThermidError
@@ -150,13 +151,13 @@ def test_only_files_of_the_project_are_opened_from_the_page(log: Path, tmp_path_
     write(outside, 50)
     follower = Follower(log.parent)
     for name in (str(outside), "../" * 12 + "etc/passwd", f"../{outside.parent.name}/secret.csv"):
-        with pytest.raises(DeckError, match="lies outside the project"):
+        with raises_code("file.outside-project", DeckError):
             follower.look({"file": name})
     (log.parent / "link.csv").symlink_to(outside)
-    with pytest.raises(DeckError, match="lies outside the project"):
+    with raises_code("file.outside-project", DeckError):
         follower.look({"file": "link.csv"})
     assert follower.offered()["logs"] == ["run.csv"]
-    with pytest.raises(DeckError, match="no log is open"):
+    with raises_code("studio.not-now", DeckError):
         follower.look({})
     assert Follower(log.parent, outside).look({})["rows"] == 50  # named on the command line by who may read it
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from by_code import raises_code
 from thermid.app.cli.app import app
 from thermid.app.studio.follow import Follower
 from thermid.app.studio.live import LiveWatch
@@ -249,5 +250,5 @@ def test_columns_bound_on_the_page_keep_what_a_record_says_of_them(tmp_path: Pat
 @pytest.mark.parametrize("channels", [["A0"], {"A0": "chip"}, {"A0": {"node": 3}}])
 def test_columns_that_are_no_tables_are_refused(tmp_path: Path, channels: object) -> None:
     follower = Follower(tmp_path, unnamed(tmp_path / "run.csv", 900.0))
-    with pytest.raises(RecordError, match="'channels' is a table for each column"):
+    with raises_code("value.wrong-kind", RecordError, match="'channels'"):
         follower.look({"channels": channels})

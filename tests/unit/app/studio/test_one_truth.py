@@ -16,6 +16,7 @@ import pytest
 from typer.testing import CliRunner
 
 import thermid as td
+from by_code import raises_code
 from planted import campaign
 from thermid.app.cli.app import app
 from thermid.app.studio.courses import outcome_object
@@ -246,11 +247,11 @@ def test_what_is_written_into_the_deck_after_its_difference_was_seen_are_the_val
         _, diff = project.written_back(name, values)
         assert file.read_bytes() == before
         assert all(line.startswith(("+", "-", " ", "@")) for line in diff.splitlines())
-        with pytest.raises(DeckError, match="changed since the difference was shown"):
+        with raises_code("output.changed-meanwhile", DeckError):
             project.write_back(name, values, diff + " ")
         assert project.write_back(name, values, diff) == file
         course = td.Scenario("on", boundaries={"air": "22 [degC]"}, start="22 [degC]", duration="3 [h]")
         ends = [td.simulate(m, course) for m in (desk.tuned(values), td.load_model(file))]
         assert max(np.abs(ends[0][n].celsius - ends[1][n].celsius).max() for n in ends[0].nodes) < 1e-9
-        with pytest.raises(DeckError, match="has these values already"):
+        with raises_code("output.edit-refused", DeckError):
             project.written_back(name, values)

@@ -13,6 +13,8 @@ from typing import Any
 
 import pytest
 
+from by_code import raises_code
+
 pytest.importorskip("uvicorn", reason="the studio's extra is not installed")
 pytest.importorskip("starlette", reason="the studio's extra is not installed")
 
@@ -284,7 +286,7 @@ def test_a_value_without_a_logarithm_is_refused_with_its_name() -> None:
     """A slider of a hostile client at -1: math domain error, an answer of 500."""
     unknown = Unknown("skin.htc", "parameter", (), 5.0, log=True)
     for value in (-1.0, 0.0, float("nan")):
-        with pytest.raises(DeckError, match=r"skin\.htc: the value must be above zero"):
+        with raises_code("value.outside-range", DeckError, match=r"skin\.htc"):
             unknown.to_fitted(value)
     assert unknown.to_fitted(1.0) == 0.0
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import NameNotFoundError, ScenarioError
 from thermid.campaign._judge.limits import Limits, check_limits, load_limits, read_limits
 
@@ -137,7 +138,7 @@ def test_a_file_of_limits(tmp_path) -> None:
 
 
 def test_names_that_are_not_there() -> None:
-    with pytest.raises(NameNotFoundError, match=r"Did you mean 'heater'\?"):
+    with raises_code("name.unknown", NameNotFoundError, match="'heater'"):
         check_limits(run(), [limits(loads=("heatr",))])
-    with pytest.raises(ScenarioError, match="operating or non-operating, not 'asleep'"):
+    with raises_code("value.wrong-kind", ScenarioError, match="'asleep'"):
         check_limits(run(), [limits()], state="asleep")

@@ -11,6 +11,7 @@ import pytest
 import tomlkit
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import DeckError, OutputError
 from thermid.campaign._start.improve import Delay, improve, with_step
 from thermid.inference._explain.candidates import missing_elements
@@ -84,7 +85,7 @@ def test_nothing_is_written_where_nothing_is_proved(tmp_path: Path) -> None:
 
 
 def test_a_stage_that_is_not_there(tmp_path: Path) -> None:
-    with pytest.raises(DeckError, match="no stage 'plane'"):
+    with raises_code("name.unknown", DeckError, match="'plane'"):
         improve(project(tmp_path, 0.0), "plane")
 
 

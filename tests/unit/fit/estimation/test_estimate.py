@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.fit._estimation.estimation import Estimation
 from thermid.fit._estimation.likelihood import Likelihood
@@ -153,13 +154,13 @@ def test_what_is_refused(noise: dict[str, Any], message: str) -> None:
 
 def test_a_horizon_that_leaves_nothing_to_fit() -> None:
     model, record = small()
-    with pytest.raises(IdentificationError, match="leaves too little to fit"):
+    with raises_code("value.outside-range", IdentificationError):
         td.inference.estimate(model, record, ["skin.effective_htc"], process_noise={"case": "free"}, horizon="1000 [h]")
 
 
 def test_a_start_of_a_boundary_is_no_state() -> None:
     model, record = small()
-    with pytest.raises(IdentificationError, match="is a boundary without noise"):
+    with raises_code("name.unknown", IdentificationError):
         td.inference.estimate(model, record, ["skin.effective_htc"], process_noise={"case": "free"}, start_sd={"air": "1 [K]"})
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.inference._explain.criticism import ljung_box, periodogram
 from unit.fit.bench import HTC, MASS, box, log
 
@@ -129,7 +130,7 @@ def test_picture(tmp_path: Path) -> None:
 
 def test_a_calibration_from_elsewhere() -> None:
     fit = fitted(box(BARE), samples=51)
-    with pytest.raises(td.ThermidError, match=r"was not made by a fit in this session"):
+    with raises_code("fit.needs-session"):
         td.inference.criticise(replace(fit, request=None))
 
 

@@ -162,7 +162,7 @@ def test_a_stream_of_no_fluid_into_a_gas_node_is_balanced_too() -> None:
         "surfaces": {"skin": {"of": "box", "to": "gas", "area": "0.1 [m^2]", "htc": "5 [W/(m^2 K)]", "emissivity": 0.0}},
         "conductors": {"fan": stream("inlet", "gas", **plain), "out": stream("gas", "outlet", "60 [l/min]", **plain)},
     }
-    with pytest.raises(td.ThermidError, match="'gas' takes in"):
+    with raises_code("model.streams-unbalanced", match="'gas'"):
         td.simulation.compile_network(td.model_from_dict(deck))
 
 
@@ -256,7 +256,7 @@ def test_a_liquid_and_a_gas_close_each_for_itself() -> None:
 def test_a_schedule_of_one_end_is_refused() -> None:
     half = {"times": ["0 [min]", "5 [min]"], "values": ["30 [l/min]", "15 [l/min]"], "hold": True}
     chain = bay(fan=stream("inlet", "gas"), out=stream("gas", "outlet"))
-    with pytest.raises(td.ThermidError, match="'gas' takes in 15 l/min"):
+    with raises_code("model.streams-unbalanced", match="'gas'.*15"):
         td.simulate(chain, run(schedule={"fan.volume_flow": half}))
     both = td.simulate(chain, run(schedule={"fan.volume_flow": half, "out.volume_flow": half}))
     assert both.heat_balance().relative < 1e-9
@@ -266,7 +266,7 @@ def test_a_fit_frees_a_flow_by_one_parameter() -> None:
     """A free flow on one end alone is refused at the first value off balance; a shared parameter moves all streams of the line."""
     chain = bay(fan=stream("inlet", "gas"), out=stream("gas", "outlet"))
     alone = td.prepare(chain, run(), ["fan.volume_flow"])
-    with pytest.raises(td.ThermidError, match="'gas' takes in 24 l/min"):
+    with raises_code("model.streams-unbalanced", match="'gas'.*24"):
         alone.run({"fan.volume_flow": 24e-3 / 60})
     deck = {
         "title": "bay",
@@ -345,7 +345,7 @@ def test_a_stream_of_no_fluid_is_refused_off_the_ground(pressure: float) -> None
     model = bay(fan=stream("inlet", "gas", fluid="", density="1.2 [kg/m^3]", specific_heat="1006 [J/(kg K)]"))
     assert td.simulate(model, run()).warnings == ()
     assert carried(model, run()) == pytest.approx(THIRTY * 1.2 * 1006.0, rel=1e-12)
-    with pytest.raises(td.ThermidError, match=r'its density then follows\), or fluid = "liquid"\.'):
+    with raises_code("model.needs-gas-law"):
         td.simulate(model, run(**at(pressure)))
 
 
