@@ -72,7 +72,7 @@ class DeckReading:
                 "this is a binary file, but a deck is a text. Give its text file (.cc, .k, .inp, .d).", str(path), code="file.another-kind"
             )
         self.texts[str(path)] = text
-        for mark in _MARK.finditer(text):  # an export of an incomplete model says so
+        for mark in _MARK.finditer(text):  # an export of an incomplete model states this
             span = TextSpan(str(path), text.count("\n", 0, mark.start()) + 1, *mark.span())
             self.remarks.append(DeckRemark(span, mark[1].strip(), mark=True))
         return text

@@ -26,7 +26,7 @@ def test_a_power_that_is_logged_is_not_looked_for() -> None:
 @pytest.mark.parametrize("known", [("0 [h]", "1 [h]", "5 [W]"), [("0 [h]", "5 [W]")]])
 def test_a_stretch_has_three_parts(known: Any) -> None:
     data = log(box(), {HTC: "5 [W/(m^2 K)]"}, {"T": "case"}, samples=21)
-    with raises_code("value.incomplete", IdentificationError, match="'known'"):
+    with raises_code("value.wrong-kind", IdentificationError, match="'known'"):
         td.inference.power_history(box(), data, "heat", known=known)
 
 
