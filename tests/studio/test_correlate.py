@@ -226,26 +226,30 @@ def test_a_log_of_six_hours_is_watched_as_the_command_watches_it(tmp_path: Path,
         assert np.isfinite(last["ends"]["chip"]["final_C"])
 
 
+def type_into(shown: Page, place: str, text: str) -> None:
+    """Type as a browser does it: what is typed is seen before the field is left."""
+    script = "const i = document.querySelector(arguments[0]); i.value = arguments[1]; "
+    for event in ("input", "change"):
+        shown.run(f"{script}i.dispatchEvent(new Event('{event}', {{ bubbles: true }}))", place, text)
+
+
 def test_columns_without_names_and_units_are_bound_on_the_page(tmp_path: Path) -> None:
     """A logger's A0, A1 and Q1: what each is, its unit and the power at 100 % are said in the table, by keys as by the mouse."""
     needed()
     (tmp_path / "rig.toml").write_text(DECK, encoding="utf-8")
     log = unnamed(tmp_path / "run.csv", 2700.0)
-    typed = (
-        "const i = document.querySelector(arguments[0]); i.value = arguments[1]; i.dispatchEvent(new Event('change', { bubbles: true }))"
-    )
     with studio(str(tmp_path / "rig.toml"), "--log", str(log)) as address, page(address) as shown:
         shown.until("document.querySelector('#watch-columns')")
         assert "Say in the table of columns what each is." in shown.text("#bench-verdict")
         assert "a load needs its power at 100 %" in shown.text("#watch-columns")
-        shown.run(typed, "[aria-label='Unit of A0']", "degF")
-        shown.run(typed, "[aria-label='A0 is']", "node:chip")
+        type_into(shown, "[aria-label='Unit of A0']", "degF")
+        type_into(shown, "[aria-label='A0 is']", "node:chip")
         shown.until("document.querySelector('[data-channel-tile=A0]')")
         assert shown.run("return document.getElementById('watch-columns').open")  # there is more to say
-        shown.run(typed, "[aria-label='A1 is']", "node:case")
-        shown.run(typed, "[aria-label='Q1 is']", "load:heater")
-        shown.run(typed, "[data-full=Q1]", "24")
-        shown.run(typed, "#watch-boundaries", "air=22")
+        type_into(shown, "[aria-label='A1 is']", "node:case")
+        type_into(shown, "[aria-label='Q1 is']", "load:heater")
+        type_into(shown, "[data-full=Q1]", "24")
+        type_into(shown, "#watch-boundaries", "air=22")
         shown.until("studio.look && studio.look.model === 'rig' && studio.look.bound.Q1 && studio.look.bound.Q1.full_scale")
         look = shown.run("return studio.look")
         assert look["bound"] == {
