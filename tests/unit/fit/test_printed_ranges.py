@@ -54,6 +54,20 @@ def log(truth: td.Model, name: str = "run", seed: int = 3, noise: float = 0.05) 
 BESIDE = ROOM.with_(duration=PLAIN)
 
 
+@pytest.mark.parametrize(
+    ("stated", "log_form"),
+    [({"finish": "aluminium, machined"}, True), ({"emissivity": 0.8}, False), ({"emissivity": 0.003}, False), ({"emissivity": 0.0}, False)],
+)
+def test_a_verdict_reads_a_fitted_emissivity_in_the_form_of_its_fit(stated: dict[str, Any], log_form: bool) -> None:
+    """A printed one is fitted by its logarithm and has no minimum afterwards: its record read -2.4 for .09, and ended in an error."""
+    skin = {"of": "a", "to": "air", "area": "0.03 [m^2]", "htc": "3 [W/(m^2 K)]"}
+    deck = box(surfaces={"a_skin": skin | stated, "b_skin": skin | {"of": "b", "htc": "film"}})
+    found = td.calibrate(deck, log(deck), ["a_skin.emissivity"], scenario=BESIDE)
+    assert found.problem is not None
+    assert [u.log for u in found.problem.unknowns if u.name == "a_skin.emissivity"] == [log_form]
+    assert td.validate(found, log(deck, "later", 5), td.Criteria(rmse="0.5 [K]"), scenario=BESIDE).passed
+
+
 def test_a_material_beyond_its_range_is_a_right_fit() -> None:
     """451 J/(kg K) lies 5 % below the 477 of the table, whose range is 4 %; a wall there made a right law not adequate."""
     truth = box().with_values({"a.specific_heat": "451 [J/(kg K)]", "b.specific_heat": "451 [J/(kg K)]"})

@@ -62,6 +62,9 @@ def problem_of_record(
     held = {s: x for s, x in request.held_bias.items() if s not in record.channels or record.channels[s].accuracy is None}
     bare = replace(request, free=named, priors={}, prior=(), store=Store(), held_bias=held, held_errors=None, untie=untie)
     bare_problem = build_problem(bare)
+    fitted = {u.name: u for u in fit.problem.unknowns}
+    named_now = ((u, fitted.get(u.name, u)) for u in bare_problem.unknowns)  # numbers of the fit stay in the form that it gave them
+    bare_problem = replace(bare_problem, unknowns=tuple(replace(u, log=f.log, low=f.low, high=f.high) for u, f in named_now))
     e = bare_problem.experiments[0]
     starts: dict[str, list[str]] = {}
     shares: dict[str, float] = {}  # of the mean of several sensors

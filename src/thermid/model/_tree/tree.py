@@ -620,14 +620,11 @@ class ParameterSet:
         return frozenset(self.literal_behind(p) for p in self.table if p.rpartition(".")[2] in SHARES)
 
     def bounded(self, path: str) -> Parameter:
-        """Return a parameter with the walls of its deck; those of a share, such as an emissivity, lie within 0 and 1.
-
-        A share without a minimum begins above zero: it is fitted by its logarithm, as what a fit found of a printed one is, which has none.
-        """
+        """Return a parameter with the walls of its deck; those of a share, such as an emissivity, lie within 0 and 1."""
         parameter = self.table[path].parameter
         low, high = parameter.walls
         if path in self._shares:
-            least = 0.0 if low is not None else min(LEAST_EMISSIVITY, LEAST_EMISSIVITY if parameter.minimum is None else parameter.minimum)
+            least = min(LEAST_EMISSIVITY, parameter.minimum or 0.0) if parameter.is_printed else 0.0
             low, high = max(low or 0.0, least), min(1.0 if high is None else high, 1.0)
         return replace(parameter, minimum=low, maximum=high)
 
