@@ -19,7 +19,7 @@ from thermid.campaign._file import CampaignSource, read_campaign
 from thermid.campaign._joint import Level, places_of
 from thermid.campaign._stages import Campaign, Notice, progress_of, request_of
 from thermid.fit.calibration import Calibration, Request, fit, key_of
-from thermid.fit.error_model import KEY as ERRORS
+from thermid.fit.error_model import KEY as ERRORS, errors_without
 from thermid.model.deck import load_model
 from thermid.model.elements import Constant, Standing, exact
 from thermid.model.identity import PlaceStart, Replacement, definition_of, inside, instances, short_text, touching
@@ -482,7 +482,7 @@ def retuned(
             requests[stage.name] = request
             keys[stage.name] = key_of(request, [keys[n] for i in changed_table.inherit.values() for n in i.stages])
             if carried:
-                done[stage.name] = _carried(before[stage.of], request) if stage.part else before[stage.of]
+                done[stage.name] = _carried(before[stage.of], request, stage.part) if stage.part else before[stage.of]
             else:
                 done[stage.name] = fit(request, progress_of(notice, stage.name))
     count = 0 if part_only else len(plan.freed)
@@ -490,10 +490,11 @@ def retuned(
     return Campaign(before.title, done, (), keys, note, requests=requests)
 
 
-def _carried(before: Calibration, request: Request) -> Calibration:
-    """Return a fit with what is known after the swap: nothing of the old part, whose values are among those of its model of error."""
+def _carried(before: Calibration, request: Request, part: str) -> Calibration:
+    """Return a fit with what is known after the swap: nothing of the old part, of which its model of error tells too."""
     store, stage = request.store, before.stage
-    kept = {k: v for k, v in store.provenance.get(stage, {}).items() if k != ERRORS}
+    kept = dict(store.provenance.get(stage, {}))
+    kept |= {ERRORS: errors_without(kept[ERRORS], part)} if ERRORS in kept else {}
     store = replace(store, provenance={**store.provenance, stage: kept})
     new_paths = [p for p, s in store.states.items() if s.origin.stage == stage]
     return replace(

@@ -14,6 +14,7 @@ from thermid.fit._error_model.kept import (
     SeenValue as SeenValue,
     deviation as deviation,
     errors_of_values as errors_of_values,
+    errors_without as errors_without,
 )
 from thermid.fit._error_model.records import (
     ROOM as ROOM,

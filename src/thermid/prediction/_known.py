@@ -111,14 +111,21 @@ class Knowledge(Result):
 
     @property
     def errors(self) -> tuple[ErrorModel, ...]:
-        """The models of error that speak of the elements of the model, each element once, by the last stage that saw it."""
+        """The models of error that speak of the elements of the model, each element once, by the last stage that saw it.
+
+        A part that was replaced since is not among what a stage saw.
+        """
         out: list[ErrorModel] = []
-        taken: list[str] = []
+        taken: list[tuple[str, str]] = []
         for of_fit in (of_fit for s in reversed(self.stores) for of_fit in reversed([*s.provenance.values()]) if ERRORS in of_fit):
             error_table = of_fit[ERRORS]
-            at = error_table.at if isinstance(error_table, LaterTable) else error_table["at"]
-            if not any(at.startswith(part) for part in taken):
-                taken.append(at)
+            at, without = (
+                (error_table.at, error_table.without)
+                if isinstance(error_table, LaterTable)
+                else (error_table["at"], error_table.get("without", ""))
+            )
+            if not any(at.startswith(part) and not (gone and at.startswith(f"{part}{gone}.")) for part, gone in taken):
+                taken.append((at, without))
                 out.append(ErrorModel.from_dict(error_table_of(of_fit) or {}))
         return tuple(out)
 

@@ -191,6 +191,7 @@ class ErrorsTable(StrictTable):
     ways: list[WayTable]
     misfit: Real
     why: str
+    without: str = ""
 
 
 class StructuralTable(StrictTable):

@@ -849,15 +849,17 @@ class LaterTable:
     ----------
     make : callable     Returns the table.
     at : str            What its paths begin with in the model above; see `error_table_of`.
+    without : str       A part that was replaced, of which it says nothing.
     """
 
     make: Callable[[], Mapping[str, Any]]
     at: str = ""
+    without: str = ""
 
     @cached_property
     def table(self) -> Mapping[str, Any]:
         """The table itself."""
-        return {**self.make(), "at": self.at}
+        return {**self.make(), "at": self.at, **({"without": self.without} if self.without else {})}
 
     def __eq__(self, other: object) -> bool:
         """Whether another is the same table, made already or not."""
@@ -865,7 +867,7 @@ class LaterTable:
 
     def under(self, ahead: str) -> LaterTable:
         """Return it with its places by their paths in the model above."""
-        return LaterTable(self.original, f"{ahead}{self.at}")
+        return LaterTable(self.original, f"{ahead}{self.at}", self.without)
 
     def original(self) -> Mapping[str, Any]:
         """Return the table of this place, which those of other places take over; it is made at the first call and kept."""

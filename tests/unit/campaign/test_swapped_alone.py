@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -101,6 +103,18 @@ def test_a_prediction_stands_on_the_new_part(retuned: tuple[td.Campaign, td.Camp
     assert td.predict(fit, HOT, draws=200)[node].kelvin[-1] - 273.15 == pytest.approx(run, abs=0.5)
     drawn = td.qualify.uncertain_runs(fit.model, HOT, fit, n=200, nodes=[node], seed=1)
     assert np.mean(drawn.node_temperatures(node)[:, -1]) - 273.15 == pytest.approx(run, abs=0.5)
+
+
+def test_what_the_unit_showed_of_its_own_elements_is_kept(retuned: tuple[td.Campaign, td.Campaign], tmp_path: Path) -> None:
+    """Its model of error loses the part alone: the base is as uncertain as before, and from a file the band is the same."""
+    before, after = (td.predict(c["unit"], HOT) for c in retuned)
+    assert after["base"].error[-1] == pytest.approx(before["base"].error[-1], rel=0.1)
+    fit = retuned[1]["unit"]
+    fit.save(tmp_path / "unit.values.toml")
+    again = td.predict(td.design.Knowledge(fit.fitted_model, (td.load_values(tmp_path / "unit.values.toml"),)), HOT)
+    for node in ("base", "head.element"):
+        assert again[node].kelvin == pytest.approx(after[node].kelvin, abs=0.02)
+        assert again[node].error == pytest.approx(after[node].error, rel=0.02, abs=1e-3)
 
 
 def test_values_of_a_given_model_that_those_of_the_fit_replace_are_named(retuned: tuple[td.Campaign, td.Campaign]) -> None:

@@ -51,8 +51,9 @@ from thermid.fit._problem.residuals import Problem, Unknown
 from thermid.fit._uncertainty.information import square_between
 from thermid.measure.amounts import short
 from thermid.model.elements import CARRIED_BY, Standing
-from thermid.model.identity import identity_of
+from thermid.model.identity import identity_of, inside
 from thermid.simulation.network import Network
+from thermid.values.store import LaterTable
 
 KEY = "errors"
 """Where the provenance of fitted values keeps it."""
@@ -156,6 +157,24 @@ class KeptWay:
         """Return whether it is what the deck of a network says of its surfaces, as far as that says anything."""
         free_air = {c.path: c.words[CARRIED_BY] == FREE_AIR for c in network.flat.conductors if CARRIED_BY in c.words}
         return all(free_air[p] == (law.exponent > 0.0) for p, law in self.laws.items() if p in free_air and isinstance(law, SurfaceLaw))
+
+    def without(self, part: str) -> KeptWay:
+        """Return what it says of all but a part: its other values and elements, whatever those of the part are."""
+        sources = (*(n.removeprefix("scale.").removeprefix("initial.") for n in self.values), *(c.source for c in self.columns))
+        stay = [k for k, source in enumerate(sources) if not inside(source, part)]
+        values, rows = list(self.values.items()), self.root[stay]
+        columns = [k - len(values) for k in stay if k >= len(values)]
+        smooth = {p: x for p, x in self.departures.smooth.items() if not inside(p, part)}
+        nodes = tuple(n for n in self.departures.nodes if not inside(n, part))
+        return replace(
+            self,
+            laws={p: law for p, law in self.laws.items() if not inside(p, part)},
+            values=dict(values[k] for k in stay if k < len(values)),
+            departures=replace(self.departures, smooth=smooth, nodes=nodes),
+            columns=tuple(self.columns[k] for k in columns),
+            mean=self.mean[columns],
+            root=_triangular(rows @ rows.T),
+        )
 
     @classmethod
     def of_fitted(cls, way: FittedWay, shares: Array, bounds: Mapping[str, tuple[float, float]]) -> KeptWay:
@@ -374,6 +393,11 @@ class ErrorModel(Result):
         carriers = ", ".join(f"{name} {100 * p:.0f} %" for name, p in self.carriers.items())
         return f"{self.stage}: {self.why or carriers}; readings at {self.misfit:.2g} times what is allowed of them"
 
+    def without(self, part: str) -> ErrorModel:
+        """Return what it says of all but a part."""
+        ways = tuple(w.without(part) for w in self.ways)
+        return replace(self, seen={n: v for n, v in self.seen.items() if not self.ways or n in ways[0].values}, ways=ways)
+
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and texts for a file."""
         fitted_values = {n: [v.kind, v.log, [list(a) for a in v.acts], v.mean, v.sd, v.low, v.high] for n, v in self.seen.items()}
@@ -423,6 +447,16 @@ def error_table(fit: Calibration) -> dict[str, Any]:
         return ErrorModel.of_fit(fit).to_dict()
     except (ThermidError, np.linalg.LinAlgError) as error:
         return errors_of_values(fit, getattr(error, "message", "its runs leave the sizes of departures open")).to_dict()
+
+
+def errors_without(errors: LaterTable | Mapping[str, Any], part: str) -> LaterTable:
+    """Return the model of error that a fit keeps without what it says of a part, of which others tell; it is made when it is asked for."""
+
+    def make() -> dict[str, Any]:
+        table = errors.original() if isinstance(errors, LaterTable) else errors
+        return ErrorModel.from_dict({**table, "at": ""}).without(part).to_dict()
+
+    return LaterTable(make, without=part)
 
 
 def errors_of_values(fit: Calibration, why: str = "") -> ErrorModel:
