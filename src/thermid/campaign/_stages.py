@@ -669,7 +669,7 @@ def _judge(
     stage = next(s for s in source.content.stages if s.name == table.model)
     for name in source.pick([table.record], where):
         if notice is not None:
-            notice(f"verdict on {name}", 0, 0.0)
+            notice(f"running {name} for its verdict", 0, 0.0)
         fit = campaign.joint.at(table.model) if table.values == "joint" and campaign.joint is not None else campaign[table.model]
         if not fit.standing.judgeable:
             yield not_judged(fit, name, table.name)

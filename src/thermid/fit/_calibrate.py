@@ -84,6 +84,7 @@ def own_standing(
         short_of.append(f"'{name}' lies {size:.1f} standard deviations from its prior (limit {STRAINED:g})")
     deviations, words = _shifted_together(problem, minimum)
     short_of += [words] if deviations > STRAINED else []
+    short_of += _beyond_accuracy(problem, minimum)
     if short_of:
         return Standing("not adequate", "; ".join(short_of), values.stage, request.accepted)
     return replace(CREDIBLE, stage=values.stage)
@@ -106,6 +107,31 @@ def _shifted_together(problem: Problem, minimum: Fit) -> tuple[float, str]:
     deviations = abs(shift) / math.sqrt(sum(1.0 / w.sum() for _, w in columns))
     high = f"{short(abs(shift))} K {'high' if shift > 0.0 else 'low'} together"
     return deviations, f"all sensors would read {high}, {deviations:.1f} standard deviations by their accuracies"
+
+
+def _beyond_accuracy(problem: Problem, minimum: Fit) -> list[str]:
+    """Return in words that the instruments' constant errors together contradict what was stated of them; nothing where they do not.
+
+    The root mean square of errors by accuracies, so that instruments that share their error, as those of one logger may, count as one:
+    by chance it is above three in at most one fit of 370, however they hang together.
+    """
+    errors: dict[str, tuple[float, float]] = {}
+    for u, x in zip(problem.unknowns, minimum.fitted.tolist(), strict=True):
+        if u.kind in ("sensor", "shared") and u.unit == "K" and u.prior is not None:
+            # what is added to a logged boundary is what it reads low
+            errors[u.name] = (x if u.kind == "sensor" else -x, u.prior.sd)
+    times = math.sqrt(float(np.mean([(x / sd) ** 2 for x, sd in errors.values()]))) if len(errors) > 1 else 0.0
+    if times <= ASIDE:
+        return []
+    low, high = min(x for x, _ in errors.values()), max(x for x, _ in errors.values())
+    mean = float(np.mean([x for x, _ in errors.values()]))
+    apart = f"all sensors would read about {short(abs(mean), 2)} K {'high' if mean > 0.0 else 'low'} together"
+    if low < 0.0 < high:
+        apart = f"{len(errors)} sensors would err by {low:+.2g} to {high:+.2g} K"
+    return [
+        f"{apart}, {short(times, 2)} times their stated accuracies (limit {ASIDE:g}), because the model lacks or misstates some physics: "
+        "check areas, emissivities and the law of convection, then the accuracies"
+    ]
 
 
 def at_bounds(problem: Problem, minimum: Fit, total: Array) -> list[tuple[Unknown, str, float]]:
@@ -590,8 +616,9 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
         shown = f"{FittedValue(u.name, u.to_value(bound), 0, 0, u.log, u.unit, 0, (0, 0)).in_unit:.6g} {u.unit}".strip()
         cut = f", where its standard error of {short(v.shown(v.uncut))} is cut" if u.name in values and (v := values[u.name]).uncut else ""
         out.append(f"'{u.name}' ended at its {side} bound {shown}{cut}. Widen the bound, or fix the parameter.")
+    said = ("local", "sensor", "shared") if _beyond_accuracy(problem, minimum) else ("local",)
     for k, u in enumerate(problem.unknowns):
-        far = abs(minimum.fitted[k] - u.prior.mean) / u.prior.sd if u.prior is not None and u.kind != "local" else 0.0
+        far = abs(minimum.fitted[k] - u.prior.mean) / u.prior.sd if u.prior is not None and u.kind not in said else 0.0
         if 3.0 < far <= CONTRADICTION_DEVIATIONS:  # what lies farther stands at the head of the fit
             out.append(
                 f"'{u.name}' lies {far:.1f} standard deviations from its prior: data and prior disagree. Check the source of "

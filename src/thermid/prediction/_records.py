@@ -18,6 +18,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.linear_algebra import Array
 from thermid.base.units import TEMPERATURE
 from thermid.fit.calibration import (
+    FIRST,
     Calibration,
     Experiment,
     LocalSpec,
@@ -50,6 +51,8 @@ from thermid.prediction._known import Knowledge, rows_of
 from thermid.simulation.runs import Scenario
 from thermid.values.store import LeftOut, error_table_of
 
+STATED_WIDTH = 2.0
+"""Constant error of an instrument up to which it is taken off the readings of a held-out record, by its accuracy: 95 % lie within. [-]"""
 SLICES = 120
 """Stretches of time between which residuals are looked at for what grows with a command."""
 CHANCE_DEVIATIONS, MIN_CORRELATION = 3.0, 0.3
@@ -268,18 +271,26 @@ def record_request(
     readings: Mapping[str, Any] | None = None,
     window: float = 0.0,
 ) -> Request:
-    """Return the request that runs a record at the values of a fit, which are held; arguments as in `predict_record`."""
+    """Return the request that runs a record at the values of a fit, which are held; arguments as in `predict_record`.
+
+    No instrument's constant error is taken off beyond what its accuracy allows: what a fit found beyond that are errors of its model.
+    """
+    found = {**calibration.instrument_errors, **calibration.bias}
+    widths = {c.name: STATED_WIDTH * c.accuracy for c in record.channels.values() if c.accuracy and c.quantity == "temperature"}
+    held = {n: min(max(x, -widths[n]), widths[n]) if n in widths else x for n, x in found.items()}
+    cut = [f"{n} ({held[n]:+.2g} of {x:+.3g} K)" for n, x in found.items() if held[n] != x]
     return Request(
         calibration.fitted_model,
         (as_found(record, calibration.values, calibration.bias),),
         scenarios={"*": scenario} if scenario else {},
         local={k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()},
-        held_bias=calibration.bias,
-        held_errors=calibration.instrument_errors,
+        held_bias={n: held[n] for n in calibration.bias},
+        held_errors={n: held[n] for n in calibration.instrument_errors},
         window=window,
         name=calibration.stage,
         fit_start=False,
         readings={n: Reading.read(r, f"readings.{n}") for n, r in (readings or {}).items()},
+        remarks=(f"{FIRST}constant errors that the fit found are taken off up to twice the stated accuracy: {', '.join(cut)}.",) if cut else (),
     )
 
 

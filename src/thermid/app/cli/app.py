@@ -319,7 +319,8 @@ class OnDemand(TyperCommand):
         finally:
             gc.enable()
         lines = "\n".join(f"  {example}" for example in self.place.examples)
-        info = CommandInfo(name=self.name, callback=callback, epilog=f"\b\nExamples:\n{lines}\n\nExit codes: see thermid --help.")
+        exits = "\n".join(f"  {code:<5}{meaning}" for code, meaning in EXITS.items())
+        info = CommandInfo(name=self.name, callback=callback, epilog=f"\b\nExamples:\n{lines}\n\n\b\nExit codes:\n{exits}")
         whole, trust = (
             get_command_from_info(entry, pretty_exceptions_short=False, rich_markup_mode=None)
             for entry in (info, CommandInfo(name="trust", callback=_trusting))

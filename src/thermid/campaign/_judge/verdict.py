@@ -153,6 +153,7 @@ class Verdict(Result):
         """The verdict in words, without its criteria."""
         about = f" ({self.title})" if self.title else ""
         word = "NOT JUDGED" if self.passed is None else "PASSED" if self.passed else "FAILED"
+        word += f" by values that are {self.standing.state}" if self.passed and not self.standing.fair else ""
         other = "fail" if self.passed else "pass"
         names = " or ".join(self.deciding)
         condition = f", but it would {other} with another {names} within two standard errors; fit it to another record" if names else ""

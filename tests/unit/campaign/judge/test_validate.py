@@ -70,6 +70,19 @@ def test_constant_errors_that_the_fit_found_are_held(found: Calibration) -> None
     np.testing.assert_allclose(room, run("held", 3)["ROOM"].values + found["ROOM error"].value, rtol=1e-15)
 
 
+def test_no_constant_error_is_taken_off_beyond_twice_its_accuracy(found: Calibration) -> None:
+    held = run("held", 3)
+    narrow = held.with_channels(replace(held["T"], accuracy=0.2), replace(held["ROOM"], accuracy=0.001))
+    stated, cut = validate(found, held, WIDE), validate(found, narrow, WIDE)
+    assert found.bias["T"] > 0.4
+    assert (stated.questions, cut.statistics["T"].bias) == ((), 0.4)
+    room = cut.prediction.experiments[0].scenario.boundaries["air"].values - held["ROOM"].values
+    np.testing.assert_allclose(room, np.copysign(0.002, found["ROOM error"].value), rtol=1e-9)
+    (question,) = cut.questions
+    assert f"T (+0.4 of {found.bias['T']:+.3g} K)" in question
+    assert cut.statistics["T"].mean > stated.statistics["T"].mean + 0.1
+
+
 def test_the_start_is_the_first_reading_less_the_held_error() -> None:
     # a sensor 3 K off: a start that forgot it would be 3 K out at once
     data = log(box(), {}, {"T": "case"}, accuracy=3.0, bias={"T": 3.0}, noise=0.01, swing=0.0)
