@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 import thermid as td
 from recovery.mass_cases import STEPS, campaign, deck, drawn
+from thermid.fit._error_model.kept import _widened
 
 pytestmark = pytest.mark.recovery
 ROOT = Path(__file__).parents[2]
@@ -27,6 +29,10 @@ def test_a_first_structure_that_residuals_refute_says_so() -> None:
     assert any("larger than this structure explains" in line for line in head), head
     assert any("larger than this structure explains" in w for w in first.warnings)
     assert "(the structure)" in str(first)
+    # as much wandering below the noise is no question to anybody
+    quiet = _widened(replace(first, chi_square=1.2 * first.freedom, warnings=()), {}, {})
+    (remark,) = quiet.warnings
+    assert remark.startswith("the residuals are larger")
 
 
 def test_a_right_structure_keeps_its_errors() -> None:

@@ -347,3 +347,8 @@ def test_nodes_may_be_called_as_words_of_the_language() -> None:
     assert ParameterSet(moved).evaluate({})["from.capacitance"] == pytest.approx(61.0)
     settled = td.steady(moved, td.Scenario(boundaries={"room": "20 [degC]"}))
     assert settled["from"] == pytest.approx(293.15)
+
+
+def test_a_gap_in_a_proposed_line_asks_to_be_filled() -> None:
+    with raises_code("expression.not-arithmetic", match="gap to fill"):
+        parse("... [s]")

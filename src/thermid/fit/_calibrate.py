@@ -21,6 +21,7 @@ from thermid.base.units import NAMES, counted, unit
 from thermid.fit._calibration import (
     CONTRADICTION_DEVIATIONS,
     FIRST,
+    MISFIT,
     QUESTIONED_FACTOR,
     Calibration,
     Local,
@@ -634,8 +635,8 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
     freedom = round(problem.freedom)
     reduced = minimum.chi_square / max(freedom, 1)
     stated = all(o.noise is not None for o in problem.observations())
-    if stated and freedom > 0 and reduced > 1.5:
-        widened = "; the errors were widened by that factor" if spread is None or spread.variance_factor > 1.5 else ""
+    if stated and freedom > 0 and reduced > MISFIT:
+        widened = "; the errors were widened by that factor" if spread is None or spread.variance_factor > MISFIT else ""
         out.append(
             f"the residuals are {short(np.sqrt(reduced))} times the stated noise{widened}. Check the noise, or look for "
             "missing physics with `thermid criticise`."

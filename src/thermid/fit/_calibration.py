@@ -40,6 +40,8 @@ QUESTIONED_FACTOR = 5.0
 UNSOURCED = tuple(unit(u).dimension for u in ("kg", "J/K", "J/(kg K)"))
 """Quantities that are questioned also where the deck gives no source: nobody is wrong about a mass by so much."""
 
+MISFIT = 1.5
+"""Chi-square per degree of freedom from which residuals are said to be larger than the stated noise. [-]"""
 MIN_RANGE_SHARE = 0.05
 """Part of the variance of a value from which a line says that printed ranges make it. [-]"""
 CONTRADICTION_DEVIATIONS = 10.0
@@ -128,7 +130,7 @@ class Calibration(Result):
     Parameters
     ----------
     stage : str                 Name of the stage, or of the model.
-    model : Model               The model as it was given.
+    model : Model               The model as it was given, without the fitted values; `fitted_model` has them.
     values : FittedValues       Parameters and sensors' constant errors, with their joint covariance.
     local : tuple of Local      What was fitted per record.
     blocks : sequence of Block  Measured and predicted readings, per record and sensor; predicted when they are first looked at.

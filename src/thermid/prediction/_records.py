@@ -279,6 +279,7 @@ def record_request(
     widths = {c.name: STATED_WIDTH * c.accuracy for c in record.channels.values() if c.accuracy and c.quantity == "temperature"}
     held = {n: min(max(x, -widths[n]), widths[n]) if n in widths else x for n, x in found.items()}
     cut = [f"{n} ({held[n]:+.2g} of {x:+.3g} K)" for n, x in found.items() if held[n] != x]
+    remark = f"{FIRST}constant errors that the fit found are taken off up to twice the stated accuracy: {', '.join(cut)}."
     return Request(
         calibration.fitted_model,
         (as_found(record, calibration.values, calibration.bias),),
@@ -290,7 +291,7 @@ def record_request(
         name=calibration.stage,
         fit_start=False,
         readings={n: Reading.read(r, f"readings.{n}") for n, r in (readings or {}).items()},
-        remarks=(f"{FIRST}constant errors that the fit found are taken off up to twice the stated accuracy: {', '.join(cut)}.",) if cut else (),
+        remarks=(remark,) if cut else (),
     )
 
 

@@ -152,7 +152,7 @@ class TestRun:
     def test_notice(self, made: Path) -> None:
         seen: list[str] = []
         run_stages(made, notice=lambda stage, count, rms: seen.append(stage))
-        assert list(dict.fromkeys(seen)) == ["box", "pair", "verdict on pair_two"]
+        assert list(dict.fromkeys(seen)) == ["box", "pair", "running pair_two for its verdict"]
 
     @pytest.mark.parametrize("stage", ["box", "pair"])
     def test_the_interrupt_key_keeps_the_best_values(self, made: Path, stage: str) -> None:

@@ -56,6 +56,14 @@ def test_a_formula_of_columns_with_units(log: Path, given: object, watts: list[f
     np.testing.assert_allclose(power(log, given).values[[0, 1, 2, 4]], watts)
 
 
+def test_an_ending_of_a_name_is_its_unit(log: Path) -> None:
+    log.write_text("time [s],P_W,U_V,I_A,rest\n0,5,10,0.5,1\n10,6,12,0.5,2\n")
+    for formula in ("0.5 * P_W", "0.5 * U_V * I_A"):
+        assert power(log, formula).values.tolist() == [2.5, 3.0]
+    with raises_code("record.unit-unclear", match="rest = '...'"):
+        power(log, "0.5 * rest")
+
+
 def test_a_counter_of_energy_is_the_mean_since_the_stamp_before_and_its_restart_is_masked(log: Path) -> None:
     found = power(log, {"energy": "E"})
     np.testing.assert_allclose(found.values[[0, 1, 2, 4]], [12.0, 12.0, 3.0, 3.0], rtol=1e-4)

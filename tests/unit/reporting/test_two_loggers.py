@@ -13,7 +13,9 @@ import pytest
 from typer.testing import CliRunner
 
 from thermid.app.cli.app import app
+from thermid.measure._readers.common_step import CommonStep
 from thermid.measure.readers import LogCourse, common_step
+from thermid.reporting._pictures.look import _OffsetSoFar, _Way
 from thermid.reporting.looks import Look, clock_lines, clocks_of, look
 
 
@@ -402,6 +404,11 @@ def test_a_clock_by_two_places_is_a_candidate_in_the_line_to_copy(tmp_path: Path
     assert abs(found["step"]["offset"] - 300.0) < 2.0 * found["step"]["error"]
     text = "\n".join(clock_lines(looks))
     assert "(a candidate" in text
-    assert "s (a candidate)" in text
     (pair,) = joined_lines(looks)
-    assert isinstance(pair["offset"], str)
+    assert pair["offset"] == "... [s]"
+
+
+def test_a_log_that_is_placed_by_a_candidate_is_no_better_known() -> None:
+    sure, guessed = CommonStep(5.0, 1.0, "a", "b", 0.99), CommonStep(5.0, 1.0, "a", "b", 0.99, candidate=True)
+    for before, step in ((_OffsetSoFar(0.0), sure), (_OffsetSoFar(0.0, candidate=True), sure), (_OffsetSoFar(0.0), guessed)):
+        assert _Way(before, 1, 2, step, None, False).place.candidate == (before.candidate or step.candidate)

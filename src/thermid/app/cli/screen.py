@@ -193,3 +193,15 @@ def working(text: str, seconds: float = 0.0) -> Iterator[Progress]:
     begun = time.monotonic()
     with Progress(text, (lambda: (time.monotonic() - begun) / seconds) if seconds > 0.0 else None) as progress:
         yield progress
+
+
+@contextmanager
+def searching(text: str) -> Iterator[Callable[[int, float], None]]:
+    """Say how much of a search's budget of runs is spent, a line for each tenth where there is no terminal."""
+    with working(text) as progress:
+
+        def spent(count: int, budget: float) -> None:
+            tenth = f"{text}: {int(10 * count / budget)}"
+            progress.now(f"{text}, {count} of at most {budget:g} runs", count / budget, tenth)
+
+        yield spent

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -344,6 +344,7 @@ def propose(
     records: Sequence[Record],
     evaluations: int = EVALUATIONS,
     facts: StatedFacts = StatedFacts(),
+    progress: Callable[[int, float], None] | None = None,
 ) -> Proposal:
     """Propose a structure for logs.
 
@@ -353,6 +354,7 @@ def propose(
     records : sequence      The logs, read with these roles.
     evaluations : int       Budget of the search.
     facts : StatedFacts           Accuracy of thermometers, masses, paths, a deck to begin with.
+    progress : callable     Called with the evaluations spent and the budget.
 
     Raises
     ------
@@ -370,7 +372,7 @@ def propose(
     changes = _within(roles, facts)
     instants = found_instants(begun, changes)
     request = replace(begun.request, records=tuple(with_instants(begun.request.records, instants)))
-    search = search_structure(request, changes=changes, evaluations=evaluations, begin=begun.fitted)
+    search = search_structure(request, changes=changes, evaluations=evaluations, begin=begun.fitted, progress=progress)
     assumed = ""
     if _ratios_only(roles, facts):
         first = next(iter(roles.parts.values()))

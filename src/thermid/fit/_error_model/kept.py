@@ -18,7 +18,7 @@ import numpy as np
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result, Row
-from thermid.fit._calibration import FIRST, Calibration
+from thermid.fit._calibration import FIRST, MISFIT, Calibration
 from thermid.fit._error_model.courses import FREE_AIR, OperatingPoint
 from thermid.fit._error_model.elements import (
     ANOTHER,
@@ -557,14 +557,8 @@ def _widened(fit: Calibration, moved: Mapping[str, float], variances: Mapping[st
         accepted = fit.request is not None and fit.request.accepted
         fit = replace(fit, own=Standing("not adequate", because, fit.stage, accepted)).judged(fit.rests, fit.verdict)
         items = {p: replace(v, standing=fit.values[p].standing) for p, v in items.items()}
-    grown = {p: v.error / fit.values[p].error for p, v in items.items() if v.kind == "parameter" and fit.values[p].error > 0.0}
-    warnings = (*fit.warnings, _words(grown, is_requested))
-    return replace(fit, values=replace(fit.values, items_=items), structural_errors=True, warnings=warnings)
-
-
-def _words(grown: Mapping[str, float], is_requested: bool) -> str:
-    """Return what a reader must know; `grown` is by what factor the error of each value grew."""
-    most = max(grown, key=grown.__getitem__, default="")
-    times = f"; that of '{most}' grew most, {short(grown[most], 2)} times" if most else ""
     why = "the structure is a proposal" if is_requested else "the residuals are larger than this structure explains"
-    return f"{FIRST}{why}, so the errors of the values allow for deviations of its elements from their laws{times}."
+    remark = f"{why}, so the errors of the values allow for deviations of its elements from their laws."
+    # right structures wander too, by less than the noise: no question to anybody
+    warnings = (*fit.warnings, f"{FIRST}{remark}" if is_requested or fit.reduced_chi_square > MISFIT else remark)
+    return replace(fit, values=replace(fit.values, items_=items), structural_errors=True, warnings=warnings)

@@ -220,6 +220,7 @@ def search_structure(
     rounds: int = 6,
     evaluations: int = EVALUATIONS,
     begin: Mapping[str, float] | None = None,
+    progress: Callable[[int, float], None] | None = None,
     executor: Workers = None,
 ) -> StructureSearch:
     """Search for changes of structure that readings support.
@@ -231,6 +232,7 @@ def search_structure(
     rounds : int            Most changes, one after the other.
     evaluations : int       Budget after which no refit begins, and one that runs is given up.
     begin : dict            Unknown -> value in the fitted form to begin from; the request's own starts by default.
+    progress : callable     Called with the evaluations spent and the budget.
     executor : see `Workers`    Who makes the refits of a round: the same structures from all.
 
     Raises
@@ -239,14 +241,14 @@ def search_structure(
     """
     with one_thread():
         catalogue = changes or (lambda structure: list(changes_of(structure)))
-        return _Searching(request, catalogue, EvaluationBudget(evaluations), executor).run(rounds, begin or {})
+        return _Searching(request, catalogue, EvaluationBudget(evaluations, progress), executor).run(rounds, begin or {})
 
 
 class EvaluationBudget:
     """Evaluations that a search may still take, and the least that one took. [s]"""
 
-    def __init__(self, allowed: float = math.inf) -> None:
-        self.allowed, self.spent, self.pace = allowed, 0, math.inf
+    def __init__(self, allowed: float = math.inf, progress: Callable[[int, float], None] | None = None) -> None:
+        self.allowed, self.spent, self.pace, self.progress = allowed, 0, math.inf, progress
 
     @property
     def over(self) -> bool:
@@ -259,6 +261,8 @@ class EvaluationBudget:
 
         def counted(count: int, rms: float) -> None:
             self.spent = before + count
+            if self.progress is not None:
+                self.progress(self.spent, self.allowed)
             if self.over:
                 raise IdentificationError("its fit takes more evaluations than the search has left.", stage, code="fit.model-fails")
 

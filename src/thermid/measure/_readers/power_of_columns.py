@@ -111,12 +111,13 @@ def _slot(key: str, table: Mapping[str, Any], column: ColumnOf) -> Any:
 
 
 def _column_with_unit(name: str, column: ColumnOf, usual: Mapping[str, str]) -> tuple[FloatArray, Unit]:
-    """Return readings and unit of a column; `usual` says the unit where the log has none."""
+    """Return readings and unit of a column; `usual` says the unit where the log has none, and else an ending _W, _V or _A."""
     values, text = column(name)
-    text = text or usual.get(name)
+    text = text or usual.get(name) or (name[-1] if name.endswith(("_W", "_V", "_A")) else None)
     if text is None:
         raise RecordError(
-            f"column '{name}' has no unit. Give it: power = {{ formula = '...', units = {{ {name} = 'V' }} }}.", code="record.unit-unclear"
+            f"column '{name}' has no unit. Give it, W, V or A for example: power = {{ formula = '...', units = {{ {name} = '...' }} }}.",
+            code="record.unit-unclear",
         )
     return values, unit(text)
 

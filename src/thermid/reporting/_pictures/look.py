@@ -380,6 +380,7 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
         entry["step"] |= {"after": looks[best.after].path.name, "stamps": best.stamps, "contradicted": bool(best.contradicted)}
         if best.place.at is not None:
             entry["at"] = {"offset": best.place.at, "error": best.place.error, "stamps": best.place.stamped}
+            entry["at"]["candidate"] = best.place.candidate
             away = None if entry["offset"] is None else abs(best.place.at - entry["offset"])
             entry["at"]["by_stamps"] = away is not None and away <= best.place.error
     return [entries[k] for k in range(1, len(looks))]
@@ -387,11 +388,15 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
 
 @dataclass(frozen=True)
 class _OffsetSoFar:
-    """Where a log begins on the clock of the first one, with the error of the steps that it is from [s], and whether stamps are used."""
+    """Where a log begins on the clock of the first one, with the error of the steps that it is from [s].
+
+    `stamped` says whether stamps are used, `candidate` whether one of the steps is of two places, of which one may lag the other.
+    """
 
     at: float | None
     error: float = 0.0
     stamped: bool = False
+    candidate: bool = False
 
 
 @dataclass(frozen=True)
@@ -434,7 +439,8 @@ class _Way:
             return _OffsetSoFar(None if self.after else self.stamps, stamped=True)
         if before.at is None:
             return before
-        return _OffsetSoFar(before.at + step.offset, float(np.hypot(before.error, step.error)), before.stamped)
+        error = float(np.hypot(before.error, step.error))
+        return _OffsetSoFar(before.at + step.offset, error, before.stamped, before.candidate or (step.candidate and not self.contradicted))
 
 
 def _late(first: float | None, second: float | None) -> float | None:
@@ -459,7 +465,7 @@ def clock_lines(looks: Sequence[Look]) -> list[str]:
     for f in (f for f in with_stamp if "at" not in f):
         advice = ALIGNED if f["record"] in compared else "give a range to have it fitted"
         lines.append(f"  {f['file']} is placed by time stamps; two loggers' clocks may differ by minutes: {advice}")
-    ranged = [f for f in clocks if "at" in f and f["record"] not in compared]
+    ranged = [f for f in clocks if "at" in f and f["record"] not in compared and not f["at"]["candidate"]]
     fitted = max(ranged, key=lambda f: f["at"]["error"], default=None)
     for f in clocks:
         if f in ranged and f is not fitted:
@@ -472,10 +478,8 @@ def clock_lines(looks: Sequence[Look]) -> list[str]:
             if c.guess in _SHOWN and c.name in names
         ]
     pairs = ", ".join(f'{{ record = "{f["record"]}", offset = {_offset(f, f is fitted)} }}' for f in clocks)
-    stated = [f for f in clocks if "at" in f and f is not fitted and not f["at"]["by_stamps"]]
-    errors = ", ".join(
-        f"{f['record']} +- {_digits(f['at']['error'], 2)} s{' (a candidate)' if f['step']['candidate'] else ''}" for f in stated
-    )
+    stated = [f for f in clocks if "at" in f and f is not fitted and not f["at"]["by_stamps"] and not f["at"]["candidate"]]
+    errors = ", ".join(f"{f['record']} +- {_digits(f['at']['error'], 2)} s" for f in stated)
     return [
         *lines,
         f"Join them in [records.{looks[0].name}]" + ("; a pair as offset is a range in which the fit finds it:" if fitted else ":"),
@@ -522,12 +526,14 @@ def _offset(clock: dict[str, Any], fitted: bool) -> str:
     """Return the offset of a further log as a campaign writes it: a range about a common step, one number, or a gap to fill.
 
     Stamps of two computers may be a minute apart, so where a step agrees with them the fit looks within the errors of the step. Where the
-    fit cannot look, as both logs have temperatures that are compared, stamps are taken that lie within one error of the step.
+    fit cannot look, as both logs have temperatures that are compared, stamps are taken that lie within one error of the step. A
+    candidate is a gap to fill: nothing tells by how much one place is later than the other.
     """
     if fitted:
         low, high = _range(clock)
         return f'["{low} [s]", "{high} [s]"]'
-    late = clock["at"]["offset"] if "at" in clock and not clock["at"]["by_stamps"] else clock["offset"]
+    at = clock.get("at")
+    late = clock["offset"] if at is None or at["by_stamps"] else None if at["candidate"] else at["offset"]
     return '"... [s]"' if late is None else f'"{_digits(late, 4) if late is not clock["offset"] else format(late, ".6g")} [s]"'
 
 

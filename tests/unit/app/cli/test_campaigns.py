@@ -200,7 +200,7 @@ class TestCalibrate:
         monkeypatch.setattr(command.time, "monotonic", lambda: next(seconds))
         said = call("calibrate", campaign, "--json", "--fresh")
         assert json.loads(said.out)["status"] == "ok"
-        assert [line.split(":")[0] for line in said.err.splitlines()] == ["box", "pair", "verdict on pair_two"]
+        assert [line.split(":")[0] for line in said.err.splitlines()] == ["box", "pair", "running pair_two for its verdict"]
 
 
 class TestReport:
