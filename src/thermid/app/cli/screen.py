@@ -196,12 +196,7 @@ def working(text: str, seconds: float = 0.0) -> Iterator[Progress]:
 
 
 @contextmanager
-def searching(text: str) -> Iterator[Callable[[int, float], None]]:
-    """Say how much of a search's budget of runs is spent, a line for each tenth where there is no terminal."""
+def searching(text: str) -> Iterator[Callable[[str, float], None]]:
+    """Say how far a search is, and the share of its budget; a line for each tenth of that where there is no terminal."""
     with working(text) as progress:
-
-        def spent(count: int, budget: float) -> None:
-            tenth = f"{text}: {int(10 * count / budget)}"
-            progress.now(f"{text}, {count} of at most {budget:g} runs", count / budget, tenth)
-
-        yield spent
+        yield lambda words, share: progress.now(f"{text}: {words}", share, f"{10 * share:.0f}" if share else words)

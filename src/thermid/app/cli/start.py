@@ -94,8 +94,8 @@ def init(
     read = [without_strays(read_as(roles, log, alike if k else {}, time)) for k, log in enumerate(logs)]
     masked = [remark for _, lines in read for remark in lines]
     fitted, holdout = parted([record for record, _ in read])
-    with searching("searching for a structure") as spent:
-        proposal = propose(roles, [thinned(r) for r in fitted], evaluations, facts=facts, progress=spent)
+    with searching("searching for a structure") as told:
+        proposal = propose(roles, [thinned(r) for r in fitted], evaluations, facts=facts, progress=told)
     source, title = ", ".join(log.name for log in logs), name or word(logs[0].name.partition(".")[0])
     project = write_project(to, proposal, fitted, holdout, source, title, masked)
     content = {
@@ -196,8 +196,8 @@ def improve(
 
     Deck and campaign are written beside the old ones, with a comparison before and after.
     """
-    with searching("searching for a structure") as spent:
-        improved_model = improved.improve(campaign, stage, evaluations, data, progress=spent, executor=executor_of(workers, cluster))
+    with working("searching for a structure"):
+        improved_model = improved.improve(campaign, stage, evaluations, data, executor=executor_of(workers, cluster))
     content = {
         "changes": list(improved_model.changes),
         "gain": improved_model.search.likelihood(improved_model.search.proposed),

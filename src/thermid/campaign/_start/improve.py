@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -122,15 +122,7 @@ class Improved:
         return "\n".join(lines)
 
 
-def improve(
-    path: Path,
-    stage: str = "",
-    evaluations: int = EVALUATIONS,
-    data: Path | None = None,
-    *,
-    progress: Callable[[int, float], None] | None = None,
-    executor: Workers = None,
-) -> Improved:
+def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: Path | None = None, *, executor: Workers = None) -> Improved:
     """Search for the next structure of a stage and write it beside the campaign.
 
     Parameters
@@ -139,7 +131,6 @@ def improve(
     stage : str         One of its stages; the last by default.
     evaluations : int   Budget of the search.
     data : Path         Folder of logs outside the project.
-    progress : callable Called with the evaluations spent and the budget.
     executor            As in `ensemble`: who makes the refits of a round, and of the stages below; the same proposal from all.
 
     Raises
@@ -163,11 +154,7 @@ def improve(
     refuse_unseen(request.model, "a search for another structure")
     may = _may_delay(source, request)
     first = search_structure(
-        request,
-        changes=lambda s: [c for c in changes_of(s) if may or not c.delay],
-        evaluations=evaluations,
-        progress=progress,
-        executor=executor,
+        request, changes=lambda s: [c for c in changes_of(s) if may or not c.delay], evaluations=evaluations, executor=executor
     )
     if first.proposed is first.start:
         return Improved(first, before, before, ())

@@ -344,7 +344,7 @@ def propose(
     records: Sequence[Record],
     evaluations: int = EVALUATIONS,
     facts: StatedFacts = StatedFacts(),
-    progress: Callable[[int, float], None] | None = None,
+    progress: Callable[[str, float], None] | None = None,
 ) -> Proposal:
     """Propose a structure for logs.
 
@@ -354,7 +354,7 @@ def propose(
     records : sequence      The logs, read with these roles.
     evaluations : int       Budget of the search.
     facts : StatedFacts           Accuracy of thermometers, masses, paths, a deck to begin with.
-    progress : callable     Called with the evaluations spent and the budget.
+    progress : callable     As of `search_structure`.
 
     Raises
     ------
@@ -367,7 +367,7 @@ def propose(
         sizes = {**estimated_noise, **sizes}
     _refuse_still(prepared, roles, sizes)
     roles = replace(roles, powers=tuple(_placed(p, roles, prepared) for p in roles.powers))
-    roles, begun = _begun(roles, prepared, facts)
+    roles, begun = _begun(roles, prepared, facts, progress)
     begun, facts = _bounded_where_it_matters(roles, prepared, facts, begun)
     changes = _within(roles, facts)
     instants = found_instants(begun, changes)
@@ -475,7 +475,9 @@ def _answer(power: str, column: str, records: Sequence[Record]) -> float:
     return size
 
 
-def _begun(roles: Roles, records: Sequence[Record], facts: StatedFacts) -> tuple[Roles, FittedStructure]:
+def _begun(
+    roles: Roles, records: Sequence[Record], facts: StatedFacts, progress: Callable[[str, float], None] | None = None
+) -> tuple[Roles, FittedStructure]:
     """Return the parts alone, fitted from several time constants, the best end; and what each power heats there.
 
     A power whose part nobody told is tried in every part.
@@ -483,8 +485,10 @@ def _begun(roles: Roles, records: Sequence[Record], facts: StatedFacts) -> tuple
     rise, span, watts = _scales(roles, records)
     best: tuple[Roles, FittedStructure] | None = None
     refusal: ThermidError | None = None
-    for placed in _placements(roles):
+    for k, placed in enumerate(places := _placements(roles), 1):
         starts = itertools.product(PACES, CONTACTS if len(roles.parts) > 1 else CONTACTS[:1])
+        if progress is not None:
+            progress(f"where the powers go, {k} of {len(places)}", 0.0)
         for pace, contact in starts if facts.deck is None else [(PACES[0], CONTACTS[0])]:
             loss = watts / max(rise, 1e-3) / len(roles.parts) if _in_watts(roles) else ASSUMED / (pace * span)
             request = request_of(placed, records, max(loss * pace * span, 1e-3), max(loss, 1e-6), contact, facts)

@@ -220,7 +220,7 @@ def search_structure(
     rounds: int = 6,
     evaluations: int = EVALUATIONS,
     begin: Mapping[str, float] | None = None,
-    progress: Callable[[int, float], None] | None = None,
+    progress: Callable[[str, float], None] | None = None,
     executor: Workers = None,
 ) -> StructureSearch:
     """Search for changes of structure that readings support.
@@ -232,7 +232,7 @@ def search_structure(
     rounds : int            Most changes, one after the other.
     evaluations : int       Budget after which no refit begins, and one that runs is given up.
     begin : dict            Unknown -> value in the fitted form to begin from; the request's own starts by default.
-    progress : callable     Called with the evaluations spent and the budget.
+    progress : callable     Called with how far it is, in words, and the share of the budget that is spent.
     executor : see `Workers`    Who makes the refits of a round: the same structures from all.
 
     Raises
@@ -247,7 +247,7 @@ def search_structure(
 class EvaluationBudget:
     """Evaluations that a search may still take, and the least that one took. [s]"""
 
-    def __init__(self, allowed: float = math.inf, progress: Callable[[int, float], None] | None = None) -> None:
+    def __init__(self, allowed: float = math.inf, progress: Callable[[str, float], None] | None = None) -> None:
         self.allowed, self.spent, self.pace, self.progress = allowed, 0, math.inf, progress
 
     @property
@@ -262,7 +262,7 @@ class EvaluationBudget:
         def counted(count: int, rms: float) -> None:
             self.spent = before + count
             if self.progress is not None:
-                self.progress(self.spent, self.allowed)
+                self.progress(f"{self.spent} of at most {self.allowed:g} runs", self.spent / self.allowed)
             if self.over:
                 raise IdentificationError("its fit takes more evaluations than the search has left.", stage, code="fit.model-fails")
 

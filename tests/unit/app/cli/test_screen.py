@@ -16,6 +16,7 @@ from thermid.app.cli import screen, summary
 from thermid.app.cli.screen import MAX_LINE_CHARACTERS, Progress, folded, severity, spoken, working
 from thermid.base.errors import MissingExtraError
 from thermid.base.extensions import missing, modules_of, require
+from thermid.inference._explain.structures import EvaluationBudget
 from thermid.reporting._blocks import extras
 from unit.app.cli.conftest import Call
 
@@ -267,3 +268,21 @@ class TestReportAsPdf:
         both = call("report", campaign, "--to", tmp_path / "y.pdf", "--pdf", tmp_path / "z.pdf")
         assert both.code == 2
         assert "are both PDFs" in both.err
+
+
+def test_a_search_says_where_it_is_and_each_tenth_of_its_budget(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(screen, "SECONDS_TO_FIRST_PROGRESS", 0.0)
+    with screen.searching("search") as told:
+        for k in (1, 2):
+            told(f"begin {k} of 2", 0.0)
+        counted = EvaluationBudget(100, told).watch("stage")
+        for spent in (12, 13, 20):
+            counted(spent, 0.0)
+    assert capsys.readouterr().err.splitlines() == [
+        "search: begin 1 of 2",
+        "search: begin 2 of 2",
+        "search: 12 of at most 100 runs",
+        "search: 20 of at most 100 runs",
+    ]
