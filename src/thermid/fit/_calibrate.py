@@ -127,7 +127,7 @@ def _beyond_accuracy(problem: Problem, minimum: Fit) -> list[str]:
     low, high = min(x for x, _ in errors.values()), max(x for x, _ in errors.values())
     mean = float(np.mean([x for x, _ in errors.values()]))
     apart = f"all sensors would read about {short(abs(mean), 2)} K {'high' if mean > 0.0 else 'low'} together"
-    if low < 0.0 < high:
+    if low * high <= 0.0:
         apart = f"{len(errors)} sensors would err by {low:+.2g} to {high:+.2g} K"
     return [
         f"{apart}, {short(times, 2)} times their stated accuracies (limit {ASIDE:g}), because the model lacks or misstates some physics: "

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,9 @@ from typer.testing import CliRunner
 
 import thermid as td
 from thermid.app.cli.app import app
+from thermid.fit._calibrate import _beyond_accuracy
 from thermid.fit._calibration import CONTRADICTION_DEVIATIONS, contradicted
+from thermid.fit._problem.residuals import Prior, Unknown
 from thermid.values.fitted import FittedValue, FittedValues
 from unit.fit.bench import HTC, box, log
 from unit.fit.project import make_project, write_log
@@ -137,3 +140,21 @@ def test_a_wrong_exponent_that_shifts_all_sensors_together_is_told(exponent: flo
     found = td.calibrate(bar(exponent), logs, free)
     assert found.own.state == state
     assert ("together" in found.own.because) == (state != "credible")
+
+
+@pytest.mark.parametrize(
+    ("errors", "words"),
+    [
+        ((2.6, 1.7, 2.5, 2.8, -1.6), "all sensors would read about 2.2 K high together, 4.6 times"),  # the room is read 1.6 K high too
+        ((2.6, -2.6, 2.6, -2.6, 0.0), "5 sensors would err by -2.6 to +2.6 K, 4.7 times"),
+        ((1.4, 1.4, 1.4, 1.4, -1.4), ""),  # as instruments may that share their error
+        ((4.0, 0.1, -0.2, 0.1, 0.1), "5 sensors would err by -0.2 to +4 K"),  # one of them alone
+        ((2.0, 0.1, -0.2, 0.1, 0.1), ""),  # a remark names it
+    ],
+)
+def test_errors_of_all_instruments_that_contradict_their_accuracies_are_told(errors: tuple[float, ...], words: str) -> None:
+    kinds = [("sensor", f"sensor T{k}") for k in range(4)] + [("shared", "ROOM error")]
+    unknowns = [Unknown(name, kind, (), 0.0, prior=Prior(0.0, 0.5), unit="K") for kind, name in kinds]
+    told = _beyond_accuracy(SimpleNamespace(unknowns=unknowns), SimpleNamespace(fitted=np.array(errors)))  # type: ignore[arg-type]
+    assert len(told) == bool(words)
+    assert words in "".join(told)
