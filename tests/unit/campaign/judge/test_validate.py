@@ -13,6 +13,7 @@ from thermid.campaign._judge.criteria import Criteria
 from thermid.campaign._judge.verdict import compare, validate
 from thermid.fit.calibration import Calibration, Request, build_problem, calibrate
 from thermid.measure.records import Record
+from thermid.model.elements import Standing
 from unit.fit.bench import HTC, MASS, box, log, metered
 
 
@@ -106,6 +107,8 @@ def test_a_local_value_makes_a_verdict_conditional_where_it_decides(found: Calib
     assert wide.fitted_locally == ("air",)
     assert not wide.conditional
     assert wide.head == "Box on held: PASSED"
+    doubted = replace(wide, standing=Standing("not adequate", "its residuals", "Box"))
+    assert doubted.head == f"{wide.head} by values that are not adequate"
     least = Criteria(rmse=f"{1.0001 * wide.statistics['T'].rmse:.6f} [K]")
     verdict = validate(found, held, least, local=local)
     assert verdict.deciding == ("air",)
