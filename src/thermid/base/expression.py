@@ -145,7 +145,19 @@ def parse(text: str) -> Expression:
 
 
 def _tree(body: str, text: str) -> ast.expr:
-    """Return the syntax tree of arithmetic."""
+    """Return the syntax tree of an expression.
+
+    Parts of paths that are keywords of Python, such as `in`, are marked so that they parse as names.
+
+    Parameters
+    ----------
+    body : str      What is parsed.
+    text : str      The whole value, which an error quotes.
+
+    Raises
+    ------
+    ExpressionError   When it is not arithmetic.
+    """
     try:
         return ast.parse(_WORD.sub(rf"\g<0>{_MARK}", body.strip()) if _MARK not in body else body.strip(), mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError) as error:

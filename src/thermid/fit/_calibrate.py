@@ -421,8 +421,11 @@ def _known_combination(group: Group, request: Request, problem: Problem, fit: Ca
     return f" (known: {combination} = {short(value.value * factor, 3)} +- {short(value.error * factor)} {text}{meaning})"
 
 
-def refuse_after(request: Request, problem: Problem, minimum: Fit, total: Array) -> None:
-    """Refuse a fit whose standard error is wider than the bounds it was given.
+def refuse_after(request: Request, problem: Problem, minimum: Fit, covariance: Array) -> None:
+    """Refuse a fit that does not determine one of its parameters.
+
+    It does not where no reading depends on the parameter, or where twice its standard error exceeds the distance between its bounds, in
+    the fitted form; an infinite bound is not compared.
 
     Raises
     ------
@@ -431,7 +434,7 @@ def refuse_after(request: Request, problem: Problem, minimum: Fit, total: Array)
     for k, u in enumerate(problem.unknowns):
         if u.kind != "parameter":
             continue
-        error = float(np.sqrt(total[k, k]))
+        error = float(np.sqrt(covariance[k, k]))
         if not np.isfinite(error):
             raise IdentificationError(
                 f"at the end of the fit no reading depends on '{u.name}'. Fix it.",
@@ -447,8 +450,8 @@ def refuse_after(request: Request, problem: Problem, minimum: Fit, total: Array)
             scale = 1.0 / float(unit(u.unit).factor)
             value, spread = u.to_value(float(minimum.fitted[k])) * scale, error * u.slope(float(minimum.fitted[k])) * scale
             raise IdentificationError(
-                f"'{u.name}' = {short(value, 3)} +- {short(spread)} {u.unit}: its standard error is wider than its bounds "
-                f"{u.low * scale:.4g} .. {u.high * scale:.4g}, so the log does not determine it{_by_instruments(problem, total, k)}. "
+                f"'{u.name}' = {short(value, 3)} +- {short(spread)} {u.unit}: twice its standard error is more than its bounds are apart, "
+                f"{u.low * scale:.4g} .. {u.high * scale:.4g}, so the log does not determine it{_by_instruments(problem, covariance, k)}. "
                 "Fix it, give it a prior, or add a record in which it acts more.",
                 request.name or request.model.title,
                 code="fit.not-determined",

@@ -411,7 +411,14 @@ class Budget:
         return dict(zip(self.targets, moved, strict=True))
 
     def parts(self, columns: Array) -> dict[str, Array]:
-        """Return cause -> variance (times,) of what a unit of each source does (times, sources). [K^2]"""
+        """Return cause -> variance (times,) that its sources bring. [K^2]
+
+        Correlation counts among the sources of one cause; that between two causes is in neither.
+
+        Parameters
+        ----------
+        columns : array (times, sources)    Change of the temperature per unit of each source, before its standard deviation is applied.
+        """
         sized = columns * self.sizes
         out = {}
         for cause in dict.fromkeys(self.causes):
@@ -777,7 +784,11 @@ class Assumed:
 
 
 def assumed_values(model: Model, scenario: Scenario, taken: Collection[str]) -> list[Assumed]:
-    """Return the assumed values of decks that act in a scenario, but those whose names are taken."""
+    """Return the values with source `assumed` that act in a scenario, each with its standard deviation.
+
+    A range in the deck counts as a uniform distribution: ``(max - min) / sqrt(12)``. Without one it is a tenth of the value. Values of
+    zero, values that the scenario drives and those in `taken` are left out.
+    """
     table = parameter_table(model)
     network = compile_network(model, media=scenario.media(), prescribed=tuple(scenario.prescribed))
     moved = scenario.driven(network.flat)

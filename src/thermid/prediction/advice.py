@@ -297,7 +297,11 @@ class Before:
 
     @cached_property
     def responses(self) -> dict[str, Array]:
-        """Name -> what a standard deviation of each source (sources,) does to the value; without gas by a name of its own. [SI]"""
+        """Name -> change of the value per standard deviation of each source (sources,). [SI]
+
+        A logarithm is taken back to the value to first order, ``dv = v d(ln v)``. The value without gas (`WITHOUT_GAS`) responds as the
+        value with gas, plus what its factor adds.
+        """
         out: dict[str, Array] = {}
         for t, row in zip(self.budget.targets, self.budget.gain, strict=True):
             if t.form in ("add", "log", "factor"):

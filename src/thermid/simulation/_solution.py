@@ -326,7 +326,11 @@ class Run:
         )
 
     def heat_balance(self) -> HeatBalance:
-        """Return where the heat went, by the integrator's own weights."""
+        """Return where the heat went: ``residual = loads - boundaries - stored``, of powers integrated with the weights of the integrator.
+
+        ``stored = sum C (T_end - T_begin)``. The residual is divided by the heat that passed through the integrator, so that one that only
+        passes from one boundary to another counts too.
+        """
         answer = self.answer
         loads = float(answer.load_energy.sum())
         boundaries = float(answer.boundary_energy.sum()) - float(answer.flow_energy.sum())

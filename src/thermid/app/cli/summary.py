@@ -161,7 +161,7 @@ def show_campaign(campaign: Campaign, files: Sequence[str]) -> None:
     out = console()
     top, blocks = list(_top(campaign)), [_block(campaign, name, fit) for name, fit in campaign.stages.items()]
     judged = [line for v in campaign.verdicts for line in (_verdict_line(v), *(f"{v.record}: {question}" for question in v.questions))]
-    below = [*judged, *_last(campaign, files)]
+    below = [*judged, *_closing_lines(campaign, files)]
     around = sum(map(_rows, (*top, *below))) + 2
     most = next((n for n in (12, 8, 6, 5, 4, 3, 2, 1) if around + sum(b.lines(n) for b in blocks) <= SCREEN), 0)
     show_lines(out, [*top, ""])
@@ -269,8 +269,8 @@ def _verdict_line(v: Verdict) -> str:
     return f"{v.head}{before}; {_check_text(c)}: {VERDICTS[c.passed]}{count}"
 
 
-def _last(campaign: Campaign, files: Sequence[str]) -> Iterator[str]:
-    """Yield what is not shown, and where the values are."""
+def _closing_lines(campaign: Campaign, files: Sequence[str]) -> Iterator[str]:
+    """Yield how many warnings are not shown, which stages were fitted again and why, and the files with the values."""
     warned = {name: n for name, fit in campaign.stages.items() if (n := sum(not w.startswith((LOUD, FIRST)) for w in fit.warnings))}
     if warned:
         yield f"{counted(sum(warned.values()), 'warning')} in {counted(len(warned), 'stage')}; -v prints them with all details"

@@ -196,7 +196,15 @@ class _Task:
         return self._kept[key]
 
     def bound(self, end: tuple[float, _LimitSide | None], inward: float, source: Knowledge, spread: Any, width: float) -> Bound:
-        """Return an end of a window, with its error where something is not known exactly: that of the temperature over its slope."""
+        """Return one end of a window. Its standard error is that of the extreme temperature over the slope dT/dx of what is to spare.
+
+        Parameters
+        ----------
+        end : (value [SI], limit)   The limit that is met there; None where the searched range ends, which has no error.
+        inward : float              1 at the low end, -1 at the high end: towards the inside, where the limit holds with 95 %. [-]
+        source, spread              As in `predict`; without values and spread there is no error.
+        width : float               Of the searched range; the slope is a central difference over 1e-4 of it either way. [SI]
+        """
         x, item = end
         if item is None:
             return Bound(x, "the range ends there")

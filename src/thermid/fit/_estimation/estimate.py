@@ -219,6 +219,14 @@ def _compared(
     ahead: float,
     notes: tuple[tuple[str, ...], Mapping[str, float], list[str]],
 ) -> Estimation:
+    """Return the estimation with process noise beside output error, and the likelihood ratio between them.
+
+    The ratio is ``2 (ln L_process - ln L_output)``. Without process noise a size stands at zero, its bound, so that the ratio is
+    distributed half as chi-square of k degrees of freedom and half as that of k - 1, with k further unknowns (Self and Liang, J. Am.
+    Stat. Assoc. 82 (1987) 605). p is the probability of as large a ratio.
+
+    A parameter is `moved` where the noise moves it by more than `MOVED` of its standard errors.
+    """
     from scipy.special import gammaincc
 
     ratio = 2.0 * (process.log_likelihood - output.log_likelihood)

@@ -350,7 +350,11 @@ def _ending(paths: tuple[str, ...]) -> str:
 
 
 def _unused(view: _View) -> Iterator[Finding]:
-    """A declared parameter that nothing needs, neither as written nor after values were laid over it."""
+    """Yield a warning for each declared parameter and each control that nothing uses.
+
+    A parameter is used where an element reaches it through any chain of expressions, as the deck has them or with values laid over.
+    Pressures of fans and the `READINGS` are used without being needed.
+    """
     table = view.flat.parameters.table
     needs = {path: {entry.scope + name for name in entry.parameter.expression.names} for path, entry in table.items()}
     declared: dict[str, str] = {}
