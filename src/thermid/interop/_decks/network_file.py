@@ -254,7 +254,9 @@ class NetworkFile:
                 if (by := element.table.get("control"))
             },
             "loads": {
-                element.name: {"into": _defined(at, element.into, "load", element), "power": _power(element), **element.more}
+                element.name: {"into": _defined(at, element.into, "load", element)}
+                | ({} if "table" in element.more else {"power": _power(element)})
+                | element.more
                 for element in self.loads
             },
         }
