@@ -11,6 +11,8 @@ import thermid as td
 from thermid.base.errors import DeckError
 from thermid.interop._decks.esatan import read_esatan
 from thermid.interop._decks.network_file import NetworkFile
+from thermid.interop._decks.printed import Printed
+from thermid.interop._decks.results import balance
 from thermid.interop._decks.sinda import read_sinda
 from thermid.interop._decks.written import to_esatan, to_sinda
 from thermid.interop.c99 import to_c
@@ -507,6 +509,8 @@ def test_a_source_over_temperature_is_one(tmp_path: Path) -> None:
     end = td.steady(network.model(), network.scenario())
     warm = end["A.T1"] - 273.15
     assert 1.5 * (4.0 - 0.04 * warm) == pytest.approx((warm - 10.0) / (1 / 0.5 + 1 / 0.4), abs=1e-6)
+    numbers = {f"A.T{k}": end[path] - 273.15 for k, path in ((1, "A.T1"), (2, "A.T2"), (9, "A_T9"))}
+    assert balance(network, Printed("STEADY", 0.0, numbers, dict.fromkeys(numbers, 1e-6), 0.0)).open() == {}
 
 
 @pytest.mark.parametrize("row", ["CYC 1, A3, 600.", "GEN 1, 2, 1", "PER 1, A3, 2., 3.", "FAC 3."])

@@ -12,7 +12,7 @@ from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final, TypeVar
+from typing import Final
 
 import numpy as np
 
@@ -47,7 +47,6 @@ _ZERO: Final = {"K": 0.0, "R": 0.0, "C": -ICE_POINT, "F": -459.67}
 """Absolute zero in a unit of temperature."""
 INSULATION: Final = 20_000
 """By how much the number of an insulation's node exceeds that of the surface below, as Thermal Desktop numbers them."""
-Element = TypeVar("Element", FileNode, FileConductor)
 Cells = list[tuple[str, TextSpan]]
 """What stands between the commas of a row, each with its place."""
 _REPEATS: Final = {"GEN": "CAL", "SIM": "SIV", "SPM": "SPV", "DIM": "DIV"}
@@ -505,17 +504,14 @@ def _numbers(cells: Cells) -> Iterator[tuple[str, TextSpan]]:
     yield from ((_stepped(first, k * step), where) for k in range(count))
 
 
-def _multiplied(element: Element, factor: float | str) -> Element:
-    """Return a node or a conductor with the factor of the FAC before it."""
-    if factor == 1.0:
-        return element
-    if isinstance(element, FileConductor):
-        key = SCALED[element.table["kind"]]
-        return replace(element, table={**element.table, key: f"({factor})*{element.table[key]}"})
-    mass = element.capacitance
+def _multiplied(node: FileNode, factor: float | str) -> FileNode:
+    """Return a node with the factor of the FAC before it."""
+    mass = node.capacitance
+    if factor == 1.0 or mass is None:
+        return node
     if isinstance(mass, Mapping):
-        return replace(element, capacitance={**mass, "mass": f"({factor})*{mass['mass']}"})
-    return element if mass is None else replace(element, capacitance=f"({factor})*{mass}")
+        return replace(node, capacitance={**mass, "mass": f"({factor})*{mass['mass']}"})
+    return replace(node, capacitance=f"({factor})*{mass}")
 
 
 def _product(cells: Cells) -> tuple[str, TextSpan]:
@@ -592,7 +588,10 @@ def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
                 ((word, where),) = cells
                 factor = deck.reading.value(word, where)
             else:
-                deck.conductors.extend(_multiplied(row, factor) for row in _conductors_of_card(deck, submodel, line, kind, cells, group))
+                for row in _conductors_of_card(deck, submodel, line, kind, cells, group):
+                    key = SCALED[row.table["kind"]]
+                    product = row.table[key] if factor == 1.0 else f"({factor})*{row.table[key]}"
+                    deck.conductors.append(replace(row, table={**row.table, key: product}))
         except ThermidError:
             raise
         except (ValueError, IndexError):
@@ -761,11 +760,11 @@ def _sources(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
                 name = f"{submodel}_Q{int(node)}"
                 loads.append(FileLoad(name, (submodel, f"T{int(node)}"), power, line.where, "", course, more, factor=watts, stands=False))
             elif kind in ("", "GEN"):
-                word = _product(cells[3:]) if kind else ("", line.where)
-                pairs = [(number, word) for number in _numbers(cells)] if kind else zip(cells[::2], cells[1::2], strict=True)
-                for (node, _), (text, where) in pairs:
-                    watts = with_unit(deck.reading.value(text, where), "W", unit)
-                    loads.append(FileLoad(f"{submodel}_Q{int(node)}", (submodel, f"T{int(node)}"), watts, where))
+                numbers = list(_numbers(cells)) if kind else cells[::2]
+                powers = [_product(cells[3:])] * len(numbers) if kind else cells[1::2]
+                for (node, _), (text, where) in zip(numbers, powers, strict=True):
+                    value = with_unit(deck.reading.value(text, where), "W", unit)
+                    loads.append(FileLoad(f"{submodel}_Q{int(node)}", (submodel, f"T{int(node)}"), value, where))
             else:
                 raise ValueError
         except ThermidError:
