@@ -194,32 +194,32 @@ def _looped(deck: EsatanDeck, statements: Iterable[Line]) -> Iterator[Line]:
     """Yield statements, those of a loop once for each value of its variable, which is a name meanwhile; other loops are named whole."""
     loop, depth = list[Line](), 0.0
     for statement in statements:
-        depth = max(depth + nesting(statement.text), 0.0)
+        depth = max(depth + (nesting(statement.text) if _FRAME.fullmatch(statement.text) else 0.0), 0.0)
         if depth or loop:
             loop.append(statement)
         else:
             yield statement
         if loop and not depth:
-            yield from _turns(deck, loop)
+            yield from _unrolled(deck, loop)
             loop = []
     if loop:
         _not_elements(deck, loop)
 
 
-def _turns(deck: EsatanDeck, loop: list[Line]) -> Iterator[Line]:
+def _unrolled(deck: EsatanDeck, loop: list[Line]) -> Iterator[Line]:
     """Yield the statements of a loop once for each value of its variable."""
-    match, name = _LOOP.fullmatch(loop[0].words), ""
+    match = _LOOP.fullmatch(loop[0].words)
     try:
         first, last, step = (_integer(deck, match[k] or "1", loop[0].where) for k in (2, 3, 4)) if match else (0, 0, 0)
-        turns = range(first, last + (1 if step > 0 else -1), step)
+        values = range(first, last + (1 if step > 0 else -1), step)
     except (ThermidError, ValueError):
-        turns = range(0)
-    if match is None or not 0 < len(turns) <= cap("repeats"):
+        values = range(0)
+    if match is None or not 0 < len(values) <= cap("repeats"):
         _not_elements(deck, loop)
         return
     name, outer = match[1].upper(), dict(deck.reading.names)
-    for turn in turns:
-        deck.reading.names[name] = f"({turn})"
+    for value in values:
+        deck.reading.names[name] = f"({value})"
         yield from _looped(deck, loop[1:-1])
     deck.reading.names = outer
 

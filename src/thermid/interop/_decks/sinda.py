@@ -603,10 +603,10 @@ def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
 def _conductors_of_card(deck: SindaDeck, submodel: str, line: Line, kind: str, cells: Cells, group: _Group) -> Iterator[FileConductor]:
     """Yield the conductors of a card; a card that is not read is named."""
     if kind in _REPEATS and kind != "DIM":
-        each = "" if kind == "GEN" and len(cells) == 8 else _REPEATS[kind]
+        single = "" if kind == "GEN" and len(cells) == 8 else _REPEATS[kind]
         for k, number in enumerate(_numbers(cells)):
             ends = [(_stepped(cells[n][0], k * int(cells[n + 1][0])), cells[n][1]) for n in (3, 5)]
-            yield from _conductors_of_card(deck, submodel, line, each, [number, *ends, *cells[7:]], group)
+            yield from _conductors_of_card(deck, submodel, line, single, [number, *ends, *cells[7:]], group)
     elif kind == "CAL" and len(cells) > 4 and (len(cells) == 7 or float(fortran(cells[-1][0])) == 1.0):  # X Y Z / W
         product, where = _product(cells[3:-1])
         yield from _row(deck, submodel, "", [*cells[:3], (f"({product})/({cells[-1][0]})", where)], group, line)
