@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import DeckError
 from thermid.interop._decks.esatan import read_esatan
 from thermid.interop._decks.network_file import NetworkFile
@@ -556,7 +557,7 @@ def test_loops_of_esatan_are_the_statements_that_they_make(tmp_path: Path) -> No
     assert "KL1 + 20) = 0.5;" in "".join(one.written_back(looped).values())
 
 
-@pytest.mark.parametrize("head", ["FOR KL1 = 1 TO UNKNOWN DO", "FOR KL1 = 1 TO 1000000000 DO", "WHILE (TIMEN .LT. 5.0) DO"])
+@pytest.mark.parametrize("head", ["FOR KL1 = 1 TO UNKNOWN DO", "FOR KL1 = 1 TO 2.5 DO", "FOR KL1 = 9 TO 1 DO", "WHILE (TIMEN .LT. 5.0) DO"])
 def test_a_loop_that_is_none_over_numbers_is_named_once_with_what_it_holds(tmp_path: Path, head: str) -> None:
     loop = f"{head}\n  GL(1, 9) = 4.0;\n  GL(2, 9) = 4.0;\nEND DO\n"
     network = _esatan(tmp_path, old="GL(2, 9) = 0.4;\n", new=f"{loop}GL(2, 9) = 0.4;\n")
@@ -564,6 +565,22 @@ def test_a_loop_that_is_none_over_numbers_is_named_once_with_what_it_holds(tmp_p
     assert head in named
     assert named.count("= 4.0") == 2
     assert len(network.conductors) == 2
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("      2, 20., 50.\n", "      GEN 3, 101, 1, 20., 1.\n"), ("      1, 3.\n", "      GEN 1, 1000000000, 1, 3.\n")]
+)
+def test_statements_that_repeat_without_end_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, old: str, new: str) -> None:
+    monkeypatch.setenv("THERMID_CAPS", "repeats=100")
+    with raises_code("cap.exceeded", DeckError):
+        _headers(tmp_path, old=old, new=new + old)
+
+
+def test_loops_inside_each_other_are_counted_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("THERMID_CAPS", "repeats=100")
+    loops = "".join(f"FOR K{n} = 1 TO 20 DO\n" for n in range(6)) + "GL(1, 9) = 1.0;\n" + 6 * "END DO\n"
+    with raises_code("cap.exceeded", DeckError):
+        _esatan(tmp_path, old="GL(2, 9) = 0.4;\n", new=f"{loops}GL(2, 9) = 0.4;\n")
 
 
 INNER = (

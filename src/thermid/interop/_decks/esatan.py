@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from thermid.base.errors import DeckError, ThermidError, cap
+from thermid.base.errors import DeckError, ThermidError, cap, raising
 from thermid.base.units import counted
 from thermid.interop._decks.network_file import FileConductor, FileCourse, FileLoad, FileNode, NetworkFile, TextSpan, identifier
 from thermid.interop._decks.statements import DeckReading, Line, acts, fields, nesting, numbered, stream, with_defined_ends, with_unit
@@ -65,6 +65,7 @@ class EsatanDeck:
     control: dict[str, float] = field(default_factory=dict)
     subroutines: set[str] = field(default_factory=set)
     start: str = ""
+    repeats: int = 0
 
 
 def read_esatan(path: str | Path) -> NetworkFile:
@@ -207,18 +208,26 @@ def _looped(deck: EsatanDeck, statements: Iterable[Line]) -> Iterator[Line]:
 
 
 def _unrolled(deck: EsatanDeck, loop: list[Line]) -> Iterator[Line]:
-    """Yield the statements of a loop once for each value of its variable."""
+    """Yield the statements of a loop once for each value of its variable.
+
+    Raises
+    ------
+    DeckError   When all loops of the deck together have more turns than the cap `repeats`.
+    """
     match = _LOOP.fullmatch(loop[0].words)
     try:
         first, last, step = (_integer(deck, match[k] or "1", loop[0].where) for k in (2, 3, 4)) if match else (0, 0, 0)
         values = range(first, last + (1 if step > 0 else -1), step)
     except (ThermidError, ValueError):
         values = range(0)
-    if match is None or not 0 < len(values) <= cap("repeats"):
+    if match is None or not values:
         _not_elements(deck, loop)
         return
     name, outer = match[1].upper(), dict(deck.reading.names)
     for value in values:
+        deck.repeats += 1
+        if deck.repeats > cap("repeats"):
+            raise DeckError(f"the loops of the deck are too long.{raising('repeats')}", str(loop[0].where), code="cap.exceeded")
         deck.reading.names[name] = f"({value})"
         yield from _looped(deck, loop[1:-1])
     deck.reading.names = outer
