@@ -175,6 +175,7 @@ CAPS: Final[Mapping[str, tuple[float, str]]] = {
     "nesting": (64.0, "tables and lists of a file one inside the other"),
     "decks": (20.0, "decks that use each other, one inside the other"),
     "includes": (16.0, "files of a SINDA or ESATAN deck that include each other, one inside the other"),
+    "repeats": (100e3, "elements that one statement or loop of a SINDA or ESATAN deck makes"),
     "body": (1e6, "bytes of a request to the studio"),
     "headers": (32e3, "bytes of the headers of a request to the studio"),
     "clients": (32.0, "requests that the studio answers at once"),

@@ -7,14 +7,14 @@ degC, all else in SI; GL is a conductance, GR an exchange area times emissivitie
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from thermid.base.errors import DeckError, ThermidError
+from thermid.base.errors import DeckError, ThermidError, cap, raising
 from thermid.base.units import counted
 from thermid.interop._decks.network_file import FileConductor, FileCourse, FileLoad, FileNode, NetworkFile, TextSpan, identifier
 from thermid.interop._decks.statements import DeckReading, Line, acts, fields, nesting, numbered, stream, with_defined_ends, with_unit
@@ -34,6 +34,9 @@ _ACTS: Final = re.compile(
     r"(?<![\w.:])(?:T|C|Q[ISEAR]|G[LRFV]|ALP|EPS|A)\s*:?(?:\w+:)*\s*(?:\d+|\([^()=]*\))\s*=(?!=)|^\s*\$?INCLUDE\b", re.IGNORECASE
 )
 """An assignment to a node or a conductor; or more of the deck."""
+_LOOP: Final = re.compile(r"FOR (\w+) ?= ?(.+?) TO (.+?)(?: STEP (.+?))? DO", re.IGNORECASE)
+_FRAME: Final = re.compile(r"\s*(?:\$.*|(?:FOR|WHILE)\b.*\bDO|END ?DO)\s*", re.IGNORECASE)
+"""Lines that end without a semicolon: sub-headings, and the first and last line of a loop."""
 _RUN: Final = ("STEFAN", "TABS", "TIMEO", "TIMEND")
 """Control constants that decide numbers; others say how ESATAN solves and prints."""
 
@@ -62,6 +65,7 @@ class EsatanDeck:
     control: dict[str, float] = field(default_factory=dict)
     subroutines: set[str] = field(default_factory=set)
     start: str = ""
+    repeats: int = 0
 
 
 def read_esatan(path: str | Path) -> NetworkFile:
@@ -160,10 +164,10 @@ def _models(deck: EsatanDeck, lines: list[Line], path: Path) -> _Scope:
 
 
 def _statements(lines: list[Line]) -> Iterator[Line]:
-    """Yield statements that end with a semicolon, as one line each; sub-headings as they are."""
+    """Yield statements that end with a semicolon, as one line each; sub-headings and the frames of loops as they are."""
     text, first, before = "", None, tuple[str, ...]()
     for line in lines:
-        if line.text.strip().startswith("$"):
+        if _FRAME.fullmatch(line.text):
             yield line
             continue
         rest, at = line.text, 0
@@ -185,6 +189,62 @@ def _statements(lines: list[Line]) -> Iterator[Line]:
             text, first = "", None
     if text.strip() and first is not None:
         raise DeckError(f"'{text.strip()[:60]}' has no end. Add the missing semicolon.", str(first), code="import.not-understood")
+
+
+def _looped(deck: EsatanDeck, statements: Iterable[Line]) -> Iterator[Line]:
+    """Yield statements, those of a loop once for each value of its variable, which is a name meanwhile; other loops are named whole."""
+    loop, depth = list[Line](), 0.0
+    for statement in statements:
+        depth = max(depth + (nesting(statement.text) if _FRAME.fullmatch(statement.text) else 0.0), 0.0)
+        if depth or loop:
+            loop.append(statement)
+        else:
+            yield statement
+        if loop and not depth:
+            yield from _unrolled(deck, loop)
+            loop = []
+    if loop:
+        _not_elements(deck, loop)
+
+
+def _unrolled(deck: EsatanDeck, loop: list[Line]) -> Iterator[Line]:
+    """Yield the statements of a loop once for each value of its variable.
+
+    Raises
+    ------
+    DeckError   When all loops of the deck together have more turns than the cap `repeats`.
+    """
+    match = _LOOP.fullmatch(loop[0].words)
+    try:
+        first, last, step = (_integer(deck, match[k] or "1", loop[0].where) for k in (2, 3, 4)) if match else (0, 0, 0)
+        values = range(first, last + (1 if step > 0 else -1), step)
+    except (ThermidError, ValueError):
+        values = range(0)
+    if match is None or not values:
+        _not_elements(deck, loop)
+        return
+    name, outer = match[1].upper(), dict(deck.reading.names)
+    for value in values:
+        deck.repeats += 1
+        if deck.repeats > cap("repeats"):
+            raise DeckError(f"the loops of the deck are too long.{raising('repeats')}", str(loop[0].where), code="cap.exceeded")
+        deck.reading.names[name] = f"({value})"
+        yield from _looped(deck, loop[1:-1])
+    deck.reading.names = outer
+
+
+def _not_elements(deck: EsatanDeck, loop: list[Line]) -> None:
+    """Name a loop that is over no numbers."""
+    rows = "; ".join(line.words for line in loop)
+    deck.reading.remark(loop[0].where, f"'{rows}' is not a node nor a conductor, because the loop is not over whole numbers")
+
+
+def _integer(deck: EsatanDeck, word: str, where: TextSpan) -> int:
+    """Return a whole number: digits, or arithmetic of names."""
+    number = deck.reading.number(deck.reading.value(word, where))
+    if not number.is_integer():
+        raise ValueError
+    return int(number)
 
 
 def _read(deck: EsatanDeck, scope: _Scope, prefix: str) -> None:
@@ -269,14 +329,18 @@ def _arrays(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> N
         scope.arrays[match[1].upper()] = values.reshape(sizes[::-1]) if len(sizes) > 1 else values
 
 
+_NODE: Final = re.compile(r"([DBX])\s*(\d+|\((?:[^()]|\([^()]*\))*\))\s*=\s*('(?:[^']*)')?\s*,?\s*(.*)", re.DOTALL | re.IGNORECASE)
+
+
 def _nodes(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> None:
     """Read $NODES: D, B or X with number, label and values."""
-    for statement in _statements(lines):
-        match = re.match(r"([DBX])(\d+)\s*=\s*('(?:[^']*)')?\s*,?\s*(.*)", statement.text, re.DOTALL | re.IGNORECASE)
+    for statement in _looped(deck, _statements(lines)):
+        match = _NODE.match(statement.text)
         if not match:
             deck.reading.remark(statement.where, f"'{statement.text[:60]}' is not a node")
             continue
-        kind, name, title = match[1].upper(), f"T{int(match[2])}", (match[3] or "").strip("' ")
+        kind, title = match[1].upper(), (match[3] or "").strip("' ")
+        _, name = _node_of(deck, owner, match[2], statement)
         body = Line(statement.text[match.start(4) :], statement.part(match.start(4), len(statement.text)))
         values: dict[str, tuple[float | str, TextSpan]] = {}
         for cell, where in fields(body):
@@ -302,17 +366,28 @@ def _nodes(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> No
                 deck.loads.append(FileLoad(f"{owner}_{key}_{name}", (owner, name), with_unit(values[key][0], "W"), values[key][1]))
 
 
-def _node_of(scope: _Scope, owner: str, word: str) -> tuple[str, str]:
-    """Return the node that a reference names: 10, or SUB:10, or SUB:SUB:10."""
+def _node_of(deck: EsatanDeck, owner: str, word: str, line: Line) -> tuple[str, str]:
+    """Return the node that a reference names: 10, or SUB:10, or SUB:SUB:10, or with arithmetic of names, SUB:K + 10.
+
+    Raises
+    ------
+    DeckError   When it names none.
+    """
     *path, number = [part.strip() for part in word.split(":")]
-    return ("_".join([owner, *(part.upper() for part in path)]) if path else owner, f"T{int(number.lstrip('DBXdbx'))}")
+    plain = re.fullmatch(r"[DBX]?(\d+)", number, re.IGNORECASE)
+    try:
+        return "_".join([owner, *(part.upper() for part in path)]), f"T{int(plain[1]) if plain else _integer(deck, number, line.where)}"
+    except ValueError:
+        raise DeckError(
+            f"'{number}' of '{line.words[:60]}' is no number of a node.", str(line.where), code="import.not-understood"
+        ) from None
 
 
 def _conductors(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> None:
     """Read $CONDUCTORS: GL, GR and streams (GF); others are named. A comment before rows makes a group of them."""
     again: dict[str, int] = {}
     views: list[Line] = []
-    for statement in _statements(lines):
+    for statement in _looped(deck, _statements(lines)):
         match = re.match(r"(G[LRFV])\s*\(([^,()]+),([^,()]+)\)\s*=\s*(.+)", statement.text, re.DOTALL | re.IGNORECASE)
         if match and match[1].upper() == "GV":
             views.append(statement)
@@ -320,14 +395,7 @@ def _conductors(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) 
         if not match:
             deck.reading.remark(statement.where, f"'{statement.text[:60]}' is not a GL, GR or GF")
             continue
-        try:
-            a, b = (_node_of(scope, owner, match[k]) for k in (2, 3))
-        except ThermidError:
-            raise
-        except ValueError:
-            raise DeckError(
-                f"'{statement.text[:60]}' does not name two nodes.", str(statement.where), code="import.not-understood"
-            ) from None
+        a, b = (_node_of(deck, owner, match[k], statement) for k in (2, 3))
         if deck.inactive & {a, b}:
             continue
         where = statement.part(match.start(4), match.end(4))
@@ -348,9 +416,10 @@ def _conductors(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) 
         )
 
 
-_CONSTANT: Final = re.compile(r"\s*(QI|QS|QE|QA|QR|T)\s*:?(\d+)\s*=\s*([^=]+?)\s*$", re.IGNORECASE)
+_CONSTANT: Final = re.compile(r"\s*(QI|QS|QE|QA|QR|T)\s*:?((?:\w+:)*\d+)\s*=\s*([^=]+?)\s*$", re.IGNORECASE)
 _COURSE: Final = re.compile(
-    r"\s*(QI|QS|QE|QA|QR|T)\s*:?(\d+)\s*=\s*(?:([^=]+?)\s*\*\s*)?(INTCYC|INTRP1)\s*\(([^()]*)\)\s*(?:\*\s*(.+?))?\s*$", re.IGNORECASE
+    r"\s*(QI|QS|QE|QA|QR|T)\s*:?((?:\w+:)*\d+)\s*=\s*(?:([^=]+?)\s*\*\s*)?(INTCYC|INTRP1)\s*\(([^()]*)\)\s*(?:\*\s*(.+?))?\s*$",
+    re.IGNORECASE,
 )
 
 
@@ -368,6 +437,11 @@ def _variables(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -
     deck.reading.name_logic(unknown)
 
 
+def _is_node(deck: EsatanDeck, node: tuple[str, str]) -> bool:
+    """Return whether a statement of $NODES defines a node."""
+    return f"node {'.'.join(node)}".upper() in deck.reading.defined
+
+
 def _followed(deck: EsatanDeck, scope: _Scope, owner: str, line: Line) -> bool:
     """Take a power or a temperature that follows arrays of time, times factors; whether it did."""
     match = _COURSE.match(line.text)
@@ -378,13 +452,15 @@ def _followed(deck: EsatanDeck, scope: _Scope, owner: str, line: Line) -> bool:
         factor = deck.reading.value("*".join(f"({word})" for word in (match[3], match[6]) if word) or "1.0", line.where)
     except ThermidError:
         return False
-    into = (owner, f"T{int(match[2])}")
+    into = _node_of(deck, owner, match[2], line)
+    if not _is_node(deck, into):
+        return False
     if match[1].upper() == "T":
         if not any(node.held and (node.submodel, node.name) == into for node in deck.nodes):
             return False
-        deck.boundaries[f"{owner}_{into[1]}"] = replace(course, numbers=course.numbers * deck.reading.number(factor))
+        deck.boundaries["_".join(into)] = replace(course, numbers=course.numbers * deck.reading.number(factor))
         return True
-    name = f"{owner}_{match[1].upper()}_{into[1]}"
+    name = f"{into[0]}_{match[1].upper()}_{into[1]}"
     deck.loads = [load for load in deck.loads if load.name != name]
     deck.loads.append(FileLoad(name, into, with_unit(factor, "W"), line.where, "", course, scales=True))
     return True
@@ -395,7 +471,9 @@ def _constant(deck: EsatanDeck, owner: str, line: Line) -> bool:
     match = _CONSTANT.match(line.text)
     if match is None:
         return False
-    where, into = line.part(match.start(3), match.end(3)), (owner, f"T{int(match[2])}")
+    where, into = line.part(match.start(3), match.end(3)), _node_of(deck, owner, match[2], line)
+    if not _is_node(deck, into):
+        return False
     try:
         value = deck.reading.value(match[3], where)
     except DeckError:
@@ -406,7 +484,7 @@ def _constant(deck: EsatanDeck, owner: str, line: Line) -> bool:
             return False
         deck.nodes[k] = replace(deck.nodes[k], celsius=deck.reading.number(value))
         return True
-    name = f"{owner}_{match[1].upper()}_{into[1]}"
+    name = f"{into[0]}_{match[1].upper()}_{into[1]}"
     deck.loads = [load for load in deck.loads if load.name != name]
     if into not in deck.inactive:
         deck.loads.append(FileLoad(name, into, with_unit(value, "W"), where))

@@ -254,7 +254,7 @@ class NetworkFile:
                 if (by := element.table.get("control"))
             },
             "loads": {
-                element.name: {"into": _defined(at, element.into, "load", element), "power": _power(element), **element.more}
+                element.name: {"into": _defined(at, element.into, "load", element), **_power(element), **element.more}
                 for element in self.loads
             },
         }
@@ -391,13 +391,13 @@ def _node(node: FileNode) -> dict[str, Any]:
     return {"capacitance": {"value": text, "source": "derived", "basis": str(node.where), "note": node.title}}
 
 
-def _power(load: FileLoad) -> dict[str, str] | str:
-    """Return the power of a load, with the remark that its course is elsewhere."""
+def _power(load: FileLoad) -> dict[str, Any]:
+    """Return the power of a load, with the remark that its course is elsewhere; nothing where a table has it."""
     watts = load.power if isinstance(load.power, str) else f"{load.power!r} [W]"
     if load.course is None:
-        return watts
+        return {} if "table" in load.more else {"power": watts}
     what = "scale of its course" if load.scales else "mean of its course"
-    return {"value": watts, "source": "derived", "basis": str(load.where), "note": f"{what}, which the scenario has"}
+    return {"power": {"value": watts, "source": "derived", "basis": str(load.where), "note": f"{what}, which the scenario has"}}
 
 
 def _times(number: str, factor: float) -> str:

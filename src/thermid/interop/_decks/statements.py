@@ -26,6 +26,11 @@ class Line:
     before: tuple[str, ...] = ()
     note: str = ""
 
+    @property
+    def words(self) -> str:
+        """The text with single blanks, as a remark quotes it."""
+        return " ".join(self.text.split())
+
     def part(self, begin: int, end: int) -> TextSpan:
         """Return the place of some characters of the text."""
         return TextSpan(self.where.file, self.where.line, self.where.begin + begin, self.where.begin + end)
@@ -91,7 +96,7 @@ class DeckReading:
             runs[-1].append(line)
         for run in runs:
             rows = f"lines {run[0].where.line} to {run[-1].where.line}" if len(run) > 1 else "line"
-            quoted = "; ".join(line.text.strip() for line in run)
+            quoted = "; ".join(line.words for line in run)
             self.remark(run[0].where, f"logic not taken over ({rows}): '{quoted}'")
 
     def is_first(self, what: str, where: TextSpan) -> bool:

@@ -183,6 +183,7 @@ class FmuRunner:
         every = (self.parameters, self.nodes, self.boundaries, self.loads)
         return {
             "title": self.file.described.modelName or self.file.path.stem,
+            "incomplete": "; ".join(re.findall(r"\bINCOMPLETE: (.+?)\.(?= [A-Z]|$)", self.file.described.description or "")),
             "box": "black",
             "use": f"an FMU of FMI {self.file.described.fmiVersion}, sha256 {digest}",
             "needs": list(self.boundaries),
