@@ -264,24 +264,28 @@ def assumed_moves(request: Request, problem: Problem, minimum: Fit, noise: Autoc
         return AssumedMoves()
     at = minimum.fitted
     wide = replace(problem, unknowns=(*problem.unknowns, *more.values()), coupled=())
-    ends = np.concatenate([at, [u.start for u in more.values()]])
-    pieces = binned(wide, ends, request.loss)
-    weights = finite(covariances(ended(problem, at, request.loss), noise.variance_factor)[2])
-    moved = dict(zip(more, _moved_in(weights / noise.variance_factor, pieces).T, strict=True))
-    of_assumed = _said_of(problem, list(more), at, pieces, noise)
+    pieces = binned(wide, np.concatenate([at, [u.start for u in more.values()]]), request.loss)
     below = told_first(k.of_assumed for table in request.store.provenance.values() if (k := kept_in(table)) is not None)
-    before, columns = known_before(request, problem.unknowns), []
-    handed_on = {s.name: k for k, s in enumerate(before.sources)} if before.at.size else {}
+    residuals, priors = problem.prior_rows(at)
+    known, pulled = known_before(request, problem.unknowns), np.zeros((len(residuals), len(more)))
+    column_of = {s.name: k for k, s in enumerate(known.sources)} if known.at.size else {}
     for r in ranges.values():
-        (source, share), nominal = r.columns[-1], more[r.path].start
-        if source.name in handed_on:  # what the stages below found beside it moves too, and with that what is known of it here
-            shift = before.root.T @ before.root @ before.rows[:, handed_on[source.name]] / (share * r.sd_left(nominal, below))
-            moved[r.path] = moved[r.path] + weights[:, before.at] @ shift
-        move = np.sum([moved[p] for p in (r.path, *r.also)], axis=0) * r.sd_left(nominal, told_first([below, of_assumed]))
+        source, share = r.columns[-1]
+        if source.name in column_of:  # what the stages below found beside it, the mean of their prior, moves with it
+            moves = known.rows[:, column_of[source.name]] / (share * r.sd_left(more[r.path].start, below))
+            pulled[-len(known.root) :, list(more).index(r.path)] = -known.root @ moves
+    level, wide_priors = noise.variance_factor, np.concatenate([priors, pulled], axis=1)
+    weights = finite(covariances(ended(problem, at, request.loss), level)[2])
+    cross = sum((b.slopes[:, : at.size].T @ (b.count[:, None] * b.slopes[:, at.size :]) for b in pieces.values()), np.zeros((at.size, 1)))
+    moved = dict(zip(more, -(weights @ (cross / level + priors.T @ pulled)).T, strict=True))
+    of_assumed = _said_of(list(more), residuals, wide_priors, pieces, noise)
+    first, columns = told_first([below, of_assumed]), []
+    for r in ranges.values():
+        move = np.sum([moved[p] for p in (r.path, *r.also)], axis=0) * r.sd_left(more[r.path].start, first)
         columns += [(source, share * move) for source, share in r.columns]
     here = problem.experiments[several[own][0]].network.flat.parameters.table if own in several else {}
-    told = [{p: x for p, x in table.items() if p in here} for table in (moved, of_assumed)]
-    return AssumedMoves(*told, tuple(columns))
+    said = {p: x for p, x in of_assumed.items() if p in here}
+    return AssumedMoves({p: x for p, x in moved.items() if p in here}, said, tuple(columns))
 
 
 def _opened_in(request: Request, problem: Problem, at: Array, runs: Sequence[int]) -> tuple[list[RangedValue], dict[str, Unknown]]:
@@ -310,29 +314,26 @@ def told_first(several: Iterable[Mapping[str, tuple[float, float]]]) -> dict[str
 
 
 def _said_of(
-    problem: Problem, paths: Sequence[str], at: Array, pieces: Mapping[tuple[str, str], Binned], noise: Autocorrelation
+    paths: Sequence[str], residuals: Array, priors: Array, pieces: Mapping[tuple[str, str], Binned], noise: Autocorrelation
 ) -> dict[str, tuple[float, float]]:
     """Return assumed value -> variance that the readings leave it with all else open, and how far away they ask it to be; SI units.
 
     Without a word of the deck's range: with other assumed values open too, so that what they can only say of several together counts for
     none of them. Values of which they say nothing are left out.
+
+    Parameters
+    ----------
+    paths : sequence    The assumed values, the last unknowns.
+    residuals, priors   Of the priors of the unknowns, and their derivatives (priors, unknowns).
     """
-    level, size = noise.variance_factor, at.size
-    prior_residuals, priors = problem.prior_rows(at)
-    priors = np.concatenate([priors, np.zeros((priors.shape[0], len(paths)))], axis=1)
+    level, size = noise.variance_factor, priors.shape[1] - len(paths)
     rows = np.concatenate([*(np.sqrt(b.count / level)[:, None] * b.slopes for b in pieces.values()), priors])
     inverse = pseudo_inverse(rows)  # whole: of what cannot be separated only the values that take no part in it are used below
     excess = score_excess(pieces, noise.traces, level, {})
     variance = np.diag(covariance(rows) + sandwich(inverse, excess) / level**2)
-    score = sum((b.slopes.T @ (b.count * b.mean) for b in pieces.values()), np.zeros(rows.shape[1])) / level + priors.T @ prior_residuals
+    score = sum((b.slopes.T @ (b.count * b.mean) for b in pieces.values()), np.zeros(rows.shape[1])) / level + priors.T @ residuals
     step = np.abs(inverse @ score)
     return {p: (float(variance[k]), float(step[k])) for k, p in enumerate(paths, size) if np.isfinite(variance[k])}
-
-
-def _moved_in(gain: Array, pieces: Mapping[tuple[str, str], Binned]) -> Array:
-    """Return what unknowns (unknowns,) would move by (unknowns, assumed values), by residuals in stretches of time of the wide problem."""
-    size = len(gain)
-    return -gain @ sum((b.slopes[:, :size].T @ (b.count[:, None] * b.slopes[:, size:]) for b in pieces.values()), np.zeros((size, 1)))
 
 
 MIN_WANDERING: Final = 1e-6
