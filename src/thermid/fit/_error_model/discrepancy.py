@@ -242,14 +242,14 @@ def assumed_moves(request: Request, problem: Problem, minimum: Fit, noise: Autoc
 
     So a spread of an assumed value is solved again: it cancels where the fit pins the answer, and opens where it does not.
     """
-    own, several = identity_of(request.model), dict[str, list[int]]()
+    uppermost, several = identity_of(request.model), dict[str, list[int]]()
     for i, e in enumerate(problem.experiments):
         several.setdefault(identity_of(e.model), []).append(i)
     ranges: dict[tuple[str, ...], RangedValue] = {}
     more: dict[str, Unknown] = {}
-    for model in sorted(several, key=lambda m: m != own):  # of one source in several levels the name is that of the uppermost
+    for model in sorted(several, key=lambda m: m != uppermost):  # of one source in several levels the name is that of the uppermost
         ranged, opened = _opened_in(request, problem, minimum.fitted, several[model])
-        ahead = "" if model == own else f"{model}: "
+        ahead = "" if model == uppermost else f"{model}: "
         for r in ranged:
             key = tuple(s.name for s, _ in r.columns)
             paths = (r.path, *r.also)
@@ -267,13 +267,13 @@ def assumed_moves(request: Request, problem: Problem, minimum: Fit, noise: Autoc
     pieces = binned(wide, np.concatenate([at, [u.start for u in more.values()]]), request.loss)
     below = told_first(k.of_assumed for table in request.store.provenance.values() if (k := kept_in(table)) is not None)
     residuals, priors = problem.prior_rows(at)
-    known, pulled = known_before(request, problem.unknowns), np.zeros((len(residuals), len(more)))
-    column_of = {s.name: k for k, s in enumerate(known.sources)} if known.at.size else {}
+    inherited, pulled = known_before(request, problem.unknowns), np.zeros((len(residuals), len(more)))
+    column_of = {s.name: k for k, s in enumerate(inherited.sources)} if inherited.at.size else {}
     for r in ranges.values():
         source, share = r.columns[-1]
         if source.name in column_of:  # what the stages below found beside it, the mean of their prior, moves with it
-            moves = known.rows[:, column_of[source.name]] / (share * r.sd_left(more[r.path].start, below))
-            pulled[-len(known.root) :, list(more).index(r.path)] = -known.root @ moves
+            moves = inherited.rows[:, column_of[source.name]] / (share * r.sd_left(more[r.path].start, below))
+            pulled[-len(inherited.root) :, list(more).index(r.path)] = -inherited.root @ moves
     level, wide_priors = noise.variance_factor, np.concatenate([priors, pulled], axis=1)
     weights = finite(covariances(ended(problem, at, request.loss), level)[2])
     cross = sum((b.slopes[:, : at.size].T @ (b.count[:, None] * b.slopes[:, at.size :]) for b in pieces.values()), np.zeros((at.size, 1)))
@@ -283,9 +283,9 @@ def assumed_moves(request: Request, problem: Problem, minimum: Fit, noise: Autoc
     for r in ranges.values():
         move = np.sum([moved[p] for p in (r.path, *r.also)], axis=0) * r.sd_left(more[r.path].start, first)
         columns += [(source, share * move) for source, share in r.columns]
-    here = problem.experiments[several[own][0]].network.flat.parameters.table if own in several else {}
-    said = {p: x for p, x in of_assumed.items() if p in here}
-    return AssumedMoves({p: x for p, x in moved.items() if p in here}, said, tuple(columns))
+    here = problem.experiments[several[uppermost][0]].network.flat.parameters.table if uppermost in several else {}
+    of_own = {p: x for p, x in of_assumed.items() if p in here}
+    return AssumedMoves({p: x for p, x in moved.items() if p in here}, of_own, tuple(columns))
 
 
 def _opened_in(request: Request, problem: Problem, at: Array, runs: Sequence[int]) -> tuple[list[RangedValue], dict[str, Unknown]]:

@@ -233,8 +233,8 @@ class Parameter:
     def is_range(self) -> bool:
         """Whether minimum and maximum are the range of the value, by a catalogue, a data sheet or its author; else they bound a search."""
         printed = self.source == "datasheet" or (self.source != "measured" and self.basis.startswith((CATALOGUE, FINISH, SCATTER)))
-        said = self.spread == RANGE if self.spread else printed
-        return said and self.minimum is not None and self.maximum is not None and self.minimum < self.maximum
+        is_stated = self.spread == RANGE if self.spread else printed
+        return is_stated and self.minimum is not None and self.maximum is not None and self.minimum < self.maximum
 
     @property
     def stated_range(self) -> StatedRange | None:
