@@ -41,7 +41,7 @@ UNSOURCED = tuple(unit(u).dimension for u in ("kg", "J/K", "J/(kg K)"))
 """Quantities that are questioned also where the deck gives no source: nobody is wrong about a mass by so much."""
 
 MIN_RANGE_SHARE = 0.05
-"""Part of the variance of a value from which a line says that printed ranges make it. [-]"""
+"""Part of the variance of a value from which a line says that stated ranges make it. [-]"""
 CONTRADICTION_DEVIATIONS = 10.0
 """Standard deviations from what was stated beyond which a fit is not believed; chance and a careless accuracy do not reach so far. [-]"""
 
@@ -322,7 +322,7 @@ class Calibration(Result):
         return f"{self.stage}: {self.standing.state}, {counted(len(self.values.parameters), 'value')} fitted{worst_text}{kind}"
 
     def range_shares(self, path: str) -> dict[str, float]:
-        """Return what only a printed range tells -> its part of the variance of a fitted value, the largest first. [-]"""
+        """Return what only a stated range tells -> its part of the variance of a fitted value, the largest first. [-]"""
         return range_shares(self.store, path) if path in self.store.states else {}
 
     @property
@@ -363,7 +363,7 @@ def _value_line(v: FittedValue, width: int, structural: bool, ranges: Mapping[st
     share, first = sum(ranges.values()), next(iter(ranges), "")
     if share >= MIN_RANGE_SHARE:
         more = f" and {len(ranges) - 1} more" if len(ranges) > 1 else ""
-        wider = f" ({100 * share:.0f} % of its variance from printed ranges: {first}{more})"
+        wider = f" ({100 * share:.0f} % of its variance from stated ranges: {first}{more})"
     what = wider if total > 1.05 * random else ""
     text = f"{v.path:<{width}}  {digits(v.in_unit, random):>12} {v.unit:<10}  random +- {short(random)}   total +- {short(total)}{what}"
     return f"{text}   start {v.converted(v.start):.5g}{bounds}"

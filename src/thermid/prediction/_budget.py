@@ -47,7 +47,7 @@ MIN_SHARE_OF_BAND = 0.1
 """Share of a band from which what it does not count is named in the first line. [-]"""
 
 
-SPLIT, GAS_IN_JOINTS, PRINTED_RANGES = "split of effective coefficients", "gas in joints", "printed ranges"
+SPLIT, GAS_IN_JOINTS, STATED_RANGES = "split of effective coefficients", "gas in joints", "stated ranges"
 AVERAGED = "what carries the heat"
 """Causes, as a reader is told them."""
 ELEMENTS = ("structural", STRUCTURE)
@@ -573,7 +573,7 @@ class Budget:
         return out
 
     def with_ranges(self, values: Sequence[RangedValue]) -> Budget:
-        """Return it with what a catalogue or a data sheet says within a range; surfaces of one finish go together until readings tell them.
+        """Return it with what a deck knows within a stated range; surfaces of one finish go together until readings tell them.
 
         Where a fit below answered to a range already, the value itself joins that source.
         """
@@ -586,20 +586,20 @@ class Budget:
             nominal = ready.nominal[r.path]
             law = r.law(nominal)
             if not any(s.name in place for s, _ in r.columns):
-                out = out._assumed(r.path, r.also, law, ready, (PRINTED_RANGES, r.words), by_log=isinstance(law, LogNormal))
+                out = out._assumed(r.path, r.also, law, ready, (STATED_RANGES, r.words), by_log=isinstance(law, LogNormal))
                 fresh.append(r)
                 continue
             has_log = isinstance(law, LogNormal)
             missing = [s for s, _ in r.columns if s.name not in place]
-            out = out.beside(missing, PRINTED_RANGES, [Target(r.path, "log" if has_log else "add", r.also)])
+            out = out.beside(missing, STATED_RANGES, [Target(r.path, "log" if has_log else "add", r.also)])
             at = {s.name: k for k, s in enumerate(out.sources)}
             for source, share in r.columns:
                 out.gain[-1, at[source.name]] = share * r.sd_left(nominal, self.said) / (nominal if has_log else 1.0)
-        alike, names = out.alike.copy(), [r.printed.name if r.path not in self.said else r.path for r in fresh]
+        alike, names = out.alike.copy(), [r.stated.name if r.path not in self.said else r.path for r in fresh]
         columns = {s.name: k for k, s in enumerate(out.sources)}
         for (i, a), (j, b) in product(enumerate(fresh), repeat=2):
             if i != j and names[i] and names[i] == names[j]:
-                alike[columns[a.path], columns[b.path]] = a.printed.alike
+                alike[columns[a.path], columns[b.path]] = a.stated.alike
         return replace(out, alike=alike)
 
     def _joint(self, spread: Spread, ready: Simulator) -> Budget:
@@ -705,7 +705,7 @@ def _of_laws(budget: Budget) -> set[str]:
 
 
 def open_ranges(model: Model, scenario: Scenario, elsewhere: Collection[str]) -> list[RangedValue]:
-    """Return what only a printed range tells of the values that act in a scenario; not those that are told `elsewhere`.
+    """Return what only a stated range tells of the values that act in a scenario; not those that are told `elsewhere`.
 
     The emissivity behind an effective coefficient acts where its gas is not air alone, or where another surface radiates with it.
     """

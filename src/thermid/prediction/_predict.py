@@ -29,7 +29,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.prediction._budget import (
     AVERAGED,
     GAS_IN_JOINTS,
-    PRINTED_RANGES,
+    STATED_RANGES,
     UNSOUGHT,
     Budget,
     Spread,
@@ -57,7 +57,7 @@ MEANING = {
     ROOM: "a room drifts about what is logged of it",
     UNEXPLAINED: "residuals that no departure of an element follows",
     AVERAGED: "whether free air or a fan carries the heat of surfaces, and how much of it is radiated",
-    PRINTED_RANGES: "finishes, materials and parts differ from one to the next within the range that their catalogue or data sheet prints",
+    STATED_RANGES: "finishes, materials and parts differ from one to the next within the range that their catalogue or data sheet prints",
     GAS_IN_JOINTS: "no log shows how much of a joint is conduction through the gas between its faces",
 }
 """Cause -> what it stands for."""
@@ -68,7 +68,7 @@ NARROWS = {
     ROOM: "a room that is logged better, or held",
     UNEXPLAINED: "an element that explains what the residuals show: criticise looks for it",
     AVERAGED: "a deck that states what carries the heat (carried_by), measured emissivities, or a run at another difference",
-    PRINTED_RANGES: "a measured value instead of a printed one, or a record that determines it",
+    STATED_RANGES: "a measured value instead of one within a range, or a record that determines it",
     GAS_IN_JOINTS: "a record at low pressure, or a gap in the deck",
 }
 """Cause -> what would narrow a band that comes from it."""

@@ -444,8 +444,8 @@ def doubts_without_gas(model: Model, scenario: Scenario) -> dict[str, float]:
         if parameter.is_literal and parameters.evaluate({})[root] > 0:
             out[root] = size
 
-    printed, numbers = parameters.printed, parameters.evaluate({})
-    ranges = {path: r.log_sd(numbers[path]) for path, r in printed.items() if numbers[path] > 0.0}
+    numbers = parameters.evaluate({})
+    ranges = {path: r.log_sd(numbers[path]) for path, r in parameters.stated_ranges.items() if numbers[path] > 0.0}
     for c in flat.conductors:
         for path in filter(None, (c.emissivity, c.fields.get("emissivity", ""))):
             doubt(path, ranges.get(parameters.literal_behind(path), EMISSIVITY))

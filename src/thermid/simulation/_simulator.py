@@ -308,8 +308,9 @@ class Simulator(Shown):
         """Return the law of the value of a free name that a written spread means; see `read_spread`. [SI]"""
         path = self.canonical(name)
         where = f"{self.title}, spread of '{path}'"
-        printed = self._wiring.network.flat.parameters.printed.get(path) if spread == "range" else None
-        bounds = self.bounds(path) if printed is None else (printed.low, printed.high)
+        parameter = self._wiring.network.flat.parameters.table[path].parameter if path in self._wiring.parameters else None
+        stated = parameter.stated_range if spread == "range" and parameter is not None and parameter.is_range else None
+        bounds = self.bounds(path) if stated is None else (stated.low, stated.high)
         return read_spread(spread, self.slots(path)[0], self.nominal[path], where, bounds=bounds)
 
     def with_units(self, values: Mapping[str, Any]) -> dict[str, Any]:

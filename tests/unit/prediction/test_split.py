@@ -13,7 +13,7 @@ from by_code import raises_code
 from thermid.base.errors import DeckError, IdentificationError
 from thermid.measure.records import Channel, Record
 from thermid.model._tree.identity import to_dict
-from thermid.model.elements import PrintedRange
+from thermid.model.elements import StatedRange
 from thermid.physics.finishes import FINISHES, Finish
 from thermid.physics.radiation import linearised_htc
 
@@ -23,7 +23,7 @@ MACHINED = "aluminium, machined"
 
 def log_sd(finish: Finish) -> float:
     """Standard deviation of the logarithm: the range holds 95 %. [-]"""
-    return PrintedRange(finish.low, finish.high).log_sd(finish.typical)
+    return StatedRange(finish.low, finish.high).log_sd(finish.typical)
 
 
 def part(area: str, htc: Any, power: str, finish: str = MACHINED, capacitance: str = "700 [J/K]") -> td.Model:

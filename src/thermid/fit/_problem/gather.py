@@ -79,7 +79,7 @@ def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unk
     flat = experiments[0].network.flat
     wanted = [*request.free, *(q for p in request.prior for q in request.store.states[p].acts)]
     priors = {flat.parameters.freeable(k, request.model.canonical): v for k, v in request.priors.items()}
-    printed, inherited = flat.parameters.printed, {q for p in request.prior for q in request.store.states[p].acts}
+    ranges, inherited = flat.parameters.stated_ranges, {q for p in request.prior for q in request.store.states[p].acts}
     shared = request.shared
     unknowns: dict[str, Unknown] = {}
     taken: set[str] = set()
@@ -92,8 +92,8 @@ def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unk
         unknown = _parameter(group, experiments)
         if path in priors:
             unknown = replace(unknown, prior=prior_of(unknown, priors.pop(path)))
-        elif path in printed and not inherited & {*group}:
-            sd = printed[path].log_sd(unknown.start) if unknown.log else printed[path].sd
+        elif path in ranges and not inherited & {*group}:
+            sd = ranges[path].log_sd(unknown.start) if unknown.log else ranges[path].sd
             unknown = replace(unknown, prior=Prior(unknown.to_fitted(unknown.start), sd))
         unknowns[path] = unknown
     for path in priors:

@@ -22,11 +22,12 @@ from thermid.base.units import TEMPERATURE, unit
 from thermid.fit._problem.experiment import first_reading
 from thermid.fit._problem.residuals import Unknown
 from thermid.measure.records import Channel, Record
-from thermid.model.elements import Constant, PrintedRange, literal
+from thermid.model.elements import Constant, StatedRange, literal
 from thermid.model.identity import definition_of, identity_of, inside, local_identities
 from thermid.model.tree import Model, ParameterSet, Tree
 from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import Options
+from thermid.values.ranges import ranged_values
 from thermid.values.store import Source, State, Store
 
 FITTING = Options(error=1e-3)
@@ -312,7 +313,7 @@ def mean_of(prior: Any) -> str:
 def priors_of(model: Model, stated: Mapping[str, Any], where: str) -> dict[str, tuple[Any, Any]]:
     """Return path -> (mean, standard deviation) with their units, globs read and ranges turned into numbers.
 
-    A range min..max of a data sheet holds 95 % of parts about the value of the deck, as every printed range: see `PrintedRange`.
+    A range min..max of a data sheet holds 95 % of parts about the value of the deck, as every stated range: see `StatedRange`.
 
     Raises
     ------
@@ -347,7 +348,7 @@ def _is_range(prior: Any) -> bool:
 
 
 def _range(values: ParameterSet, path: str, where: str) -> tuple[str, str]:
-    """Return no mean, for which the deck's value stands, and the standard deviation of a parameter's printed range as a text."""
+    """Return no mean, for which the deck's value stands, and the standard deviation of a parameter's range as a text."""
     parameter = values.table[path].parameter
     low, high = parameter.minimum, parameter.maximum
     if parameter.source != "datasheet":
@@ -361,10 +362,10 @@ def _range(values: ParameterSet, path: str, where: str) -> tuple[str, str]:
         raise IdentificationError(
             f"'{path}' has no range: it needs both min and max. Give them, or a prior with mean and sd.", where, code="value.incomplete"
         )
-    of, printed = unit(parameter.unit or "1"), PrintedRange(low, high)
+    of, stated = unit(parameter.unit or "1"), StatedRange(low, high)
     if low > 0.0 and not of.absolute:  # as it will be fitted, by its logarithm: see `Parameter.form`
-        return "", f"{100.0 * printed.log_sd(1.0)!r} [%]"
-    return "", f"{printed.sd / float(of.factor)!r} [{'K' if of.absolute else of.text}]"
+        return "", f"{100.0 * stated.log_sd(1.0)!r} [%]"
+    return "", f"{stated.sd / float(of.factor)!r} [{'K' if of.absolute else of.text}]"
 
 
 def _channel_key(c: Channel) -> list[Any]:
@@ -456,17 +457,23 @@ class KnownBefore:
     mean : array (n,)           Their values, in the fitted form of the unknowns.
     rows : array (n, sources)   Their responses, in that form.
     sources : tuple of Source   What they respond to.
+    held : array (sources,)     Whether a source is the range of an input that this fit, too, takes as its deck has it.
     """
 
     at: NDArray[np.int64]
     mean: Array
     rows: Array
     sources: tuple[Source, ...]
+    held: NDArray[np.bool_]
 
     @property
     def root(self) -> Array:
-        """A root R of their information, ``R'R = (rows rows')^-1``: the residual of the joint prior is ``R (fitted - mean)``."""
-        return inverse_square_root(self.rows @ self.rows.T, STIFF)
+        """A root R of their information, ``R'R = (rows rows')^-1``: the residual of the joint prior is ``R (fitted - mean)``.
+
+        Without the ranges of held inputs: the stages below found the values beside these inputs as they are here.
+        """
+        rows = self.rows[:, ~self.held]
+        return inverse_square_root(rows @ rows.T, STIFF)
 
 
 def known_before(request: Request, unknowns: Sequence[Unknown]) -> KnownBefore:
@@ -487,7 +494,11 @@ def known_before(request: Request, unknowns: Sequence[Unknown]) -> KnownBefore:
         first = places[place] * count
         rows[i, first : first + count] = store.rows([state.path])[0] * form(state, u)
     at = np.array([k for k, _, _ in inherited], dtype=np.int64)
-    return KnownBefore(at, np.array([u.to_fitted(state.value) for _, u, state in inherited]), rows, tuple(sources))
+    free = {t.name for u in unknowns for t in u.targets}
+    ranges = ranged_values(request.model, ParameterSet(request.model), free) if inherited else ()
+    held = np.isin([s.name for s in store.sources], [s.name for r in ranges for s, _ in r.columns])
+    mean = np.array([u.to_fitted(state.value) for _, u, state in inherited])
+    return KnownBefore(at, mean, rows, tuple(sources), np.tile(held, len(places)))
 
 
 def _copy(path: str, twins: Sequence[str]) -> str:

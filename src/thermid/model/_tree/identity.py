@@ -298,7 +298,7 @@ def written(parameter: Parameter) -> Any:
             # an SI value in a unit, as the shortest number that converts back to the same float
             plain = from_si(bound, of)
             table[key] = next((short for digits in range(1, 18) if in_si(short := float(f"{plain:.{digits}g}"), of) == bound), plain)
-    table |= {k: v for k, v in (("source", parameter.source), ("note", parameter.note), ("basis", parameter.basis)) if v}
+    table |= {k: v for k in ("source", "note", "basis", "spread") if (v := getattr(parameter, k))}
     return table if len(table) > 1 else table["value"]
 
 
