@@ -767,7 +767,7 @@ def calibrate(
     free : sequence of str      Paths of the parameters to fit, or globs such as ``pre.*.htc``; all others stay as they are.
     scenario : Scenario(s)      What the logs do not say; one for all, or one by record name.
     local : dict                Values that each record has for itself: boundary or ``initial.<node>`` -> ``{start, sd}``.
-    priors : dict               Path or glob -> (mean, standard deviation), texts with units; or ``"range"`` for that of its data sheet.
+    priors : dict               Path or glob -> (mean, standard deviation), texts with units; or ``"range"`` for that which the deck states.
     loss : str                  linear, soft_l1, huber or cauchy.
     search : str                local, multistart, differential evolution, cma; or auto: further starts where one descent is doubtful.
     weights : dict or str       Sensor -> weight of its residuals, 1 where none is given; or ``"effective"``: after a first fit readings

@@ -14,7 +14,7 @@ from thermid.fit._problem.experiment import OFFSET, RATE, SCALE, Experiment, bin
 from thermid.fit._problem.request import Request, known_before, mean_of
 from thermid.fit._problem.residuals import Influence, Prior, Problem, Unknown
 from thermid.measure.sensors import SensorPart
-from thermid.model.elements import Constant, TableSignal
+from thermid.model.elements import Constant, StatedRange, TableSignal
 from thermid.values.spreads import read_spread
 
 MAX_SEPARATE_STARTS = 10
@@ -93,8 +93,7 @@ def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unk
         if path in priors:
             unknown = replace(unknown, prior=prior_of(unknown, priors.pop(path)))
         elif path in ranges and not inherited & {*group}:
-            sd = ranges[path].log_sd(unknown.start) if unknown.log else ranges[path].sd
-            unknown = replace(unknown, prior=Prior(unknown.to_fitted(unknown.start), sd))
+            unknown = replace(unknown, prior=prior_of(unknown, ("", ranges[path])))
         unknowns[path] = unknown
     for path in priors:
         raise IdentificationError(
@@ -114,7 +113,12 @@ def _parameter(group: Sequence[str], experiments: Sequence[Experiment]) -> Unkno
 
 
 def prior_of(unknown: Unknown, prior: tuple[Any, Any] | Mapping[str, Any]) -> Prior:
-    """Return a prior in the fitted form of an unknown: mean (none: the start) and deviation with units, or what `read_spread` takes."""
+    """Return a prior in the fitted form of an unknown.
+
+    Stated is a mean (none: the start) with a deviation, as texts with units, or a range about the start, or what `read_spread` takes.
+    """
+    if not isinstance(prior, Mapping) and isinstance(prior[1], StatedRange):
+        return Prior(unknown.to_fitted(unknown.start), prior[1].log_sd(unknown.start) if unknown.log else prior[1].sd)
     where = f"priors.{unknown.name}"
     slot = TEMPERATURE if unknown.unit in ("degC", "degF") else unknown.unit
     table = prior if isinstance(prior, Mapping) else ({"mean": prior[0]} if mean_of(prior) else {}) | {"sd": prior[1]}

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, errors_at, nearest, refuse_unknown
 from thermid.base.expression import kelvin
 from thermid.base.linear_algebra import RANK_TOLERANCE, Array, inverse_square_root
-from thermid.base.units import TEMPERATURE, unit
+from thermid.base.units import TEMPERATURE
 from thermid.fit._problem.experiment import first_reading
 from thermid.fit._problem.residuals import Unknown
 from thermid.measure.records import Channel, Record
@@ -347,25 +347,16 @@ def _is_range(prior: Any) -> bool:
     return isinstance(prior, str) and prior == RANGE
 
 
-def _range(values: ParameterSet, path: str, where: str) -> tuple[str, str]:
-    """Return no mean, for which the deck's value stands, and the standard deviation of a parameter's range as a text."""
-    parameter = values.table[path].parameter
-    low, high = parameter.minimum, parameter.maximum
-    if parameter.source != "datasheet":
-        raise IdentificationError(
-            f"the range of '{path}' is not a prior: its source is {parameter.source or 'not stated'}, so min and max only bound the "
-            "search. If they are the tolerance of a data sheet, state source = 'datasheet'; otherwise give the prior a mean and sd.",
-            where,
-            code="value.without-effect",
-        )
-    if low is None or high is None or not low < high:
-        raise IdentificationError(
-            f"'{path}' has no range: it needs both min and max. Give them, or a prior with mean and sd.", where, code="value.incomplete"
-        )
-    of, stated = unit(parameter.unit or "1"), StatedRange(low, high)
-    if low > 0.0 and not of.absolute:  # as it will be fitted, by its logarithm: see `Parameter.form`
-        return "", f"{100.0 * stated.log_sd(1.0)!r} [%]"
-    return "", f"{stated.sd / float(of.factor)!r} [{'K' if of.absolute else of.text}]"
+def _range(values: ParameterSet, path: str, where: str) -> tuple[str, StatedRange]:
+    """Return no mean, for which the deck's value stands, and the range that the deck states for a parameter."""
+    if (stated := values.stated_ranges.get(path)) is not None:
+        return "", stated
+    raise IdentificationError(
+        f"'{path}' has no range: its source is {values.table[path].parameter.source or 'not stated'}, so min and max only bound the "
+        "search. If they say what the value may be, state both and spread = 'range'; otherwise give the prior a mean and sd.",
+        where,
+        code="value.without-effect",
+    )
 
 
 def _channel_key(c: Channel) -> list[Any]:
