@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
@@ -64,6 +65,8 @@ _ACTS: Final = re.compile(
     r"(?<![\w.])(?:\w+\.)?(?:XK|[TQCGAK])\s*(?:\d+|\((?:[^()=]|\([^()=]*\))*\))\s*=(?!=)|^\s*(?:INCLUDE|INSERT)\b", re.IGNORECASE
 )
 """An assignment to a node, a conductor, an array or a constant; or more of the deck."""
+_RUN: Final = ("ABSZRO", "TMPZRO", "SIGMA", "TIMEO", "TIMEND", "DTIMES")
+"""Control constants that decide numbers; others say how SINDA solves and prints."""
 _INTERPOLATIONS: Final = {
     "D1DEG1": "xPr", "D1D1DA": "xTYr", "D1D1WM": "xPzr", "D11MDA": "xTYzr",
     "D11CYL": "pxPr", "DA11CY": "pxTYr", "D11MCY": "pxPzr", "DA11MC": "pxTYzr",
@@ -135,7 +138,6 @@ class SindaDeck:
     arrays: dict[tuple[str, str], list[float]] = field(default_factory=dict)
     words: dict[str, list[str]] = field(default_factory=dict)
     owners: dict[tuple[str, str], tuple[str, str]] = field(default_factory=dict)
-    control: dict[str, float] = field(default_factory=dict)
     courses: dict[str, FileCourse] = field(default_factory=dict)
     emissivities: dict[str, tuple[float, int]] = field(default_factory=dict)
     listed: dict[TextSpan, tuple[str, float]] = field(default_factory=dict)
@@ -161,8 +163,12 @@ def read_sinda(path: str | Path, units: str = "") -> NetworkFile:
     DeckError   With file and line: a file is missing, includes itself, is binary or too large; a row is no node, no conductor or no number;
                 nothing states the unit of temperatures or of powers, or the deck contradicts the stated ones.
     """
-    path = Path(path)
-    deck = SindaDeck()
+    return _network(Path(path), units)
+
+
+def _network(path: Path, units: str, instead: Mapping[str, str] = MappingProxyType({})) -> NetworkFile:
+    """Return the network of a deck, read with texts instead of some of its files."""
+    deck = SindaDeck(DeckReading(instead))
     text = deck.reading.open(path)
     deck.title = path.stem
     if units:
@@ -192,10 +198,11 @@ def read_sinda(path: str | Path, units: str = "") -> NetworkFile:
             "with the file",
             dropped=False,
         )
-    begin = deck.control.get("TIMEO", 0.0) * deck.units.time
+    begin = deck.reading.control.get("TIMEO", 0.0) * deck.units.time
     return NetworkFile(
         identifier(deck.title), "SINDA", tuple(deck.nodes), tuple(deck.conductors), tuple(_unique(deck.loads)), deck.reading.parameters,
-        deck.control.get("TIMEND", 0.0) * deck.units.time - begin, tuple(deck.reading.remarks), deck.reading.texts,
+        deck.reading.control.get("TIMEND", 0.0) * deck.units.time - begin, tuple(deck.reading.remarks), deck.reading.texts,
+        partial(_network, path, units),
         zero_and_degree=(deck.units.zero, deck.units.degree),
         start=_start(deck),
         seconds=deck.units.time,
@@ -210,7 +217,7 @@ def _start(deck: SindaDeck) -> str:
     """Return where the transient begins: empty for the temperatures of NODE DATA."""
     if not deck.settles or deck.ends:
         return ""
-    if deck.control.get("DTIMES", 0.0) or not deck.averages:
+    if deck.reading.control.get("DTIMES", 0.0) or not deck.averages:
         return "steady"
     others = [load for load in deck.loads if load.course is not None and load.stands]
     if others:
@@ -296,26 +303,25 @@ def _stated_unit(deck: SindaDeck, row: str) -> None:
 
 def _control(deck: SindaDeck, _: str, lines: list[Line]) -> None:
     """Read CONTROL DATA: absolute zero, Stefan-Boltzmann constant, unit system, end of the transient."""
+    control = deck.reading.control
     for line in lines:
-        for match in re.finditer(r"(\w+)\s*=\s*([^\s,]+)", line.text):
-            name, word = match[1].upper(), match[2]
-            if name == "UID":
+        if not re.match(r"\s*\w+\s*=", line.text):
+            deck.reading.name_logic([line])
+        for name, word in re.findall(r"(\w+)\s*=\s*([^=]*?)\s*,?\s*(?=\w+\s*=|$)", line.text):
+            if name.upper() == "UID":
                 deck.units.power_stated = True
                 if word.upper().startswith("E"):
                     deck.units.energy, deck.units.time, deck.units.degree, deck.units.length = BTU, HOUR, RANKINE, 0.3048
                 deck.units.lengths.add(0.3048 if word.upper().startswith("E") else 1.0)
-                continue
-            try:
-                deck.control[name] = float(fortran(word))
-            except ValueError:
-                continue
-    if "TMPZRO" in deck.control:
-        deck.control["ABSZRO"] = -abs(deck.control["TMPZRO"])
-    if "ABSZRO" in deck.control:
-        deck.units.zero, deck.units.temperature_stated = deck.control["ABSZRO"], True
+            elif name.upper() in _RUN:
+                deck.reading.take_control(name, word, line)
+    if "TMPZRO" in control:
+        control["ABSZRO"] = -abs(control["TMPZRO"])
+    if "ABSZRO" in control:
+        deck.units.zero, deck.units.temperature_stated = control["ABSZRO"], True
         if round(deck.units.zero) in (-459, -460):
             deck.units.degree = RANKINE
-    deck.units.sigma = deck.control.get("SIGMA", deck.units.sigma)
+    deck.units.sigma = control.get("SIGMA", deck.units.sigma)
 
 
 def _registers(deck: SindaDeck, _: str, lines: list[Line]) -> None:
@@ -351,10 +357,9 @@ def _arrays(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
         for word in re.findall(r"[^\s,&]+", row):
             if word.upper() == "END":
                 continue
-            try:
-                numbers.append(float(fortran(word)))  # type: ignore[union-attr]
-            except (ValueError, AttributeError):
-                raise DeckError(f"'{word}' is not a number of an array.", str(line.where), code="import.not-understood") from None
+            if numbers is None:
+                raise DeckError(f"'{word}' is not in an array.", str(line.where), code="import.not-understood")
+            numbers.append(deck.reading.number(deck.reading.value(word, line.where)))
     for key, where, again in repeated:
         if again != deck.arrays[submodel, key]:
             deck.reading.is_first(f"array {submodel}.{key}", where)
@@ -382,10 +387,7 @@ def _operation(deck: SindaDeck, _: str, lines: list[Line]) -> None:
         if solution := next((name for name in _called(deck, line) if _STEADY.fullmatch(name) or _TRANSIENT.fullmatch(name)), None):
             solved.append("steady" if _STEADY.fullmatch(solution) else "transient")
         elif match := re.fullmatch(r"\s*(TIMEO|TIMEND|DTIMES)\s*=\s*(.+?)\s*", line.text, re.IGNORECASE):
-            try:
-                deck.control[match[1].upper()] = deck.reading.number(deck.reading.value(match[2], line.where))
-            except DeckError:
-                rest.append(line)
+            deck.reading.take_control(match[1], match[2], line)
         else:
             rest.append(line)
     deck.settles = solved[:1] == ["steady"]
@@ -408,7 +410,7 @@ def _acts(deck: SindaDeck, line: Line) -> bool:
         built = set(re.split(r"[\s,]+", match[1].strip().upper()))
         return "ALL" not in built and not {node.submodel for node in deck.nodes} <= built
     called = [name for name in _called(deck, line) if name not in deck.subroutines]
-    return acts(line, called, _PRINTS, _ACTS, (*deck.reading.names, "TIMEO", "TIMEND", "TIMEN", "ABSZRO", "SIGMA"))
+    return acts(line, called, _PRINTS, _ACTS, (*deck.reading.names, *_RUN, "TIMEN"))
 
 
 def _nodes(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
@@ -449,7 +451,7 @@ def _nodes_of_card(deck: SindaDeck, submodel: str, line: Line, kind: str, cells:
         yield _tabulated_node(deck, submodel, line, kind, cells), None
     elif kind == "CAL":
         yield _node(deck, submodel, line, [*cells[:2], _product(cells[2:])]), None
-    elif kind == "SIT" and cells[0][0].startswith("-") and not any(float(fortran(word)) for word, _ in cells[3:]):
+    elif kind == "SIT" and cells[0][0].startswith("-") and not any(deck.reading.number(deck.reading.value(*cell)) for cell in cells[3:]):
         course = _over_time(deck, submodel, cells[2][0], line)
         yield _node(deck, submodel, line, [cells[0], cells[1], ("0.0", cells[2][1])]), _celsius(deck, course)
     else:
@@ -463,7 +465,7 @@ def _celsius(deck: SindaDeck, course: FileCourse) -> FileCourse:
 
 def _node(deck: SindaDeck, submodel: str, line: Line, cells: Cells) -> FileNode:
     number = int(cells[0][0])
-    celsius = deck.units.celsius(float(fortran(cells[1][0])))
+    celsius = deck.units.celsius(deck.reading.number(deck.reading.value(*cells[1])))
     text, where = cells[2]
     mass = deck.reading.value(text, where)
     held, massless = number < 0, isinstance(mass, float) and mass < 0.0
@@ -524,7 +526,7 @@ def _over_time(deck: SindaDeck, submodel: str, word: str, line: Line) -> FileCou
     values = _array(deck, submodel, word)
     if values is None or len(values) % 2:
         raise DeckError(
-            f"array {word} is not in ARRAY DATA of {submodel} as pairs of time and value.", str(line.where), code="value.incomplete"
+            f"array {word} is not in ARRAY DATA of {submodel} as pairs of time and value.", str(line.where), code="import.not-understood"
         )
     return FileCourse(np.array(values[::2]) * deck.units.time, np.array(values[1::2]), 0.0, str(line.where))
 
@@ -533,8 +535,9 @@ def _tabulated_node(deck: SindaDeck, submodel: str, line: Line, kind: str, cells
     """Return a node whose capacitance is an array over temperature (SIV), a polynomial of it (SPV), or two arrays (DIV), times factors."""
     if len(cells) > (6 if kind == "DIV" else 4):
         raise ValueError
-    number, celsius = int(cells[0][0]), deck.units.celsius(float(fortran(cells[1][0])))
-    pairs = [(cells[k][0], float(fortran(cells[k + 1][0])) if len(cells) > k + 1 else 1.0) for k in range(2, 6 if kind == "DIV" else 4, 2)]
+    numbers = [deck.reading.number(deck.reading.value(*cell)) for cell in cells[1::2]]
+    number, celsius = int(cells[0][0]), deck.units.celsius(numbers[0])
+    pairs = [(cells[k][0], numbers[k // 2] if len(cells) > k + 1 else 1.0) for k in range(2, 6 if kind == "DIV" else 4, 2)]
     tables = [(factor, *np.array(_points(deck, submodel, kind, word, line)).T) for word, factor in pairs]
     unit = deck.units.energy / deck.units.degree
     mass, (_, grid, values) = tables[0][0], tables[0]
@@ -607,7 +610,8 @@ def _conductors_of_card(deck: SindaDeck, submodel: str, line: Line, kind: str, c
         for k, number in enumerate(_numbers(cells)):
             ends = [(_stepped(cells[n][0], k * int(cells[n + 1][0])), cells[n][1]) for n in (3, 5)]
             yield from _conductors_of_card(deck, submodel, line, single, [number, *ends, *cells[7:]], group)
-    elif kind == "CAL" and len(cells) > 4 and (len(cells) == 7 or float(fortran(cells[-1][0])) == 1.0):  # X Y Z / W
+    elif kind == "CAL" and len(cells) > 4 and (len(cells) == 7 or deck.reading.number(deck.reading.value(*cells[-1])) == 1.0):
+        # X Y Z / W
         product, where = _product(cells[3:-1])
         yield from _row(deck, submodel, "", [*cells[:3], (f"({product})/({cells[-1][0]})", where)], group, line)
     elif kind in ("SIV", "SPV"):
@@ -726,13 +730,13 @@ def _law(deck: SindaDeck, submodel: str, kind: str, number: int, values: Cells, 
     text, where = values[0]
     units = deck.units
     if kind:
-        factor = float(fortran(values[1][0])) if len(values) > 1 else 1.0
+        factor = deck.reading.value(*values[1]) if len(values) > 1 else 1.0
         points = _points(deck, submodel, kind, text, line)
         if number < 0:
             by = {"points": [[f"{t!r} [degC]", f"{e!r}"] for t, e in points]}
             return {"kind": "radiation", "exchange_factor": 1.0, "area": with_unit(factor, "m^2", units.exchange_area()), "control": by}
         table = [[f"{t!r} [degC]", f"{g * units.power / units.degree!r} [W/K]"] for t, g in points]
-        return {"kind": "table", "table": {"points": table}, "scale": f"{factor!r}"}
+        return {"kind": "table", "table": {"points": table}, "scale": f"({factor})" if isinstance(factor, str) else repr(factor)}
     value = deck.reading.value(text, where)
     if number < 0:
         ratio = units.exchange_area()
@@ -749,7 +753,7 @@ def _sources(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
         try:
             if kind in ("SIT", "SIV"):
                 (node, _), (array, _), (word, _) = cells
-                watts = float(fortran(word)) * unit
+                watts = deck.reading.number(deck.reading.value(word, line.where)) * unit
                 power, course, more = 0.0, None, dict[str, object]()
                 if kind == "SIT":
                     course = _over_time(deck, submodel, array, line)
@@ -794,8 +798,7 @@ def _joined(lines: list[Line]) -> Iterator[Line]:
         mark = re.match(r"\s*[+&]", line.text)
         if pending is not None and (mark or pending.text.endswith("&")):
             begin = mark.end() if mark else 0
-            room = line.where.begin + begin - pending.where.begin
-            pending = replace(pending, text=pending.text.removesuffix("&").ljust(room) + line.text[begin:])
+            pending = replace(pending, text=pending.text.removesuffix("&")).joined(line.cut(begin, len(line.text)))
             continue
         if pending is not None:
             yield pending
@@ -823,7 +826,7 @@ def _logic(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
             branch = "steady"
         elif branch and text.upper().replace(" ", "") == "ENDIF":
             branch = ""
-        elif match := CALL.match(line.text):
+        elif branch != "steady" and (match := CALL.match(line.text)):
             _absorbed(deck, (match[1] or match[2]).upper(), line)
         elif put := _interpolated(deck, submodel, line):
             target, variable = put
@@ -926,6 +929,8 @@ def _put(
     if not adds and (old := [load for load in deck.loads if load.into == into]):
         deck.reading.remark(where, f"the power of {'.'.join(into)} replaces {counted(len(old), 'power')} set before", dropped=False)
         deck.loads = [load for load in deck.loads if load.into != into]
+    if branch == "steady" and course is not None:
+        return False
     name = f"{into[0]}_Q{into[1][1:]}" + (f"_{label}" if label else "")
     load = FileLoad(name, into, with_unit(factor, "W", unit), where, label)
     if course is not None and isinstance(factor, float):
@@ -1007,15 +1012,16 @@ def _unique(loads: list[FileLoad]) -> Iterator[FileLoad]:
 
 
 def _read_units(deck: SindaDeck, path: Path, words: str) -> None:
-    """Read CONTROL DATA, and ask for the units that neither it nor anything else states.
+    """Read REGISTER and CONTROL DATA, and ask for the units that neither nor anything else states.
 
     Raises
     ------
     DeckError   When the unit of temperatures is open, or that of powers beside degrees Fahrenheit; when the deck states others than given.
     """
-    for header, submodel, lines in deck.steps:
-        if header.startswith("CONTROL"):
-            _control(deck, submodel, lines)
+    for wanted, reader in (("REGISTER", _registers), ("CONTROL", _control)):
+        for header, submodel, lines in deck.steps:
+            if header.startswith(wanted):
+                reader(deck, submodel, list(_joined(lines)))
     units, stated = deck.units, Units()
     stated.take(words)
     other_zero = stated.temperature_stated and round(stated.zero) != round(units.zero)
@@ -1030,7 +1036,7 @@ def _read_units(deck: SindaDeck, path: Path, words: str) -> None:
             f"{''.join(f', its unit of length {metres:g} m' for metres in sorted(units.lengths))}. "
             "Give the units that it states, or none.",
             str(path),
-            code="value.wrong-kind",
+            code="value.contradicts",
         )
     fahrenheit = round(units.zero) in (-459, -460)
     if not units.temperature_stated or (fahrenheit and not units.power_stated):
@@ -1048,7 +1054,7 @@ def _read_units(deck: SindaDeck, path: Path, words: str) -> None:
 
 def _name_what_is_left(deck: SindaDeck) -> None:
     """Name what no reader took: in blocks of statements those that act, other blocks whole."""
-    rest = [step for step in deck.steps if not step[0].startswith(("CONTROL", *_READERS, *_WITHOUT_EFFECT))]
+    rest = [step for step in deck.steps if not step[0].startswith(("REGISTER", "CONTROL", *_READERS, *_WITHOUT_EFFECT))]
     deck.reading.name_logic(line for line in deck.operations if _acts(deck, line))
     for header, submodel, lines in rest:
         if header.startswith(("VARIABLES", "OUTPUT", "SUBROUTINE")):
@@ -1059,7 +1065,6 @@ def _name_what_is_left(deck: SindaDeck) -> None:
 
 
 _READERS = {
-    "REGISTER": _registers,
     "OPERATION": _operation,
     "ARRAY": _arrays,
     "CARRAY": _carrays,
