@@ -56,8 +56,6 @@ PLACE_GRID: Final = 8.0
 """Places are multiples of this. [px]"""
 CARD_ROOM: Final = (216.0, 80.0)
 """Room of a node on the canvas, with that for the labels beside it. [px]"""
-LETTERS: Final = {"c": "degC", "k": "K", "f": "degF", "w": "W", "mw": "mW"}
-"""Units as the last word of a column's name."""
 
 
 class Building:
@@ -479,11 +477,7 @@ class Building:
         rooms = {"temperature": warm, "boundary": warm, "power": heats, "duty": {"command": content.get("loads", {})}}
         for column in columns:
             words, unit = word(column["name"]), column["unit"] if column["assumed"] else ""
-            stem, _, letter = words.rpartition("_")
-            targets = rooms.get(column["guess"], {})
-            if letter in LETTERS and any(stem == word(n) for role in (*warm.values(), *heats.values()) for n in role):
-                unit, targets = LETTERS[letter], heats if letter.endswith("w") else warm
-            hits = [(len(n), role, n) for role, names in targets.items() for n in names if word(n) in words]
+            hits = [(len(n), role, n) for role, names in rooms.get(column["guess"], {}).items() for n in names if word(n) in words]
             if hits:
                 _, role, target = max(hits)
                 out[column["name"]] = {role: target} | ({"unit": unit} if unit else {})

@@ -17,7 +17,7 @@ from thermid.base.errors import DeckError, MissingDataError, RecordError, Thermi
 from thermid.base.linear_algebra import Array, Bools
 from thermid.base.toml_files import project_root, resolve_inside
 from thermid.base.units import unit
-from thermid.measure.readers import read_record, temperature_columns
+from thermid.measure.readers import name_and_unit, read_record, temperature_columns
 from thermid.measure.records import Channel, Record
 from thermid.measure.steadiness import RULES, ChannelStability, StabilityRule, channel_stability, rule_of, since_when
 from thermid.physics.constants import ICE_POINT
@@ -42,13 +42,14 @@ _ROLES: Final = {"K": ("node", "boundary"), "W": ("load",), "1": ("load", "comma
 def looked_at(path: Path, time: str | None = None) -> dict[str, Any]:
     """Return what `thermid look` says of a log: its columns with what they look like and why, its rows, questions, volts and amperes.
 
-    Each column has its `roles`, what it may be bound as, and is `open` where somebody must say its unit.
+    Each column has its `roles`, what it may be bound as; its unit is `assumed` where its heading has none in so many words, and `open` then
+    and where nobody knows it: somebody may say another one.
     """
     found = look(path, time=time)
     out = found.as_object()
-    for column in out["columns"]:
-        roles = _roles(column["unit"])
-        column |= {"roles": _ANY if roles is None else roles, "open": column["assumed"] or roles is None}
+    for column, of in zip(out["columns"], found.columns, strict=True):
+        roles, assumed = _roles(of.unit), bool(of.unit) and name_and_unit(of.header)[1] is None
+        column |= {"roles": _ANY if roles is None else roles, "open": assumed or roles is None, "assumed": assumed}
     return out | {"supply": [c.name for c in found.supply or ()]}
 
 

@@ -209,7 +209,7 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int], tim
         resolution=size(binding.resolution or cells.resolution.get(column), "resolution"),
         column=column,
         unit=unit_text if watts is None else "W",
-        assumed=not stated and not column.endswith(("_C", "_W")),
+        assumed=not stated and not column.endswith(("_C", " C", "_W", " W")),
         prompt=binding.prompt or column in cells.prompt,
         samples=binding.samples,
         interpolation=binding.interpolation,

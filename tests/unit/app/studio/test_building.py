@@ -448,7 +448,7 @@ def test_volts_and_amperes_are_the_power_of_a_load(tmp_path: Path) -> None:
     rows = {c["name"]: c for c in state["log"]["columns"]}
     assert state["log"]["channels"]["P_supply"] == {"load": "heater", "power": {"volts": "U out", "amperes": "I out"}}
     assert rows["P_supply"]["roles"] == ("load",)
-    assert rows["case C"]["roles"] == ("node", "boundary", "load", "command")  # it has no unit
+    assert rows["case C"]["roles"] == ("node", "boundary")
     for column in ("U out", "I out"):
         assert rows[column]["roles"] == ()
         assert rows[column]["used"] == ["P_supply"]
@@ -551,3 +551,13 @@ def test_a_model_that_was_never_saved_is_on_the_start_page(tmp_path: Path) -> No
     assert [e["name"] for e in again.built().state()["elements"]] == ["case"]
     again.ordering["draft/save"]({"diff": again.ordering["draft/difference"]({})["diff"]})
     assert again.front()["waiting"] == []
+
+
+def test_a_heading_with_the_letter_of_its_unit_is_bound_with_it(tmp_path: Path) -> None:
+    """A column "board_F" was bound without a unit, refused as unclear, and had no field for one."""
+    data = write_log(tmp_path / "a.csv").read_text(encoding="utf-8").replace("board C", "board_K").replace("time_s", "time s").encode()
+    _, state = _with_log(tmp_path, data)
+    row = next(c for c in state["log"]["columns"] if c["name"] == "board_K")
+    assert row["open"]
+    assert state["log"]["channels"]["board_K"]["unit"] == "K"
+    assert state["log"]["problem"] == ""
