@@ -17,7 +17,7 @@ from thermid.base.errors import DeckError, MissingDataError, RecordError, Thermi
 from thermid.base.linear_algebra import Array, Bools
 from thermid.base.toml_files import project_root, resolve_inside
 from thermid.base.units import unit
-from thermid.measure.readers import name_and_unit, read_record, temperature_columns
+from thermid.measure.readers import name_and_unit, read_record
 from thermid.measure.records import Channel, Record
 from thermid.measure.steadiness import RULES, ChannelStability, StabilityRule, channel_stability, rule_of, since_when
 from thermid.physics.constants import ICE_POINT
@@ -129,19 +129,19 @@ class Follower:
         if query.get("known") == version and not (due and self._kept is not None and self._kept.behind):
             return {"same": True, "known": version, "age": age}
         begun, before, told = time.monotonic(), self._kept, temperatures_alone(told_columns(query))
+        slowest, since = _hours(query.get("slowest"), "slowest"), _hours(query.get("since"), "since")
+        table: dict[str, Any] = {"known": version, "age": age}
         try:
-            columns = self._looked(path)
-            tables = told or {n: {"node": n} for n in temperature_columns(path)}
+            table |= {"columns": self._looked(path), "roles": self._live.roles()}
+            watched = self._live.look(path, rule, query, slowest, since)
+            warm = (c for c in table["columns"] if c["guess"] in ("temperature", "boundary"))
+            tables = told or temperatures_alone(watched["bound"]) or {c["name"]: {"node": c["name"], "unit": c["unit"]} for c in warm}
             if not tables:
-                none = "No column is recognised as a temperature. Say in the table of columns what each is."
-                return {"waiting": none, "known": version, "age": age, "columns": columns, "roles": self._live.roles()}
+                return {"waiting": "No column is recognised as a temperature. Say in the table of columns what each is."} | table
             record = read_whole_lines(path, lambda p: read_record(p, tables))
         except (MissingDataError, RecordError) as error:
-            return {"waiting": f"Nothing to show yet: {error.message}", "known": version, "age": age}
-        out = self._curves_and_forecasts(record, rule, query)
-        slowest, since = _hours(query.get("slowest"), "slowest"), _hours(query.get("since"), "since")
-        out["watch"] = self._live.look(path, rule, query, slowest, since)
-        out |= {"columns": columns, "roles": self._live.roles()}
+            return {"waiting": f"Nothing to show yet: {error.message}"} | table
+        out = self._curves_and_forecasts(record, rule, query) | {"watch": watched} | table
         spent = self._kept.took if self._kept is not None and self._kept is not before else 0.0
         return out | {"file": path.name, "known": version, "age": age, "seconds": time.monotonic() - begun - spent}
 

@@ -252,3 +252,24 @@ def test_columns_that_are_no_tables_are_refused(tmp_path: Path, channels: object
     follower = Follower(tmp_path, unnamed(tmp_path / "run.csv", 900.0))
     with raises_code("value.wrong-kind", RecordError, match="'channels'"):
         follower.look({"channels": channels})
+
+
+def test_a_log_like_a_record_is_watched_whatever_its_columns_are_called(tmp_path: Path) -> None:
+    """Columns without a T in front, a power of volts and amperes: the page waited for a temperature, and had no model."""
+    (tmp_path / "rig.toml").write_text(DECK, encoding="utf-8")
+    named = CAMPAIGN.replace("chip = {", '"U7" = {').replace(
+        "case = {", 'P = { load = "heater", power = { volts = "U", amperes = "I" } }\n"U8" = {'
+    )
+    (tmp_path / "campaign.toml").write_text(named, encoding="utf-8")
+    for file, seconds in (("warm.csv", 3600.0), ("like.csv", 900.0)):
+        head, *rows = write(tmp_path / file, warm(seconds), 1).read_text(encoding="utf-8").splitlines()[1:]
+        text = "\n".join([head.replace("chip [degC],case [degC]", "U7,U8") + ",U [V],I [A]", *(f"{r},12,1" for r in rows), ""])
+        (tmp_path / file).write_text(text, encoding="utf-8")
+    project = Project(tmp_path / "campaign.toml")
+    project.look("rig")
+    project.run("rig")
+    project.judge(write=True)
+    project.judge(write=True)
+    seen = Follower(tmp_path, None, LiveWatch(project.subject)).look({"file": "like.csv"})
+    assert [c["name"] for c in seen["channels"]] == ["U7", "U8"]
+    assert (seen["watch"]["model"], seen["watch"]["like"]) == ("rig", "warm")
