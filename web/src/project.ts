@@ -27,6 +27,12 @@ export const after = new Map<string, (job: Doing) => Promise<void> | void>(), en
 export const studio = { errors, project, latencies: [] as number[], frames, ready: false, begun: 0, outcomes: 0, looks: 0, look: null as unknown, get state() { return { values: values.value, stage: stage.value, runs: runs.value, desk: desk.value, window: zoom.value }; } };
 export const busy = computed(() => project.value?.job.ended === false);
 export const current = computed(() => project.value?.stages.find((x) => x.name === stage.value) ?? null);
+// when the hottest of the sensors is, which is what the map shows at first
+function hottest(): number {
+  let top = -Infinity, when = whole.value[1];
+  for (const c of runs.value[run.value]?.curves ?? []) c.simulated.forEach((v, k) => { if (v >= top) { top = v; when = c.times[k]!; } });
+  return when;
+}
 export const whole = computed<Pair>(() => { const all = runs.value[run.value]?.curves ?? []; return [0, Math.max(1, ...all.map((c) => c.times[c.times.length - 1] ?? 0))]; });
 export const valueOf = (x: Track) => values.value[x.path] ?? x.value;
 export const misfit = (c: Curve) => (c.rmse ?? 0) / (c.sigma || 1);
@@ -63,7 +69,7 @@ export async function open(name: string) {
   ticked.value = new Set(made.sliders.filter((x) => x.free).map((x) => x.path));
   runs.value = made.runs;
   desk.value = made;
-  time.value = whole.value[1];
+  time.value = hottest();
   if (made.fitted && made.measured) found.value = { title: "What the stage's fit says", values: {}, warnings: made.warnings.length ? made.warnings : ["none"], text: "" };
   sort();
   if (Object.keys(values.value).length) await move();
@@ -113,7 +119,7 @@ export async function picture() {
 let waiting = 0;
 export function at(t: number) { time.value = t; clearTimeout(waiting); waiting = window.setTimeout(picture, 150); }
 export async function look(w: Pair | null) { zoom.value = w; await move(true); await pin(); }
-export async function choose(k: number) { run.value = k; zoom.value = null; time.value = whole.value[1]; await move(true); sort(); await pin(); await surroundings(); }
+export async function choose(k: number) { run.value = k; zoom.value = null; time.value = hottest(); await move(true); sort(); await pin(); await surroundings(); }
 
 export function remember() { done.value = [...done.value, values.value]; undone.value = []; }
 function stepped(from: typeof done, to: typeof done) {

@@ -407,6 +407,15 @@ class Building:
         draft, self._opened = self.draft.edited({CAMPAIGN: edits}), name
         return draft
 
+    def _time(self, body: Body) -> Draft:
+        """Return the draft with the time column of a log named, and the errors that its thermometers show then."""
+        name = text_of(body, "record")
+        refuse_unknown([name], [r["name"] for r in self._records()], "log", "no log '{}'.", NameNotFoundError)
+        table = {**self.draft.documents[CAMPAIGN].content["records"][name], "time": text_of(body, "column")}
+        shown, channels = self._with_errors(table, table["channels"]), table["channels"]
+        table["channels"] = {c: {**shown[c], **t} if isinstance(t, Mapping) else t for c, t in channels.items()}
+        return self.draft.edited({CAMPAIGN: [Edit(("records", name), table)]})
+
     def _use(self, body: Body) -> Draft:
         """Return the draft with a log used by the fit, held out of it to be judged, or taken out of the stage."""
         name, how = text_of(body, "record"), text_of(body, "how")
@@ -520,6 +529,7 @@ class Building:
         "redo": lambda s, b: s.draft.redo(),
         "stage": _open_stage,
         "log": _log,
+        "time": _time,
         "use": _use,
         "limit": _limit,
         "bind": _bind,

@@ -561,3 +561,21 @@ def test_a_heading_with_the_letter_of_its_unit_is_bound_with_it(tmp_path: Path) 
     assert row["open"]
     assert state["log"]["channels"]["board_K"]["unit"] == "K"
     assert state["log"]["problem"] == ""
+
+
+def test_the_time_column_of_a_log_can_be_named(tmp_path: Path) -> None:
+    """Where none had a usual name, the page said to give one and had no field for it."""
+    data = write_log(tmp_path / "a.csv").read_text(encoding="utf-8").replace("time_s", "moment").encode()
+    building, state = _with_log(tmp_path, data)
+    assert "no time column" in state["log"]["problem"]
+    state = do(building, "time", record=state["log"]["record"], column="moment")
+    assert state["log"]["problem"] == ""
+    assert state["log"]["sampling"]["length"] == 14400.0
+    assert "noise" in state["log"]["channels"]["board C"]
+
+
+def test_a_name_that_is_refused_says_why_and_offers_another(tmp_path: Path) -> None:
+    building = box(tmp_path)
+    for name, words in (("chip board", "such as chip_board"), ("case", "is taken")):
+        with pytest.raises(DeckError, match=words):
+            do(building, "rename", keys=["nodes", "board"], name=name)
