@@ -27,10 +27,10 @@ export const after = new Map<string, (job: Doing) => Promise<void> | void>(), en
 export const studio = { errors, project, latencies: [] as number[], frames, ready: false, begun: 0, outcomes: 0, looks: 0, look: null as unknown, get state() { return { values: values.value, stage: stage.value, runs: runs.value, desk: desk.value, window: zoom.value }; } };
 export const busy = computed(() => project.value?.job.ended === false);
 export const current = computed(() => project.value?.stages.find((x) => x.name === stage.value) ?? null);
-// when the hottest of the sensors is, which is what the map shows at first
+// just before the hottest of the sensors is at its top, where its power may go off: what the map shows at first
 function hottest(): number {
   let top = -Infinity, when = whole.value[1];
-  for (const c of runs.value[run.value]?.curves ?? []) c.simulated.forEach((v, k) => { if (v >= top) { top = v; when = c.times[k]!; } });
+  for (const c of runs.value[run.value]?.curves ?? []) c.simulated.forEach((v, k) => { if (v >= top) { top = v; when = c.times[Math.max(k - 1, 0)]!; } });
   return when;
 }
 export const whole = computed<Pair>(() => { const all = runs.value[run.value]?.curves ?? []; return [0, Math.max(1, ...all.map((c) => c.times[c.times.length - 1] ?? 0))]; });
