@@ -44,10 +44,9 @@ export async function tried<T>(make: () => Promise<T>): Promise<T | null> {
 
 // what was moved comes back when the page is loaded anew or the stage opened again; it is this tab's alone
 interface Kept { values: Values; done: Values[]; undone: Values[] }
-const drawer = (name: string) => `thermid ${project.value?.file} ${name}`;
+const drawer = (name: string) => `thermid ${project.peek()?.file} ${name}`; // nothing is kept anew because a project was looked at
 const kept = (name: string): Kept => JSON.parse(sessionStorage.getItem(drawer(name)) ?? '{"values":{},"done":[],"undone":[]}') as Kept;
 const keep = (name: string, what: Kept) => sessionStorage.setItem(drawer(name), JSON.stringify({ values: what.values, done: what.done.slice(-50), undone: what.undone.slice(-50) }));
-export const forget = (name: string) => sessionStorage.removeItem(drawer(name));
 effect(() => { const now = { values: values.value, done: done.value, undone: undone.value }; if (desk.value && desk.value.title === stage.peek()) keep(stage.peek(), now); });
 
 // two for each pixel of a tile
@@ -130,7 +129,6 @@ function stepped(from: typeof done, to: typeof done) {
 }
 export const undo = () => stepped(done, undone), redo = () => stepped(undone, done);
 export async function become(to: Values) { values.value = to; studio.begun = performance.now(); await move(); settle(); }
-export function reset() { remember(); void become({}); }
 
 // state A: what is compared with; its curves come from its own values
 export async function pin(label?: string, of?: Values) {
@@ -158,10 +156,15 @@ export async function watch(then?: (job: Doing) => Promise<void> | void) {
 }
 export const begin = async (path: string, body: unknown) => { await ask(path, body); await watch(); };
 export const stop = () => tried(() => ask("stop", {}));
-export const runStage = () => tried(async () => { forget(stage.value); await begin("run", { stage: stage.value, below: true }); });
+export const runStage = () => tried(() => begin("run", { stage: stage.value, below: true }));
 export const fit = () => tried(() => begin("fit", { stage: stage.value, values: values.value, free: [...ticked.value] }));
 
-after.set("run", () => open(stage.value));
+// what was moved before a run is undone by it, and comes back by Undo
+after.set("run", (job) => {
+  const had = kept(job.stage!);
+  if (Object.keys(had.values).length) keep(job.stage!, { values: {}, done: [...had.done, had.values], undone: [] });
+  return open(stage.value);
+});
 after.set("fit", async (job) => {
   const result = job.result!, got = { ...Object.fromEntries(Object.entries(result.values).map(([p, v]) => [p, v.value])), ...result.others };
   if (job.stage !== stage.value) { // another was opened meanwhile: it lies there when its stage is opened again
