@@ -13,7 +13,7 @@ import numpy as np
 from thermid.app.studio.conditions import compared, conditions_object, finished
 from thermid.app.studio.curves import number_of, text_of, texts_of
 from thermid.app.studio.desk import Desk
-from thermid.app.studio.draft import CAMPAIGN, DECK, PLACES, VIEW, Draft, keep, parsed_line, recalled
+from thermid.app.studio.draft import CAMPAIGN, DECK, PLACES, VIEW, Draft, decks_in, keep, parsed_line, recalled
 from thermid.app.studio.follow import Follower, looked_at
 from thermid.app.studio.live import WATCHED_ROLES
 from thermid.app.studio.orders import curves_object
@@ -99,7 +99,7 @@ class Building:
                 "log": log,
                 "records": self._records(),
                 "parameters": self._parameters(),
-                "decks": self._decks(),
+                "decks": [d for d in decks_in(draft.deck.path.parent) if d != draft.deck.path.name],
             },
             "logs": Follower(draft.documents[CAMPAIGN].path.parent).offered()["logs"],
             "missing": sum(f["missing"] for e in elements for f in e["fields"]),
@@ -154,10 +154,6 @@ class Building:
             for path, e in table.items()
             if (literal := e.parameter.expression.literal) is not None and literal.value > 0 and path.partition(".")[0] not in switching
         ]
-
-    def _decks(self) -> list[str]:
-        folder = self.draft.deck.path.parent
-        return sorted(f.name for f in folder.glob("*.toml") if f != self.draft.deck.path and not f.name.endswith(".view.toml"))
 
     def _stage(self) -> dict[str, Any]:
         return dict(self.draft.documents[CAMPAIGN].content["stages"][self.draft.stage])

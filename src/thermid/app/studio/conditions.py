@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Final
@@ -93,7 +92,7 @@ def changed(desk: Desk, body: Mapping[str, Any]) -> Conditions:
 
 
 def _then(before: Conditions, words: str, model: Model | None = None, scenario: Scenario | None = None) -> Conditions:
-    return Conditions(model or before.model, scenario or before.scenario, (*before.changes, re.sub(r"[\[\]]", "", words)))
+    return Conditions(model or before.model, scenario or before.scenario, (*before.changes, words))
 
 
 def _powered(before: Conditions, load: str, factor: float) -> Conditions:

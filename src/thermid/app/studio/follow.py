@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.app.studio.curves import Window, thinned_curve, window_of
+from thermid.app.studio.curves import Window, number_of, thinned_curve, window_of
 from thermid.app.studio.live import LiveWatch, temperatures_alone, told_columns
 from thermid.base.errors import DeckError, MissingDataError, RecordError, ThermidError, refuse_unknown
 from thermid.base.linear_algebra import Array, Bools
@@ -129,7 +128,7 @@ class Follower:
         if query.get("known") == version and not (due and self._kept is not None and self._kept.behind):
             return {"same": True, "known": version, "age": age}
         begun, before, told = time.monotonic(), self._kept, temperatures_alone(told_columns(query))
-        slowest, since = _hours(query.get("slowest"), "slowest"), _hours(query.get("since"), "since")
+        slowest, since = _hours(query, "slowest"), _hours(query, "since")
         table: dict[str, Any] = {"known": version, "age": age}
         try:
             table |= {"columns": self._looked(path), "roles": self._live.roles()}
@@ -161,7 +160,7 @@ class Follower:
     def _curves_and_forecasts(self, record: Record, rule: StabilityRule, query: Mapping[str, Any]) -> dict[str, Any]:
         """Return curves, stability and forecasts of a log."""
         window, reference = window_of(query), str(query.get("reference") or "")
-        since = _hours(query.get("since"), "since")
+        since = _hours(query, "since")
         names = [n for n in record.channels if n != reference]
         refuse_unknown([reference] if reference else (), record.channels, record.name, "unknown channel '{}'.")
         stabilities: dict[str, ChannelStability] = {}
@@ -207,20 +206,16 @@ class Follower:
         return self._kept
 
 
-def _hours(value: Any, name: str) -> float | None:
-    """Return a time from hours; None where none is given. [s]"""
-    if value is None or value == "":
-        return None
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise RecordError(f"'{name}' is a number of hours.", "bench", code="value.wrong-kind")
-    return 3600.0 * float(value)
+def _hours(query: Mapping[str, Any], key: str) -> float | None:
+    """Return a time that a page gives in hours; None where it gives none. [s]"""
+    return None if query.get(key) in (None, "") else 3600.0 * number_of(query, key)
 
 
 def _forecast(record: Record, name: str, rule: StabilityRule, query: Mapping[str, Any], begun: float) -> dict[str, Any]:
     """Return where a channel will end, or why that is not said."""
     if time.monotonic() - begun > BUDGET:
         return {"declined": "Not computed, to save time. Choose this channel to compute it.", "final": None, "open": True}
-    since, slowest = _hours(query.get("since"), "since"), _hours(query.get("slowest"), "slowest")
+    since, slowest = _hours(query, "since"), _hours(query, "slowest")
     reference = str(query.get("reference") or "")
     try:
         outlook = forecast(record, name, since="start" if since is None else since, rule=rule, reference=reference, slowest=slowest)

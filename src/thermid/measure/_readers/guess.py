@@ -34,10 +34,9 @@ _TO_THINK_OF: Final = (-100.0, 500.0)
 """Readings that a temperature without a unit may have. [degC]"""
 _POWER: Final = re.compile(r"p($|[\d_ ])|power|watt|leistung|pot[eê]ncia|heat_?load", re.IGNORECASE)
 _ELECTRIC: Final = {
-    ("V", "a voltage"): re.compile(r"(^|[_ ])(volts?|voltage|spannung|tens[aã]o)($|[_ ])", re.IGNORECASE),
-    ("A", "a current"): re.compile(r"(^|[_ ])(amps?|amperes?|current|strom|corrente)($|[_ ])", re.IGNORECASE),
+    "V": ("a voltage", re.compile(r"(^|[_ ])(volts?|voltage|spannung|tens[aã]o)($|[_ ])", re.IGNORECASE)),
+    "A": ("a current", re.compile(r"(^|[_ ])(amps?|amperes?|current|strom|corrente)($|[_ ])", re.IGNORECASE)),
 }
-_ELECTRIC_LETTERS: Final = {text: what for text, what in _ELECTRIC}
 _SCALES: Final = {"C": "degC", "F": "degF", "K": "K"}
 _LETTERED: Final = re.compile(r"(?P<stem>.*\w)[_ ](?P<letter>[A-Z])\Z")
 """Names with one letter as the last word: a unit, where no name of the same beginning has a letter there that is none (board A, B, C)."""
@@ -93,7 +92,7 @@ def columns_of(cells: Cells, decimal: str, times: tuple[int, ...]) -> list[Colum
     """
     out, bare = [], [name_and_unit(header)[0] for header in cells.header]
     lettered = [match for name in bare if (match := _LETTERED.match(name))]
-    numbered = {match["stem"] for match in lettered if match["letter"] not in {*_SCALES, *_ELECTRIC_LETTERS, "W"}}
+    numbered = {match["stem"] for match in lettered if match["letter"] not in {*_SCALES, *_ELECTRIC, "W"}}
     for at, header in enumerate(cells.header):
         name, text = (header, name_and_unit(header)[1]) if bare.count(bare[at]) > 1 else name_and_unit(header)
         if at in times:
@@ -160,7 +159,7 @@ def _by_name(name: str, finite: FloatArray, letter: str) -> tuple[str, str, str]
         return "power", "W", ends
     if _POWER.match(name):
         return "power", "W", "by its name"
-    for (text, what), words in _ELECTRIC.items():
+    for text, (what, words) in _ELECTRIC.items():
         if words.search(name):
             return "ignored", text, f"{what}, by its name"
     if _DUTY.search(name):
@@ -174,8 +173,8 @@ def _by_name(name: str, finite: FloatArray, letter: str) -> tuple[str, str, str]
         return _temperature(name, "K" if hot else "degC", "by its name" + (" and size" if hot else ""))
     if min(SENSOR_FAULT_CODES) in codes_of(finite):
         return _temperature(name, "degC", f"by the {min(SENSOR_FAULT_CODES):g} of a lost sensor")
-    if letter in _ELECTRIC_LETTERS:
-        return "ignored", letter, f"{_ELECTRIC_LETTERS[letter]}, as {ends}"
+    if letter in _ELECTRIC:
+        return "ignored", letter, f"{_ELECTRIC[letter][0]}, as {ends}"
     return "ignored", "", "no unit, and its name gives none"
 
 

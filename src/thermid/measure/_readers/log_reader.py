@@ -27,7 +27,6 @@ from thermid.measure.amounts import amount
 
 SCPI_OVERLOAD: Final = 9.9e36
 """What instruments with SCPI write for an overload or an open sensor is 9.9e37, of either sign; it is masked as infinite."""
-_SCALES: Final = ("degC", "K", "degF", "°C")
 
 
 def read_record(
