@@ -234,8 +234,6 @@ def test_a_part_has_its_needs_bound(tmp_path: Path) -> None:
     (tmp_path / "part.toml").write_text('title = "part"\nneeds = ["air"]\n[nodes]\nbody = { capacitance = "9 [J/K]" }\n', encoding="utf-8")
     stage = '[[stages]]\nname = "part"\nmodel = "part.toml"\n'
     (tmp_path / "part_campaign.toml").write_text(f'title = "part"\n[records]\n{stage}', encoding="utf-8")
-        'title = "part"\n[records]\n[[stages]]\nname = "part"\nmodel = "part.toml"\n', encoding="utf-8"
-    )
     building = Building(tmp_path / "whole.toml")
     assert building.state()["decks"] == ["part.toml"]  # a campaign was offered as a part
     with pytest.raises(DeckError):
