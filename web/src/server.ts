@@ -50,7 +50,7 @@ function numbers(text: string, size: 4 | 8): Float32Array | Float64Array {
 }
 
 // units and signs that files write in plain letters
-export const nice = (text: string) => text.replaceAll("^2", "²").replaceAll("^3", "³").replace(/\bdegC\b/g, "°C");
+export const nice = (text: string) => text.replaceAll("+-", "±").replaceAll("^2", "²").replaceAll("^3", "³").replace(/\bdegC\b/g, "°C");
 export function shown(v: number | null | undefined, digits = 4): string {
   if (v === null || v === undefined || !Number.isFinite(v)) return "–";
   return String(Number(v.toPrecision(digits)));
