@@ -284,13 +284,9 @@ def waiting(folder: Path) -> list[str]:
     return out
 
 
-def kind_of(file: Path) -> tuple[str, str]:
-    """Return whether a file is a deck or a campaign, and its title; nothing for any other."""
-    return _kind(file, file.lstat().st_mtime_ns)
-
-
 @lru_cache(maxsize=1024)
-def _kind(file: Path, _written: int) -> tuple[str, str]:
+def kind_of(file: Path, written: int) -> tuple[str, str]:
+    """Return whether a file is a deck or a campaign, and its title; nothing for any other. `written` is its time of change. [ns]"""
     try:
         content, _ = read_toml(file)
     except (ThermidError, OSError):
@@ -301,4 +297,4 @@ def _kind(file: Path, _written: int) -> tuple[str, str]:
 
 def decks_in(folder: Path) -> list[str]:
     """Return the names of the decks of a folder."""
-    return [f.name for f in sorted(folder.glob("*.toml")) if kind_of(f)[0] == "deck"]
+    return [f.name for f in sorted(folder.glob("*.toml")) if kind_of(f, f.lstat().st_mtime_ns)[0] == "deck"]

@@ -134,7 +134,8 @@ class Room:
         out: list[dict[str, str]] = []
         for pattern in ("*.toml", *("*/" * k + "*.toml" for k in range(1, FOLDERS_DEEP + 1))):
             for file in sorted(self.folder.glob(pattern)):
-                kind, title = kind_of(file) if len(out) < FILES_SHOWN and file.resolve().is_relative_to(self.folder) else ("", "")
+                inside = len(out) < FILES_SHOWN and file.resolve().is_relative_to(self.folder)
+                kind, title = kind_of(file, file.lstat().st_mtime_ns) if inside else ("", "")
                 if kind:
                     out.append({"file": file.relative_to(self.folder).as_posix(), "kind": kind, "title": title})
         return out

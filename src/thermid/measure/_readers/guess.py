@@ -91,10 +91,9 @@ def columns_of(cells: Cells, decimal: str, times: tuple[int, ...]) -> list[Colum
     times : tuple    Places of the time column, or of the date and the time.
     """
     out, bare = [], [name_and_unit(header)[0] for header in cells.header]
-    lettered = [match for name in bare if (match := _LETTERED.match(name))]
-    numbered = {match["stem"] for match in lettered if match["letter"] not in {*_SCALES, *_ELECTRIC, "W"}}
+    numbered = {m["stem"] for name in bare if (m := _LETTERED.match(name)) and m["letter"] not in {*_SCALES, *_ELECTRIC, "W"}}
     for at, header in enumerate(cells.header):
-        name, text = (header, name_and_unit(header)[1]) if bare.count(bare[at]) > 1 else name_and_unit(header)
+        name, text = header if bare.count(bare[at]) > 1 else bare[at], name_and_unit(header)[1]
         if at in times:
             out.append(Column(header, name, text or "", False, "time", "its cells are the times"))
             continue

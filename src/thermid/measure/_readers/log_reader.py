@@ -165,8 +165,8 @@ def temperature_columns(path: str | Path, time: str | None = None, separator: st
     RecordError        As `log_cells`, and when no column is the time's.
     """
     cells = log_cells(Path(path), separator)
-    seen = columns_of(cells, decimal_sign(cells, None), clock_column(cells, time).places)
-    return [c.name for c in seen if c.guess in ("temperature", "boundary")]
+    columns = columns_of(cells, decimal_sign(cells, None), clock_column(cells, time).places)
+    return [c.name for c in columns if c.guess in ("temperature", "boundary")]
 
 
 def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times: FloatArray) -> Channel:

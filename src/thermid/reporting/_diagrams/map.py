@@ -11,7 +11,6 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.dual import value_of
-from thermid.base.units import counted
 from thermid.model.tree import FlatConductor, Model
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting._blocks.content import oversized
@@ -423,8 +422,7 @@ def _legend(drawing: _Drawing, plan: MapPlaces, title: str) -> Iterator[str]:
     flat, y = drawing.plain.flat, plan.height - FOOT
     boundaries = ", ".join(flat.names.boundaries) or "none"
     many = f"; named on what they join: {', '.join(sorted(plan.hubs))}" if plan.hubs else ""
-    counts = f"{counted(len(flat.nodes), 'node')}, {counted(len(flat.conductors), 'heat path')}"
-    heading = f"{title}: {counts}; given temperatures: {boundaries}{many}"
+    heading = f"{title}. Nodes: {len(flat.nodes)}; heat paths: {len(flat.conductors)}; given temperatures: {boundaries}{many}"
     yield _text(14.0, y + 16.0, clipped(heading, plan.width - 28.0, 1.15 * NAME), NAME, "name", heading)
     x = 14.0
     kinds = (c.kind for pair in _drawn(drawing, plan) for c in drawing.joined[pair][:1])

@@ -16,7 +16,7 @@ from thermid.app.cli.app import app
 from thermid.app.studio.follow import Follower
 from thermid.app.studio.live import LiveWatch
 from thermid.app.studio.project import Project
-from thermid.base.errors import RecordError
+from thermid.base.errors import RecordError, ThermidError
 from thermid.measure.steadiness import rule_of
 from thermid.model.tree import Model
 from unit.fit.estimation.rig import Array, logged, rig, run
@@ -181,7 +181,7 @@ def test_the_bench_view_has_it(tmp_path: Path, log: Callable[..., Path]) -> None
     told = Follower(tmp_path, None, LiveWatch(held())).look({"file": "run.csv", "boundaries": "air=22"})
     assert told["watch"]["advice"] == "stop"
     assert np.isfinite(told["watch"]["ends"]["chip"]["final_C"])
-    with pytest.raises(RecordError):
+    with pytest.raises(ThermidError):
         Follower(tmp_path, None, LiveWatch(held())).look({"file": "run.csv", "since": "soon"})
 
 
