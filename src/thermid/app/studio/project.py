@@ -408,18 +408,6 @@ class Project:
         file = resolve_inside(self.path.parent, deck, "swap", ())
         return plan_retune(self.campaign or self._unjudged_campaign(), part, load_model(file))
 
-    def decks(self) -> tuple[str, ...]:
-        """Return the decks beside the campaign."""
-        out = []
-        for file in sorted(self.path.parent.glob("*.toml")):
-            try:
-                content, _ = read_toml(file)
-            except ThermidError:
-                continue
-            if {"nodes", "submodels"} & set(content):
-                out.append(file.name)
-        return tuple(out)
-
     def table(self) -> Table:
         """Return heat transfer coefficients, parts down, stages that are done across, as reports have them."""
         if self._levels is None or self._levels[0] != self.fits:

@@ -142,8 +142,9 @@ def free_name(wanted: str, taken: Container[str]) -> str:
 
 
 def _no_name(name: str) -> DeckError:
-    why = f"'{name}' is taken, or cannot be one. Give letters, digits and _ only, a letter first."
-    return DeckError(why, "palette", code="output.edit-refused")
+    plain = re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII)
+    why = "is taken. Give another name" if plain else f"is no name. Give letters, digits and _ only, a letter first, such as {word(name)}"
+    return DeckError(f"'{name}' {why}.", "palette", code="output.edit-refused")
 
 
 def stored(content: Mapping[str, Any], name: str, how: str) -> list[Edit]:

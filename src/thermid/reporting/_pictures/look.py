@@ -31,6 +31,7 @@ from thermid.measure.readers import (
     hidden_switches,
     log_cells,
     lost_hour,
+    name_and_unit,
     read_times,
     repeated_stamps,
     unit_question,
@@ -209,10 +210,8 @@ class Look(Result):
         return "\n".join(out) + "\n"
 
     def _channel(self, c: Column) -> list[str]:
-        twice = sum(other.name == c.name for other in self.columns) > 1
-        key = c.header if twice else c.name
-        key = key if _BARE.match(key) else json.dumps(key, ensure_ascii=False)
-        target = re.sub(r"\W+", "_", c.name).strip("_") or "node"
+        key = c.name if _BARE.match(c.name) else json.dumps(c.name, ensure_ascii=False)
+        target = re.sub(r"\W+", "_", name_and_unit(c.header)[0]).strip("_") or "node"
         role = {"temperature": "node", "boundary": "boundary"}.get(c.guess, "load")
         by_name = c.unit not in ("degC", "W") and "ends in" in c.why
         options = f', unit = "{c.unit}"' if c.assumed or by_name else ""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shutil
 from html import unescape
 from pathlib import Path
 
@@ -51,6 +53,15 @@ def test_every_prediction_is_made_and_its_margin_counts_from_the_band(call: Call
     assert text.index("hot: smallest margin") < text.index("What was fitted")
     assert f"{margin['margin_K']:.2f}" in text
     assert 'id="predictions"' in text
+
+
+@pytest.mark.campaign
+def test_a_summary_with_two_predictions_has_two_sheets(call: Call, campaign: Path, tmp_path: Path) -> None:
+    """It had three: a heading that said a line of the top again, and a section for verdicts that there are none of."""
+    if shutil.which("chromium") is None:
+        pytest.skip("no Chromium to print with")
+    assert call("report", asked(campaign, "90"), "--to", tmp_path / "page.pdf", "--for", "summary").code == 0
+    assert re.findall(rb"/Type /Pages\s*/Count (\d+)", (tmp_path / "page.pdf").read_bytes()) == [b"2"]
 
 
 def test_a_limit_that_a_band_exceeds_is_exit_code_1(call: Call, campaign: Path) -> None:
