@@ -99,17 +99,17 @@ def _errors_kept(path: Path, key: str, make: Callable[[], dict[str, Any]]) -> di
     """Return a model of error as it is kept; where nothing is kept, anything has changed since or the file is damaged, as made now."""
     try:
         stored = json.loads(path.read_text(encoding="utf-8"))
-        found: dict[str, Any] = stored["errors"]
-        if (stored["key"], stored["code"], stored["sha256"]) == (key, code_digest(), _digest(found)):
-            return found
+        errors: dict[str, Any] = stored["errors"]
+        if (stored["key"], stored["code"], stored["sha256"]) == (key, code_digest(), _digest(errors)):
+            return errors
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         pass
-    found = make()
-    content = {"key": key, "code": code_digest(), "sha256": _digest(found), "errors": found}
+    errors = make()
+    content = {"key": key, "code": code_digest(), "sha256": _digest(errors), "errors": errors}
     with suppress(OSError, ThermidError):  # what cannot be kept is made again
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, json.dumps(content), RESULTS_FILE)
-    return found
+    return errors
 
 
 def _digest(content: Mapping[str, Any]) -> str:

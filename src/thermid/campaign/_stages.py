@@ -494,10 +494,9 @@ def run_stages(
             name, place = todo[k].name, source.where(f"stages.{k}")
             with errors_at(place, ": "):
                 request, ingredients[name] = keyed(request_of(source, todo[k], k, done), todo[k], keys)
-            requests[name], keys[name] = request, request.key
-            progress_and_executor = (progress_of(notice, name), executor) if len(ready) == 1 else (None, None)
-            kept = (recall(folder, name, request.key), errors_kept(folder, name, request.key))
-            tasks.append((place, (request, source.path.name, place, *kept, *progress_and_executor)))
+            requests[name], keys[name] = request, (key := request.key)
+            alone = (progress_of(notice, name), executor) if len(ready) == 1 else (None, None)
+            tasks.append((place, (request, source.path.name, place, recall(folder, name, key), errors_kept(folder, name, key), *alone)))
         for _, (fitted, new) in in_tasks(_fitted, tasks, executor if len(ready) > 1 else None):
             name = fitted.stage
             if new:

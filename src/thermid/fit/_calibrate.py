@@ -836,18 +836,16 @@ def fit_problem(
 ) -> Calibration:
     """Return the calibration of a problem that was made for a request."""
     with one_thread():
-        return _fitted(request, problem, progress, recalled, stoppable, executor, keeping)
+        calibration, spread = _fitted(request, problem, progress, recalled, stoppable, executor)
+        errors = ErrorsOfFit(calibration, keeping if calibration.converged else None)
+        if request.structural_errors or _suspect(calibration, spread):
+            calibration = with_structural_errors(calibration, errors)
+        return _with_errors(calibration, errors)
 
 
 def _fitted(
-    request: Request,
-    problem: Problem,
-    progress: Progress | None,
-    recalled: KeptFit | None,
-    stoppable: bool,
-    executor: Workers,
-    keeping: Keeping | None,
-) -> Calibration:
+    request: Request, problem: Problem, progress: Progress | None, recalled: KeptFit | None, stoppable: bool, executor: Workers
+) -> tuple[Calibration, Autocorrelation]:
     stated = all(o.noise is not None for o in problem.observations())
     if recalled is not None and not request.effective and list(recalled.fitted) == [u.name for u in problem.unknowns]:
         minimum = ended(problem, np.array(list(recalled.fitted.values())), request.loss, request.loss_scale, recalled.evaluations)
@@ -899,11 +897,7 @@ def _fitted(
     assumed = assumed_moves(request, problem, minimum, spread)
     errors = responses(request, problem, minimum, spread.variance_factor, random, weights, assumed.ranges)
     _refuse_without_errors(request, problem, errors.total)
-    calibration = with_discrepancy(replace(summarise(request, problem, minimum, errors, random, spread), kept=end_to_keep), assumed)
-    found_errors = ErrorsOfFit(calibration, keeping if calibration.converged else None)
-    if request.structural_errors or _suspect(calibration, spread):
-        calibration = with_structural_errors(calibration, found_errors)
-    return _with_errors(calibration, found_errors)
+    return with_discrepancy(replace(summarise(request, problem, minimum, errors, random, spread), kept=end_to_keep), assumed), spread
 
 
 def _with_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration:

@@ -452,19 +452,19 @@ class ErrorsOfFit:
     Parameters
     ----------
     fit : Calibration
-    keeping : callable or None  Keeps `found` for the next time.
+    keeping : callable or None  Keeps `numbers` for the next time.
     """
 
     fit: Calibration
     keeping: Keeping | None = None
 
     @cached_property
-    def found(self) -> Mapping[str, Any]:
+    def numbers(self) -> Mapping[str, Any]:
         """The table for files (``table``); by what it would move fitted values, their variances and its gain, with all digits."""
         return self.keeping(self._make) if self.keeping is not None else self._make()
 
     def _make(self) -> dict[str, Any]:
-        """Return what is found now: of values and what is left over alone where elements cannot be followed."""
+        """Return them as worked out now: of values and what is left over alone where elements cannot be followed."""
         try:
             errors = ErrorModel.of_fit(self.fit)
         except (ThermidError, np.linalg.LinAlgError) as error:
@@ -475,7 +475,7 @@ class ErrorsOfFit:
 
     def table(self) -> Mapping[str, Any]:
         """Return the table for files."""
-        out: Mapping[str, Any] = self.found["table"]
+        out: Mapping[str, Any] = self.numbers["table"]
         return out
 
 
@@ -555,12 +555,12 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
     that would move it by; none becomes smaller. Where there is no model of error a warning of the fit says why.
     """
     is_requested = fit.request is not None and fit.request.structural_errors
-    if why := errors.found["table"]["why"]:
+    if why := errors.numbers["table"]["why"]:
         words = f"the errors do not count what the structure may lack ({why.rstrip('.')}). Look for it with `thermid criticise`."
         return replace(fit, warnings=(*fit.warnings, words))
-    if not is_requested and errors.found["gain"] < MIN_LOG_BAYES_FACTOR:
+    if not is_requested and errors.numbers["gain"] < MIN_LOG_BAYES_FACTOR:
         return fit  # what wanders is as likely noise
-    return _widened(fit, errors.found["moved"], errors.found["variances"])
+    return _widened(fit, errors.numbers["moved"], errors.numbers["variances"])
 
 
 def _widened(fit: Calibration, moved: Mapping[str, float], variances: Mapping[str, float]) -> Calibration:
