@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
-from functools import cache, partial
+from functools import cache
 from importlib.metadata import version
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -29,7 +29,7 @@ from thermid.fit._calibration import (
     loudly,
 )
 from thermid.fit._error_model.discrepancy import assumed_moves, with_discrepancy
-from thermid.fit._error_model.kept import KEY as ERRORS, ErrorModel, error_table, with_structural_errors
+from thermid.fit._error_model.kept import KEY as ERRORS, ErrorsOfFit, Keeping, with_structural_errors
 from thermid.fit._inputs import inputs_of
 from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
 from thermid.fit._problem.experiment import UNSAID_NOISE, Experiment
@@ -815,15 +815,17 @@ def fit(
     recalled: KeptFit | None = None,
     stoppable: bool = False,
     executor: Workers = None,
+    keeping: Keeping | None = None,
 ) -> Calibration:
     """Return the calibration that a request asks for; see `calibrate`.
 
     `recalled` is what was kept of the same fit from before; its end is then evaluated and not searched again. `stoppable` says
-    whether the interrupt key ends the search with the best values so far; what makes many fits leaves it to go through.
+    whether the interrupt key ends the search with the best values so far; what makes many fits leaves it to go through. `keeping` keeps
+    the model of error of a fit that ended, which takes as long as many searches.
     """
     if request.hand is not None:
         return tuned_by_hand(request, request.hand)
-    return fit_problem(request, build_problem(request), progress, recalled, stoppable, executor)
+    return fit_problem(request, build_problem(request), progress, recalled, stoppable, executor, keeping)
 
 
 def fit_problem(
@@ -833,15 +835,20 @@ def fit_problem(
     recalled: KeptFit | None = None,
     stoppable: bool = False,
     executor: Workers = None,
+    keeping: Keeping | None = None,
 ) -> Calibration:
     """Return the calibration of a problem that was made for a request."""
     with one_thread():
-        return _fitted(request, problem, progress, recalled, stoppable, executor)
+        calibration, spread = _fitted(request, problem, progress, recalled, stoppable, executor)
+        errors = ErrorsOfFit(calibration, keeping if calibration.converged else None)
+        if request.structural_errors or _suspect(calibration, spread):
+            calibration = with_structural_errors(calibration, errors)
+        return _with_errors(calibration, errors)
 
 
 def _fitted(
     request: Request, problem: Problem, progress: Progress | None, recalled: KeptFit | None, stoppable: bool, executor: Workers
-) -> Calibration:
+) -> tuple[Calibration, Autocorrelation]:
     stated = all(o.noise is not None for o in problem.observations())
     if recalled is not None and not request.effective and list(recalled.fitted) == [u.name for u in problem.unknowns]:
         minimum = ended(problem, np.array(list(recalled.fitted.values())), request.loss, request.loss_scale, recalled.evaluations)
@@ -893,17 +900,14 @@ def _fitted(
     assumed = assumed_moves(request, problem, minimum, spread)
     errors = responses(request, problem, minimum, spread.variance_factor, random, weights, assumed.ranges)
     _refuse_without_errors(request, problem, errors.total)
-    calibration = with_discrepancy(replace(summarise(request, problem, minimum, errors, random, spread), kept=end_to_keep), assumed)
-    if request.structural_errors or _suspect(calibration, spread):
-        return _with_errors(*with_structural_errors(calibration))
-    return _with_errors(calibration, None)
+    return with_discrepancy(replace(summarise(request, problem, minimum, errors, random, spread), kept=end_to_keep), assumed), spread
 
 
-def _with_errors(fit: Calibration, errors: ErrorModel | None) -> Calibration:
+def _with_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration:
     """Return a fit whose values keep its model of error, which is made when somebody asks for it if it is not there."""
     if fit.stopped or fit.problem is None or not any(u.kind == "parameter" for u in fit.problem.unknowns):
         return fit
-    provenance = {**fit.values.provenance, ERRORS: LaterTable(errors.to_dict if errors is not None else partial(error_table, fit))}
+    provenance = {**fit.values.provenance, ERRORS: LaterTable(errors.table)}
     store = replace(fit.store, provenance={**fit.store.provenance, fit.values.stage: provenance})
     return replace(fit, values=replace(fit.values, provenance=provenance), store=store)
 

@@ -8,7 +8,7 @@ covariance, so that what is left of departures once the values are known has unk
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -441,12 +441,42 @@ def deviation(c: UnknownColumn, sizes: Mapping[str, float], beyond: Mapping[str,
     return float(np.sqrt(size**2 + rest * sizes[kind] ** 2)) if kind else size
 
 
-def error_table(fit: Calibration) -> dict[str, Any]:
-    """Return the model of error of a fit as plain numbers: of values and what is left over alone where elements cannot be followed."""
-    try:
-        return ErrorModel.of_fit(fit).to_dict()
-    except (ThermidError, np.linalg.LinAlgError) as error:
-        return errors_of_values(fit, getattr(error, "message", "its runs leave the sizes of departures open")).to_dict()
+Keeping = Callable[[Callable[[], dict[str, Any]]], dict[str, Any]]
+"""Takes what makes a table and returns the table: as it was kept, or made now and kept."""
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorsOfFit:
+    """The model of error of a fit as plain numbers, worked out when somebody asks for it: from what is kept of it, where it is.
+
+    Parameters
+    ----------
+    fit : Calibration
+    keeping : callable or None  Keeps `numbers` for the next time.
+    """
+
+    fit: Calibration
+    keeping: Keeping | None = None
+
+    @cached_property
+    def numbers(self) -> Mapping[str, Any]:
+        """The table for files (``table``); by what it would move fitted values, their variances and its gain, with all digits."""
+        return self.keeping(self._make) if self.keeping is not None else self._make()
+
+    def _make(self) -> dict[str, Any]:
+        """Return them as worked out now: of values and what is left over alone where elements cannot be followed."""
+        try:
+            errors = ErrorModel.of_fit(self.fit)
+        except (ThermidError, np.linalg.LinAlgError) as error:
+            errors = errors_of_values(self.fit, getattr(error, "message", "its runs leave the sizes of departures open"))
+        moved = {n: float(x - self.fit.fitted[n]) for n, x in zip(errors.unknowns, errors.mean.tolist(), strict=True)}
+        variances = dict(zip(errors.unknowns, np.diag(errors.covariance).tolist(), strict=True))
+        return {"table": errors.to_dict(), "moved": moved, "variances": variances, "gain": float(errors.gain)}
+
+    def table(self) -> Mapping[str, Any]:
+        """Return the table for files."""
+        out: Mapping[str, Any] = self.numbers["table"]
+        return out
 
 
 def errors_without(errors: LaterTable | Mapping[str, Any], part: str) -> LaterTable:
@@ -518,24 +548,19 @@ def _problem_of(fit: Calibration) -> Problem:
     return problem
 
 
-def with_structural_errors(fit: Calibration) -> tuple[Calibration, ErrorModel | None]:
-    """Return a fit whose errors count how elements depart from their laws, and the model of error behind them.
+def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration:
+    """Return a fit whose errors count how elements depart from their laws, by its model of error.
 
     A value stays where its fit found it. Its error is the root of the sum of its variance by the model of error and of the square of what
     that would move it by; none becomes smaller. Where there is no model of error a warning of the fit says why.
     """
     is_requested = fit.request is not None and fit.request.structural_errors
-    try:
-        errors = ErrorModel.of_fit(fit)
-    except (ThermidError, np.linalg.LinAlgError) as error:
-        why = getattr(error, "message", "the readings and the bounds together leave the sizes of departures open")
+    if why := errors.numbers["table"]["why"]:
         words = f"the errors do not count what the structure may lack ({why.rstrip('.')}). Look for it with `thermid criticise`."
-        return replace(fit, warnings=(*fit.warnings, words)), None
-    if not is_requested and errors.gain < MIN_LOG_BAYES_FACTOR:
-        return fit, errors  # what wanders is as likely noise
-    moved = {n: float(x - fit.fitted[n]) for n, x in zip(errors.unknowns, errors.mean, strict=True)}
-    variances = dict(zip(errors.unknowns, np.diag(errors.covariance).tolist(), strict=True))
-    return _widened(fit, moved, variances), errors
+        return replace(fit, warnings=(*fit.warnings, words))
+    if not is_requested and errors.numbers["gain"] < MIN_LOG_BAYES_FACTOR:
+        return fit  # what wanders is as likely noise
+    return _widened(fit, errors.numbers["moved"], errors.numbers["variances"])
 
 
 def _widened(fit: Calibration, moved: Mapping[str, float], variances: Mapping[str, float]) -> Calibration:

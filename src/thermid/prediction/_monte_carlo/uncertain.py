@@ -211,9 +211,14 @@ class UncertainRuns(Result):
     @cached_property
     def draws(self) -> dict[str, Array]:
         """Name -> value of every member (members,), shifts for boundaries; ``scenario`` and ``start_time`` are counted. [SI]"""
-        return self.drawn(len(self))
+        return self._drawn(len(self))
 
-    def drawn(self, members: int) -> dict[str, Array]:
+    @cached_property
+    def draws_of_whole(self) -> dict[str, Array]:
+        """The same of the members that were kept whole."""
+        return self.draws if self.whole == len(self) else self._drawn(self.whole)
+
+    def _drawn(self, members: int) -> dict[str, Array]:
         """Return `draws` of the first members."""
         job = self.job
         sources = job.budget.drawn(job.budget.numbers(job.seed, 0, members))
