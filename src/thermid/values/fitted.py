@@ -438,8 +438,8 @@ def _read(data: Mapping[str, Any], source_rows: Sequence[Any]) -> Store:
         root,
         data["seen"],
         {
-            stage: {**made, "errors": LaterTable.made(made["errors"])} if "errors" in made else made
-            for stage, made in data.get("provenance", {}).items()
+            stage: {**of_stage, "errors": LaterTable.of_table(of_stage["errors"])} if "errors" in of_stage else of_stage
+            for stage, of_stage in data.get("provenance", {}).items()
         },
         tuple(data["cuts"]),
         tuple(Dropped(**d) for d in data["dropped"]),

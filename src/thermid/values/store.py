@@ -532,7 +532,7 @@ class Store(Shown):
 
         states = {p: kept(s) for p, s in remaining.states.items()}
         names = {p: s.path for p, s in states.items() if p != s.path}
-        provenance = {stage: _provenance_named(made, names) for stage, made in remaining.provenance.items()}
+        provenance = {stage: _provenance_renamed(of_stage, names) for stage, of_stage in remaining.provenance.items()}
         return replace(remaining, states={s.path: s for s in states.values()}, provenance=provenance)
 
     def parted(self, apart: Collection[str]) -> Store:
@@ -860,7 +860,7 @@ class LaterTable:
     without: tuple[str, ...] = ()
 
     @classmethod
-    def made(cls, table: Mapping[str, Any]) -> LaterTable:
+    def of_table(cls, table: Mapping[str, Any]) -> LaterTable:
         """Return a table that is there."""
         return cls(lambda: table, table["at"], tuple(table.get("without", ())))
 
@@ -910,7 +910,7 @@ def _provenance_without(provenance: Mapping[str, Any], gone: Collection[str]) ->
     return out
 
 
-def _provenance_named(provenance: Mapping[str, Any], names: Mapping[str, str]) -> Mapping[str, Any]:
+def _provenance_renamed(provenance: Mapping[str, Any], names: Mapping[str, str]) -> Mapping[str, Any]:
     """Return what is kept of a fit whose values have other names by now."""
     if "structural" not in provenance:
         return provenance

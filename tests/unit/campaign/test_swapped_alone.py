@@ -203,4 +203,4 @@ def test_a_second_swap_keeps_the_first_in_mind(twins: tuple[td.Campaign, td.Mode
     both = errors_without(errors_without(table, ["hx"]), ["hy"])
     assert both.without == ("hx", "hy")
     assert not any(n.startswith("h") for n in ErrorModel.from_dict(both.table).seen)
-    assert LaterTable.made(both.table).without == both.without
+    assert LaterTable.of_table(both.table).without == both.without
