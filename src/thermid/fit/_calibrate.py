@@ -59,6 +59,8 @@ autocorrelated part may be so many times the independent one, or so much of what
 ASIDE, STRAINED = 3.0, 5.0
 """Standard deviations from its prior at which a value of a single record is remarked on, and from which its fit is not adequate: what
 one record takes up so far from what is known of it is physics that the model lacks, or a prior that is wrong. [-]"""
+IN_COMMON = 0.5
+"""Expected correlation of the constant errors of instruments of one kind, of which nothing is stated but that it is none to all. [-]"""
 NOISE_RATIO, NO_NOISE = 1.5, 1e-3
 """Factor between stated noise and the noise that readings show, from which it is said; what they show below which they have none [K]."""
 ERROR_OF_SEEN_NOISE = 1.6
@@ -92,18 +94,22 @@ def own_standing(
 def _shifted_together(problem: Problem, minimum: Fit) -> tuple[float, str]:
     """Return by how many of its standard deviations all sensors read high or low together, beside the logged boundaries, and that in words.
 
-    A law that is wrong moves them together, where instruments that err independently hardly do. Of one sensor nothing is said.
+    A law that is wrong moves them together, where instruments that err independently hardly do. Of one sensor nothing is said. Instruments
+    of one log share a reference junction, a converter or a calibration bath: no accuracy says how much of it, so the correlation of their
+    errors is taken as uniform between 0 and 1, and the variance of their mean is that at its expectation (`IN_COMMON`).
     """
     groups: dict[str, list[tuple[float, float]]] = {"sensor": [], "shared": []}
     for u, x in zip(problem.unknowns, minimum.fitted.tolist(), strict=True):
         if u.kind in groups and u.unit == "K" and u.prior is not None:
-            groups[u.kind].append((x, u.prior.sd**-2.0))
+            groups[u.kind].append((x, u.prior.sd))
     if len(groups["sensor"]) < 2:
         return 0.0, ""
     columns = [np.array(group).T for group in groups.values() if group]
+    shares = [sd**-2.0 / (sd**-2.0).sum() for _, sd in columns]
     # what is added to a logged boundary is what it reads low
-    shift = float(sum(x @ w / w.sum() for x, w in columns))
-    deviations = abs(shift) / math.sqrt(sum(1.0 / w.sum() for _, w in columns))
+    shift = float(sum(x @ share for (x, _), share in zip(columns, shares, strict=True)))
+    parts = [IN_COMMON * (share @ sd) ** 2 + (1.0 - IN_COMMON) * share**2 @ sd**2 for (_, sd), share in zip(columns, shares, strict=True)]
+    deviations = abs(shift) / math.sqrt(sum(parts))
     high = f"{short(abs(shift))} K {'high' if shift > 0.0 else 'low'} together"
     return deviations, f"all sensors would read {high}, {deviations:.1f} standard deviations by their accuracies"
 

@@ -21,13 +21,10 @@ from thermid.values.fitted import FittedValue, FittedValues, as_store
 from thermid.values.store import (
     COVARIANCE_KINDS,
     Kind,
-    LaterTable,
     Normal,
     Source,
     State,
     Store,
-    error_table_of,
-    errors_under,
     graft,
     model_standing,
     structural_under,
@@ -116,17 +113,12 @@ class Knowledge(Result):
         A part that was replaced since is not among what a stage saw.
         """
         out: list[ErrorModel] = []
-        taken: list[tuple[str, str]] = []
+        taken: list[tuple[str, tuple[str, ...]]] = []
         for of_fit in (of_fit for s in reversed(self.stores) for of_fit in reversed([*s.provenance.values()]) if ERRORS in of_fit):
-            error_table = of_fit[ERRORS]
-            at, without = (
-                (error_table.at, error_table.without)
-                if isinstance(error_table, LaterTable)
-                else (error_table["at"], error_table.get("without", ""))
-            )
-            if not any(at.startswith(part) and not (gone and at.startswith(f"{part}{gone}.")) for part, gone in taken):
-                taken.append((at, without))
-                out.append(ErrorModel.from_dict(error_table_of(of_fit) or {}))
+            errors = of_fit[ERRORS]
+            if not any(errors.at.startswith(at) and not errors.at.startswith(gone) for at, gone in taken):
+                taken.append((errors.at, tuple(f"{errors.at}{place}." for place in errors.without)))
+                out.append(ErrorModel.from_dict(errors.table))
         return tuple(out)
 
     @property
@@ -164,7 +156,7 @@ def values_at(values: FittedValues, at: str) -> FittedValues:
     items = {v.path: v for v in map(moved, values.values())}
     places = {n: {ahead + p: x for p, x in provenance[n].items()} for n in ("conditions", "misfit") if n in provenance}
     structural = {KEY: structural_under(provenance[KEY], ahead)} if KEY in provenance else {}
-    structural |= {"errors": errors_under(provenance["errors"], ahead)} if "errors" in provenance else {}
+    structural |= {ERRORS: provenance[ERRORS].under(ahead)} if ERRORS in provenance else {}
     return replace(values, items_=items, provenance={**provenance, **places, **structural}, store=None)
 
 

@@ -191,7 +191,7 @@ class ErrorsTable(StrictTable):
     ways: list[WayTable]
     misfit: Real
     why: str
-    without: str = ""
+    without: list[str] = []
 
 
 class StructuralTable(StrictTable):

@@ -22,7 +22,19 @@ from thermid.base.toml_files import Places
 from thermid.base.units import counted, from_si, unit
 from thermid.model.elements import UNJUDGED, Parameter, Standing, exact, worst
 from thermid.model.identity import Dropped
-from thermid.values.store import COVARIANCE_KINDS, LeftOut, Normal, Source, State, Store, ValueOrigin, deviated, domain, error_table_of
+from thermid.values.store import (
+    COVARIANCE_KINDS,
+    LaterTable,
+    LeftOut,
+    Normal,
+    Source,
+    State,
+    Store,
+    ValueOrigin,
+    deviated,
+    domain,
+    error_table_of,
+)
 
 VALUES_SCHEMA = 2
 AGREES = 1e-6
@@ -425,7 +437,10 @@ def _read(data: Mapping[str, Any], source_rows: Sequence[Any]) -> Store:
         sources,
         root,
         data["seen"],
-        data.get("provenance", {}),
+        {
+            stage: {**of_stage, "errors": LaterTable.of_table(of_stage["errors"])} if "errors" in of_stage else of_stage
+            for stage, of_stage in data.get("provenance", {}).items()
+        },
         tuple(data["cuts"]),
         tuple(Dropped(**d) for d in data["dropped"]),
         tuple(LeftOut(**x) for x in data["left_out"]),

@@ -137,3 +137,19 @@ def test_a_wrong_exponent_that_shifts_all_sensors_together_is_told(exponent: flo
     found = td.calibrate(bar(exponent), logs, free)
     assert found.own.state == state
     assert ("together" in found.own.because) == (state != "credible")
+
+
+@pytest.mark.parametrize(
+    ("accuracy", "shift", "state", "warned"),
+    [(0.3, 0.48, "credible", False), (0.5, 1.5, "credible", True), (0.3, 1.5, "not adequate", False), (0.5, 3.0, "not adequate", False)],
+)
+def test_a_common_shift_is_held_against_what_thermometers_of_one_logger_share(
+    accuracy: float, shift: float, state: str, warned: bool
+) -> None:
+    """Sixteen thermometers that were all high by 1.6 of their accuracies condemned a perfect model at 5.3 standard deviations."""
+    seats = {f"T{k}": "case" for k in range(16)}
+    record = log(box(), {HTC: "7 [W/(m^2 K)]"}, seats, bias=dict.fromkeys(seats, shift), samples=61, noise=0.02, seed=3, accuracy=accuracy)
+    fit = td.calibrate(box(), record, [HTC])
+    assert fit.standing.state == state
+    assert any("high together" in w for w in fit.warnings) is warned
+    assert ("high together" in fit.standing.because) is (state != "credible")

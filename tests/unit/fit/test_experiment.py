@@ -96,7 +96,7 @@ def test_an_unknown_target_names_the_nearest(model: Model, record: Record) -> No
 
 
 def test_a_record_must_observe_a_node(model: Model, record: Record) -> None:
-    with raises_code("record.does-not-apply", RecordError):
+    with raises_code("record.does-not-apply", RecordError, match="node of Box"):
         bind(model, record.select("ROOM"))
 
 

@@ -114,7 +114,7 @@ def test_surfaces_of_one_finish_are_alike_in_part() -> None:
 def test_nothing_is_split_without_knowing_the_surface_or_the_conditions() -> None:
     with raises_code("value.incomplete", IdentificationError, match="'skin'"):
         td.inference.split(elegfo(""), conditions=BENCH)
-    with raises_code("value.incomplete", IdentificationError):
+    with raises_code("value.incomplete", IdentificationError, match="temperatures at which"):
         td.inference.split(elegfo(MACHINED))
     with raises_code("name.unknown", IdentificationError, match="'skn'"):
         td.inference.split(elegfo(MACHINED), "skn", BENCH)

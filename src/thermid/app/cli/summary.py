@@ -44,22 +44,23 @@ class CampaignProgress(Progress):
     def __init__(self, weights: Mapping[str, float]) -> None:
         super().__init__("reading logs")
         self._weights = dict(weights)
-        self._finished: dict[str, None] = {}
+        self._stages: dict[str, None] = {}
         self._until: float | None = None
 
     def __call__(self, stage: str, count: int, rms: float) -> None:
         """Show how far a stage is."""
-        before = sum(self._weights.get(name, 1.0) for name in self._finished if name != stage)
-        self._finished[stage] = None
+        if stage not in self._stages or not count:
+            self._until = None
+        self._stages[stage] = None
+        before = sum(self._weights.get(name, 1.0) for name in self._stages if name != stage)
         whole = sum(self._weights.values()) or 1.0
         inside = self._weights.get(stage, 0.0) * count / (count + self.HALF)
-        if stage not in self._finished or not count:
-            self._until = None
         words = f"{stage}: evaluation {count}, weighted RMS {rms:.3g}" if count else stage
         self.now(words, (before + inside) / whole, stage)
 
     def ahead(self, stage: str, words: str, seconds: float) -> None:
         """Say what follows in a stage, and what it will take [s]."""
+        self._stages[stage] = None
         self._until = time.monotonic() + seconds
         if seconds >= WORTH_SAYING:
             self.say(f"{stage}: {words}, about {spoken(seconds)}. The interrupt key ends it with the best values so far.")

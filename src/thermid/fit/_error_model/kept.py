@@ -8,7 +8,7 @@ covariance, so that what is left of departures once the values are known has unk
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -51,7 +51,7 @@ from thermid.fit._problem.residuals import Problem, Unknown
 from thermid.fit._uncertainty.information import square_between
 from thermid.measure.amounts import short
 from thermid.model.elements import CARRIED_BY, Standing
-from thermid.model.identity import identity_of, inside
+from thermid.model.identity import identity_of, outside
 from thermid.simulation.network import Network
 from thermid.values.store import LaterTable
 
@@ -73,7 +73,7 @@ class SeenValue:
     ----------
     kind : str          'parameter', 'sensor' or 'shared'.
     log : bool          Whether it is fitted by its logarithm.
-    acts : tuple        (name, factor) of what it acts on, where it is the error of an instrument.
+    acts : tuple        (name, factor) of what it acts on; nothing for a sensor.
     mean, sd : float    What was known of it before any reading; fitted form.
     low, high : float   Its bounds; fitted form.
     """
@@ -89,8 +89,13 @@ class SeenValue:
     @classmethod
     def of_unknown(cls, u: Unknown) -> SeenValue:
         """Return what an unknown of a fit is."""
-        acts = tuple(dict.fromkeys((t.name, float(t.factor)) for t in u.targets)) if u.kind == "shared" else ()
-        return cls(u.kind, u.log, acts, *map(float, before(u)), *map(float, u.fitted_bounds()))
+        shared = ((t.name, float(t.factor)) for t in u.targets) if u.kind == "shared" else ()
+        acts = ((p, 1.0) for p in (u.name, *u.also)) if u.kind == "parameter" else dict.fromkeys(shared)
+        return cls(u.kind, u.log, tuple(acts), *map(float, before(u)), *map(float, u.fitted_bounds()))
+
+    def acting(self, name: str) -> tuple[str, ...]:
+        """Return the paths where it acts as a value of the model, by its name."""
+        return tuple(p for p, _ in self.acts) or (name,)
 
     def si(self, fitted: float) -> float:
         """Return the value of a fitted form. [SI]"""
@@ -158,19 +163,17 @@ class KeptWay:
         free_air = {c.path: c.words[CARRIED_BY] == FREE_AIR for c in network.flat.conductors if CARRIED_BY in c.words}
         return all(free_air[p] == (law.exponent > 0.0) for p, law in self.laws.items() if p in free_air and isinstance(law, SurfaceLaw))
 
-    def without(self, part: str) -> KeptWay:
-        """Return what it says of all but a part: its other values and elements, whatever those of the part are."""
-        sources = (*(n.removeprefix("scale.").removeprefix("initial.") for n in self.values), *(c.source for c in self.columns))
-        stay = [k for k, source in enumerate(sources) if not inside(source, part)]
-        values, rows = list(self.values.items()), self.root[stay]
-        columns = [k - len(values) for k in stay if k >= len(values)]
-        smooth = {p: x for p, x in self.departures.smooth.items() if not inside(p, part)}
-        nodes = tuple(n for n in self.departures.nodes if not inside(n, part))
+    def without(self, places: Sequence[str], names: Mapping[str, str]) -> KeptWay:
+        """Return what it says of all but some places: of the values that stay, by their names then, and of elements elsewhere."""
+        there = outside((*self.laws, *self.departures.smooth, *self.departures.nodes, *(c.source for c in self.columns)), places)
+        columns = [k for k, c in enumerate(self.columns) if c.source in there]
+        rows = self.root[[*(k for k, n in enumerate(self.values) if n in names), *(len(self.values) + k for k in columns)]]
+        smooth = {p: x for p, x in self.departures.smooth.items() if p in there}
         return replace(
             self,
-            laws={p: law for p, law in self.laws.items() if not inside(p, part)},
-            values=dict(values[k] for k in stay if k < len(values)),
-            departures=replace(self.departures, smooth=smooth, nodes=nodes),
+            laws={p: law for p, law in self.laws.items() if p in there},
+            values={names[n]: x for n, x in self.values.items() if n in names},
+            departures=replace(self.departures, smooth=smooth, nodes=tuple(n for n in self.departures.nodes if n in there)),
             columns=tuple(self.columns[k] for k in columns),
             mean=self.mean[columns],
             root=_triangular(rows @ rows.T),
@@ -393,10 +396,13 @@ class ErrorModel(Result):
         carriers = ", ".join(f"{name} {100 * p:.0f} %" for name, p in self.carriers.items())
         return f"{self.stage}: {self.why or carriers}; readings at {self.misfit:.2g} times what is allowed of them"
 
-    def without(self, part: str) -> ErrorModel:
-        """Return what it says of all but a part."""
-        ways = tuple(w.without(part) for w in self.ways)
-        return replace(self, seen={n: v for n, v in self.seen.items() if not self.ways or n in ways[0].values}, ways=ways)
+    def without(self, places: Sequence[str]) -> ErrorModel:
+        """Return what it says of all but some parts and values; of a value that acts elsewhere too it says the same there."""
+        left = {n: outside(v.acting(n), places) if v.kind == "parameter" else (n,) for n, v in self.seen.items()}
+        names = {n: acts[0] for n, acts in left.items() if acts}
+        acting = {n: tuple((p, 1.0) for p in left[n]) if self.seen[n].kind == "parameter" else self.seen[n].acts for n in names}
+        seen = {name: replace(self.seen[n], acts=acting[n]) for n, name in names.items()}
+        return replace(self, seen=seen, ways=tuple(w.without(places, names) for w in self.ways))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and texts for a file."""
@@ -479,14 +485,16 @@ class ErrorsOfFit:
         return out
 
 
-def errors_without(errors: LaterTable | Mapping[str, Any], part: str) -> LaterTable:
-    """Return the model of error that a fit keeps without what it says of a part, of which others tell; it is made when it is asked for."""
+def errors_without(errors: LaterTable, places: Sequence[str]) -> LaterTable:
+    """Return the model of error that a fit keeps without what it says of some parts and values, of which others tell.
+
+    It is made when it is asked for. Places are by the paths of the fit's own model.
+    """
 
     def make() -> dict[str, Any]:
-        table = errors.original() if isinstance(errors, LaterTable) else errors
-        return ErrorModel.from_dict({**table, "at": ""}).without(part).to_dict()
+        return ErrorModel.from_dict({**errors.original(), "at": ""}).without(places).to_dict()
 
-    return LaterTable(make, without=part)
+    return LaterTable(make, errors.at, (*errors.without, *places))
 
 
 def errors_of_values(fit: Calibration, why: str = "") -> ErrorModel:

@@ -548,7 +548,7 @@ def _unsaid(view: _View) -> Iterator[Finding]:
                 "note",
                 c.where,
                 f"the coefficient of '{c.path}' includes radiation, but no emissivity is given, so a vacuum run will be refused. Give "
-                "htc and emissivity instead; `thermid split` estimates them.",
+                "htc and emissivity instead; `td.inference.split` estimates them.",
                 "model.radiation-not-split",
             )
     alone = list(bare(view.flat))
