@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
 from numbers import Integral
 from typing import Any, ParamSpec, TypeVar
@@ -85,7 +85,9 @@ def _words(annotation: str) -> tuple[str, ...]:
 
 
 def _plain(annotation: str) -> tuple[str, ...]:
-    """Return the kinds of an argument that is a dictionary or a whole number and nothing of thermid; nothing of others."""
+    """Return the kinds of an argument that is names, a dictionary or a whole number and nothing of thermid; nothing of others."""
+    if re.fullmatch(r"(Sequence|Iterable|Collection)\[str\]( \| None)?", annotation):
+        return (NAMES, *(["None"] if annotation.endswith("None") else []))
     bare = annotation
     while (inner := re.sub(r"\[[^\[\]]*\]", "", bare)) != bare:
         bare = inner
@@ -93,7 +95,7 @@ def _plain(annotation: str) -> tuple[str, ...]:
     return (PLAIN, *kinds) if kinds - {"None"} in ({"int"}, {"Mapping"}, {"Mapping", "str"}) else ()
 
 
-PLAIN = "plain"
+PLAIN, NAMES = "plain", "names"
 
 
 def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None:
@@ -103,6 +105,9 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
     ------
     DeckError   When it is a text, a path, a dictionary or an object of another kind.
     """
+    if words[0] == NAMES:
+        _check_names(value, name, function, "None" in words)
+        return
     if words[0] == PLAIN:
         wanted: dict[str, type] = {"int": Integral, "Mapping": Mapping, "str": str, "None": type(None)}
         if isinstance(value, tuple(wanted[w] for w in words[1:])) and not isinstance(value, bool):
@@ -151,6 +156,25 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
     raise DeckError(
         f"`{name}` takes {' or '.join(takes) or 'a dictionary'}, not {what}.{_advice(words, value)}", function, code="value.wrong-kind"
     )
+
+
+def _check_names(value: Any, name: str, function: str, may_be_none: bool) -> None:
+    """Refuse what is no list of names: a text alone, whose letters would be taken for names, a number, a list of something else.
+
+    Raises
+    ------
+    DeckError   With what to write.
+    """
+    if value is None and may_be_none:
+        return
+    wrong = value if isinstance(value, str) or not isinstance(value, Iterable) else None
+    if wrong is None and isinstance(value, list | tuple | set | frozenset):
+        wrong = next((item for item in value if not isinstance(item, str)), None)
+        wrong = value if wrong is None and None in value else wrong
+    if wrong is not None or value is None:
+        text = repr(value) if wrong is None else repr(wrong)
+        hint = f" Write ['{value}']." if isinstance(value, str) else ""
+        raise DeckError(f"`{name}` takes a list of names, not {text[:60]}.{hint}", function, code="value.wrong-kind")
 
 
 def _advice(words: tuple[str, ...], value: Any) -> str:

@@ -49,7 +49,7 @@ from thermid.model.identity import identity_of
 from thermid.model.tree import Model, deck_text, parameter_table, unlumped
 from thermid.simulation.runs import Scenario, Workers
 from thermid.values.fitted import FittedValue, FittedValues, view
-from thermid.values.store import LaterTable, State, Store, ValueOrigin
+from thermid.values.store import INPUT, LaterTable, State, Store, ValueOrigin
 
 _version = cache(version)  # half a millisecond, once
 
@@ -94,15 +94,14 @@ def _shifted_together(problem: Problem, minimum: Fit) -> tuple[float, str]:
 
     A law that is wrong moves them together, where instruments that err independently hardly do. Of one sensor nothing is said.
     """
-    groups: dict[str, list[tuple[float, float]]] = {"sensor": [], "shared": []}
+    groups: dict[str, list[tuple[float, float]]] = {"sensor": [], INPUT: []}
     for u, x in zip(problem.unknowns, minimum.fitted.tolist(), strict=True):
         if u.kind in groups and u.unit == "K" and u.prior is not None:
             groups[u.kind].append((x, u.prior.sd**-2.0))
     if len(groups["sensor"]) < 2:
         return 0.0, ""
     columns = [np.array(group).T for group in groups.values() if group]
-    # what is added to a logged boundary is what it reads low
-    shift = float(sum(x @ w / w.sum() for x, w in columns))
+    shift = float(sum(sign * (x @ w / w.sum()) for sign, (x, w) in zip((1.0, -1.0), columns, strict=False)))
     deviations = abs(shift) / math.sqrt(sum(1.0 / w.sum() for _, w in columns))
     high = f"{short(abs(shift))} K {'high' if shift > 0.0 else 'low'} together"
     return deviations, f"all sensors would read {high}, {deviations:.1f} standard deviations by their accuracies"
@@ -457,7 +456,7 @@ def refuse_after(request: Request, problem: Problem, minimum: Fit, total: Array)
 
 def _by_instruments(problem: Problem, total: Array, k: int) -> str:
     """Return which instruments' errors set most of the variance of an unknown; empty where none do."""
-    at = [j for j, u in enumerate(problem.unknowns) if u.kind in ("sensor", "shared", "instrument")]
+    at = [j for j, u in enumerate(problem.unknowns) if u.kind in ("sensor", INPUT, "instrument")]
     if not at or not np.isfinite(total[np.ix_([k, *at], [k, *at])]).all():
         return ""
     across = total[at, k]
@@ -551,7 +550,7 @@ def _with_uncut(values: FittedValues, problem: Problem, minimum: Fit, responses_
     """Return values with their errors as they would be without bounds, where these cut them."""
     variances = zip(problem.unknowns, minimum.fitted.tolist(), responses_of_fit.uncut.tolist(), strict=False)  # or none
     errors = {u.name: u.slope(x) * variance**0.5 for u, x, variance in variances}
-    return replace(values, items_={p: replace(v, uncut=x) if (x := errors.get(p, 0.0)) > v.error else v for p, v in values.items()})
+    return replace(values, items_={p: replace(v, uncut=x) if (x := errors.get(p, 0.0)) > v.error * (1.0 + 1e-9) else v for p, v in values.items()})
 
 
 def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) -> FittedValue:

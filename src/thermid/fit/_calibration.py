@@ -27,7 +27,7 @@ from thermid.model.tree import Model, parameter_table
 from thermid.physics.constants import ICE_POINT
 from thermid.values.fitted import FittedValue, FittedValues, save_store
 from thermid.values.ranges import range_shares
-from thermid.values.store import State, Store
+from thermid.values.store import INPUT, State, Store
 
 LOUD = "NOT CREDIBLE: "
 BLAME = "A column, a unit, a node, an accuracy or the model is wrong. Do not use these values."
@@ -90,13 +90,13 @@ def _deviations(v: FittedValue) -> float:
 
 def _words(v: FittedValue, deviations: float) -> str:
     times = short(deviations)
-    if v.kind == "sensor" or (v.kind == "shared" and v.unit == "K"):
+    if v.kind == "sensor" or (v.kind == INPUT and v.unit == "K"):
         sd = v.prior[1] if v.prior is not None else 0.0
         name = v.path.removeprefix("sensor ").removesuffix(" error")
         return f"{name} would need an error of {v.value:+.3g} K, {times} times its accuracy of {short(sd)} K"
-    if v.kind == "shared":
+    if v.kind == INPUT:
         sd = v.prior[1] if v.prior is not None else 0.0
-        error = f"{100 * (v.value - 1):+.3g} %, {times} times its accuracy of {short(100 * sd)} %"
+        error = f"{100 * v.value:+.3g} %, {times} times its accuracy of {short(100 * sd)} %"
         return f"{v.path.removesuffix(' error')} would need an error of {error}"
     if v.kind == "instrument":
         return f"{v.path} would need to be {short(v.in_unit, 3)} {v.unit}, {times} standard deviations from the stated value"
@@ -208,8 +208,8 @@ class Calibration(Result):
 
     @property
     def instrument_errors(self) -> dict[str, float]:
-        """Channel -> constant error that was found for a logged boundary (added to it [K]) or power (a factor)."""
-        return {p.removesuffix(" error"): v.value for p, v in self.values.items() if v.kind == "shared"}
+        """Channel -> constant error that was found for a logged boundary [K] or power (a share of it): reading minus truth."""
+        return {p.removesuffix(" error"): v.value for p, v in self.values.items() if v.kind == INPUT}
 
     @property
     def reduced_chi_square(self) -> float:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from os import PathLike
 from typing import Any
 
 import numpy as np
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import IdentificationError
+from thermid.base.errors import DeckError, IdentificationError
 from thermid.base.linear_algebra import Array, square_root
 from thermid.base.results import Result, Row
 from thermid.fit.calibration import Calibration
@@ -17,9 +18,10 @@ from thermid.fit.discrepancy import KEY, Discrepancy, kept_in
 from thermid.fit.error_model import KEY as ERRORS, ErrorModel
 from thermid.model.elements import Standing, worst
 from thermid.model.tree import Model, flatten
-from thermid.values.fitted import FittedValue, FittedValues, as_store
+from thermid.values.fitted import FittedValue, FittedValues, as_store, load_values
 from thermid.values.store import (
     COVARIANCE_KINDS,
+    INPUT,
     Kind,
     LaterTable,
     Normal,
@@ -41,7 +43,8 @@ class Knowledge(Result):
     Parameters
     ----------
     model : Model                       With its best values.
-    values : tuple of FittedValues      What was fitted, each with its covariance; of two that hold a value the later counts.
+    values : tuple of FittedValues      What was fitted, each with its covariance, as such or as the path of its file; of two
+                                        that hold a value the later counts. One alone needs no tuple.
     fit : Calibration or None           The fit itself, where it is at hand.
     synthetic : bool                    Whether any record behind the values was made and not measured.
     at : str                            The submodel that the values belong to; empty for the model itself.
@@ -54,6 +57,10 @@ class Knowledge(Result):
     synthetic: bool = False
     at: str = ""
     remarks: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Take values in every way that they are given."""
+        object.__setattr__(self, "values", fitted_values(self.values, self.model.title))
 
     @classmethod
     @takes_objects
@@ -177,6 +184,7 @@ def known_of(source: Knowledge | Model | Calibration | FittedValues | Sequence[A
     model : Model       What values are laid over; a fit's own where it is not given.
     at : str            The submodel that the values belong to.
     """
+    source = load_values(source) if isinstance(source, str | PathLike) else source
     if isinstance(source, Knowledge):
         return source.for_model(source.model) if source.fit is None else source
     if model is None and isinstance(source, Model | Calibration):
@@ -186,9 +194,34 @@ def known_of(source: Knowledge | Model | Calibration | FittedValues | Sequence[A
     assert isinstance(base, Model)
     if len(many) == 1 and isinstance(many[0], Calibration):
         return Knowledge(base, (many[0].values,), many[0], many[0].synthetic, at).for_model(base)
-    values = tuple(replace(v.values, store=v.store) if isinstance(v, Calibration) else v for v in many)
+    values = fitted_values(many, base.title)
     is_synthetic = any(isinstance(v, Calibration) and v.synthetic for v in many)
     return Knowledge(base, values, None, is_synthetic, at).for_model(base)
+
+
+def fitted_values(given: Any, where: str) -> tuple[FittedValues, ...]:
+    """Return what one or several fits found: as they are, of a `Calibration`, or from the paths of files.
+
+    Raises
+    ------
+    DeckError   When one is neither, or its file is no values file.
+    """
+    out = []
+    for v in (
+        [given] if isinstance(given, Calibration | FittedValues | str | PathLike) else given if isinstance(given, Sequence) else [given]
+    ):
+        if isinstance(v, str | PathLike):
+            v = load_values(v)
+        elif isinstance(v, Calibration):
+            v = replace(v.values, store=v.store)
+        if not isinstance(v, FittedValues):
+            raise DeckError(
+                f"values of a fit are needed, not {v!r:.60}. Give a Calibration, or the path of a values file.",
+                where,
+                code="value.wrong-kind",
+            )
+        out.append(v)
+    return tuple(out)
 
 
 @dataclass(frozen=True, eq=False)
@@ -264,7 +297,7 @@ def instruments_of(knowledge: Knowledge) -> Rows:
     """Return how the constant errors of instruments respond to the sources of their fits; that of a later fit counts."""
     out = Rows()
     for store in reversed(knowledge.stores):
-        new_states = [s for s in store.states.values() if s.kind in ("sensor", "instrument", "shared") and s.path not in out.names]
+        new_states = [s for s in store.states.values() if s.kind in ("sensor", "instrument", INPUT) and s.path not in out.names]
         out = out.beside(Rows.of_states(store, {s.path: s for s in new_states}, "instruments"))
     return out
 

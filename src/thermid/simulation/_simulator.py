@@ -15,11 +15,11 @@ from thermid.base.arguments import takes_objects
 from thermid.base.codes import CodedText
 from thermid.base.dual import value_of
 from thermid.base.errors import NameNotFoundError, ScenarioError, cap, errors_at, raising, refuse_unknown
-from thermid.base.expression import quantity, seconds, si_values
+from thermid.base.expression import amount, quantity, seconds, si_values
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Shown
 from thermid.base.units import TEMPERATURE, unit
-from thermid.model.elements import POSITIVE, Constant, literal
+from thermid.model.elements import POSITIVE, Constant
 from thermid.model.tree import Model, streams_of
 from thermid.simulation._ensemble import Ensemble, run_members
 from thermid.simulation._many.tasks import Workers
@@ -69,7 +69,7 @@ def output_times(scenario: Scenario, every: str | float | None, times: Any) -> A
         return wanted
     if every is None:
         return np.linspace(0.0, scenario.seconds, DEFAULT_SAMPLES)
-    step = literal(every, "s", f"{scenario.title}, every") if isinstance(every, str) else float(every)
+    step = amount(every, "s", f"{scenario.title}, every")
     if not step > 0:
         raise ScenarioError("the interval of output must be above zero.", scenario.title, code="value.outside-range")
     if scenario.seconds / step > cap("outputs"):

@@ -123,3 +123,8 @@ def test_values_of_a_given_model_that_those_of_the_fit_replace_are_named(retuned
     assert f"'{path}' is 1." in td.predict(fit, HOT, model=other).warnings[0]
     for same in (fit.model, fit.fitted_model):
         assert not any("replace those" in w for w in td.predict(fit, HOT, model=same).warnings)
+
+
+def test_no_mistake_is_looked_for_in_logs_that_a_kept_stage_does_not_have(retuned: tuple[td.Campaign, td.Campaign]) -> None:
+    assert not any("failed" in line for mistakes in retuned[1].mistakes.values() for line in mistakes.lines())
+    assert "failed" not in str(retuned[1]).splitlines()[1]

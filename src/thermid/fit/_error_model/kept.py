@@ -53,7 +53,7 @@ from thermid.measure.amounts import short
 from thermid.model.elements import CARRIED_BY, Standing
 from thermid.model.identity import identity_of, inside
 from thermid.simulation.network import Network
-from thermid.values.store import LaterTable
+from thermid.values.store import INPUT, LaterTable
 
 KEY = "errors"
 """Where the provenance of fitted values keeps it."""
@@ -73,14 +73,14 @@ class SeenValue:
     ----------
     kind : str          'parameter', 'sensor' or 'shared'.
     log : bool          Whether it is fitted by its logarithm.
-    acts : tuple        (name, factor) of what it acts on, where it is the error of an instrument.
+    acts : tuple        (name, factor, offset) of what it acts on, where it is the error of an instrument.
     mean, sd : float    What was known of it before any reading; fitted form.
     low, high : float   Its bounds; fitted form.
     """
 
     kind: str
     log: bool
-    acts: tuple[tuple[str, float], ...]
+    acts: tuple[tuple[str, float, float], ...]
     mean: float
     sd: float
     low: float
@@ -89,12 +89,17 @@ class SeenValue:
     @classmethod
     def of_unknown(cls, u: Unknown) -> SeenValue:
         """Return what an unknown of a fit is."""
-        acts = tuple(dict.fromkeys((t.name, float(t.factor)) for t in u.targets)) if u.kind == "shared" else ()
+        acts = tuple(dict.fromkeys((t.name, float(t.factor), float(t.offset)) for t in u.targets)) if u.kind == INPUT else ()
         return cls(u.kind, u.log, acts, *map(float, before(u)), *map(float, u.fitted_bounds()))
 
     def si(self, fitted: float) -> float:
         """Return the value of a fitted form. [SI]"""
         return float(np.exp(np.clip(fitted, -700.0, 700.0))) if self.log else fitted
+
+
+def _influence(factor: float, offset: float = 0.0) -> tuple[float, float]:
+    """Return factor and offset of what an instrument acts on; files of earlier versions have no offset."""
+    return float(factor), float(offset)
 
 
 @dataclass(frozen=True, eq=False)
@@ -414,7 +419,9 @@ class ErrorModel(Result):
         """
         stage, at = data["stage"], data["at"]
         fitted_values = {
-            placed(n, at): SeenValue(kind, log, tuple((placed(a, at), float(f)) for a, f in acts), *map(float, rest))
+            placed(n, at): SeenValue(
+                kind, log, tuple((placed(a, at), float(f), sum(map(float, o))) for a, f, *o in acts), *map(float, rest)
+            )
             for n, (kind, log, acts, *rest) in data["seen"].items()
         }
         try:

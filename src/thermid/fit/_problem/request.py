@@ -102,7 +102,7 @@ class Request:
     store : Store                   What stages below know of the model's values; the model has them laid over it.
     prior : tuple of str            Those of its values that are free here too, with their covariance as prior.
     held_bias : dict                Sensor -> constant error that is not looked for. [K]
-    held_errors : dict              Channel -> constant error of a logged boundary (added to it [K]) or power (a factor); where it is given,
+    held_errors : dict              Channel -> constant error of a logged boundary [K] or power (a share of it), reading minus truth; given,
                                     even empty, no constant error of any instrument is looked for.
     weights : dict                  Sensor -> weight of its residuals, 1 where none is given.
     effective : bool                Whether readings count as many as residuals that wander are worth, which leaves priors their width.

@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from thermid.base.codes import CodedText
 from thermid.base.errors import ExpressionError, NameNotFoundError, RecordError, errors_at, nearest, refuse_unknown
-from thermid.base.expression import quantity, si_values, stated
+from thermid.base.expression import amount, quantity, si_values, stated
 from thermid.base.results import Row, Shown
 from thermid.base.units import TEMPERATURE, format_value, from_si, require_unit, unit as read_unit
 from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart
-from thermid.measure.amounts import amount, duration_text, positive_seconds
+from thermid.measure.amounts import duration_text, positive_seconds
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]

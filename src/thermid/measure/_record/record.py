@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import hashlib
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +17,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import RecordError, ThermidError, errors_at, refuse_unknown
-from thermid.base.expression import seconds
+from thermid.base.expression import amount, counts_rows, seconds
 from thermid.base.extensions import optional
 from thermid.base.files import LOG, replacing
 from thermid.base.results import PlottedTrace, Result, Row
@@ -42,7 +41,7 @@ from thermid.measure._record.channel import (
 )
 from thermid.measure._record.sensor import ICE, KEYS, SensorCertificate, SensorPart
 from thermid.measure._record.steadiness import SETTLED, SteadyPoint, steady_point
-from thermid.measure.amounts import amount, duration_text, positive_seconds
+from thermid.measure.amounts import duration_text, positive_seconds
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -107,7 +106,7 @@ class Record(Samples, Result):
         frame : DataFrame   A row a time, a column a channel. NaN is a missing sample.
         channels : mapping  Column -> table: ``unit`` ("degC", "W"), what it is of (``node``, ``boundary``, ``load``, ``prescribed`` or
                             ``command``: a path in the model), and where known ``noise`` and ``accuracy`` ("0.1 [K]").
-        time : str          Column of the times, numbers in seconds or stamps; the index without it.
+        time : str          Column of the times, numbers in seconds or stamps; the index without it, unless that counts rows.
         synthetic : bool    Whether a simulation made the samples.
 
         Raises
@@ -115,6 +114,13 @@ class Record(Samples, Result):
         RecordError   When a column or key is unknown, a unit is missing, or times do not increase.
         """
         refuse_unknown([*channels, *([time] if time is not None else [])], list(frame.columns), name, "the frame has no column '{}'.")
+        if time is None and counts_rows(frame.index):
+            raise RecordError(
+                "its index counts rows and says no times. Name the column of the times, time='t [s]', or make the index the times: "
+                "frame.index = 60.0 * frame.index for rows one minute apart.",
+                name,
+                code="record.time-not-read",
+            )
         axis = _seconds(frame.index if time is None else frame[time], name)
         channels_of_frame = {
             column: _channel_of(column, frame[column].to_numpy(dtype=np.float64), table, name) for column, table in channels.items()
@@ -349,7 +355,7 @@ class Record(Samples, Result):
         return self._noted(f"mask: {channel}, {self._masked_since(masked)} samples, {reason}", masked)
 
     @takes_objects
-    def joined(self, other: Record, offset: float | tuple[float, float] = 0.0, rate: float | tuple[float, float] = 1.0) -> Record:
+    def joined(self, other: Record, offset: Any = 0.0, rate: float | tuple[float, float] = 1.0) -> Record:
         """Return the channels of both records, on the times of both.
 
         A time t on the other's clock is ``offset + rate t`` on this one's. [s] Pairs are ranges, within which `calibrate` finds them; until
@@ -360,7 +366,8 @@ class Record(Samples, Result):
         RecordError   When the rate is not above zero, a channel is in both, the logs do not overlap, or a range is none.
         """
         offsets, rates = (
-            _range(written, name, other.name) for written, name in ((offset, "offset of its clock"), (rate, "rate of its clock"))
+            _range(written, slot, name, other.name)
+            for written, slot, name in ((offset, "s", "offset of its clock"), (rate, "1", "rate of its clock"))
         )
         middle = 0.5 * sum(offsets), 0.5 * sum(rates)
         joint = self._joined(other, *middle, rates[0])
@@ -434,14 +441,7 @@ class Record(Samples, Result):
                 f"{self.name}, delay",
                 code="record.does-not-apply",
             )
-        ends = [amount(t, "s", f"{self.name}, delay") for t in ((by, by) if isinstance(by, str | float | int) else by)]
-        if len(ends) != 2:
-            raise RecordError(
-                f"{len(ends)} times are given. Give one delay, or the two ends of its range.",
-                f"{self.name}, delay",
-                code="value.wrong-kind",
-            )
-        low, high = _range((ends[0], ends[1]), "delay", self.name)
+        low, high = _range(by, "s", "delay", self.name)
         if max(abs(low), abs(high)) >= self.duration:
             raise RecordError(
                 f"a delay of up to {max(abs(low), abs(high)):g} s is as long as the record. Give a shorter delay.",
@@ -697,10 +697,13 @@ def _interleaved(one: Samples, other: Samples, there: FloatArray) -> tuple[Float
     }
 
 
-def _range(value_or_range: float | tuple[float, float], name: str, where: str) -> tuple[float, float]:
+def _range(written: Any, slot: str, name: str, where: str) -> tuple[float, float]:
     """Return the range of a clock's offset or rate, or of a delay."""
-    low, high = value_or_range if isinstance(value_or_range, tuple | list) else (value_or_range, value_or_range)
-    if not (math.isfinite(low) and math.isfinite(high) and low <= high):
+    several = isinstance(written, tuple | list)
+    if several and len(written) != 2:
+        raise RecordError(f"the range of the {name} has two ends, not {len(written)}.", where, code="value.wrong-kind")
+    low, high = (amount(end, slot, f"{where}, {name}") for end in (written if several else (written, written)))
+    if not low <= high:
         raise RecordError(
             f"the range {low:g} .. {high:g} of the {name} must begin with the lower number.", where, code="value.outside-range"
         )
