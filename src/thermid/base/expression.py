@@ -26,6 +26,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from thermid.base.arguments import takes_objects
 from thermid.base.dual import Dual, real_power
 from thermid.base.errors import ExpressionError, ThermidError, UnitError, cap, errors_at, raising
 from thermid.base.units import (
@@ -473,8 +474,15 @@ class Quantity:
         return np.array(self.si, dtype=dtype)
 
     def __float__(self) -> float:
-        """The number, of a single one. [SI]"""
-        return float(np.asarray(self.si).reshape(()))
+        """The number, of a single one. [SI]
+
+        Raises
+        ------
+        UnitError   When there are several.
+        """
+        if np.size(self.si) != 1:
+            raise UnitError(f"one number is needed, not {np.size(self.si)}.", code="value.wrong-kind")
+        return float(np.ravel(self.si)[0])
 
     def __len__(self) -> int:
         """How many numbers it holds."""
@@ -486,9 +494,10 @@ class Quantity:
 
     def __getitem__(self, index: Any) -> Quantity:
         """Some of the numbers with their unit."""
-        return Quantity(np.asarray(self.si)[index], self.unit, None if self.times is None else self.times[index], self.stamp)
+        return Quantity(np.atleast_1d(self.si)[index], self.unit, None if self.times is None else self.times[index], self.stamp)
 
 
+@takes_objects
 def quantity(values: Any, *, unit: str) -> Quantity:
     """Return numbers with their unit, to be given wherever a value is taken.
 

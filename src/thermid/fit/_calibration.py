@@ -7,10 +7,12 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Self
+from os import PathLike
+from typing import Any, Self
 
 import numpy as np
 
+from thermid.base.errors import DeckError
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.base.units import counted, from_si, unit
 from thermid.fit._inputs import InputTable, input_lines, inputs_of
@@ -25,7 +27,7 @@ from thermid.model.elements import UNJUDGED, Standing, worst
 from thermid.model.identity import cuts_of
 from thermid.model.tree import Model, parameter_table
 from thermid.physics.constants import ICE_POINT
-from thermid.values.fitted import FittedValue, FittedValues, save_store
+from thermid.values.fitted import FittedValue, FittedValues, load_values, save_store
 from thermid.values.ranges import range_shares
 from thermid.values.store import INPUT, State, Store
 
@@ -497,4 +499,29 @@ def instrument_shares(fit: Calibration) -> tuple[InstrumentShare, ...]:
             mean, sd = v.prior
             stated = (float(np.exp(mean)), float(np.exp(mean)) * sd) if v.log else (mean, sd)
             out.append(InstrumentShare(name, v.unit, stated, (v.value, v.error), *_largest_contributor(fit, j)))
+    return tuple(out)
+
+
+def fitted_values(given: Any, where: str) -> tuple[FittedValues, ...]:
+    """Return what one or several fits found: as they are, of a `Calibration`, or from the paths of files.
+
+    Raises
+    ------
+    DeckError   When one is neither, or its file is no values file.
+    """
+    out = []
+    for v in (
+        [given] if isinstance(given, Calibration | FittedValues | str | PathLike) else given if isinstance(given, Sequence) else [given]
+    ):
+        if isinstance(v, str | PathLike):
+            v = load_values(v)
+        elif isinstance(v, Calibration):
+            v = replace(v.values, store=v.store)
+        if not isinstance(v, FittedValues):
+            raise DeckError(
+                f"values of a fit are needed, not {v!r:.60}. Give a Calibration, or the path of a values file.",
+                where,
+                code="value.wrong-kind",
+            )
+        out.append(v)
     return tuple(out)

@@ -123,7 +123,7 @@ def inputs_of(request: Request, experiments: Iterable[Experiment], unknowns: Seq
         free = {request.model.canonical(p) for p in request.free}
     else:
         free = {p for u in unknowns if u.kind == "parameter" for p in (u.name, *u.also)}
-    rows = [row for e in experiments for row in (*_accuracies(e), *_boundaries(request, e), *_loads(e, free), *_starts(request, e))]
+    rows = [row for e in experiments for row in (*_boundaries(request, e), *_loads(e, free), *_starts(request, e), *_accuracies(e))]
     return InputTable.in_order(rows)
 
 

@@ -216,7 +216,7 @@ def expanded(stated: Mapping[str, Any], model: Model) -> list[tuple[list[str], A
     ------
     NameNotFoundError   When a pattern reaches nothing.
     """
-    if not any(c in raw for raw in stated for c in "*?["):
+    if not any(c in model.canonical(raw) for raw in stated for c in "*?["):
         return [([raw], how) for raw, how in stated.items()]
     table = parameter_table(model)
     taken = {model.canonical(raw) for raw in stated}
@@ -673,7 +673,12 @@ def budget_of(
     IdentificationError   When a value is spread twice, or has no finite error; when a coefficient that must be separated cannot be.
     """
     source = known_of(source_of_values)
-    statements = [stated] if isinstance(stated, Mapping | Spread) else list(stated)
+    statements: list[Any] = list(stated) if isinstance(stated, list | tuple) else [stated]
+    for one in statements:
+        if not isinstance(one, Mapping | Spread):
+            raise IdentificationError(
+                f"a spread is a dictionary, {{'air': '1 [K]'}}, not {one!r:.60}.", source.model.title, code="value.wrong-kind"
+            )
     plain: list[Spread | Groups] = [expanded(s, source.model) if isinstance(s, Mapping) else s for s in statements]
     rows = rows_of(source)
     errors = source.errors if not {*ELEMENTS} & {*without} else ()

@@ -13,7 +13,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, IdentificationError
 from thermid.base.linear_algebra import Array, square_root
 from thermid.base.results import Result, Row
-from thermid.fit.calibration import Calibration
+from thermid.fit.calibration import Calibration, fitted_values
 from thermid.fit.discrepancy import KEY, Discrepancy, kept_in
 from thermid.fit.error_model import KEY as ERRORS, ErrorModel
 from thermid.model.elements import Standing, worst
@@ -60,6 +60,8 @@ class Knowledge(Result):
 
     def __post_init__(self) -> None:
         """Take values in every way that they are given."""
+        if not isinstance(self.model, Model):
+            raise DeckError(f"`model` takes Model, not {self.model!r:.60}.", "Knowledge", code="value.wrong-kind")
         object.__setattr__(self, "values", fitted_values(self.values, self.model.title))
 
     @classmethod
@@ -197,31 +199,6 @@ def known_of(source: Knowledge | Model | Calibration | FittedValues | Sequence[A
     values = fitted_values(many, base.title)
     is_synthetic = any(isinstance(v, Calibration) and v.synthetic for v in many)
     return Knowledge(base, values, None, is_synthetic, at).for_model(base)
-
-
-def fitted_values(given: Any, where: str) -> tuple[FittedValues, ...]:
-    """Return what one or several fits found: as they are, of a `Calibration`, or from the paths of files.
-
-    Raises
-    ------
-    DeckError   When one is neither, or its file is no values file.
-    """
-    out = []
-    for v in (
-        [given] if isinstance(given, Calibration | FittedValues | str | PathLike) else given if isinstance(given, Sequence) else [given]
-    ):
-        if isinstance(v, str | PathLike):
-            v = load_values(v)
-        elif isinstance(v, Calibration):
-            v = replace(v.values, store=v.store)
-        if not isinstance(v, FittedValues):
-            raise DeckError(
-                f"values of a fit are needed, not {v!r:.60}. Give a Calibration, or the path of a values file.",
-                where,
-                code="value.wrong-kind",
-            )
-        out.append(v)
-    return tuple(out)
 
 
 @dataclass(frozen=True, eq=False)

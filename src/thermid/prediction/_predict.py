@@ -255,7 +255,7 @@ class Prediction(Result):
         ------
         NameNotFoundError   With the nearest name.
         """
-        path = self._find.get(node, node)
+        path = self._find.get(node, node) if isinstance(node, str) else ""
         if path not in self.bands:
             raise NameNotFoundError(f"no node '{node}' was predicted.{nearest(node, self.bands)}", self.title)
         return self.bands[path]

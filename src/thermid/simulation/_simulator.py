@@ -127,8 +127,8 @@ def prepare(
 
 def _free_name(network: Network, raw: str) -> str:
     """Return the canonical form of a name that may change."""
-    head, _, rest = raw.partition(".")
     canonical = network.flat.names.model.canonical
+    head, _, rest = (raw if isinstance(raw, str) else canonical(raw)).partition(".")
     if head in ("initial", "scale") and rest:
         return f"{head}.{canonical(rest)}"
     name = canonical(raw)
@@ -211,7 +211,7 @@ class Simulator(Shown):
         NameNotFoundError   When a value is given for a name that is not free.
         SolverError         As in `simulate`.
         """
-        x = self.vector(values or {}) if self.free else None
+        x = self.vector({} if values is None else values) if self.free else None
         assembled = self._engine.started(self._wiring.assemble(x, sensitivities), sensitivities)
         nodes = assembled.reduced.nodes
         wanted = sensitivities and bool(self.free)
@@ -308,7 +308,7 @@ class Simulator(Shown):
         """Return the law of the value of a free name that a written spread means; see `read_spread`. [SI]"""
         path = self.canonical(name)
         where = f"{self.title}, spread of '{path}'"
-        printed = self._wiring.network.flat.parameters.printed.get(path) if spread == "range" else None
+        printed = self._wiring.network.flat.parameters.printed.get(path) if isinstance(spread, str) and spread == "range" else None
         bounds = self.bounds(path) if printed is None else (printed.low, printed.high)
         return read_spread(spread, self.slots(path)[0], self.nominal[path], where, bounds=bounds)
 
@@ -320,10 +320,15 @@ class Simulator(Shown):
     def vector(self, values: Mapping[str, Any]) -> Array:
         """Return the values (free,) in the order of `free`, from what `run` takes. [SI]"""
         point = self._by_free_name(values)
-        return np.array([point.get(name, self.nominal[name]) for name in self.free])
+        try:
+            return np.array([point.get(name, self.nominal[name]) for name in self.free], dtype=float)
+        except (TypeError, ValueError):
+            raise ScenarioError("each value is one number, or a text with its unit.", self.title, code="value.wrong-kind") from None
 
     def _by_free_name(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return values by the names under which they are free. [SI]"""
+        if not isinstance(values, Mapping):
+            raise ScenarioError(f"it takes a dictionary from names to values, not {values!r:.60}.", self.title, code="value.wrong-kind")
         named = {_free_name(self._wiring.network, name): value for name, value in values.items()}
         refuse_unknown(
             named, self.free, self.title, "'{}' is not free in this simulator. Name it in free= of td.prepare.", NameNotFoundError

@@ -115,7 +115,7 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
     SolverError     When there is no steady state; the message names the part and its rate.
     ScenarioError   When a signal ends before the time, or inputs do not repeat.
     """
-    kind = time if time in (MEAN, PERIODIC) else ""
+    kind = time if isinstance(time, str) and time in (MEAN, PERIODIC) else ""
     instant = 0.0 if kind else amount(time, "s", f"{scenario.title}, steady")
     # a run sees what is before its end; the inputs of an instant are those from it on
     lasting = scenario.seconds if scenario.seconds > instant else instant * (1.0 + 1e-9)

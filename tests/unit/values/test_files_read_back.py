@@ -72,7 +72,7 @@ def whole_store() -> Store:
     sources = tuple(Source(f"k:{n}", "data", law, "words") for n, law in enumerate(laws()))
     provenance = {
         "version": "1", "date": "d", "model": "m", "records": {"r": "ab"}, "synthetic": True, "conditions": {"a.skin": [1.0, 2.0]},
-        "misfit": {"a.n": 0.1}, "structural": DISCREPANCY.to_dict(), "own": [OWN.to_dict()], "errors": ERRORS.to_dict(),
+        "misfit": {"a.n": 0.1}, "structural": DISCREPANCY.to_dict(), "own": [OWN.to_dict()], "errors": ERRORS.to_dict() | {"without": "m"},
     }  # fmt: skip
     return Store(
         {STATE.path: STATE}, sources, np.full((1, len(sources)), 0.1), {"ab": "s"}, {"s": provenance}, ("c",),

@@ -490,6 +490,25 @@ def known_before(request: Request, unknowns: Sequence[Unknown]) -> KnownBefore:
     return KnownBefore(at, np.array([u.to_fitted(state.value) for _, u, state in inherited]), rows, tuple(sources))
 
 
+def counted_twice(store: Store, prior: Sequence[str], records: Sequence[Record]) -> list[str]:
+    """Return a remark for every record whose readings reach a stage as samples and, through a stage below, as prior too.
+
+    Parameters
+    ----------
+    store : Store       What the stages below know.
+    prior : sequence    Which of it may move.
+    records : tuple     The stage's own.
+    """
+    origins = {o.stage for p in prior for s in (store.states[p],) for o in (s.origin, *s.history)}
+    used = {sha: stage for stage in origins for sha in store.provenance.get(stage, {}).get("records", {}).values()}
+    return [
+        f"record '{r.name}' was fitted by stage '{used[r.origin.sha256]}' too, whose result is a prior here. Its readings count "
+        "twice, so the errors are too small. Inherit the values with as = 'fixed', or use another record."
+        for r in records
+        if r.origin.sha256 in used
+    ]
+
+
 def _copy(path: str, twins: Sequence[str]) -> str:
     """Return the shortest start of a path that none of its twins has; empty for the first of them in the order of names."""
     others = [q for q in twins if q != path]

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from thermid.base.arguments import takes_objects
 from thermid.base.errors import NameNotFoundError, RecordError, errors_at, refuse_unknown
 from thermid.base.expression import amount
 from thermid.base.units import from_si, in_si, require, unit
@@ -29,6 +30,7 @@ SCPI_OVERLOAD: Final = 9.9e36
 _SCALES: Final = ("degC", "K", "degF", "°C")
 
 
+@takes_objects
 def read_record(
     path: str | Path,
     channels: Mapping[str, str | Mapping[str, object]],

@@ -69,6 +69,7 @@ class Record(Samples, Result):
     """
 
     @classmethod
+    @takes_objects
     def from_arrays(cls, name: str, times: Any, channels: Mapping[str, Any], *, unit: str = "", synthetic: bool = True) -> Record:
         """Return a record of samples made in Python, marked as synthetic.
 
@@ -95,6 +96,7 @@ class Record(Samples, Result):
         return cls(name, axis, of, origin)
 
     @classmethod
+    @takes_objects
     def from_dataframe(
         cls, name: str, frame: DataFrame, channels: Mapping[str, Mapping[str, Any]], *, time: str | None = None, synthetic: bool = False
     ) -> Record:
@@ -113,6 +115,8 @@ class Record(Samples, Result):
         ------
         RecordError   When a column or key is unknown, a unit is missing, or times do not increase.
         """
+        if not hasattr(frame, "columns"):
+            raise RecordError(f"a pandas DataFrame is needed, not {frame!r:.60}.", name, code="value.wrong-kind")
         refuse_unknown([*channels, *([time] if time is not None else [])], list(frame.columns), name, "the frame has no column '{}'.")
         if time is None and counts_rows(frame.index):
             raise RecordError(
@@ -133,8 +137,12 @@ class Record(Samples, Result):
 
     def with_channels(self, *channels: Channel) -> Record:
         """Return the record with these channels added, or in place of those of the same name."""
+        for channel in channels:
+            if not isinstance(channel, Channel):
+                raise RecordError(f"it takes channels, not {channel!r:.60}.", f"record '{self.name}'", code="value.wrong-kind")
         return replace(self, channels={**self.channels, **{channel.name: channel for channel in channels}})
 
+    @takes_objects
     def with_sensor(self, name: str, **keys: object) -> Record:
         """Return the record with more said of a channel's sensor, as a campaign says it: ``lag="20 [s]"``, ``certificate={...}``.
 
@@ -296,6 +304,7 @@ class Record(Samples, Result):
             *masked,
         )
 
+    @takes_objects
     def flag_faults(
         self,
         codes: Iterable[str | float] = FAULT_CODES,
@@ -316,7 +325,7 @@ class Record(Samples, Result):
         jump : text or float          Difference to the neighbours from which a code is a fault. [K]
         channels : sequence of str    Channels to look at; all temperatures by default.
         """
-        levels = [amount(code, TEMPERATURE, "faults, codes") for code in codes]
+        levels = [amount(code, TEMPERATURE, "faults, codes") for code in (codes if isinstance(codes, Iterable) else [codes])]
         bottom = -np.inf if low is None else amount(low, TEMPERATURE, "faults, low")
         top = np.inf if high is None else amount(high, TEMPERATURE, "faults, high")
         if bottom >= top:
@@ -335,6 +344,7 @@ class Record(Samples, Result):
         limits = "".join(f", {word} {format_value(end, 'degC')}" for word, end in (("low", bottom), ("high", top)) if np.isfinite(end))
         return self._noted(f"faults: masked {self._lost(masked)}; codes {listed}{limits}", *masked)
 
+    @takes_objects
     def mask(self, channel: str, start: str | float = "start", end: str | float = "end", reason: str = "masked by hand") -> Record:
         """Return the record with a stretch of a channel masked, both ends included."""
         measured = self.channel(channel)
@@ -342,6 +352,7 @@ class Record(Samples, Result):
         masked = measured.masked(inside, reason)
         return self._noted(f"mask: {channel} from {text} ({self._masked_since(masked)} samples), {reason}", masked)
 
+    @takes_objects
     def masked_where(self, channel: str, where: BoolArray, reason: str) -> Record:
         """Return the record with the samples of a channel masked where an array (samples,) is True."""
         measured, chosen = self.channel(channel), np.asarray(where)
@@ -418,6 +429,7 @@ class Record(Samples, Result):
         step = f"joined with {other.origin.file}, whose clock is {offset:.6g} s late and {rate:.8g} times as slow"
         return replace(self, times=times, channels=channels, origin=origin, steps=(*self.steps, *other.steps, step))
 
+    @takes_objects
     def delayed(self, by: str | float | Sequence[str | float], channels: Sequence[str] | None = None) -> Record:
         """Return the record with powers and commands that act later than they were logged.
 
@@ -811,6 +823,8 @@ def _seconds(times: Any, where: str) -> FloatArray:
 def _channel_of(column: str, values: FloatArray, table: Mapping[str, Any], name: str) -> Channel:
     """Return a column of a frame as a channel."""
     where = f"{name}, {column}"
+    if not isinstance(table, Mapping):
+        raise RecordError(f"give a table such as {{'unit': 'degC', 'node': 'case'}}, not {table!r:.60}.", where, code="value.wrong-kind")
     refuse_unknown(table, [*ROLES, "unit", "noise", "accuracy"], where)
     roles = [key for key in ROLES if key in table]
     if "unit" not in table or len(roles) != 1:

@@ -103,7 +103,7 @@ class Scenario(Shown):
     start: Any = ""
     initial: Mapping[str, Any] = field(default_factory=dict)
     duration: str | float = 0.0
-    begins: Any = None
+    begins: Any = field(default=None, repr=False)
     as_printed: bool = False
 
     def __post_init__(self) -> None:
@@ -136,6 +136,13 @@ class Scenario(Shown):
                 raise ScenarioError(
                     f"it takes an environment, not {around!r}. Make one: td.simulation.Environment(...).",
                     f"{self.title}, environment.{gas}",
+                    code="value.wrong-kind",
+                )
+        for surface, falling in self.irradiation.items():
+            if not isinstance(falling, Irradiation | Sky):
+                raise ScenarioError(
+                    f"it takes an irradiation, not {falling!r:.60}. Make one: td.simulation.Irradiation(...).",
+                    f"{self.title}, irradiation.{surface}",
                     code="value.wrong-kind",
                 )
         seconds = amount(self.duration, "s", f"{self.title}, duration")
@@ -262,7 +269,10 @@ class Scenario(Shown):
         """
         fields = self.__dataclass_fields__
         refuse_unknown(changes, fields, self.title, "a scenario has no '{}'.", ScenarioError)
-        merged: dict[str, Any] = {k: {**getattr(self, k), **v} if isinstance(v, Mapping) else v for k, v in changes.items()}
+        merged: dict[str, Any] = {
+            k: {**getattr(self, k), **v} if isinstance(v, Mapping) and isinstance(getattr(self, k), Mapping) else v
+            for k, v in changes.items()
+        }
         return replace(self, **merged)
 
 
