@@ -108,10 +108,11 @@ class Trace(Result):
         ------
         ScenarioError   When a time lies outside the run.
         """
+        times = time if np.ndim(time) else amount(time, "s", f"{self.path}, at")
         try:
-            wanted_times = np.asarray(time if np.ndim(time) else amount(time, "s", f"{self.path}, at"), dtype=float)
-        except (TypeError, ValueError) as error:
-            raise ScenarioError(f"it takes times, not {time!r:.60}.", f"{self.path}, at", code="value.wrong-kind") from error
+            wanted_times = np.asarray(times, dtype=float)
+        except (TypeError, ValueError):
+            raise ScenarioError(f"it takes times, not {time!r:.60}.", f"{self.path}, at", code="value.wrong-kind") from None
         first, last = float(self.times[0]), float(self.times[-1])
         near = 1e-9 * (last - first)
         outside = [t for t in np.ravel(wanted_times) if not first - near <= t <= last + near]

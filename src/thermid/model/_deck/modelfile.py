@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import DeckError, cap, nearest, raising
+from thermid.base.errors import DeckError, ThermidError, cap, nearest, raising
 from thermid.base.expression import NAME, RESERVED
 from thermid.base.extensions import by_grammar, grammar_of, refuse_another_kind
 from thermid.base.files import read_text
@@ -141,8 +141,11 @@ def model_from_dict(
     DeckError       When it does not follow the grammar, or physics forbids a value; every fault is listed.
     """
     model = _built(data, file, lines or {}, use, read)
-    flat = flatten(model)
-    faults = [f"{where}: {message}" for _, where, message in flat.impossible(flat.parameters.evaluate({}), flat.ranges)]
+    try:
+        flat = flatten(model)
+        faults = [f"{where}: {message}" for _, where, message in flat.impossible(flat.parameters.evaluate({}), flat.ranges)]
+    except ThermidError:  # what does not fit together is said by `check` and by the first use, with all else that they find
+        return model
     if faults:
         raise DeckError("\n  ".join(faults), code="value.outside-range")
     return model
