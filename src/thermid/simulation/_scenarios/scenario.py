@@ -175,7 +175,7 @@ class Scenario(Shown):
         def laid(s: Signal) -> Signal:
             if not isinstance(s, TableSignal) or s.stamp is None:
                 return s
-            return replace(s, times=s.times + (s.stamp.seconds - begins.seconds), stamp=None)
+            return replace(s.shifted(begins.seconds - s.stamp.seconds), stamp=None)
 
         object.__setattr__(self, "begins", begins)
         for name, table in self._mapped_tables(laid).items() if stamps else ():
@@ -292,7 +292,7 @@ def sampled_logs(scenario: Scenario) -> tuple[str, ...]:
     if not assumed:
         return ()
     tables = {place: s for place, s in scenario.signals() if place in assumed and isinstance(s, TableSignal)}
-    of_series = [place for place, s in tables.items() if s.hold and s.log is not None and not s.log[0]]
+    of_series = [place for place, s in tables.items() if s.held and s.log is not None and not s.log[0]]
     held = f". Each one of {', '.join(of_series)} holds until the next, as in a record" if of_series else ""
     return (
         CodedText(
