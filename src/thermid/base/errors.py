@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 from functools import lru_cache
@@ -268,7 +268,11 @@ def refuse_unknown(
     ThermidError   Of that kind.
     """
     for name in names:
-        if not isinstance(name, Hashable) or name not in allowed:
+        try:
+            is_known = name in allowed
+        except TypeError:  # nothing that could be a name
+            is_known = False
+        if not is_known:
             text = refusal if "{near}" in refusal else f"{refusal}{{near}}"
             words = {"{}": str(name), "{known}": ", ".join(allowed) or "none", "{near}": nearest(str(name), allowed)}
             raise error("".join(words.get(part, part) for part in _PLACES.split(text)), where, code="name.unknown")

@@ -39,6 +39,7 @@ from thermid.fit.calibration import (
     LocalSpec,
     Reading,
     Request,
+    counted_twice,
     digest,
     fit,
     freed,
@@ -261,25 +262,6 @@ def not_inherited(
         places = [p for at, paths in missing.items() for p in ([at[:-1]] if at and 0 < len(fitted) == len(paths) else paths)]
         if places:
             yield f"{FIRST}what stage '{earlier.name}' fitted is not inherited at {quoted(places)}: the values of the deck stay there."
-
-
-def counted_twice(store: Store, prior: Sequence[str], records: Sequence[Record]) -> list[str]:
-    """Return a remark for every record whose readings reach a stage as samples and, through a stage below, as prior too.
-
-    Parameters
-    ----------
-    store : Store       What the stages below know.
-    prior : sequence    Which of it may move.
-    records : tuple     The stage's own.
-    """
-    origins = {o.stage for p in prior for s in (store.states[p],) for o in (s.origin, *s.history)}
-    used = {sha: stage for stage in origins for sha in store.provenance.get(stage, {}).get("records", {}).values()}
-    return [
-        f"record '{r.name}' was fitted by stage '{used[r.origin.sha256]}' too, whose result is a prior here. Its readings count "
-        "twice, so the errors are too small. Inherit the values with as = 'fixed', or use another record."
-        for r in records
-        if r.origin.sha256 in used
-    ]
 
 
 def steady_points(

@@ -26,6 +26,7 @@ from thermid.fit._calibration import (
     Local,
     contradicted,
     far_from_sheet,
+    fitted_values,
     loudly,
 )
 from thermid.fit._error_model.discrepancy import assumed_moves, with_discrepancy
@@ -34,7 +35,7 @@ from thermid.fit._inputs import inputs_of
 from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
 from thermid.fit._problem.experiment import UNSAID_NOISE, Experiment
 from thermid.fit._problem.gather import build_problem
-from thermid.fit._problem.request import LocalSpec, Request, freed, mean_of, priors_of, weighing
+from thermid.fit._problem.request import LocalSpec, Request, counted_twice, freed, mean_of, priors_of, weighing
 from thermid.fit._problem.residuals import Predictions, Problem, Unknown, pooled, starting_point, wanders
 from thermid.fit._search import Progress, searched
 from thermid.fit._second_clocks import at_clocks, in_turns, widened_by_noise_of_powers, with_clocks
@@ -48,8 +49,8 @@ from thermid.model.elements import CREDIBLE, UNJUDGED, Standing, TableSignal, wo
 from thermid.model.identity import identity_of
 from thermid.model.tree import Model, deck_text, parameter_table, unlumped
 from thermid.simulation.runs import Scenario, Workers
-from thermid.values.fitted import FittedValue, FittedValues, view
-from thermid.values.store import LaterTable, State, Store, ValueOrigin
+from thermid.values.fitted import FittedValue, FittedValues, as_store, view
+from thermid.values.store import INPUT, LaterTable, State, Store, ValueOrigin, graft
 
 _version = cache(version)  # half a millisecond, once
 
@@ -98,7 +99,7 @@ def _shifted_together(problem: Problem, minimum: Fit) -> tuple[float, str]:
     of one log share a reference junction, a converter or a calibration bath: no accuracy says how much of it, so the correlation of their
     errors is taken as uniform between 0 and 1, and the variance of their mean is that at its expectation (`IN_COMMON`).
     """
-    groups: dict[str, list[tuple[float, float]]] = {"sensor": [], "shared": []}
+    groups: dict[str, list[tuple[float, float]]] = {"sensor": [], INPUT: []}
     for u, x in zip(problem.unknowns, minimum.fitted.tolist(), strict=True):
         if u.kind in groups and u.unit == "K" and u.prior is not None:
             groups[u.kind].append((x, u.prior.sd))
@@ -106,8 +107,7 @@ def _shifted_together(problem: Problem, minimum: Fit) -> tuple[float, str]:
         return 0.0, ""
     columns = [np.array(group).T for group in groups.values() if group]
     shares = [sd**-2.0 / (sd**-2.0).sum() for _, sd in columns]
-    # what is added to a logged boundary is what it reads low
-    shift = float(sum(x @ share for (x, _), share in zip(columns, shares, strict=True)))
+    shift = float(sum(sign * (x @ share) for sign, (x, _), share in zip((1.0, -1.0), columns, shares, strict=False)))
     parts = [IN_COMMON * (share @ sd) ** 2 + (1.0 - IN_COMMON) * share**2 @ sd**2 for (_, sd), share in zip(columns, shares, strict=True)]
     deviations = abs(shift) / math.sqrt(sum(parts))
     high = f"{short(abs(shift))} K {'high' if shift > 0.0 else 'low'} together"
@@ -466,7 +466,7 @@ def refuse_after(request: Request, problem: Problem, minimum: Fit, covariance: A
 
 def _by_instruments(problem: Problem, total: Array, k: int) -> str:
     """Return which instruments' errors set most of the variance of an unknown; empty where none do."""
-    at = [j for j, u in enumerate(problem.unknowns) if u.kind in ("sensor", "shared", "instrument")]
+    at = [j for j, u in enumerate(problem.unknowns) if u.kind in ("sensor", INPUT, "instrument")]
     if not at or not np.isfinite(total[np.ix_([k, *at], [k, *at])]).all():
         return ""
     across = total[at, k]
@@ -560,7 +560,9 @@ def _with_uncut(values: FittedValues, problem: Problem, minimum: Fit, responses_
     """Return values with their errors as they would be without bounds, where these cut them."""
     variances = zip(problem.unknowns, minimum.fitted.tolist(), responses_of_fit.uncut.tolist(), strict=False)  # or none
     errors = {u.name: u.slope(x) * variance**0.5 for u, x, variance in variances}
-    return replace(values, items_={p: replace(v, uncut=x) if (x := errors.get(p, 0.0)) > v.error else v for p, v in values.items()})
+    return replace(
+        values, items_={p: replace(v, uncut=x) if (x := errors.get(p, 0.0)) > v.error * (1.0 + 1e-9) else v for p, v in values.items()}
+    )
 
 
 def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) -> FittedValue:
@@ -755,6 +757,7 @@ def calibrate(
     scenario: Scenario | Mapping[str, Scenario] | None = None,
     local: Mapping[str, Any] | None = None,
     priors: Mapping[str, Any] | None = None,
+    inherit: Mapping[str, Any] | None = None,
     loss: str = "linear",
     search: str = "auto",
     weights: Mapping[str, float] | str | None = None,
@@ -774,6 +777,8 @@ def calibrate(
     scenario : Scenario(s)      What the logs do not say; one for all, or one by record name.
     local : dict                Values that each record has for itself: boundary or ``initial.<node>`` -> ``{start, sd}``.
     priors : dict               Path or glob -> (mean, standard deviation), texts with units; or ``"range"`` for that which the deck states.
+    inherit : dict              Part of the model, ``.`` for the model itself -> what a fit of it found: a `Calibration`, its values or the
+                                path of their file. Values stay there with their errors; those that are free too have them as prior.
     loss : str                  linear, soft_l1, huber or cauchy.
     search : str                local, multistart, differential evolution, cma; or auto: further starts where one descent is doubtful.
     weights : dict or str       Sensor -> weight of its residuals, 1 where none is given; or ``"effective"``: after a first fit readings
@@ -788,7 +793,17 @@ def calibrate(
     """
     many = (records,) if isinstance(records, Record) else tuple(records)
     request = requested(
-        model, many, free, scenario=scenario, local=local, priors=priors, loss=loss, search=search, weights=weights, name=name
+        model,
+        many,
+        free,
+        scenario=scenario,
+        local=local,
+        priors=priors,
+        inherit=inherit,
+        loss=loss,
+        search=search,
+        weights=weights,
+        name=name,
     )
     return fit(request, progress, stoppable=True, executor=executor)
 
@@ -801,6 +816,7 @@ def requested(
     scenario: Scenario | Mapping[str, Scenario] | None = None,
     local: Mapping[str, Any] | None = None,
     priors: Mapping[str, Any] | None = None,
+    inherit: Mapping[str, Any] | None = None,
     loss: str = "linear",
     search: str = "auto",
     weights: Mapping[str, float] | str | None = None,
@@ -809,10 +825,18 @@ def requested(
     """Return the request that the arguments of `calibrate` stand for."""
     scenarios = dict(scenario) if isinstance(scenario, Mapping) else {"*": scenario} if scenario else {}
     specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
-    wanted, _ = freed(model, free, (), name or model.title)
-    priors_by_path = priors_of(model, priors or {}, name or model.title)
-    weighed = weighing(weights or {}, name or model.title)
-    return Request(model, records, tuple(wanted), scenarios, specs, priors=priors_by_path, loss=loss, search=search, name=name, **weighed)
+    where = name or model.title
+    below = [(part, v.store or as_store(v)) for part, given in (inherit or {}).items() for v in fitted_values(given, f"{where}, {part}")]
+    store, remarks = graft(model, below)
+    model = store.laid_over(model)
+    store, hidden = store.acting_in(model)
+    wanted, _ = freed(model, free, (), where)
+    prior = tuple(p for p, s in store.parameters.items() if s.known and {*s.acts} & {*wanted})
+    remarks = (*(f"{FIRST}{r}" for r in remarks), *hidden, *counted_twice(store, prior, records))
+    priors_by_path = priors_of(model, priors or {}, where)
+    more: dict[str, Any] = {"loss": loss, "search": search, "name": name, **weighing(weights or {}, where)}
+    known: dict[str, Any] = {"store": store, "prior": prior, "seen": store.seen, "remarks": remarks}
+    return Request(model, records, tuple(wanted), scenarios, specs, priors=priors_by_path, **known, **more)
 
 
 def fit(

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from os import PathLike
 from typing import Any
 
 import numpy as np
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import IdentificationError
+from thermid.base.errors import DeckError, IdentificationError
 from thermid.base.linear_algebra import Array, square_root
 from thermid.base.results import Result, Row
-from thermid.fit.calibration import Calibration
+from thermid.fit.calibration import Calibration, fitted_values
 from thermid.fit.discrepancy import KEY, Discrepancy, kept_in
 from thermid.fit.error_model import KEY as ERRORS, ErrorModel
 from thermid.model.elements import Standing, worst
 from thermid.model.tree import Model, flatten
-from thermid.values.fitted import FittedValue, FittedValues, as_store
+from thermid.values.fitted import FittedValue, FittedValues, as_store, load_values
 from thermid.values.store import (
     COVARIANCE_KINDS,
+    INPUT,
     Kind,
     Normal,
     Source,
@@ -38,7 +40,8 @@ class Knowledge(Result):
     Parameters
     ----------
     model : Model                       With its best values.
-    values : tuple of FittedValues      What was fitted, each with its covariance; of two that hold a value the later counts.
+    values : tuple of FittedValues      What was fitted, each with its covariance, as such or as the path of its file; of two
+                                        that hold a value the later counts. One alone needs no tuple.
     fit : Calibration or None           The fit itself, where it is at hand.
     synthetic : bool                    Whether any record behind the values was made and not measured.
     at : str                            The submodel that the values belong to; empty for the model itself.
@@ -51,6 +54,12 @@ class Knowledge(Result):
     synthetic: bool = False
     at: str = ""
     remarks: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Take values in every way that they are given."""
+        if not isinstance(self.model, Model):
+            raise DeckError(f"`model` takes Model, not {self.model!r:.60}.", "Knowledge", code="value.wrong-kind")
+        object.__setattr__(self, "values", fitted_values(self.values, self.model.title))
 
     @classmethod
     @takes_objects
@@ -169,6 +178,7 @@ def known_of(source: Knowledge | Model | Calibration | FittedValues | Sequence[A
     model : Model       What values are laid over; a fit's own where it is not given.
     at : str            The submodel that the values belong to.
     """
+    source = load_values(source) if isinstance(source, str | PathLike) else source
     if isinstance(source, Knowledge):
         return source.for_model(source.model) if source.fit is None else source
     if model is None and isinstance(source, Model | Calibration):
@@ -178,7 +188,7 @@ def known_of(source: Knowledge | Model | Calibration | FittedValues | Sequence[A
     assert isinstance(base, Model)
     if len(many) == 1 and isinstance(many[0], Calibration):
         return Knowledge(base, (many[0].values,), many[0], many[0].synthetic, at).for_model(base)
-    values = tuple(replace(v.values, store=v.store) if isinstance(v, Calibration) else v for v in many)
+    values = fitted_values(many, base.title)
     is_synthetic = any(isinstance(v, Calibration) and v.synthetic for v in many)
     return Knowledge(base, values, None, is_synthetic, at).for_model(base)
 
@@ -256,7 +266,7 @@ def instruments_of(knowledge: Knowledge) -> Rows:
     """Return how the constant errors of instruments respond to the sources of their fits; that of a later fit counts."""
     out = Rows()
     for store in reversed(knowledge.stores):
-        new_states = [s for s in store.states.values() if s.kind in ("sensor", "instrument", "shared") and s.path not in out.names]
+        new_states = [s for s in store.states.values() if s.kind in ("sensor", "instrument", INPUT) and s.path not in out.names]
         out = out.beside(Rows.of_states(store, {s.path: s for s in new_states}, "instruments"))
     return out
 

@@ -28,6 +28,7 @@ from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction._budget import (
     AVERAGED,
+    DEFECTS,
     GAS_IN_JOINTS,
     STATED_RANGES,
     UNSOUGHT,
@@ -86,8 +87,6 @@ QUANTILE_DRAWS = 4096
 """Draws of a straight model that give the quantiles of its laws."""
 BENT = "members that differ in other ways than a straight line"
 """Cause: the mean of a curved answer, or of laws that are not normal, is not the answer at the mean."""
-DEFECTS = "hidden defects"
-"""Cause: which of several defects that explain a fit its unit has; also what `without` calls them."""
 Given = Mapping[str, Any] | Spread
 
 
@@ -256,7 +255,7 @@ class Prediction(Result):
         ------
         NameNotFoundError   With the nearest name.
         """
-        path = self._find.get(node, node)
+        path = self._find.get(node, node) if isinstance(node, str) else ""
         if path not in self.bands:
             raise NameNotFoundError(f"no node '{node}' was predicted.{nearest(node, self.bands)}", self.title)
         return self.bands[path]

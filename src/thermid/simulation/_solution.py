@@ -12,7 +12,7 @@ import numpy as np
 
 from thermid.base.dual import Number, value_of
 from thermid.base.errors import NameNotFoundError, ScenarioError, look_up
-from thermid.base.expression import kelvin
+from thermid.base.expression import amount, kelvin
 from thermid.base.files import NETCDF, NETCDF_SOURCE, TABLE, replacing
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
@@ -108,7 +108,11 @@ class Trace(Result):
         ------
         ScenarioError   When a time lies outside the run.
         """
-        wanted_times = np.asarray(literal(time, "s", f"{self.path}, at") if isinstance(time, str) else time, dtype=float)
+        times = time if np.ndim(time) else amount(time, "s", f"{self.path}, at")
+        try:
+            wanted_times = np.asarray(times, dtype=float)
+        except (TypeError, ValueError):
+            raise ScenarioError(f"it takes times, not {time!r:.60}.", f"{self.path}, at", code="value.wrong-kind") from None
         first, last = float(self.times[0]), float(self.times[-1])
         near = 1e-9 * (last - first)
         outside = [t for t in np.ravel(wanted_times) if not first - near <= t <= last + near]

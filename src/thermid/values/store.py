@@ -26,6 +26,8 @@ from thermid.model.tree import SET, Entry, Model, deck_text, parameter_table
 Kind = Literal["data", "instrument", "stated", "structural", "misfit", "variant"]
 MAX_NAMED_VALUES = 8
 """Up to so many values that a remark is about are named one by one, more of them by their parts."""
+INPUT = "input"
+"""Kind of a value: the constant error of a logged boundary [K], or of a logged power as a share of the reading; reading minus truth."""
 COVARIANCE_KINDS: tuple[Kind, ...] = ("data", "instrument", "stated")
 """Kinds that a covariance of fitted values holds; structural ones enter budgets besides."""
 
@@ -357,7 +359,7 @@ class State:
     unit : str              For people.
     bounds : (float, float) [SI]
     origin : ValueOrigin         Who gave it.
-    kind : str              parameter, or as in `FittedValue`: sensor, instrument, shared (all three of instruments), level.
+    kind : str              parameter, or as in `FittedValue`: sensor, instrument, input (all three of instruments), level.
     paths : tuple of str    Every place where it stands.
     hidden : tuple of str   Those where a [set] hides it.
     at : str                The submodel over whose deck it is laid; empty for the model itself.

@@ -204,3 +204,29 @@ def test_a_second_swap_keeps_the_first_in_mind(twins: tuple[td.Campaign, td.Mode
     assert both.without == ("hx", "hy")
     assert not any(n.startswith("h") for n in ErrorModel.from_dict(both.table).seen)
     assert LaterTable.of_table(both.table).without == both.without
+
+
+def test_no_mistake_is_looked_for_in_logs_that_a_kept_stage_does_not_have(retuned: tuple[td.Campaign, td.Campaign]) -> None:
+    assert not any("failed" in line for mistakes in retuned[1].mistakes.values() for line in mistakes.lines())
+    assert "failed" not in str(retuned[1]).splitlines()[1]
+
+
+@pytest.mark.parametrize("kind", ["fit", "file"])
+def test_python_inherits_as_a_campaign_does(retuned: tuple[td.Campaign, td.Campaign], tmp_path: Path, kind: str) -> None:
+    """The stage `unit` by `calibrate` alone, from the fit of the head or its file: the same values, with the same errors."""
+    head, unit = (retuned[0][n] for n in ("head", "unit"))
+    head.save(tmp_path / "head.values.toml")
+    inherit = {"head": head if kind == "fit" else tmp_path / "head.values.toml"}
+    moving = ["head.pot.conductance", "head.foot.conductance"]
+    assert unit.request is not None
+    bare = unit.model.replace("head", head.model)
+    own = ["coefficient", "base.capacitance"]
+    again = td.calibrate(bare, unit.request.records, [*own, *moving], inherit=inherit, name="unit")
+    for path in (*own, *moving):
+        assert again[path].value == pytest.approx(unit[path].value, rel=1e-6), path
+        assert again[path].error == pytest.approx(unit[path].error, rel=1e-3), path
+    fixed = td.calibrate(bare, unit.request.records, own, inherit=inherit, name="unit")
+    assert fixed.store["head.pot.conductance"].value == pytest.approx(head["pot.conductance"].value)
+    assert fixed["coefficient"].error < td.calibrate(bare, unit.request.records, own)["coefficient"].error * 10.0
+    with pytest.raises(td.errors.NameNotFoundError, match="'head'"):
+        td.calibrate(bare, unit.request.records, own, inherit={"haed": head})

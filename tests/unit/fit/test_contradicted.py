@@ -71,11 +71,11 @@ PLAIN = FittedValue("sensor T1", 3.1, 0.1, 0.0, False, "K", 0.0, (0.0, 0.0), kin
     [
         (PLAIN, "T1 would need an error of +3.1 K, 10 times its accuracy of 0.3 K"),
         (
-            replace(PLAIN, path="ROOM error", kind="shared", value=-6.0),
+            replace(PLAIN, path="ROOM error", kind="input", value=-6.0),
             "ROOM would need an error of -6 K, 20 times its accuracy of 0.3 K",
         ),
         (
-            replace(PLAIN, path="P error", kind="shared", value=1.5, unit="1", prior=(1.0, 0.01)),
+            replace(PLAIN, path="P error", kind="input", value=0.5, unit="1", prior=(0.0, 0.01)),
             "P would need an error of +50 %, 50 times its accuracy of 1 %",
         ),
         (

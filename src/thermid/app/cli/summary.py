@@ -241,9 +241,11 @@ def _block(campaign: Campaign, name: str, fit: Calibration) -> StageRows:
     elsewhere = {*_questions_to_owner(campaign), *_common(campaign)}
     notes = [f"{name}: {w}" for w in fit.warnings if w.startswith(FIRST) and not {w, _clause(w)} & elsewhere]
     for why, partly in (("neither log nor scenario gives it", False), ("its channel begins late or ends early", True)):
-        inputs = ", ".join(dict.fromkeys(f"{i.name} ({i.kind})" for i in assumed if i.partly == partly))
+        inputs = ", ".join(dict.fromkeys(f"{i.name} ({i.kind})" for i in assumed if i.partly == partly and i.kind != "accuracy"))
         if inputs:
             notes.append(f"{name}: assumed{' where the log is silent' if partly else ''}, because {why}: {inputs}")
+    if exact := ", ".join(dict.fromkeys(i.name for i in assumed if i.kind == "accuracy")):
+        notes.append(f"{name}: accuracy not stated, so readings count as exact: {exact}")
     if step := campaign.next_step(name):
         notes.append(f"{name}: next: {step}")
     rows = sorted(fitted, key=lambda v: -abs(v.error / v.value) if v.value else 0.0)

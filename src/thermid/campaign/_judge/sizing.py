@@ -11,10 +11,10 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError, refuse_unknown
+from thermid.base.expression import amount
 from thermid.base.results import Result
 from thermid.base.units import counted, si_unit
 from thermid.campaign._judge.limits import STATES, Limits, text_of
-from thermid.measure.amounts import amount
 from thermid.model.tree import Model, ParameterSet
 from thermid.prediction.bands import Knowledge, predict
 from thermid.simulation.runs import Scenario, simulate, steady

@@ -53,7 +53,7 @@ from thermid.measure.amounts import short
 from thermid.model.elements import CARRIED_BY, Standing
 from thermid.model.identity import identity_of, outside
 from thermid.simulation.network import Network
-from thermid.values.store import LaterTable
+from thermid.values.store import INPUT, LaterTable
 
 KEY = "errors"
 """Where the provenance of fitted values keeps it."""
@@ -73,14 +73,14 @@ class SeenValue:
     ----------
     kind : str          'parameter', 'sensor' or 'shared'.
     log : bool          Whether it is fitted by its logarithm.
-    acts : tuple        (name, factor) of what it acts on; nothing for a sensor.
+    acts : tuple        (name, factor, offset) of what it acts on; nothing for a sensor.
     mean, sd : float    What was known of it before any reading; fitted form.
     low, high : float   Its bounds; fitted form.
     """
 
     kind: str
     log: bool
-    acts: tuple[tuple[str, float], ...]
+    acts: tuple[tuple[str, float, float], ...]
     mean: float
     sd: float
     low: float
@@ -89,17 +89,22 @@ class SeenValue:
     @classmethod
     def of_unknown(cls, u: Unknown) -> SeenValue:
         """Return what an unknown of a fit is."""
-        shared = ((t.name, float(t.factor)) for t in u.targets) if u.kind == "shared" else ()
-        acts = ((p, 1.0) for p in (u.name, *u.also)) if u.kind == "parameter" else dict.fromkeys(shared)
+        shared = ((t.name, float(t.factor), float(t.offset)) for t in u.targets) if u.kind == INPUT else ()
+        acts = ((p, 1.0, 0.0) for p in (u.name, *u.also)) if u.kind == "parameter" else dict.fromkeys(shared)
         return cls(u.kind, u.log, tuple(acts), *map(float, before(u)), *map(float, u.fitted_bounds()))
 
     def acting(self, name: str) -> tuple[str, ...]:
         """Return the paths where it acts as a value of the model, by its name."""
-        return tuple(p for p, _ in self.acts) or (name,)
+        return tuple(p for p, *_ in self.acts) or (name,)
 
     def si(self, fitted: float) -> float:
         """Return the value of a fitted form. [SI]"""
         return float(np.exp(np.clip(fitted, -700.0, 700.0))) if self.log else fitted
+
+
+def _influence(factor: float, offset: float = 0.0) -> tuple[float, float]:
+    """Return factor and offset of what an instrument acts on; files of earlier versions have no offset."""
+    return float(factor), float(offset)
 
 
 @dataclass(frozen=True, eq=False)
@@ -400,7 +405,7 @@ class ErrorModel(Result):
         """Return what it says of all but some parts and values; of a value that acts elsewhere too it says the same there."""
         left = {n: outside(v.acting(n), places) if v.kind == "parameter" else (n,) for n, v in self.seen.items()}
         names = {n: acts[0] for n, acts in left.items() if acts}
-        acting = {n: tuple((p, 1.0) for p in left[n]) if self.seen[n].kind == "parameter" else self.seen[n].acts for n in names}
+        acting = {n: tuple((p, 1.0, 0.0) for p in left[n]) if self.seen[n].kind == "parameter" else self.seen[n].acts for n in names}
         seen = {name: replace(self.seen[n], acts=acting[n]) for n, name in names.items()}
         return replace(self, seen=seen, ways=tuple(w.without(places, names) for w in self.ways))
 
@@ -420,7 +425,9 @@ class ErrorModel(Result):
         """
         stage, at = data["stage"], data["at"]
         fitted_values = {
-            placed(n, at): SeenValue(kind, log, tuple((placed(a, at), float(f)) for a, f in acts), *map(float, rest))
+            placed(n, at): SeenValue(
+                kind, log, tuple((placed(a, at), float(f), sum(map(float, o))) for a, f, *o in acts), *map(float, rest)
+            )
             for n, (kind, log, acts, *rest) in data["seen"].items()
         }
         try:

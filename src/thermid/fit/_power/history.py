@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, ThermidError, refuse_unknown
-from thermid.base.expression import Kelvin
+from thermid.base.expression import Kelvin, amount
 from thermid.base.linear_algebra import HALF_WIDTH_95, NOTHING, Array, Bools, covariance as information_inverse, quadratic_forms
 from thermid.base.results import PlottedTrace, Result, Shown
 from thermid.base.units import unit
@@ -422,7 +422,7 @@ def power_history(
     accuracy: Any = "0.1 [%]",
     free: Sequence[str] = (),
     priors: Mapping[str, Any] | None = None,
-    every: str = "",
+    every: str | float = "",
     prior: str = "auto",
 ) -> PowerHistory:
     """Input estimation: the history of a load's power from a log of temperatures.
@@ -463,7 +463,7 @@ def power_history(
         words = f"channel '{logged}' of '{record.name}' already gives this power. Leave it out."
         raise IdentificationError(words, where, code="value.without-effect")
     usual = max(record.duration / KNOTS, record.step)
-    step = literal(every, "s", where) if every else usual
+    step = amount(every, "s", where) if every else usual
     knots, pins = _knots(record, step, known, accuracy, where)
     nominal = compile_network(model).flat.parameters.evaluate({}).get(f"{path}.power", 0.0)
     base = PRIOR_WIDTH * max(abs(float(nominal)), 1.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from numbers import Real
 from typing import Any
 
 from thermid.base.errors import IdentificationError, RecordError, nearest, refuse_unknown
@@ -16,6 +17,7 @@ from thermid.fit._problem.residuals import Influence, Prior, Problem, Unknown
 from thermid.measure.sensors import SensorPart
 from thermid.model.elements import Constant, StatedRange, TableSignal
 from thermid.values.spreads import read_spread
+from thermid.values.store import INPUT
 
 MAX_SEPARATE_STARTS = 10
 """Nodes without a sensor in a record up to which each has a start of its own; of more, those with the same neighbours move together."""
@@ -46,7 +48,7 @@ def build_problem(request: Request) -> Problem:
     sensors = {o.sensor for e in experiments for o in e.observations}
     for sensor, weight in request.weights.items():
         refuse_unknown([sensor], sensors, where, "a weight is given for '{}', which is not a sensor of this fit.", IdentificationError)
-        if not (math.isfinite(weight) and weight > 0):
+        if not (isinstance(weight, Real) and math.isfinite(weight) and weight > 0):
             raise IdentificationError(
                 f"the weight of '{sensor}' must be above zero. To leave a sensor out, ignore it.", where, code="value.outside-range"
             )
@@ -210,9 +212,10 @@ def wired(experiment: Experiment, raw: str) -> str:
 
 
 def _nuisances(request: Request, experiments: Sequence[Experiment]) -> list[Unknown]:
-    """Return the constant errors of sensors, and those of logged boundaries and powers, one per instrument.
+    """Return the constant errors of sensors, and those of logged boundaries and powers, one per instrument: reading minus truth.
 
-    A meter's accuracy is in watts and its error is looked for as a factor, so the record with the largest power says its uncertainty.
+    A meter's accuracy is in watts and its error is looked for as a share of the reading, so the record with the largest power says its
+    uncertainty.
     """
     if request.held_errors is not None:
         return []
@@ -222,13 +225,13 @@ def _nuisances(request: Request, experiments: Sequence[Experiment]) -> list[Unkn
         sensors |= {o.sensor: o.accuracy for o in experiment.observations if o.accuracy and o.sensor not in request.held_bias}
         for sensor, (target, sd) in experiment.shared.items():
             smallest_sd, targets = shared.get(sensor, (math.inf, []))
-            shared[sensor] = (min(sd, smallest_sd), [*targets, Influence(i, target)])
+            shared[sensor] = (min(sd, smallest_sd), [*targets, Influence(i, target, 1.0 if target.startswith(SCALE) else 0.0, -1.0)])
     out = []
     for sensor, sd in sensors.items():
         out.append(Unknown(f"sensor {sensor}", "sensor", (), 0.0, prior=Prior(0.0, sd), unit="K"))
     for sensor, (sd, targets) in shared.items():
-        start = 1.0 if targets[0].name.startswith("scale.") else 0.0
-        out.append(Unknown(f"{sensor} error", "shared", tuple(targets), start, prior=Prior(start, sd), unit="1" if start else "K"))
+        unit_of_error = "1" if targets[0].name.startswith(SCALE) else "K"
+        out.append(Unknown(f"{sensor} error", INPUT, tuple(targets), 0.0, prior=Prior(0.0, sd), unit=unit_of_error))
     return out + instruments(experiments)
 
 

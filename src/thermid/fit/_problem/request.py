@@ -103,7 +103,7 @@ class Request:
     store : Store                   What stages below know of the model's values; the model has them laid over it.
     prior : tuple of str            Those of its values that are free here too, with their covariance as prior.
     held_bias : dict                Sensor -> constant error that is not looked for. [K]
-    held_errors : dict              Channel -> constant error of a logged boundary (added to it [K]) or power (a factor); where it is given,
+    held_errors : dict              Channel -> constant error of a logged boundary [K] or power (a share of it), reading minus truth; given,
                                     even empty, no constant error of any instrument is looked for.
     weights : dict                  Sensor -> weight of its residuals, 1 where none is given.
     effective : bool                Whether readings count as many as residuals that wander are worth, which leaves priors their width.
@@ -490,6 +490,25 @@ def known_before(request: Request, unknowns: Sequence[Unknown]) -> KnownBefore:
     held = np.isin([s.name for s in store.sources], [s.name for r in ranges for s, _ in r.columns])
     mean = np.array([u.to_fitted(state.value) for _, u, state in inherited])
     return KnownBefore(at, mean, rows, tuple(sources), np.tile(held, len(places)))
+
+
+def counted_twice(store: Store, prior: Sequence[str], records: Sequence[Record]) -> list[str]:
+    """Return a remark for every record whose readings reach a stage as samples and, through a stage below, as prior too.
+
+    Parameters
+    ----------
+    store : Store       What the stages below know.
+    prior : sequence    Which of it may move.
+    records : tuple     The stage's own.
+    """
+    origins = {o.stage for p in prior for s in (store.states[p],) for o in (s.origin, *s.history)}
+    used = {sha: stage for stage in origins for sha in store.provenance.get(stage, {}).get("records", {}).values()}
+    return [
+        f"record '{r.name}' was fitted by stage '{used[r.origin.sha256]}' too, whose result is a prior here. Its readings count "
+        "twice, so the errors are too small. Inherit the values with as = 'fixed', or use another record."
+        for r in records
+        if r.origin.sha256 in used
+    ]
 
 
 def _copy(path: str, twins: Sequence[str]) -> str:

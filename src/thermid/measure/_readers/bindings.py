@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, errors_at, refuse_unknown
+from thermid.base.expression import amount
 from thermid.base.units import DIMENSIONLESS, TEMPERATURE, describe, require, unit
 from thermid.measure._readers.power_of_columns import POWER_KEYS
 from thermid.measure._record.channel import INTERPOLATIONS, SAMPLES
 from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart
-from thermid.measure.amounts import amount
 
 _ROLE_KEYS: Final = ("node", "boundary", "load", "command", "prescribed")
 _OF_SAMPLES: Final = ("noise", "accuracy", "resolution", "unit", "prompt", "samples", "interpolation", "power")

@@ -10,7 +10,9 @@ from typing import Final
 
 import numpy as np
 
+from thermid.base.arguments import takes_objects
 from thermid.base.errors import NameNotFoundError, RecordError, errors_at, refuse_unknown
+from thermid.base.expression import amount
 from thermid.base.units import from_si, in_si, require, unit
 from thermid.measure._readers.bindings import Binding, bindings, full_scale, unit_and_quantity
 from thermid.measure._readers.columns import decimal_sign, find_column, kelvin_sized, numbers
@@ -23,12 +25,12 @@ from thermid.measure._readers.stamps import Clock, Times, clock_column, read_tim
 from thermid.measure._readers.textfile import Cells, decoded, read_bytes
 from thermid.measure._record.channel import BoolArray, Channel, FloatArray, Origin, digest, with_sensor
 from thermid.measure._record.record import Record
-from thermid.measure.amounts import amount
 
 SCPI_OVERLOAD: Final = 9.9e36
 """What instruments with SCPI write for an overload or an open sensor is 9.9e37, of either sign; it is masked as infinite."""
 
 
+@takes_objects
 def read_record(
     path: str | Path,
     channels: Mapping[str, str | Mapping[str, object]],

@@ -345,9 +345,13 @@ def _spread(value: Any, out: Parameter) -> str:
 
 def _written_number(value: Any) -> str:
     """Return the text of a number that was given without one."""
-    if isinstance(value, bool) or value != value or not hasattr(value, "__float__"):
-        raise DeckError(f"{value!r} is not a value. Write a text with a unit, '2.5 [W]', or a number.", code="value.wrong-kind")
-    return repr(float(value))
+    try:
+        number = math.nan if isinstance(value, bool | str) else float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if math.isnan(number):
+        raise DeckError(f"{value!r:.60} is not a value. Write a text with a unit, '2.5 [W]', or a number.", code="value.wrong-kind")
+    return repr(number)
 
 
 def parameter(value: str | float | Mapping[str, Any] | Parameter, where: str = "") -> Parameter:
@@ -372,7 +376,7 @@ def parameter(value: str | float | Mapping[str, Any] | Parameter, where: str = "
         if unknown or "value" not in table:
             raise DeckError(
                 "the keys of a parameter are value, min, max, source, note, basis and spread; given: "
-                f"{', '.join(sorted(unknown)) or 'a table without value'}.",
+                f"{', '.join(sorted(map(str, unknown))) or 'a table without value'}.",
                 code="value.wrong-kind",
             )
         raw = table["value"]

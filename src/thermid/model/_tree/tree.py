@@ -175,7 +175,13 @@ class Tree:
         """Return the canonical path of a name: aliases resolved, here and in every submodel it passes.
 
         An alias that one submodel alone has, and nothing here, stands for the same here.
+
+        Raises
+        ------
+        NameNotFoundError   When it is no text.
         """
+        if not isinstance(path, str):
+            raise NameNotFoundError(f"a name is a text such as 'case.mass', not {path!r:.60}.", self.title, code="value.wrong-kind")
         while path in self.aliases:
             path = self.aliases[path]
         head, _, rest = path.partition(".")

@@ -93,7 +93,7 @@ def plan_runs(
     """Return what `uncertain_runs` would run, and what a reader must know."""
     from importlib.metadata import version
 
-    sources = [values] if isinstance(values, Values) else list(values)
+    sources = list(values) if isinstance(values, list | tuple) else [values]
     scenarios = [scenario] if isinstance(scenario, Scenario) else list(scenario)
     if not scenarios or chunk < 1:
         raise ScenarioError("a campaign of runs needs a scenario, and chunks of at least one member.", model.title, code="value.incomplete")

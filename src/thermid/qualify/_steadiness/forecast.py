@@ -10,8 +10,9 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import RecordError, ScenarioError
+from thermid.base.expression import amount
 from thermid.base.results import Result, Row
-from thermid.measure.amounts import amount, duration_text, positive_seconds, short
+from thermid.measure.amounts import duration_text, positive_seconds, short
 from thermid.measure.records import BoolArray, FloatArray, Record, stretch, within_log
 from thermid.measure.steadiness import StabilityRule, rule_of
 from thermid.model.tree import Model

@@ -12,6 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from thermid.base.arguments import takes_objects
 from thermid.base.errors import ThermidError
 from thermid.base.results import Result
 from thermid.base.units import counted, from_si, in_si, unit
@@ -586,6 +587,7 @@ def _short(text: str, width: int) -> str:
     return text if len(text) <= width else f"{text[: width - 6]}..{text[-4:]}"
 
 
+@takes_objects
 def look(
     path: str | Path,
     *,
