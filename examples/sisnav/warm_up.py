@@ -53,7 +53,7 @@ def meter(folder: Path, pause: bool, world: laboratory.World) -> Meter:
     found = fit.values[f"{CHANNEL} error"]
     assert found.prior is not None
     test = ("with a pause" if pause else "warm-up alone") + ("" if world.exponent else ", convection of exponent 0")
-    return Meter(test, found.value - 1.0, abs(found.value - found.prior[0]) / found.prior[1], tuple(fit.contradicted))
+    return Meter(test, found.value, abs(found.value - found.prior[0]) / found.prior[1], tuple(fit.contradicted))
 
 
 def main(folder: Path) -> tuple[Meter, Meter, Meter]:

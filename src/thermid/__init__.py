@@ -77,8 +77,6 @@ _NAMESPACES = {
         "Profile": "inference.intervals",
         "posterior": "inference.intervals",
         "Posterior": "inference.intervals",
-        "evidence": "inference.intervals",
-        "Evidence": "inference.intervals",
         "fleet": "inference.fleets",
         "Fleet": "inference.fleets",
         "ErrorModel": "fit.error_model",

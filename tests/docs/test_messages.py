@@ -7,6 +7,9 @@ from collections.abc import Callable, Iterator
 from functools import cache
 
 import pytest
+import typer
+
+from thermid.app.cli import app as cli
 
 from .messages import BANNED, BOUND, DIALECT, ROOT, guides, messages, sentences
 
@@ -50,6 +53,40 @@ def prose() -> list[tuple[str, str]]:
 def whole(rows: Callable[[], list[tuple[str, str]]]) -> str:
     """All texts in one."""
     return "\n".join(text for _, text in rows())
+
+
+CALLS = re.compile(r"(?:[`\"(]|: |^ *(?:\$ )?)thermid (?P<words>[a-z][a-z-]*(?: [^`\"|;&\n]*)?)", re.MULTILINE)
+"""A command as it is written: in backticks, quoted, in brackets, after a colon or at the beginning of a line."""
+PROSE = re.compile(r"(as|command|did|exchanges|reads|remembers|that|therefore|was|wrote)\b")
+"""How a sentence goes on where the name of the package begins a line or a bracket."""
+
+
+@cache
+def options_of(name: str) -> set[str]:
+    """Options of a command, those of the whole program among them."""
+    group = typer.main.get_command(cli.app)
+    command = group.commands[name].make_context(name, [], resilient_parsing=True).command  # type: ignore[attr-defined]
+    return {opt for p in (*group.params, *command.params) for opt in (*p.opts, *p.secondary_opts)} | {"--help"}
+
+
+def commands_advised() -> Iterator[tuple[str, str]]:
+    """Place and words of every command that a text names."""
+    for place, text in (*(row for row in lines() if not row[0].startswith("docs/renames.md")), *every_message()):
+        yield from ((place, m["words"]) for m in CALLS.finditer(text) if not PROSE.match(m["words"]))
+
+
+def test_every_command_that_a_text_names_is_one() -> None:
+    """Five messages advised `thermid split` and `thermid reduce`, which are functions."""
+    named, wrong = 0, []
+    for place, words in commands_advised():
+        name = words.split()[0]
+        if name not in cli.COMMANDS:
+            wrong.append(f"{place}: {words}")
+            continue
+        named += 1
+        wrong += [f"{place}: {name} {option}" for option in re.findall(r"(?<= )--[a-z][a-z-]*", words) if option not in options_of(name)]
+    assert wrong == []
+    assert named > 200
 
 
 def found(phrase: str, rows: Callable[[], list[tuple[str, str]]]) -> Iterator[tuple[str, str]]:

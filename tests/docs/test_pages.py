@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -23,10 +24,15 @@ ELSEWHERE = {
 """Second words of blocks that test_contributing.py runs."""
 FOREIGN = {"pandas.read_csv", "repeat", "element.field"}
 """Words of the design that are no names here: of Python and other libraries; and what was not chosen, or stands for any name."""
-MADE = {*PICTURES, *virtual_pages()}
 PARTS = ["What it is", "Why so", "Tried and dropped", "What would change our mind"]
 WORDS, ALL_WORDS, LINES = 700, 12_000, 60
 """Of a page of the design at most, of all of them together, and lines of the change log."""
+
+
+@cache
+def made() -> set[str]:
+    """What the site makes beside the pages that are written."""
+    return {*PICTURES, *virtual_pages()}
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -41,7 +47,7 @@ def test_links_lead_somewhere(page: str) -> None:
         assert "://" not in target, f"{page}: {target}"
         file, _, place = target.partition("#")
         found = (path.parent / file).resolve() if file else path
-        if str(found).removeprefix(f"{ROOT / 'docs'}/") in MADE:  # by the site; test_site.py finds it there
+        if str(found).removeprefix(f"{ROOT / 'docs'}/") in made():  # by the site; test_site.py finds it there
             continue
         assert found.exists(), f"{page}: {target}"
         assert found.is_relative_to(ROOT), f"{page}: {target}"

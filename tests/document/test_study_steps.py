@@ -48,7 +48,7 @@ def test_K1_the_eleven_physical_items_and_the_use(study: td.design.Study) -> Non
 
 
 def test_K1_it_refuses_without_components(project: Path) -> None:  # noqa: N802
-    with raises_code("value.incomplete", DeckError):
+    with raises_code("value.incomplete", DeckError, match="components"):
         td.design.load_study(without(project, "components"))
 
 

@@ -129,7 +129,7 @@ def test_no_stage_contradicts_what_was_stated(campaign: td.Campaign) -> None:
     assert {stage: campaign[stage].contradicted for stage in campaign if campaign[stage].contradicted} == {}
     assert [s for s in campaign if not campaign[s].standing.fair] == ["m_IMU", "m_Sd"]
     assert campaign["m_Sd"].standing.line("m_Sd").startswith("FAILED: rests on stage 'm_IMU' (verdict on imu_held_out")
-    stated = [v for v in campaign["m_PrE"].values.values() if v.kind == "shared" and v.prior is not None]
+    stated = [v for v in campaign["m_PrE"].values.values() if v.kind == "input" and v.prior is not None]
     assert max(abs(v.value - v.prior[0]) / v.prior[1] for v in stated if v.prior is not None) < 5
 
 

@@ -1,4 +1,4 @@
-"""Posterior samples and evidence against the fit, an integral, and a structure that is wrong."""
+"""Posterior samples against the fit."""
 
 from __future__ import annotations
 
@@ -105,31 +105,11 @@ class TestSamples:
         draws = {k: v[:16] for k, v in td.inference.posterior(fit, steps=30).draws.items()}
         assert td.ensemble(fit.model, BENCH, draws).members == 16
 
-    def test_evidence_is_the_integral_over_the_box(self, fit: td.Calibration) -> None:
-        pytest.importorskip("dynesty")
-        found = td.inference.evidence(fit, points=40)
-        density = _Density.of_fit(fit)
-        (low, high), value = density.box[0], fit["near.conductance"]
-        fine = math.log(value.value) + value.error / value.value * np.linspace(-8.0, 8.0, 201)
-        logs = np.array([density(np.array([x])) for x in fine])
-        exact = logs.max() + math.log(np.trapezoid(np.exp(logs - logs.max()), fine) / (high - low))
-        assert found.log == pytest.approx(exact, abs=3.5 * found.error)
-
-    def test_evidence_prefers_the_structure_that_made_the_log(self, fit: td.Calibration) -> None:
-        pytest.importorskip("dynesty")
-        short = td.calibrate(case(0.3, 1.0, second=False), log(), ["near.conductance"], scenario=BENCH)
-        words = td.inference.evidence(fit, points=30).against(td.inference.evidence(short, points=30))
-        assert "over 'Case with one hidden mass'" in words
-        assert "strong" in words
-
     def test_refusals(self, fit: td.Calibration) -> None:
         pytest.importorskip("emcee")
-        pytest.importorskip("dynesty")
         with raises_code("fit.needs-session", IdentificationError):
             td.inference.posterior(replace(fit, problem=None))
         with raises_code("fit.not-possible", IdentificationError, match="'linear'"):
             td.inference.posterior(td.calibrate(fit.model, log(), ["near.conductance"], scenario=BENCH, loss="huber"))
-        with raises_code("fit.not-possible", IdentificationError):
-            td.inference.evidence(td.calibrate(fit.model, log(noise=None), ["near.conductance"], scenario=BENCH))
         with raises_code("fit.nothing-free", IdentificationError):
             td.inference.posterior(td.calibrate(fit.model, log(), [], scenario=BENCH))

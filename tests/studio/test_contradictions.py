@@ -150,6 +150,8 @@ model = "box.toml"
 records = ["run"]
 free = ["joint.contact_conductance", "skin.effective_htc"]
 """  # noqa: E501
+MOVED = """const s = document.querySelector('[id="s-joint.contact_conductance"]');
+s.value = 0.9; for (const type of ['input', 'change']) s.dispatchEvent(new Event(type, { bubbles: true }))"""
 TABLE = """Object.fromEntries([...document.querySelectorAll('[data-slider]')].map((r) =>
   [r.dataset.slider, [Number(r.querySelector('.number').value), r.querySelector('.error-of').textContent]]))"""
 
@@ -163,6 +165,8 @@ def test_the_table_shows_what_a_run_found(tmp_path: Path) -> None:
     (tmp_path / "plan.toml").write_text(PLAN, encoding="utf-8")
     with studio(str(tmp_path / "plan.toml")) as address, page(address) as made:
         before = made.run(f"return {TABLE}")
+        made.run(MOVED)
+        made.until("Object.keys(studio.state.values).length === 1")
         made.click("#run-stage")
         made.until("studio.state.desk && studio.state.desk.fitted")
         made.wait("await pause(300)")
@@ -171,4 +175,7 @@ def test_the_table_shows_what_a_run_found(tmp_path: Path) -> None:
         for path in ("joint.contact_conductance", "skin.effective_htc"):
             assert shown[path][0] != before[path][0]
             assert shown[path][1].startswith("±")
+        assert made.run("return studio.state.values") == {}  # what was moved before lay over what the run found
+        made.click("#undo")
+        assert list(made.run("return studio.state.values")) == ["joint.contact_conductance"]
         made.clean()

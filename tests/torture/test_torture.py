@@ -29,7 +29,12 @@ def run_of(how: str, most: int) -> dict[str, Any]:
     return found
 
 
-@pytest.mark.parametrize(("how", "most"), [("python", 300), ("logs", 150), ("commands", 46), ("calls", 300)])
+MANY = [("python", 300), ("logs", 150), ("commands", 46), ("calls", 300)]
+
+
+@pytest.mark.parametrize(
+    ("how", "most"), [(how, most // 3) for how, most in MANY] + [pytest.param(*m, marks=pytest.mark.campaign) for m in MANY]
+)
 def test_a_sample_of_mutants_ends_in_an_answer_or_an_error_of_the_library(how: str, most: int) -> None:
     found = run_of(how, most)
     assert found["findings"] == {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 
 from by_code import raises_code
 from thermid.base.errors import MissingExtraError
-from thermid.base.results import MAX_REPR_CHARACTERS, ROWS, PlottedTrace, Result
+from thermid.base.results import MAX_REPR_CHARACTERS, ROWS, PlottedTrace, Result, clean
 from unit.results import of_a_fit, of_a_run
 
 pandas = pytest.importorskip("pandas")
@@ -180,3 +181,10 @@ def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
     with raises_code("extra.not-installed", MissingExtraError, match="'pandas'"):
         Line().to_frame()
+
+
+def test_arrays_and_numbers_of_arrays_are_cleaned_for_json_as_plain_ones_are() -> None:
+    """NaN of an array reached the text, and a truth value of one became 1.0."""
+    content = {"a": np.array([[1.0, np.nan], [np.inf, 2.0]]), "b": np.bool_(True), "n": np.int64(3), "x": [np.float64(np.nan)]}
+    assert json.dumps(clean(content), allow_nan=False) == '{"a": [[1.0, null], [null, 2.0]], "b": true, "n": 3, "x": [null]}'
+    assert clean(content, np.shape) == {"a": (2, 2), "b": True, "n": 3, "x": [None]}

@@ -30,9 +30,9 @@ ANY: Any = None
             lambda: td.calibrate(PART, ANY or "acc.csv", "x"),
             r"calibrate: `records` takes Record, not the text 'acc.csv'. Make it",
         ),
-        (lambda: td.calibrate(PART, ANY or ["acc.csv"], "x"), "takes Record, not the text 'acc.csv'"),
-        (lambda: td.calibrate(ANY or LOG, LOG, "x"), "`model` takes Model, not Record. Make it with td.load_model"),
-        (lambda: td.calibrate(PART, LOG, "x", scenario=ANY or {"log": "s.toml"}), "`scenario` takes Scenario, not the text 's.toml'"),
+        (lambda: td.calibrate(PART, ANY or ["acc.csv"], ["x"]), "takes Record, not the text 'acc.csv'"),
+        (lambda: td.calibrate(ANY or LOG, LOG, ["x"]), "`model` takes Model, not Record. Make it with td.load_model"),
+        (lambda: td.calibrate(PART, LOG, ["x"], scenario=ANY or {"log": "s.toml"}), "`scenario` takes Scenario, not the text 's.toml'"),
         (
             lambda: PART.replace("acc", ANY or "file.toml"),
             r"replace: `new` takes Model, not the text 'file.toml'. Make it wi",

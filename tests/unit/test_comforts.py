@@ -101,7 +101,8 @@ def test_a_series_is_a_boundary_or_a_load(run: td.Solution) -> None:
     watts = pd.Series([0.0, 6.0, 6.0], index=pd.to_timedelta([0, 300, 600], unit="s"))
     room = pd.Series([20.0, 30.0], index=[0.0, 600.0])
     model = td.model_from_dict(DECK)
-    given = td.simulate(model, BENCH.with_(loads={"heat": watts}, boundaries={"air": td.celsius(room)}))
+    straight = {"values": watts, "hold": False}  # alone it holds, as in a record
+    given = td.simulate(model, BENCH.with_(loads={"heat": straight}, boundaries={"air": td.celsius(room)}))
     pairs = {"loads": {"heat": ([0.0, 300.0, 600.0], [0.0, 6.0, 6.0])}, "boundaries": {"air": ([0.0, 600.0], td.celsius([20.0, 30.0]))}}
     pair = td.simulate(model, BENCH.with_(**pairs))
     assert given["box"].final == pair["box"].final

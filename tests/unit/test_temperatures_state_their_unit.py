@@ -190,7 +190,7 @@ def test_readings_are_in_the_unit_that_is_stated() -> None:
         (lambda: BENCH.with_(start=UNITS.Quantity(24, "W")), "is a power; a temperature"),
         (lambda: BENCH.with_(start=UNITS.Quantity(24, "delta_degC")), "temperature difference"),
         (lambda: BENCH.with_(start=td.celsius([24, 25])), "one number is needed, not 2"),
-        (lambda: BENCH.with_(boundaries={"air": td.celsius([24, 25])}), "has no times"),
+        (lambda: BENCH.with_(boundaries={"air": td.celsius([24, 25])}), "have no times"),
         (lambda: BENCH.with_(boundaries={"air": (["noon"], td.celsius([24]))}), "'noon'"),
         (lambda: td.quantity(hours("degC"), unit="K"), r"in \[degC\] themselves"),
         (lambda: td.celsius("24"), "is no number"),

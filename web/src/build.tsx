@@ -93,7 +93,7 @@ function Build() {
       <section class="below" aria-label="Log, text, check, results">
         <div class="tabs" role="group" aria-label="Panes">{PANES.map(([name, words]) => <button key={name} type="button" data-pane={name} aria-pressed={show === name} onClick={() => { pane.value = name; }}>{words}{name === "check" && state.faults.length > 0 && ` (${worst ? `${worst} errors` : state.faults.length})`}</button>)}
           {job.value.ended === false && <button type="button" onClick={() => ask("draft/stop", {})}>Stop</button>}</div>
-        <div class="pane" tabIndex={0} role="region" aria-label={PANES.find(([name]) => name === show)![1]}>{show === "log" ? <Log /> : show === "text" ? <Text /> : show === "check" ? <Check /> : show === "if" ? <WhatIf /> : <Results />}</div>
+        <div class="pane" key={show} tabIndex={0} role="region" aria-label={PANES.find(([name]) => name === show)![1]}>{show === "log" ? <Log /> : show === "text" ? <Text /> : show === "check" ? <Check /> : show === "if" ? <WhatIf /> : <Results />}</div>
       </section>
       <Saving />
     </div>

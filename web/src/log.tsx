@@ -1,5 +1,6 @@
 // A log: dropped or chosen, looked at, its columns bound to nodes, boundaries and loads; what a fit may find is ticked here.
 import { useState } from "preact/hooks";
+import { hour } from "./plot";
 import { nice, shown, upload, type Binding, type Column } from "./server";
 import { begin, command, draft, job, told } from "./state";
 import { Typed, useTyped, Why } from "./typed";
@@ -69,7 +70,7 @@ export function Log() {
       </div>
       {log && <>
         <Uses log={log.record} />
-        <p>{log.rows} rows. {log.problem && <strong class="bad">{log.problem}</strong>}{[...log.questions, ...log.notes].map((q) => <span key={q} class="soft"> {q}</span>)}</p>
+        <p>{log.rows} rows{log.sampling && ` over ${hour(log.sampling.length)}`}. {log.problem && <><strong class="bad">{log.problem}</strong> <label>Its time is <select id="log-time" value="" onChange={(e) => command({ do: "time", record: log.record, column: e.currentTarget.value })}><option value="">…</option>{log.columns.map((c) => <option key={c.name} value={c.name}>{c.name}</option>)}</select></label></>}{[...log.questions, ...log.notes].map((q) => <span key={q} class="soft"> {q}</span>)}</p>
         <div class="scroll" tabIndex={0} role="group" aria-label="Columns of the log"><table id="columns"><caption>Columns: drag a name to a node on the canvas, or choose what it is</caption>
           <thead><tr><th scope="col">Column</th><th scope="col" class="num">Range</th><th scope="col">Unit</th><th scope="col">Looks like</th><th scope="col">Is</th><th scope="col" title="Standard deviation of one reading">Noise [K]</th><th scope="col" title="Standard deviation of its constant error">Accuracy [K]</th></tr></thead>
           <tbody>{log.columns.filter((c) => c.guess !== "time").map((c) => { const key = c.key ?? c.name, b = log.channels[key]; return <Row key={`${log.record} ${c.name}`} errors column={c} bound={typeof b === "string" ? { node: b } : b} known={ROLES.map(([r, table]) => [r, state.elements.filter((e) => e.table === table).map((e) => e.name)])} taken={(to) => command({ do: "bind", channels: { [key]: to } })} />; })}</tbody></table></div>

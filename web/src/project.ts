@@ -27,6 +27,12 @@ export const after = new Map<string, (job: Doing) => Promise<void> | void>(), en
 export const studio = { errors, project, latencies: [] as number[], frames, ready: false, begun: 0, outcomes: 0, looks: 0, look: null as unknown, get state() { return { values: values.value, stage: stage.value, runs: runs.value, desk: desk.value, window: zoom.value }; } };
 export const busy = computed(() => project.value?.job.ended === false);
 export const current = computed(() => project.value?.stages.find((x) => x.name === stage.value) ?? null);
+// just before the hottest of the sensors is at its top, where its power may go off: what the map shows at first
+function hottest(): number {
+  let top = -Infinity, when = whole.value[1];
+  for (const c of runs.value[run.value]?.curves ?? []) c.simulated.forEach((v, k) => { if (v >= top) { top = v; when = c.times[Math.max(k - 1, 0)]!; } });
+  return when;
+}
 export const whole = computed<Pair>(() => { const all = runs.value[run.value]?.curves ?? []; return [0, Math.max(1, ...all.map((c) => c.times[c.times.length - 1] ?? 0))]; });
 export const valueOf = (x: Track) => values.value[x.path] ?? x.value;
 export const misfit = (c: Curve) => (c.rmse ?? 0) / (c.sigma || 1);
@@ -38,10 +44,9 @@ export async function tried<T>(make: () => Promise<T>): Promise<T | null> {
 
 // what was moved comes back when the page is loaded anew or the stage opened again; it is this tab's alone
 interface Kept { values: Values; done: Values[]; undone: Values[] }
-const drawer = (name: string) => `thermid ${project.value?.file} ${name}`;
+const drawer = (name: string) => `thermid ${project.peek()?.file} ${name}`; // nothing is kept anew because a project was looked at
 const kept = (name: string): Kept => JSON.parse(sessionStorage.getItem(drawer(name)) ?? '{"values":{},"done":[],"undone":[]}') as Kept;
 const keep = (name: string, what: Kept) => sessionStorage.setItem(drawer(name), JSON.stringify({ values: what.values, done: what.done.slice(-50), undone: what.undone.slice(-50) }));
-export const forget = (name: string) => sessionStorage.removeItem(drawer(name));
 effect(() => { const now = { values: values.value, done: done.value, undone: undone.value }; if (desk.value && desk.value.title === stage.peek()) keep(stage.peek(), now); });
 
 // two for each pixel of a tile
@@ -63,7 +68,7 @@ export async function open(name: string) {
   ticked.value = new Set(made.sliders.filter((x) => x.free).map((x) => x.path));
   runs.value = made.runs;
   desk.value = made;
-  time.value = whole.value[1];
+  time.value = hottest();
   if (made.fitted && made.measured) found.value = { title: "What the stage's fit says", values: {}, warnings: made.warnings.length ? made.warnings : ["none"], text: "" };
   sort();
   if (Object.keys(values.value).length) await move();
@@ -113,7 +118,7 @@ export async function picture() {
 let waiting = 0;
 export function at(t: number) { time.value = t; clearTimeout(waiting); waiting = window.setTimeout(picture, 150); }
 export async function look(w: Pair | null) { zoom.value = w; await move(true); await pin(); }
-export async function choose(k: number) { run.value = k; zoom.value = null; time.value = whole.value[1]; await move(true); sort(); await pin(); await surroundings(); }
+export async function choose(k: number) { run.value = k; zoom.value = null; time.value = hottest(); await move(true); sort(); await pin(); await surroundings(); }
 
 export function remember() { done.value = [...done.value, values.value]; undone.value = []; }
 function stepped(from: typeof done, to: typeof done) {
@@ -124,7 +129,6 @@ function stepped(from: typeof done, to: typeof done) {
 }
 export const undo = () => stepped(done, undone), redo = () => stepped(undone, done);
 export async function become(to: Values) { values.value = to; studio.begun = performance.now(); await move(); settle(); }
-export function reset() { remember(); void become({}); }
 
 // state A: what is compared with; its curves come from its own values
 export async function pin(label?: string, of?: Values) {
@@ -152,10 +156,15 @@ export async function watch(then?: (job: Doing) => Promise<void> | void) {
 }
 export const begin = async (path: string, body: unknown) => { await ask(path, body); await watch(); };
 export const stop = () => tried(() => ask("stop", {}));
-export const runStage = () => tried(async () => { forget(stage.value); await begin("run", { stage: stage.value, below: true }); });
+export const runStage = () => tried(() => begin("run", { stage: stage.value, below: true }));
 export const fit = () => tried(() => begin("fit", { stage: stage.value, values: values.value, free: [...ticked.value] }));
 
-after.set("run", () => open(stage.value));
+// what was moved before a run is undone by it, and comes back by Undo
+after.set("run", (job) => {
+  const had = kept(job.stage!);
+  if (Object.keys(had.values).length) keep(job.stage!, { values: {}, done: [...had.done, had.values], undone: [] });
+  return open(stage.value);
+});
 after.set("fit", async (job) => {
   const result = job.result!, got = { ...Object.fromEntries(Object.entries(result.values).map(([p, v]) => [p, v.value])), ...result.others };
   if (job.stage !== stage.value) { // another was opened meanwhile: it lies there when its stage is opened again

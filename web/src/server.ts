@@ -5,7 +5,7 @@ export interface Shape { name: string; words: string; key: string; table: string
 export interface Fault { severity: string; code: string; message: string; where: string; line: number | null }
 export interface Column { name: string; key?: string; unit: string; assumed: boolean; open: boolean; roles: string[]; used?: string[]; guess: string; why: string; low?: number; high?: number }
 export type Binding = Record<string, string>;
-export interface Log { record: string; file: string; channels: Record<string, Binding | string>; columns: Column[]; rows: number; problem: string; questions: string[]; notes: string[] }
+export interface Log { record: string; file: string; channels: Record<string, Binding | string>; columns: Column[]; rows: number; problem: string; sampling?: { length: number } | null; questions: string[]; notes: string[] }
 export interface Use { name: string; file: string; use: "fit" | "held out"; limit?: string }
 export interface Parameter { path: string; text: string; free: boolean }
 export interface Draft {
@@ -50,7 +50,7 @@ function numbers(text: string, size: 4 | 8): Float32Array | Float64Array {
 }
 
 // units and signs that files write in plain letters
-export const nice = (text: string) => text.replaceAll("^2", "²").replaceAll("^3", "³").replace(/\bdegC\b/g, "°C");
+export const nice = (text: string) => text.replaceAll("+-", "±").replaceAll("^2", "²").replaceAll("^3", "³").replace(/\bdegC\b/g, "°C");
 export function shown(v: number | null | undefined, digits = 4): string {
   if (v === null || v === undefined || !Number.isFinite(v)) return "–";
   return String(Number(v.toPrecision(digits)));

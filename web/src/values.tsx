@@ -2,6 +2,7 @@
 import { signal, useComputed } from "@preact/signals";
 import { ask, nice, shown } from "./server";
 import { error } from "./state";
+import { Typed } from "./typed";
 import { become, busy, chosen, desk, done, fit, found, move, pinned, redo, remember, run, settle, stage, studio, ticked, undo, undone, values, type Track } from "./project";
 
 const FEW = 12; // values up to which all groups are open
@@ -22,18 +23,18 @@ function Row({ x }: { x: Track }) {
   // what a signal alone says: one that would also read the row's own value keeps that of an earlier desk
   const mine = useComputed(() => values.value[x.path]), tick = useComputed(() => ticked.value.has(x.path)), of = useComputed(() => pinned.value && (pinned.value.values[x.path] ?? NaN));
   const v = mine.value ?? x.value, id = `s-${x.path}`, still = x.error !== null && v === (x.found ?? x.value), other = Number.isNaN(of.value) ? x.value : of.value;
-  const write = (text: string) => {
+  const write = async (text: string) => {
     const n = text === "" ? NaN : Number(text);
-    if (!(n >= x.low && n <= x.high)) { error.value = `${x.path}: ${text || "that"} is no number from ${shown(x.low)} to ${shown(x.high)} ${unitOf(x)}.`; values.value = { ...values.value }; return false; }
-    remember(); set(x.path, n); settle();
-    return true;
+    if (!(n >= x.low && n <= x.high)) { error.value = `${x.path}: ${text || "that"} is no number from ${shown(x.low)} to ${shown(x.high)} ${unitOf(x)}.`; return null; }
+    error.value = ""; remember(); set(x.path, n); settle();
+    return x;
   };
   const told = [x.source, x.note, x.also.length ? `moves ${x.also.join(", ")} too` : "", `from ${shown(x.low, 3)} to ${shown(x.high, 3)} ${unitOf(x)}`].filter(Boolean).join("; ");
   return (
     <div class={`row slider ${v !== x.value ? "moved" : ""} ${chosen.value && (x.path === chosen.value || x.path.startsWith(`${chosen.value}.`)) ? "chosen" : ""}`} data-slider={x.path}>
       <input type="checkbox" checked={tick.value} aria-label={`let the fit move ${x.path}`} onChange={(e) => { const next = new Set(ticked.value); if (e.currentTarget.checked) next.add(x.path); else next.delete(x.path); ticked.value = next; }} />
       <label for={id} title={`${x.path}: ${told}`} onClick={() => void moves(x)}><bdi>{x.path}</bdi></label>
-      <input class="number" type="number" step="any" min={x.low} max={x.high} value={typed(v)} aria-label={unitOf(x) ? `${x.path} in ${unitOf(x)}` : x.path} onChange={(e) => { if (!write(e.currentTarget.value)) e.currentTarget.value = typed(values.value[x.path] ?? x.value); }} />
+      <Typed class="number" inputMode="decimal" now={typed(v)} unit={unitOf(x)} of={x.path} aria-label={unitOf(x) ? `${x.path} in ${unitOf(x)}` : x.path} send={write} />
       <span class="unit">{unitOf(x)}</span>
       <span class="error-of" title={still ? "standard error of the fit" : ""}>{still ? `± ${shown(x.error, 2)}` : other !== null && other !== v && other ? `${shown(100 * (v / other - 1), 2)} %` : ""}</span>
       <span class="track">

@@ -39,7 +39,7 @@ export function WhatIf() {
         <div class="bar"><button id="if-give" type="button" onClick={async () => { if (await command({ do: "finish", surfaces: r.surfaces, finish: finish.value })) await run(); }}>Give it in the deck</button>
           <button id="if-split" type="button" onClick={() => run({ split: finish.value })}>Split with it, for this run alone</button>
           <button id="if-printed" type="button" onClick={() => { set({ gas: "printed" }); void run({ gas: "printed" }); }}>As printed: an upper bound</button></div></div>}
-      {r && !r.refused && <ul id="changes">{r.changes.map((w) => <li key={w}>{nice(w)}</li>)}{!r.changes.length && <li>nothing was changed</li>}</ul>}
+      {r && !r.refused && <ul id="changes">{r.changes.map((w) => <li key={w}>{nice(w.replace(/[[\]]/g, ""))}</li>)}{!r.changes.length && <li>nothing was changed</li>}</ul>}
       {r?.curves && <><p class="soft key"><span class="measured">— as it is</span> <span class="simulated">- - with the changes</span></p>
         <div class="scroll" tabIndex={0} role="group" aria-label="Peaks and ends"><table id="peaks"><caption>Highest temperature and that at the end, °C</caption><thead><tr><th scope="col">Node</th><th scope="col" class="num">highest</th><th scope="col" class="num">as it is</th><th scope="col" class="num">at the end</th><th scope="col" class="num">as it is</th></tr></thead>
           <tbody>{r.curves.map((k) => <tr key={k.node}><th scope="row">{k.node}</th>{[highest(k.after), highest(k.temperatures), k.after.at(-1)!, k.temperatures.at(-1)!].map((v, i) => <td key={i} class="num">{v.toFixed(2)}</td>)}</tr>)}</tbody></table></div>

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import wraps
 from numbers import Integral
 from typing import Any, ParamSpec, TypeVar
@@ -34,15 +34,21 @@ TYPES_WITH_OWN_MESSAGE = {
     "UncertainRuns": "td.qualify.uncertain_runs(model, scenario)",
     "Network": "td.simulation.compile_network(model)",
     "StateSpace": "td.simulation.state_space(td.simulation.compile_network(model))",
-    "Known": "td.design.Known.of(model or calibration)",
-    "Foresight": "td.design.foresee(td.design.Known.of(model), scenario)",
+    "Knowledge": "td.design.Knowledge.of_source(model or calibration)",
+    "Options": "td.Options(error='1 [mK]')",
+    "Channel": "td.Channel.from_array(name, readings, unit='degC')",
+    "Foresight": "td.design.foresee(td.design.Knowledge(model), scenario)",
     "Correlation": "td.qualify.correlate(calibration)",
     "Structure": "td.reporting.Structure(...)",
     "Criteria": "td.Criteria(rmse='0.5 [K]')",
 }
 """What a user makes and hands on, and how it is made; the braces hold the file."""
 TEXTS = ("str", "PathLike", "Path")
+LISTS = (list, tuple, range, set, frozenset)
 COLLECTIONS = ("Sequence", "Iterable", "Mapping")
+CLOSED = {*TYPES_WITH_OWN_MESSAGE, "None", "Mapping", "Any", "str", "os", "PathLike", "Path"}
+CLOSED_OR_SEVERAL = CLOSED | {*COLLECTIONS}
+"""Words of annotations that take nothing but what is looked at here, one of it alone or several."""
 
 
 def takes_objects(function: Callable[P, R]) -> Callable[P, R]:
@@ -85,15 +91,17 @@ def _words(annotation: str) -> tuple[str, ...]:
 
 
 def _plain(annotation: str) -> tuple[str, ...]:
-    """Return the kinds of an argument that is a dictionary or a whole number and nothing of thermid; nothing of others."""
+    """Return the kinds of an argument that is names, a dictionary or a whole number and nothing of thermid; nothing of others."""
+    if re.fullmatch(r"(Sequence|Iterable|Collection)\[str\]( \| None)?", annotation):
+        return (NAMES, *(["None"] if annotation.endswith("None") else []))
     bare = annotation
     while (inner := re.sub(r"\[[^\[\]]*\]", "", bare)) != bare:
         bare = inner
     kinds = {*bare.split(" | ")}
-    return (PLAIN, *kinds) if kinds - {"None"} in ({"int"}, {"Mapping"}, {"Mapping", "str"}) else ()
+    return (PLAIN, *kinds) if kinds - {"None"} in ({"int"}, {"str"}, {"Mapping"}, {"Mapping", "str"}) else ()
 
 
-PLAIN = "plain"
+PLAIN, NAMES = "plain", "names"
 
 
 def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None:
@@ -103,29 +111,22 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
     ------
     DeckError   When it is a text, a path, a dictionary or an object of another kind.
     """
+    if words[0] == NAMES:
+        _check_names(value, name, function, "None" in words)
+        return
     if words[0] == PLAIN:
         wanted: dict[str, type] = {"int": Integral, "Mapping": Mapping, "str": str, "None": type(None)}
         if isinstance(value, tuple(wanted[w] for w in words[1:])) and not isinstance(value, bool):
             return
-        raise DeckError(
-            f"`{name}` takes {'a whole number' if 'int' in words else 'a dictionary'}, not {value!r}.", function, code="value.wrong-kind"
-        )
+        what = "a whole number" if "int" in words else "a dictionary" if "Mapping" in words else "a text"
+        raise DeckError(f"`{name}` takes {what}, not {value!r:.60}.", function, code="value.wrong-kind")
     if value is None:
         if "None" in words:
             return
         what = "None"
-    elif isinstance(value, list | tuple | float | int) and {*words} <= {
-        *TYPES_WITH_OWN_MESSAGE,
-        "None",
-        "Mapping",
-        "Any",
-        "str",
-        "os",
-        "PathLike",
-        "Path",
-    }:
-        what = "a list" if isinstance(value, list | tuple) else repr(value)
-    elif isinstance(value, list | tuple):
+    elif isinstance(value, (*LISTS, float, int)) and {*words} <= (CLOSED if isinstance(value, LISTS) else CLOSED_OR_SEVERAL):
+        what = "a list" if isinstance(value, LISTS) else repr(value)
+    elif isinstance(value, LISTS):
         for item in value if any(m in words for m in COLLECTIONS) else ():
             _check(item, words, name, function)
         return
@@ -141,9 +142,12 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
         what = "a dictionary"
     else:
         kinds = [c.__name__ for c in type(value).__mro__ if c.__name__ in TYPES_WITH_OWN_MESSAGE]
-        if not kinds or any(k in words for k in kinds):
+        if any(k in words for k in kinds) or not (kinds or {*words} <= CLOSED_OR_SEVERAL):
             return
-        what = kinds[0]
+        several = isinstance(value, Collection | Iterator) and not isinstance(value, bytes) and not hasattr(value, "shape")
+        if several and not kinds and any(m in words for m in COLLECTIONS[:2]):
+            return
+        what = kinds[0] if kinds else f"an object of type {type(value).__name__}"
     takes = [
         *(w for w in words if w in TYPES_WITH_OWN_MESSAGE),
         *(["the path of a file or folder"] if {"PathLike", "Path"} & {*words} else []),
@@ -151,6 +155,24 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
     raise DeckError(
         f"`{name}` takes {' or '.join(takes) or 'a dictionary'}, not {what}.{_advice(words, value)}", function, code="value.wrong-kind"
     )
+
+
+def _check_names(value: Any, name: str, function: str, may_be_none: bool) -> None:
+    """Refuse what is no list of names: a text alone, whose letters would be taken for names, a number, a list of something else.
+
+    Raises
+    ------
+    DeckError   With what to write.
+    """
+    if value is None and may_be_none:
+        return
+    wrong = value if isinstance(value, str) or not isinstance(value, Iterable) else None
+    if wrong is None and isinstance(value, list | tuple | set | frozenset | Mapping):
+        wrong = next((item for item in value if item is not None and not isinstance(item, str)), value if None in value else None)
+    if wrong is not None or value is None:
+        text = repr(value) if wrong is None else repr(wrong)
+        hint = f" Write ['{value}']." if isinstance(value, str) else ""
+        raise DeckError(f"`{name}` takes a list of names, not {text[:60]}.{hint}", function, code="value.wrong-kind")
 
 
 def _advice(words: tuple[str, ...], value: Any) -> str:

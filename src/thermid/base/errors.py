@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Collection, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
 from functools import lru_cache
@@ -175,6 +175,7 @@ CAPS: Final[Mapping[str, tuple[float, str]]] = {
     "nesting": (64.0, "tables and lists of a file one inside the other"),
     "decks": (20.0, "decks that use each other, one inside the other"),
     "includes": (16.0, "files of a SINDA or ESATAN deck that include each other, one inside the other"),
+    "repeats": (100e3, "elements that one statement or loop of a SINDA or ESATAN deck makes"),
     "body": (1e6, "bytes of a request to the studio"),
     "headers": (32e3, "bytes of the headers of a request to the studio"),
     "clients": (32.0, "requests that the studio answers at once"),
@@ -267,7 +268,11 @@ def refuse_unknown(
     ThermidError   Of that kind.
     """
     for name in names:
-        if not isinstance(name, Hashable) or name not in allowed:
+        try:
+            is_known = name in allowed
+        except TypeError:  # nothing that could be a name
+            is_known = False
+        if not is_known:
             text = refusal if "{near}" in refusal else f"{refusal}{{near}}"
             words = {"{}": str(name), "{known}": ", ".join(allowed) or "none", "{near}": nearest(str(name), allowed)}
             raise error("".join(words.get(part, part) for part in _PLACES.split(text)), where, code="name.unknown")

@@ -17,15 +17,18 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from datetime import datetime, timedelta
 from fractions import Fraction
 from functools import lru_cache, reduce
-from typing import Any, Final
+from numbers import Real
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from thermid.base.arguments import takes_objects
 from thermid.base.dual import Dual, real_power
-from thermid.base.errors import ExpressionError, ThermidError, UnitError, cap, raising
+from thermid.base.errors import ExpressionError, ThermidError, UnitError, cap, errors_at, raising
 from thermid.base.units import (
     DIMENSIONLESS,
     TEMPERATURE,
@@ -145,7 +148,19 @@ def parse(text: str) -> Expression:
 
 
 def _tree(body: str, text: str) -> ast.expr:
-    """Return the syntax tree of arithmetic."""
+    """Return the syntax tree of an expression.
+
+    Parts of paths that are keywords of Python, such as `in`, are marked so that they parse as names.
+
+    Parameters
+    ----------
+    body : str      What is parsed.
+    text : str      The whole value, which an error quotes.
+
+    Raises
+    ------
+    ExpressionError   When it is not arithmetic.
+    """
     try:
         return ast.parse(_WORD.sub(rf"\g<0>{_MARK}", body.strip()) if _MARK not in body else body.strip(), mode="eval").body
     except (SyntaxError, ValueError, MemoryError, RecursionError) as error:
@@ -440,6 +455,13 @@ class Kelvin(float):
     """A temperature that was given with its unit. [K]"""
 
 
+class Stamp(NamedTuple):
+    """An instant: seconds since 1970 in UTC, or by a clock whose zone nobody stated. [s]"""
+
+    seconds: float
+    zoned: bool
+
+
 @dataclass(frozen=True, eq=False)
 class Quantity:
     """A number, or an array of them, with its unit.
@@ -449,11 +471,13 @@ class Quantity:
     si : float or array         [SI]
     unit : Unit                 In which it was given.
     times : array or None       Of the index of a pandas Series, or the coordinate of an xarray DataArray. [s]
+    stamp : Stamp or None       Instant of time zero, where these were stamps.
     """
 
     si: float | Array
     unit: Unit
     times: Array | None = None
+    stamp: Stamp | None = None
 
     def __repr__(self) -> str:
         """Show a single number as a text has it."""
@@ -464,8 +488,15 @@ class Quantity:
         return np.array(self.si, dtype=dtype)
 
     def __float__(self) -> float:
-        """The number, of a single one. [SI]"""
-        return float(np.asarray(self.si).reshape(()))
+        """The number, of a single one. [SI]
+
+        Raises
+        ------
+        UnitError   When there are several.
+        """
+        if np.size(self.si) != 1:
+            raise UnitError(f"one number is needed, not {np.size(self.si)}.", code="value.wrong-kind")
+        return float(np.ravel(self.si)[0])
 
     def __len__(self) -> int:
         """How many numbers it holds."""
@@ -477,9 +508,10 @@ class Quantity:
 
     def __getitem__(self, index: Any) -> Quantity:
         """Some of the numbers with their unit."""
-        return Quantity(np.asarray(self.si)[index], self.unit, None if self.times is None else self.times[index])
+        return Quantity(np.atleast_1d(self.si)[index], self.unit, None if self.times is None else self.times[index], self.stamp)
 
 
+@takes_objects
 def quantity(values: Any, *, unit: str) -> Quantity:
     """Return numbers with their unit, to be given wherever a value is taken.
 
@@ -506,7 +538,7 @@ def quantity(values: Any, *, unit: str) -> Quantity:
         )
     if with_own_unit is not None:
         return with_own_unit
-    return Quantity(_in_si(values, of), of, _index(values))
+    return Quantity(_in_si(values, of), of, *_index(values))
 
 
 def celsius(values: Any) -> Quantity:
@@ -525,7 +557,7 @@ def celsius(values: Any) -> Quantity:
 
 
 def stated(value: Any) -> Quantity | None:
-    """Return what states its unit, as a `Quantity`; None for texts, and for numbers without a unit.
+    """Return what states its unit, as a `Quantity`; None for texts, and for numbers without a unit. A duration states its unit itself.
 
     Raises
     ------
@@ -535,6 +567,8 @@ def stated(value: Any) -> Quantity | None:
         return value
     if isinstance(value, Kelvin):
         return Quantity(float(value), read_unit("K"))
+    if isinstance(value, timedelta | np.timedelta64):  # of pandas too
+        return Quantity(float(np.timedelta64(value) / np.timedelta64(1, "s")), read_unit("s"))
     if hasattr(value, "magnitude") and hasattr(value, "units"):  # pint
         of = read_unit(str(value.units))
         return Quantity(_in_si(value.magnitude, of), of)
@@ -543,7 +577,7 @@ def stated(value: Any) -> Quantity | None:
     if text is None:
         return None
     of = read_unit(str(text))
-    return Quantity(_in_si(value, of), of, _index(value))
+    return Quantity(_in_si(value, of), of, *_index(value))
 
 
 def si_values(raw: Any, slot: str) -> float | Array | None:
@@ -605,6 +639,31 @@ def si_value(raw: Any, slot: str) -> float | None:
     return None if value is None else float(np.ravel(value)[0])
 
 
+def amount(written: object, slot: str, where: str = "") -> float:
+    """Return an SI value for a slot: the one door of sizes, durations among them.
+
+    Parameters
+    ----------
+    written : Any          Text with a unit, ``"0.3 [K]"``, another value with its unit, a duration, or a number in SI of no temperature.
+    slot : str             The unit that is needed, or `TEMPERATURE`.
+    where : str            What the value is for, for the message.
+
+    Raises
+    ------
+    UnitError     When it is neither a number nor a text with a unit, is not finite, or its unit has another dimension or is missing.
+    """
+    with errors_at(where):
+        value = si_value(written, slot)
+        if value is None:
+            if isinstance(written, bool) or not isinstance(written, Real):
+                text = f"{_shown(written)} is neither a number nor a text with a unit, such as '4 [{slot or 's'}]'."
+                raise UnitError(text, code="value.not-an-amount")
+            value = float(written)
+        if not math.isfinite(value):
+            raise UnitError(f"{_shown(written)} is not finite.", code="value.outside-range")
+    return value
+
+
 def kelvin(raw: Any) -> Kelvin:
     """Return one temperature. [K]
 
@@ -636,15 +695,29 @@ def seconds(times: Any) -> Array:
     ------
     UnitError   When they are neither numbers, texts with a unit, durations nor stamps.
     """
+    return clocked(times)[0]
+
+
+def clocked(times: Any) -> tuple[Array, Stamp | None]:
+    """Return times as `seconds` does, and the instant of their zero where they are stamps.
+
+    Raises
+    ------
+    UnitError   As `seconds`.
+    """
     si_times = si_values(times, "s")
     if si_times is not None:
-        return np.atleast_1d(np.asarray(si_times, dtype=float))
-    values = np.asarray(times)
-    if values.dtype.kind == "O":
+        return np.atleast_1d(np.asarray(si_times, dtype=float)), None
+    values, stamp = np.asarray(times), None
+    if values.dtype.kind == "O" and values.size:
         zoned = [t.timestamp() for t in values.ravel() if getattr(t, "tzinfo", None) is not None]
-        values = np.array(zoned) - zoned[0] if len(zoned) == values.size and zoned else np.asarray(_stamps(values))
-    if values.dtype.kind == "M":
-        values = values - values[0]
+        if len(zoned) == values.size:
+            values, stamp = np.array(zoned) - zoned[0], Stamp(zoned[0], True)
+        else:
+            values = np.asarray(_stamps(values))
+    if values.dtype.kind == "M" and values.size:
+        stamp = Stamp(float((values.ravel()[0] - np.datetime64(0, "s")) / np.timedelta64(1, "s")), False)
+        values = values - values.ravel()[0]
     if values.dtype.kind == "m":
         values = values / np.timedelta64(1, "s")
     if values.dtype.kind not in "iuf":
@@ -652,7 +725,26 @@ def seconds(times: Any) -> Array:
             "times are numbers in seconds, texts such as '2 [h]', durations or stamps. Convert them with pandas.to_datetime.",
             code="record.time-not-read",
         )
-    return np.asarray(values, dtype=float)
+    return np.asarray(values, dtype=float), stamp
+
+
+def instant(written: Any, where: str = "") -> Stamp:
+    """Return a stamp: a text such as ``"2026-02-01 08:00"``, or what datetime, NumPy or pandas make of one.
+
+    Raises
+    ------
+    UnitError   When it is none.
+    """
+    if isinstance(written, Stamp):
+        return written
+    with errors_at(where):
+        try:
+            stamp = clocked([datetime.fromisoformat(written) if isinstance(written, str) else written])[1]
+        except ValueError:
+            stamp = None
+        if stamp is None or not math.isfinite(stamp.seconds):
+            raise UnitError(f"{_shown(written)} is no stamp. Write '2026-02-01 08:00'.", code="record.time-not-read")
+    return stamp
 
 
 def _stamps(values: NDArray[Any]) -> NDArray[Any]:
@@ -682,12 +774,17 @@ def _numbers(values: ArrayLike) -> float | Array:
     return float(numbers) if numbers.ndim == 0 else numbers
 
 
-def _index(values: Any) -> Array | None:
+def _index(values: Any) -> tuple[Array | None, Stamp | None]:
     """Return the times of the index of a pandas Series, or of the one coordinate of an xarray DataArray; None where there are none."""
     coordinates, dimensions = getattr(values, "coords", None), list(getattr(values, "dims", []))
     if coordinates is not None:
-        return seconds(coordinates[dimensions[0]].variable) if len(dimensions) == 1 and dimensions[0] in coordinates else None
-    return seconds(values.index) if hasattr(values, "index") and hasattr(values, "iloc") else None
+        return clocked(coordinates[dimensions[0]].variable) if len(dimensions) == 1 and dimensions[0] in coordinates else (None, None)
+    return (None, None) if not hasattr(values, "iloc") or counts_rows(values.index) else clocked(values.index)
+
+
+def counts_rows(index: Any) -> bool:
+    """Return whether an index of pandas is the one that it makes itself, which says nothing of times."""
+    return type(index).__name__ == "RangeIndex" and index.step == 1
 
 
 def _shown(value: Any) -> str:

@@ -242,7 +242,7 @@ def _listed(error: ValidationError, data: Mapping[str, Any], where: Callable[[st
             continue
         path = path[: path.index("between") + 1] if "between" in path[2:] else path
         if branch and not isinstance(value, Mapping):
-            forms = "give a text with a unit, '2.5 [W]', a number, or a table with value, min, max, source, note and basis."
+            forms = "give a text with a unit, '2.5 [W]', a number, or a table with value, min, max, source, note, basis and spread."
             faults.setdefault(".".join(path), CodedText(forms, "file.wrong-kind"))
         elif not branch or branch == _meant(error, fault["loc"], value):
             faults.setdefault(".".join(path), CodedText(_text(fault, path, branch, grammar), _code(fault)))

@@ -33,14 +33,16 @@ HOUR: Final = 3600.0
 Row = Mapping[str, object]
 
 
-def clean(value: Any, arrays: Callable[[Array], Any] = np.ndarray.tolist) -> Any:
-    """Return a value that JSON can hold: numbers that are not finite become null, arrays what `arrays` makes of them."""
+def clean(value: Any, arrays: Callable[[Array], Any] | None = None) -> Any:
+    """Return a value that JSON can hold: numbers that are not finite become null, arrays lists or what `arrays` makes of them."""
     if isinstance(value, Mapping):
         return {str(k): clean(v, arrays) for k, v in value.items()}
     if isinstance(value, list | tuple):
         return [clean(v, arrays) for v in value]
     if isinstance(value, np.ndarray):
-        return arrays(value)
+        return arrays(value) if arrays is not None else clean(value.tolist())
+    if isinstance(value, np.generic):
+        value = value.item()
     if isinstance(value, bool | int | str) or value is None:
         return value
     number = float(value)

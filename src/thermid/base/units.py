@@ -112,6 +112,8 @@ def unit(text: str) -> Unit:
     >>> unit("mm").factor
     Fraction(1, 1000)
     """
+    if not isinstance(text, str):
+        raise UnitError(f"a unit is a text such as 'W', not {text!r:.60}.", code="value.wrong-kind")
     if len(text) > cap("unit"):
         raise UnitError(
             f"'[{text[:40]}...]' is not a known unit: it has {len(text)} characters, the limit is {cap('unit'):.0f}.{raising('unit')}",

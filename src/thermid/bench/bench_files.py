@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from thermid.base.errors import MissingDataError, RecordError
+from thermid.base.expression import amount
 from thermid.base.extensions import by_grammar
 from thermid.base.files import RESULTS_FILE, parse_toml, was_read, write_text
 from thermid.base.toml_files import Places
 from thermid.bench._wire import rom_is_good
-from thermid.measure.amounts import amount
 from thermid.measure.sensors import ICE, SensorCertificate
 
 _BROKEN = 5.0

@@ -328,7 +328,11 @@ def _runs(heard: Sequence[Heard], starts: Mapping[int, float]) -> tuple[list[_Ru
 
 
 def _rate(run: _Run) -> float | None:
-    """Return host seconds in one second of the board, from the longest session of a run; None where it is too short to say."""
+    """Return host seconds per second of the board, from the session of a run with most lines; None where it is too short to say.
+
+    Where first and last line differ from 1 by more than `_NOT_A_CLOCK`, it is that ratio: a simulated board. Otherwise it is the slope of a
+    least-squares line, without lines that lie more than four median absolute deviations off: a busy host stamps late.
+    """
     best = max(set(run.sessions.tolist()), key=lambda s: int(np.count_nonzero(run.sessions == s)))
     mine = run.sessions == best
     host, board = run.host[mine], run.board[mine]

@@ -7,8 +7,9 @@ import json
 import sys
 import zipfile
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, fields
-from functools import cache
+from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from thermid.base.errors import ThermidError
 from thermid.base.expression import Kelvin
 from thermid.base.files import RESULTS_FILE, read_bytes, replacing, write_text
 from thermid.fit.calibration import KeptFit
+from thermid.fit.error_model import Keeping
 from thermid.measure.records import Channel, Origin, Record
 from thermid.measure.sensors import TEMPERATURES, SensorPart
 
@@ -86,6 +88,33 @@ def remember(folder: Path | None, stage: str, key: str, end: KeptFit | None, ing
     folder.mkdir(parents=True, exist_ok=True)
     content = {"key": key, "code": code_digest(), "ingredients": dict(ingredients or {}), **asdict(end)}
     write_text(folder / f"{file_name(stage)}.fit.json", json.dumps(content, indent=1), RESULTS_FILE)
+
+
+def errors_kept(folder: Path | None, stage: str, key: str) -> Keeping | None:
+    """Return what keeps the model of error of a stage, for a fit; None where no results folder is."""
+    return None if folder is None else partial(_errors_kept, folder / f"{file_name(stage)}.errors.json", key)
+
+
+def _errors_kept(path: Path, key: str, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """Return a model of error as it is kept; where nothing is kept, anything has changed since or the file is damaged, as made now."""
+    try:
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        errors: dict[str, Any] = stored["errors"]
+        if (stored["key"], stored["code"], stored["sha256"]) == (key, code_digest(), _digest(errors)):
+            return errors
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        pass
+    errors = make()
+    content = {"key": key, "code": code_digest(), "sha256": _digest(errors), "errors": errors}
+    with suppress(OSError, ThermidError):  # what cannot be kept is made again
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_text(path, json.dumps(content), RESULTS_FILE)
+    return errors
+
+
+def _digest(content: Mapping[str, Any]) -> str:
+    """Return the hash of what JSON holds."""
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
 
 def _key(path: Path, how: Mapping[str, Any]) -> str:

@@ -482,7 +482,9 @@ def retuned(
             requests[stage.name] = request
             keys[stage.name] = key_of(request, [keys[n] for i in changed_table.inherit.values() for n in i.stages])
             if carried:
-                done[stage.name] = _carried(before[stage.of], request, stage.part) if stage.part else before[stage.of]
+                done[stage.name] = (
+                    _carried(before[stage.of], request, (stage.part, *(s.path for s in stage.starts))) if stage.part else before[stage.of]
+                )
             else:
                 done[stage.name] = fit(request, progress_of(notice, stage.name))
     count = 0 if part_only else len(plan.freed)
@@ -490,11 +492,11 @@ def retuned(
     return Campaign(before.title, done, (), keys, note, requests=requests)
 
 
-def _carried(before: Calibration, request: Request, part: str) -> Calibration:
-    """Return a fit with what is known after the swap: nothing of the old part, of which its model of error tells too."""
+def _carried(before: Calibration, request: Request, gone: Sequence[str]) -> Calibration:
+    """Return a fit with what is known after the swap: nothing of the old part, nor of a joint to it, by its model of error either."""
     store, stage = request.store, before.stage
     kept = dict(store.provenance.get(stage, {}))
-    kept |= {ERRORS: errors_without(kept[ERRORS], part)} if ERRORS in kept else {}
+    kept |= {ERRORS: errors_without(kept[ERRORS], gone)} if ERRORS in kept else {}
     store = replace(store, provenance={**store.provenance, stage: kept})
     new_paths = [p for p, s in store.states.items() if s.origin.stage == stage]
     return replace(
@@ -638,9 +640,7 @@ def placed(before: Store, old: Model, new: Model, what: Replacement, below: Stor
     """
     below_part = known_below(below, what)
     starts = starts_of(before, old, new, [s for s in what.starts if s.path not in below_part.states], stage)
-    rest = before.drop(what.path)
-    for one in what.starts:
-        rest = rest.drop(one.path)
+    rest = before.drop(what.path, *(s.path for s in what.starts))
     whole = graft(new, [(".", rest), (".", starts), (".", below_part)])[0]
     return replace(whole, dropped=(*whole.dropped, *what.dropped))
 

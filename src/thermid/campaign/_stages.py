@@ -27,7 +27,7 @@ from thermid.base.results import Result, Row
 from thermid.base.toml_files import resolve_inside
 from thermid.base.units import counted
 from thermid.campaign._advice import in_words, mistakes_of, next_command, refused
-from thermid.campaign._cache import changed_since, file_name, recall, remember
+from thermid.campaign._cache import changed_since, errors_kept, file_name, recall, remember
 from thermid.campaign._file import CampaignSource, accepting, local_of, read_campaign, scenario_of
 from thermid.campaign._joint import JointFit, fit_jointly, joint_key
 from thermid.campaign._judge.criteria import Criteria
@@ -39,6 +39,7 @@ from thermid.fit.calibration import (
     LocalSpec,
     Reading,
     Request,
+    counted_twice,
     digest,
     fit,
     freed,
@@ -47,6 +48,7 @@ from thermid.fit.calibration import (
     shared_paths,
     weighing,
 )
+from thermid.fit.error_model import Keeping
 from thermid.fit.power import SHAPES, recovered
 from thermid.inference.criticism import Mistakes
 from thermid.measure.amounts import duration_text, short
@@ -262,25 +264,6 @@ def not_inherited(
             yield f"{FIRST}what stage '{earlier.name}' fitted is not inherited at {quoted(places)}: the values of the deck stay there."
 
 
-def counted_twice(store: Store, prior: Sequence[str], records: Sequence[Record]) -> list[str]:
-    """Return a remark for every record whose readings reach a stage as samples and, through a stage below, as prior too.
-
-    Parameters
-    ----------
-    store : Store       What the stages below know.
-    prior : sequence    Which of it may move.
-    records : tuple     The stage's own.
-    """
-    origins = {o.stage for p in prior for s in (store.states[p],) for o in (s.origin, *s.history)}
-    used = {sha: stage for stage in origins for sha in store.provenance.get(stage, {}).get("records", {}).values()}
-    return [
-        f"record '{r.name}' was fitted by stage '{used[r.origin.sha256]}' too, whose result is a prior here. Its readings count "
-        "twice, so the errors are too small. Inherit the values with as = 'fixed', or use another record."
-        for r in records
-        if r.origin.sha256 in used
-    ]
-
-
 def steady_points(
     source: CampaignSource, stage: StageTable, records: tuple[Record, ...], scenario: Scenario, where: str
 ) -> tuple[tuple[Record, ...], dict[str, Scenario]]:
@@ -493,9 +476,9 @@ def run_stages(
             name, place = todo[k].name, source.where(f"stages.{k}")
             with errors_at(place, ": "):
                 request, ingredients[name] = keyed(request_of(source, todo[k], k, done), todo[k], keys)
-            requests[name], keys[name] = request, request.key
-            progress_and_executor = (progress_of(notice, name), executor) if len(ready) == 1 else (None, None)
-            tasks.append((place, (request, source.path.name, place, recall(folder, name, request.key), *progress_and_executor)))
+            requests[name], keys[name] = request, (key := request.key)
+            alone = (progress_of(notice, name), executor) if len(ready) == 1 else (None, None)
+            tasks.append((place, (request, source.path.name, place, recall(folder, name, key), errors_kept(folder, name, key), *alone)))
         for _, (fitted, new) in in_tasks(_fitted, tasks, executor if len(ready) > 1 else None):
             name = fitted.stage
             if new:
@@ -517,7 +500,13 @@ def _waits(stage: StageTable, earlier: Sequence[str]) -> bool:
 
 
 def _fitted(
-    request: Request, file: str, place: str, recalled: KeptFit | None, progress: StageNotice | None, executor: Workers
+    request: Request,
+    file: str,
+    place: str,
+    recalled: KeptFit | None,
+    keeping: Keeping | None,
+    progress: StageNotice | None,
+    executor: Workers,
 ) -> tuple[Calibration, bool]:
     """Return the fit of a stage, and whether it is a new one; a task of a worker, or of this process with workers for its descents.
 
@@ -527,7 +516,7 @@ def _fitted(
     """
     with errors_at(place, ": "):
         try:
-            return fit(request, progress, recalled, stoppable=True, executor=executor), recalled is None
+            return fit(request, progress, recalled, stoppable=True, executor=executor, keeping=keeping), recalled is None
         except ThermidError as error:
             raise refused(error, request, request.name, file) from None
 

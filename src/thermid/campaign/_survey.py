@@ -13,7 +13,7 @@ from thermid.base.codes import code_of
 from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, errors_at, refuse_unknown
 from thermid.base.expression import kelvin
 from thermid.base.toml_files import resolve_inside
-from thermid.campaign._cache import recall
+from thermid.campaign._cache import errors_kept, recall
 from thermid.campaign._file import CampaignSource, local_of, read_campaign, scenario_of
 from thermid.campaign._judge.limits import Limits
 from thermid.campaign._judge.predictions import CampaignPrediction
@@ -79,7 +79,9 @@ def survey(
                 out[name] = identifiability_of(request)
             if name in fits:
                 keys[name] = request.key
-                done[name] = fit(request, progress_of(notice, name), recall(folder, name, keys[name]))
+                done[name] = fit(
+                    request, progress_of(notice, name), recall(folder, name, keys[name]), keeping=errors_kept(folder, name, keys[name])
+                )
             if name in wanted and after and done[name].values.parameters:
                 out[name] = identifiability(done[name])
     return out

@@ -1,7 +1,13 @@
 """Campaigns: stages of fits, the values that they pass on, their state."""
 
 from thermid.campaign._advice import next_command as next_command
-from thermid.campaign._cache import changed_since as changed_since, file_name as file_name, recall as recall, remember as remember
+from thermid.campaign._cache import (
+    changed_since as changed_since,
+    errors_kept as errors_kept,
+    file_name as file_name,
+    recall as recall,
+    remember as remember,
+)
 from thermid.campaign._file import (
     CampaignSource as CampaignSource,
     campaign_of as campaign_of,

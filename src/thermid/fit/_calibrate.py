@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
-from functools import cache, partial
+from functools import cache
 from importlib.metadata import version
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -27,15 +27,16 @@ from thermid.fit._calibration import (
     Local,
     contradicted,
     far_from_sheet,
+    fitted_values,
     loudly,
 )
 from thermid.fit._error_model.discrepancy import assumed_moves, with_discrepancy
-from thermid.fit._error_model.kept import KEY as ERRORS, ErrorModel, error_table, with_structural_errors
+from thermid.fit._error_model.kept import KEY as ERRORS, ErrorsOfFit, Keeping, with_structural_errors
 from thermid.fit._inputs import inputs_of
 from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
 from thermid.fit._problem.experiment import UNSAID_NOISE, Experiment
 from thermid.fit._problem.gather import build_problem
-from thermid.fit._problem.request import LocalSpec, Request, freed, mean_of, priors_of, weighing
+from thermid.fit._problem.request import LocalSpec, Request, counted_twice, freed, mean_of, priors_of, weighing
 from thermid.fit._problem.residuals import Predictions, Problem, Unknown, pooled, starting_point, wanders
 from thermid.fit._search import Progress, searched
 from thermid.fit._second_clocks import at_clocks, in_turns, widened_by_noise_of_powers, with_clocks
@@ -49,8 +50,8 @@ from thermid.model.elements import CREDIBLE, UNJUDGED, Standing, TableSignal, wo
 from thermid.model.identity import identity_of
 from thermid.model.tree import Model, deck_text, parameter_table, unlumped
 from thermid.simulation.runs import Scenario, Workers
-from thermid.values.fitted import FittedValue, FittedValues, view
-from thermid.values.store import LaterTable, State, Store, ValueOrigin
+from thermid.values.fitted import FittedValue, FittedValues, as_store, view
+from thermid.values.store import INPUT, LaterTable, State, Store, ValueOrigin, graft
 
 _version = cache(version)  # half a millisecond, once
 
@@ -83,56 +84,32 @@ def own_standing(
     if far and (size := max(far.values())) > STRAINED:
         name = max(far, key=far.__getitem__)
         short_of.append(f"'{name}' lies {size:.1f} standard deviations from its prior (limit {STRAINED:g})")
-    deviations, words = _shifted_together(problem, minimum)
-    short_of += [words] if deviations > STRAINED else []
-    short_of += _beyond_accuracy(problem, minimum)
+    times, words = _beyond_accuracy(problem, minimum)
+    short_of += [words] if times > ASIDE else []
     if short_of:
         return Standing("not adequate", "; ".join(short_of), values.stage, request.accepted)
     return replace(CREDIBLE, stage=values.stage)
 
 
-def _shifted_together(problem: Problem, minimum: Fit) -> tuple[float, str]:
-    """Return by how many of its standard deviations all sensors read high or low together, beside the logged boundaries, and that in words.
+def _beyond_accuracy(problem: Problem, minimum: Fit) -> tuple[float, str]:
+    """Return how many times their stated accuracies the instruments' constant errors are, and that in words.
 
-    A law that is wrong moves them together, where instruments that err independently hardly do. Of one sensor nothing is said.
+    It is the root mean square of errors by accuracies, so that instruments that share their error, as those of one logger may, count as
+    one: by chance it is above three in at most one fit of 370, however they hang together.
     """
-    groups: dict[str, list[tuple[float, float]]] = {"sensor": [], "shared": []}
-    for u, x in zip(problem.unknowns, minimum.fitted.tolist(), strict=True):
-        if u.kind in groups and u.unit == "K" and u.prior is not None:
-            groups[u.kind].append((x, u.prior.sd**-2.0))
-    if len(groups["sensor"]) < 2:
+    pairs = [(u, x) for u, x in zip(problem.unknowns, minimum.fitted.tolist(), strict=True) if u.unit == "K" and u.prior is not None]
+    errors = {u.name: (x, x / u.prior.sd) for u, x in pairs if u.prior is not None and u.kind in ("sensor", INPUT)}
+    own = [x for u, x in pairs if u.kind == "sensor"]
+    if len(errors) < 2 or not own:
         return 0.0, ""
-    columns = [np.array(group).T for group in groups.values() if group]
-    # what is added to a logged boundary is what it reads low
-    shift = float(sum(x @ w / w.sum() for x, w in columns))
-    deviations = abs(shift) / math.sqrt(sum(1.0 / w.sum() for _, w in columns))
-    high = f"{short(abs(shift))} K {'high' if shift > 0.0 else 'low'} together"
-    return deviations, f"all sensors would read {high}, {deviations:.1f} standard deviations by their accuracies"
-
-
-def _beyond_accuracy(problem: Problem, minimum: Fit) -> list[str]:
-    """Return in words that the instruments' constant errors together contradict what was stated of them; nothing where they do not.
-
-    The root mean square of errors by accuracies, so that instruments that share their error, as those of one logger may, count as one:
-    by chance it is above three in at most one fit of 370, however they hang together.
-    """
-    errors: dict[str, tuple[float, float]] = {}
-    for u, x in zip(problem.unknowns, minimum.fitted.tolist(), strict=True):
-        if u.kind in ("sensor", "shared") and u.unit == "K" and u.prior is not None:
-            # what is added to a logged boundary is what it reads low
-            errors[u.name] = (x if u.kind == "sensor" else -x, u.prior.sd)
-    times = math.sqrt(float(np.mean([(x / sd) ** 2 for x, sd in errors.values()]))) if len(errors) > 1 else 0.0
-    if times <= ASIDE:
-        return []
-    low, high = min(x for x, _ in errors.values()), max(x for x, _ in errors.values())
-    mean = float(np.mean([x for x, _ in errors.values()]))
-    apart = f"all sensors would read about {short(abs(mean), 2)} K {'high' if mean > 0.0 else 'low'} together"
-    if low * high <= 0.0:
-        apart = f"{len(errors)} sensors would err by {low:+.2g} to {high:+.2g} K"
-    return [
-        f"{apart}, {short(times, 2)} times their stated accuracies (limit {ASIDE:g}), because the model lacks or misstates some physics: "
+    times, mean = math.sqrt(float(np.mean([size**2 for _, size in errors.values()]))), float(np.mean(own))
+    said = f"all sensors would read about {short(abs(mean), 2)} K {'high' if mean > 0.0 else 'low'} together"
+    if min(own) * max(own) < 0.0:
+        said = f"{len(own)} sensors would err by {min(own):+.2g} to {max(own):+.2g} K"
+    return times, (
+        f"{said}, {short(times, 2)} times their stated accuracies (limit {ASIDE:g}), because the model lacks or misstates some physics: "
         "check areas, emissivities and the law of convection, then the accuracies"
-    ]
+    )
 
 
 def at_bounds(problem: Problem, minimum: Fit, total: Array) -> list[tuple[Unknown, str, float]]:
@@ -448,8 +425,11 @@ def _known_combination(group: Group, request: Request, problem: Problem, fit: Ca
     return f" (known: {combination} = {short(value.value * factor, 3)} +- {short(value.error * factor)} {text}{meaning})"
 
 
-def refuse_after(request: Request, problem: Problem, minimum: Fit, total: Array) -> None:
-    """Refuse a fit whose standard error is wider than the bounds it was given.
+def refuse_after(request: Request, problem: Problem, minimum: Fit, covariance: Array) -> None:
+    """Refuse a fit that does not determine one of its parameters.
+
+    It does not where no reading depends on the parameter, or where twice its standard error exceeds the distance between its bounds, in
+    the fitted form; an infinite bound is not compared.
 
     Raises
     ------
@@ -458,7 +438,7 @@ def refuse_after(request: Request, problem: Problem, minimum: Fit, total: Array)
     for k, u in enumerate(problem.unknowns):
         if u.kind != "parameter":
             continue
-        error = float(np.sqrt(total[k, k]))
+        error = float(np.sqrt(covariance[k, k]))
         if not np.isfinite(error):
             raise IdentificationError(
                 f"at the end of the fit no reading depends on '{u.name}'. Fix it.",
@@ -474,8 +454,8 @@ def refuse_after(request: Request, problem: Problem, minimum: Fit, total: Array)
             scale = 1.0 / float(unit(u.unit).factor)
             value, spread = u.to_value(float(minimum.fitted[k])) * scale, error * u.slope(float(minimum.fitted[k])) * scale
             raise IdentificationError(
-                f"'{u.name}' = {short(value, 3)} +- {short(spread)} {u.unit}: its standard error is wider than its bounds "
-                f"{u.low * scale:.4g} .. {u.high * scale:.4g}, so the log does not determine it{_by_instruments(problem, total, k)}. "
+                f"'{u.name}' = {short(value, 3)} +- {short(spread)} {u.unit}: twice its standard error is more than its bounds are apart, "
+                f"{u.low * scale:.4g} .. {u.high * scale:.4g}, so the log does not determine it{_by_instruments(problem, covariance, k)}. "
                 "Fix it, give it a prior, or add a record in which it acts more.",
                 request.name or request.model.title,
                 code="fit.not-determined",
@@ -484,7 +464,7 @@ def refuse_after(request: Request, problem: Problem, minimum: Fit, total: Array)
 
 def _by_instruments(problem: Problem, total: Array, k: int) -> str:
     """Return which instruments' errors set most of the variance of an unknown; empty where none do."""
-    at = [j for j, u in enumerate(problem.unknowns) if u.kind in ("sensor", "shared", "instrument")]
+    at = [j for j, u in enumerate(problem.unknowns) if u.kind in ("sensor", INPUT, "instrument")]
     if not at or not np.isfinite(total[np.ix_([k, *at], [k, *at])]).all():
         return ""
     across = total[at, k]
@@ -578,7 +558,9 @@ def _with_uncut(values: FittedValues, problem: Problem, minimum: Fit, responses_
     """Return values with their errors as they would be without bounds, where these cut them."""
     variances = zip(problem.unknowns, minimum.fitted.tolist(), responses_of_fit.uncut.tolist(), strict=False)  # or none
     errors = {u.name: u.slope(x) * variance**0.5 for u, x, variance in variances}
-    return replace(values, items_={p: replace(v, uncut=x) if (x := errors.get(p, 0.0)) > v.error else v for p, v in values.items()})
+    return replace(
+        values, items_={p: replace(v, uncut=x) if (x := errors.get(p, 0.0)) > v.error * (1.0 + 1e-9) else v for p, v in values.items()}
+    )
 
 
 def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) -> FittedValue:
@@ -617,7 +599,7 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
         shown = f"{FittedValue(u.name, u.to_value(bound), 0, 0, u.log, u.unit, 0, (0, 0)).in_unit:.6g} {u.unit}".strip()
         cut = f", where its standard error of {short(v.shown(v.uncut))} is cut" if u.name in values and (v := values[u.name]).uncut else ""
         out.append(f"'{u.name}' ended at its {side} bound {shown}{cut}. Widen the bound, or fix the parameter.")
-    said = ("local", "sensor", "shared") if _beyond_accuracy(problem, minimum) else ("local",)
+    said = ("local", "sensor", INPUT) if _beyond_accuracy(problem, minimum)[0] > ASIDE else ("local",)
     for k, u in enumerate(problem.unknowns):
         far = abs(minimum.fitted[k] - u.prior.mean) / u.prior.sd if u.prior is not None and u.kind not in said else 0.0
         if 3.0 < far <= CONTRADICTION_DEVIATIONS:  # what lies farther stands at the head of the fit
@@ -625,9 +607,6 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
                 f"'{u.name}' lies {far:.1f} standard deviations from its prior: data and prior disagree. Check the source of "
                 "the prior, and the model."
             )
-    deviations, words = _shifted_together(problem, minimum)
-    if ASIDE < deviations <= STRAINED:
-        out.append(f"{words}. A law or an exponent is more likely wrong: `thermid criticise` looks for it.")
     out += _strained(problem, minimum)
     out += differing(problem)
     out += _noise_apart(problem)
@@ -774,6 +753,7 @@ def calibrate(
     scenario: Scenario | Mapping[str, Scenario] | None = None,
     local: Mapping[str, Any] | None = None,
     priors: Mapping[str, Any] | None = None,
+    inherit: Mapping[str, Any] | None = None,
     loss: str = "linear",
     search: str = "auto",
     weights: Mapping[str, float] | str | None = None,
@@ -792,7 +772,9 @@ def calibrate(
     free : sequence of str      Paths of the parameters to fit, or globs such as ``pre.*.htc``; all others stay as they are.
     scenario : Scenario(s)      What the logs do not say; one for all, or one by record name.
     local : dict                Values that each record has for itself: boundary or ``initial.<node>`` -> ``{start, sd}``.
-    priors : dict               Path or glob -> (mean, standard deviation), texts with units; or ``"range"`` for that of its data sheet.
+    priors : dict               Path or glob -> (mean, standard deviation), texts with units; or ``"range"`` for that which the deck states.
+    inherit : dict              Part of the model, ``.`` for the model itself -> what a fit of it found: a `Calibration`, its values or the
+                                path of their file. Values stay there with their errors; those that are free too have them as prior.
     loss : str                  linear, soft_l1, huber or cauchy.
     search : str                local, multistart, differential evolution, cma; or auto: further starts where one descent is doubtful.
     weights : dict or str       Sensor -> weight of its residuals, 1 where none is given; or ``"effective"``: after a first fit readings
@@ -807,7 +789,17 @@ def calibrate(
     """
     many = (records,) if isinstance(records, Record) else tuple(records)
     request = requested(
-        model, many, free, scenario=scenario, local=local, priors=priors, loss=loss, search=search, weights=weights, name=name
+        model,
+        many,
+        free,
+        scenario=scenario,
+        local=local,
+        priors=priors,
+        inherit=inherit,
+        loss=loss,
+        search=search,
+        weights=weights,
+        name=name,
     )
     return fit(request, progress, stoppable=True, executor=executor)
 
@@ -820,6 +812,7 @@ def requested(
     scenario: Scenario | Mapping[str, Scenario] | None = None,
     local: Mapping[str, Any] | None = None,
     priors: Mapping[str, Any] | None = None,
+    inherit: Mapping[str, Any] | None = None,
     loss: str = "linear",
     search: str = "auto",
     weights: Mapping[str, float] | str | None = None,
@@ -828,10 +821,18 @@ def requested(
     """Return the request that the arguments of `calibrate` stand for."""
     scenarios = dict(scenario) if isinstance(scenario, Mapping) else {"*": scenario} if scenario else {}
     specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
-    wanted, _ = freed(model, free, (), name or model.title)
-    priors_by_path = priors_of(model, priors or {}, name or model.title)
-    weighed = weighing(weights or {}, name or model.title)
-    return Request(model, records, tuple(wanted), scenarios, specs, priors=priors_by_path, loss=loss, search=search, name=name, **weighed)
+    where = name or model.title
+    below = [(part, v.store or as_store(v)) for part, given in (inherit or {}).items() for v in fitted_values(given, f"{where}, {part}")]
+    store, remarks = graft(model, below)
+    model = store.laid_over(model)
+    store, hidden = store.acting_in(model)
+    wanted, _ = freed(model, free, (), where)
+    prior = tuple(p for p, s in store.parameters.items() if s.known and {*s.acts} & {*wanted})
+    remarks = (*(f"{FIRST}{r}" for r in remarks), *hidden, *counted_twice(store, prior, records))
+    priors_by_path = priors_of(model, priors or {}, where)
+    more: dict[str, Any] = {"loss": loss, "search": search, "name": name, **weighing(weights or {}, where)}
+    known: dict[str, Any] = {"store": store, "prior": prior, "seen": store.seen, "remarks": remarks}
+    return Request(model, records, tuple(wanted), scenarios, specs, priors=priors_by_path, **known, **more)
 
 
 def fit(
@@ -840,15 +841,17 @@ def fit(
     recalled: KeptFit | None = None,
     stoppable: bool = False,
     executor: Workers = None,
+    keeping: Keeping | None = None,
 ) -> Calibration:
     """Return the calibration that a request asks for; see `calibrate`.
 
     `recalled` is what was kept of the same fit from before; its end is then evaluated and not searched again. `stoppable` says
-    whether the interrupt key ends the search with the best values so far; what makes many fits leaves it to go through.
+    whether the interrupt key ends the search with the best values so far; what makes many fits leaves it to go through. `keeping` keeps
+    the model of error of a fit that ended, which takes as long as many searches.
     """
     if request.hand is not None:
         return tuned_by_hand(request, request.hand)
-    return fit_problem(request, build_problem(request), progress, recalled, stoppable, executor)
+    return fit_problem(request, build_problem(request), progress, recalled, stoppable, executor, keeping)
 
 
 def fit_problem(
@@ -858,15 +861,20 @@ def fit_problem(
     recalled: KeptFit | None = None,
     stoppable: bool = False,
     executor: Workers = None,
+    keeping: Keeping | None = None,
 ) -> Calibration:
     """Return the calibration of a problem that was made for a request."""
     with one_thread():
-        return _fitted(request, problem, progress, recalled, stoppable, executor)
+        calibration, spread = _fitted(request, problem, progress, recalled, stoppable, executor)
+        errors = ErrorsOfFit(calibration, keeping if calibration.converged else None)
+        if request.structural_errors or _suspect(calibration, spread):
+            calibration = with_structural_errors(calibration, errors)
+        return _with_errors(calibration, errors)
 
 
 def _fitted(
     request: Request, problem: Problem, progress: Progress | None, recalled: KeptFit | None, stoppable: bool, executor: Workers
-) -> Calibration:
+) -> tuple[Calibration, Autocorrelation]:
     stated = all(o.noise is not None for o in problem.observations())
     if recalled is not None and not request.effective and list(recalled.fitted) == [u.name for u in problem.unknowns]:
         minimum = ended(problem, np.array(list(recalled.fitted.values())), request.loss, request.loss_scale, recalled.evaluations)
@@ -918,17 +926,14 @@ def _fitted(
     assumed = assumed_moves(request, problem, minimum, spread)
     errors = responses(request, problem, minimum, spread.variance_factor, random, weights, assumed.ranges)
     _refuse_without_errors(request, problem, errors.total)
-    calibration = with_discrepancy(replace(summarise(request, problem, minimum, errors, random, spread), kept=end_to_keep), assumed)
-    if request.structural_errors or _suspect(calibration, spread):
-        return _with_errors(*with_structural_errors(calibration))
-    return _with_errors(calibration, None)
+    return with_discrepancy(replace(summarise(request, problem, minimum, errors, random, spread), kept=end_to_keep), assumed), spread
 
 
-def _with_errors(fit: Calibration, errors: ErrorModel | None) -> Calibration:
+def _with_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration:
     """Return a fit whose values keep its model of error, which is made when somebody asks for it if it is not there."""
     if fit.stopped or fit.problem is None or not any(u.kind == "parameter" for u in fit.problem.unknowns):
         return fit
-    provenance = {**fit.values.provenance, ERRORS: LaterTable(errors.to_dict if errors is not None else partial(error_table, fit))}
+    provenance = {**fit.values.provenance, ERRORS: LaterTable(errors.table)}
     store = replace(fit.store, provenance={**fit.store.provenance, fit.values.stage: provenance})
     return replace(fit, values=replace(fit.values, provenance=provenance), store=store)
 

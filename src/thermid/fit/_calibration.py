@@ -7,10 +7,12 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Self
+from os import PathLike
+from typing import Any, Self
 
 import numpy as np
 
+from thermid.base.errors import DeckError
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.base.units import counted, from_si, unit
 from thermid.fit._inputs import InputTable, input_lines, inputs_of
@@ -25,9 +27,9 @@ from thermid.model.elements import UNJUDGED, Standing, worst
 from thermid.model.identity import cuts_of
 from thermid.model.tree import Model, parameter_table
 from thermid.physics.constants import ICE_POINT
-from thermid.values.fitted import FittedValue, FittedValues, save_store
+from thermid.values.fitted import FittedValue, FittedValues, load_values, save_store
 from thermid.values.ranges import range_shares
-from thermid.values.store import State, Store
+from thermid.values.store import INPUT, State, Store
 
 LOUD = "NOT CREDIBLE: "
 BLAME = "A column, a unit, a node, an accuracy or the model is wrong. Do not use these values."
@@ -43,7 +45,7 @@ UNSOURCED = tuple(unit(u).dimension for u in ("kg", "J/K", "J/(kg K)"))
 MISFIT = 1.5
 """Chi-square per degree of freedom from which residuals are said to be larger than the stated noise. [-]"""
 MIN_RANGE_SHARE = 0.05
-"""Part of the variance of a value from which a line says that printed ranges make it. [-]"""
+"""Part of the variance of a value from which a line says that stated ranges make it. [-]"""
 CONTRADICTION_DEVIATIONS = 10.0
 """Standard deviations from what was stated beyond which a fit is not believed; chance and a careless accuracy do not reach so far. [-]"""
 
@@ -92,13 +94,13 @@ def _deviations(v: FittedValue) -> float:
 
 def _words(v: FittedValue, deviations: float) -> str:
     times = short(deviations)
-    if v.kind == "sensor" or (v.kind == "shared" and v.unit == "K"):
+    if v.kind == "sensor" or (v.kind == INPUT and v.unit == "K"):
         sd = v.prior[1] if v.prior is not None else 0.0
         name = v.path.removeprefix("sensor ").removesuffix(" error")
         return f"{name} would need an error of {v.value:+.3g} K, {times} times its accuracy of {short(sd)} K"
-    if v.kind == "shared":
+    if v.kind == INPUT:
         sd = v.prior[1] if v.prior is not None else 0.0
-        error = f"{100 * (v.value - 1):+.3g} %, {times} times its accuracy of {short(100 * sd)} %"
+        error = f"{100 * v.value:+.3g} %, {times} times its accuracy of {short(100 * sd)} %"
         return f"{v.path.removesuffix(' error')} would need an error of {error}"
     if v.kind == "instrument":
         return f"{v.path} would need to be {short(v.in_unit, 3)} {v.unit}, {times} standard deviations from the stated value"
@@ -210,8 +212,8 @@ class Calibration(Result):
 
     @property
     def instrument_errors(self) -> dict[str, float]:
-        """Channel -> constant error that was found for a logged boundary (added to it [K]) or power (a factor)."""
-        return {p.removesuffix(" error"): v.value for p, v in self.values.items() if v.kind == "shared"}
+        """Channel -> constant error that was found for a logged boundary [K] or power (a share of it): reading minus truth."""
+        return {p.removesuffix(" error"): v.value for p, v in self.values.items() if v.kind == INPUT}
 
     @property
     def reduced_chi_square(self) -> float:
@@ -324,7 +326,7 @@ class Calibration(Result):
         return f"{self.stage}: {self.standing.state}, {counted(len(self.values.parameters), 'value')} fitted{worst_text}{kind}"
 
     def range_shares(self, path: str) -> dict[str, float]:
-        """Return what only a printed range tells -> its part of the variance of a fitted value, the largest first. [-]"""
+        """Return what only a stated range tells -> its part of the variance of a fitted value, the largest first. [-]"""
         return range_shares(self.store, path) if path in self.store.states else {}
 
     @property
@@ -365,7 +367,7 @@ def _value_line(v: FittedValue, width: int, structural: bool, ranges: Mapping[st
     share, first = sum(ranges.values()), next(iter(ranges), "")
     if share >= MIN_RANGE_SHARE:
         more = f" and {len(ranges) - 1} more" if len(ranges) > 1 else ""
-        wider = f" ({100 * share:.0f} % of its variance from printed ranges: {first}{more})"
+        wider = f" ({100 * share:.0f} % of its variance from stated ranges: {first}{more})"
     what = wider if total > 1.05 * random else ""
     text = f"{v.path:<{width}}  {digits(v.in_unit, random):>12} {v.unit:<10}  random +- {short(random)}   total +- {short(total)}{what}"
     return f"{text}   start {v.converted(v.start):.5g}{bounds}"
@@ -499,4 +501,29 @@ def instrument_shares(fit: Calibration) -> tuple[InstrumentShare, ...]:
             mean, sd = v.prior
             stated = (float(np.exp(mean)), float(np.exp(mean)) * sd) if v.log else (mean, sd)
             out.append(InstrumentShare(name, v.unit, stated, (v.value, v.error), *_largest_contributor(fit, j)))
+    return tuple(out)
+
+
+def fitted_values(given: Any, where: str) -> tuple[FittedValues, ...]:
+    """Return what one or several fits found: as they are, of a `Calibration`, or from the paths of files.
+
+    Raises
+    ------
+    DeckError   When one is neither, or its file is no values file.
+    """
+    out = []
+    for v in (
+        [given] if isinstance(given, Calibration | FittedValues | str | PathLike) else given if isinstance(given, Sequence) else [given]
+    ):
+        if isinstance(v, str | PathLike):
+            v = load_values(v)
+        elif isinstance(v, Calibration):
+            v = replace(v.values, store=v.store)
+        if not isinstance(v, FittedValues):
+            raise DeckError(
+                f"values of a fit are needed, not {v!r:.60}. Give a Calibration, or the path of a values file.",
+                where,
+                code="value.wrong-kind",
+            )
+        out.append(v)
     return tuple(out)

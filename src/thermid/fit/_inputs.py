@@ -33,7 +33,7 @@ class Input:
     Parameters
     ----------
     record : str                Name of the record.
-    kind : str                  'boundary', 'load' or 'start'.
+    kind : str                  'boundary', 'load' or 'start'; 'accuracy' of a channel that states none.
     name : str                  Path of the boundary, load or node.
     source : str                'assumed', 'deck', 'scenario' or 'log'.
     words : str                 What the source is, such as the channel; of what is assumed, what was assumed and why.
@@ -58,8 +58,8 @@ class Input:
 
     @property
     def unit(self) -> str:
-        """Unit for people: degC, or W of a load."""
-        return "W" if self.kind == "load" else "degC"
+        """Unit for people: degC, W of a load, none of an accuracy."""
+        return {"load": "W", "accuracy": ""}.get(self.kind, "degC")
 
     def shown(self, value: float) -> str:
         """Return one of its numbers in its unit; a dash where there is none."""
@@ -123,8 +123,17 @@ def inputs_of(request: Request, experiments: Iterable[Experiment], unknowns: Seq
         free = {request.model.canonical(p) for p in request.free}
     else:
         free = {p for u in unknowns if u.kind == "parameter" for p in (u.name, *u.also)}
-    rows = [row for e in experiments for row in (*_boundaries(request, e), *_loads(e, free), *_starts(request, e))]
+    rows = [row for e in experiments for row in (*_boundaries(request, e), *_loads(e, free), *_starts(request, e), *_accuracies(e))]
     return InputTable.in_order(rows)
+
+
+def _accuracies(e: Experiment) -> Iterator[Input]:
+    """Yield the channels of a measured record that states no accuracy at all: its instruments count as exact."""
+    used = [c for c in e.record.channels.values() if c.quantity in ("temperature", "power")]
+    if e.record.origin.synthetic or any(c.accuracy is not None or c.part is not None for c in used):
+        return
+    words = "not stated, so readings count as exact: state that of the data sheet, accuracy = '0.5 [K]'"
+    yield from (Input(e.record.name, "accuracy", c.name, "assumed", words) for c in used)
 
 
 def _driving(e: Experiment) -> dict[str, Channel]:
@@ -261,7 +270,7 @@ def _gathered(rows: Iterable[Input]) -> list[tuple[Input, list[str], list[str]]]
     """Return rows that differ in record, node and numbers only as one, with their names and records."""
     groups: dict[tuple[str, ...], list[Input]] = {}
     for r in rows:
-        name = "" if r.kind == "start" else r.name
+        name = "" if r.kind in ("start", "accuracy") else r.name
         groups.setdefault((r.source, r.kind, name, r.words, str(r.fitted)), []).append(r)
     return [
         (_together(several), list(dict.fromkeys(r.name for r in several)), list(dict.fromkeys(r.record for r in several)))

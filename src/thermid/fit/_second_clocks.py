@@ -482,7 +482,11 @@ def _cost_of_joined(sides: Clocked) -> tuple[float, dict[str, float]]:
 
 
 def _errors(sides: Clocked, minimum: Fit) -> Array:
-    """Return the standard errors of the unknowns: noise and wandering residuals, constant errors, instants of sampled changes."""
+    """Return the standard errors of the unknowns, all infinite where some unknown has no effect on the residuals.
+
+    They count noise and autocorrelated residuals, constant errors of sensors, and the instants at which sampled powers changed: each is
+    uniform over its sampling interval w, with variance ``w^2 / 12``.
+    """
     if not minimum.jacobian.any(axis=0).all():
         return np.full(minimum.fitted.size, np.inf)  # nothing answers to one of them
     spread = autocorrelation_of_traces(sides.pieces(minimum.fitted), minimum, sides.problem(sides.clock(minimum.fitted)).effective_samples)

@@ -12,6 +12,7 @@ from thermid.fit._calibration import (
     FIRST as FIRST,
     LOUD as LOUD,
     Calibration as Calibration,
+    fitted_values as fitted_values,
     instrument_shares as instrument_shares,
     sensor_shares as sensor_shares,
 )
@@ -41,6 +42,7 @@ from thermid.fit._problem.request import (
     LocalSpec as LocalSpec,
     Reading as Reading,
     Request as Request,
+    counted_twice as counted_twice,
     digest as digest,
     freed as freed,
     ingredients_of as ingredients_of,

@@ -10,6 +10,7 @@ from thermid.fit._error_model.gaussian import NormalMixture as NormalMixture
 from thermid.fit._error_model.kept import (
     KEY as KEY,
     ErrorModel as ErrorModel,
+    Keeping as Keeping,
     KeptWay as KeptWay,
     SeenValue as SeenValue,
     deviation as deviation,

@@ -24,11 +24,9 @@ from thermid.inference.diagnosis import (
 )
 from thermid.inference.fleets import Fleet as Fleet, fleet as fleet
 from thermid.inference.intervals import (
-    Evidence as Evidence,
     Identifiability as Identifiability,
     Posterior as Posterior,
     Profile as Profile,
-    evidence as evidence,
     posterior as posterior,
     profile as profile,
 )

@@ -1,4 +1,4 @@
-"""Posterior samples and evidence: what the data say of a fit's unknowns without the assumption of a quadratic valley."""
+"""Posterior samples: what the data say of a fit's unknowns without the assumption of a quadratic valley."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from thermid.base.errors import IdentificationError, NameNotFoundError, SolverEr
 from thermid.base.extensions import optional
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array, covariance
 from thermid.base.results import Result, Row
-from thermid.fit.calibration import Calibration, Compressed, Problem, Unknown, box_of, wanders
+from thermid.fit.calibration import Calibration, Compressed, Problem, box_of
 from thermid.simulation.runs import Workers, in_tasks
 
 MIN_LENGTH = 50
@@ -195,86 +195,6 @@ class _FitProposals:
         return new, self.log(points) - self.log(new)
 
 
-@dataclass(frozen=True, eq=False)
-class Evidence(Result):
-    """How well a structure explains the data before its parameters were known, each parameter paid for.
-
-    Parameters
-    ----------
-    stage : str             Of the fit.
-    log : float             Natural logarithm of the evidence. [-]
-    error : float           Of the sampling. [-]
-    evaluations : int       How often the records were simulated.
-    box : dict              Parameter -> (low, high) over which its prior is spread, evenly in its fitted form. [SI]
-    objections : tuple of str   Why it does not count: it takes residuals as independent and logged inputs as exact.
-    """
-
-    stage: str
-    log: float
-    error: float
-    evaluations: int
-    box: Mapping[str, tuple[float, float]]
-    objections: tuple[str, ...] = ()
-
-    def against(self, other: Evidence) -> str:
-        """Return in words what two structures' evidence says, both fitted to the same readings (Jeffreys' scale).
-
-        Nothing where the better one leaves residuals that are not independent: then neither made the log.
-        """
-        far = self.log - other.log
-        better, worse = (self, other) if far >= 0 else (other, self)
-        if better.objections:
-            return (
-                f"'{better.stage}' and '{worse.stage}': the evidence does not decide, because {better.objections[0]}. Compare them on a "
-                "hold-out record, or look for physics that both lack with td.inference.criticise."
-            )
-        size, doubt = abs(far), math.hypot(self.error, other.error)
-        scale = "negligible" if size < 1.0 + doubt else "weak" if size < 2.5 else "moderate" if size < 5.0 else "strong"
-        return f"'{better.stage}' over '{worse.stage}': ln evidence {size:.1f} +- {doubt:.1f} higher, {scale}"
-
-
-@takes_objects
-def evidence(fit: Calibration, *, points: int = 100, seed: int = 1) -> Evidence:
-    """Return the evidence of a fit's structure, to choose between structures fitted to the same readings.
-
-    Priors spread evenly over the bounds (in the fitted form), cut at four standard deviations of a stated prior; a wider box costs a
-    parameter that does not need it. Nested sampling: Skilling, Bayesian Analysis 1 (2006) 833, in the package dynesty (``pip install
-    thermid[bayes]``).
-
-    Parameters
-    ----------
-    fit : Calibration
-    points : int        That are kept alive; more make the error smaller.
-    seed : int
-
-    Raises
-    ------
-    IdentificationError   When dynesty is missing, nothing was free, the noise of a sensor is not stated, or the calibration was read from
-                          a file.
-    """
-    dynesty = optional("dynesty", "evidence")
-    density = _Density.of_fit(fit)
-    loose = sorted({o.sensor for o in density.problem.observations() if o.noise is None})
-    if loose:
-        raise IdentificationError(
-            f"evidence needs the noise of every sensor. State noise = '... [K]' for '{loose[0]}'.", fit.stage, code="fit.not-possible"
-        )
-    low, wide = density.box[:, 0], np.ptp(density.box, axis=1)
-    sampler = dynesty.NestedSampler(
-        density,
-        lambda u: low + u * wide,
-        len(density.at),
-        nlive=points,
-        sample="rwalk" if len(density.at) > 9 else "unif",
-        rstate=np.random.default_rng(seed),
-    )
-    sampler.run_nested(dlogz=0.1, print_progress=False)
-    results = sampler.results
-    unknowns = [density.problem.unknowns[k] for k in density.at]
-    box = {u.name: (u.to_value(a), u.to_value(b)) for u, (a, b) in zip(unknowns, density.box.tolist(), strict=True)}
-    return Evidence(fit.stage, float(results.logz[-1]), float(results.logzerr[-1]), density.count, box, density.objections(fit))
-
-
 @dataclass(eq=False)
 class _Several:
     """A density at several points at once, by workers.
@@ -313,7 +233,7 @@ def _at_points(density: _Density, points: Array) -> Array:
 
 @dataclass(eq=False)
 class _Density:
-    """Logarithm of the density of parameters given the data, all other unknowns integrated out; normalised over the readings."""
+    """Logarithm of the density of parameters given the data, all other unknowns integrated out, but for a constant."""
 
     problem: Problem
     at: NDArray[np.int64]
@@ -376,18 +296,6 @@ class _Density:
             return ()
         return ("the data do not limit the errors of the fit, so the draws include the noise of the readings only.",)
 
-    def objections(self, fit: Calibration) -> tuple[str, ...]:
-        """Return why a density that takes residuals as independent and logged inputs as exact does not count."""
-        out = []
-        slow = [t for t in (fit.autocorrelation.traces if fit.autocorrelation else ()) if wanders(t.effective_samples, t.samples)]
-        if slow:
-            t = min(slow, key=lambda t: t.effective_samples / t.samples)
-            out.append(
-                f"residuals of '{t.sensor}' in '{t.record}' are autocorrelated (effective sample size of {t.samples}: "
-                f"{t.effective_samples:.3g})"
-            )
-        return tuple(out)
-
     def errors(self, fit: Calibration) -> Array:
         """Return the standard errors of the parameters, in the fitted form."""
         unknowns = [self.problem.unknowns[k] for k in self.at]
@@ -418,28 +326,17 @@ class _Density:
         others = np.setdiff1d(np.arange(x.size), self.at)
         slopes = np.concatenate([compressed.slopes * scale, prior_slopes])[:, others]
         # Laplace: the integral of exp(-|r + J d|^2 / 2) over the others is exp(-|r|^2 / 2 + |J d*|^2 / 2) (2 pi)^(m/2) / sqrt(det J'J), d*
-        # the least-squares step (Tierney and Kadane, JASA 81 (1986) 82); `_width` has the factors of 2 pi and of the priors
-        out = -0.5 * float(rows @ rows) - self._size()
+        # the least-squares step (Tierney and Kadane, JASA 81 (1986) 82)
+        out = -0.5 * float(rows @ rows)
         if others.size:
             step, *_ = np.linalg.lstsq(slopes, -rows, rcond=None)
             out += 0.5 * float(np.sum((slopes @ step) ** 2))
             _, logdet = np.linalg.slogdet(slopes.T @ slopes)
             out -= 0.5 * float(logdet)
-            out += sum(_width(self.problem.unknowns[k]) for k in others)
         return out
-
-    def _size(self) -> float:
-        """Return the logarithm of what normalises the readings' density."""
-        sigma = [(o.sigma(self.problem.noise) * math.sqrt(self.level), o.index.size) for o in self.problem.observations()]
-        return sum(n * math.log(s * math.sqrt(2.0 * math.pi)) for s, n in sigma)
 
 
 def _root(matrix: Array) -> Array:
     """Return the symmetric root of a matrix without negative directions."""
     sizes, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     return np.asarray((vectors * np.sqrt(np.maximum(sizes, 0.0))) @ vectors.T)
-
-
-def _width(unknown: Unknown) -> float:
-    """Return what an unknown that was integrated out adds: its normalised prior, or a flat one of one unit."""
-    return -math.log(unknown.prior.sd) if unknown.prior is not None else 0.5 * math.log(2.0 * math.pi)

@@ -5,5 +5,5 @@ from thermid.inference._identifiability import (
     identifiability as identifiability,
     identifiability_of as identifiability_of,
 )
-from thermid.inference._posterior import Evidence as Evidence, Posterior as Posterior, evidence as evidence, posterior as posterior
+from thermid.inference._posterior import Posterior as Posterior, posterior as posterior
 from thermid.inference._profile import Profile as Profile, profile as profile

@@ -124,7 +124,7 @@ def to_c(
     w = wired(model, scenario, C)
     if len(w.network.nodes) > MAX_DENSE_NODES:
         raise DeckError(
-            f"a C header holds {MAX_DENSE_NODES} nodes, and the model has {len(w.network.nodes)}. Reduce it first (thermid reduce).",
+            f"a C header holds {MAX_DENSE_NODES} nodes, and the model has {len(w.network.nodes)}. Reduce it first by `td.qualify.reduce`.",
             model.title,
             code="output.not-expressible",
         )

@@ -1,39 +1,13 @@
-"""Text with a unit, or an SI float, as the SI float that a slot of a record needs."""
+"""Times above zero, and numbers and durations in the words of a report."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from math import floor, isfinite, log10
-from numbers import Real
 
-from thermid.base.errors import RecordError, ScenarioError, errors_at
-from thermid.base.expression import si_value
+from thermid.base.errors import RecordError, ScenarioError
+from thermid.base.expression import amount
 from thermid.base.units import format_value
-
-
-def amount(written: object, slot: str, what: str) -> float:
-    """Return an SI value for a slot.
-
-    Parameters
-    ----------
-    written : Any          Text with a unit, ``"0.3 [K]"``, another value with its unit, or a number in SI if it is no temperature.
-    slot : str             The unit that is needed, or `units.TEMPERATURE`.
-    what : str             What the value is for, for the message.
-
-    Raises
-    ------
-    RecordError   When it is neither a number nor a text with a unit, or not finite.
-    UnitError     When its unit has another dimension, or a temperature has none.
-    """
-    with errors_at(what):
-        value = si_value(written, slot)
-    if value is None:
-        if isinstance(written, bool) or not isinstance(written, Real):
-            raise RecordError(f"{written!r} is neither a number nor a text with a unit, such as '4 [s]'.", what, code="value.not-an-amount")
-        value = float(written)
-    if not isfinite(value):
-        raise RecordError(f"{written!r} is not finite.", what, code="value.outside-range")
-    return value
 
 
 def positive_seconds(written: object, what: str) -> float:

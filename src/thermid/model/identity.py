@@ -10,6 +10,7 @@ from thermid.model._tree.identity import (
     instances as instances,
     local_identities as local_identities,
     made_to as made_to,
+    outside as outside,
     rows_of_decks as rows_of_decks,
 )
 from thermid.model._tree.replacement import (

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from thermid.base.codes import CodedText
-from thermid.base.errors import ThermidError, ThermidWarning, errors_at
-from thermid.base.expression import si_value
+from thermid.base.errors import ThermidError, ThermidWarning
+from thermid.base.expression import amount
 from thermid.base.results import Result
 from thermid.base.units import TEMPERATURE
 from thermid.physics._number import Number
@@ -209,11 +209,11 @@ def compare_htc(
     q, a, hot, cold, tall = _settled(power, area, surface, ambient, height)
     rise = hot - cold
     errors = [
-        _number(v, s, n) for v, s, n in ((sensor, "K", "sensor"), (power_error, "W", "power_error"), (area_error, "m^2", "area_error"))
+        amount(v, s, n) for v, s, n in ((sensor, "K", "sensor"), (power_error, "W", "power_error"), (area_error, "m^2", "area_error"))
     ]
     effective = effective_htc(q, a, rise)
     error = effective_htc_error(q, a, rise, power_error=errors[1], area_error=errors[2], rise_error=errors[0] * math.sqrt(2.0))
-    faces = tuple(_number(x, "m", "box") for x in box) if box is not None else None
+    faces = tuple(amount(x, "m", "box") for x in box) if box is not None else None
     correlations, remarks = _heard(hot, cold, tall, faces, _gas(air, (hot + cold) / 2))
     for text in remarks:
         warnings.warn(ThermidWarning(text), stacklevel=2)
@@ -222,7 +222,7 @@ def compare_htc(
     remarks += _meaning(effective, error, correlations[-1].htc, radiation, q, a, rise)
     biot = _biot(parts or {}, effective, correlations[-1].htc, remarks)
     settling = _settling(capacitance, settled_after, effective * a, remarks)
-    shift = effective * _number(drift, "K", "drift") / abs(rise)
+    shift = effective * amount(drift, "K", "drift") / abs(rise)
     return HtcComparison(effective, error, shift, correlations, rise, tuple(remarks), radiation, biot, settling)
 
 
@@ -247,7 +247,7 @@ def _biot(
     """Return part -> Biot number at both coefficients, and remark where one node is not enough."""
     out = {}
     for name, (length, conductivity) in parts.items():
-        path = _number(length, "m", name) / _number(conductivity, "W/(m K)", name)
+        path = amount(length, "m", name) / amount(conductivity, "W/(m K)", name)
         out[name] = effective * path, theoretical * path
         remarks += [text for text in (biot_warning(max(out[name]), f"'{name}'"),) if text]
     return out
@@ -257,8 +257,8 @@ def _settled(
     power: str | float, area: str | float, surface: str | float, ambient: str | float, height: str | float
 ) -> tuple[float, float, float, float, float]:
     """Return what was measured in SI, if it makes a coefficient."""
-    q, a, tall = _number(power, "W", "power"), _number(area, "m^2", "area"), _number(height, "m", "height")
-    hot, cold = _number(surface, TEMPERATURE, "surface"), _number(ambient, TEMPERATURE, "ambient")
+    q, a, tall = amount(power, "W", "power"), amount(area, "m^2", "area"), amount(height, "m", "height")
+    hot, cold = amount(surface, TEMPERATURE, "surface"), amount(ambient, TEMPERATURE, "ambient")
     if not (a > 0 and tall > 0):
         raise ThermidError("a coefficient needs an area and a height above zero.", "compare_htc", code="value.outside-range")
     if not q * (hot - cold) > 0:
@@ -269,13 +269,6 @@ def _settled(
             code="value.contradicts",
         )
     return q, a, hot, cold, tall
-
-
-def _number(value: str | float, slot: str, name: str) -> float:
-    """Return a value in SI."""
-    with errors_at(name):
-        si = si_value(value, slot)
-    return float(value) if si is None else si
 
 
 def _correlations(hot: float, cold: float, height: float, box: tuple[float, ...] | None, air: Gas) -> tuple[HtcEstimate, ...]:
@@ -351,7 +344,7 @@ def _settling(capacitance: str | float | None, after: str | float | None, conduc
     """Return the two time constants, and remark when they differ."""
     if capacitance is None or after is None:
         return None
-    heat, time = _number(capacitance, "J/K", "capacitance"), _number(after, "s", "settled_after")
+    heat, time = amount(capacitance, "J/K", "capacitance"), amount(after, "s", "settled_after")
     if not (heat > 0 and time > 0):
         raise ThermidError("a time constant needs a capacitance and a settling time above zero.", "compare_htc", code="value.outside-range")
     first, middle, last = (time / -math.log(1.0 - part) for part in SETTLED)

@@ -6,19 +6,19 @@ import fnmatch
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.codes import CodedText
 from thermid.base.dual import value_of
-from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError, quoted
+from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError, quoted, refuse_unknown
 from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse
 from thermid.base.results import Shown
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import MAX_GAS_CONDUCTANCE, Discrepancy, losing_gas, told_first
-from thermid.fit.error_model import ROOM, RUN, STRUCTURE, UNEXPLAINED, VALUES, ErrorModel, KeptWay, SeenValue
+from thermid.fit.error_model import ROOM, RUN, START, STRUCTURE, UNEXPLAINED, VALUES, ErrorModel, KeptWay, SeenValue
 from thermid.inference.criticism import asks
 from thermid.model.elements import UNJUDGED, Standing
 from thermid.model.tree import Model, parameter_table
@@ -29,7 +29,7 @@ from thermid.simulation.runs import Scenario, Simulator, network_for, prepare
 from thermid.values.fitted import FittedValues
 from thermid.values.ranges import RangedValue, narrowed, ranged_values
 from thermid.values.spreads import cut
-from thermid.values.store import Distribution, LeftOut, Logarithm, LogNormal, Normal, Shifted, Source, Uniform, uniforms
+from thermid.values.store import Distribution, Kind, LeftOut, Logarithm, LogNormal, Normal, Shifted, Source, Uniform, uniforms
 
 Groups = Sequence[tuple[Sequence[str], Any]]
 """Names that share one value, and how it is spread."""
@@ -47,9 +47,17 @@ MIN_SHARE_OF_BAND = 0.1
 """Share of a band from which what it does not count is named in the first line. [-]"""
 
 
-SPLIT, GAS_IN_JOINTS, PRINTED_RANGES = "split of effective coefficients", "gas in joints", "printed ranges"
+SPLIT, GAS_IN_JOINTS, STATED_RANGES = "split of effective coefficients", "gas in joints", "stated ranges"
 AVERAGED = "what carries the heat"
 """Causes, as a reader is told them."""
+DEFECTS = "hidden defects"
+"""Cause: which of several defects that explain a fit its unit has; also what `without` calls them."""
+CAUSES = (
+    *get_args(Kind),
+    *(VALUES, START, STRUCTURE, RUN, ROOM, UNEXPLAINED),
+    *(SPLIT, GAS_IN_JOINTS, STATED_RANGES, AVERAGED, DEFECTS),
+)
+"""What `without` may name whether or not a question has such a source."""
 ELEMENTS = ("structural", STRUCTURE)
 """Kinds and causes without which nothing departs: the answer is that of the model's own structure, with the errors of its fits."""
 ROOM_HATS = 25
@@ -208,7 +216,7 @@ def expanded(stated: Mapping[str, Any], model: Model) -> list[tuple[list[str], A
     ------
     NameNotFoundError   When a pattern reaches nothing.
     """
-    if not any(c in raw for raw in stated for c in "*?["):
+    if not any(c in model.canonical(raw) for raw in stated for c in "*?["):
         return [([raw], how) for raw, how in stated.items()]
     table = parameter_table(model)
     taken = {model.canonical(raw) for raw in stated}
@@ -411,7 +419,14 @@ class Budget:
         return dict(zip(self.targets, moved, strict=True))
 
     def parts(self, columns: Array) -> dict[str, Array]:
-        """Return cause -> variance (times,) of what a unit of each source does (times, sources). [K^2]"""
+        """Return cause -> variance (times,) that its sources bring. [K^2]
+
+        Correlation counts among the sources of one cause; that between two causes is in neither.
+
+        Parameters
+        ----------
+        columns : array (times, sources)    Change of the temperature per unit of each source, before its standard deviation is applied.
+        """
         sized = columns * self.sizes
         out = {}
         for cause in dict.fromkeys(self.causes):
@@ -465,7 +480,7 @@ class Budget:
             out = out.beside([*numbered[size:], sure], STRUCTURE, [Target(n, "heat") for n in columns])
         target_names = {t.name for t in out.targets}
         driven = {*self.scenario.boundaries, *(f"scale.{n}" for n in self.scenario.loads)} if as_logged else set()
-        acting = dict.fromkeys(n for e in errors for v in e.seen.values() for n, _ in v.acts if n in driven - target_names)
+        acting = dict.fromkeys(n for e in errors for v in e.seen.values() for n, _, _ in v.acts if n in driven - target_names)
         out = out.beside([], VALUES, [Target(n, "add") for n in acting], np.zeros((len(acting), 0)))
         for cause, name in _own_of_run(errors, network, self.scenario, as_logged):
             out = out.with_one(Source(name, "structural", Normal(), name), cause, Target(name, "heat"))
@@ -490,14 +505,14 @@ class Budget:
         for e, way in several:
             unknown, begin, end = way.places, place[f"errors of {e.stage}: 0"], place[f"expected of {e.stage}"]
             means = dict(zip((c.name for c in way.columns), way.mean.tolist(), strict=True))
-            acts = {n: (v, factor) for v, one in e.seen.items() for n, factor in one.acts}
+            acts = {n: (v, factor, offset) for v, one in e.seen.items() for n, factor, offset in one.acts}
             for row, t in zip(gain, self.targets, strict=True):
-                name, factor = acts.get(t.name, (t.name, 1.0))
+                name, factor, offset = acts.get(t.name, (t.name, 1.0, 0.0))
                 if name in unknown and t.form != "node":
                     row[begin : begin + len(unknown)] = factor * way.root[unknown[name]]
                     row[end] = means.get(name, 0.0)
                 if name in e.seen:
-                    at |= {n: factor * e.seen[name].si(way.values[name]) for n in (t.name, *t.also)}
+                    at |= {n: offset + factor * e.seen[name].si(way.values[name]) for n in (t.name, *t.also)}
                 if t.form == "node" and (not way.columns or any(c.source == t.name for c in way.columns)):
                     row[place[f"left over at {t.name}"]] = way.left_over
         return BudgetWay(float(np.prod([w.weight for _, w in several])), tuple(w for _, w in several), at, gain)
@@ -566,7 +581,7 @@ class Budget:
         return out
 
     def with_ranges(self, values: Sequence[RangedValue]) -> Budget:
-        """Return it with what a catalogue or a data sheet says within a range; surfaces of one finish go together until readings tell them.
+        """Return it with what a deck knows within a stated range; surfaces of one finish go together until readings tell them.
 
         Where a fit below answered to a range already, the value itself joins that source.
         """
@@ -579,20 +594,20 @@ class Budget:
             nominal = ready.nominal[r.path]
             law = r.law(nominal)
             if not any(s.name in place for s, _ in r.columns):
-                out = out._assumed(r.path, r.also, law, ready, (PRINTED_RANGES, r.words), by_log=isinstance(law, LogNormal))
+                out = out._assumed(r.path, r.also, law, ready, (STATED_RANGES, r.words), by_log=isinstance(law, LogNormal))
                 fresh.append(r)
                 continue
             has_log = isinstance(law, LogNormal)
             missing = [s for s, _ in r.columns if s.name not in place]
-            out = out.beside(missing, PRINTED_RANGES, [Target(r.path, "log" if has_log else "add", r.also)])
+            out = out.beside(missing, STATED_RANGES, [Target(r.path, "log" if has_log else "add", r.also)])
             at = {s.name: k for k, s in enumerate(out.sources)}
             for source, share in r.columns:
                 out.gain[-1, at[source.name]] = share * r.sd_left(nominal, self.said) / (nominal if has_log else 1.0)
-        alike, names = out.alike.copy(), [r.printed.name if r.path not in self.said else r.path for r in fresh]
+        alike, names = out.alike.copy(), [r.stated.name if r.path not in self.said else r.path for r in fresh]
         columns = {s.name: k for k, s in enumerate(out.sources)}
         for (i, a), (j, b) in product(enumerate(fresh), repeat=2):
             if i != j and names[i] and names[i] == names[j]:
-                alike[columns[a.path], columns[b.path]] = a.printed.alike
+                alike[columns[a.path], columns[b.path]] = a.stated.alike
         return replace(out, alike=alike)
 
     def _joint(self, spread: Spread, ready: Simulator) -> Budget:
@@ -665,7 +680,12 @@ def budget_of(
     IdentificationError   When a value is spread twice, or has no finite error; when a coefficient that must be separated cannot be.
     """
     source = known_of(source_of_values)
-    statements = [stated] if isinstance(stated, Mapping | Spread) else list(stated)
+    statements: list[Any] = list(stated) if isinstance(stated, list | tuple) else [stated]
+    for one in statements:
+        if not isinstance(one, Mapping | Spread):
+            raise IdentificationError(
+                f"a spread is a dictionary, {{'air': '1 [K]'}}, not {one!r:.60}.", source.model.title, code="value.wrong-kind"
+            )
     plain: list[Spread | Groups] = [expanded(s, source.model) if isinstance(s, Mapping) else s for s in statements]
     rows = rows_of(source)
     errors = source.errors if not {*ELEMENTS} & {*without} else ()
@@ -685,8 +705,21 @@ def budget_of(
     unsought = UNSOUGHT if source.fit is not None and asks(source.fit) else ""
     make = make.with_ranges(open_ranges(split_model, scenario, {*source.assigned, *make.spread, *_of_laws(make)}))
     whole = replace(make, remarks=tuple(r for r in (unseen, unsought, remark) if r))
+    refuse_unknown_sources(without, (*(s.name for s in whole.sources), *whole.causes), source.model.title)
     omitted = left_out_of(source, whole, errors, without)
     return replace(whole.without(without), omitted=omitted, standing=source.standing)
+
+
+def refuse_unknown_sources(without: Sequence[str], present: Iterable[str], where: str) -> None:
+    """Refuse a name of `without` that is neither a kind, a cause nor one of the sources that are `present`.
+
+    Raises
+    ------
+    ScenarioError   With the nearest name.
+    """
+    known = [*dict.fromkeys((*CAUSES, *present))]
+    words = f"'{{}}' is no source of errors.{{near}} Kinds are {', '.join(get_args(Kind))}; the table of a prediction names the causes."
+    refuse_unknown(without, known, f"{where}, without", words, ScenarioError)
 
 
 def _of_laws(budget: Budget) -> set[str]:
@@ -698,7 +731,7 @@ def _of_laws(budget: Budget) -> set[str]:
 
 
 def open_ranges(model: Model, scenario: Scenario, elsewhere: Collection[str]) -> list[RangedValue]:
-    """Return what only a printed range tells of the values that act in a scenario; not those that are told `elsewhere`.
+    """Return what only a stated range tells of the values that act in a scenario; not those that are told `elsewhere`.
 
     The emissivity behind an effective coefficient acts where its gas is not air alone, or where another surface radiates with it.
     """
@@ -777,7 +810,11 @@ class Assumed:
 
 
 def assumed_values(model: Model, scenario: Scenario, taken: Collection[str]) -> list[Assumed]:
-    """Return the assumed values of decks that act in a scenario, but those whose names are taken."""
+    """Return the values with source `assumed` that act in a scenario, each with its standard deviation.
+
+    A range in the deck counts as a uniform distribution: ``(max - min) / sqrt(12)``. Without one it is a tenth of the value. Values of
+    zero, values that the scenario drives and those in `taken` are left out.
+    """
     table = parameter_table(model)
     network = compile_network(model, media=scenario.media(), prescribed=tuple(scenario.prescribed))
     moved = scenario.driven(network.flat)

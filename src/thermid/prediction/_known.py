@@ -4,30 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from os import PathLike
 from typing import Any
 
 import numpy as np
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import IdentificationError
+from thermid.base.errors import DeckError, IdentificationError
 from thermid.base.linear_algebra import Array, square_root
 from thermid.base.results import Result, Row
-from thermid.fit.calibration import Calibration
+from thermid.fit.calibration import Calibration, fitted_values
 from thermid.fit.discrepancy import KEY, Discrepancy, kept_in
 from thermid.fit.error_model import KEY as ERRORS, ErrorModel
 from thermid.model.elements import Standing, worst
 from thermid.model.tree import Model, flatten
-from thermid.values.fitted import FittedValue, FittedValues, as_store
+from thermid.values.fitted import FittedValue, FittedValues, as_store, load_values
 from thermid.values.store import (
     COVARIANCE_KINDS,
+    INPUT,
     Kind,
-    LaterTable,
     Normal,
     Source,
     State,
     Store,
-    error_table_of,
-    errors_under,
     graft,
     model_standing,
     structural_under,
@@ -41,7 +40,8 @@ class Knowledge(Result):
     Parameters
     ----------
     model : Model                       With its best values.
-    values : tuple of FittedValues      What was fitted, each with its covariance; of two that hold a value the later counts.
+    values : tuple of FittedValues      What was fitted, each with its covariance, as such or as the path of its file; of two
+                                        that hold a value the later counts. One alone needs no tuple.
     fit : Calibration or None           The fit itself, where it is at hand.
     synthetic : bool                    Whether any record behind the values was made and not measured.
     at : str                            The submodel that the values belong to; empty for the model itself.
@@ -54,6 +54,12 @@ class Knowledge(Result):
     synthetic: bool = False
     at: str = ""
     remarks: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Take values in every way that they are given."""
+        if not isinstance(self.model, Model):
+            raise DeckError(f"`model` takes Model, not {self.model!r:.60}.", "Knowledge", code="value.wrong-kind")
+        object.__setattr__(self, "values", fitted_values(self.values, self.model.title))
 
     @classmethod
     @takes_objects
@@ -116,17 +122,12 @@ class Knowledge(Result):
         A part that was replaced since is not among what a stage saw.
         """
         out: list[ErrorModel] = []
-        taken: list[tuple[str, str]] = []
+        taken: list[tuple[str, tuple[str, ...]]] = []
         for of_fit in (of_fit for s in reversed(self.stores) for of_fit in reversed([*s.provenance.values()]) if ERRORS in of_fit):
-            error_table = of_fit[ERRORS]
-            at, without = (
-                (error_table.at, error_table.without)
-                if isinstance(error_table, LaterTable)
-                else (error_table["at"], error_table.get("without", ""))
-            )
-            if not any(at.startswith(part) and not (gone and at.startswith(f"{part}{gone}.")) for part, gone in taken):
-                taken.append((at, without))
-                out.append(ErrorModel.from_dict(error_table_of(of_fit) or {}))
+            errors = of_fit[ERRORS]
+            if not any(errors.at.startswith(at) and not errors.at.startswith(gone) for at, gone in taken):
+                taken.append((errors.at, tuple(f"{errors.at}{place}." for place in errors.without)))
+                out.append(ErrorModel.from_dict(errors.table))
         return tuple(out)
 
     @property
@@ -164,7 +165,7 @@ def values_at(values: FittedValues, at: str) -> FittedValues:
     items = {v.path: v for v in map(moved, values.values())}
     places = {n: {ahead + p: x for p, x in provenance[n].items()} for n in ("conditions", "misfit") if n in provenance}
     structural = {KEY: structural_under(provenance[KEY], ahead)} if KEY in provenance else {}
-    structural |= {"errors": errors_under(provenance["errors"], ahead)} if "errors" in provenance else {}
+    structural |= {ERRORS: provenance[ERRORS].under(ahead)} if ERRORS in provenance else {}
     return replace(values, items_=items, provenance={**provenance, **places, **structural}, store=None)
 
 
@@ -177,6 +178,7 @@ def known_of(source: Knowledge | Model | Calibration | FittedValues | Sequence[A
     model : Model       What values are laid over; a fit's own where it is not given.
     at : str            The submodel that the values belong to.
     """
+    source = load_values(source) if isinstance(source, str | PathLike) else source
     if isinstance(source, Knowledge):
         return source.for_model(source.model) if source.fit is None else source
     if model is None and isinstance(source, Model | Calibration):
@@ -186,7 +188,7 @@ def known_of(source: Knowledge | Model | Calibration | FittedValues | Sequence[A
     assert isinstance(base, Model)
     if len(many) == 1 and isinstance(many[0], Calibration):
         return Knowledge(base, (many[0].values,), many[0], many[0].synthetic, at).for_model(base)
-    values = tuple(replace(v.values, store=v.store) if isinstance(v, Calibration) else v for v in many)
+    values = fitted_values(many, base.title)
     is_synthetic = any(isinstance(v, Calibration) and v.synthetic for v in many)
     return Knowledge(base, values, None, is_synthetic, at).for_model(base)
 
@@ -264,7 +266,7 @@ def instruments_of(knowledge: Knowledge) -> Rows:
     """Return how the constant errors of instruments respond to the sources of their fits; that of a later fit counts."""
     out = Rows()
     for store in reversed(knowledge.stores):
-        new_states = [s for s in store.states.values() if s.kind in ("sensor", "instrument", "shared") and s.path not in out.names]
+        new_states = [s for s in store.states.values() if s.kind in ("sensor", "instrument", INPUT) and s.path not in out.names]
         out = out.beside(Rows.of_states(store, {s.path: s for s in new_states}, "instruments"))
     return out
 

@@ -28,8 +28,9 @@ from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction._budget import (
     AVERAGED,
+    DEFECTS,
     GAS_IN_JOINTS,
-    PRINTED_RANGES,
+    STATED_RANGES,
     UNSOUGHT,
     Budget,
     Spread,
@@ -57,7 +58,7 @@ MEANING = {
     ROOM: "a room drifts about what is logged of it",
     UNEXPLAINED: "residuals that no departure of an element follows",
     AVERAGED: "whether free air or a fan carries the heat of surfaces, and how much of it is radiated",
-    PRINTED_RANGES: "finishes, materials and parts differ from one to the next within the range that their catalogue or data sheet prints",
+    STATED_RANGES: "finishes, materials and parts differ from one to the next within the range that their catalogue or data sheet prints",
     GAS_IN_JOINTS: "no log shows how much of a joint is conduction through the gas between its faces",
 }
 """Cause -> what it stands for."""
@@ -68,7 +69,7 @@ NARROWS = {
     ROOM: "a room that is logged better, or held",
     UNEXPLAINED: "an element that explains what the residuals show: criticise looks for it",
     AVERAGED: "a deck that states what carries the heat (carried_by), measured emissivities, or a run at another difference",
-    PRINTED_RANGES: "a measured value instead of a printed one, or a record that determines it",
+    STATED_RANGES: "a measured value instead of one within a range, or a record that determines it",
     GAS_IN_JOINTS: "a record at low pressure, or a gap in the deck",
 }
 """Cause -> what would narrow a band that comes from it."""
@@ -86,8 +87,6 @@ QUANTILE_DRAWS = 4096
 """Draws of a straight model that give the quantiles of its laws."""
 BENT = "members that differ in other ways than a straight line"
 """Cause: the mean of a curved answer, or of laws that are not normal, is not the answer at the mean."""
-DEFECTS = "hidden defects"
-"""Cause: which of several defects that explain a fit its unit has; also what `without` calls them."""
 Given = Mapping[str, Any] | Spread
 
 
@@ -256,7 +255,7 @@ class Prediction(Result):
         ------
         NameNotFoundError   With the nearest name.
         """
-        path = self._find.get(node, node)
+        path = self._find.get(node, node) if isinstance(node, str) else ""
         if path not in self.bands:
             raise NameNotFoundError(f"no node '{node}' was predicted.{nearest(node, self.bands)}", self.title)
         return self.bands[path]

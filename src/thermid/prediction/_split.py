@@ -21,7 +21,7 @@ from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.fit.calibration import Calibration
 from thermid.fit.discrepancy import discrepancy_kept
-from thermid.model.elements import FINISH_CORRELATION, PrintedRange, Standing, exposed_area, worst
+from thermid.model.elements import FINISH_CORRELATION, Standing, StatedRange, exposed_area, worst
 from thermid.model.tree import FlatConductor, Model
 from thermid.physics.air import dry_air
 from thermid.physics.plates import body_htc, conduction_floor
@@ -310,11 +310,11 @@ def _prior(network: Network, c: FlatConductor, priors: Mapping[str, Any]) -> Emi
         return EmissivityPrior(mean, sd / mean, f"an emissivity of {mean:.3g} +- {sd:.2g}")
     if not 0.0 < value <= 1.0:
         raise IdentificationError(f"an emissivity of {value:g} is not possible. Give 0 to 1.", c.where, code="value.outside-range")
-    low, high, printed = parameter.minimum, parameter.maximum, parameter.printed
+    low, high, stated = parameter.minimum, parameter.maximum, parameter.stated_range
     if low is not None and high is not None and 0.0 < low < high:
-        name = printed.name if printed is not None else ""
+        name = stated.name if stated is not None else ""
         what = f"finish '{name}'," if name else "an emissivity of"
-        return EmissivityPrior(value, PrintedRange(low, high).log_sd(value), f"{what} {low:g} to {high:g}", name)
+        return EmissivityPrior(value, StatedRange(low, high).log_sd(value), f"{what} {low:g} to {high:g}", name)
     return EmissivityPrior(value, 0.0, f"an emissivity of {value:.3g}, taken as exact")
 
 

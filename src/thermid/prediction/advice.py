@@ -297,7 +297,11 @@ class Before:
 
     @cached_property
     def responses(self) -> dict[str, Array]:
-        """Name -> what a standard deviation of each source (sources,) does to the value; without gas by a name of its own. [SI]"""
+        """Name -> change of the value per standard deviation of each source (sources,). [SI]
+
+        A logarithm is taken back to the value to first order, ``dv = v d(ln v)``. The value without gas (`WITHOUT_GAS`) responds as the
+        value with gas, plus what its factor adds.
+        """
         out: dict[str, Array] = {}
         for t, row in zip(self.budget.targets, self.budget.gain, strict=True):
             if t.form in ("add", "log", "factor"):
@@ -440,8 +444,8 @@ def doubts_without_gas(model: Model, scenario: Scenario) -> dict[str, float]:
         if parameter.is_literal and parameters.evaluate({})[root] > 0:
             out[root] = size
 
-    printed, numbers = parameters.printed, parameters.evaluate({})
-    ranges = {path: r.log_sd(numbers[path]) for path, r in printed.items() if numbers[path] > 0.0}
+    numbers = parameters.evaluate({})
+    ranges = {path: r.log_sd(numbers[path]) for path, r in parameters.stated_ranges.items() if numbers[path] > 0.0}
     for c in flat.conductors:
         for path in filter(None, (c.emissivity, c.fields.get("emissivity", ""))):
             doubt(path, ranges.get(parameters.literal_behind(path), EMISSIVITY))

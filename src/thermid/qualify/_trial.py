@@ -462,9 +462,15 @@ def _span(begin: float, end: float) -> str:
 
 
 def dwells(trial: Trial, nodes: Sequence[str], end: float) -> list[tuple[float, float]]:
-    """Return the last part of every long stay of a course in which its unit is expected to be settled; a log must have followed it.
+    """Return the end of every long stay of a profile at which its unit is expected to be stable. [s]
 
-    Stays that nothing waited for, such as those of humidity tests, may begin and end while the unit still drifts: those are left out.
+    It is the last quarter of a stay, half of `MIN_SETTLED_STAY` at least. Stays where the pretest prediction drifts faster than the
+    stability rule allows are left out: nothing waited for them, as in humidity tests. A rule on stored heat takes all.
+
+    Parameters
+    ----------
+    nodes : sequence    Whose drift counts.
+    end : float         End of the log; later stays are left out. [s]
     """
     rule, run = rule_of(trial.test.stable), trial.foresight.solution
     stays = [p for p in trial.course.phases if p.kind == "stay" and p.duration >= MIN_SETTLED_STAY] if trial.course is not None else []

@@ -578,7 +578,7 @@ class _Runs:
     @property
     def at_once(self) -> int:
         """How many members run together where their traces are not kept."""
-        return max(min(TRACE_BYTES_AT_ONCE // (8 * self.times.size * len(self.wanted)), PILOT) // LANES, 1) * LANES
+        return max(min(TRACE_BYTES_AT_ONCE // (8 * self.times.size * max(len(self.wanted), 1)), PILOT) // LANES, 1) * LANES
 
     def counted(self, group: _GroupRun, grids: Mapping[str, CountGrid]) -> Counted:
         """Return what is kept of a group."""
@@ -624,7 +624,10 @@ def run_members(
     values, members = _columns(draws, where)
     if threads < 1:
         raise ScenarioError("an ensemble needs at least one thread.", where, code="value.outside-range")
-    shares = () if quantiles is None else tuple(float(q) for q in quantiles)
+    try:
+        shares = () if quantiles is None else tuple(float(q) for q in quantiles)
+    except (TypeError, ValueError):
+        raise ScenarioError(f"quantiles are numbers from 0 to 1, not {quantiles!r:.60}.", where, code="value.wrong-kind") from None
     if quantiles is not None:
         check_shares(np.array(shares), where)
     wanted = tuple(dict.fromkeys(network.find(n) for n in nodes)) if nodes is not None else (*network.nodes, *network.boundaries)
@@ -754,7 +757,10 @@ def _one_by_one(
 
 def _columns(draws: Mapping[str, Any], where: str) -> tuple[dict[str, Array], int]:
     """Return the values of each name as arrays, and how many members there are."""
-    values = {name: np.array(v, dtype=float) for name, v in draws.items()}
+    try:
+        values = {name: np.array(v, dtype=float) for name, v in draws.items()}
+    except (TypeError, ValueError):
+        raise ScenarioError("draws are arrays of numbers, one a member, by name.", where, code="value.wrong-kind") from None
     sizes = {v.shape for v in values.values()}
     if len(sizes) != 1 or any(len(s) != 1 or s[0] == 0 for s in sizes):
         shapes = ", ".join(f"'{n}' {v.shape}" for n, v in values.items()) or "nothing is drawn"

@@ -15,11 +15,11 @@ from thermid.base.arguments import takes_objects
 from thermid.base.codes import CodedText
 from thermid.base.dual import value_of
 from thermid.base.errors import NameNotFoundError, ScenarioError, cap, errors_at, raising, refuse_unknown
-from thermid.base.expression import quantity, seconds, si_values
+from thermid.base.expression import amount, quantity, seconds, si_values
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Shown
 from thermid.base.units import TEMPERATURE, unit
-from thermid.model.elements import POSITIVE, Constant, literal
+from thermid.model.elements import POSITIVE, Constant
 from thermid.model.tree import Model, streams_of
 from thermid.simulation._ensemble import Ensemble, run_members
 from thermid.simulation._many.tasks import Workers
@@ -69,7 +69,7 @@ def output_times(scenario: Scenario, every: str | float | None, times: Any) -> A
         return wanted
     if every is None:
         return np.linspace(0.0, scenario.seconds, DEFAULT_SAMPLES)
-    step = literal(every, "s", f"{scenario.title}, every") if isinstance(every, str) else float(every)
+    step = amount(every, "s", f"{scenario.title}, every")
     if not step > 0:
         raise ScenarioError("the interval of output must be above zero.", scenario.title, code="value.outside-range")
     if scenario.seconds / step > cap("outputs"):
@@ -127,8 +127,8 @@ def prepare(
 
 def _free_name(network: Network, raw: str) -> str:
     """Return the canonical form of a name that may change."""
-    head, _, rest = raw.partition(".")
     canonical = network.flat.names.model.canonical
+    head, _, rest = (raw if isinstance(raw, str) else canonical(raw)).partition(".")
     if head in ("initial", "scale") and rest:
         return f"{head}.{canonical(rest)}"
     name = canonical(raw)
@@ -211,7 +211,7 @@ class Simulator(Shown):
         NameNotFoundError   When a value is given for a name that is not free.
         SolverError         As in `simulate`.
         """
-        x = self.vector(values or {}) if self.free else None
+        x = self.vector({} if values is None else values) if self.free else None
         assembled = self._engine.started(self._wiring.assemble(x, sensitivities), sensitivities)
         nodes = assembled.reduced.nodes
         wanted = sensitivities and bool(self.free)
@@ -308,8 +308,10 @@ class Simulator(Shown):
         """Return the law of the value of a free name that a written spread means; see `read_spread`. [SI]"""
         path = self.canonical(name)
         where = f"{self.title}, spread of '{path}'"
-        printed = self._wiring.network.flat.parameters.printed.get(path) if spread == "range" else None
-        bounds = self.bounds(path) if printed is None else (printed.low, printed.high)
+        parameter = self._wiring.network.flat.parameters.table[path].parameter if path in self._wiring.parameters else None
+        is_range = isinstance(spread, str) and spread == "range" and parameter is not None and parameter.is_range
+        stated = parameter.stated_range if parameter is not None and is_range else None
+        bounds = self.bounds(path) if stated is None else (stated.low, stated.high)
         return read_spread(spread, self.slots(path)[0], self.nominal[path], where, bounds=bounds)
 
     def with_units(self, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -320,10 +322,15 @@ class Simulator(Shown):
     def vector(self, values: Mapping[str, Any]) -> Array:
         """Return the values (free,) in the order of `free`, from what `run` takes. [SI]"""
         point = self._by_free_name(values)
-        return np.array([point.get(name, self.nominal[name]) for name in self.free])
+        try:
+            return np.array([point.get(name, self.nominal[name]) for name in self.free], dtype=float)
+        except (TypeError, ValueError):
+            raise ScenarioError("each value is one number, or a text with its unit.", self.title, code="value.wrong-kind") from None
 
     def _by_free_name(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return values by the names under which they are free. [SI]"""
+        if not isinstance(values, Mapping):
+            raise ScenarioError(f"it takes a dictionary from names to values, not {values!r:.60}.", self.title, code="value.wrong-kind")
         named = {_free_name(self._wiring.network, name): value for name, value in values.items()}
         refuse_unknown(
             named, self.free, self.title, "'{}' is not free in this simulator. Name it in free= of td.prepare.", NameNotFoundError

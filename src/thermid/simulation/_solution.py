@@ -12,7 +12,7 @@ import numpy as np
 
 from thermid.base.dual import Number, value_of
 from thermid.base.errors import NameNotFoundError, ScenarioError, look_up
-from thermid.base.expression import kelvin
+from thermid.base.expression import amount, kelvin
 from thermid.base.files import NETCDF, NETCDF_SOURCE, TABLE, replacing
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
@@ -108,7 +108,11 @@ class Trace(Result):
         ------
         ScenarioError   When a time lies outside the run.
         """
-        wanted_times = np.asarray(literal(time, "s", f"{self.path}, at") if isinstance(time, str) else time, dtype=float)
+        times = time if np.ndim(time) else amount(time, "s", f"{self.path}, at")
+        try:
+            wanted_times = np.asarray(times, dtype=float)
+        except (TypeError, ValueError):
+            raise ScenarioError(f"it takes times, not {time!r:.60}.", f"{self.path}, at", code="value.wrong-kind") from None
         first, last = float(self.times[0]), float(self.times[-1])
         near = 1e-9 * (last - first)
         outside = [t for t in np.ravel(wanted_times) if not first - near <= t <= last + near]
@@ -326,7 +330,11 @@ class Run:
         )
 
     def heat_balance(self) -> HeatBalance:
-        """Return where the heat went, by the integrator's own weights."""
+        """Return where the heat went: ``residual = loads - boundaries - stored``, of powers integrated with the weights of the integrator.
+
+        ``stored = sum C (T_end - T_begin)``. The residual is divided by the heat that passed through the integrator, so that one that only
+        passes from one boundary to another counts too.
+        """
         answer = self.answer
         loads = float(answer.load_energy.sum())
         boundaries = float(answer.boundary_energy.sum()) - float(answer.flow_energy.sum())

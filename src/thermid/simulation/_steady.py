@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import NameNotFoundError, nearest
-from thermid.base.expression import Kelvin
+from thermid.base.expression import Kelvin, amount
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result, Row
 from thermid.model.blocks import Block
-from thermid.model.elements import literal
 from thermid.model.tree import Model, Names
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation._block import BlockSolution, steady_block, steady_levels_of_block
@@ -116,8 +115,8 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
     SolverError     When there is no steady state; the message names the part and its rate.
     ScenarioError   When a signal ends before the time, or inputs do not repeat.
     """
-    kind = time if time in (MEAN, PERIODIC) else ""
-    instant = 0.0 if kind else literal(time, "s", f"{scenario.title}, steady") if isinstance(time, str) else float(time)
+    kind = time if isinstance(time, str) and time in (MEAN, PERIODIC) else ""
+    instant = 0.0 if kind else amount(time, "s", f"{scenario.title}, steady")
     # a run sees what is before its end; the inputs of an instant are those from it on
     lasting = scenario.seconds if scenario.seconds > instant else instant * (1.0 + 1e-9)
     held_scenario = scenario.with_(duration=lasting, start=scenario.start or Kelvin(ICE_POINT))

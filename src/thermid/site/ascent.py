@@ -12,6 +12,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import RecordError, ScenarioError, refuse_unknown
+from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Shown
 from thermid.base.sourced import Figure
@@ -21,7 +22,7 @@ from thermid.model.elements import Constant, Signal, TableSignal, joined, litera
 from thermid.simulation.network import MAX_IRRADIATION, Environment, Irradiation
 from thermid.simulation.runs import Scenario
 from thermid.site._atmosphere import HIGHEST_ALTITUDE, UPPER, Air, standard_atmosphere, upper_atmosphere
-from thermid.site.exposure import molecular_heating, si_number
+from thermid.site.exposure import molecular_heating
 
 SPACE = 2.725
 """Of the microwave background: Fixsen, Astrophys. J. 707 (2009) 916. [K]"""
@@ -265,7 +266,7 @@ def _streams(
 
 def _duration(duration: Any, trajectory: Trajectory | None, title: str) -> float:
     if duration is not None:
-        return si_number(duration, "s", f"{title}, duration")
+        return amount(duration, "s", f"{title}, duration")
     if trajectory is None:
         raise ScenarioError("the duration is missing. Give one, such as duration = '10 [min]'.", title, code="value.incomplete")
     return float(trajectory.times[-1])

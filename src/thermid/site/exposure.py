@@ -7,28 +7,13 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import ScenarioError
+from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
-from thermid.model.elements import Constant, Signal, TableSignal, degrees, joined, literal, signal
+from thermid.model.elements import Constant, Signal, TableSignal, degrees, joined, signal
 from thermid.simulation.network import Irradiation
 
 SOLAR_CONSTANT = 1361.0
 """Total irradiance at one astronomical unit: Kopp and Lean, Geophys. Res. Lett. 38 (2011) L01706, 1360.8 +- 0.5. [W/m^2]"""
-
-
-def si_number(value: str | float, slot: str, where: str) -> float:
-    """Return the number of a text with a unit, or a number as it is. [SI]
-
-    Parameters
-    ----------
-    value : str or float    What the caller wrote.
-    slot : str              The unit that is needed.
-    where : str             What it is for, for the message.
-
-    Raises
-    ------
-    UnitError   When its unit has another dimension, or it has none.
-    """
-    return literal(value, slot, where) if isinstance(value, str) else float(value)
 
 
 def facing_sun(tilt: float, azimuth: float | None, zenith: Any, sun_azimuth: Any) -> Array:
@@ -261,7 +246,7 @@ def orbit_irradiation(
     ----------
     Gilmore, Spacecraft Thermal Control Handbook, 2nd ed., chapter 2; `planet_share` for the view.
     """
-    height = si_number(altitude, "m", "orbit, altitude")
+    height = amount(altitude, "m", "orbit, altitude")
     view = planet_share(height, degrees(tilt, "orbit, tilt"), radius)
     angles = {"sun": degrees(sun, "orbit, sun"), "subsolar": degrees(subsolar, "orbit, subsolar")}
     for name, value in angles.items():
@@ -270,8 +255,8 @@ def orbit_irradiation(
     if not 0.0 <= albedo <= 1.0:
         raise ScenarioError(f"the albedo is {albedo:g}. Give 0 to 1.", "orbit", code="value.outside-range")
     light = _lit(lit)
-    strength = si_number(solar, "W/m^2", "orbit, solar")
-    glow = si_number(infrared, "W/m^2", "orbit, infrared")
+    strength = amount(solar, "W/m^2", "orbit, solar")
+    glow = amount(infrared, "W/m^2", "orbit, infrared")
     facing, above = (max(float(np.cos(np.radians(angles[k]))), 0.0) for k in ("sun", "subsolar"))
     return Irradiation(
         direct=light.scaled(strength * facing),
@@ -301,7 +286,7 @@ def eclipse_signal(altitude: str | float, beta: float | str, duration: str | flo
     [1.0, 0.0, 1.0]
     """
     height, _, first = (
-        si_number(v, slot, f"orbit, {name}")
+        amount(v, slot, f"orbit, {name}")
         for v, slot, name in ((altitude, "m", "altitude"), (duration, "s", "duration"), (begin, "s", "begin"))
     )
     period, dark = eclipse(height, degrees(beta, "orbit, beta"))

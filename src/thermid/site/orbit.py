@@ -10,10 +10,11 @@ from typing import Final
 import numpy as np
 
 from thermid.base.errors import ScenarioError, nearest
+from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
 from thermid.model.elements import Constant, Signal, TableSignal, degrees, multiplied
 from thermid.simulation.network import Irradiation
-from thermid.site.exposure import planet_share, si_number
+from thermid.site.exposure import planet_share
 
 SAMPLES_PER_ORBIT: Final = 720
 """Samples of an orbit; straight lines between them are right to 1e-5 of the largest flux."""
@@ -239,14 +240,14 @@ def orbit_fluxes(
     sun = np.array([np.cos(np.radians(tilt)), 0.0, np.sin(np.radians(tilt))])
     turned, first = (np.radians(degrees(v, f"orbit, {n}")) for v, n in ((argument, "argument"), (begin, "begin")))
     path = _Path(body.radius + low, body.radius + high, body.attraction, float(turned), float(first))
-    strength = body.solar if solar is None else si_number(solar, "W/m^2", "orbit, solar")
+    strength = body.solar if solar is None else amount(solar, "W/m^2", "orbit, solar")
     shadow = _shadow(path, sun, body.radius)
     edges = np.array(sorted({t for span in shadow for t in span if 0.0 < t < path.period}))
     times = np.union1d(np.linspace(0.0, path.period, SAMPLES_PER_ORBIT + 1), edges)
     out, far = path.at(times)
     day = np.maximum(out @ sun, 0.0)
     normals = {face: frame(out, sun) for face, frame in ATTITUDES[attitude].items()}
-    glow = si_number(infrared, "W/m^2", "orbit, infrared")
+    glow = amount(infrared, "W/m^2", "orbit, infrared")
     views = {face: _views(normal, out, far - body.radius, body.radius) for face, normal in normals.items()}
     return OrbitFluxes(
         path.period,
@@ -272,8 +273,8 @@ def _checked(
         raise ScenarioError(
             f"unknown attitude '{attitude}'.{nearest(attitude, ATTITUDES)} There are {', '.join(ATTITUDES)}.", "orbit", code="name.unknown"
         )
-    low = si_number(perigee, "m", "orbit, perigee")
-    high = low if apogee is None else si_number(apogee, "m", "orbit, apogee")
+    low = amount(perigee, "m", "orbit, perigee")
+    high = low if apogee is None else amount(apogee, "m", "orbit, apogee")
     if not 0.0 < low <= high < float("inf"):
         raise ScenarioError(
             f"no orbit has a perigee of {low:g} m and an apogee of {high:g} m above the ground.", "orbit", code="value.outside-range"

@@ -12,6 +12,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError
+from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
 from thermid.base.units import TEMPERATURE
 from thermid.model.elements import Constant, Facing, MeanOf, Mixed, Signal, TableSignal, degrees, literal, signal
@@ -21,7 +22,7 @@ from thermid.physics.correlations import forced_plate_nusselt
 from thermid.simulation.network import Environment
 from thermid.simulation.runs import Scenario
 from thermid.site._moist import dew_point, vapour_pressure
-from thermid.site.exposure import cloudless_sky, driving_rain, si_number, sky_share
+from thermid.site.exposure import cloudless_sky, driving_rain, sky_share
 from thermid.site.site import Site
 from thermid.site.sky import open_sky
 from thermid.site.weather import Weather
@@ -263,4 +264,4 @@ def _environment(site: Site, weather: Weather | None, seconds: float) -> Environ
 def _duration(duration: Any, title: str) -> float:
     if duration is None:
         raise ScenarioError("the duration is missing. Give one, such as duration = '12 [h]'.", title, code="value.incomplete")
-    return si_number(duration, "s", f"{title}, duration")
+    return amount(duration, "s", f"{title}, duration")

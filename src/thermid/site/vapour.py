@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from thermid.base.dual import value_of
 from thermid.base.errors import ScenarioError
+from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array, Bools
 from thermid.model.elements import Signal, exposed_area
 from thermid.model.tree import FlatConductor
@@ -32,7 +33,6 @@ from thermid.site._moist import (
     vapour_density,
     vapour_pressure,
 )
-from thermid.site.exposure import si_number
 
 MAX_MISSING_WATER_SHARE: Final = 1e-6
 """Share of the water that may be missing at the end of a run without a remark. [-]"""
@@ -82,7 +82,7 @@ class Volume:
     def __post_init__(self) -> None:
         """Turn texts into numbers."""
         for name, slot in (("volume", "m^3"), ("exchange", "m^3/s")):
-            object.__setattr__(self, name, si_number(getattr(self, name), slot, name))
+            object.__setattr__(self, name, amount(getattr(self, name), slot, name))
         if not float(self.volume) > 0.0 or float(self.exchange) < 0.0:
             raise ScenarioError("a volume of gas must be above zero, and its exchange zero or more.", code="value.outside-range")
         if (float(self.exchange) > 0.0) != bool(self.to):

@@ -12,11 +12,11 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import MissingDataError, MissingExtraError, NameNotFoundError, RecordError, look_up, refuse_unknown
+from thermid.base.expression import amount
 from thermid.base.extensions import missing
 from thermid.base.files import was_read
 from thermid.base.results import Result
 from thermid.base.units import TEMPERATURE, from_si, unit
-from thermid.measure.amounts import amount
 from thermid.measure.readers import read_plain
 from thermid.measure.records import FloatArray
 

@@ -22,7 +22,20 @@ from thermid.base.toml_files import Places
 from thermid.base.units import counted, from_si, unit
 from thermid.model.elements import UNJUDGED, Parameter, Standing, exact, worst
 from thermid.model.identity import Dropped
-from thermid.values.store import COVARIANCE_KINDS, LeftOut, Normal, Source, State, Store, ValueOrigin, deviated, domain, error_table_of
+from thermid.values.store import (
+    COVARIANCE_KINDS,
+    INPUT,
+    LaterTable,
+    LeftOut,
+    Normal,
+    Source,
+    State,
+    Store,
+    ValueOrigin,
+    deviated,
+    domain,
+    error_table_of,
+)
 
 VALUES_SCHEMA = 2
 AGREES = 1e-6
@@ -48,7 +61,7 @@ class FittedValue:
     start : float           [SI]
     bounds : (float, float) [SI]
     origin : str            Stage and records.
-    kind : str              'parameter', 'sensor' (a sensor's constant error), 'instrument' (the error of its scale, its lag), 'shared'
+    kind : str              'parameter', 'sensor' (a sensor's constant error), 'instrument' (the error of its scale, its lag), 'input'
                             (the constant error of a logged boundary or power), or 'level' (of a joint fit: a parameter of a level below,
                             which the uppermost model sets otherwise).
     also : tuple of str     Paths of other instances that share the value.
@@ -397,7 +410,7 @@ def load_store(path: str | os.PathLike[str]) -> tuple[Store, str]:
         )
     kind = "thermid.values._schema.OldValuesFile" if data["schema"] == 1 and "stage" in data else "thermid.values._schema.ValuesFile"
     checked = by_grammar(kind, data, Places(target.name))
-    store, stage = _read_old(data) if data["schema"] == 1 else _read(data, checked.sources), checked.stage
+    store, stage = _signed_as_now(_read_old(data) if data["schema"] == 1 else _read(data, checked.sources)), checked.stage
     for name, v in data["values"].items():
         from_row, in_table = store.error(name), float(v["error"])
         if data["schema"] != 1 and from_row != in_table and not math.isclose(from_row, in_table, rel_tol=AGREES):
@@ -425,11 +438,31 @@ def _read(data: Mapping[str, Any], source_rows: Sequence[Any]) -> Store:
         sources,
         root,
         data["seen"],
-        data.get("provenance", {}),
+        {
+            stage: {**of_stage, "errors": LaterTable.of_table(of_stage["errors"])} if "errors" in of_stage else of_stage
+            for stage, of_stage in data.get("provenance", {}).items()
+        },
         tuple(data["cuts"]),
         tuple(Dropped(**d) for d in data["dropped"]),
         tuple(LeftOut(**x) for x in data["left_out"]),
     )
+
+
+def _signed_as_now(store: Store) -> Store:
+    """Return a store with the errors of logged boundaries and powers as reading minus truth.
+
+    Files of earlier versions have what was added to such a boundary, and a factor on such a power, as kind ``shared``.
+    """
+    before = {p: s for p, s in store.states.items() if s.kind == "shared"}
+
+    def turned(state: State) -> State:
+        none = 1.0 if state.unit == "1" else 0.0
+        prior = None if state.prior is None else (none - state.prior[0], state.prior[1])
+        bounds = (none - state.bounds[1], none - state.bounds[0])
+        return replace(state, kind=INPUT, value=none - state.value, start=none - state.start, prior=prior, bounds=bounds)
+
+    sign = np.array([-1.0 if p in before else 1.0 for p in store.states])
+    return replace(store, states={**store.states, **{p: turned(s) for p, s in before.items()}}, root=store.root * sign[:, None])
 
 
 def _origin(table: Mapping[str, Any]) -> ValueOrigin:

@@ -1,4 +1,4 @@
-"""Values that are known within a printed range only: one source of error each, wherever in a model and at whatever level it is met."""
+"""Values that are known within a stated range only: one source of error each, wherever in a model and at whatever level it is met."""
 
 from __future__ import annotations
 
@@ -6,44 +6,44 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
-from thermid.model.elements import PrintedRange
+from thermid.model.elements import StatedRange
 from thermid.model.identity import local_identities
 from thermid.model.tree import ParameterSet, Tree
 from thermid.values.store import COVARIANCE_KINDS, Distribution, LogNormal, Normal, Source, Store
 
 RANGE_OF = "range of "
-"""What the name of a source begins with that is a printed range."""
+"""What the name of a source begins with that is a stated range."""
 MAX_VARIANCE_LEFT = 0.8
 """Part of the variance of an assumed value that readings leave at most, where they count; its stated law stays as it is beyond. [-]"""
 
 
 @dataclass(frozen=True)
 class RangedValue:
-    """A value of a deck whose range a catalogue or a data sheet prints, and nobody fitted.
+    """A value of a deck whose range a catalogue, a data sheet or its author states, and nobody fitted.
 
     Parameters
     ----------
     path : str                  In the model.
     also : tuple of str         Other paths with the same value: twins, and parts of one material.
-    printed : PrintedRange
+    stated : StatedRange
     columns : tuple             Standard normal sources of its error, with the part of its standard deviation that each has: a finish has
                                 one for all surfaces and one for each. [-]
     """
 
     path: str
     also: tuple[str, ...]
-    printed: PrintedRange
+    stated: StatedRange
     columns: tuple[tuple[Source, float], ...]
 
     @property
     def words(self) -> str:
         """What it is the range of."""
-        return f"the range of '{self.printed.name}' in {self.path}" if self.printed.name else f"the range of {self.path}"
+        return f"the range of '{self.stated.name}' in {self.path}" if self.stated.name else f"the range of {self.path}"
 
     def law(self, nominal: float) -> Distribution:
         """Return its distribution about the value that a model has. [SI]"""
-        has_log = self.printed.low > 0.0 and nominal > 0.0
-        return LogNormal(nominal, self.printed.log_sd(nominal)) if has_log else Normal(nominal, self.printed.sd)
+        has_log = self.stated.low > 0.0 and nominal > 0.0
+        return LogNormal(nominal, self.stated.log_sd(nominal)) if has_log else Normal(nominal, self.stated.sd)
 
     def sd_left(self, nominal: float, of_assumed: Mapping[str, tuple[float, float]]) -> float:
         """Return its standard deviation once readings count, by what they say of its paths: see `narrowed`. [SI]"""
@@ -52,16 +52,16 @@ class RangedValue:
 
 
 def ranged_values(model: Tree, parameters: ParameterSet, without: Collection[str] = ()) -> list[RangedValue]:
-    """Return what a model has with a printed range, but the paths in `without`; twins share their value, parts of one material too."""
+    """Return what a model has with a stated range, but the paths in `without`; twins share their value, parts of one material too."""
     twins, groups = local_identities(model), dict[str, list[str]]()
-    printed = {p: r for p, r in parameters.printed.items() if p not in without}
-    for path, r in printed.items():
+    stated = {p: r for p, r in parameters.stated_ranges.items() if p not in without}
+    for path, r in stated.items():
         first = twins[path].paths[0] if path in twins else path
         groups.setdefault(r.name if r.alike == 1.0 else first, []).append(path)
     places = [parameters.table[paths[0]].where for paths in groups.values()]
     out = []
     for (path, *also), where in zip(groups.values(), places, strict=True):
-        r = printed[path]
+        r = stated[path]
         place = where if places.count(where) == 1 else f"{where} at {path}"  # twins that a cut parted
         words = f"the range of '{r.name}'" if r.name else f"the range of {path}"
         shares = {r.name: math.sqrt(r.alike), place: math.sqrt(1.0 - r.alike)}
@@ -71,7 +71,7 @@ def ranged_values(model: Tree, parameters: ParameterSet, without: Collection[str
 
 
 def range_shares(store: Store, path: str) -> dict[str, float]:
-    """Return printed range -> its part of the variance of a value, the largest first. [-]"""
+    """Return stated range -> its part of the variance of a value, the largest first. [-]"""
     row = store.rows([path], COVARIANCE_KINDS)[0]
     whole = float(row @ row)
     parts: dict[str, float] = {}

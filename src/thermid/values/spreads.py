@@ -44,7 +44,7 @@ def read_spread(written: Any, slot: str, nominal: float, where: str, *, bounds: 
     ScenarioError   When it is none of these forms, or passes the bounds.
     UnitError       When a number has another dimension than the value.
     """
-    if written == "range":
+    if isinstance(written, str) and written == "range":
         if not np.isfinite(bounds).all():
             raise ScenarioError(
                 "'range' needs min and max of the value in its deck. Give them, or another spread.", where, code="value.incomplete"

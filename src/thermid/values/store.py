@@ -20,12 +20,14 @@ from thermid.base.linear_algebra import Array, symmetric_inverse
 from thermid.base.results import Row, Shown
 from thermid.base.units import counted
 from thermid.model.elements import UNJUDGED, Parameter, Standing, exact, worst
-from thermid.model.identity import Dropped, Identity, depth, inside, instances, local_identities, rows_of_decks
+from thermid.model.identity import Dropped, Identity, depth, inside, instances, local_identities, outside, rows_of_decks
 from thermid.model.tree import SET, Entry, Model, deck_text, parameter_table
 
 Kind = Literal["data", "instrument", "stated", "structural", "misfit", "variant"]
 MAX_NAMED_VALUES = 8
 """Up to so many values that a remark is about are named one by one, more of them by their parts."""
+INPUT = "input"
+"""Kind of a value: the constant error of a logged boundary [K], or of a logged power as a share of the reading; reading minus truth."""
 COVARIANCE_KINDS: tuple[Kind, ...] = ("data", "instrument", "stated")
 """Kinds that a covariance of fitted values holds; structural ones enter budgets besides."""
 
@@ -357,7 +359,7 @@ class State:
     unit : str              For people.
     bounds : (float, float) [SI]
     origin : ValueOrigin         Who gave it.
-    kind : str              parameter, or as in `FittedValue`: sensor, instrument, shared (all three of instruments), level.
+    kind : str              parameter, or as in `FittedValue`: sensor, instrument, input (all three of instruments), level.
     paths : tuple of str    Every place where it stands.
     hidden : tuple of str   Those where a [set] hides it.
     at : str                The submodel over whose deck it is laid; empty for the model itself.
@@ -522,15 +524,18 @@ class Store(Shown):
         words = "is a power in the logs of {} and not of its deck, so it does not act here."
         return self.only(lambda s: s.path not in gone), tuple(f"'{p}' {words.format(s.origin)}" for p, s in gone.items())
 
-    def drop(self, place: str) -> Store:
-        """Return it without what stands at a path or inside a part; twins keep what they shared with it, and instruments stay."""
-        remaining = self.only(lambda s: s.kind != "parameter" or not all(inside(p, place) for p in s.paths))
+    def drop(self, *places: str) -> Store:
+        """Return it without what stands at some paths or inside some parts; twins keep what they shared, and instruments stay."""
+        remaining = self.only(lambda s: s.kind != "parameter" or bool(outside(s.paths, places)))
 
-        def outside(s: State) -> State:
-            paths, hidden = (tuple(p for p in several if not inside(p, place)) for several in (s.paths, s.hidden))
+        def kept(s: State) -> State:
+            paths, hidden = outside(s.paths, places), outside(s.hidden, places)
             return s if paths == s.paths else replace(s, path=paths[0], paths=paths, hidden=hidden)
 
-        return replace(remaining, states={s.path: s for s in map(outside, remaining.states.values())})
+        states = {p: kept(s) for p, s in remaining.states.items()}
+        names = {p: s.path for p, s in states.items() if p != s.path}
+        provenance = {stage: _provenance_renamed(of_stage, names) for stage, of_stage in remaining.provenance.items()}
+        return replace(remaining, states={s.path: s for s in states.values()}, provenance=provenance)
 
     def parted(self, apart: Collection[str]) -> Store:
         """Return it with the places of a value that are among some paths as a state of their own, where it acts elsewhere too."""
@@ -849,17 +854,22 @@ class LaterTable:
     ----------
     make : callable     Returns the table.
     at : str            What its paths begin with in the model above; see `error_table_of`.
-    without : str       A part that was replaced, of which it says nothing.
+    without : tuple     Parts and values that were replaced, of which it says nothing.
     """
 
     make: Callable[[], Mapping[str, Any]]
     at: str = ""
-    without: str = ""
+    without: tuple[str, ...] = ()
+
+    @classmethod
+    def of_table(cls, table: Mapping[str, Any]) -> LaterTable:
+        """Return a table that is there."""
+        return cls(lambda: table, table["at"], tuple(table.get("without", ())))
 
     @cached_property
     def table(self) -> Mapping[str, Any]:
         """The table itself."""
-        return {**self.make(), "at": self.at, **({"without": self.without} if self.without else {})}
+        return {**self.make(), "at": self.at, **({"without": list(self.without)} if self.without else {})}
 
     def __eq__(self, other: object) -> bool:
         """Whether another is the same table, made already or not."""
@@ -876,20 +886,14 @@ class LaterTable:
 
 def error_table_of(provenance: Mapping[str, Any]) -> Mapping[str, Any] | None:
     """Return what the provenance of a stage keeps of its model of error; None where it keeps nothing."""
-    errors = provenance.get("errors")
-    return errors.table if isinstance(errors, LaterTable) else errors
-
-
-def errors_under(errors: Any, ahead: str) -> Any:
-    """Return what a fit keeps of its model of error, its places by their paths in the model above; `ahead` as in `structural_under`."""
-    return errors.under(ahead) if isinstance(errors, LaterTable) else {**errors, "at": f"{ahead}{errors['at']}"}
+    return provenance["errors"].table if "errors" in provenance else None
 
 
 def _provenance(provenance: Mapping[str, Any], part: str) -> Mapping[str, Any]:
     """Return what is known of a fit, its places by their paths in the model above."""
     moved = {n: {_under(p, part): x for p, x in provenance[n].items()} for n in ("conditions", "misfit") if n in provenance}
     structural = {"structural": structural_under(provenance["structural"], f"{part}.")} if part and "structural" in provenance else {}
-    errors = {"errors": errors_under(provenance["errors"], f"{part}.")} if part and "errors" in provenance else {}
+    errors = {"errors": provenance["errors"].under(f"{part}.")} if part and "errors" in provenance else {}
     return {**provenance, **moved, **structural, **errors}
 
 
@@ -906,6 +910,14 @@ def _provenance_without(provenance: Mapping[str, Any], gone: Collection[str]) ->
         assumed = {p: some(moved) for p, moved in structural.get("assumed", {}).items()}
         out["structural"] = {**structural, "names": some(structural["names"]), "assumed": assumed}
     return out
+
+
+def _provenance_renamed(provenance: Mapping[str, Any], names: Mapping[str, str]) -> Mapping[str, Any]:
+    """Return what is kept of a fit whose values have other names by now."""
+    if "structural" not in provenance:
+        return provenance
+    structural = provenance["structural"]
+    return {**provenance, "structural": {**structural, "names": [names.get(n, n) for n in structural["names"]]}}
 
 
 def structural_under(structural: Mapping[str, Any], ahead: str) -> dict[str, Any]:

@@ -20,9 +20,11 @@ from thermid.campaign._file import read_campaign
 from thermid.campaign._stages import Campaign, request_of, run_stages
 from thermid.fit._problem.request import in_full
 from thermid.fit.calibration import key_of
+from thermid.fit.error_model import ErrorModel
 from thermid.model.elements import TableSignal
 from thermid.reporting.pages import report
 from thermid.values.fitted import load_values
+from thermid.values.store import error_table_of
 from unit.fit.bench import HTC, MASS
 from unit.fit.project import CAMPAIGN, make_project
 from unit.interrupted import Still
@@ -467,12 +469,20 @@ class TestCache:
             for c in campaign.stages.values()
         ]
 
-    def test_a_second_run_takes_the_stages_as_they_were(self, project: Path, tmp_path: Path) -> None:
+    def test_a_second_run_takes_the_stages_as_they_were(self, project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Their models of error too."""
+        made: list[str] = []
+        of_fit = ErrorModel.of_fit
+        monkeypatch.setattr(ErrorModel, "of_fit", lambda fit: made.append(fit.stage) or of_fit(fit))
         one, first = self.runs(project, tmp_path / "r", judged=True)
+        errors = [error_table_of(c.values.provenance) for c in one.stages.values()]
+        assert made == ["pair", "box"]
         two, second = self.runs(project, tmp_path / "r", judged=True)
         assert (first, second) == (["box", "pair"], [])
         assert self.numbers(one) == self.numbers(two)
         assert [v.checks for v in one.verdicts] == [v.checks for v in two.verdicts]
+        assert [error_table_of(c.values.provenance) for c in two.stages.values()] == errors
+        assert made == ["pair", "box"]
 
     @pytest.mark.parametrize("noise", ["stated", "measured"])
     def test_last_digits_of_errors_below_do_not_run_a_stage_again(self, tmp_path: Path, noise: str) -> None:

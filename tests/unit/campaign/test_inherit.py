@@ -9,8 +9,7 @@ import pytest
 
 from by_code import raises_code
 from thermid.base.errors import NameNotFoundError
-from thermid.campaign._stages import counted_twice
-from thermid.fit._problem.request import known_before
+from thermid.fit._problem.request import counted_twice, known_before
 from thermid.fit.calibration import Calibration, Request, fit
 from thermid.measure.records import Record
 from thermid.model.tree import Model

@@ -12,7 +12,8 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, IdentificationError
 from thermid.campaign._stages import Campaign
-from unit.fit.bench import HTC, MASS
+from thermid.model.deck import save_model
+from unit.fit.bench import HTC, MASS, box
 from unit.fit.project import CAMPAIGN, make_project
 
 JOINT = "stack.contact_conductance"
@@ -173,6 +174,21 @@ def test_values_of_a_stage_that_is_left_out_are_taken_as_exact_and_it_says_so(pr
         "small. Free them in the joint fit if that matters."
     )
     assert said in [x.what for x in joint.store.left_out]
+
+
+def test_the_spread_of_a_fixed_input_counts_in_all_levels_at_once(project: Path) -> None:
+    """A power that is 2 % off, beside one that is exact: the joint fit took it as exact, the level above for loose what goes with it."""
+    save_model(box({"parameters/power/spread": "2 [%]"}), project.parent / "box.toml")
+    found = td.run_stages(project)
+    assert found.joint is not None
+    for path in (f"a.{HTC}", f"a.{MASS}"):
+        alone, pair, joint = found["box"][path.removeprefix("a.")], found["pair"][path], found.joint[path]
+        (of_joint,) = found.joint.range_shares(path).values()
+        (share,) = found["box"].range_shares(path.removeprefix("a.")).values()
+        assert alone.error * share**0.5 == pytest.approx(0.02 * alone.value, rel=0.02)
+        assert of_joint > 0.15
+        assert joint.value == pytest.approx(pair.value, rel=1e-3)
+        assert pair.error == pytest.approx(joint.error, rel=0.05)  # 3.6 times before; both logs together say much of the power
 
 
 def test_of_all_levels_nothing_is_left_out(campaign: Campaign) -> None:

@@ -219,6 +219,28 @@ def test_a_finished_stage_does_not_outlive_the_code(tmp_path: Path, monkeypatch:
     assert cache.recall(tmp_path, "box", "key") is None
 
 
+def test_a_model_of_error_is_made_once_and_again_where_anything_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[float] = []
+
+    def errors(key: str) -> object:
+        keeping = cache.errors_kept(tmp_path / "results", "box", key)
+        assert keeping is not None
+        return keeping(lambda: made.append(1.0) or {"table": {"misfit": 0.1 + 0.2}, "number": len(made)})
+
+    first, path = errors("key"), tmp_path / "results/box.errors.json"
+    assert errors("key") == first == {"table": {"misfit": 0.1 + 0.2}, "number": 1}
+    assert errors("another") == {**first, "number": 2}
+    for damage in (("0.3", "0.4"), ("{", "["), ('"errors"', '"e"')):
+        path.write_text(path.read_text(encoding="utf-8").replace(*damage, 1), encoding="utf-8")
+        assert errors("another") == {**first, "number": len(made)}
+    assert len(made) == 5
+    monkeypatch.setattr(cache, "code_digest", lambda: "other code")
+    assert errors("another") == {**first, "number": 6}
+    path.unlink()
+    path.mkdir()  # where it cannot be kept
+    assert errors("another") == {**first, "number": 7}
+
+
 @pytest.mark.parametrize(
     "damage",
     [

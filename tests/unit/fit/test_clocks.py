@@ -342,7 +342,7 @@ def test_derivatives_of_a_clock_are_those_of_the_residuals() -> None:
 
 def test_clocks_that_cannot_be_left_open() -> None:
     first, second = held(130.0, 1.0)
-    with raises_code("record.does-not-apply", RecordError):
+    with raises_code("record.does-not-apply", RecordError, match="meter, T: "):
         td.calibrate(BOX, second.joined(first, (-300.0, 0.0)), FREE, scenario=AIR)
     with raises_code("value.outside-range", RecordError):
         first.joined(second, (300.0, 0.0))

@@ -12,8 +12,10 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import IdentificationError, NameNotFoundError, RecordError
 from thermid.fit._calibrate import fit
+from thermid.fit._problem.gather import prior_of
 from thermid.fit._problem.request import Request, freed, priors_of
 from thermid.model.tree import Model
+from thermid.prediction.advice import unknown_of
 from unit.fit.bench import HTC, MASS, box, log, pair
 
 SHEET = {"nodes/case/mass": {"value": "1.5 [kg]", "min": 1.2, "max": 2.0, "source": "datasheet"}}
@@ -71,15 +73,21 @@ LOG_SD = math.log(2.0 / 1.2) / (2 * 1.96)
 
 
 class TestRanges:
-    def test_of_a_positive_quantity_in_logarithms(self) -> None:
-        ((mean, sd),) = priors_of(box(SHEET), {MASS: "range"}, "here").values()
-        assert mean == ""
-        assert float(sd.split()[0]) == pytest.approx(100.0 * LOG_SD, rel=1e-4)
-
-    def test_of_one_that_may_be_zero(self) -> None:
-        part = box({"parameters/power": {"value": "4 [W]", "min": 0, "max": 6, "source": "datasheet"}})
-        ((mean, sd),) = priors_of(part, {"power": "range"}, "here").values()
-        assert (mean, float(sd.split()[0])) == ("", pytest.approx(6.0 / (2 * 1.96), rel=1e-4))
+    @pytest.mark.parametrize(
+        ("path", "stated", "sd"),
+        [
+            (MASS, {"value": "1.5 [kg]", "min": 1.2, "max": 2.0}, LOG_SD),
+            ("power", {"value": "4 [W]", "min": 0, "max": 6}, 6.0 / (2 * 1.96)),
+            ("rise", {"value": "4 [K]", "min": 3, "max": 6}, 3.0 / (2 * 1.96)),
+            ("factor", {"value": 1.0, "min": 0.5, "max": 2.0}, 1.5 / (2 * 1.96)),
+        ],
+    )
+    def test_a_range_is_the_prior_that_the_value_has_without_it(self, path: str, stated: dict[str, object], sd: float) -> None:
+        """For a difference of temperatures it was refused, and of a factor it was narrower than that of the value itself."""
+        at = "nodes/case/mass" if path == MASS else f"parameters/{path}"
+        part = box({at: stated | {"source": "datasheet"}})
+        stated_prior = priors_of(part, {path: "range"}, "here")[path]
+        assert prior_of(unknown_of(part, path), stated_prior).sd == pytest.approx(sd, rel=1e-4)
 
     def test_by_glob_beside_others(self) -> None:
         found = priors_of(box(SHEET), {"*.mass": "range", HTC: ("5 [W/(m^2 K)]", "10 [%]")}, "here")
@@ -99,7 +107,7 @@ class TestRanges:
 
     def test_half_a_range_is_none(self) -> None:
         part = box({"nodes/case/mass": {"value": "1.5 [kg]", "min": 1, "source": "datasheet"}})
-        with raises_code("value.incomplete", IdentificationError, match=r"'case\.mass'"):
+        with raises_code("value.without-effect", IdentificationError, match=r"'case\.mass'"):
             priors_of(part, {MASS: "range"}, "here")
 
 

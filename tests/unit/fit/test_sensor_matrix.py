@@ -22,6 +22,7 @@ from thermid.measure.records import Record
 from thermid.model.deck import save_model
 from thermid.prediction.advice import next_test
 from thermid.reporting.objects import fit_object, swap_object
+from thermid.values.store import error_table_of
 from unit.fit.bench import HTC, box, log, pair
 from unit.fit.project import COOL, write_log
 
@@ -193,7 +194,9 @@ def identified(c: Cell) -> None:
 
 def bounded(c: Cell) -> None:
     found = td.inference.discrepancy(c.fit)
-    finite(td.inference.ErrorModel.of_fit(c.fit).covariance)
+    kept_errors = error_table_of(c.fit.values.provenance)
+    assert kept_errors is not None
+    finite(td.inference.ErrorModel.from_dict(kept_errors).covariance)
     assert set(found.conditions) == {"skin"}  # whatever its sensors add to the model
     assert "case" in str(td.inference.plausibility(c.fit))
 
@@ -298,9 +301,14 @@ def test_every_key_of_a_sensor_with_every_result(cell: Cell, check: str) -> None
     CHECKS[check](cell)
 
 
+@pytest.fixture(scope="module")
+def node_cell(tmp_path_factory: pytest.TempPathFactory) -> Cell:
+    return Cell("lag", tmp_path_factory.mktemp("sensor"))
+
+
 @pytest.mark.parametrize("check", sorted(SLOW))
-def test_commands_and_pages_of_a_sensor_that_is_a_node(tmp_path: Path, check: str) -> None:
-    CHECKS[check](Cell("lag", tmp_path))
+def test_commands_and_pages_of_a_sensor_that_is_a_node(node_cell: Cell, check: str) -> None:
+    CHECKS[check](node_cell)
 
 
 @pytest.mark.campaign

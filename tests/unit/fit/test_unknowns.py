@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from by_code import raises_code
 from thermid.base.errors import DeckError, IdentificationError, NameNotFoundError, ThermidError, UnitError
 from thermid.base.units import unit
 from thermid.fit._calibrate import calibrate, fit
+from thermid.fit._calibration import contradicted
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Reading, Request
 from thermid.fit._problem.residuals import Prior, Unknown
@@ -21,6 +23,7 @@ from thermid.model.deck import model_from_dict
 from thermid.model.elements import parameter
 from thermid.prediction.bands import predict
 from thermid.simulation.runs import Scenario
+from thermid.values.fitted import FittedValue, FittedValues, load_values
 from thermid.values.store import Normal, Source, State, Store, ValueOrigin
 from unit.fit.bench import AREA, HTC, MASS, PAIR, box, log, metered, pair
 
@@ -324,5 +327,29 @@ def test_a_meters_error_scales_the_load() -> None:
     model = box()
     data = metered(log(model, {HTC: "5 [W/(m^2 K)]"}, {"T": "case"}, noise=1e-3), "heat", 4.0 * 1.02, accuracy=1.0)
     found = calibrate(model, data, [MASS, HTC], priors={MASS: ("1.5 [kg]", "0.00001 [kg]")})
-    assert found["METER error"].value == pytest.approx(1 / 1.02, rel=1e-3)
+    assert found["METER error"].value == pytest.approx(1.0 - 1.0 / 1.02, abs=1e-3)
     assert found[HTC].value == pytest.approx(5.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(("name", "off"), [("sensor T", 0.4), ("ROOM error", 0.4), ("METER error", 0.02)])
+def test_every_error_of_an_instrument_is_reading_minus_truth(name: str, off: float, tmp_path: Path) -> None:
+    """A compared sensor, a logged boundary and a power that read high have an error above zero; files of before had two of them turned."""
+    truth = log(box(), {HTC: "5 [W/(m^2 K)]"}, {"T": "case"}, samples=61, noise=1e-3)
+    is_meter, wrong = name == "METER error", {"sensor T": "T", "ROOM error": "ROOM"}.get(name, "")
+    record = metered(truth, "heat", 4.0 / (1.0 - off if is_meter else 1.0), **({"accuracy": 0.4} if is_meter else {}))
+    if wrong:
+        record = record.with_channels(replace(record[wrong], values=record[wrong].values + off, accuracy=1.0))
+    fitted = calibrate(box().with_values({HTC: "5 [W/(m^2 K)]"}), record, [MASS])
+    assert fitted[name].value == pytest.approx(off, rel=0.05)
+    assert f"{name.removeprefix('sensor ').removesuffix(' error')} would need an error of +" in contradicted_words(fitted[name])
+    file = tmp_path / "now.toml"
+    fitted.save(file)
+    file.write_text(file.read_text().replace('kind = "input"', 'kind = "shared"'))
+    before = -off if wrong == "ROOM" else 1.0 - off if is_meter else off
+    assert load_values(file)[name].value == pytest.approx(before, rel=0.05)
+
+
+def contradicted_words(value: FittedValue) -> str:
+    """Return what is said of an instrument whose accuracy is far below its error."""
+    sure = replace(value, prior=(0.0, abs(value.value) / 100.0))
+    return contradicted(FittedValues("s", {value.path: sure}, np.eye(1)))[value.path]

@@ -135,7 +135,7 @@ class TestAsked:
     def test_nothing_free_and_nothing_measured(self) -> None:
         with raises_code("fit.nothing-free", IdentificationError):
             td.identifiability(box())
-        with raises_code("value.incomplete", IdentificationError):
+        with raises_code("value.incomplete", IdentificationError, match="logs of a test"):
             td.identifiability(box(), free=[HTC])
 
     def test_sensors(self) -> None:
@@ -144,7 +144,7 @@ class TestAsked:
             td.identifiability(box(), free=[HTC], scenario=scenario, sensors={"case": {"accuracy": "1 [K]"}})
         with raises_code("name.unknown", IdentificationError, match="'noise'"):
             td.identifiability(box(), free=[HTC], scenario=scenario, sensors={"case": {"nois": "1 [K]"}})
-        with raises_code("value.incomplete", IdentificationError):
+        with raises_code("value.incomplete", IdentificationError, match="sensor on a node"):
             td.identifiability(box(), free=[HTC], scenario=scenario, sensors={"air": {"noise": "1 [K]"}})
 
     def test_words_of_errors(self) -> None:

@@ -8,9 +8,12 @@ from pathlib import Path
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from thermid.base.errors import DeckError
 from thermid.interop._decks.esatan import read_esatan
 from thermid.interop._decks.network_file import NetworkFile
+from thermid.interop._decks.printed import Printed
+from thermid.interop._decks.results import balance
 from thermid.interop._decks.sinda import read_sinda
 from thermid.interop._decks.written import to_esatan, to_sinda
 from thermid.interop.c99 import to_c
@@ -398,9 +401,9 @@ def test_a_cycle_of_pairs_with_factors_on_either_side(tmp_path: Path, logic: str
 
 
 def test_a_row_that_is_not_read_takes_the_rows_of_its_nodes_with_it(tmp_path: Path) -> None:
-    network = _cards(tmp_path, nodes="      1, 20., 100.\n      SIM 2,1,1, 20., 50.\n")
+    network = _cards(tmp_path, nodes="      1, 20., 100.\n      BIV 2,1,1, 20., 50.\n")
     assert len(_missing(network)) == 3  # the node and two conductors
-    assert all("MAIN.T2" in row or "SIM" in row for row in _missing(network))
+    assert all("MAIN.T2" in row or "BIV" in row for row in _missing(network))
     assert network.conductors == ()
 
 
@@ -435,3 +438,193 @@ def test_an_fmu_says_what_is_missing(tmp_path: Path) -> None:
     network = _headers(tmp_path, "HEADER VARIABLES 2, A\n      G1 = 3.0\n")
     exported = td.interop.to_fmu(network.model(), network.scenario(), tmp_path / "plates.fmu")
     assert network.incomplete in exported.notes[0]
+
+
+def _same(one: NetworkFile, other: NetworkFile) -> None:
+    """Two decks say the same: every value of both models, every start, every temperature of a short run."""
+    a, b = (ParameterSet(n.model()).evaluate({}) for n in (one, other))
+    assert {n: float(v) for n, v in a.items()} == pytest.approx({n: float(v) for n, v in b.items()}, rel=1e-12)
+    assert {node.path: node.celsius for node in one.nodes} == {node.path: node.celsius for node in other.nodes}
+    runs = [td.simulate(n.model(), replace(n.scenario(), duration=300.0)) for n in (one, other)]
+    for node in one.nodes:
+        assert runs[0][node.path].kelvin[-1] == pytest.approx(runs[1][node.path].kelvin[-1], abs=1e-9)
+
+
+NODE, LINK = "      2, 20., 50.\n", "      1, 1, 2, 0.5\n"
+TABLES = "      5 = -50., 1., 150., 3.\n      6 = 2., 0.001\n"
+WRITTEN_OUT = [
+    (NODE, "      FAC 2.5\n      2, 20., 20.\n      FAC 1.\n      -8, 5., 0.\n", f"{NODE}      -8, 5., 0.\n"),
+    (NODE, "      FAC, 2.5\n      GEN 2, 2, 1, 20., 20.\n", f"{NODE}      3, 20., 50.\n"),
+    (NODE, "      FAC 2.\n      SIV 2, 20., A5, 25.\n", "      SIV 2, 20., A5, 50.\n"),
+    (NODE, "      SIM 2, 3, 2, 20., A5, 50.\n", "".join(f"      SIV {n}, 20., A5, 50.\n" for n in (2, 4, 6))),
+    (NODE, "      SPM 2, 2, 1, 20., A6, 50.\n", "".join(f"      SPV {n}, 20., A6, 50.\n" for n in (2, 3))),
+    (NODE, "      DIM 2, 2, 1, 20., A5, 50., A5, 5.\n", "".join(f"      DIV {n}, 20., A5, 50., A5, 5.\n" for n in (2, 3))),
+    (NODE, f"{NODE}      GEN -6, 3, 1, 5., 0.\n", NODE + "".join(f"      -{n}, 5., 0.\n" for n in (6, 7, 8))),
+    (NODE, "      2, 20., &\nC and more\n      50.\n", NODE),
+    (LINK, "      FAC 0.25\n      1, 1, 2, 2.\n      FAC, 1.0\n", LINK),
+    (
+        LINK,
+        "      FAC 0.25\n      -1, 1, 2, 0.02\n      SIV 3, 1, 2, A5, 2.\n      FAC 1.\n",
+        "      -1, 1, 2, 0.005\n      SIV 3, 1, 2, A5, 0.5\n",
+    ),
+    (LINK, "      SIM 3, 2, 1, 1, 1, 2, 7, A5, 0.25\n", "      SIV 3, 1, 2, A5, 0.25\n      SIV 4, 2, 9, A5, 0.25\n"),
+    (LINK, "      GEN 3, 2, 1, 1, 1, 2, 7, 3., 0.5, 2., 6.\n", "      3, 1, 2, 0.5\n      4, 2, 9, 0.5\n"),
+    (LINK, "      CAL 1, 1, 2, 3., 0.5, 2., 6.\n", LINK),
+    (LINK, "      1, 1, 2,\n     &   0.5 $ joined\n", LINK),
+    ("      1, 3.\n", "      GEN 1, 2, 1, 3.\n", "      1, 3.\n      2, 3.\n"),
+    ("      1, 3.\n", "      GEN 1, 2, 1, 3., &\n      2.\n", "      1, 6.\n      2, 6.\n"),
+]
+
+
+@pytest.mark.parametrize(("old", "short", "long"), WRITTEN_OUT)
+def test_statements_that_stand_for_several_are_those(tmp_path: Path, old: str, short: str, long: str) -> None:
+    (tmp_path / "long").mkdir()
+    one, other = (_headers(folder, TABLES, old, new) for folder, new in ((tmp_path, short), (tmp_path / "long", long)))
+    assert _missing(one) == _missing(other) == []
+    assert len(one.nodes) == len(other.nodes)
+    _same(one, other)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "value", "stands"),
+    [
+        ("      1, 1, 2, 0.5\n", "      FAC 0.25\n      1, 1, 2, 2.\n", {"A_G1.conductance": "0.75 [W/K]"}, "1, 1, 2, 3 $"),
+        ("      1, 1, 2, 0.5\n", "      1, 1, 2,\n     &   0.5\n", {"A_G1.conductance": "0.75 [W/K]"}, "&   0.75"),
+        ("      2, 20., 50.\n", "      FAC 2.\n      2, 20., 25.\n", {"A.T2.capacitance": "80 [J/K]"}, "2, 20., 40 $"),
+    ],
+)
+def test_what_a_factor_multiplies_is_written_back_where_it_stands(
+    tmp_path: Path, old: str, new: str, value: dict[str, str], stands: str
+) -> None:
+    network = _headers(tmp_path, old=old, new=new)
+    (text,) = network.written_back(network.model().with_values(value)).values()
+    assert stands in text
+    again = read_sinda(_file(tmp_path, "again.inp", text))
+    (name,) = value
+    assert float(ParameterSet(again.model()).evaluate({})[name]) == pytest.approx(float(value[name].split(" ")[0]))
+
+
+def test_a_source_over_temperature_is_one(tmp_path: Path) -> None:
+    network = _headers(tmp_path, "      7 = 0., 4., 100., 0.\n", "      1, 3.\n", "      SIV 1, A7, 1.5\n")
+    assert _missing(network) == []
+    end = td.steady(network.model(), network.scenario())
+    warm = end["A.T1"] - 273.15
+    assert 1.5 * (4.0 - 0.04 * warm) == pytest.approx((warm - 10.0) / (1 / 0.5 + 1 / 0.4), abs=1e-6)
+    numbers = {f"A.T{k}": end[path] - 273.15 for k, path in ((1, "A.T1"), (2, "A.T2"), (9, "A_T9"))}
+    assert balance(network, Printed("STEADY", 0.0, numbers, dict.fromkeys(numbers, 1e-6), 0.0)).open() == {}
+
+
+@pytest.mark.parametrize("row", ["CYC 1, A3, 600.", "GEN 1, 2, 1", "PER 1, A3, 2., 3.", "FAC 3."])
+def test_a_source_of_another_kind_is_named(tmp_path: Path, row: str) -> None:
+    network = _headers(tmp_path, old="      1, 3.\n", new=f"      {row}\n      1, 3.\n")
+    assert any(
+        f"plates.inp:{HEADERS[: HEADERS.index('      1, 3.')].count(chr(10)) + 1}:" in text and row in text for text in _missing(network)
+    )
+    assert _watts(network, "T1", 0.0) == [3.0]
+
+
+LOOPED = """FOR KL1 = 1 TO 3 DO
+  FOR KL2 = 10 TO 30 STEP 10 DO
+    D(KL1 + KL2) = 'GO TO it', T = 20.0, C = 2.5*KL1;
+  END DO
+END DO
+"""
+ROWS = """FOR KL1 = 1 TO 3 DO
+  GL(10 + KL1, KL1 + 20) = 0.25;
+  GL(1, KL1 + 30) = 0.1*KL1;
+END DO
+"""
+
+
+def test_loops_of_esatan_are_the_statements_that_they_make(tmp_path: Path) -> None:
+    (tmp_path / "long").mkdir()
+    nodes = "".join(f"D{k + m} = 'GO TO it', T = 20.0, C = 2.5*{k};\n" for k in (1, 2, 3) for m in (10, 20, 30))
+    rows = "".join(f"GL({10 + k}, {20 + k}) = 0.25;\nGL(1, {30 + k}) = 0.1*{k};\n" for k in (1, 2, 3))
+    last = ESATAN.index("$CONDUCTORS\n")
+    decks = [
+        ESATAN[:last] + more + ESATAN[last:].replace("GL(1, 2) = 0.5;\n", f"GL(1, 2) = 0.5;\n{links}")
+        for more, links in ((LOOPED, ROWS), (nodes, rows))
+    ]
+    one, other = (
+        read_esatan(_file(folder, "sat.d", deck.format(logic="", after="", run="")))
+        for folder, deck in zip((tmp_path, tmp_path / "long"), decks, strict=True)
+    )
+    assert _missing(one) == _missing(other) == []
+    assert len(one.nodes) == len(other.nodes) == 12
+    _same(one, other)
+    looped = one.model().with_values({f"SAT_GL_T{10 + k}_T{20 + k}.conductance": "0.5 [W/K]" for k in (1, 2, 3)})
+    assert one.not_written_back(looped) == ()
+    assert "KL1 + 20) = 0.5;" in "".join(one.written_back(looped).values())
+
+
+@pytest.mark.parametrize("head", ["FOR KL1 = 1 TO UNKNOWN DO", "FOR KL1 = 1 TO 2.5 DO", "FOR KL1 = 9 TO 1 DO", "WHILE (TIMEN .LT. 5.0) DO"])
+def test_a_loop_that_is_none_over_numbers_is_named_once_with_what_it_holds(tmp_path: Path, head: str) -> None:
+    loop = f"{head}\n  GL(1, 9) = 4.0;\n  GL(2, 9) = 4.0;\nEND DO\n"
+    network = _esatan(tmp_path, old="GL(2, 9) = 0.4;\n", new=f"{loop}GL(2, 9) = 0.4;\n")
+    named = "".join(_missing(network))
+    assert head in named
+    assert named.count("= 4.0") == 2
+    assert len(network.conductors) == 2
+
+
+@pytest.mark.parametrize(
+    ("old", "new"), [("      2, 20., 50.\n", "      GEN 3, 101, 1, 20., 1.\n"), ("      1, 3.\n", "      GEN 1, 1000000000, 1, 3.\n")]
+)
+def test_statements_that_repeat_without_end_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, old: str, new: str) -> None:
+    monkeypatch.setenv("THERMID_CAPS", "repeats=100")
+    with raises_code("cap.exceeded", DeckError):
+        _headers(tmp_path, old=old, new=new + old)
+
+
+def test_loops_inside_each_other_are_counted_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("THERMID_CAPS", "repeats=100")
+    loops = "".join(f"FOR K{n} = 1 TO 20 DO\n" for n in range(6)) + "GL(1, 9) = 1.0;\n" + 6 * "END DO\n"
+    with raises_code("cap.exceeded", DeckError):
+        _esatan(tmp_path, old="GL(2, 9) = 0.4;\n", new=f"{loops}GL(2, 9) = 0.4;\n")
+
+
+INNER = (
+    "$MODEL BAT\n$NODES\nD1 = 'cell', T = 20.0, C = 10.0, QI = 1.0;\nB2 = 'wall', T = 0.0;\n$CONDUCTORS\nGL(1, 2) = 1.0;\n$ENDMODEL BAT\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("logic", "watts"),
+    [
+        ("QI:BAT:1 = 5.0", [5.0, 5.0]),
+        ("QR:BAT:1 = 2.0*watts", [5.0, 5.0]),  # beside the 1 W of QI
+        ("QI:BAT:1 = INTRP1(TIMEM, PAIRS, 1)", [0.0, 8.0]),
+        ("QR:BAT:1 = INTCYC(TIMEM, PAIRS, 1, 600.0, 0.0)", [1.0, 9.0]),
+        ("QI:1 = 5.0", [1.0, 1.0]),
+    ],
+)
+def test_powers_of_a_submodels_node(tmp_path: Path, logic: str, watts: list[float]) -> None:
+    network = _esatan(tmp_path, logic=logic, old="$LOCALS\n", new=f"{INNER}$LOCALS\n")
+    assert _missing(network) == []
+    inside = replace(network, loads=tuple(load for load in network.loads if load.into[0] == "SAT_BAT"))
+    assert _watts(inside, "T1", 0.0, 300.0) == pytest.approx(watts)
+
+
+def test_a_temperature_of_a_submodels_boundary_and_a_power_of_no_node(tmp_path: Path) -> None:
+    network = _esatan(tmp_path, logic="T:BAT:2 = 7.0", old="$LOCALS\n", new=f"{INNER}$LOCALS\n")
+    assert network.case()["boundaries"]["SAT_BAT_T2"] == "7.0 [degC]"
+    network = _esatan(tmp_path, logic="QI:BAT:77 = 5.0", old="$LOCALS\n", new=f"{INNER}$LOCALS\n")
+    assert "QI:BAT:77 = 5.0" in _missing(network)[0]
+
+
+@pytest.mark.parametrize(
+    ("stated", "given"), [("C    TDUNITS,   Length     = m\n", "W in C"), ("C    TDUNITS,   Length     = mm\n", "W m C"), ("", "W ft C")]
+)
+def test_lengths_that_contradict_the_deck_are_refused(tmp_path: Path, stated: str, given: str) -> None:
+    text = stated + (HEADERS.replace("      UID = SI\n", "      UID = SI\n" if not stated else ""))
+    with pytest.raises(DeckError, match=r"contradict"):
+        read_sinda(_file(tmp_path, "plates.inp", text), given)
+    read_sinda(tmp_path / "plates.inp", f"W {'mm' if 'mm' in stated else 'm'} C")
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_an_fmu_hands_on_what_is_missing(tmp_path: Path, version: str) -> None:
+    pytest.importorskip("fmpy")
+    network = _headers(tmp_path, "HEADER VARIABLES 2, A\n      G1 = 3.0\n")
+    td.interop.to_fmu(network.model(), network.scenario(), tmp_path / "plates.fmu", version=version)
+    assert list(td.interop.fmu_model(tmp_path / "plates.fmu", trust=True).missing_parts()) == [network.incomplete]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import thermid as td
 from by_code import raises_code
 from public_files import public_file
 from thermid.base.errors import DeckError
+from thermid.interop._decks import results
 from thermid.interop._decks.printed import sinda_print
 from thermid.interop._decks.results import Agreement, agreement, balance
 from thermid.interop._decks.sinda import read_sinda
@@ -207,6 +209,22 @@ def test_a_transient_print_is_judged_as_a_transient(tmp_path: Path) -> None:
     assert off.nodes == agreed.nodes
     out.write_text(re.sub("   T       4= .*", "", out.read_text(encoding="latin-1")), encoding="latin-1")
     assert agreement(read_sinda(case), sinda_print(out)).absent == ("PLATE.T4",)
+
+
+def test_a_run_that_its_tool_broke_off_ends_at_its_last_print(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    case = _case(tmp_path, _rates("C"))
+    out, _ = _printed(case)
+    network = replace(read_sinda(case), duration=15_000.0)
+    ends: list[float] = []
+
+    def simulated(model: td.Model, scenario: td.Scenario, **options: object) -> object:
+        ends.append(scenario.seconds)
+        return td.simulate(model, scenario, **options)
+
+    monkeypatch.setattr(results, "simulate", simulated)
+    agreed = agreement(network, [each for each in sinda_print(out) if each.settled or each.time < 1000.0])
+    assert ends == [900.0]
+    assert np.abs(agreed.off).max() < 2e-4
 
 
 def test_a_print_of_another_case_is_refused(tmp_path: Path) -> None:

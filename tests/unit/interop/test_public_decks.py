@@ -17,7 +17,7 @@ import pytest
 
 from public_files import public_file
 from thermid.interop._decks.esatan import read_esatan
-from thermid.interop._decks.network_file import NetworkFile
+from thermid.interop._decks.network_file import DeckRemark, NetworkFile
 from thermid.interop._decks.printed import sinda_print
 from thermid.interop._decks.results import agreement
 from thermid.interop._decks.sinda import read_sinda
@@ -30,6 +30,7 @@ AIR_LAUNCH = "afcarl/Air-Launch-Vehicle-Thermal-Analysis-and-Trade-Study/SINDA"
 DECKS = {
     "bpar907/APSS-2-Thermal-TXRX/case0.inp": "33a04d26c2a1971b04cc73dfd1bdf172ec3093f4d416d32e7d7d81e0f0c04882",
     "oresat/oresat-thermal/OreSat0.5/case0.inp": "a3da591c1faa2fa42dc75a171538365961a29af7db3c3d6727e284f5500a6cb2",
+    "oresat/oresat-thermal/OreSat Main v12/Hot Case/HotCase.inp": "035bab0885b112410e823de7df2648beb30e7824430477afee834f0fb5584dca",
     f"{MLI}/Insulation/case1.inp": "2fa05856116de6e672f69c20012d123c9d14a60867ea435bd322a00e48cb93f5",
     f"{MLI}/Insulation/case2.inp": "f77bb05b95d837ad1717cfe0557169bcd608e44530fd09f154cddea2e58a2cd5",
     f"{MLI}/Opticalprop/case1.inp": "13bb2ecd40c12c340ba1090cf01589813854a87357db84954a8e2c39b59d935f",
@@ -88,11 +89,17 @@ def _statements(deck: Path) -> Iterator[tuple[str, int, str]]:
                 yield file.name, k, f"{source[1]}.T{source[2]}".upper()
 
 
+def _rows_of(remark: DeckRemark) -> range:
+    """Return the lines that a remark names: its own, or those of the statements that it quotes together."""
+    run = re.search(r"\(lines (\d+) to (\d+)\)", remark.what)
+    return range(int(run[1]), int(run[2]) + 1) if run else range(remark.where.line, remark.where.line + 1)
+
+
 def _shares(deck: Path, network: NetworkFile) -> tuple[int, int, list[str]]:
     """Return how many statements there are, how many of them were taken over, and the places of those that are nowhere."""
     every = list(_statements(deck))
     read = {(os.path.basename(x.where.file), x.where.line) for x in (*network.nodes, *network.conductors, *network.loads)}
-    named = {(os.path.basename(r.where.file), r.where.line) for r in network.remarks if r.dropped}
+    named = {(os.path.basename(r.where.file), k) for r in network.remarks if r.dropped for k in _rows_of(r)}
     heated = {".".join(load.into).upper() for load in network.loads}
     taken = [(f, k) for f, k, node in every if (f, k) in read or node in heated]
     lost = [f"{f}:{k}" for f, k, node in every if (f, k) not in read and node not in heated and (f, k) not in named]

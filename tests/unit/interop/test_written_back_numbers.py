@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from by_code import raises_code
 from thermid.base.units import si_unit
 from thermid.interop._decks.esatan import read_esatan
 from thermid.interop._decks.network_file import NetworkFile
@@ -124,3 +127,86 @@ def test_a_deck_of_12_426_conductors_comes_back_in_every_number(tmp_path: Path) 
     wanted, found = _numbers(fitted, groups), _numbers(read_sinda(tmp_path / "case0.inp").model(), groups)
     assert found.keys() == wanted.keys()
     assert [found[path] for path in wanted] == pytest.approx(list(wanted.values()), rel=1e-10)
+
+
+NUMBER = re.compile(r"(?<![\w.])\d+\.\d*(?:D[-+]?\d+)?")
+
+
+def _layouts(kind: str, rng: np.random.Generator) -> str:
+    """A deck of four numbers to fit, its blanks, line ends, comments and continuations drawn."""
+
+    def gap(*more: str) -> str:
+        return str(rng.choice(["", " ", "\t", "   ", *more]))
+
+    def line_end() -> str:
+        note = rng.choice(["", " ", "  $ 7.0, fitted" if kind == "inp" else " # 7.0; made"])
+        return f"{note}\n"
+
+    if kind == "d":
+        # between two words a statement may go on in another line, after any comment
+        def cut() -> str:
+            return gap(line_end(), f"{line_end()}# between 3.0 {line_end()}{gap()}")
+
+        rows = [
+            f"D1{cut()}={cut()}'a',{cut()}T{cut()}={cut()}20.0,{cut()}C ={cut()}10.0{cut()}, QI{cut()}={cut()}5.0{cut()};",
+            f"B2 = 'b',{cut()}T ={cut()}15.0;",
+        ]
+        glue = f";{gap()}" if rng.random() < 0.3 else f";{line_end()}"
+        rows += ["$CONDUCTORS", f"GL({gap()}1,{gap()}2)={cut()}2.0D0{glue}GR(1,2){cut()}={cut()}0.01{cut()};"]
+        text = "\n".join(["$MODEL TOP", "$NODES", *(row + line_end().rstrip("\n") for row in rows), "$ENDMODEL TOP", ""])
+    else:
+
+        def comma() -> str:
+            more = [f",{gap()}&{line_end()}   ", f",{line_end()}+ ", f",{line_end()}C a comment, 9.0\n   &{gap()}"]
+            return f"{gap()},{gap()}" if rng.random() < 0.6 else str(rng.choice(more))
+
+        text = "".join(
+            row + line_end()
+            for row in (
+                f"HEADER CONTROL DATA, GLOBAL\n{gap()} ABSZRO{gap()}={gap()}-273.15,{gap()}UID = SI",
+                "HEADER NODE DATA, M",
+                f"  {gap()}1{comma()}20.{comma()}10.0",
+                f"  -2{comma()}15.{comma()}0.",
+                "HEADER CONDUCTOR DATA, M",
+                f"  {gap()}1{comma()}1{comma()}2{comma()}2.0D0",
+                f"  -2{comma()}1{comma()}2{comma()}0.01",
+                "HEADER SOURCE DATA, M",
+                f"  1{comma()}5.0",
+            )
+        )
+    return text.replace("\n", "\r\n") if rng.random() < 0.5 else text
+
+
+@pytest.mark.parametrize("kind", ["inp", "d"])
+@pytest.mark.parametrize("decks", [12, pytest.param(100, marks=pytest.mark.campaign)])
+def test_a_fit_comes_back_in_decks_of_any_layout(tmp_path: Path, kind: str, decks: int) -> None:
+    rng = np.random.default_rng(decks)
+    for _ in range(decks):
+        file, text = tmp_path / f"deck.{kind}", _layouts(kind, rng)
+        file.write_bytes(text.encode("latin-1"))
+        network = _read(file)
+        assert (network.incomplete, len(network.conductors)) == ("", 2), f"{text}{network}"
+        model = network.model()
+        taken = [p for p, e in ParameterSet(model).table.items() if e.parameter.is_literal and not p.endswith("exchange_factor")]
+        now = ParameterSet(model).evaluate({})
+        fitted = model.with_values(
+            {p: f"{float(now[p]) * rng.uniform(0.5, 2.0)!r} [{si_unit(ParameterSet(model).dimension(p))}]" for p in taken}
+        )
+        assert network.not_written_back(fitted) == (), text
+        (back,) = network.written_back(fitted).values()
+        file.write_bytes(back.encode("latin-1"))
+        assert _numbers(_read(file).model(), set()) == pytest.approx(_numbers(fitted, set()), rel=1e-11), f"{text}\n->\n{back}"
+        assert len(NUMBER.findall(re.sub("fitted, was.*", "", back))) == len(NUMBER.findall(text)), f"{text}\n->\n{back}"
+        assert back.count("\r") == text.count("\r")
+
+
+@pytest.mark.parametrize(("name", "text", "k"), [("deck.inp", SINDA, 0), ("deck.d", ESATAN, 1)])
+def test_a_number_that_would_not_come_back_refuses_the_whole(tmp_path: Path, name: str, text: str, k: int) -> None:
+    (tmp_path / name).write_text(text, encoding="latin-1")
+    network = _read(tmp_path / name)
+    element = network.conductors[k]
+    where = replace(element.where, begin=element.where.begin - 1, end=element.where.end - 1)  # as a reader with a wrong place would say
+    wrong = replace(network, conductors=tuple(replace(c, where=where) if c is element else c for c in network.conductors))
+    field = f"{element.name}.conductance"
+    with raises_code("output.edit-refused", match=re.escape(field)):
+        wrong.written_back(network.model().with_values({field: "3 [W/K]"}))

@@ -60,7 +60,7 @@ def test_a_log_is_cut_at_restarts_into_logs_of_their_own(tmp_path: Path) -> None
     assert second.times[0] == pytest.approx(0.003)
     assert second["T1"].values[0] == pytest.approx(273.15 + 22.30)
     assert "SYNTHETIC" in (tmp_path / "e_2.csv").read_text()
-    with raises_code("record.does-not-apply", RecordError):
+    with raises_code("record.does-not-apply", RecordError, match=r"e_1\.csv"):
         parts_between_restarts(tmp_path / "e_1.csv")
 
 

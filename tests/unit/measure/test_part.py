@@ -93,5 +93,5 @@ def test_the_same_keys_serve_in_python() -> None:
     with raises_code("name.unknown", RecordError, match="'lagg'.*'lag'"):
         record.with_sensor("T", lagg="20 [s]")
     power = td.Record.from_arrays("r", np.arange(3.0), {"P": td.Channel.from_array("P", np.ones(3), quantity="power")})
-    with raises_code("record.does-not-apply", RecordError):
+    with raises_code("record.does-not-apply", RecordError, match="lag_accuracy"):
         power.with_sensor("P", lag="20 [s]")

@@ -131,7 +131,7 @@ def test_unknown_name_offers_the_nearest(log, text, arguments, message):
         ({"noise": {"case": 0}}, "channel 'case': its noise is 0; a finite number above zero is needed."),
         ({"accuracy": {"case": -1}}, "channel 'case': its accuracy is -1; a finite number not below zero is needed."),
         ({"noise": {"case": float("nan")}}, "bench.csv, column 'T1', noise: nan is not finite."),
-        ({"noise": {"case": True}}, "bench.csv, column 'T1', noise: True is neither a number nor a text with a unit, such as '4 [s]'."),
+        ({"noise": {"case": True}}, "bench.csv, column 'T1', noise: True is neither a number nor a text with a unit, such as '4 [K]'."),
     ],
 )
 def test_arguments(log, arguments, message):

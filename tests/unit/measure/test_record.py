@@ -183,5 +183,5 @@ def test_sizes_of_a_channel_are_amounts_with_their_units() -> None:
     assert power.noise == pytest.approx(0.02)
     with raises_code("unit.wrong-dimension", UnitError, match="'T'"):
         Channel.from_array("T", [20.0, 21.0], unit="degC", noise="1 [W]")
-    with raises_code("value.not-an-amount", RecordError):
+    with raises_code("value.not-an-amount", UnitError):
         Channel.from_array("T", [20.0, 21.0], unit="degC", accuracy=[0.5])

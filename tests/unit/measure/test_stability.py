@@ -104,5 +104,5 @@ def test_a_window_longer_than_the_log_and_a_power_are_refused():
     with raises_code("record.too-short", RecordError, match="5"):
         channel_stability(record(0.0), "T", rule_of("0.2 C/h over 5 h"))
     power = td.Record.from_arrays("log", np.arange(100.0), {"P": Channel.from_array("P", np.ones(100), quantity="power", role="load")})
-    with raises_code("record.does-not-apply", RecordError):
+    with raises_code("record.does-not-apply", RecordError, match="log, P: "):
         channel_stability(power, "P", rule_of("3 C/h"))

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from thermid.model._deck.modelfile import load_model, model_from_dict
+from thermid.model._deck.modelfile import _built, load_model, model_from_dict
 from thermid.model._tree.model import Model
 
 PART: dict[str, Any] = {
@@ -40,8 +40,8 @@ def _changed(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, A
 
 @pytest.fixture
 def part() -> Callable[..., Model]:
-    """A box that convects; ``part({"loads/heat/power": "2 [W]"})``."""
-    return lambda changes=None, **more: model_from_dict(_changed(PART, changes or {}) | more)
+    """A box that convects; ``part({"loads/heat/power": "2 [W]"})``. What physics forbids is left to what a test asks."""
+    return lambda changes=None, **more: _built(_changed(PART, changes or {}) | more, "", {}, None, None)
 
 
 @pytest.fixture

@@ -268,5 +268,5 @@ def test_a_conductor_takes_area_from_surfaces() -> None:
         ledger(model_from_dict(deck))
     del deck["conductors"]["c"]["area"], deck["conductors"]["c"]["contact_conductance"]
     deck["conductors"]["c"] |= {"kind": "conduction", "conductance": "1 [W/K]"}
-    with raises_code("value.incomplete", DeckError):
+    with raises_code("value.incomplete", DeckError, match=r"c\.takes: .*area"):
         model_from_dict(deck)

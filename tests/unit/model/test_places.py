@@ -144,5 +144,5 @@ def test_places_that_cannot_be(places: dict[str, Any], message: str) -> None:
 
 
 def test_one_way_of_saying_is_enough() -> None:
-    with raises_code("value.incomplete", DeckError):
+    with raises_code("value.incomplete", DeckError, match="given: "):
         plates({"places": PLACES, "view_factors": [[0, 1], [1, 0]], "faces": {"low": "inner", "high": "under"}})

@@ -59,8 +59,10 @@ def test_a_value_that_cannot_be_is_refused_whatever_way_it_comes(way: str) -> No
 
 
 def test_a_parameter_is_shown_where_it_was_written() -> None:
-    (found,) = (f for f in deck({"d": "0 [mm]"}, diameter="d").check() if f.severity == "error")
-    assert (found.where, "'screws.diameter' is 0 m" in found.message) == ("plate, parameters.d", True)
+    with pytest.raises(DeckError, match=r"plate, parameters\.d: 'screws\.diameter' is 0 m"):
+        deck({"d": "0 [mm]"}, diameter="d")
+    (found,) = (f for f in deck().with_values({"screws.diameter": "0 [mm]"}).check() if f.severity == "error")
+    assert "'screws.diameter' is 0 m" in found.message
 
 
 def test_members_outside_a_range_fail_alone() -> None:

@@ -111,7 +111,11 @@ def test_millimetres_and_metres_are_the_same_values(part: Build) -> None:
             DeckError,
             "source 'guess' is not one of published, datasheet, derived, assumed, measured.",
         ),
-        ({"value": "3 [W]", "mni": 2}, DeckError, "the keys of a parameter are value, min, max, source, note and basis; given: mni."),
+        (
+            {"value": "3 [W]", "mni": 2},
+            DeckError,
+            "the keys of a parameter are value, min, max, source, note, basis and spread; given: mni.",
+        ),
         ({"min": 2}, DeckError, "a table without value."),
         (True, DeckError, "True is not a value. Write a text with a unit, '2.5 [W]', or a number."),
         (float("nan"), DeckError, "nan is not a value. Write a text"),

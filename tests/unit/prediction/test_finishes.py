@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from thermid.model.elements import FINISH_CORRELATION
 from thermid.physics.finishes import FINISHES
-from thermid.prediction._budget import PRINTED_RANGES, Budget, assumed_values, budget_of
+from thermid.prediction._budget import STATED_RANGES, Budget, assumed_values, budget_of
 
 MACHINED = "aluminium, machined"
 LAW = {"coefficient": {"value": "1.5 [W/(m^2 K)]", "min": 0.5, "max": 4}, "exponent": 0.25}
@@ -56,7 +56,7 @@ def fitted() -> td.Calibration:
 def test_the_range_of_its_finish_spreads_an_emissivity() -> None:
     """Its logarithm by what the table says, and two surfaces of one finish together."""
     found = budget(BENCH.vacuum())
-    assert found.causes == (PRINTED_RANGES, PRINTED_RANGES)
+    assert found.causes == (STATED_RANGES, STATED_RANGES)
     assert [t.name for t in found.targets] == ["top.emissivity", "side.emissivity"]
     f = FINISHES[MACHINED]
     low, high = (float(found.sources[0].law.at(np.array([share]))[0]) for share in (0.025, 0.975))
@@ -72,7 +72,7 @@ def test_in_vacuum_the_band_is_that_of_the_finish() -> None:
     ]
     both = math.sqrt(0.4**2 + 0.6**2 + 2 * FINISH_CORRELATION * 0.4 * 0.6)  # by area, of two that go together by half
     assert 2 * told["case"].half_width[-1] == pytest.approx((ends[0] - ends[1]) * both, rel=0.1)
-    assert told["case"].final.shares == pytest.approx({PRINTED_RANGES: 1.0})
+    assert told["case"].final.shares == pytest.approx({STATED_RANGES: 1.0})
     assert not any("emissivity" in x.what for x in told.left_out)
 
 
@@ -84,7 +84,7 @@ def test_what_is_stated_wins() -> None:
     found = budget(BENCH.vacuum(), stated={"top.emissivity": "0.01"})
     assert dict(zip((t.name for t in found.targets), found.causes, strict=True)) == {
         "top.emissivity": "stated",
-        "side.emissivity": PRINTED_RANGES,
+        "side.emissivity": STATED_RANGES,
     }
 
 
@@ -104,7 +104,7 @@ def test_where_an_effective_coefficient_holds_the_radiation_it_does_not_act() ->
         }
     )
     assert budget(BENCH, model).causes == ()
-    assert budget(BENCH.vacuum(), model).causes == (PRINTED_RANGES,)
+    assert budget(BENCH.vacuum(), model).causes == (STATED_RANGES,)
 
 
 def test_the_size_of_an_assumption_is_that_of_its_finish() -> None:
@@ -118,13 +118,13 @@ def test_a_fit_in_air_does_not_tell_it_and_vacuum_asks_it(fitted: td.Calibration
     hidden = td.simulate(fitted.fitted_model.with_values({"top.emissivity": 0.13, "side.emissivity": 0.13}), BENCH.vacuum())["case"].kelvin
     told = td.predict(fitted, BENCH.vacuum())
     assert (np.abs(told["case"].kelvin - hidden) <= told["case"].half_width).mean() > 0.95
-    assert told["case"].final.shares[PRINTED_RANGES] > 0.5
+    assert told["case"].final.shares[STATED_RANGES] > 0.5
     assert not any("emissivity" in x.what for x in told.left_out)
 
 
 def test_where_the_readings_pin_the_answer_the_fit_takes_it_back(fitted: td.Calibration) -> None:
     air = BENCH.with_(loads={"heat": "3 [W]"})
-    wide, narrow = (td.predict(fitted, air, without=without)["case"].half_width.max() for without in ((), (PRINTED_RANGES,)))
+    wide, narrow = (td.predict(fitted, air, without=without)["case"].half_width.max() for without in ((), (STATED_RANGES,)))
     assert wide <= 1.1 * narrow
 
 
@@ -135,7 +135,7 @@ def test_a_fitted_emissivity_is_not_counted_twice(fitted: td.Calibration) -> Non
     scenario = td.Scenario("bench", boundaries={"air": "22 [degC]"}, start="22 [degC]")
     free = td.calibrate(box(), logs, ["top.htc.coefficient", "top.emissivity", "case.capacitance"], scenario=scenario)
     found = budget_of(free, BENCH.vacuum())
-    (source,) = (s for s, c in zip(found.sources, found.causes, strict=True) if c == PRINTED_RANGES)
+    (source,) = (s for s, c in zip(found.sources, found.causes, strict=True) if c == STATED_RANGES)
     assert source.name == "side.emissivity"
 
 
@@ -150,7 +150,7 @@ def test_an_emissivity_behind_an_effective_coefficient_counts_in_air_where_anoth
         },
         "loads": {"heat": {"into": "case", "power": "2 [W]"}},
     }
-    assert budget(BENCH, td.model_from_dict(deck)).causes == (PRINTED_RANGES,)
+    assert budget(BENCH, td.model_from_dict(deck)).causes == (STATED_RANGES,)
     del deck["surfaces"]["b"]["emissivity"]  # type: ignore[index]
     assert budget(BENCH, td.model_from_dict(deck)).causes == ()
 

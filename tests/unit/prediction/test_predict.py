@@ -146,9 +146,9 @@ def test_what_is_spread_twice_or_wrongly_is_refused(found: Calibration) -> None:
         plain(found, HOT, spread={"aire": "1 [K]"})
     with raises_code("value.outside-range", IdentificationError, match="-3"):
         plain(found, HOT, draws=-3)
-    with raises_code("value.outside-range", ScenarioError):
+    with raises_code("value.outside-range", ScenarioError, match="'air': its low end"):
         plain(found, HOT, spread={"air": {"low": "41 [degC]", "high": "39 [degC]"}})
-    with raises_code("value.outside-range", ScenarioError):
+    with raises_code("value.outside-range", ScenarioError, match="'air': a standard deviation"):
         plain(found, HOT, spread={"air": "-1 [K]"})
     with raises_code("value.shape", IdentificationError, match="2.*2.*2"):
         Spread("stated", ("a", "b"), np.eye(3))

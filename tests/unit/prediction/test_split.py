@@ -13,7 +13,7 @@ from by_code import raises_code
 from thermid.base.errors import DeckError, IdentificationError
 from thermid.measure.records import Channel, Record
 from thermid.model._tree.identity import to_dict
-from thermid.model.elements import PrintedRange
+from thermid.model.elements import StatedRange
 from thermid.physics.finishes import FINISHES, Finish
 from thermid.physics.radiation import linearised_htc
 
@@ -23,7 +23,7 @@ MACHINED = "aluminium, machined"
 
 def log_sd(finish: Finish) -> float:
     """Standard deviation of the logarithm: the range holds 95 %. [-]"""
-    return PrintedRange(finish.low, finish.high).log_sd(finish.typical)
+    return StatedRange(finish.low, finish.high).log_sd(finish.typical)
 
 
 def part(area: str, htc: Any, power: str, finish: str = MACHINED, capacitance: str = "700 [J/K]") -> td.Model:
@@ -114,7 +114,7 @@ def test_surfaces_of_one_finish_are_alike_in_part() -> None:
 def test_nothing_is_split_without_knowing_the_surface_or_the_conditions() -> None:
     with raises_code("value.incomplete", IdentificationError, match="'skin'"):
         td.inference.split(elegfo(""), conditions=BENCH)
-    with raises_code("value.incomplete", IdentificationError):
+    with raises_code("value.incomplete", IdentificationError, match="temperatures at which"):
         td.inference.split(elegfo(MACHINED))
     with raises_code("name.unknown", IdentificationError, match="'skn'"):
         td.inference.split(elegfo(MACHINED), "skn", BENCH)

@@ -66,7 +66,7 @@ def test_what_is_no_plan_is_refused(tmp_path: Path, text: str, error: type[Excep
 
 def test_a_test_without_a_course_is_refused(tmp_path: Path) -> None:
     text = PLAN.replace('scenario = { boundaries = { air = "10 [degC]" }, start = "20 [degC]", duration = "2 [h]" }', "")
-    with raises_code("value.incomplete", DeckError):
+    with raises_code("value.incomplete", DeckError, match="'experiment on board'"):
         load_plan(project(tmp_path, text))
 
 

@@ -16,7 +16,7 @@ import thermid as td
 from thermid.base.errors import ScenarioError
 from thermid.campaign.stages import Campaign
 from thermid.campaign.verdicts import CampaignPrediction
-from thermid.reporting._blocks.content import Cell, Head, Heading, Section, Table, folded, oversized
+from thermid.reporting._blocks.content import Cell, Figures, Head, Section, Table, folded, oversized
 from thermid.reporting._blocks.numbering import LONG, SHOWN, Sheets, csv_of, numbered
 from thermid.reporting._diagrams.map import fitting_map
 from thermid.reporting._pages.campaign import _named, report
@@ -121,11 +121,11 @@ def test_the_next_steps_name_a_broken_limit_and_the_warnings(campaign: Campaign)
         assert broken.head[1:] in line.text
         assert words in line.text
     wide = CampaignPrediction("cold", "submodel", band, {"a.case": (0.0, 400.0)})
-    table, heading, *_ = _named([wide, broken], brief=True)  # seen in a summary: the broken limit was beyond its first five lines
+    table, drawn, *_ = _named([wide, broken], brief=True)  # seen in a summary: the broken limit was beyond its first five lines
     assert isinstance(table, Table)
     assert [row[0].text for row in table.rows] == ["hot", "cold"]
-    assert isinstance(heading, Heading)
-    assert heading.text == broken.head
+    assert isinstance(drawn, Figures)
+    assert drawn.plots[0].caption.startswith("hot (")
 
 
 def test_answer_figure_and_network_come_before_all_else(page: str) -> None:

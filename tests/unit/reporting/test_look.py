@@ -219,3 +219,33 @@ def test_what_no_log_says_is_asked_for_in_its_first_lines(log) -> None:
     shown = td.look(log).lines()
     assert any("accuracy = " in line for line in shown[:4])
     assert "# add accuracy = " in td.look(log).campaign()
+
+
+@pytest.mark.parametrize("blank", [" ", "_"])
+def test_units_after_a_blank_are_those_after_an_underscore(tmp_path: Path, blank: str) -> None:
+    """A log headed "time s, board C, supply V, supply A" had no time, no thermometer and no power."""
+    head = ",".join(f"{n}{blank}{u}" for n, u in (("time", "s"), ("board", "C"), ("heater", "mW"), ("supply", "V"), ("supply", "A")))
+    (tmp_path / "run.csv").write_text(f"{head}\n0,20.1,0,0,0\n60,25.3,900,12,0.5\n120,31.4,905,12,0.6\n", encoding="utf-8")
+    seen = td.look(tmp_path / "run.csv")
+    assert [(c.guess, c.unit) for c in seen.columns] == [
+        ("time", ""), ("temperature", "degC"), ("power", "mW"), ("ignored", "V"), ("ignored", "A"),
+    ]  # fmt: skip
+    record = td.read_record(tmp_path / "run.csv", {f"board{blank}C": {"node": "board"}})
+    assert not record[f"board{blank}C"].assumed
+    assert tomllib.loads(seen.campaign())["records"]["run"]["channels"]["P_supply"]["power"] == {
+        "volts": f"supply{blank}V",
+        "amperes": f"supply{blank}A",
+    }
+
+
+def test_letters_that_count_boards_are_no_units(tmp_path: Path) -> None:
+    (tmp_path / "run.csv").write_text("time_s,board A,board B,board C\n0,20,20,20\n60,25,26,27\n", encoding="utf-8")
+    assert {c.guess for c in td.look(tmp_path / "run.csv").columns[1:]} == {"ignored"}
+
+
+def test_columns_that_differ_by_their_unit_alone_are_proposed_by_their_headings(tmp_path: Path) -> None:
+    """Of "supply [V]" and "supply [A]" a record was proposed that nobody could read."""
+    (tmp_path / "run.csv").write_text("time_s,board [degC],supply [V],supply [A]\n0,20,0,0\n60,25,12,0.5\n", encoding="utf-8")
+    channels = tomllib.loads(td.look(tmp_path / "run.csv").campaign())["records"]["run"]["channels"]
+    record = td.read_record(tmp_path / "run.csv", channels)
+    assert record["P_supply"].values.tolist() == [0.0, 6.0]

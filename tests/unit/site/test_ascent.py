@@ -136,9 +136,9 @@ def test_what_a_trajectory_lacks_is_said(tmp_path: Path) -> None:
             td.site.read_trajectory(path)
     with raises_code("value.outside-range", ScenarioError, match="-5"):
         td.site.Trajectory(np.array([0.0, 1.0]), np.array([0.0, 5.0]), np.array([0.0, -5.0]))
-    with raises_code("value.incomplete", ScenarioError):
+    with raises_code("value.incomplete", ScenarioError, match="trajectory"):
         td.site.ascent_scenario(air_temperature="20 [degC]", duration="60 [s]")
-    with raises_code("value.incomplete", ScenarioError):
+    with raises_code("value.incomplete", ScenarioError, match="duration"):
         td.site.ascent_scenario(pressure="1 [Pa]", air_temperature="20 [degC]")
 
 

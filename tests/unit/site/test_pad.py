@@ -125,7 +125,7 @@ def test_a_sun_at_night_says_that_the_clock_is_wrong(weather: td.site.Weather, t
 
 def test_a_zone_is_never_guessed(weather: td.site.Weather) -> None:
     nowhere = td.site.Site(-2.373, -44.396)
-    with raises_code("value.incomplete", ScenarioError):
+    with raises_code("value.incomplete", ScenarioError, match="timezone"):
         td.site.pad_scenario(nowhere, weather)
     same = nowhere.sun("2026-03-21 12:00-03:00", 0.0)
     assert same.zenith[0] == pytest.approx(SITE.sun("2026-03-21 12:00", 0.0).zenith[0], abs=1e-3)
@@ -259,13 +259,13 @@ def test_what_the_pad_needs_is_asked_for(weather: td.site.Weather) -> None:
     bare = td.site.Weather("w", weather.begin, {"dry_bulb": weather["dry_bulb"]}, {})
     with raises_code("value.incomplete", ScenarioError, match="dew_point"):
         td.site.pad_scenario(SITE, bare)
-    with raises_code("value.incomplete", ScenarioError):
+    with raises_code("value.incomplete", ScenarioError, match="global"):
         td.site.pad_scenario(SITE, bare, sky=False)
-    with raises_code("value.incomplete", ScenarioError):
+    with raises_code("value.incomplete", ScenarioError, match="'ambient'"):
         td.site.pad_scenario(SITE, begin="2026-03-21 06:00", duration="1 [h]")
     with raises_code("value.wrong-kind", ScenarioError, match="'noon'"):
         td.site.pad_scenario(SITE, begin="noon", duration="1 [h]", air_temperature="20 [degC]", sky=False)
-    with raises_code("value.incomplete", ScenarioError):
+    with raises_code("value.incomplete", ScenarioError, match=r"wind\.face\.htc"):
         td.site.pad_scenario(SITE, weather, wind={"face.htc": {"length": "2 [m]"}})
     with raises_code("value.outside-range", ScenarioError, match="20"):
         td.site.pad_scenario(SITE, weather, albedo=20)

@@ -33,7 +33,20 @@ from thermid.model.tree import Model
 from thermid.prediction._known import known_of
 from thermid.simulation.runs import Scenario, simulate
 from thermid.values.fitted import load_store, load_values, save_store
-from thermid.values.store import DISTRIBUTIONS, Cut, Distribution, LeftOut, Logarithm, Normal, Shifted, Source, State, Store, ValueOrigin
+from thermid.values.store import (
+    DISTRIBUTIONS,
+    Cut,
+    Distribution,
+    LaterTable,
+    LeftOut,
+    Logarithm,
+    Normal,
+    Shifted,
+    Source,
+    State,
+    Store,
+    ValueOrigin,
+)
 from thermid.values.value_files import filed, hand_values
 from unit.model.every_kind import firsts
 
@@ -55,7 +68,7 @@ WAY = KeptWay(
     (UnknownColumn("exponent of a.skin", "", 0.1, "a.skin"),), np.array([0.1]), np.array([[0.2, 0.0], [0.1, 0.3]]), {"run": 0.02},
     ((1.0, 0.1, 0.3),),
 )  # fmt: skip
-ERRORS = ErrorModel("s", {"a.x": SeenValue("parameter", True, (("air", 1.0),), 0.1, 0.2, -1.0, 1.0)}, (WAY,), 1.1, "why")
+ERRORS = ErrorModel("s", {"a.x": SeenValue("parameter", True, (("air", 1.0, 0.5),), 0.1, 0.2, -1.0, 1.0)}, (WAY,), 1.1, "why")
 
 
 def laws() -> Iterator[Distribution]:
@@ -72,7 +85,8 @@ def whole_store() -> Store:
     sources = tuple(Source(f"k:{n}", "data", law, "words") for n, law in enumerate(laws()))
     provenance = {
         "version": "1", "date": "d", "model": "m", "records": {"r": "ab"}, "synthetic": True, "conditions": {"a.skin": [1.0, 2.0]},
-        "misfit": {"a.n": 0.1}, "structural": DISCREPANCY.to_dict(), "own": [OWN.to_dict()], "errors": ERRORS.to_dict(),
+        "misfit": {"a.n": 0.1}, "structural": DISCREPANCY.to_dict(), "own": [OWN.to_dict()],
+        "errors": LaterTable(ERRORS.to_dict, without=("gone",)),
     }  # fmt: skip
     return Store(
         {STATE.path: STATE}, sources, np.full((1, len(sources)), 0.1), {"ab": "s"}, {"s": provenance}, ("c",),
@@ -125,7 +139,7 @@ def test_a_values_file_with_every_key_of_its_grammar_is_read_back(tmp_path: Path
     kept = back.provenance["s"]
     assert Discrepancy.from_dict(kept["structural"]).to_dict() == DISCREPANCY.to_dict()
     assert OwnValue.from_dict(kept["own"][0]) == OWN
-    assert ErrorModel.from_dict(kept["errors"]).to_dict() == ERRORS.to_dict()
+    assert ErrorModel.from_dict(kept["errors"].table).to_dict() == ERRORS.to_dict()
     content = grammar_of("values").model_validate(tomllib.loads((tmp_path / "v.toml").read_text()))
     unwritten = [(t.__name__, n) for t in keys_of(type(content)) for n in t.model_fields if not given(t, n, content)]
     assert unwritten == []

@@ -28,7 +28,7 @@ def test_the_file_holds_every_bit(found: Calibration, tmp_path: Path) -> None:
     back = load_values(tmp_path / "v.toml")
     assert back.stage == "bench"
     assert dict(back) == dict(found.values)
-    assert [v.kind for v in back.values()] == ["parameter", "parameter", "sensor", "shared"]
+    assert [v.kind for v in back.values()] == ["parameter", "parameter", "sensor", "input"]
     np.testing.assert_array_equal(back.covariance, found.values.covariance)
     assert back.provenance == found.values.provenance
     assert back.provenance["records"] == dict(found.records)

@@ -18,6 +18,7 @@ from rich.live import Live
 from rich.text import Text
 
 from thermid.base.errors import RecordError
+from thermid.base.expression import amount
 from thermid.base.extensions import require
 from thermid.base.units import TEMPERATURE
 from thermid.bench.bench_files import load_programme, load_sensors
@@ -25,7 +26,7 @@ from thermid.bench.board import BoardPort, simulated
 from thermid.bench.guide import ice_point as guided_ice_point, tell_apart
 from thermid.bench.logger import Logger, Settings
 from thermid.bench.port import check_port, find_port
-from thermid.measure.amounts import amount, duration_text, positive_seconds
+from thermid.measure.amounts import duration_text, positive_seconds
 from thermid.measure.records import Channel, Record
 from thermid.measure.sensors import ICE
 from thermid.measure.steadiness import MIN_JUDGED_WINDOW, StabilityRule, channel_stability, rule_of

@@ -13,6 +13,7 @@ from thermid.app.cli.options import CampaignPath, Cluster, Data, Json, Processes
 from thermid.app.cli.screen import searching, show, working
 from thermid.app.cli.summary import show_campaign, staged
 from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, nearest, refuse_unknown
+from thermid.base.expression import amount
 from thermid.campaign import start as improved
 from thermid.campaign.start import (
     ACCURACY,
@@ -38,7 +39,6 @@ from thermid.campaign.start import (
 from thermid.fit.calibration import Calibration
 from thermid.inference.criticism import EVALUATIONS, criticise as criticised
 from thermid.inference.diagnosis import plausibility as ranges_of
-from thermid.measure.amounts import amount
 from thermid.measure.records import without_strays
 from thermid.model.deck import STANDARD, load_model, standard_parts
 from thermid.model.elements import worst

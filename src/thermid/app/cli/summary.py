@@ -44,22 +44,23 @@ class CampaignProgress(Progress):
     def __init__(self, weights: Mapping[str, float]) -> None:
         super().__init__("reading logs")
         self._weights = dict(weights)
-        self._finished: dict[str, None] = {}
+        self._stages: dict[str, None] = {}
         self._until: float | None = None
 
     def __call__(self, stage: str, count: int, rms: float) -> None:
         """Show how far a stage is."""
-        before = sum(self._weights.get(name, 1.0) for name in self._finished if name != stage)
-        self._finished[stage] = None
+        if stage not in self._stages or not count:
+            self._until = None
+        self._stages[stage] = None
+        before = sum(self._weights.get(name, 1.0) for name in self._stages if name != stage)
         whole = sum(self._weights.values()) or 1.0
         inside = self._weights.get(stage, 0.0) * count / (count + self.HALF)
-        if stage not in self._finished or not count:
-            self._until = None
         words = f"{stage}: evaluation {count}, weighted RMS {rms:.3g}" if count else stage
         self.now(words, (before + inside) / whole, stage)
 
     def ahead(self, stage: str, words: str, seconds: float) -> None:
         """Say what follows in a stage, and what it will take [s]."""
+        self._stages[stage] = None
         self._until = time.monotonic() + seconds
         if seconds >= WORTH_SAYING:
             self.say(f"{stage}: {words}, about {spoken(seconds)}. The interrupt key ends it with the best values so far.")
@@ -161,7 +162,7 @@ def show_campaign(campaign: Campaign, files: Sequence[str]) -> None:
     out = console()
     top, blocks = list(_top(campaign)), [_block(campaign, name, fit) for name, fit in campaign.stages.items()]
     judged = [line for v in campaign.verdicts for line in (_verdict_line(v), *(f"{v.record}: {question}" for question in v.questions))]
-    below = [*judged, *_last(campaign, files)]
+    below = [*judged, *_closing_lines(campaign, files)]
     around = sum(map(_rows, (*top, *below))) + 2
     most = next((n for n in (12, 8, 6, 5, 4, 3, 2, 1) if around + sum(b.lines(n) for b in blocks) <= SCREEN), 0)
     show_lines(out, [*top, ""])
@@ -240,9 +241,11 @@ def _block(campaign: Campaign, name: str, fit: Calibration) -> StageRows:
     elsewhere = {*_questions_to_owner(campaign), *_common(campaign)}
     notes = [f"{name}: {w}" for w in fit.warnings if w.startswith(FIRST) and not {w, _clause(w)} & elsewhere]
     for why, partly in (("neither log nor scenario gives it", False), ("its channel begins late or ends early", True)):
-        inputs = ", ".join(dict.fromkeys(f"{i.name} ({i.kind})" for i in assumed if i.partly == partly))
+        inputs = ", ".join(dict.fromkeys(f"{i.name} ({i.kind})" for i in assumed if i.partly == partly and i.kind != "accuracy"))
         if inputs:
             notes.append(f"{name}: assumed{' where the log is silent' if partly else ''}, because {why}: {inputs}")
+    if exact := ", ".join(dict.fromkeys(i.name for i in assumed if i.kind == "accuracy")):
+        notes.append(f"{name}: accuracy not stated, so readings count as exact: {exact}")
     if step := campaign.next_step(name):
         notes.append(f"{name}: next: {step}")
     rows = sorted(fitted, key=lambda v: -abs(v.error / v.value) if v.value else 0.0)
@@ -269,8 +272,8 @@ def _verdict_line(v: Verdict) -> str:
     return f"{v.head}{before}; {_check_text(c)}: {VERDICTS[c.passed]}{count}"
 
 
-def _last(campaign: Campaign, files: Sequence[str]) -> Iterator[str]:
-    """Yield what is not shown, and where the values are."""
+def _closing_lines(campaign: Campaign, files: Sequence[str]) -> Iterator[str]:
+    """Yield how many warnings are not shown, which stages were fitted again and why, and the files with the values."""
     warned = {name: n for name, fit in campaign.stages.items() if (n := sum(not w.startswith((LOUD, FIRST)) for w in fit.warnings))}
     if warned:
         yield f"{counted(sum(warned.values()), 'warning')} in {counted(len(warned), 'stage')}; -v prints them with all details"

@@ -32,11 +32,12 @@ from thermid.app.cli.options import (
 from thermid.app.cli.summary import staged
 from thermid.base.codes import add_codes
 from thermid.base.errors import RecordError, refuse_unknown
+from thermid.base.expression import amount
 from thermid.base.extensions import extension
 from thermid.base.results import clean
 from thermid.base.units import TEMPERATURE
 from thermid.campaign.stages import RunningTest, running_test
-from thermid.measure.amounts import amount, duration_text
+from thermid.measure.amounts import duration_text
 from thermid.measure.readers import read_record, temperature_columns
 from thermid.measure.records import Record
 from thermid.measure.steadiness import rule_of

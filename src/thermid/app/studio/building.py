@@ -13,7 +13,7 @@ import numpy as np
 from thermid.app.studio.conditions import compared, conditions_object, finished
 from thermid.app.studio.curves import number_of, text_of, texts_of
 from thermid.app.studio.desk import Desk
-from thermid.app.studio.draft import CAMPAIGN, DECK, PLACES, VIEW, Draft, keep, parsed_line, recalled
+from thermid.app.studio.draft import CAMPAIGN, DECK, PLACES, VIEW, Draft, decks_in, keep, parsed_line, recalled
 from thermid.app.studio.follow import Follower, looked_at
 from thermid.app.studio.live import WATCHED_ROLES
 from thermid.app.studio.orders import curves_object
@@ -56,8 +56,6 @@ PLACE_GRID: Final = 8.0
 """Places are multiples of this. [px]"""
 CARD_ROOM: Final = (216.0, 80.0)
 """Room of a node on the canvas, with that for the labels beside it. [px]"""
-LETTERS: Final = {"c": "degC", "k": "K", "f": "degF", "w": "W", "mw": "mW"}
-"""Units as the last word of a column's name."""
 
 
 class Building:
@@ -101,7 +99,7 @@ class Building:
                 "log": log,
                 "records": self._records(),
                 "parameters": self._parameters(),
-                "decks": self._decks(),
+                "decks": [d for d in decks_in(draft.deck.path.parent) if d != draft.deck.path.name],
             },
             "logs": Follower(draft.documents[CAMPAIGN].path.parent).offered()["logs"],
             "missing": sum(f["missing"] for e in elements for f in e["fields"]),
@@ -156,10 +154,6 @@ class Building:
             for path, e in table.items()
             if (literal := e.parameter.expression.literal) is not None and literal.value > 0 and path.partition(".")[0] not in switching
         ]
-
-    def _decks(self) -> list[str]:
-        folder = self.draft.deck.path.parent
-        return sorted(f.name for f in folder.glob("*.toml") if f != self.draft.deck.path and not f.name.endswith(".view.toml"))
 
     def _stage(self) -> dict[str, Any]:
         return dict(self.draft.documents[CAMPAIGN].content["stages"][self.draft.stage])
@@ -409,6 +403,15 @@ class Building:
         draft, self._opened = self.draft.edited({CAMPAIGN: edits}), name
         return draft
 
+    def _time(self, body: Body) -> Draft:
+        """Return the draft with the time column of a log named, and the errors that its thermometers show then."""
+        name = text_of(body, "record")
+        refuse_unknown([name], [r["name"] for r in self._records()], "log", "no log '{}'.", NameNotFoundError)
+        table = {**self.draft.documents[CAMPAIGN].content["records"][name], "time": text_of(body, "column")}
+        shown, channels = self._with_errors(table, table["channels"]), table["channels"]
+        table["channels"] = {c: {**shown[c], **t} if isinstance(t, Mapping) else t for c, t in channels.items()}
+        return self.draft.edited({CAMPAIGN: [Edit(("records", name), table)]})
+
     def _use(self, body: Body) -> Draft:
         """Return the draft with a log used by the fit, held out of it to be judged, or taken out of the stage."""
         name, how = text_of(body, "record"), text_of(body, "how")
@@ -479,11 +482,7 @@ class Building:
         rooms = {"temperature": warm, "boundary": warm, "power": heats, "duty": {"command": content.get("loads", {})}}
         for column in columns:
             words, unit = word(column["name"]), column["unit"] if column["assumed"] else ""
-            stem, _, letter = words.rpartition("_")
-            targets = rooms.get(column["guess"], {})
-            if letter in LETTERS and any(stem == word(n) for role in (*warm.values(), *heats.values()) for n in role):
-                unit, targets = LETTERS[letter], heats if letter.endswith("w") else warm
-            hits = [(len(n), role, n) for role, names in targets.items() for n in names if word(n) in words]
+            hits = [(len(n), role, n) for role, names in rooms.get(column["guess"], {}).items() for n in names if word(n) in words]
             if hits:
                 _, role, target = max(hits)
                 out[column["name"]] = {role: target} | ({"unit": unit} if unit else {})
@@ -526,6 +525,7 @@ class Building:
         "redo": lambda s, b: s.draft.redo(),
         "stage": _open_stage,
         "log": _log,
+        "time": _time,
         "use": _use,
         "limit": _limit,
         "bind": _bind,

@@ -18,7 +18,7 @@ from thermid.model.tree import Entry, Model, deck_text, parameter_table
 from thermid.reporting.diagrams import network_map, parts_of
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Scenario, Simulator, Solution, prepare
-from thermid.values.store import LeftOut, State, Store, ValueOrigin
+from thermid.values.store import INPUT, LeftOut, State, Store, ValueOrigin
 
 ICE = 273.15
 TRACK_POINTS = 400
@@ -363,7 +363,7 @@ def slider_of(path: str, entry: Entry, value: float, error: float | None, unknow
 
 
 WORDS = "'{}' was set in the studio without an error"
-INSTRUMENTS = ("sensor", "instrument", "shared")
+INSTRUMENTS = ("sensor", "instrument", INPUT)
 """Kinds of unknowns that a store keeps beside parameters; what belongs to one record alone stays with it."""
 
 

@@ -6,6 +6,7 @@ import difflib
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
@@ -281,3 +282,19 @@ def waiting(folder: Path) -> list[str]:
         if unsaved and not (folder / f"{name}.toml").exists():
             out.append(name)
     return out
+
+
+@lru_cache(maxsize=1024)
+def kind_of(file: Path, written: int) -> tuple[str, str]:
+    """Return whether a file is a deck or a campaign, and its title; nothing for any other. `written` is its time of change. [ns]"""
+    try:
+        content, _ = read_toml(file)
+    except (ThermidError, OSError):
+        return "", ""
+    kind = "campaign" if "stages" in content else "deck" if {"nodes", "submodels", "needs"} & set(content) and "title" in content else ""
+    return kind, str(content.get("title", "")) if kind else ""
+
+
+def decks_in(folder: Path) -> list[str]:
+    """Return the names of the decks of a folder."""
+    return [f.name for f in sorted(folder.glob("*.toml")) if kind_of(f, f.lstat().st_mtime_ns)[0] == "deck"]

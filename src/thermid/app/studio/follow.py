@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,13 +10,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.app.studio.curves import Window, thinned_curve, window_of
+from thermid.app.studio.curves import Window, number_of, thinned_curve, window_of
 from thermid.app.studio.live import LiveWatch, temperatures_alone, told_columns
 from thermid.base.errors import DeckError, MissingDataError, RecordError, ThermidError, refuse_unknown
 from thermid.base.linear_algebra import Array, Bools
 from thermid.base.toml_files import project_root, resolve_inside
 from thermid.base.units import unit
-from thermid.measure.readers import read_record, temperature_columns
+from thermid.measure.readers import name_and_unit, read_record
 from thermid.measure.records import Channel, Record
 from thermid.measure.steadiness import RULES, ChannelStability, StabilityRule, channel_stability, rule_of, since_when
 from thermid.physics.constants import ICE_POINT
@@ -42,13 +41,14 @@ _ROLES: Final = {"K": ("node", "boundary"), "W": ("load",), "1": ("load", "comma
 def looked_at(path: Path, time: str | None = None) -> dict[str, Any]:
     """Return what `thermid look` says of a log: its columns with what they look like and why, its rows, questions, volts and amperes.
 
-    Each column has its `roles`, what it may be bound as, and is `open` where somebody must say its unit.
+    Each column has its `roles`, what it may be bound as; its unit is `assumed` where its heading has none in so many words, and `open` then
+    and where nobody knows it: somebody may say another one.
     """
     found = look(path, time=time)
     out = found.as_object()
-    for column in out["columns"]:
-        roles = _roles(column["unit"])
-        column |= {"roles": _ANY if roles is None else roles, "open": column["assumed"] or roles is None}
+    for column, of in zip(out["columns"], found.columns, strict=True):
+        roles, assumed = _roles(of.unit), bool(of.unit) and name_and_unit(of.header)[1] is None
+        column |= {"roles": _ANY if roles is None else roles, "open": assumed or roles is None, "assumed": assumed}
     return out | {"supply": [c.name for c in found.supply or ()]}
 
 
@@ -128,19 +128,19 @@ class Follower:
         if query.get("known") == version and not (due and self._kept is not None and self._kept.behind):
             return {"same": True, "known": version, "age": age}
         begun, before, told = time.monotonic(), self._kept, temperatures_alone(told_columns(query))
+        slowest, since = _hours(query, "slowest"), _hours(query, "since")
+        table: dict[str, Any] = {"known": version, "age": age}
         try:
-            columns = self._looked(path)
-            tables = told or {n: {"node": n} for n in temperature_columns(path)}
+            table |= {"columns": self._looked(path), "roles": self._live.roles()}
+            watched = self._live.look(path, rule, query, slowest, since)
+            warm = (c for c in table["columns"] if c["guess"] in ("temperature", "boundary"))
+            tables = told or temperatures_alone(watched["bound"]) or {c["name"]: {"node": c["name"], "unit": c["unit"]} for c in warm}
             if not tables:
-                none = "No column is recognised as a temperature. Say in the table of columns what each is."
-                return {"waiting": none, "known": version, "age": age, "columns": columns, "roles": self._live.roles()}
+                return {"waiting": "No column is recognised as a temperature. Say in the table of columns what each is."} | table
             record = read_whole_lines(path, lambda p: read_record(p, tables))
         except (MissingDataError, RecordError) as error:
-            return {"waiting": f"Nothing to show yet: {error.message}", "known": version, "age": age}
-        out = self._curves_and_forecasts(record, rule, query)
-        slowest, since = _hours(query.get("slowest"), "slowest"), _hours(query.get("since"), "since")
-        out["watch"] = self._live.look(path, rule, query, slowest, since)
-        out |= {"columns": columns, "roles": self._live.roles()}
+            return {"waiting": f"Nothing to show yet: {error.message}"} | table
+        out = self._curves_and_forecasts(record, rule, query) | {"watch": watched} | table
         spent = self._kept.took if self._kept is not None and self._kept is not before else 0.0
         return out | {"file": path.name, "known": version, "age": age, "seconds": time.monotonic() - begun - spent}
 
@@ -160,7 +160,7 @@ class Follower:
     def _curves_and_forecasts(self, record: Record, rule: StabilityRule, query: Mapping[str, Any]) -> dict[str, Any]:
         """Return curves, stability and forecasts of a log."""
         window, reference = window_of(query), str(query.get("reference") or "")
-        since = _hours(query.get("since"), "since")
+        since = _hours(query, "since")
         names = [n for n in record.channels if n != reference]
         refuse_unknown([reference] if reference else (), record.channels, record.name, "unknown channel '{}'.")
         stabilities: dict[str, ChannelStability] = {}
@@ -206,20 +206,16 @@ class Follower:
         return self._kept
 
 
-def _hours(value: Any, name: str) -> float | None:
-    """Return a time from hours; None where none is given. [s]"""
-    if value is None or value == "":
-        return None
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise RecordError(f"'{name}' is a number of hours.", "bench", code="value.wrong-kind")
-    return 3600.0 * float(value)
+def _hours(query: Mapping[str, Any], key: str) -> float | None:
+    """Return a time that a page gives in hours; None where it gives none. [s]"""
+    return None if query.get(key) in (None, "") else 3600.0 * number_of(query, key)
 
 
 def _forecast(record: Record, name: str, rule: StabilityRule, query: Mapping[str, Any], begun: float) -> dict[str, Any]:
     """Return where a channel will end, or why that is not said."""
     if time.monotonic() - begun > BUDGET:
         return {"declined": "Not computed, to save time. Choose this channel to compute it.", "final": None, "open": True}
-    since, slowest = _hours(query.get("since"), "since"), _hours(query.get("slowest"), "slowest")
+    since, slowest = _hours(query, "since"), _hours(query, "slowest")
     reference = str(query.get("reference") or "")
     try:
         outlook = forecast(record, name, since="start" if since is None else since, rule=rule, reference=reference, slowest=slowest)

@@ -44,9 +44,10 @@ def told_columns(asked: Mapping[str, Any]) -> Tables:
     return {n: t for n, t in told.items() if any(t.get(role) for role in WATCHED_ROLES)}
 
 
-def temperatures_alone(told: Tables) -> Tables:
-    """Return the tables of what was bound to nodes and boundaries, each as a node of its own name."""
-    return {n: {"node": n} | ({"unit": t["unit"]} if "unit" in t else {}) for n, t in told.items() if "load" not in t}
+def temperatures_alone(channels: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the tables of what is bound to nodes and boundaries, each as a node of its own name."""
+    warm = {n: t for n, t in channels.items() if isinstance(t, str) or {"node", "boundary"} & set(t)}
+    return {n: t if isinstance(t, str) else {"node": n} | ({"unit": t["unit"]} if "unit" in t else {}) for n, t in warm.items()}
 
 
 def _as_told(channels: Mapping[str, Any], told: Tables) -> dict[str, Any]:
@@ -196,9 +197,12 @@ def _by_names(path: Path, model: Model, stated: Scenario | None, bare: WatchRequ
 
 def _like_a_record(path: Path, campaign: Campaign, stated: Scenario | None, bare: WatchRequest, told: Tables) -> _Bound:
     """Return what a log is watched by where it has the columns of a record of a campaign: their meaning, and the last stage's model."""
-    header = {name_and_unit(cell)[0] for cell in log_cells(path).header}
+    written = log_cells(path).header
+    header = {*written, *(name_and_unit(cell)[0] for cell in written)}
     records = campaign.source.content.records if campaign.source is not None else {}
-    alike = [name for name, table in records.items() if table.channels and set(table.channels) <= header]
+    # columns of a power that no column holds are looked for where it is read
+    own = {name: {t if isinstance(t, str) else n for n, t in r.channels.items() if "power" not in t} for name, r in records.items()}
+    alike = [name for name, columns in own.items() if columns and columns <= header]
     if not alike and told:
         return _by_names(path, campaign[list(campaign)[-1]].fitted_model, stated, bare, told)
     if not alike:

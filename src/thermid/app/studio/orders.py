@@ -14,6 +14,7 @@ import numpy as np
 from thermid.app.studio.courses import Shelf, outcome_object, profile_for, profile_object
 from thermid.app.studio.curves import MAX_SENT_POINTS, ThinnedCurve, Window, number_of, text_of, texts_of, window_of
 from thermid.app.studio.desk import ICE, Desk
+from thermid.app.studio.draft import decks_in
 from thermid.app.studio.follow import Follower
 from thermid.app.studio.project import Project
 from thermid.app.studio.work import Work
@@ -114,7 +115,7 @@ def project_object(project: Project, job: Mapping[str, Any]) -> dict[str, Any]:
         "note": "" if project.source is None else project.source.content.note,
         "stages": [asdict(project.states[name]) for name in project.stages],
         **standing_object(project),
-        "decks": project.decks() if project.source is not None else (),
+        "decks": decks_in(project.path.parent) if project.source is not None else (),
         "kept": project.kept_files(),
         "table": {"heads": [c.title for c in table.columns], "rows": [[[c.text, c.look] for c in row] for row in table.rows]},
         "job": job,

@@ -17,6 +17,7 @@ from thermid.campaign.stages import (
     Campaign,
     CampaignSource,
     changed_since,
+    errors_kept,
     file_name,
     joint,
     judge,
@@ -167,7 +168,7 @@ class Project:
             changed = ", ".join(changed_since(self.results, name, self._made_of[name]))
             why = f"changed since it was run: {changed}" if changed else "run it again" if ran else "never run"
             return self._set(StageState(name, "stale" if ran else "new", why, direct))
-        return self._finish(name, fit(request, None, recalled))
+        return self._finish(name, fit(request, None, recalled, keeping=errors_kept(self.results, name, self._keys[name])))
 
     def run(self, name: str, progress: Told | None = None) -> StageState:
         """Run a stage again from what its files say; the ones below must be done.
@@ -178,7 +179,8 @@ class Project:
         """
         if self.source is None:
             raise DeckError("a deck has no stages to run. Open a campaign.", self.path.name, code="studio.not-now")
-        calibration = fit(self._request(name), progress)
+        request = self._request(name)
+        calibration = fit(request, progress, keeping=errors_kept(self.results, name, self._keys[name]))
         if calibration.converged:
             remember(self.results, name, self._keys[name], calibration.kept, self._made_of[name])
             calibration.save(self.results / f"{file_name(name)}.values.toml")
@@ -407,18 +409,6 @@ class Project:
             raise DeckError(f"stage '{undone[0]}' has not been run. Run the stages first.", self.title, code="campaign.not-run")
         file = resolve_inside(self.path.parent, deck, "swap", ())
         return plan_retune(self.campaign or self._unjudged_campaign(), part, load_model(file))
-
-    def decks(self) -> tuple[str, ...]:
-        """Return the decks beside the campaign."""
-        out = []
-        for file in sorted(self.path.parent.glob("*.toml")):
-            try:
-                content, _ = read_toml(file)
-            except ThermidError:
-                continue
-            if {"nodes", "submodels"} & set(content):
-                out.append(file.name)
-        return tuple(out)
 
     def table(self) -> Table:
         """Return heat transfer coefficients, parts down, stages that are done across, as reports have them."""

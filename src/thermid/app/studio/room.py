@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from thermid.app.studio.building import Building
 from thermid.app.studio.curves import text_of
-from thermid.app.studio.draft import waiting
+from thermid.app.studio.draft import kind_of, waiting
 from thermid.app.studio.follow import Follower
 from thermid.app.studio.live import LiveWatch
 from thermid.app.studio.orders import orders, questions
@@ -17,7 +17,6 @@ from thermid.app.studio.project import Project
 from thermid.app.studio.work import Work
 from thermid.base.errors import DeckError, ThermidError, refuse_unknown
 from thermid.base.files import RESULTS_FILE, command, read_text, state_folder, write_bytes
-from thermid.base.toml_files import read_toml
 from thermid.campaign.start import EXAMPLES, copies, copy_example, word
 
 Query = Mapping[str, str]
@@ -135,7 +134,8 @@ class Room:
         out: list[dict[str, str]] = []
         for pattern in ("*.toml", *("*/" * k + "*.toml" for k in range(1, FOLDERS_DEEP + 1))):
             for file in sorted(self.folder.glob(pattern)):
-                kind, title = _kind(file) if len(out) < FILES_SHOWN and file.resolve().is_relative_to(self.folder) else ("", "")
+                inside = len(out) < FILES_SHOWN and file.resolve().is_relative_to(self.folder)
+                kind, title = kind_of(file, file.lstat().st_mtime_ns) if inside else ("", "")
                 if kind:
                     out.append({"file": file.relative_to(self.folder).as_posix(), "kind": kind, "title": title})
         return out
@@ -200,13 +200,3 @@ class Room:
 def _recents() -> Path:
     """Return the file with the recent files of this user."""
     return state_folder() / "recent.json"
-
-
-def _kind(file: Path) -> tuple[str, str]:
-    """Return whether a file is a deck or a campaign, and its title; nothing for any other."""
-    try:
-        content, _ = read_toml(file)
-    except (ThermidError, OSError):
-        return "", ""
-    kind = "campaign" if "stages" in content else "deck" if {"nodes", "submodels", "needs"} & set(content) and "title" in content else ""
-    return kind, str(content.get("title", "")) if kind else ""

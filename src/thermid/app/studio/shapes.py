@@ -142,8 +142,9 @@ def free_name(wanted: str, taken: Container[str]) -> str:
 
 
 def _no_name(name: str) -> DeckError:
-    why = f"'{name}' is taken, or cannot be one. Give letters, digits and _ only, a letter first."
-    return DeckError(why, "palette", code="output.edit-refused")
+    plain = re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII)
+    why = "is taken. Give another name" if plain else f"is no name. Give letters, digits and _ only, a letter first, such as {word(name)}"
+    return DeckError(f"'{name}' {why}.", "palette", code="output.edit-refused")
 
 
 def stored(content: Mapping[str, Any], name: str, how: str) -> list[Edit]:
@@ -278,7 +279,11 @@ def _replaced(value: Any, old: str, new: str) -> Any:
 
 
 def valued(content: Mapping[str, Any], keys: Sequence[str | int], text: str, source: str) -> list[Edit]:
-    """Return the edits that give a field a value and say where it comes from; without a text it is taken away."""
+    """Return the edits that set the value and the source of a field; an empty text removes the field.
+
+    Where the field is no table yet, it becomes one if there is a source, and a plain text otherwise. A placeholder of the palette loses
+    its mark and its source. In any other table only what differs is changed; an empty source removes the old one.
+    """
     here: Any = content
     for key in keys:
         here = here.get(key) if isinstance(here, Mapping) else None

@@ -418,7 +418,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     "model.radiation-not-split": CodeMeaning(
         "warning, remark",
         "A coefficient includes radiation, which does not go where the surface looks, or stays in vacuum.",
-        "Split it: `thermid split`, or give `htc` and `emissivity`.",
+        "Split it by `td.inference.split`, or give `htc` and `emissivity`.",
     ),
     "model.refused": CodeMeaning(
         "error",

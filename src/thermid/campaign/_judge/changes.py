@@ -96,7 +96,7 @@ class Changes(Result):
 
 
 @takes_objects
-def compare_models(old: Model, new: Model, scenarios: Sequence[Scenario] = ()) -> Changes:
+def compare_models(old: Model, new: Model, scenarios: Scenario | Sequence[Scenario] = ()) -> Changes:
     """Return what differs between two versions of a model, whatever units, order or arithmetic their decks are written in.
 
     Parameters
@@ -110,7 +110,8 @@ def compare_models(old: Model, new: Model, scenarios: Sequence[Scenario] = ()) -
     """
     common = "every boundary at 20 degC, loads as in the deck: no scenario was given"
     needs = {*old.needs, *new.needs}
-    conditions = tuple(scenarios) or (Scenario("20 degC", boundaries=dict.fromkeys(sorted(needs), "20 [degC]")),)
+    given = (scenarios,) if isinstance(scenarios, Scenario) else tuple(scenarios)
+    conditions = given or (Scenario("20 degC", boundaries=dict.fromkeys(sorted(needs), "20 [degC]")),)
     before, after = ([_temperatures(model, scenario) for scenario in conditions] for model in (old, new))
     moved, changes = _values(old, new, conditions, before)
     changes = [*_parts(old, new), *_rest(moved, new), *changes]

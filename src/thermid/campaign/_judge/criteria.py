@@ -56,6 +56,7 @@ class Criteria:
     mark: str
     source: str
 
+    @takes_objects
     def __init__(
         self,
         name: str = "",
@@ -76,7 +77,7 @@ class Criteria:
             )
         common = _kelvin({**(limits or {}), **more}, place)
         sensor_limits = {sensor: _kelvin(table, f"{place}.sensors.{sensor}") for sensor, table in (sensors or {}).items()}
-        check_mark(mark, place)
+        check_mark(str(mark), place)
         if name and not common:
             raise ScenarioError(
                 f"a set of criteria needs at least one limit above zero: {', '.join(known_criteria())}.", place, code="value.incomplete"
@@ -134,7 +135,7 @@ def _kelvin(limits: Mapping[str, str | float], where: str) -> dict[str, float]:
     for key, limit in limits.items():
         if key != "each":
             metric(key, where, "criterion")
-        if limit == "":
+        if isinstance(limit, str) and not limit:
             continue
         out[key] = float(limit) if isinstance(limit, int | float) else literal(limit, "K", f"{where}.{key}")
         if not math.isfinite(out[key]) or out[key] <= 0:

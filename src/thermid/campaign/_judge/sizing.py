@@ -11,10 +11,10 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError, refuse_unknown
+from thermid.base.expression import amount
 from thermid.base.results import Result
 from thermid.base.units import counted, si_unit
 from thermid.campaign._judge.limits import STATES, Limits, text_of
-from thermid.measure.amounts import amount
 from thermid.model.tree import Model, ParameterSet
 from thermid.prediction.bands import Knowledge, predict
 from thermid.simulation.runs import Scenario, simulate, steady
@@ -175,7 +175,7 @@ class _Task:
 
     def searched(self, between: tuple[Any, Any] | None) -> tuple[float, float]:
         """Return the range. [SI]"""
-        deck = ParameterSet(self.model).table[self.path].parameter if self.parameter.is_printed else self.parameter
+        deck = ParameterSet(self.model).table[self.path].parameter if self.parameter.is_range else self.parameter
         ends = between if between is not None else (deck.minimum, deck.maximum)
         low, high = (np.nan if end is None else amount(end, self.unit, f"between, {self.path}") for end in ends)
         if not low < high:
@@ -196,7 +196,15 @@ class _Task:
         return self._kept[key]
 
     def bound(self, end: tuple[float, _LimitSide | None], inward: float, source: Knowledge, spread: Any, width: float) -> Bound:
-        """Return an end of a window, with its error where something is not known exactly: that of the temperature over its slope."""
+        """Return one end of a window. Its standard error is that of the extreme temperature over the slope dT/dx of what is to spare.
+
+        Parameters
+        ----------
+        end : (value [SI], limit)   The limit that is met there; None where the searched range ends, which has no error.
+        inward : float              1 at the low end, -1 at the high end: towards the inside, where the limit holds with 95 %. [-]
+        source, spread              As in `predict`; without values and spread there is no error.
+        width : float               Of the searched range; the slope is a central difference over 1e-4 of it either way. [SI]
+        """
         x, item = end
         if item is None:
             return Bound(x, "the range ends there")

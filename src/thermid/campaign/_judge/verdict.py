@@ -16,6 +16,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, refuse_unknown
+from thermid.base.expression import amount
 from thermid.base.files import RESULTS_FILE, write_text
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.base.sourced import VERDICTS, weigh
@@ -212,7 +213,7 @@ def validate(
     scenario: Scenario | None = None,
     local: Mapping[str, Any] | None = None,
     readings: Mapping[str, Any] | None = None,
-    window: float = 0.0,
+    window: str | float = 0.0,
     title: str = "",
 ) -> Verdict:
     """Return the verdict on a calibrated model from a record that no stage has used.
@@ -244,7 +245,7 @@ def validate(
             f"record '{record.name}' was used by {user}. A validation needs a hold-out record: use one that no fit used.",
             code="campaign.record-used",
         )
-    prediction = fit(record_request(calibration, record, scenario, local, readings, window))
+    prediction = fit(record_request(calibration, record, scenario, local, readings, amount(window, "s", "window")))
     statistics = prediction.statistics[record.name]
     refuse_unknown(
         criteria.sensors or {},

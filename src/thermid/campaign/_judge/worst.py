@@ -17,13 +17,12 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError
-from thermid.base.expression import Kelvin
+from thermid.base.expression import Kelvin, amount
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.base.units import TEMPERATURE, si_unit
 from thermid.campaign._judge.limits import Limits, text_of
 from thermid.campaign._judge.sizing import extremes
-from thermid.measure.amounts import amount
 from thermid.model.tree import Model
 from thermid.simulation.network import Network, compile_network
 from thermid.simulation.runs import Scenario

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 from thermid.base.dual import value_of
 from thermid.base.errors import ThermidError
+from thermid.base.expression import amount
 from thermid.campaign._start.roles import Roles
 from thermid.inference.criticism import FittedStructure
 from thermid.inference.diagnosis import SPECIFIC_HEAT, RangeCheck
-from thermid.measure.amounts import amount
 from thermid.model.tree import Model
 from thermid.physics.materials import materials as all_materials
 

@@ -296,7 +296,7 @@ def _campaign(
         stage.add("scenario", tomlkit.item(scenario))
     if request.priors:
         stage.add("priors", tomlkit.item({path: {"mean": mean, "sd": sd} for path, (mean, sd) in request.priors.items()}))
-    local = _local(proposal, request)
+    local = _local(request)
     if local:
         stage.add("local", tomlkit.item(local))
     stages = tomlkit.aot()
@@ -360,7 +360,7 @@ def _stage_scenario(proposal: Proposal, request: Request) -> dict[str, Any]:
     return {**out, **({"initial": initial} if initial else {})}
 
 
-def _local(proposal: Proposal, request: Request) -> dict[str, dict[str, str]]:
+def _local(request: Request) -> dict[str, dict[str, str]]:
     out: dict[str, dict[str, str]] = {}
     for name, spec in request.local.items():
         sd = {"sd": f"{LOOSE_AMBIENT:g} [K]"} if isinstance(spec, LocalSpec) and math.isfinite(spec.sd) else {}

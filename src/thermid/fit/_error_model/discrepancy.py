@@ -29,7 +29,7 @@ from thermid.fit._error_model.courses import (
 )
 from thermid.fit._error_model.own_values import OWN_VALUES, own_values_of
 from thermid.fit._minimisation import Fit, covariances, ended
-from thermid.fit._problem.request import Request
+from thermid.fit._problem.request import Request, known_before
 from thermid.fit._problem.residuals import Influence, Problem, Unknown
 from thermid.fit._uncertainty.noise import Autocorrelation, Binned, binned, score_excess
 from thermid.model.identity import identity_of
@@ -37,12 +37,8 @@ from thermid.model.tree import FlatConductor
 from thermid.physics.gas import GASES, REFERENCE
 from thermid.simulation.network import Media, Network
 from thermid.values.fitted import FittedValues
-from thermid.values.ranges import ranged_values
+from thermid.values.ranges import RangedValue, ranged_values
 from thermid.values.store import Source
-
-MAX_SOLVED_ASSUMPTIONS = 40
-"""Assumed values beyond which none is solved again: each costs a derivative of every run."""
-
 
 MIN_CONTACT_GAP: Final = 10e-6
 """Effective distance of machined surfaces that touch, from which the most that gas can carry follows. Yovanovich has 1.53 s (P/H)^-0.097,
@@ -138,7 +134,7 @@ class AssumedMoves:
     ----------
     moved : dict    Assumed value -> what every unknown (unknowns,) would move by for one more of its SI unit; fitted form.
     said : dict     Assumed value -> variance that the readings leave it with all else open, and how far away they ask it to be. [SI]
-    ranges : tuple  Source of each printed range, and what every unknown (unknowns,) moves by for one of its standard deviations.
+    ranges : tuple  Source of each stated range, and what every unknown (unknowns,) moves by for one of its standard deviations.
     """
 
     moved: Mapping[str, Array] = field(default_factory=dict)
@@ -242,39 +238,68 @@ def operating_points(provenance: Mapping[str, Any]) -> dict[str, OperatingPoint]
 
 
 def assumed_moves(request: Request, problem: Problem, minimum: Fit, noise: Autocorrelation) -> AssumedMoves:
-    """Return what a fit would find with other assumed values.
+    """Return what a fit would find with other assumed values, in the models of all its levels.
 
     So a spread of an assumed value is solved again: it cancels where the fit pins the answer, and opens where it does not.
     """
-    if not problem.unknowns or any(identity_of(e.model) != identity_of(request.model) for e in problem.experiments):
+    uppermost, several = identity_of(request.model), dict[str, list[int]]()
+    for i, e in enumerate(problem.experiments):
+        several.setdefault(identity_of(e.model), []).append(i)
+    ranges: dict[tuple[str, ...], RangedValue] = {}
+    more: dict[str, Unknown] = {}
+    for model in sorted(several, key=lambda m: m != uppermost):  # of one source in several levels the name is that of the uppermost
+        ranged, opened = _opened_in(request, problem, minimum.fitted, several[model])
+        ahead = "" if model == uppermost else f"{model}: "
+        for r in ranged:
+            key = tuple(s.name for s, _ in r.columns)
+            paths = (r.path, *r.also)
+            if key in ranges:
+                first_name = ranges[key].path
+                targets = tuple(t for p in paths for t in opened.pop(p).targets)
+                more[first_name] = replace(more[first_name], targets=(*more[first_name].targets, *targets))
+            else:
+                ranges[key] = replace(r, path=ahead + r.path, also=tuple(ahead + p for p in r.also))
+        more |= {ahead + p: replace(u, name=ahead + p) for p, u in opened.items()}
+    if not problem.unknowns or not more:
         return AssumedMoves()
-    at, deck = minimum.fitted, problem.experiments[0].network.flat.parameters
-    taken = {p for s in request.store.states.values() for p in s.acts}
-    taken |= {t.name for u in problem.unknowns for t in u.targets}
-    taken |= {p for e in problem.experiments for p in e.scenario.driven(e.network.flat)}
-    ranged = ranged_values(request.model, deck, taken)
-    paths = list(dict.fromkeys(p for r in ranged for p in (r.path, *r.also)))
+    at = minimum.fitted
+    wide = replace(problem, unknowns=(*problem.unknowns, *more.values()), coupled=())
+    pieces = binned(wide, np.concatenate([at, [u.start for u in more.values()]]), request.loss)
+    below = told_first(k.of_assumed for table in request.store.provenance.values() if (k := kept_in(table)) is not None)
+    residuals, priors = problem.prior_rows(at)
+    inherited, pulled = known_before(request, problem.unknowns), np.zeros((len(residuals), len(more)))
+    column_of = {s.name: k for k, s in enumerate(inherited.sources)} if inherited.at.size else {}
+    for r in ranges.values():
+        source, share = r.columns[-1]
+        if source.name in column_of:  # what the stages below found beside it, the mean of their prior, moves with it
+            moves = inherited.rows[:, column_of[source.name]] / (share * r.sd_left(more[r.path].start, below))
+            pulled[-len(inherited.root) :, list(more).index(r.path)] = -inherited.root @ moves
+    level, wide_priors = noise.variance_factor, np.concatenate([priors, pulled], axis=1)
+    weights = finite(covariances(ended(problem, at, request.loss), level)[2])
+    cross = sum((b.slopes[:, : at.size].T @ (b.count[:, None] * b.slopes[:, at.size :]) for b in pieces.values()), np.zeros((at.size, 1)))
+    moved = dict(zip(more, -(weights @ (cross / level + priors.T @ pulled)).T, strict=True))
+    of_assumed = _said_of(list(more), residuals, wide_priors, pieces, noise)
+    first, columns = told_first([below, of_assumed]), []
+    for r in ranges.values():
+        move = np.sum([moved[p] for p in (r.path, *r.also)], axis=0) * r.sd_left(more[r.path].start, first)
+        columns += [(source, share * move) for source, share in r.columns]
+    here = problem.experiments[several[uppermost][0]].network.flat.parameters.table if uppermost in several else {}
+    of_own = {p: x for p, x in of_assumed.items() if p in here}
+    return AssumedMoves({p: x for p, x in moved.items() if p in here}, of_own, tuple(columns))
+
+
+def _opened_in(request: Request, problem: Problem, at: Array, runs: Sequence[int]) -> tuple[list[RangedValue], dict[str, Unknown]]:
+    """Return the ranged values of the model of some runs that nothing gives, and an unknown for each of them and each assumed value."""
+    experiments = [problem.experiments[i] for i in runs]
+    network, deck = experiments[0].network, experiments[0].network.flat.parameters
+    acting = {t.name: u.to_value(float(x)) for u, x in zip(problem.unknowns, at, strict=True) for t in u.targets if t.experiment in runs}
+    taken = {*acting, *(p for s in request.store.states.values() for p in s.acts)}
+    taken |= {p for e in experiments for p in e.scenario.driven(e.network.flat)}
+    ranged = ranged_values(experiments[0].model, deck, taken)
     assumed = (p for p, e in deck.table.items() if e.parameter.source == "assumed" and e.parameter.is_literal and p not in taken)
-    both = [*paths, *(p for p in assumed if p not in paths)]
-    paths = both if len(both) <= MAX_SOLVED_ASSUMPTIONS else paths
-    if not paths or len(paths) > MAX_SOLVED_ASSUMPTIONS:
-        return AssumedMoves()
-    here = {p: u.to_value(float(x)) for u, x in zip(problem.unknowns, at, strict=True) if u.kind == "parameter" for p in (u.name, *u.also)}
-    values = problem.experiments[0].network.numbers(here).values
-    runs = range(len(problem.experiments))
-    more = [Unknown(p, "parameter", tuple(Influence(i, p) for i in runs), float(value_of(values[p]))) for p in paths]
-    wide = replace(problem, unknowns=(*problem.unknowns, *more), coupled=())
-    ends = np.concatenate([at, [u.start for u in more]])
-    pieces = binned(wide, ends, request.loss)
-    level = max(1.0, minimum.chi_square / max(round(problem.freedom), 1))
-    moved = dict(zip(paths, _moved_in(problem, ends, pieces, request.loss, level).T, strict=True))
-    of_assumed = _said_of(problem, paths, at, pieces, noise)
-    nominal = {u.name: u.start for u in more}
-    below = (k.of_assumed for table in request.store.provenance.values() if (k := kept_in(table)) is not None)
-    first = told_first([*below, of_assumed])
-    moves = [np.sum([moved[p] for p in (r.path, *r.also)], axis=0) * r.sd_left(nominal[r.path], first) for r in ranged]
-    columns = ((source, share * move) for r, move in zip(ranged, moves, strict=True) if move.any() for source, share in r.columns)
-    return AssumedMoves(moved, of_assumed, tuple(columns))
+    paths = dict.fromkeys([*(p for r in ranged for p in (r.path, *r.also)), *assumed])
+    values = network.numbers({p: x for p, x in acting.items() if p in deck.table}).values
+    return ranged, {p: Unknown(p, "parameter", tuple(Influence(i, p) for i in runs), float(value_of(values[p]))) for p in paths}
 
 
 def told_first(several: Iterable[Mapping[str, tuple[float, float]]]) -> dict[str, tuple[float, float]]:
@@ -289,33 +314,26 @@ def told_first(several: Iterable[Mapping[str, tuple[float, float]]]) -> dict[str
 
 
 def _said_of(
-    problem: Problem, paths: Sequence[str], at: Array, pieces: Mapping[tuple[str, str], Binned], noise: Autocorrelation
+    paths: Sequence[str], residuals: Array, priors: Array, pieces: Mapping[tuple[str, str], Binned], noise: Autocorrelation
 ) -> dict[str, tuple[float, float]]:
     """Return assumed value -> variance that the readings leave it with all else open, and how far away they ask it to be; SI units.
 
     Without a word of the deck's range: with other assumed values open too, so that what they can only say of several together counts for
     none of them. Values of which they say nothing are left out.
+
+    Parameters
+    ----------
+    paths : sequence    The assumed values, the last unknowns.
+    residuals, priors   Of the priors of the unknowns, and their derivatives (priors, unknowns).
     """
-    level, size = noise.variance_factor, at.size
-    prior_residuals, priors = problem.prior_rows(at)
-    priors = np.concatenate([priors, np.zeros((priors.shape[0], len(paths)))], axis=1)
+    level, size = noise.variance_factor, priors.shape[1] - len(paths)
     rows = np.concatenate([*(np.sqrt(b.count / level)[:, None] * b.slopes for b in pieces.values()), priors])
     inverse = pseudo_inverse(rows)  # whole: of what cannot be separated only the values that take no part in it are used below
     excess = score_excess(pieces, noise.traces, level, {})
     variance = np.diag(covariance(rows) + sandwich(inverse, excess) / level**2)
-    score = sum((b.slopes.T @ (b.count * b.mean) for b in pieces.values()), np.zeros(rows.shape[1])) / level + priors.T @ prior_residuals
+    score = sum((b.slopes.T @ (b.count * b.mean) for b in pieces.values()), np.zeros(rows.shape[1])) / level + priors.T @ residuals
     step = np.abs(inverse @ score)
     return {p: (float(variance[k]), float(step[k])) for k, p in enumerate(paths, size) if np.isfinite(variance[k])}
-
-
-def _moved_in(problem: Problem, at: Array, pieces: Mapping[tuple[str, str], Binned], loss: str, level: float) -> Array:
-    """Return the same of residuals in stretches of time, with derivatives to all unknowns of the wide problem."""
-    size = len(problem.unknowns)
-    covariance_known = finite(covariances(ended(problem, at[:size], loss), level)[2])
-    cross = np.zeros((size, at.size - size))
-    for b in pieces.values():
-        cross += b.slopes[:, :size].T @ (b.count[:, None] * b.slopes[:, size:])
-    return np.asarray(-covariance_known @ cross / level)
 
 
 MIN_WANDERING: Final = 1e-6

@@ -198,8 +198,8 @@ def ways_of(network: Network, at: Mapping[str, OperatingPoint], values: Mapping[
     unsaid = [p for p, c in surfaces.items() if CARRIED_BY not in c.words]
     stated = {p: float(value_of(values[c.emissivity])) for p, c in surfaces.items() if c.kind == "effective" and c.emissivity}
     deck = network.flat.parameters
-    printed = deck.printed
-    relative = {p: r.log_sd(e) for p, e in stated.items() if (r := printed.get(deck.literal_behind(surfaces[p].emissivity))) is not None}
+    ranges = {p: deck.stated_ranges.get(deck.literal_behind(surfaces[p].emissivity)) for p in stated}
+    relative = {p: r.log_sd(stated[p]) for p, r in ranges.items() if r is not None}
     loose = [p for p in stated if deck.table[deck.literal_behind(surfaces[p].emissivity)].parameter.source != "measured"]
     others = [[p] for p in loose] if len(loose) <= FINISHES else [loose]
     finishes = [(stated, "", 1.0 - OTHER_FINISH if loose else 1.0)]

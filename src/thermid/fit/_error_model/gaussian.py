@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -56,18 +56,10 @@ def innovations(times: Array, columns: Array, noise: Array, wanders: Sequence[Wa
     noise : array (m,)      Standard deviation of the white noise. [K]
     wanders : sequence      Processes that are tried.
     """
-    scales, gains, log_dets = np.empty((times.size, len(wanders), 1)), np.empty((times.size, len(wanders), 1)), np.zeros(len(wanders))
-    memory = np.stack([np.exp(-np.diff(times, prepend=times[0]) / w.time) for w in wanders], axis=1)[:, :, None]
-    for place, wander in enumerate(wanders):
-        variance = wander.size**2
-        for k, (memory_of_step, white_variance) in enumerate(zip(memory[:, place, 0].tolist(), (noise**2).tolist(), strict=True)):
-            variance = memory_of_step**2 * variance + wander.size**2 * (1.0 - memory_of_step**2)
-            total = variance + white_variance
-            scales[k, place], gains[k, place] = total**0.5, variance / total
-            log_dets[place] += float(np.log(total))
-            variance = variance * white_variance / total
-        if wander.size == 0.0:
-            scales[:, place, 0], log_dets[place] = noise, 2.0 * float(np.log(noise).sum())
+    at, white = (np.asarray(x, dtype=float).tobytes() for x in (times, noise))
+    filters = [_filter_of(at, white, w) for w in wanders]
+    memory, scales, gains = (np.stack([f[k] for f in filters], axis=1)[:, :, None] for k in range(3))
+    log_dets = np.array([f[3] for f in filters])
     out = np.empty((len(wanders), times.size, columns.shape[1]))
     state, apart = np.zeros_like(out[:, 0]), np.empty_like(out[:, 0])
     for k, row in enumerate(columns):  # in place: new memory costs as much as the sums
@@ -77,6 +69,22 @@ def innovations(times: Array, columns: Array, noise: Array, wanders: Sequence[Wa
         apart *= gains[k]
         state += apart
     return out, log_dets
+
+
+@lru_cache(maxsize=128)
+def _filter_of(times: bytes, noise: bytes, wander: Wander) -> tuple[Array, Array, Array, float]:
+    """Return memory, scales and gains (m,) of the filter of a process, and its ln det: the same for every sensor and step of a search."""
+    instants, white = np.frombuffer(times), np.frombuffer(noise)
+    memory = np.exp(-np.diff(instants, prepend=instants[0]) / wander.time)
+    if wander.size == 0.0:
+        return memory, white, np.zeros(white.size), 2.0 * float(np.log(white).sum())
+    variance, totals, gains = wander.size**2, [], []
+    for memory_of_step, white_variance in zip(memory.tolist(), (white**2).tolist(), strict=True):
+        variance = memory_of_step**2 * variance + wander.size**2 * (1.0 - memory_of_step**2)
+        totals.append(variance + white_variance)
+        gains.append(variance / totals[-1])
+        variance = variance * white_variance / totals[-1]
+    return memory, np.array([t**0.5 for t in totals]), np.array(gains), float(sum(np.log(totals).tolist()))
 
 
 @dataclass(frozen=True, eq=False)

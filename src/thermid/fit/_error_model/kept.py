@@ -8,7 +8,7 @@ covariance, so that what is left of departures once the values are known has unk
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -51,9 +51,9 @@ from thermid.fit._problem.residuals import Problem, Unknown
 from thermid.fit._uncertainty.information import square_between
 from thermid.measure.amounts import short
 from thermid.model.elements import CARRIED_BY, Standing
-from thermid.model.identity import identity_of, inside
+from thermid.model.identity import identity_of, outside
 from thermid.simulation.network import Network
-from thermid.values.store import LaterTable
+from thermid.values.store import INPUT, LaterTable
 
 KEY = "errors"
 """Where the provenance of fitted values keeps it."""
@@ -73,14 +73,14 @@ class SeenValue:
     ----------
     kind : str          'parameter', 'sensor' or 'shared'.
     log : bool          Whether it is fitted by its logarithm.
-    acts : tuple        (name, factor) of what it acts on, where it is the error of an instrument.
+    acts : tuple        (name, factor, offset) of what it acts on; nothing for a sensor.
     mean, sd : float    What was known of it before any reading; fitted form.
     low, high : float   Its bounds; fitted form.
     """
 
     kind: str
     log: bool
-    acts: tuple[tuple[str, float], ...]
+    acts: tuple[tuple[str, float, float], ...]
     mean: float
     sd: float
     low: float
@@ -89,12 +89,22 @@ class SeenValue:
     @classmethod
     def of_unknown(cls, u: Unknown) -> SeenValue:
         """Return what an unknown of a fit is."""
-        acts = tuple(dict.fromkeys((t.name, float(t.factor)) for t in u.targets)) if u.kind == "shared" else ()
-        return cls(u.kind, u.log, acts, *map(float, before(u)), *map(float, u.fitted_bounds()))
+        shared = ((t.name, float(t.factor), float(t.offset)) for t in u.targets) if u.kind == INPUT else ()
+        acts = ((p, 1.0, 0.0) for p in (u.name, *u.also)) if u.kind == "parameter" else dict.fromkeys(shared)
+        return cls(u.kind, u.log, tuple(acts), *map(float, before(u)), *map(float, u.fitted_bounds()))
+
+    def acting(self, name: str) -> tuple[str, ...]:
+        """Return the paths where it acts as a value of the model, by its name."""
+        return tuple(p for p, *_ in self.acts) or (name,)
 
     def si(self, fitted: float) -> float:
         """Return the value of a fitted form. [SI]"""
         return float(np.exp(np.clip(fitted, -700.0, 700.0))) if self.log else fitted
+
+
+def _influence(factor: float, offset: float = 0.0) -> tuple[float, float]:
+    """Return factor and offset of what an instrument acts on; files of earlier versions have no offset."""
+    return float(factor), float(offset)
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,19 +168,17 @@ class KeptWay:
         free_air = {c.path: c.words[CARRIED_BY] == FREE_AIR for c in network.flat.conductors if CARRIED_BY in c.words}
         return all(free_air[p] == (law.exponent > 0.0) for p, law in self.laws.items() if p in free_air and isinstance(law, SurfaceLaw))
 
-    def without(self, part: str) -> KeptWay:
-        """Return what it says of all but a part: its other values and elements, whatever those of the part are."""
-        sources = (*(n.removeprefix("scale.").removeprefix("initial.") for n in self.values), *(c.source for c in self.columns))
-        stay = [k for k, source in enumerate(sources) if not inside(source, part)]
-        values, rows = list(self.values.items()), self.root[stay]
-        columns = [k - len(values) for k in stay if k >= len(values)]
-        smooth = {p: x for p, x in self.departures.smooth.items() if not inside(p, part)}
-        nodes = tuple(n for n in self.departures.nodes if not inside(n, part))
+    def without(self, places: Sequence[str], names: Mapping[str, str]) -> KeptWay:
+        """Return what it says of all but some places: of the values that stay, by their names then, and of elements elsewhere."""
+        there = outside((*self.laws, *self.departures.smooth, *self.departures.nodes, *(c.source for c in self.columns)), places)
+        columns = [k for k, c in enumerate(self.columns) if c.source in there]
+        rows = self.root[[*(k for k, n in enumerate(self.values) if n in names), *(len(self.values) + k for k in columns)]]
+        smooth = {p: x for p, x in self.departures.smooth.items() if p in there}
         return replace(
             self,
-            laws={p: law for p, law in self.laws.items() if not inside(p, part)},
-            values=dict(values[k] for k in stay if k < len(values)),
-            departures=replace(self.departures, smooth=smooth, nodes=nodes),
+            laws={p: law for p, law in self.laws.items() if p in there},
+            values={names[n]: x for n, x in self.values.items() if n in names},
+            departures=replace(self.departures, smooth=smooth, nodes=tuple(n for n in self.departures.nodes if n in there)),
             columns=tuple(self.columns[k] for k in columns),
             mean=self.mean[columns],
             root=_triangular(rows @ rows.T),
@@ -393,10 +401,13 @@ class ErrorModel(Result):
         carriers = ", ".join(f"{name} {100 * p:.0f} %" for name, p in self.carriers.items())
         return f"{self.stage}: {self.why or carriers}; readings at {self.misfit:.2g} times what is allowed of them"
 
-    def without(self, part: str) -> ErrorModel:
-        """Return what it says of all but a part."""
-        ways = tuple(w.without(part) for w in self.ways)
-        return replace(self, seen={n: v for n, v in self.seen.items() if not self.ways or n in ways[0].values}, ways=ways)
+    def without(self, places: Sequence[str]) -> ErrorModel:
+        """Return what it says of all but some parts and values; of a value that acts elsewhere too it says the same there."""
+        left = {n: outside(v.acting(n), places) if v.kind == "parameter" else (n,) for n, v in self.seen.items()}
+        names = {n: acts[0] for n, acts in left.items() if acts}
+        acting = {n: tuple((p, 1.0, 0.0) for p in left[n]) if self.seen[n].kind == "parameter" else self.seen[n].acts for n in names}
+        seen = {name: replace(self.seen[n], acts=acting[n]) for n, name in names.items()}
+        return replace(self, seen=seen, ways=tuple(w.without(places, names) for w in self.ways))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and texts for a file."""
@@ -414,7 +425,9 @@ class ErrorModel(Result):
         """
         stage, at = data["stage"], data["at"]
         fitted_values = {
-            placed(n, at): SeenValue(kind, log, tuple((placed(a, at), float(f)) for a, f in acts), *map(float, rest))
+            placed(n, at): SeenValue(
+                kind, log, tuple((placed(a, at), float(f), sum(map(float, o))) for a, f, *o in acts), *map(float, rest)
+            )
             for n, (kind, log, acts, *rest) in data["seen"].items()
         }
         try:
@@ -441,22 +454,54 @@ def deviation(c: UnknownColumn, sizes: Mapping[str, float], beyond: Mapping[str,
     return float(np.sqrt(size**2 + rest * sizes[kind] ** 2)) if kind else size
 
 
-def error_table(fit: Calibration) -> dict[str, Any]:
-    """Return the model of error of a fit as plain numbers: of values and what is left over alone where elements cannot be followed."""
-    try:
-        return ErrorModel.of_fit(fit).to_dict()
-    except (ThermidError, np.linalg.LinAlgError) as error:
-        return errors_of_values(fit, getattr(error, "message", "its runs leave the sizes of departures open")).to_dict()
+Keeping = Callable[[Callable[[], dict[str, Any]]], dict[str, Any]]
+"""Takes what makes a table and returns the table: as it was kept, or made now and kept."""
 
 
-def errors_without(errors: LaterTable | Mapping[str, Any], part: str) -> LaterTable:
-    """Return the model of error that a fit keeps without what it says of a part, of which others tell; it is made when it is asked for."""
+@dataclass(frozen=True, eq=False)
+class ErrorsOfFit:
+    """The model of error of a fit as plain numbers, worked out when somebody asks for it: from what is kept of it, where it is.
+
+    Parameters
+    ----------
+    fit : Calibration
+    keeping : callable or None  Keeps `numbers` for the next time.
+    """
+
+    fit: Calibration
+    keeping: Keeping | None = None
+
+    @cached_property
+    def numbers(self) -> Mapping[str, Any]:
+        """The table for files (``table``); by what it would move fitted values, their variances and its gain, with all digits."""
+        return self.keeping(self._make) if self.keeping is not None else self._make()
+
+    def _make(self) -> dict[str, Any]:
+        """Return them as worked out now: of values and what is left over alone where elements cannot be followed."""
+        try:
+            errors = ErrorModel.of_fit(self.fit)
+        except (ThermidError, np.linalg.LinAlgError) as error:
+            errors = errors_of_values(self.fit, getattr(error, "message", "its runs leave the sizes of departures open"))
+        moved = {n: float(x - self.fit.fitted[n]) for n, x in zip(errors.unknowns, errors.mean.tolist(), strict=True)}
+        variances = dict(zip(errors.unknowns, np.diag(errors.covariance).tolist(), strict=True))
+        return {"table": errors.to_dict(), "moved": moved, "variances": variances, "gain": float(errors.gain)}
+
+    def table(self) -> Mapping[str, Any]:
+        """Return the table for files."""
+        out: Mapping[str, Any] = self.numbers["table"]
+        return out
+
+
+def errors_without(errors: LaterTable, places: Sequence[str]) -> LaterTable:
+    """Return the model of error that a fit keeps without what it says of some parts and values, of which others tell.
+
+    It is made when it is asked for. Places are by the paths of the fit's own model.
+    """
 
     def make() -> dict[str, Any]:
-        table = errors.original() if isinstance(errors, LaterTable) else errors
-        return ErrorModel.from_dict({**table, "at": ""}).without(part).to_dict()
+        return ErrorModel.from_dict({**errors.original(), "at": ""}).without(places).to_dict()
 
-    return LaterTable(make, without=part)
+    return LaterTable(make, errors.at, (*errors.without, *places))
 
 
 def errors_of_values(fit: Calibration, why: str = "") -> ErrorModel:
@@ -518,24 +563,19 @@ def _problem_of(fit: Calibration) -> Problem:
     return problem
 
 
-def with_structural_errors(fit: Calibration) -> tuple[Calibration, ErrorModel | None]:
-    """Return a fit whose errors count how elements depart from their laws, and the model of error behind them.
+def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration:
+    """Return a fit whose errors count how elements depart from their laws, by its model of error.
 
     A value stays where its fit found it. Its error is the root of the sum of its variance by the model of error and of the square of what
     that would move it by; none becomes smaller. Where there is no model of error a warning of the fit says why.
     """
     is_requested = fit.request is not None and fit.request.structural_errors
-    try:
-        errors = ErrorModel.of_fit(fit)
-    except (ThermidError, np.linalg.LinAlgError) as error:
-        why = getattr(error, "message", "the readings and the bounds together leave the sizes of departures open")
+    if why := errors.numbers["table"]["why"]:
         words = f"the errors do not count what the structure may lack ({why.rstrip('.')}). Look for it with `thermid criticise`."
-        return replace(fit, warnings=(*fit.warnings, words)), None
-    if not is_requested and errors.gain < MIN_LOG_BAYES_FACTOR:
-        return fit, errors  # what wanders is as likely noise
-    moved = {n: float(x - fit.fitted[n]) for n, x in zip(errors.unknowns, errors.mean, strict=True)}
-    variances = dict(zip(errors.unknowns, np.diag(errors.covariance).tolist(), strict=True))
-    return _widened(fit, moved, variances), errors
+        return replace(fit, warnings=(*fit.warnings, words))
+    if not is_requested and errors.numbers["gain"] < MIN_LOG_BAYES_FACTOR:
+        return fit  # what wanders is as likely noise
+    return _widened(fit, errors.numbers["moved"], errors.numbers["variances"])
 
 
 def _widened(fit: Calibration, moved: Mapping[str, float], variances: Mapping[str, float]) -> Calibration:

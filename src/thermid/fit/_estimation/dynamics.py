@@ -194,7 +194,13 @@ class Dynamics:
         return tuple(out)
 
     def at(self, x: Array, sizes: Array, times: Array, sigma: Array, bias: Array) -> At:
-        """Return the dynamics at values of the bench's free names, of the noises and of the sensors."""
+        """Return the dynamics with numbers filled in; nothing is discretised yet.
+
+        Parameters
+        ----------
+        x : array               Values of the free names, in the order of the bench; errors of the sensors' scales are taken from here.
+        sizes, times, sigma, bias    As in `At`: size and correlation time of each noise, noise and constant error of each sensor.
+        """
         assembled = self.engine.started(self.wiring.assemble(x, False))
         scale = np.zeros(len(self.experiment.observations))
         for k, place, _ in self.bench.scales():

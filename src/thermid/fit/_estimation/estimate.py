@@ -12,6 +12,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError
+from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array, one_thread, symmetric_inverse
 from thermid.fit._calibrate import differing
 from thermid.fit._estimation.dynamics import UNKNOWN_START_SD
@@ -24,7 +25,6 @@ from thermid.fit._problem.request import LocalSpec, Request, freed, priors_of
 from thermid.fit._problem.residuals import Problem
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import Record
-from thermid.model.elements import literal
 from thermid.model.tree import Model
 from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import refuse_unseen
@@ -51,7 +51,7 @@ def estimate(
     local: Mapping[str, Any] | None = None,
     priors: Mapping[str, Any] | None = None,
     start_sd: Mapping[str, str] | None = None,
-    horizon: str = "",
+    horizon: str | float = "",
     name: str = "",
 ) -> Estimation:
     """Return values of a model by maximum likelihood with process noise, beside those without it.
@@ -87,19 +87,19 @@ def estimate(
     return estimated(request, process_noise, start_sd or {}, horizon)
 
 
-def estimated(request: Request, process_noise: Mapping[str, Any], start_sd: Mapping[str, str], horizon: str) -> Estimation:
+def estimated(request: Request, process_noise: Mapping[str, Any], start_sd: Mapping[str, str], horizon: str | float) -> Estimation:
     """Return the estimation that a request asks for; see `estimate`."""
     with one_thread():
         return _estimated(request, process_noise, start_sd, horizon)
 
 
-def _estimated(request: Request, noise_table: Mapping[str, Any], start_sd: Mapping[str, str], horizon: str) -> Estimation:
+def _estimated(request: Request, noise_table: Mapping[str, Any], start_sd: Mapping[str, str], horizon: str | float) -> Estimation:
     refuse_unseen(request.model, "a filter")
     problem = build_problem(request)
     noises = read_process(noise_table, problem.experiments[0].network, request.name)
     starts = starts_sd(problem, start_sd, noises, request.name)
     spans = [float(e.times[-1]) for e in problem.experiments]
-    ahead = literal(horizon, "s", f"{request.name}, horizon") if horizon else 0.2 * min(spans)
+    ahead = amount(horizon, "s", f"{request.name}, horizon") if horizon else 0.2 * min(spans)
     if not 0.0 < ahead <= (1.0 - MIN_FITTED_SHARE) * min(spans):
         raise IdentificationError(
             f"a horizon of {duration_text(ahead)} leaves too little to fit: of the {duration_text(min(spans))} of the shortest record "
@@ -219,6 +219,14 @@ def _compared(
     ahead: float,
     notes: tuple[tuple[str, ...], Mapping[str, float], list[str]],
 ) -> Estimation:
+    """Return the estimation with process noise beside output error, and the likelihood ratio between them.
+
+    The ratio is ``2 (ln L_process - ln L_output)``. Without process noise a size stands at zero, its bound, so that the ratio is
+    distributed half as chi-square of k degrees of freedom and half as that of k - 1, with k further unknowns (Self and Liang, J. Am.
+    Stat. Assoc. 82 (1987) 605). p is the probability of as large a ratio.
+
+    A parameter is `moved` where the noise moves it by more than `MOVED` of its standard errors.
+    """
     from scipy.special import gammaincc
 
     ratio = 2.0 * (process.log_likelihood - output.log_likelihood)

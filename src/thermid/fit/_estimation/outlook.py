@@ -191,7 +191,11 @@ def starts_sd(problem: Problem, texts: Mapping[str, str], noises: Sequence[Proce
 
 
 def course(likelihood: Likelihood, fitted: Array, covariance: Array, times: Array) -> tuple[Array, Array]:
-    """Return mean (times, states) and variance of a run that nobody reads, with its noise and a covariance of the values. [SI]"""
+    """Return mean and variance (times, states) of a run without readings. [SI]
+
+    The variance is that of the filter's prediction, which carries the process noise, plus ``J P J'`` of the fitted values: J by central
+    differences of runs, P their covariance.
+    """
     members, root = members_about(likelihood, fitted, covariance)
     passing, count = likelihood.passing(0, members), len(fitted)
     belief = passing.start()

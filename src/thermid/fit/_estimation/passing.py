@@ -51,7 +51,7 @@ class Passing:
         self.dynamics, self.members = dynamics, tuple(members)
         self.noise = np.stack([dynamics.noise(m) for m in self.members])
         if dynamics.linear:
-            self._lay_out()
+            self._precompute_linear()
 
     def start(self) -> Belief:
         """Return the belief before the first reading."""
@@ -60,8 +60,12 @@ class Passing:
 
     # one Jacobian for all states and times
 
-    def _lay_out(self) -> None:
-        """Take Jacobian, rates at the start's mean, and rows of readings of a linear network."""
+    def _precompute_linear(self) -> None:
+        """Compute once what a linear network needs at every step: its Jacobian, rows of readings, and steps about the mean start.
+
+        Over a step from t to t + h inputs are linear (first-order hold): ``x+ = x0 + F (x - x0) + P1 f(t) + P2 (f(t + h) - f(t))``, with
+        the rates f at the start's mean x0, and F, P1, P2 as in `responses`. The end is taken just before t + h, where inputs may jump.
+        """
         d = self.dynamics
         self.about = np.stack([d.start(m)[0] for m in self.members])
         local = [d.local(m, about, 0.0) for m, about in zip(self.members, self.about, strict=True)]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, NameNotFoundError, SolverError, ThermidError, refuse_unknown
-from thermid.base.expression import Kelvin
+from thermid.base.expression import Kelvin, amount
 from thermid.base.linear_algebra import HALF_WIDTH_95, NOTHING, Array, Bools, covariance as information_inverse, quadratic_forms
 from thermid.base.results import PlottedTrace, Result, Shown
 from thermid.base.units import unit
@@ -422,7 +422,7 @@ def power_history(
     accuracy: Any = "0.1 [%]",
     free: Sequence[str] = (),
     priors: Mapping[str, Any] | None = None,
-    every: str = "",
+    every: str | float = "",
     prior: str = "auto",
 ) -> PowerHistory:
     """Input estimation: the history of a load's power from a log of temperatures.
@@ -463,7 +463,7 @@ def power_history(
         words = f"channel '{logged}' of '{record.name}' already gives this power. Leave it out."
         raise IdentificationError(words, where, code="value.without-effect")
     usual = max(record.duration / KNOTS, record.step)
-    step = literal(every, "s", where) if every else usual
+    step = amount(every, "s", where) if every else usual
     knots, pins = _knots(record, step, known, accuracy, where)
     nominal = compile_network(model).flat.parameters.evaluate({}).get(f"{path}.power", 0.0)
     base = PRIOR_WIDTH * max(abs(float(nominal)), 1.0)
@@ -777,7 +777,7 @@ def _with_heat(problem: Problem, knots: Array, pins: Pins, base: float, prior: s
     if not any(u.kind == "parameter" for u in problem.unknowns):
         return x
     first = x.size - knots.size
-    sides = [(a[:, first:], g - a[:, :first] @ x[:first]) for a, g in _sides(problem, x, pins, *_rows(problem, x, None))]
+    sides = [(a[:, first:], g - a[:, :first] @ x[:first]) for a, g in _weighted_equations(problem, x, pins, *_rows(problem, x, None))]
     return np.append(x[:first], _likeliest(sides, np.zeros(knots.size), knots, pins, base, prior)[2])
 
 
@@ -808,7 +808,7 @@ def _colour(
         return Colour.of_traces(pieces, tuple(TraceNoise(*key, 0, 1.0, size, time, 0.0) for key in pieces), inputs)
 
     def likely(colour: Colour) -> float:
-        sides, force = _sides(problem, solution.x, pins, *colour.rows(pieces)), np.zeros(solution.x.size)
+        sides, force = _weighted_equations(problem, solution.x, pins, *colour.rows(pieces)), np.zeros(solution.x.size)
         near = solution.strength + np.arange(-6.0, 7.0, 1.5)
         return _likeliest(sides, force, knots, pins, base, solution.prior, near)[0] - 0.5 * colour.logdet
 
@@ -833,8 +833,11 @@ def _colour(
     return make(time, size), (words,)
 
 
-def _sides(problem: Problem, x: Array, pins: Pins, slopes: Array, rows: Array) -> list[tuple[Array, Array]]:
-    """Return |A z - g|^2, linearised: of the data, of the priors of all other unknowns, and of the stretches of known power."""
+def _weighted_equations(problem: Problem, x: Array, pins: Pins, slopes: Array, rows: Array) -> list[tuple[Array, Array]]:
+    """Return A and g of the linearised sums of squares ``|A z - g|^2`` over new unknowns z: data, priors, stretches of known power.
+
+    With derivatives J and residuals r at x, ``A = J`` and ``g = J x - r``; known powers P give ``(z_k - P) / sd``.
+    """
     prior_residuals, prior = problem.prior_rows(x)
     pinned = np.zeros((pins.at.size, x.size))
     pinned[np.arange(pins.at.size), x.size - pins.sections[-1] + pins.at] = 1.0 / pins.sd
@@ -849,7 +852,7 @@ def _in_rounds(problem: Problem, x: Array, knots: Array, pins: Pins, base: float
     force = np.zeros(x.size)
     for _ in range(MAX_HISTORY_ITERATIONS):
         slopes, rows = _rows(problem, x, colour)
-        sides = _sides(problem, x, pins, slopes, rows)
+        sides = _weighted_equations(problem, x, pins, slopes, rows)
         level = 1.0
         for _ in range(4 if levelled else 1):
             scaled = [(a / np.sqrt(level), g / np.sqrt(level)) if k == 0 else (a, g) for k, (a, g) in enumerate(sides)]

@@ -39,13 +39,13 @@ class Inputs:
     def take(self, channel: Channel, role: str, path: str, signal: Signal, errors: Mapping[str, float] | None) -> None:
         """Lay the signal of a channel over a boundary or load, its constant error taken off where it is known; what is stated is noted."""
         if role == "boundary":
-            self.boundaries[path] = signal if errors is None else signal.raised(errors.get(channel.name, 0.0))
+            self.boundaries[path] = signal if errors is None else signal.raised(-errors.get(channel.name, 0.0))
             if channel.accuracy:
                 self.shared[channel.name] = (path, channel.accuracy)
         elif role == "command":
             self.commands[path] = signal
         else:
-            self.loads[path] = signal if errors is None else signal.scaled(errors.get(channel.name, 1.0))
+            self.loads[path] = signal if errors is None else signal.scaled(1.0 - errors.get(channel.name, 0.0))
             power = power_while_on(signal)
             if channel.accuracy and power > 0:
                 self.shared[channel.name] = (f"scale.{path}", channel.accuracy / power)
@@ -697,7 +697,7 @@ def bind(
                             first reading stands there; ``start = "measured"`` starts every observed node at its first reading.
     window : float          First readings are medians over this time. [s]
     weights : dict          Sensor -> weight of its residuals, 1 where none is given.
-    errors : dict           Channel -> constant error of a logged boundary (added to it [K]) or power (a factor); where it is given, even
+    errors : dict           Channel -> error of a logged boundary [K] or power (a share of it), reading minus truth; where it is given, even
                             empty, none is looked for.
 
     Raises

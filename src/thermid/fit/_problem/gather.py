@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from numbers import Real
 from typing import Any
 
 from thermid.base.errors import IdentificationError, RecordError, nearest, refuse_unknown
@@ -14,8 +15,9 @@ from thermid.fit._problem.experiment import OFFSET, RATE, SCALE, Experiment, bin
 from thermid.fit._problem.request import Request, known_before, mean_of
 from thermid.fit._problem.residuals import Influence, Prior, Problem, Unknown
 from thermid.measure.sensors import SensorPart
-from thermid.model.elements import Constant, TableSignal
+from thermid.model.elements import Constant, StatedRange, TableSignal
 from thermid.values.spreads import read_spread
+from thermid.values.store import INPUT
 
 MAX_SEPARATE_STARTS = 10
 """Nodes without a sensor in a record up to which each has a start of its own; of more, those with the same neighbours move together."""
@@ -46,7 +48,7 @@ def build_problem(request: Request) -> Problem:
     sensors = {o.sensor for e in experiments for o in e.observations}
     for sensor, weight in request.weights.items():
         refuse_unknown([sensor], sensors, where, "a weight is given for '{}', which is not a sensor of this fit.", IdentificationError)
-        if not (math.isfinite(weight) and weight > 0):
+        if not (isinstance(weight, Real) and math.isfinite(weight) and weight > 0):
             raise IdentificationError(
                 f"the weight of '{sensor}' must be above zero. To leave a sensor out, ignore it.", where, code="value.outside-range"
             )
@@ -79,7 +81,7 @@ def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unk
     flat = experiments[0].network.flat
     wanted = [*request.free, *(q for p in request.prior for q in request.store.states[p].acts)]
     priors = {flat.parameters.freeable(k, request.model.canonical): v for k, v in request.priors.items()}
-    printed, inherited = flat.parameters.printed, {q for p in request.prior for q in request.store.states[p].acts}
+    ranges, inherited = flat.parameters.stated_ranges, {q for p in request.prior for q in request.store.states[p].acts}
     shared = request.shared
     unknowns: dict[str, Unknown] = {}
     taken: set[str] = set()
@@ -92,9 +94,8 @@ def _parameters(request: Request, experiments: Sequence[Experiment]) -> list[Unk
         unknown = _parameter(group, experiments)
         if path in priors:
             unknown = replace(unknown, prior=prior_of(unknown, priors.pop(path)))
-        elif path in printed and not inherited & {*group}:
-            sd = printed[path].log_sd(unknown.start) if unknown.log else printed[path].sd
-            unknown = replace(unknown, prior=Prior(unknown.to_fitted(unknown.start), sd))
+        elif path in ranges and not inherited & {*group}:
+            unknown = replace(unknown, prior=prior_of(unknown, ("", ranges[path])))
         unknowns[path] = unknown
     for path in priors:
         raise IdentificationError(
@@ -114,7 +115,12 @@ def _parameter(group: Sequence[str], experiments: Sequence[Experiment]) -> Unkno
 
 
 def prior_of(unknown: Unknown, prior: tuple[Any, Any] | Mapping[str, Any]) -> Prior:
-    """Return a prior in the fitted form of an unknown: mean (none: the start) and deviation with units, or what `read_spread` takes."""
+    """Return a prior in the fitted form of an unknown.
+
+    Stated is a mean (none: the start) with a deviation, as texts with units, or a range about the start, or what `read_spread` takes.
+    """
+    if not isinstance(prior, Mapping) and isinstance(prior[1], StatedRange):
+        return Prior(unknown.to_fitted(unknown.start), prior[1].log_sd(unknown.start) if unknown.log else prior[1].sd)
     where = f"priors.{unknown.name}"
     slot = TEMPERATURE if unknown.unit in ("degC", "degF") else unknown.unit
     table = prior if isinstance(prior, Mapping) else ({"mean": prior[0]} if mean_of(prior) else {}) | {"sd": prior[1]}
@@ -206,9 +212,10 @@ def wired(experiment: Experiment, raw: str) -> str:
 
 
 def _nuisances(request: Request, experiments: Sequence[Experiment]) -> list[Unknown]:
-    """Return the constant errors of sensors, and those of logged boundaries and powers, one per instrument.
+    """Return the constant errors of sensors, and those of logged boundaries and powers, one per instrument: reading minus truth.
 
-    A meter's accuracy is in watts and its error is looked for as a factor, so the record with the largest power says its uncertainty.
+    A meter's accuracy is in watts and its error is looked for as a share of the reading, so the record with the largest power says its
+    uncertainty.
     """
     if request.held_errors is not None:
         return []
@@ -218,13 +225,13 @@ def _nuisances(request: Request, experiments: Sequence[Experiment]) -> list[Unkn
         sensors |= {o.sensor: o.accuracy for o in experiment.observations if o.accuracy and o.sensor not in request.held_bias}
         for sensor, (target, sd) in experiment.shared.items():
             smallest_sd, targets = shared.get(sensor, (math.inf, []))
-            shared[sensor] = (min(sd, smallest_sd), [*targets, Influence(i, target)])
+            shared[sensor] = (min(sd, smallest_sd), [*targets, Influence(i, target, 1.0 if target.startswith(SCALE) else 0.0, -1.0)])
     out = []
     for sensor, sd in sensors.items():
         out.append(Unknown(f"sensor {sensor}", "sensor", (), 0.0, prior=Prior(0.0, sd), unit="K"))
     for sensor, (sd, targets) in shared.items():
-        start = 1.0 if targets[0].name.startswith("scale.") else 0.0
-        out.append(Unknown(f"{sensor} error", "shared", tuple(targets), start, prior=Prior(start, sd), unit="1" if start else "K"))
+        unit_of_error = "1" if targets[0].name.startswith(SCALE) else "K"
+        out.append(Unknown(f"{sensor} error", INPUT, tuple(targets), 0.0, prior=Prior(0.0, sd), unit=unit_of_error))
     return out + instruments(experiments)
 
 

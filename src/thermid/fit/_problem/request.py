@@ -18,15 +18,16 @@ from numpy.typing import NDArray
 from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, errors_at, nearest, refuse_unknown
 from thermid.base.expression import kelvin
 from thermid.base.linear_algebra import RANK_TOLERANCE, Array, inverse_square_root
-from thermid.base.units import TEMPERATURE, unit
+from thermid.base.units import TEMPERATURE
 from thermid.fit._problem.experiment import first_reading
 from thermid.fit._problem.residuals import Unknown
 from thermid.measure.records import Channel, Record
-from thermid.model.elements import Constant, PrintedRange, literal
+from thermid.model.elements import Constant, StatedRange, literal
 from thermid.model.identity import definition_of, identity_of, inside, local_identities
 from thermid.model.tree import Model, ParameterSet, Tree
 from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import Options
+from thermid.values.ranges import ranged_values
 from thermid.values.store import Source, State, Store
 
 FITTING = Options(error=1e-3)
@@ -102,7 +103,7 @@ class Request:
     store : Store                   What stages below know of the model's values; the model has them laid over it.
     prior : tuple of str            Those of its values that are free here too, with their covariance as prior.
     held_bias : dict                Sensor -> constant error that is not looked for. [K]
-    held_errors : dict              Channel -> constant error of a logged boundary (added to it [K]) or power (a factor); where it is given,
+    held_errors : dict              Channel -> constant error of a logged boundary [K] or power (a share of it), reading minus truth; given,
                                     even empty, no constant error of any instrument is looked for.
     weights : dict                  Sensor -> weight of its residuals, 1 where none is given.
     effective : bool                Whether readings count as many as residuals that wander are worth, which leaves priors their width.
@@ -312,7 +313,7 @@ def mean_of(prior: Any) -> str:
 def priors_of(model: Model, stated: Mapping[str, Any], where: str) -> dict[str, tuple[Any, Any]]:
     """Return path -> (mean, standard deviation) with their units, globs read and ranges turned into numbers.
 
-    A range min..max of a data sheet holds 95 % of parts about the value of the deck, as every printed range: see `PrintedRange`.
+    A range min..max of a data sheet holds 95 % of parts about the value of the deck, as every stated range: see `StatedRange`.
 
     Raises
     ------
@@ -346,25 +347,16 @@ def _is_range(prior: Any) -> bool:
     return isinstance(prior, str) and prior == RANGE
 
 
-def _range(values: ParameterSet, path: str, where: str) -> tuple[str, str]:
-    """Return no mean, for which the deck's value stands, and the standard deviation of a parameter's printed range as a text."""
-    parameter = values.table[path].parameter
-    low, high = parameter.minimum, parameter.maximum
-    if parameter.source != "datasheet":
-        raise IdentificationError(
-            f"the range of '{path}' is not a prior: its source is {parameter.source or 'not stated'}, so min and max only bound the "
-            "search. If they are the tolerance of a data sheet, state source = 'datasheet'; otherwise give the prior a mean and sd.",
-            where,
-            code="value.without-effect",
-        )
-    if low is None or high is None or not low < high:
-        raise IdentificationError(
-            f"'{path}' has no range: it needs both min and max. Give them, or a prior with mean and sd.", where, code="value.incomplete"
-        )
-    of, printed = unit(parameter.unit or "1"), PrintedRange(low, high)
-    if low > 0.0 and not of.absolute:  # as it will be fitted, by its logarithm: see `Parameter.form`
-        return "", f"{100.0 * printed.log_sd(1.0)!r} [%]"
-    return "", f"{printed.sd / float(of.factor)!r} [{'K' if of.absolute else of.text}]"
+def _range(values: ParameterSet, path: str, where: str) -> tuple[str, StatedRange]:
+    """Return no mean, for which the deck's value stands, and the range that the deck states for a parameter."""
+    if (stated := values.stated_ranges.get(path)) is not None:
+        return "", stated
+    raise IdentificationError(
+        f"'{path}' has no range: its source is {values.table[path].parameter.source or 'not stated'}, so min and max only bound the "
+        "search. If they say what the value may be, state both and spread = 'range'; otherwise give the prior a mean and sd.",
+        where,
+        code="value.without-effect",
+    )
 
 
 def _channel_key(c: Channel) -> list[Any]:
@@ -456,17 +448,23 @@ class KnownBefore:
     mean : array (n,)           Their values, in the fitted form of the unknowns.
     rows : array (n, sources)   Their responses, in that form.
     sources : tuple of Source   What they respond to.
+    held : array (sources,)     Whether a source is the range of an input that this fit, too, takes as its deck has it.
     """
 
     at: NDArray[np.int64]
     mean: Array
     rows: Array
     sources: tuple[Source, ...]
+    held: NDArray[np.bool_]
 
     @property
     def root(self) -> Array:
-        """A root R of their information, ``R'R = (rows rows')^-1``: the residual of the joint prior is ``R (fitted - mean)``."""
-        return inverse_square_root(self.rows @ self.rows.T, STIFF)
+        """A root R of their information, ``R'R = (rows rows')^-1``: the residual of the joint prior is ``R (fitted - mean)``.
+
+        Without the ranges of held inputs: the stages below found the values beside these inputs as they are here.
+        """
+        rows = self.rows[:, ~self.held]
+        return inverse_square_root(rows @ rows.T, STIFF)
 
 
 def known_before(request: Request, unknowns: Sequence[Unknown]) -> KnownBefore:
@@ -487,7 +485,30 @@ def known_before(request: Request, unknowns: Sequence[Unknown]) -> KnownBefore:
         first = places[place] * count
         rows[i, first : first + count] = store.rows([state.path])[0] * form(state, u)
     at = np.array([k for k, _, _ in inherited], dtype=np.int64)
-    return KnownBefore(at, np.array([u.to_fitted(state.value) for _, u, state in inherited]), rows, tuple(sources))
+    free = {t.name for u in unknowns for t in u.targets}
+    ranges = ranged_values(request.model, ParameterSet(request.model), free) if inherited else ()
+    held = np.isin([s.name for s in store.sources], [s.name for r in ranges for s, _ in r.columns])
+    mean = np.array([u.to_fitted(state.value) for _, u, state in inherited])
+    return KnownBefore(at, mean, rows, tuple(sources), np.tile(held, len(places)))
+
+
+def counted_twice(store: Store, prior: Sequence[str], records: Sequence[Record]) -> list[str]:
+    """Return a remark for every record whose readings reach a stage as samples and, through a stage below, as prior too.
+
+    Parameters
+    ----------
+    store : Store       What the stages below know.
+    prior : sequence    Which of it may move.
+    records : tuple     The stage's own.
+    """
+    origins = {o.stage for p in prior for s in (store.states[p],) for o in (s.origin, *s.history)}
+    used = {sha: stage for stage in origins for sha in store.provenance.get(stage, {}).get("records", {}).values()}
+    return [
+        f"record '{r.name}' was fitted by stage '{used[r.origin.sha256]}' too, whose result is a prior here. Its readings count "
+        "twice, so the errors are too small. Inherit the values with as = 'fixed', or use another record."
+        for r in records
+        if r.origin.sha256 in used
+    ]
 
 
 def _copy(path: str, twins: Sequence[str]) -> str:

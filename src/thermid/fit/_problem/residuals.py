@@ -44,7 +44,8 @@ class Unknown:
     Parameters
     ----------
     name : str              As reported: a parameter's path, ``record: room``, ``sensor T1``.
-    kind : str              'parameter', 'local', 'sensor' or 'shared'; 'elsewhere' of another level of a joint fit.
+    kind : str              'parameter', 'local', 'sensor' or 'input', errors of readings that are compared or drive the
+                            model, reading minus truth, of a power as a share of it; 'elsewhere' of another level of a joint fit.
     targets : tuple         Where it acts.
     start : float           [SI]
     log : bool              Whether it is fitted by its logarithm.

@@ -292,7 +292,7 @@ def responses(
     level : float       Variance of residuals that do not wander, in squares of the noise.
     random : array      Covariance by the scatter of the residuals; see `covariances`.
     weights : array     C.
-    ranges : sequence   Sources of fixed values that are known within a printed range, and what the unknowns (unknowns,) answer to each.
+    ranges : sequence   Sources of fixed values that are known within a stated range, and all that the unknowns (unknowns,) answer to each.
     """
     unknowns = problem.unknowns
     unlimited = ~np.isfinite(np.diag(weights))
@@ -301,7 +301,8 @@ def responses(
     table = _Table()
     if before.at.size:
         root = before.root
-        table.add(before.sources, gain[:, before.at] @ (root.T @ root) @ before.rows)
+        elsewhere = ~np.isin([s.name for s in before.sources], [source.name for source, _ in ranges])
+        table.add(before.sources, gain[:, before.at] @ (root.T @ root) @ (before.rows * elsewhere))
     below = set(before.at.tolist())
     for k, u in enumerate(unknowns):
         if u.prior is None or (k in below and u.kind != "parameter"):
@@ -315,7 +316,8 @@ def responses(
     if held and unknowns:
         _consider(table, request, problem, minimum, held, gain / level)
     for source, column in ranges:
-        table.add((source,), column[:, None])
+        if column.any():
+            table.add((source,), column[:, None])
     rows = np.array(list(table.columns.values())).reshape(len(table.columns), len(unknowns)).T
     return Responses(rows, tuple(table.sources.values()), noise, unlimited).between(unknowns, minimum.fitted)
 

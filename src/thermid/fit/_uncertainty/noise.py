@@ -164,7 +164,13 @@ STRETCHES = 4 * MAX_STRETCHES
 for each stretch of the readings, or what it does within one would look like wandering."""
 
 
-def answers_to_inputs(problem: Problem, fitted: Array, pieces: Mapping[tuple[str, str], Binned]) -> dict[tuple[str, str], Array]:
+Means = Mapping[tuple[str, str], Array]
+"""(record, sensor) -> means over its stretches of time (stretches,). [K]"""
+
+
+def answers_to_inputs(
+    problem: Problem, fitted: Array, pieces: Mapping[tuple[str, str], Binned], instants: Sequence[Sequence[Means]] | None = None
+) -> dict[tuple[str, str], Array]:
     """Return (record, sensor) -> what a standard deviation of each independent cause does to its residuals (stretches, causes).
 
     Noise n_k of sample k of a signal moves the predicted readings by h_k n_k, all of one cause. The h of a stretch of samples is the
@@ -177,6 +183,7 @@ def answers_to_inputs(problem: Problem, fitted: Array, pieces: Mapping[tuple[str
     problem : Problem
     fitted : array (unknowns,)    The end of the fit, in the fitted form.
     pieces : dict                 (record, sensor) -> its derivatives in stretches of time, see `autocorrelation`.
+    instants : sequence           Of every experiment, see `_means_of_instants`, where they are at hand.
 
     Raises
     ------
@@ -189,11 +196,9 @@ def answers_to_inputs(problem: Problem, fitted: Array, pieces: Mapping[tuple[str
             continue
         keys = [(experiment.record.name, o.sensor) for o in experiment.observations]
         causes: dict[tuple[str, str], list[Array]] = {key: [] for key in keys}
-        for change in _instants(problem, i, fitted):
-            for k, (key, o) in enumerate(zip(keys, experiment.observations, strict=True)):
-                at = pieces[key].sampled
-                moved = change(at.ravel())[:, k].reshape(at.shape).mean(axis=1, keepdims=True)
-                causes[key].append(moved / o.sigma(problem.noise))
+        for means in instants[i] if instants is not None else _means_of_instants(problem, i, fitted, pieces):
+            for key, o in zip(keys, experiment.observations, strict=True):
+                causes[key].append(means[key][:, None] / o.sigma(problem.noise))
         for path, signal, answers in (
             _answers(problem, i, fitted, list(noisy), [pieces[key].sampled.ravel() for key in keys]) if noisy else ()
         ):
@@ -255,7 +260,23 @@ def _instants(problem: Problem, i: int, fitted: Array) -> Iterator[Callable[[Arr
             yield answer
 
 
-def _score_of_instants(problem: Problem, fitted: Array, pieces: Mapping[tuple[str, str], Binned]) -> Array:
+def _means_of_instants(problem: Problem, i: int, fitted: Array, pieces: Mapping[tuple[str, str], Binned]) -> list[Means]:
+    """Return, of each of `_instants`, what it does to the readings of each sensor; those of one log are asked at the same times."""
+    experiment, out = problem.experiments[i], list[Means]()
+    for change in _instants(problem, i, fitted):
+        answers, means = dict[bytes, Array](), dict[tuple[str, str], Array]()
+        for k, o in enumerate(experiment.observations):
+            at = pieces[experiment.record.name, o.sensor].sampled
+            answer = answers.get(at.tobytes())
+            answers[at.tobytes()] = answer = answer if answer is not None else change(at.ravel())
+            means[experiment.record.name, o.sensor] = answer[:, k].reshape(at.shape).mean(axis=1)
+        out.append(means)
+    return out
+
+
+def _score_of_instants(
+    problem: Problem, fitted: Array, pieces: Mapping[tuple[str, str], Binned], instants: Sequence[Sequence[Means]]
+) -> Array:
     """Return what unknown instants of sampled powers add to the covariance of J'r beyond their means over stretches (unknowns, unknowns).
 
     After a switch a fast mass answers within a part of a stretch, and so do derivatives by the clock: their product over all readings
@@ -264,15 +285,13 @@ def _score_of_instants(problem: Problem, fitted: Array, pieces: Mapping[tuple[st
     size = len(problem.unknowns)
     total = np.zeros((size, size))
     for i, experiment in enumerate(problem.experiments):
-        changes = list(_instants(problem, i, fitted))
-        slopes = problem.slopes(i, fitted) if changes else np.zeros(0)
-        for change in changes:
+        slopes = problem.slopes(i, fitted) if instants[i] else np.zeros(0)
+        for change, means in zip(_instants(problem, i, fitted), instants[i], strict=True):
             answer, moved, of_means = change(experiment.times), np.zeros(size), np.zeros(size)
             for k, o in enumerate(experiment.observations):
                 b = pieces[experiment.record.name, o.sensor]
                 moved += slopes[o.index, k, :].T @ answer[o.index, k] / o.sigma(problem.noise)
-                mean = change(b.sampled.ravel())[:, k].reshape(b.sampled.shape).mean(axis=1)
-                of_means += (b.count[:, None] * b.slopes).T @ mean / o.sigma(problem.noise)
+                of_means += (b.count[:, None] * b.slopes).T @ means[experiment.record.name, o.sensor] / o.sigma(problem.noise)
             total += np.outer(moved, moved) - np.outer(of_means, of_means)
     return total
 
@@ -424,8 +443,10 @@ def autocorrelation(problem: Problem, minimum: Fit, loss: str = "linear", loss_s
     Gaps need no care, since the times of the stretches are what they are. A trace that wanders no more than chance would adds nothing.
     """
     pieces = binned(problem, minimum.fitted, loss, loss_scale)
-    of_means = autocorrelation_of_traces(pieces, minimum, problem.effective_samples, answers_to_inputs(problem, minimum.fitted, pieces))
-    more = _score_of_instants(problem, minimum.fitted, pieces) if problem.clocked else 0.0
+    instants = [_means_of_instants(problem, i, minimum.fitted, pieces) for i in range(len(problem.experiments))]
+    inputs = answers_to_inputs(problem, minimum.fitted, pieces, instants)
+    of_means = autocorrelation_of_traces(pieces, minimum, problem.effective_samples, inputs)
+    more = _score_of_instants(problem, minimum.fitted, pieces, instants) if problem.clocked else 0.0
     return replace(of_means, score_excess=of_means.score_excess + more)
 
 

@@ -48,7 +48,11 @@ class SizedValue:
     spread: float
 
     def row(self, value: float, log: bool, factor: float) -> tuple[float, float]:
-        """Return the residual of the prior and its derivative by the fitted form, with the width times a factor."""
+        """Return the residual of the prior and its derivative with respect to the fitted form (ln value where `log`).
+
+        With ``w = spread factor``: ``ln(value / middle) / w`` where it is fitted by its logarithm and has a middle, else
+        ``(value - middle) / (w middle)``, and ``value / w`` about zero.
+        """
         width = self.spread * factor
         if self.middle and log:
             return math.log(value / self.middle) / width, 1.0 / width

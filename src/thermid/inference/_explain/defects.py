@@ -214,10 +214,11 @@ def _instant(request: Request, near: _Tried, clock: _Clock) -> tuple[float, floa
 
 
 def _over_instants(request: Request, near: _Tried, clock: _Clock) -> list[_Tried]:
-    """Return a defect's fits over the instants at which powers changed within their intervals, each with its part of the probability.
+    """Return a defect's fits at three instants at which powers may have changed within their sampling interval, each with its weight.
 
-    Before, the instant is evenly likely; so it is normal within the interval, and three points with weights stand for it (Gauss and
-    Hermite). Where the readings do not decide it, thirds are as likely.
+    The prior is uniform over the interval. Where readings place the instant well, with a standard deviation s up to 0.2 of the interval,
+    its posterior is normal, and the points of Gauss and Hermite at 0 and +- sqrt(3) s with weights 2/3 and 1/6 replace it; beyond that
+    the middles of the three thirds do, with 1/3 each. When a fit fails there, the fit as it was stands beside those that did not.
     """
     best, spread = _instant(request, near, clock)
     third = spread > 0.2

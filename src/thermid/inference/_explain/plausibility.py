@@ -308,8 +308,8 @@ def _power_given(fit: Calibration, network: Network, load: str) -> tuple[str, fl
     if logged:
         watts = max(power_while_on(s) for s in logged)
         channel = next((n for e in fit.experiments for n, (target, _) in e.shared.items() if target == f"scale.{load}"), "")
-        factor = fitted_values.get(f"{channel} error")
-        return f"{load} as logged", watts * (factor.value if factor else 1.0), watts * factor.error if factor else 0.0
+        error = fitted_values.get(f"{channel} error")
+        return f"{load} as logged", watts * (1.0 - error.value if error else 1.0), watts * error.error if error else 0.0
     numbers = network.numbers({p: v.value for p, v in fit.values.assignments.items()})
     return f"{load} by the deck", sum(float(value_of(r.coefficients[0])) for r in numbers.loads if r.name == load), 0.0
 

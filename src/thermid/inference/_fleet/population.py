@@ -62,7 +62,17 @@ class Summaries:
 
 
 def weigh(information: Array, score: Array, root: Array) -> tuple[Array, Array, Array, Array]:
-    """Return the Cholesky factor C of A, ``C^-1 L'h``, W and v of units, for a root L of Omega."""
+    """Return the Cholesky factor C of ``A = 1 + L'H L``, ``C^-1 L'h``, W and v of every unit, in the symbols of this module.
+
+    ``W = H - H L A^-1 L'H = (H^-1 + Omega)^-1`` and ``v = h - H L A^-1 L'h``: the information and the score of a unit about the
+    reference once the spread between units is integrated out.
+
+    Parameters
+    ----------
+    information : array (units, values, values)     H; it may be singular.
+    score : array (units, values)                   h.
+    root : array (values, values)                   L, with ``L L' = Omega``.
+    """
     turned = information @ root
     lower: Array = np.asarray(np.linalg.cholesky(np.eye(root.shape[0]) + root.T @ turned), dtype=float)
     half = np.linalg.solve(lower, np.swapaxes(turned, 1, 2))

@@ -24,7 +24,11 @@ _BEGIN: Final = re.compile(r"\s*(\d+)\s*(?:,|$)")
 
 
 def card_blocks(lines: Iterator[Line]) -> Iterator[tuple[str, str, list[Line]]]:
-    """Yield header, submodel and rows of each block, registers made of numbered constants as a block of their own."""
+    """Yield header, submodel and rows of each block.
+
+    Numbered constants come first, as a block of registers. Comment lines go with the row below them. An ``END`` inside array data ends
+    the array, not the block; in a listing the cards begin one column to the right, and the first three lines of a page are skipped.
+    """
     header, rows, words = "", list[Line](), list[str]()
     shift, page, inside = 0, 0, False  # a listing has a blank before each card; its pages begin with three lines of their own
     for line in lines:

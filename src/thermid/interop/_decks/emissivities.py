@@ -74,13 +74,18 @@ class Emissivities:
 
 
 def read_emissivities(lines: Sequence[tuple[str, str]], properties: Mapping[str, tuple[float, float]], areas: str) -> Emissivities | None:
-    """Return how a block of radiation conductors follows emissivities; None when its comments or the areas do not say it.
+    """Return how the conductors of a radiation block depend on the emissivities of its surfaces.
+
+    A conductor G of a node with area A and exchange factor B gives its emissivity, ``G / (A B)``; the nearest emissivity of the block
+    tells which property the node has. How much each conductor loses by each property is m_ijp of the module's formula.
+
+    Returns None where a row is no radiation conductor, or properties or areas are missing.
 
     Parameters
     ----------
-    lines : list        The rows, each with the comment behind it.
-    properties : dict   Name of a parameter -> emissivity as computed and now, of the optical properties of the block.
-    areas : str         Text of the file of areas. [m^2]
+    lines : list        The rows, each with the comment behind it: the exchange factors B of its two nodes.
+    properties : dict   Name of a parameter -> emissivity with which the conductors were computed, and emissivity now.
+    areas : str         Text of the area file (.ar): a node and its area on each line. [m^2]
     """
     area = {node.upper(): float(number) for node, number in _AREA.findall(areas)}
     pairs = [match.groups() if (match := _ROW.match(text)) else None for text, _ in lines]

@@ -7,14 +7,16 @@ degC, all else in SI; GL is a conductance, GR an exchange area times emissivitie
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 
-from thermid.base.errors import DeckError, ThermidError
+from thermid.base.errors import DeckError, ThermidError, cap, raising
 from thermid.base.units import counted
 from thermid.interop._decks.network_file import FileConductor, FileCourse, FileLoad, FileNode, NetworkFile, TextSpan, identifier
 from thermid.interop._decks.statements import DeckReading, Line, acts, fields, nesting, numbered, stream, with_defined_ends, with_unit
@@ -34,17 +36,19 @@ _ACTS: Final = re.compile(
     r"(?<![\w.:])(?:T|C|Q[ISEAR]|G[LRFV]|ALP|EPS|A)\s*:?(?:\w+:)*\s*(?:\d+|\([^()=]*\))\s*=(?!=)|^\s*\$?INCLUDE\b", re.IGNORECASE
 )
 """An assignment to a node or a conductor; or more of the deck."""
+_LOOP: Final = re.compile(r"FOR (\w+) ?= ?(.+?) TO (.+?)(?: STEP (.+?))? DO", re.IGNORECASE)
+_FRAME: Final = re.compile(r"\s*(?:\$.*|(?:FOR|WHILE)\b.*\bDO|END ?DO)\s*", re.IGNORECASE)
+"""Lines that end without a semicolon: sub-headings, and the first and last line of a loop."""
 _RUN: Final = ("STEFAN", "TABS", "TIMEO", "TIMEND")
 """Control constants that decide numbers; others say how ESATAN solves and prints."""
 
 
 @dataclass
 class _Scope:
-    """A model of the deck: its name, its names, what it holds."""
+    """A model of the deck: its name, its blocks, the models inside it."""
 
     name: str
     where: TextSpan
-    arrays: dict[str, np.ndarray] = field(default_factory=dict)
     blocks: list[tuple[str, list[Line]]] = field(default_factory=list)
     inner: list[_Scope] = field(default_factory=list)
 
@@ -59,9 +63,12 @@ class EsatanDeck:
     loads: list[FileLoad] = field(default_factory=list)
     boundaries: dict[str, FileCourse] = field(default_factory=dict)
     inactive: set[tuple[str, str]] = field(default_factory=set)
-    control: dict[str, float] = field(default_factory=dict)
+    arrays: dict[tuple[str, str], np.ndarray] = field(default_factory=dict)
+    again: dict[str, int] = field(default_factory=dict)
+    paths: dict[str, tuple[str, ...]] = field(default_factory=dict)
     subroutines: set[str] = field(default_factory=set)
     start: str = ""
+    repeats: int = 0
 
 
 def read_esatan(path: str | Path) -> NetworkFile:
@@ -71,24 +78,31 @@ def read_esatan(path: str | Path) -> NetworkFile:
     ------
     DeckError   With file and line: a file is missing, includes itself, is binary or too large; a statement is no node, conductor or number.
     """
-    path = Path(path)
-    deck = EsatanDeck()
+    return _network(Path(path))
+
+
+def _network(path: Path, instead: Mapping[str, str] = MappingProxyType({})) -> NetworkFile:
+    """Return the network of a deck, read with texts instead of some of its files."""
+    deck = EsatanDeck(DeckReading(instead))
     lines = list(_lines(deck, path, deck.reading.open(path), ()))
     begins = (re.match(r"\s*(?:\w+\s+)?SUBROUTINE\s+(\w+)", line.text, re.IGNORECASE) for line in lines)
     deck.subroutines = {match[1].upper() for match in begins if match}
     top = _models(deck, lines, path)
     _read(deck, top, "")
-    if any(c.table["kind"] == "radiation" for c in deck.conductors) and "STEFAN" not in deck.control:
+    control = deck.reading.control
+    deck.conductors = [c for c in deck.conductors if not deck.inactive.intersection(c.ends)]
+    deck.loads = [load for load in deck.loads if load.into not in deck.inactive]
+    if any(c.table["kind"] == "radiation" for c in deck.conductors) and "STEFAN" not in control:
         first = next(c for c in deck.conductors if c.table["kind"] == "radiation")
         deck.reading.remark(first.where, f"STEFAN is not set; ESATAN's {STEFAN:g} W/(m^2 K^4) is assumed", dropped=False)
-    offset, ratio = deck.control.get("TABS", ICE_POINT) - ICE_POINT, deck.control.get("STEFAN", STEFAN) / STEFAN_BOLTZMANN
+    offset, ratio = control.get("TABS", ICE_POINT) - ICE_POINT, control.get("STEFAN", STEFAN) / STEFAN_BOLTZMANN
     unread = any("is not a node" in remark.what for remark in deck.reading.remarks)
-    begin = deck.control.get("TIMEO", 0.0)
+    begin = control.get("TIMEO", 0.0)
     return NetworkFile(
         identifier(top.name or path.stem), "ESATAN", tuple(replace(node, celsius=node.celsius + offset) for node in deck.nodes),
         tuple(_radiating(c, ratio) for c in with_defined_ends(deck.reading, deck.nodes, deck.conductors, unread)),
         tuple(with_defined_ends(deck.reading, deck.nodes, deck.loads, unread)), deck.reading.parameters,
-        max(deck.control.get("TIMEND", 0.0) - begin, 0.0), tuple(deck.reading.remarks), deck.reading.texts,
+        max(control.get("TIMEND", 0.0) - begin, 0.0), tuple(deck.reading.remarks), deck.reading.texts, partial(_network, path),
         {name: replace(course, numbers=course.numbers + offset) for name, course in deck.boundaries.items()},
         zero_and_degree=(-ICE_POINT - offset, 1.0),
         start=deck.start,
@@ -108,7 +122,7 @@ def _lines(deck: EsatanDeck, path: Path, text: str, inside: tuple[Path, ...]) ->
     words: list[str] = []
     for line in numbered(text, str(path)):
         row = re.sub(r"#.*", "", line.text).rstrip()
-        if not row.strip() or (row[:1] in "Cc" and not row[1:2].strip()):
+        if not row.strip() or re.match(r"[Cc](?:\s+[^\s=]|$)", row):  # C = 5.0 may go on with a node
             comment = line.text.partition("#")[2].strip(" *")
             words = [comment] if comment else words
             continue
@@ -160,49 +174,101 @@ def _models(deck: EsatanDeck, lines: list[Line], path: Path) -> _Scope:
 
 
 def _statements(lines: list[Line]) -> Iterator[Line]:
-    """Yield statements that end with a semicolon, as one line each; sub-headings as they are."""
-    text, first, before = "", None, tuple[str, ...]()
+    """Yield statements that end with a semicolon, each as one line, in which every character keeps its distance from the first.
+
+    Sub-headings and the frames of loops stand as they are.
+    """
+    pending: Line | None = None
     for line in lines:
-        if line.text.strip().startswith("$"):
+        if _FRAME.fullmatch(line.text):
             yield line
             continue
-        rest, at = line.text, 0
-        while True:
-            if first is None:
-                lead = len(rest) - len(rest.lstrip())
-                first, before = TextSpan(line.where.file, line.where.line, line.where.begin + at + lead, line.where.end), line.before
-                rest, at = rest.lstrip(), at + lead
-            head, mark, tail = rest.partition(";")
-            text += head + (" " if not mark else "")
-            if not mark:
-                break
-            if text.strip():
-                yield Line(text.rstrip(), first, before)
-            text, first, at, rest = "", None, at + len(head) + 1, tail
-            if not rest.strip():
-                break
-        if not text.strip():
-            text, first = "", None
-    if text.strip() and first is not None:
-        raise DeckError(f"'{text.strip()[:60]}' has no end. Add the missing semicolon.", str(first), code="import.not-understood")
+        for match in re.finditer(r"[^;]+|;", line.text):
+            if match[0] == ";":
+                if pending is not None:
+                    yield replace(pending, text=pending.text.rstrip())
+                pending = None
+            elif pending is not None:
+                pending = pending.joined(line.cut(*match.span()))
+            elif match[0].strip():
+                pending = line.cut(match.end() - len(match[0].lstrip()), match.end())
+    if pending is not None:
+        raise DeckError(f"'{pending.words[:60]}' has no end. Add the missing semicolon.", str(pending.where), code="import.not-understood")
+
+
+def _looped(deck: EsatanDeck, statements: Iterable[Line]) -> Iterator[Line]:
+    """Yield statements, those of a loop once for each value of its variable, which is a name meanwhile; other loops are named whole."""
+    loop, depth = list[Line](), 0.0
+    for statement in statements:
+        depth = max(depth + (nesting(statement.text) if _FRAME.fullmatch(statement.text) else 0.0), 0.0)
+        if depth or loop:
+            loop.append(statement)
+        else:
+            yield statement
+        if loop and not depth:
+            yield from _unrolled(deck, loop)
+            loop = []
+    if loop:
+        _not_elements(deck, loop)
+
+
+def _unrolled(deck: EsatanDeck, loop: list[Line]) -> Iterator[Line]:
+    """Yield the statements of a loop once for each value of its variable.
+
+    Raises
+    ------
+    DeckError   When all loops of the deck together have more turns than the cap `repeats`.
+    """
+    match = _LOOP.fullmatch(loop[0].words)
+    try:
+        first, last, step = (_integer(deck, match[k] or "1", loop[0].where) for k in (2, 3, 4)) if match else (0, 0, 0)
+        values = range(first, last + (1 if step > 0 else -1), step)
+    except (ThermidError, ValueError):
+        values = range(0)
+    if match is None or not values:
+        _not_elements(deck, loop)
+        return
+    name, outer = match[1].upper(), dict(deck.reading.names)
+    for value in values:
+        deck.repeats += 1
+        if deck.repeats > cap("repeats"):
+            raise DeckError(f"the loops of the deck are too long.{raising('repeats')}", str(loop[0].where), code="cap.exceeded")
+        deck.reading.names[name] = f"({value})"
+        yield from _looped(deck, loop[1:-1])
+    deck.reading.names = outer
+
+
+def _not_elements(deck: EsatanDeck, loop: list[Line]) -> None:
+    """Name a loop that is over no numbers."""
+    rows = "; ".join(line.words for line in loop)
+    deck.reading.remark(loop[0].where, f"'{rows}' is not a node nor a conductor, because the loop is not over whole numbers")
+
+
+def _integer(deck: EsatanDeck, word: str, where: TextSpan) -> int:
+    """Return a whole number: digits, or arithmetic of names."""
+    number = deck.reading.number(deck.reading.value(word, where))
+    if not number.is_integer():
+        raise ValueError
+    return int(number)
 
 
 def _read(deck: EsatanDeck, scope: _Scope, prefix: str) -> None:
     """Read a model, its names first, then the models inside it."""
     outer = dict(deck.reading.names)
-    owner = f"{prefix}_{scope.name}" if prefix else scope.name
+    owner = _owner(deck, prefix, scope.name)
     for wanted in ("LOCALS", "CONSTANTS", "ARRAYS", "NODES", "CONDUCTORS"):
         for head, lines in scope.blocks:
             if head == wanted:
-                _READERS[wanted](deck, scope, owner, lines)
+                _READERS[wanted](deck, owner, lines)
     for inner in scope.inner:
         if deck.reading.is_first(f"$MODEL {owner}.{inner.name}", inner.where):
             _read(deck, inner, owner)
-    for head, lines in scope.blocks:
+    for head, rows in scope.blocks:
+        lines = [replace(line, text=line.text.rstrip("; ")) for line in rows]
         if head == "EXECUTION":
             _execution(deck, lines)
         elif head in ("INITIAL", "VARIABLES1"):
-            _variables(deck, scope, owner, lines)
+            _variables(deck, owner, lines, head == "VARIABLES1")
         elif head in ("VARIABLES2", "OUTPUTS", "SUBROUTINES"):
             deck.reading.name_logic(line for line in lines if _acts(deck, line))
         elif head not in _READERS and lines:
@@ -221,7 +287,16 @@ def _called(line: Line) -> list[str]:
     return [name.upper() for name in re.findall(r"\bCALL\s+(\w+)", line.text, re.IGNORECASE)]
 
 
-def _names(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> None:
+def _owner(deck: EsatanDeck, outer: str, *inner: str) -> str:
+    """Return the name of a submodel for models inside each other: A_B_C for A.B.C, and another one for A.B_C after it."""
+    path = (*deck.paths.get(outer, ()), *inner)
+    name = "_".join(path)
+    while deck.paths.setdefault(name, path) != path:
+        name += "_2"
+    return name
+
+
+def _names(deck: EsatanDeck, owner: str, lines: list[Line]) -> None:
     """Read $LOCALS and $CONSTANTS: name = number or arithmetic of earlier names; of control constants those that decide numbers."""
     kind = "REAL"
     for statement in _statements(lines):
@@ -232,20 +307,12 @@ def _names(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> No
         if match is None:
             deck.reading.name_logic([statement])
         elif match[1].upper() in _RUN:
-            _control(deck, match, statement)
+            deck.reading.take_control(match[1], match[2], statement)
         elif kind not in ("CHARACTER", "CONTROL") and "'" not in match[2]:
             deck.reading.define(match[1], match[2], statement.part(match.start(2), match.end(2)), owner)
 
 
-def _control(deck: EsatanDeck, match: re.Match[str], line: Line) -> None:
-    """Keep a control constant: its name and value; one that is no number is named."""
-    try:
-        deck.control[match[1].upper()] = deck.reading.number(deck.reading.value(match[2], line.where))
-    except ThermidError:
-        deck.reading.name_logic([line])
-
-
-def _arrays(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> None:
+def _arrays(deck: EsatanDeck, owner: str, lines: list[Line]) -> None:
     """Read $ARRAYS: name(size, ...) = numbers."""
     for statement in _statements(lines):
         match = re.match(r"(\w+)\s*\(([^)]*)\)\s*=\s*(.+)", statement.text, re.DOTALL)
@@ -266,18 +333,22 @@ def _arrays(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> N
             raise DeckError(
                 f"array {match[1]}({match[2]}) has {counted(values.size, 'number')}.", str(statement.where), code="import.not-understood"
             )
-        scope.arrays[match[1].upper()] = values.reshape(sizes[::-1]) if len(sizes) > 1 else values
+        deck.arrays[owner, match[1].upper()] = values.reshape(sizes[::-1]) if len(sizes) > 1 else values
 
 
-def _nodes(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> None:
+_NODE: Final = re.compile(r"([DBX])\s*(\d+|\((?:[^()]|\([^()]*\))*\))\s*=\s*('(?:[^']*)')?\s*,?\s*(.*)", re.DOTALL | re.IGNORECASE)
+
+
+def _nodes(deck: EsatanDeck, owner: str, lines: list[Line]) -> None:
     """Read $NODES: D, B or X with number, label and values."""
-    for statement in _statements(lines):
-        match = re.match(r"([DBX])(\d+)\s*=\s*('(?:[^']*)')?\s*,?\s*(.*)", statement.text, re.DOTALL | re.IGNORECASE)
+    for statement in _looped(deck, _statements(lines)):
+        match = _NODE.match(statement.text)
         if not match:
-            deck.reading.remark(statement.where, f"'{statement.text[:60]}' is not a node")
+            deck.reading.remark(statement.where, f"'{statement.words[:60]}' is not a node")
             continue
-        kind, name, title = match[1].upper(), f"T{int(match[2])}", (match[3] or "").strip("' ")
-        body = Line(statement.text[match.start(4) :], statement.part(match.start(4), len(statement.text)))
+        kind, title = match[1].upper(), (match[3] or "").strip("' ")
+        _, name = _node_of(deck, owner, match[2], statement)
+        body = statement.cut(match.start(4), len(statement.text))
         values: dict[str, tuple[float | str, TextSpan]] = {}
         for cell, where in fields(body):
             key, mark, word = cell.partition("=")
@@ -302,34 +373,35 @@ def _nodes(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> No
                 deck.loads.append(FileLoad(f"{owner}_{key}_{name}", (owner, name), with_unit(values[key][0], "W"), values[key][1]))
 
 
-def _node_of(scope: _Scope, owner: str, word: str) -> tuple[str, str]:
-    """Return the node that a reference names: 10, or SUB:10, or SUB:SUB:10."""
+def _node_of(deck: EsatanDeck, owner: str, word: str, line: Line) -> tuple[str, str]:
+    """Return the node that a reference names: 10, or SUB:10, or SUB:SUB:10, or with arithmetic of names, SUB:K + 10.
+
+    Raises
+    ------
+    DeckError   When it names none.
+    """
     *path, number = [part.strip() for part in word.split(":")]
-    return ("_".join([owner, *(part.upper() for part in path)]) if path else owner, f"T{int(number.lstrip('DBXdbx'))}")
+    plain = re.fullmatch(r"[DBX]?(\d+)", number, re.IGNORECASE)
+    try:
+        return _owner(deck, owner, *(part.upper() for part in path)), f"T{int(plain[1]) if plain else _integer(deck, number, line.where)}"
+    except ValueError:
+        raise DeckError(
+            f"'{number}' of '{line.words[:60]}' is no number of a node.", str(line.where), code="import.not-understood"
+        ) from None
 
 
-def _conductors(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> None:
+def _conductors(deck: EsatanDeck, owner: str, lines: list[Line]) -> None:
     """Read $CONDUCTORS: GL, GR and streams (GF); others are named. A comment before rows makes a group of them."""
-    again: dict[str, int] = {}
     views: list[Line] = []
-    for statement in _statements(lines):
+    for statement in _looped(deck, _statements(lines)):
         match = re.match(r"(G[LRFV])\s*\(([^,()]+),([^,()]+)\)\s*=\s*(.+)", statement.text, re.DOTALL | re.IGNORECASE)
         if match and match[1].upper() == "GV":
             views.append(statement)
             continue
         if not match:
-            deck.reading.remark(statement.where, f"'{statement.text[:60]}' is not a GL, GR or GF")
+            deck.reading.remark(statement.where, f"'{statement.words[:60]}' is not a GL, GR or GF")
             continue
-        try:
-            a, b = (_node_of(scope, owner, match[k]) for k in (2, 3))
-        except ThermidError:
-            raise
-        except ValueError:
-            raise DeckError(
-                f"'{statement.text[:60]}' does not name two nodes.", str(statement.where), code="import.not-understood"
-            ) from None
-        if deck.inactive & {a, b}:
-            continue
+        a, b = (_node_of(deck, owner, match[k], statement) for k in (2, 3))
         where = statement.part(match.start(4), match.end(4))
         value = deck.reading.value(match[4], where)
         ends = "_".join(n if model == owner else f"{model.removeprefix(f'{owner}_')}_{n}" for model, n in (a, b))
@@ -340,80 +412,89 @@ def _conductors(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) 
             table = stream(value)
         else:
             table = {"kind": "radiation", "exchange_factor": 1.0, "area": value}  # STEFAN may still come
-        again[name] = again.get(name, 0) + 1
-        deck.conductors.append(FileConductor(f"{name}_{again[name]}" if again[name] > 1 else name, (a, b), table, where))
+        n = deck.again[name] = deck.again.get(name, 0) + 1
+        deck.conductors.append(FileConductor(f"{name}_{n}" if n > 1 else name, (a, b), table, where))
     if views:
         deck.reading.remark(
             views[0].where, f"{counted(len(views), 'view factor')} (GV) have no conductance and were left out", dropped=False
         )
 
 
-_CONSTANT: Final = re.compile(r"\s*(QI|QS|QE|QA|QR|T)\s*:?(\d+)\s*=\s*([^=]+?)\s*$", re.IGNORECASE)
+_CONSTANT: Final = re.compile(r"\s*(QI|QS|QE|QA|QR|T)\s*:?((?:\w+:)*\d+)\s*=\s*([^=]+?)\s*$", re.IGNORECASE)
 _COURSE: Final = re.compile(
-    r"\s*(QI|QS|QE|QA|QR|T)\s*:?(\d+)\s*=\s*(?:([^=]+?)\s*\*\s*)?(INTCYC|INTRP1)\s*\(([^()]*)\)\s*(?:\*\s*(.+?))?\s*$", re.IGNORECASE
+    r"\s*(QI|QS|QE|QA|QR|T)\s*:?((?:\w+:)*\d+)\s*=\s*(?:([^=]+?)\s*\*\s*)?(INTCYC|INTRP1)\s*\(([^()]*)\)\s*(?:\*\s*(.+?))?\s*$",
+    re.IGNORECASE,
 )
 
 
-def _variables(deck: EsatanDeck, scope: _Scope, owner: str, lines: list[Line]) -> None:
-    """Read $INITIAL and $VARIABLES1: powers and temperatures, also such that follow arrays of time; every other statement is named."""
+def _variables(deck: EsatanDeck, owner: str, lines: list[Line], repeats: bool) -> None:
+    """Read $INITIAL and $VARIABLES1, which repeats at each time: powers and temperatures, also by arrays of time; the rest is named."""
     depth, unknown = 0.0, list[Line]()
     for line in lines:
         deeper = nesting(line.text)
         if depth or deeper > 0.0:
             depth = max(depth + deeper, 0.0)
-        elif _followed(deck, scope, owner, line) or _constant(deck, owner, line):
+        elif (repeats and _followed(deck, owner, line)) or _constant(deck, owner, line, repeats):
             continue
         if _acts(deck, line) or "=" in line.text:
             unknown.append(line)
     deck.reading.name_logic(unknown)
 
 
-def _followed(deck: EsatanDeck, scope: _Scope, owner: str, line: Line) -> bool:
+def _is_node(deck: EsatanDeck, node: tuple[str, str]) -> bool:
+    """Return whether a statement of $NODES defines a node."""
+    return f"node {'.'.join(node)}".upper() in deck.reading.defined
+
+
+def _followed(deck: EsatanDeck, owner: str, line: Line) -> bool:
     """Take a power or a temperature that follows arrays of time, times factors; whether it did."""
     match = _COURSE.match(line.text)
     try:
-        course = _course(deck, scope, match, line) if match else None
+        course = _course(deck, owner, match, line) if match else None
         if match is None or course is None:
             return False
         factor = deck.reading.value("*".join(f"({word})" for word in (match[3], match[6]) if word) or "1.0", line.where)
     except ThermidError:
         return False
-    into = (owner, f"T{int(match[2])}")
+    into = _node_of(deck, owner, match[2], line)
+    if not _is_node(deck, into):
+        return False
     if match[1].upper() == "T":
         if not any(node.held and (node.submodel, node.name) == into for node in deck.nodes):
             return False
-        deck.boundaries[f"{owner}_{into[1]}"] = replace(course, numbers=course.numbers * deck.reading.number(factor))
+        deck.boundaries["_".join(into)] = replace(course, numbers=course.numbers * deck.reading.number(factor))
         return True
-    name = f"{owner}_{match[1].upper()}_{into[1]}"
+    name = f"{into[0]}_{match[1].upper()}_{into[1]}"
     deck.loads = [load for load in deck.loads if load.name != name]
     deck.loads.append(FileLoad(name, into, with_unit(factor, "W"), line.where, "", course, scales=True))
     return True
 
 
-def _constant(deck: EsatanDeck, owner: str, line: Line) -> bool:
-    """Take a power, a start or a boundary's temperature that is set to arithmetic of names; whether it did."""
+def _constant(deck: EsatanDeck, owner: str, line: Line, repeats: bool) -> bool:
+    """Take a power, a boundary's temperature or, where it acts once, a start that is set to arithmetic of names; whether it did."""
     match = _CONSTANT.match(line.text)
     if match is None:
         return False
-    where, into = line.part(match.start(3), match.end(3)), (owner, f"T{int(match[2])}")
+    where, into = line.part(match.start(3), match.end(3)), _node_of(deck, owner, match[2], line)
+    if not _is_node(deck, into):
+        return False
     try:
         value = deck.reading.value(match[3], where)
     except DeckError:
         return False
     if match[1].upper() == "T":
         k = next((k for k, node in enumerate(deck.nodes) if (node.submodel, node.name) == into), None)
-        if k is None:
+        if k is None or (repeats and not deck.nodes[k].held):
             return False
         deck.nodes[k] = replace(deck.nodes[k], celsius=deck.reading.number(value))
         return True
-    name = f"{owner}_{match[1].upper()}_{into[1]}"
+    name = f"{into[0]}_{match[1].upper()}_{into[1]}"
     deck.loads = [load for load in deck.loads if load.name != name]
-    if into not in deck.inactive:
-        deck.loads.append(FileLoad(name, into, with_unit(value, "W"), where))
+    deck.loads.append(FileLoad(name, into, with_unit(value, "W"), where))
     return True
 
 
-def _course(deck: EsatanDeck, scope: _Scope, match: re.Match[str], line: Line) -> FileCourse | None:
+def _course(deck: EsatanDeck, owner: str, match: re.Match[str], line: Line) -> FileCourse | None:
     """Return the course of INTCYC(time, times, values, order, period, shift) or INTRP1(time, pairs, order); INTCYC takes pairs too.
 
     Raises
@@ -421,7 +502,7 @@ def _course(deck: EsatanDeck, scope: _Scope, match: re.Match[str], line: Line) -
     ThermidError    When a period or a shift is no number.
     """
     words = [word.strip().upper() for word in match[5].split(",")]
-    arrays = [scope.arrays[word] for word in words[1:3] if word in scope.arrays]
+    arrays = [deck.arrays[owner, word] for word in words[1:3] if (owner, word) in deck.arrays]
     if len(arrays) == 1 and arrays[0].ndim == 2 and arrays[0].shape[1] == 2:
         arrays = [arrays[0][:, 0], arrays[0][:, 1]]
         words.insert(2, "")
@@ -443,7 +524,7 @@ def _execution(deck: EsatanDeck, lines: list[Line]) -> None:
             depth = max(depth + deeper, 0.0)
             rest.append(line)
         elif (match := re.match(r"\s*(\w+)\s*=\s*(.+?)\s*$", line.text)) and match[1].upper() in _RUN:
-            _control(deck, match, line)
+            deck.reading.take_control(match[1], match[2], line)
         elif called[:1] == ["SOLCYC"]:
             deck.reading.remark(line.where, "the cyclic solution of SOLCYC is no start here; --start periodic is", dropped=False)
         elif called and (_STEADY.fullmatch(called[0]) or _TRANSIENT.fullmatch(called[0])):

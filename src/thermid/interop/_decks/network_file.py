@@ -6,13 +6,13 @@ import math
 import os
 import re
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.errors import DeckError
+from thermid.base.errors import DeckError, ThermidError
 from thermid.base.expression import parse
 from thermid.base.units import counted
 from thermid.interop._decks.emissivities import FileEmissivity
@@ -155,6 +155,7 @@ class NetworkFile:
     duration : float               Length of the transient [s]; 0 without one.
     remarks : tuple of DeckRemark      What was dropped or assumed, line by line.
     texts : dict                   File -> its text, as read.
+    again : callable               Returns the network of the deck as it would be with other texts of its files.
     zero_and_degree : tuple        Absolute zero in the deck's unit of temperature, and a degree of it [K].
     courses : dict                 Boundary -> temperature over time, where it is no constant. [degC]
     start : str                    Where the transient begins, as a scenario says it; empty for the temperatures of the nodes.
@@ -173,6 +174,7 @@ class NetworkFile:
     duration: float
     remarks: tuple[DeckRemark, ...]
     texts: Mapping[str, str]
+    again: Callable[[Mapping[str, str]], NetworkFile]
     courses: Mapping[str, FileCourse] = field(default_factory=dict)
     zero_and_degree: tuple[float, float] = (-ICE_POINT, 1.0)
     start: str = ""
@@ -254,7 +256,7 @@ class NetworkFile:
                 if (by := element.table.get("control"))
             },
             "loads": {
-                element.name: {"into": _defined(at, element.into, "load", element), "power": _power(element), **element.more}
+                element.name: {"into": _defined(at, element.into, "load", element), **_power(element), **element.more}
                 for element in self.loads
             },
         }
@@ -313,22 +315,34 @@ class NetworkFile:
 
         Raises
         ------
-        DeckError       When the model lacks a parameter of this file.
+        DeckError       When the model lacks a parameter of this file; when a number of the written deck, read again, is not that of the
+                        model.
         """
         edits: dict[str, list[tuple[TextSpan, str]]] = {}
-        for span, text in self._edits(model)[0].items():
+        written, _, wanted = self._edits(model)
+        for span, text in written.items():
             edits.setdefault(span.file, []).append((span, text))
-        return {file: _edited(self.texts[file], changes, self.tool) for file, changes in edits.items()}
+        texts = {file: _edited(self.texts[file], changes, self.tool) for file, changes in edits.items()}
+        try:
+            reread = ParameterSet(self.again({**self.texts, **texts}).model()).evaluate({})
+            wrong = next((p for p, value in wanted.items() if not _is_same_number(value, reread.get(p, math.nan))), "")
+            why = f"would read '{wrong}' as {reread.get(wrong, math.nan):g} instead of {wanted[wrong]:g}" if wrong else ""
+        except ThermidError as error:
+            why = f"could not be read again: {error}"
+        if why:
+            raise DeckError(f"the written deck {why}. Write the number on a line of its own.", self.title, code="output.edit-refused")
+        return texts
 
     def not_written_back(self, model: Model) -> tuple[str, ...]:
         """Return the paths of values of a model that differ from the deck's and that `written_back` cannot write; raises as that does."""
         return self._edits(model)[1]
 
-    def _edits(self, model: Model) -> tuple[dict[TextSpan, str], tuple[str, ...]]:
-        """Return the numbers that changed where they stand, and the paths of changed values that have no number of their own."""
+    def _edits(self, model: Model) -> tuple[dict[TextSpan, str], tuple[str, ...], dict[str, float]]:
+        """Return the numbers that changed where they stand, changed paths without a number of their own, and what a changed deck states."""
         now = ParameterSet(model).evaluate({})
         numbers = {name: float(value) for name, (value, _) in self.parameters.items() if isinstance(value, int | float)}
-        factors = (*self.groups(), *self.emissivities)
+        groups = self.groups()
+        factors = (*groups, *self.emissivities)
         lacking = sorted({*numbers, *factors} - now.keys())
         if lacking:
             raise DeckError(
@@ -353,7 +367,7 @@ class NetworkFile:
                     out[span] = _times(text, ratio)
             else:
                 changed |= {p for p, change_ratio in ratios.items() if not _is_same_number(change_ratio, 1.0)}
-        return out, tuple(sorted(changed))
+        return out, tuple(sorted(changed)), {p: float(rows[p] if p in changed else now[p]) for p in rows if p not in groups}
 
     def _places(self) -> Iterator[tuple[str, TextSpan]]:
         """Yield the values that stand in the files as a number or expression: path, place."""
@@ -391,13 +405,13 @@ def _node(node: FileNode) -> dict[str, Any]:
     return {"capacitance": {"value": text, "source": "derived", "basis": str(node.where), "note": node.title}}
 
 
-def _power(load: FileLoad) -> dict[str, str] | str:
-    """Return the power of a load, with the remark that its course is elsewhere."""
+def _power(load: FileLoad) -> dict[str, Any]:
+    """Return the power of a load, with the remark that its course is elsewhere; nothing where a table has it."""
     watts = load.power if isinstance(load.power, str) else f"{load.power!r} [W]"
     if load.course is None:
-        return watts
+        return {} if "table" in load.more else {"power": watts}
     what = "scale of its course" if load.scales else "mean of its course"
-    return {"value": watts, "source": "derived", "basis": str(load.where), "note": f"{what}, which the scenario has"}
+    return {"power": {"value": watts, "source": "derived", "basis": str(load.where), "note": f"{what}, which the scenario has"}}
 
 
 def _times(number: str, factor: float) -> str:
@@ -409,20 +423,23 @@ def _times(number: str, factor: float) -> str:
 
 
 def _edited(text: str, changes: list[tuple[TextSpan, str]], tool: str) -> str:
-    """Return a text with numbers replaced, each line that changed with a comment of the tool's language."""
-    mark = "$" if tool == "SINDA" else "#"
-    lines: dict[int, list[str]] = {}
-    for span, new in sorted(changes, key=lambda change: change[0].begin, reverse=True):
-        old = text[span.begin : span.end]
-        text = text[: span.begin] + new + text[span.end :]
-        lines.setdefault(span.line, []).insert(0, old.strip())
-    rows = text.split("\n")
-    for line, before in lines.items():
-        row, tail = rows[line - 1], ""
-        if row.endswith("\r"):
-            row, tail = row[:-1], "\r"
-        rows[line - 1] = f"{row} {mark} fitted, was {', '.join(before)}{tail}"
-    return "\n".join(rows)
+    """Return a text with numbers replaced, each line in which one ends with a comment of the tool's language."""
+    mark, pieces, at, before = "$" if tool == "SINDA" else "#", list[str](), 0, list[str]()
+    for span, new in sorted(changes, key=lambda change: change[0].begin):
+        between, before = _noted(text[at : span.begin], before, mark)
+        pieces += between, new
+        before.append(" ".join(text[span.begin : span.end].split()))
+        at = span.end
+    return "".join([*pieces, _noted(text[at:] + "\n", before, mark)[0][:-1]])
+
+
+def _noted(text: str, before: list[str], mark: str) -> tuple[str, list[str]]:
+    """Return a text, its first line with a comment of what was before where there was something, and what is left to comment."""
+    row, end, rest = text.partition("\n")
+    if not end or not before:
+        return text, before
+    tail = "\r" if row.endswith("\r") else ""
+    return f"{row.removesuffix(tail)} {mark} fitted, was {', '.join(before)}{tail}\n{rest}", []
 
 
 _EXPONENT = re.compile(r"(?<=[\d.])[dD](?=[-+]?\d)")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -92,7 +92,7 @@ class Agreement:
 def agreement(network: NetworkFile, prints: Sequence[Printed]) -> Agreement:
     """Return the temperatures of a deck's own runs, computed anew, against their prints.
 
-    Of a steady state the last print counts, of a transient every one. Nodes that the print lacks are named.
+    Of a steady state the last print counts, of a transient every one, and the run ends at the last. Nodes that the print lacks are named.
 
     Raises
     ------
@@ -113,6 +113,9 @@ def agreement(network: NetworkFile, prints: Sequence[Printed]) -> Agreement:
         rows.append([calm[paths[name]] for name in nodes])
     if moving:
         stored, which = np.unique(times, return_inverse=True)
+        cyclic = all(load.course is None or load.course.period for load in network.loads) and not network.courses
+        if stored[-1] and (cyclic or network.start != "steady, mean"):  # else its start is under the means of the whole run
+            scenario = replace(scenario, duration=float(stored[-1]))
         run = simulate(model, scenario, times=stored)
         rows.extend(np.column_stack([run[paths[name]].kelvin for name in nodes])[which])
     printed = [network.celsius(output.numbers) for output in (*settled, *moving)]
@@ -177,8 +180,11 @@ def balance(network: NetworkFile, printed: Printed) -> Balance:
         residuals[b] += heat
         rounding[[a, b]] += steep[0] * half[a] + steep[1] * half[b]  # both ends were rounded
     for load in network.loads:
+        k = at[".".join(load.into)]
         if not load.more:
-            residuals[at[".".join(load.into)]] += float(values[f"{load.name}.power"])
+            residuals[k] += float(values[f"{load.name}.power"])
+        elif "table" in load.more:
+            residuals[k] += _at_mean(load.more["table"]["points"], t[k], t[k])
     inner = [k for k, node in enumerate(network.nodes) if not node.held]
     return Balance({names[k]: -float(residuals[k]) for k in inner}, {names[k]: float(rounding[k]) for k in inner})
 

@@ -10,18 +10,20 @@ import math
 import re
 from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 
-from thermid.base.errors import DeckError, ThermidError
+from thermid.base.errors import DeckError, ThermidError, cap, raising
 from thermid.base.units import counted
 from thermid.interop._decks.cards import card_blocks
 from thermid.interop._decks.emissivities import FileEmissivity, optical_properties, read_emissivities
 from thermid.interop._decks.heat_rates import CALL, SUFFIX, CommentedArrays, heat_rates, owner_of
 from thermid.interop._decks.network_file import (
+    SCALED,
     FileConductor,
     FileCourse,
     FileLoad,
@@ -48,6 +50,8 @@ INSULATION: Final = 20_000
 """By how much the number of an insulation's node exceeds that of the surface below, as Thermal Desktop numbers them."""
 Cells = list[tuple[str, TextSpan]]
 """What stands between the commas of a row, each with its place."""
+_REPEATS: Final = {"GEN": "CAL", "SIM": "SIV", "SPM": "SPV", "DIM": "DIV"}
+"""Option that makes several elements: number, count, increment -> the option that each of them has."""
 _WITHOUT_EFFECT: Final = ("OPTIONS", "SOLVER", "USER DATA", "DESIGN", "PROCEDURE", "RELIABILITY")
 """Blocks that act by calls and names alone: titles, settings of an optimizer, variables of logic; a call of them is named."""
 _STEADY: Final = re.compile(r"STEADY|STDSTL|FASTIC|CINDS[SLBM]|SNDSNR|SNSOSS|SNHOSS")
@@ -61,6 +65,8 @@ _ACTS: Final = re.compile(
     r"(?<![\w.])(?:\w+\.)?(?:XK|[TQCGAK])\s*(?:\d+|\((?:[^()=]|\([^()=]*\))*\))\s*=(?!=)|^\s*(?:INCLUDE|INSERT)\b", re.IGNORECASE
 )
 """An assignment to a node, a conductor, an array or a constant; or more of the deck."""
+_RUN: Final = ("ABSZRO", "TMPZRO", "SIGMA", "TIMEO", "TIMEND", "DTIMES")
+"""Control constants that decide numbers; others say how SINDA solves and prints."""
 _INTERPOLATIONS: Final = {
     "D1DEG1": "xPr", "D1D1DA": "xTYr", "D1D1WM": "xPzr", "D11MDA": "xTYzr",
     "D11CYL": "pxPr", "DA11CY": "pxTYr", "D11MCY": "pxPzr", "DA11MC": "pxTYzr",
@@ -78,6 +84,7 @@ class Units:
     degree: float = 1.0
     length: float = 1.0
     zero: float = 0.0
+    lengths: set[float] = field(default_factory=set)
     sigma: float | None = None
     temperature_stated: bool = False
     power_stated: bool = False
@@ -131,7 +138,6 @@ class SindaDeck:
     arrays: dict[tuple[str, str], list[float]] = field(default_factory=dict)
     words: dict[str, list[str]] = field(default_factory=dict)
     owners: dict[tuple[str, str], tuple[str, str]] = field(default_factory=dict)
-    control: dict[str, float] = field(default_factory=dict)
     courses: dict[str, FileCourse] = field(default_factory=dict)
     emissivities: dict[str, tuple[float, int]] = field(default_factory=dict)
     listed: dict[TextSpan, tuple[str, float]] = field(default_factory=dict)
@@ -157,8 +163,12 @@ def read_sinda(path: str | Path, units: str = "") -> NetworkFile:
     DeckError   With file and line: a file is missing, includes itself, is binary or too large; a row is no node, no conductor or no number;
                 nothing states the unit of temperatures or of powers, or the deck contradicts the stated ones.
     """
-    path = Path(path)
-    deck = SindaDeck()
+    return _network(Path(path), units)
+
+
+def _network(path: Path, units: str, instead: Mapping[str, str] = MappingProxyType({})) -> NetworkFile:
+    """Return the network of a deck, read with texts instead of some of its files."""
+    deck = SindaDeck(DeckReading(instead))
     text = deck.reading.open(path)
     deck.title = path.stem
     if units:
@@ -175,7 +185,7 @@ def read_sinda(path: str | Path, units: str = "") -> NetworkFile:
     for wanted in _READERS:
         for header, submodel, lines in deck.steps:
             if header.startswith(wanted):
-                _READERS[wanted](deck, submodel, lines)
+                _READERS[wanted](deck, submodel, lines if "ARRAY" in wanted else list(_joined(lines)))
     _name_what_is_left(deck)
     unread = any(remark.what.startswith("node") for remark in deck.reading.remarks if remark.dropped)
     deck.conductors = list(with_defined_ends(deck.reading, deck.nodes, deck.conductors, unread))
@@ -188,10 +198,11 @@ def read_sinda(path: str | Path, units: str = "") -> NetworkFile:
             "with the file",
             dropped=False,
         )
-    begin = deck.control.get("TIMEO", 0.0) * deck.units.time
+    begin = deck.reading.control.get("TIMEO", 0.0) * deck.units.time
     return NetworkFile(
         identifier(deck.title), "SINDA", tuple(deck.nodes), tuple(deck.conductors), tuple(_unique(deck.loads)), deck.reading.parameters,
-        deck.control.get("TIMEND", 0.0) * deck.units.time - begin, tuple(deck.reading.remarks), deck.reading.texts,
+        deck.reading.control.get("TIMEND", 0.0) * deck.units.time - begin, tuple(deck.reading.remarks), deck.reading.texts,
+        partial(_network, path, units),
         zero_and_degree=(deck.units.zero, deck.units.degree),
         start=_start(deck),
         seconds=deck.units.time,
@@ -206,7 +217,7 @@ def _start(deck: SindaDeck) -> str:
     """Return where the transient begins: empty for the temperatures of NODE DATA."""
     if not deck.settles or deck.ends:
         return ""
-    if deck.control.get("DTIMES", 0.0) or not deck.averages:
+    if deck.reading.control.get("DTIMES", 0.0) or not deck.averages:
         return "steady"
     others = [load for load in deck.loads if load.course is not None and load.stands]
     if others:
@@ -284,6 +295,7 @@ def _stated_unit(deck: SindaDeck, row: str) -> None:
     elif what == "Time" and unit in _TIME:
         deck.units.time = _TIME[unit]
     elif what == "Length" and unit in _LENGTH:
+        deck.units.lengths.add(_LENGTH[unit])
         deck.units.length = _LENGTH[unit] if unit in ("FT", "IN") else 1.0  # radiation conductors stay in m^2 under mm
     elif what == "Temp":
         deck.units.take(unit)
@@ -291,25 +303,25 @@ def _stated_unit(deck: SindaDeck, row: str) -> None:
 
 def _control(deck: SindaDeck, _: str, lines: list[Line]) -> None:
     """Read CONTROL DATA: absolute zero, Stefan-Boltzmann constant, unit system, end of the transient."""
+    control = deck.reading.control
     for line in lines:
-        for match in re.finditer(r"(\w+)\s*=\s*([^\s,]+)", line.text):
-            name, word = match[1].upper(), match[2]
-            if name == "UID":
+        if not re.match(r"\s*\w+\s*=", line.text):
+            deck.reading.name_logic([line])
+        for name, word in re.findall(r"(\w+)\s*=\s*([^=]*?)\s*,?\s*(?=\w+\s*=|$)", line.text):
+            if name.upper() == "UID":
                 deck.units.power_stated = True
                 if word.upper().startswith("E"):
                     deck.units.energy, deck.units.time, deck.units.degree, deck.units.length = BTU, HOUR, RANKINE, 0.3048
-                continue
-            try:
-                deck.control[name] = float(fortran(word))
-            except ValueError:
-                continue
-    if "TMPZRO" in deck.control:
-        deck.control["ABSZRO"] = -abs(deck.control["TMPZRO"])
-    if "ABSZRO" in deck.control:
-        deck.units.zero, deck.units.temperature_stated = deck.control["ABSZRO"], True
+                deck.units.lengths.add(0.3048 if word.upper().startswith("E") else 1.0)
+            elif name.upper() in _RUN:
+                deck.reading.take_control(name, word, line)
+    if "TMPZRO" in control:
+        control["ABSZRO"] = -abs(control["TMPZRO"])
+    if "ABSZRO" in control:
+        deck.units.zero, deck.units.temperature_stated = control["ABSZRO"], True
         if round(deck.units.zero) in (-459, -460):
             deck.units.degree = RANKINE
-    deck.units.sigma = deck.control.get("SIGMA", deck.units.sigma)
+    deck.units.sigma = control.get("SIGMA", deck.units.sigma)
 
 
 def _registers(deck: SindaDeck, _: str, lines: list[Line]) -> None:
@@ -342,13 +354,12 @@ def _arrays(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
                 deck.arrays[submodel, match[1]] = numbers
                 if owner := owner_of(line.before):
                     deck.owners[submodel, match[1]] = owner
-        for word in re.findall(r"[^\s,]+", row):
+        for word in re.findall(r"[^\s,&]+", row):
             if word.upper() == "END":
                 continue
-            try:
-                numbers.append(float(fortran(word)))  # type: ignore[union-attr]
-            except (ValueError, AttributeError):
-                raise DeckError(f"'{word}' is not a number of an array.", str(line.where), code="import.not-understood") from None
+            if numbers is None:
+                raise DeckError(f"'{word}' is not in an array.", str(line.where), code="import.not-understood")
+            numbers.append(deck.reading.number(deck.reading.value(word, line.where)))
     for key, where, again in repeated:
         if again != deck.arrays[submodel, key]:
             deck.reading.is_first(f"array {submodel}.{key}", where)
@@ -372,14 +383,11 @@ def _operation(deck: SindaDeck, _: str, lines: list[Line]) -> None:
     if not lines:
         return
     rest, solved = list[Line](), list[str]()
-    for line in _joined(lines):
+    for line in lines:
         if solution := next((name for name in _called(deck, line) if _STEADY.fullmatch(name) or _TRANSIENT.fullmatch(name)), None):
             solved.append("steady" if _STEADY.fullmatch(solution) else "transient")
         elif match := re.fullmatch(r"\s*(TIMEO|TIMEND|DTIMES)\s*=\s*(.+?)\s*", line.text, re.IGNORECASE):
-            try:
-                deck.control[match[1].upper()] = deck.reading.number(deck.reading.value(match[2], line.where))
-            except DeckError:
-                rest.append(line)
+            deck.reading.take_control(match[1], match[2], line)
         else:
             rest.append(line)
     deck.settles = solved[:1] == ["steady"]
@@ -402,20 +410,22 @@ def _acts(deck: SindaDeck, line: Line) -> bool:
         built = set(re.split(r"[\s,]+", match[1].strip().upper()))
         return "ALL" not in built and not {node.submodel for node in deck.nodes} <= built
     called = [name for name in _called(deck, line) if name not in deck.subroutines]
-    return acts(line, called, _PRINTS, _ACTS, (*deck.reading.names, "TIMEO", "TIMEND", "TIMEN", "ABSZRO", "SIGMA"))
+    return acts(line, called, _PRINTS, _ACTS, (*deck.reading.names, *_RUN, "TIMEN"))
 
 
 def _nodes(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
-    """Read NODE DATA: groups of number, temperature, capacitance; GEN, CAL, SIV, SPV, DIV and boundaries over time (SIT)."""
+    """Read NODE DATA: groups of number, temperature, capacitance; GEN, CAL, SIV, SPV, DIV, SIM, SPM, DIM, FAC, and SIT of boundaries."""
+    factor: float | str = 1.0
     for line in lines:
-        (head, _), *rest = fields(line) or [("", line.where)]
-        word, _, first = head.partition(" ")
-        kind = word.upper() if first else ""
+        kind, cells = _card(line)
         try:
-            cells = [(first.strip(), rest[0][1]), *rest] if kind else [(head, line.where), *rest]
+            if kind == "FAC":
+                ((word, where),) = cells
+                factor = deck.reading.value(word, where)
+                continue
             for node, course in _nodes_of_card(deck, submodel, line, kind, cells):
                 if deck.reading.is_first(f"node {submodel}.{node.name}", node.where):
-                    deck.nodes.append(node)
+                    deck.nodes.append(_multiplied(node, factor))
                     if course is not None:
                         deck.courses[node.path] = course
         except ThermidError:
@@ -434,17 +444,18 @@ def _nodes_of_card(deck: SindaDeck, submodel: str, line: Line, kind: str, cells:
         if len(cells) % 3:
             raise ValueError
         yield from ((_node(deck, submodel, line, cells[k : k + 3]), None) for k in range(0, len(cells), 3))
-    elif kind == "GEN":
-        yield from ((node, None) for node in _generated(deck, submodel, line, cells))
+    elif kind in _REPEATS:
+        for number in _numbers(cells):
+            yield from _nodes_of_card(deck, submodel, line, _REPEATS[kind], [number, *cells[3:]])
     elif kind in ("SIV", "SPV", "DIV"):
         yield _tabulated_node(deck, submodel, line, kind, cells), None
     elif kind == "CAL":
         yield _node(deck, submodel, line, [*cells[:2], _product(cells[2:])]), None
-    elif kind == "SIT" and cells[0][0].startswith("-") and not any(float(fortran(word)) for word, _ in cells[3:]):
+    elif kind == "SIT" and cells[0][0].startswith("-") and not any(deck.reading.number(deck.reading.value(*cell)) for cell in cells[3:]):
         course = _over_time(deck, submodel, cells[2][0], line)
         yield _node(deck, submodel, line, [cells[0], cells[1], ("0.0", cells[2][1])]), _celsius(deck, course)
     else:
-        deck.reading.remark(line.where, f"node option {kind}: '{line.text.strip()}'")
+        deck.reading.remark(line.where, f"node option {kind}: '{line.words}'")
 
 
 def _celsius(deck: SindaDeck, course: FileCourse) -> FileCourse:
@@ -454,7 +465,7 @@ def _celsius(deck: SindaDeck, course: FileCourse) -> FileCourse:
 
 def _node(deck: SindaDeck, submodel: str, line: Line, cells: Cells) -> FileNode:
     number = int(cells[0][0])
-    celsius = deck.units.celsius(float(fortran(cells[1][0])))
+    celsius = deck.units.celsius(deck.reading.number(deck.reading.value(*cells[1])))
     text, where = cells[2]
     mass = deck.reading.value(text, where)
     held, massless = number < 0, isinstance(mass, float) and mass < 0.0
@@ -462,11 +473,47 @@ def _node(deck: SindaDeck, submodel: str, line: Line, cells: Cells) -> FileNode:
     return FileNode(submodel, f"T{abs(number)}", capacitance, celsius, held, where, " ".join(line.before[-1:]))
 
 
-def _generated(deck: SindaDeck, submodel: str, line: Line, cells: Cells) -> Iterator[FileNode]:
-    """Yield the nodes of GEN number, count, increment, temperature, capacitance."""
-    first, count, step = (int(cells[k][0]) for k in range(3))
-    for k in range(count):
-        yield _node(deck, submodel, line, [(str(first + k * step), cells[0][1]), cells[3], _product(cells[4:])])
+def _card(line: Line) -> tuple[str, Cells]:
+    """Return the option of a card, "" without one, and its cells."""
+    (head, where), *rest = fields(line) or [("", line.where)]
+    option = re.match(r"[A-Za-z]\w*", head)
+    if option is None:
+        return "", [(head, where), *rest]
+    first = head[option.end() :].strip()
+    return option[0].upper(), [(first, where), *rest] if first else rest
+
+
+def _stepped(word: str, by: int) -> str:
+    """Return a number of a node or conductor, moved by so much; its sign and its submodel stay."""
+    match = re.fullmatch(r"(-?(?:\w+\.)?)(\d+)", word)
+    if match is None:
+        raise ValueError
+    return f"{match[1]}{int(match[2]) + by}"
+
+
+def _numbers(cells: Cells) -> Iterator[tuple[str, TextSpan]]:
+    """Yield the numbers that an option makes of the first, their count and their increment.
+
+    Raises
+    ------
+    DeckError   When there are more than the cap `repeats`.
+    """
+    (first, where), count, step = cells[0], int(cells[1][0]), int(cells[2][0])
+    if count < 1:
+        raise ValueError
+    if count > cap("repeats"):
+        raise DeckError(f"{count} elements of one statement are too many.{raising('repeats')}", str(where), code="cap.exceeded")
+    yield from ((_stepped(first, k * step), where) for k in range(count))
+
+
+def _multiplied(node: FileNode, factor: float | str) -> FileNode:
+    """Return a node with the factor of the FAC before it."""
+    mass = node.capacitance
+    if factor == 1.0 or mass is None:
+        return node
+    if isinstance(mass, Mapping):
+        return replace(node, capacitance={**mass, "mass": f"({factor})*{mass['mass']}"})
+    return replace(node, capacitance=f"({factor})*{mass}")
 
 
 def _product(cells: Cells) -> tuple[str, TextSpan]:
@@ -479,7 +526,7 @@ def _over_time(deck: SindaDeck, submodel: str, word: str, line: Line) -> FileCou
     values = _array(deck, submodel, word)
     if values is None or len(values) % 2:
         raise DeckError(
-            f"array {word} is not in ARRAY DATA of {submodel} as pairs of time and value.", str(line.where), code="value.incomplete"
+            f"array {word} is not in ARRAY DATA of {submodel} as pairs of time and value.", str(line.where), code="import.not-understood"
         )
     return FileCourse(np.array(values[::2]) * deck.units.time, np.array(values[1::2]), 0.0, str(line.where))
 
@@ -488,8 +535,9 @@ def _tabulated_node(deck: SindaDeck, submodel: str, line: Line, kind: str, cells
     """Return a node whose capacitance is an array over temperature (SIV), a polynomial of it (SPV), or two arrays (DIV), times factors."""
     if len(cells) > (6 if kind == "DIV" else 4):
         raise ValueError
-    number, celsius = int(cells[0][0]), deck.units.celsius(float(fortran(cells[1][0])))
-    pairs = [(cells[k][0], float(fortran(cells[k + 1][0])) if len(cells) > k + 1 else 1.0) for k in range(2, 6 if kind == "DIV" else 4, 2)]
+    numbers = [deck.reading.number(deck.reading.value(*cell)) for cell in cells[1::2]]
+    number, celsius = int(cells[0][0]), deck.units.celsius(numbers[0])
+    pairs = [(cells[k][0], numbers[k // 2] if len(cells) > k + 1 else 1.0) for k in range(2, 6 if kind == "DIV" else 4, 2)]
     tables = [(factor, *np.array(_points(deck, submodel, kind, word, line)).T) for word, factor in pairs]
     unit = deck.units.energy / deck.units.degree
     mass, (_, grid, values) = tables[0][0], tables[0]
@@ -527,7 +575,7 @@ def _points(deck: SindaDeck, submodel: str, kind: str, word: str, line: Line) ->
 
 
 def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
-    """Read CONDUCTOR DATA: number, pairs of nodes, value; GEN, SIV and SPV. A contactor named in a comment makes a group of its rows.
+    """Read CONDUCTOR DATA: number, pairs of nodes, value; GEN, CAL, SIV, SPV, SIM, SPM, FAC. A contactor of a comment groups its rows.
 
     An array of a radiation conductor is its emissivity at the mean of both temperatures, a control of the model. A block of
     radiation alone, as Thermal Desktop writes one for each group of surfaces that see each other, is one group, and its rows follow the
@@ -535,29 +583,44 @@ def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     """
     block = len(lines) > 1 and all(line.text.lstrip().startswith("-") for line in lines)
     group = _Group(f"radiation_{identifier(submodel)}" if block else "", _followed(deck, lines) if block else {})
+    factor: float | str = 1.0
     for line in lines:
-        (head, _), *rest = fields(line) or [("", line.where)]
-        word, _, first = head.partition(" ")
-        kind = word.upper() if first else ""
-        cells = [(first.strip(), line.where), *rest] if kind else [(head, line.where), *rest]
+        kind, cells = _card(line)
         try:
-            if kind == "GEN":
-                deck.conductors.extend(_generated_conductors(deck, submodel, cells, group, line))
-            elif kind == "CAL" and len(cells) > 4 and float(fortran(cells[-1][0])) == 1.0:  # X Y Z / W
-                deck.conductors.extend(_row(deck, submodel, "", [*cells[:3], _product(cells[3:-1])], group, line))
-            elif kind in ("SIV", "SPV"):
-                deck.conductors.extend(_row(deck, submodel, kind, cells, group, line))
-            elif kind == "":
-                for k, n in _groups(cells):
-                    deck.conductors.extend(_row(deck, submodel, "", cells[k:n], group, line))
+            if kind == "FAC":
+                ((word, where),) = cells
+                factor = deck.reading.value(word, where)
             else:
-                deck.reading.remark(line.where, f"conductor option {kind}: '{line.text.strip()}'")
+                for row in _conductors_of_card(deck, submodel, line, kind, cells, group):
+                    key = SCALED[row.table["kind"]]
+                    product = row.table[key] if factor == 1.0 else f"({factor})*{row.table[key]}"
+                    deck.conductors.append(replace(row, table={**row.table, key: product}))
         except ThermidError:
             raise
         except (ValueError, IndexError):
             raise DeckError(
                 f"'{line.text.strip()}' is not a conductor. Write number, node, node, value.", str(line.where), code="import.not-understood"
             ) from None
+
+
+def _conductors_of_card(deck: SindaDeck, submodel: str, line: Line, kind: str, cells: Cells, group: _Group) -> Iterator[FileConductor]:
+    """Yield the conductors of a card; a card that is not read is named."""
+    if kind in _REPEATS and kind != "DIM":
+        single = "" if kind == "GEN" and len(cells) == 8 else _REPEATS[kind]
+        for k, number in enumerate(_numbers(cells)):
+            ends = [(_stepped(cells[n][0], k * int(cells[n + 1][0])), cells[n][1]) for n in (3, 5)]
+            yield from _conductors_of_card(deck, submodel, line, single, [number, *ends, *cells[7:]], group)
+    elif kind == "CAL" and len(cells) > 4 and (len(cells) == 7 or deck.reading.number(deck.reading.value(*cells[-1])) == 1.0):
+        # X Y Z / W
+        product, where = _product(cells[3:-1])
+        yield from _row(deck, submodel, "", [*cells[:3], (f"({product})/({cells[-1][0]})", where)], group, line)
+    elif kind in ("SIV", "SPV"):
+        yield from _row(deck, submodel, kind, cells, group, line)
+    elif kind == "":
+        for k, n in _groups(cells):
+            yield from _row(deck, submodel, "", cells[k:n], group, line)
+    else:
+        deck.reading.remark(line.where, f"conductor option {kind}: '{line.words}'")
 
 
 def _followed(deck: SindaDeck, lines: list[Line]) -> dict[TextSpan, tuple[FileEmissivity, ...]]:
@@ -667,13 +730,13 @@ def _law(deck: SindaDeck, submodel: str, kind: str, number: int, values: Cells, 
     text, where = values[0]
     units = deck.units
     if kind:
-        factor = float(fortran(values[1][0])) if len(values) > 1 else 1.0
+        factor = deck.reading.value(*values[1]) if len(values) > 1 else 1.0
         points = _points(deck, submodel, kind, text, line)
         if number < 0:
             by = {"points": [[f"{t!r} [degC]", f"{e!r}"] for t, e in points]}
             return {"kind": "radiation", "exchange_factor": 1.0, "area": with_unit(factor, "m^2", units.exchange_area()), "control": by}
         table = [[f"{t!r} [degC]", f"{g * units.power / units.degree!r} [W/K]"] for t, g in points]
-        return {"kind": "table", "table": {"points": table}, "scale": f"{factor!r}"}
+        return {"kind": "table", "table": {"points": table}, "scale": f"({factor})" if isinstance(factor, str) else repr(factor)}
     value = deck.reading.value(text, where)
     if number < 0:
         ratio = units.exchange_area()
@@ -681,40 +744,39 @@ def _law(deck: SindaDeck, submodel: str, kind: str, number: int, values: Cells, 
     return {"kind": "conduction", "conductance": with_unit(value, "W/K", units.power / units.degree)}
 
 
-def _generated_conductors(deck: SindaDeck, submodel: str, cells: Cells, group: _Group, line: Line) -> Iterator[FileConductor]:
-    """Yield the conductors of GEN number, count, increment, node, increment, node, increment, value."""
-    first, count, step = (int(cells[k][0]) for k in range(3))
-    owner_a, _, a = cells[3][0].rpartition(".")
-    owner_b, _, b = cells[5][0].rpartition(".")
-    step_a, step_b = int(cells[4][0]), int(cells[6][0])
-    for k in range(count):
-        ends = [f"{owner_a or submodel}.{int(a) + k * step_a}", f"{owner_b or submodel}.{int(b) + k * step_b}"]
-        number = first + k * step if first > 0 else first - k * step
-        row = [(str(number), cells[0][1]), (ends[0], cells[3][1]), (ends[1], cells[5][1]), cells[7]]
-        yield from _row(deck, submodel, "", row, group, line)
-
-
 def _sources(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
-    """Read SOURCE DATA: groups of node and power; SIT node, array over time, factor."""
+    """Read SOURCE DATA: groups of node and power; GEN; SIT and SIV with an array over time or over the node's temperature, and a factor."""
+    unit = deck.units.power
     for line in lines:
-        cells = fields(line)
+        kind, cells = _card(line)
+        loads: list[FileLoad] = []
         try:
-            if match := re.fullmatch(r"SIT\s+(\d+)", cells[0][0], re.IGNORECASE):
-                course = _over_time(deck, submodel, cells[1][0], line)
-                (factor,) = (float(fortran(word)) for word, _ in cells[2:])
-                watts, into = factor * deck.units.power, (submodel, f"T{int(match[1])}")
-                mean = float(np.mean(course.numbers)) * watts
-                deck.loads.append(FileLoad(f"{submodel}_Q{int(match[1])}", into, mean, line.where, "", course, factor=watts, stands=False))
-                continue
-            pairs = zip(cells[::2], cells[1::2], strict=True)
-            powers = [(int(node), deck.reading.value(word, where), where) for (node, _), (word, where) in pairs]
+            if kind in ("SIT", "SIV"):
+                (node, _), (array, _), (word, _) = cells
+                watts = deck.reading.number(deck.reading.value(word, line.where)) * unit
+                power, course, more = 0.0, None, dict[str, object]()
+                if kind == "SIT":
+                    course = _over_time(deck, submodel, array, line)
+                    power = float(np.mean(course.numbers)) * watts
+                else:
+                    points = [[f"{t!r} [degC]", f"{p * watts!r} [W]"] for t, p in _points(deck, submodel, kind, array, line)]
+                    more = {"table": {"points": points}}
+                name = f"{submodel}_Q{int(node)}"
+                loads.append(FileLoad(name, (submodel, f"T{int(node)}"), power, line.where, "", course, more, factor=watts, stands=False))
+            elif kind in ("", "GEN"):
+                numbers = list(_numbers(cells)) if kind else cells[::2]
+                powers = [_product(cells[3:])] * len(numbers) if kind else cells[1::2]
+                for (node, _), (text, where) in zip(numbers, powers, strict=True):
+                    value = with_unit(deck.reading.value(text, where), "W", unit)
+                    loads.append(FileLoad(f"{submodel}_Q{int(node)}", (submodel, f"T{int(node)}"), value, where))
+            else:
+                raise ValueError
         except ThermidError:
             raise
         except (ValueError, IndexError):
-            deck.reading.remark(line.where, f"source '{line.text.strip()}'")
+            deck.reading.remark(line.where, f"source '{line.words}'")
             continue
-        for node, power, where in powers:
-            deck.loads.append(FileLoad(f"{submodel}_Q{node}", (submodel, f"T{node}"), with_unit(power, "W", deck.units.power), where))
+        deck.loads.extend(loads)
 
 
 _SET: Final = re.compile(r"\s*(?:(\w+)\.)?([QT])(\d+)\s*=\s*(?:((?:\w+\.)?Q\d+)\s*\+)?\s*(.+?)\s*$", re.IGNORECASE)
@@ -730,11 +792,13 @@ class _CourseVariable:
 
 
 def _joined(lines: list[Line]) -> Iterator[Line]:
-    """Yield statements, their continuation lines joined."""
+    """Yield statements, their continuation lines joined: each character keeps its distance from the first, as in the file."""
     pending: Line | None = None
     for line in lines:
-        if pending is not None and re.match(r"     [+&]|\s*[+&]", line.text):
-            pending = replace(pending, text=pending.text + " " + line.text.lstrip().lstrip("+&"))
+        mark = re.match(r"\s*[+&]", line.text)
+        if pending is not None and (mark or pending.text.endswith("&")):
+            begin = mark.end() if mark else 0
+            pending = replace(pending, text=pending.text.removesuffix("&")).joined(line.cut(begin, len(line.text)))
             continue
         if pending is not None:
             yield pending
@@ -748,8 +812,8 @@ def _logic(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     lines = list(_heaters(deck, submodel, lines))
     variables: dict[str, _CourseVariable] = {}
     branch, label, depth, unknown, unused = "", "", 0.0, list[Line](), dict[str, Line]()
-    for line in _joined(lines):
-        text = " ".join(line.text.split())
+    for line in lines:
+        text = line.words
         label = next((_label(words) for words in line.before if words.startswith("Heat Load")), label)
         deeper = nesting("GO TO" if branch and re.match(r"ELSE ?IF\b", text, re.IGNORECASE) else text)
         if not branch and not depth and _NOT_STEADY.fullmatch(text):
@@ -762,7 +826,7 @@ def _logic(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
             branch = "steady"
         elif branch and text.upper().replace(" ", "") == "ENDIF":
             branch = ""
-        elif match := CALL.match(line.text):
+        elif branch != "steady" and (match := CALL.match(line.text)):
             _absorbed(deck, (match[1] or match[2]).upper(), line)
         elif put := _interpolated(deck, submodel, line):
             target, variable = put
@@ -865,6 +929,8 @@ def _put(
     if not adds and (old := [load for load in deck.loads if load.into == into]):
         deck.reading.remark(where, f"the power of {'.'.join(into)} replaces {counted(len(old), 'power')} set before", dropped=False)
         deck.loads = [load for load in deck.loads if load.into != into]
+    if branch == "steady" and course is not None:
+        return False
     name = f"{into[0]}_Q{into[1][1:]}" + (f"_{label}" if label else "")
     load = FileLoad(name, into, with_unit(factor, "W", unit), where, label)
     if course is not None and isinstance(factor, float):
@@ -920,7 +986,7 @@ def _heaters(deck: SindaDeck, submodel: str, lines: list[Line]) -> Iterator[Line
 
 def _heater(deck: SindaDeck, submodel: str, block: list[Line]) -> list[Line]:
     """Add the loads of one heater; return its lines where they are not the template."""
-    text = "\n".join(line.text for line in _joined(block))
+    text = "\n".join(line.text for line in block)
     power = re.search(r"\bPO(\w+)\s*=\s*([-\d.eEdD+]+)\s*$", text, re.MULTILINE)
     sensed = re.search(r"T__TD\s*=\s*1\.?\s*\*\s*(?:(\w+)\.)?T(\d+)\s*$", text, re.MULTILINE)
     on, off = (re.search(rf"\b{name}__TD\s*=\s*([-\d.eEdD+]+)\s*$", text, re.MULTILINE) for name in "OF")
@@ -946,24 +1012,31 @@ def _unique(loads: list[FileLoad]) -> Iterator[FileLoad]:
 
 
 def _read_units(deck: SindaDeck, path: Path, words: str) -> None:
-    """Read CONTROL DATA, and ask for the units that neither it nor anything else states.
+    """Read REGISTER and CONTROL DATA, and ask for the units that neither nor anything else states.
 
     Raises
     ------
     DeckError   When the unit of temperatures is open, or that of powers beside degrees Fahrenheit; when the deck states others than given.
     """
-    for header, submodel, lines in deck.steps:
-        if header.startswith("CONTROL"):
-            _control(deck, submodel, lines)
+    for wanted, reader in (("REGISTER", _registers), ("CONTROL", _control)):
+        for header, submodel, lines in deck.steps:
+            if header.startswith(wanted):
+                reader(deck, submodel, list(_joined(lines)))
     units, stated = deck.units, Units()
     stated.take(words)
     other_zero = stated.temperature_stated and round(stated.zero) != round(units.zero)
-    if other_zero or (stated.power_stated and round(stated.power / units.power, 2) != 1.0):
+    lengths = {_LENGTH[word] for word in re.findall(r"[^\s,]+", words.upper()) if word in _LENGTH}
+    if (
+        other_zero
+        or (lengths and units.lengths and not lengths <= units.lengths)
+        or (stated.power_stated and round(stated.power / units.power, 2) != 1.0)
+    ):
         raise DeckError(
-            f"the units '{words}' contradict the deck: its absolute zero is {units.zero:g}, and its unit of power {units.power:g} W. "
+            f"the units '{words}' contradict the deck: its absolute zero is {units.zero:g}, its unit of power {units.power:g} W"
+            f"{''.join(f', its unit of length {metres:g} m' for metres in sorted(units.lengths))}. "
             "Give the units that it states, or none.",
             str(path),
-            code="value.wrong-kind",
+            code="value.contradicts",
         )
     fahrenheit = round(units.zero) in (-459, -460)
     if not units.temperature_stated or (fahrenheit and not units.power_stated):
@@ -981,7 +1054,7 @@ def _read_units(deck: SindaDeck, path: Path, words: str) -> None:
 
 def _name_what_is_left(deck: SindaDeck) -> None:
     """Name what no reader took: in blocks of statements those that act, other blocks whole."""
-    rest = [step for step in deck.steps if not step[0].startswith(("CONTROL", *_READERS, *_WITHOUT_EFFECT))]
+    rest = [step for step in deck.steps if not step[0].startswith(("REGISTER", "CONTROL", *_READERS, *_WITHOUT_EFFECT))]
     deck.reading.name_logic(line for line in deck.operations if _acts(deck, line))
     for header, submodel, lines in rest:
         if header.startswith(("VARIABLES", "OUTPUT", "SUBROUTINE")):
@@ -992,7 +1065,6 @@ def _name_what_is_left(deck: SindaDeck) -> None:
 
 
 _READERS = {
-    "REGISTER": _registers,
     "OPERATION": _operation,
     "ARRAY": _arrays,
     "CARRAY": _carrays,

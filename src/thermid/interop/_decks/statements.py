@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final, TypeVar
 
@@ -26,21 +26,40 @@ class Line:
     before: tuple[str, ...] = ()
     note: str = ""
 
+    @property
+    def words(self) -> str:
+        """The text with single blanks, as a remark quotes it."""
+        return " ".join(self.text.split())
+
     def part(self, begin: int, end: int) -> TextSpan:
         """Return the place of some characters of the text."""
         return TextSpan(self.where.file, self.where.line, self.where.begin + begin, self.where.begin + end)
 
+    def cut(self, begin: int, end: int) -> Line:
+        """Return the line with some characters of the text only."""
+        return replace(self, text=self.text[begin:end], where=self.part(begin, end))
+
+    def joined(self, line: Line) -> Line:
+        """Return the line with one that continues it: each character keeps its distance from the first, as in the file."""
+        room = line.where.begin - self.where.begin if line.where.file == self.where.file else 0
+        return replace(self, text=self.text.ljust(max(room, len(self.text) + 1)) + line.text)
+
 
 @dataclass
 class DeckReading:
-    """The state of a reader: texts of files as opened, names of parameters and their numbers, what was defined where, remarks."""
+    """The state of a reader: texts of files as opened, names of parameters and their numbers, what was defined where, remarks.
 
+    Files of which there is a text `instead` are read as that text.
+    """
+
+    instead: Mapping[str, str] = field(default_factory=dict)
     texts: dict[str, str] = field(default_factory=dict)
     names: dict[str, str] = field(default_factory=dict)
     numbers: dict[str, float] = field(default_factory=dict)
     parameters: dict[str, tuple[float | str, TextSpan]] = field(default_factory=dict)
     defined: dict[str, TextSpan] = field(default_factory=dict)
     remarks: list[DeckRemark] = field(default_factory=list)
+    control: dict[str, float] = field(default_factory=dict)
 
     def open(self, path: Path, inside: tuple[Path, ...] = (), named_in: str = "") -> str:
         """Return the text of a file, byte for byte as Latin-1.
@@ -58,7 +77,7 @@ class DeckReading:
             raise DeckError(
                 f"files include each other endlessly: {chain}.{'' if path in inside else raising('includes')}",
                 named_in,
-                code="cap.exceeded",
+                code="model.self-reference" if path in inside else "cap.exceeded",
             )
         if path.stat().st_size > cap("deck"):
             raise DeckError(
@@ -66,7 +85,7 @@ class DeckReading:
                 str(path),
                 code="cap.exceeded",
             )
-        text = read_bytes(path).decode("latin-1")
+        text = self.instead.get(str(path)) or read_bytes(path).decode("latin-1")
         if "\0" in text:
             raise DeckError(
                 "this is a binary file, but a deck is a text. Give its text file (.cc, .k, .inp, .d).", str(path), code="file.another-kind"
@@ -91,7 +110,7 @@ class DeckReading:
             runs[-1].append(line)
         for run in runs:
             rows = f"lines {run[0].where.line} to {run[-1].where.line}" if len(run) > 1 else "line"
-            quoted = "; ".join(line.text.strip() for line in run)
+            quoted = "; ".join(line.words for line in run)
             self.remark(run[0].where, f"logic not taken over ({rows}): '{quoted}'")
 
     def is_first(self, what: str, where: TextSpan) -> bool:
@@ -113,6 +132,13 @@ class DeckReading:
             name = self.name(word)
             self.parameters[name], self.numbers[name] = (value, where), self.number(value)
 
+    def take_control(self, name: str, text: str, line: Line) -> None:
+        """Keep a control constant of a line; one that is neither a number nor arithmetic of names is named."""
+        try:
+            self.control[name.upper()] = self.number(self.value(text, line.where))
+        except ThermidError:
+            self.name_logic([line])
+
     def number(self, value: float | str) -> float:
         """Return the number of a value, with the names as the deck has them."""
         return value if isinstance(value, float) else float(parse(value).evaluate(lambda name: self.numbers[name]))
@@ -125,12 +151,12 @@ class DeckReading:
         DeckError   When it is neither; an unknown name is stated. When it is a number with an exponent without its letter: 2.5+4 is 25000
                     in data that Fortran reads, and 6.5 as arithmetic.
         """
-        words = fortran(text)
+        words, shown = fortran(text), " ".join(text.split())
         if match := re.fullmatch(r"([-+]?(?:\d+\.\d*|\.\d+))([-+]\d{1,2})", words):
             raise DeckError(
                 f"'{words}' is {match[1]}E{match[2]} to Fortran, and a sum as arithmetic. Write the E, or blanks around the sign.",
                 str(where),
-                code="value.wrong-kind",
+                code="import.not-understood",
             )
         try:
             return float(words)
@@ -141,7 +167,9 @@ class DeckReading:
             expression = parse(written)
         except ThermidError as error:
             raise DeckError(
-                f"'{text.strip()}' is neither a number nor arithmetic of numbers and names: {error.message}", str(where), code=error.code
+                f"'{shown}' is neither a number nor arithmetic of numbers and names: {error.message}",
+                str(where),
+                code=error.code,
             ) from None
         return written if expression.names else float(expression.evaluate(lambda name: 0.0))
 

@@ -40,7 +40,7 @@ def check_archive(path: Path) -> None:
             for problem in _problems(packed):
                 raise ThermidError(f"its archive is refused: {problem}", str(path), code="value.wrong-kind")
     except (zipfile.BadZipFile, OSError, NotImplementedError, RuntimeError, EOFError, ValueError) as error:
-        raise ThermidError(f"it is no FMU that FMPy reads: {error}", str(path), code="value.wrong-kind") from error
+        raise ThermidError(f"it is no FMU that FMPy reads: {error}", str(path), code="file.another-kind") from error
 
 
 def _problems(packed: zipfile.ZipFile) -> Iterator[str]:

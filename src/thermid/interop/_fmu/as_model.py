@@ -159,7 +159,7 @@ class FmuRunner:
                 str(file.path),
                 code="model.element-not-supported",
             )
-        return cls(file, parameters, nodes, boundaries, loads, tuple(_noted(nodes, parameters, undriven)))
+        return cls(file, parameters, nodes, boundaries, loads, tuple(_remarks(nodes, parameters, undriven)))
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -183,10 +183,11 @@ class FmuRunner:
         every = (self.parameters, self.nodes, self.boundaries, self.loads)
         return {
             "title": self.file.described.modelName or self.file.path.stem,
+            "incomplete": "; ".join(re.findall(r"\bINCOMPLETE: (.+?)\.(?= [A-Z]|$)", self.file.described.description or "")),
             "box": "black",
             "use": f"an FMU of FMI {self.file.described.fmiVersion}, sha256 {digest}",
             "needs": list(self.boundaries),
-            "parameters": {n: _value(q) for n, q in self.parameters.items()},
+            "parameters": {n: _entry(q) for n, q in self.parameters.items()},
             "nodes": {n: {"capacitance": "1 [J/K]"} for n in self.nodes},
             "loads": {n: {"into": first, "power": f"{1.0 if q.plain else q.start or 0.0!r} [W]"} for n, q in self.loads.items()},
             "aliases": {q.raw: n for table in every for n, q in table.items() if q.raw != n},
@@ -306,15 +307,15 @@ class FmuRunner:
         return out
 
 
-def _value(q: FmuQuantity) -> dict[str, Any]:
-    """Return a parameter as a deck has it."""
+def _entry(q: FmuQuantity) -> dict[str, Any]:
+    """Return the entry of a parameter in a deck: start value with its unit, bounds as `min` and `max`, description as `note`."""
     of = "" if q.text == "1" else f" [{q.text}]"
     bounds = {key: b for key, b in (("min", q.low), ("max", q.high)) if b is not None}
     return {"value": f"{q.start!r}{of}", **bounds, **({"note": q.description} if q.description else {})}
 
 
-def _noted(nodes: Mapping[str, FmuQuantity], parameters: Mapping[str, FmuQuantity], undriven: Sequence[str]) -> Iterator[str]:
-    """Yield what a reader must know of an FMU."""
+def _remarks(nodes: Mapping[str, FmuQuantity], parameters: Mapping[str, FmuQuantity], undriven: Sequence[str]) -> Iterator[str]:
+    """Yield remarks on an FMU: nodes and parameters without a known unit, inputs that no log drives."""
     plain = [q.raw for q in nodes.values() if q.plain]
     if plain:
         yield f"{quoted(plain)} of the FMU: no unit is given, so numbers count as degC, and their differences as K."

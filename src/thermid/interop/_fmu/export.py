@@ -129,7 +129,7 @@ def to_fmu(model: Model, scenario: Scenario, to: str | Path, version: str = "3.0
     network = network_for(model, scenario)
     if len(network.nodes) > MAX_KERNEL_NODES:
         raise ThermidError(
-            f"an FMU takes at most {MAX_KERNEL_NODES} nodes; this model has {len(network.nodes)}. Reduce it first: thermid reduce.",
+            f"an FMU takes at most {MAX_KERNEL_NODES} nodes; this model has {len(network.nodes)}. Reduce it first by `td.qualify.reduce`.",
             model.title,
             code="output.not-expressible",
         )

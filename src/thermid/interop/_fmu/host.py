@@ -286,7 +286,19 @@ class FmuFile(FmuDescribed):
         return np.asarray((ends[1] - ends[0]) / (2.0 * by))
 
     def _run(self, setting: FmuSetting, times: Array, wanted: Sequence[int], ways: Sequence[FmuSetting]) -> tuple[Array, Array] | None:
-        """Return outputs (times, wanted) and their derivatives (times, wanted, ways) of a run; None for ways over an event."""
+        """Return outputs (times, wanted) and their directional derivatives (times, wanted, ways) of a run in the process of the FMU.
+
+        The process integrates the derivatives; here they are only unpacked and checked. None when an event interrupts a run with
+        directions.
+
+        Parameters
+        ----------
+        ways : sequence of FmuSetting   Directions: how much each value and input changes.
+
+        Raises
+        ------
+        SolverError     When the FMU refuses, its process answers nonsense, or an output is not a number.
+        """
         self.runs += 1
         shape = (len(times), len(wanted), 1 + len(ways))
         size = 8 * int(np.prod(shape))

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, errors_at, refuse_unknown
+from thermid.base.expression import amount
 from thermid.base.units import DIMENSIONLESS, TEMPERATURE, describe, require, unit
 from thermid.measure._readers.power_of_columns import POWER_KEYS
 from thermid.measure._record.channel import INTERPOLATIONS, SAMPLES
 from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart
-from thermid.measure.amounts import amount
 
 _ROLE_KEYS: Final = ("node", "boundary", "load", "command", "prescribed")
 _OF_SAMPLES: Final = ("noise", "accuracy", "resolution", "unit", "prompt", "samples", "interpolation", "power")
@@ -176,7 +176,7 @@ def unit_and_quantity(binding: Binding, header_unit: str | None, where: str) -> 
 
 _PER_CENT: Final = "{}, and a load needs watts. Give full_scale = '... [W]', its power at 100 %, or gain, the path of a parameter."
 _DUTY: Final = re.compile(r"pct|percent|per_cent|duty|pwm|%", re.IGNORECASE)
-_LETTER: Final = re.compile(r".*[a-z0-9]_([FK])\Z")
+_LETTER: Final = re.compile(r".*[a-z0-9][_ ]([FK])\Z")
 
 
 def _refuse_by_name(binding: Binding, drives: bool, where: str) -> None:
@@ -187,7 +187,7 @@ def _refuse_by_name(binding: Binding, drives: bool, where: str) -> None:
     if letter and binding.role in ("node", "boundary", "prescribed", "auto"):
         scale = "degF" if letter[1] == "F" else "K"
         raise RecordError(
-            f"its name ends in '_{letter[1]}', so its unit is unclear: without one it is read in degC. Give "
+            f"its name ends in '{letter[0][-2:]}', so its unit is unclear: without one it is read in degC. Give "
             f"units={{'{binding.name}': '{scale}'}} or "
             "'degC'; in a campaign, unit of the channel.",
             where,

@@ -34,9 +34,12 @@ _TO_THINK_OF: Final = (-100.0, 500.0)
 """Readings that a temperature without a unit may have. [degC]"""
 _POWER: Final = re.compile(r"p($|[\d_ ])|power|watt|leistung|pot[eê]ncia|heat_?load", re.IGNORECASE)
 _ELECTRIC: Final = {
-    ("V", "a voltage"): re.compile(r"(^|[_ ])(volts?|voltage|spannung|tens[aã]o)($|[_ ])", re.IGNORECASE),
-    ("A", "a current"): re.compile(r"(^|[_ ])(amps?|amperes?|current|strom|corrente)($|[_ ])", re.IGNORECASE),
+    "V": ("a voltage", re.compile(r"(^|[_ ])(volts?|voltage|spannung|tens[aã]o)($|[_ ])", re.IGNORECASE)),
+    "A": ("a current", re.compile(r"(^|[_ ])(amps?|amperes?|current|strom|corrente)($|[_ ])", re.IGNORECASE)),
 }
+_SCALES: Final = {"C": "degC", "F": "degF", "K": "K"}
+_LETTERED: Final = re.compile(r"(?P<stem>.*\w)[_ ](?P<letter>[A-Z])\Z")
+"""Names with one letter as the last word: a unit, where no name of the same beginning has a letter there that is none (board A, B, C)."""
 _DUTY: Final = re.compile(r"duty|pwm|pct|percent|heater|q\d|u\d|throttle", re.IGNORECASE)
 _HUMID: Final = re.compile(r"\brh\b|humid|feucht|umidade", re.IGNORECASE)
 _STATE: Final = re.compile(r"alarm|record|status|flag|diag|scan|index|#|count|number|stopped|connected|button|end of file", re.IGNORECASE)
@@ -48,7 +51,7 @@ class Column:
 
     Parameters
     ----------
-    header, name : str          As written; and without its unit.
+    header, name : str          As written; and without its unit, where no other column has that name.
     unit : str                  Its unit; empty where none is known.
     assumed : bool              Whether the unit is the usual one, because the log names none.
     guess : str                 'time', 'temperature', 'boundary', 'power', 'duty', 'unclear' or 'ignored'.
@@ -87,9 +90,10 @@ def columns_of(cells: Cells, decimal: str, times: tuple[int, ...]) -> list[Colum
     decimal : str    Its decimal sign.
     times : tuple    Places of the time column, or of the date and the time.
     """
-    out = []
+    out, bare = [], [name_and_unit(header)[0] for header in cells.header]
+    numbered = {m["stem"] for name in bare if (m := _LETTERED.match(name)) and m["letter"] not in {*_SCALES, *_ELECTRIC, "W"}}
     for at, header in enumerate(cells.header):
-        name, text = name_and_unit(header)
+        name, text = header if bare.count(bare[at]) > 1 else bare[at], name_and_unit(header)[1]
         if at in times:
             out.append(Column(header, name, text or "", False, "time", "its cells are the times"))
             continue
@@ -97,7 +101,8 @@ def columns_of(cells: Cells, decimal: str, times: tuple[int, ...]) -> list[Colum
         if isinstance(parsed, int):
             out.append(Column(header, name, text or "", False, "ignored", f"text, such as '{cells.columns[at][parsed].strip()[:20]}'"))
             continue
-        guess, unit_text, why = _guess(name, text, parsed)
+        letter = _LETTERED.match(name)
+        guess, unit_text, why = _guess(name, text, parsed, letter["letter"] if letter and letter["stem"] not in numbered else "")
         assumed = text is None and bool(unit_text) and "ends in" not in why
         out.append(_with_faults(Column(header, name, unit_text, assumed, guess, why, parsed, int(np.isnan(parsed).sum()))))
     rooms = [c.name for c in out if c.guess == "boundary" and not _is_sink(c)]
@@ -113,13 +118,13 @@ def _is_sink(column: Column) -> bool:
     return column.guess == "boundary" and match is not None and match[0].lower() == "sink"
 
 
-def _guess(name: str, text: str | None, values: FloatArray) -> tuple[str, str, str]:
-    """Return the guess, the unit and the reason."""
+def _guess(name: str, text: str | None, values: FloatArray, letter: str) -> tuple[str, str, str]:
+    """Return the guess, the unit and the reason; `letter` is the last word of the name, where that may be a unit."""
     finite = values[np.isfinite(values)]
     if not finite.size:
         return "ignored", text or "", "empty"
     if text is None:
-        return _by_name(name, finite)
+        return _by_name(name, finite, letter)
     try:
         dimension = unit(text).dimension
     except ThermidError:
@@ -139,23 +144,21 @@ def _temperature(name: str, text: str, why: str) -> tuple[str, str, str]:
     return "temperature", text, why
 
 
-def _by_name(name: str, finite: FloatArray) -> tuple[str, str, str]:
+def _by_name(name: str, finite: FloatArray, letter: str) -> tuple[str, str, str]:
     """Return the guess for a column without a unit."""
     if _STATE.search(name) or (finite.size > 2 and np.all(np.diff(finite) == 1) and not _TEMPERATURE.match(name)):
         return "ignored", "", "counts rows or states"
     if counts_time(finite):
         again = np.flatnonzero(begins_again(finite))
         return "ignored", "", "counts milliseconds" + (f", and begins again {counted(again.size, 'time')}" if again.size else "")
-    letter = re.match(r".*[a-z0-9]_([CFK])\Z", name) or (
-        re.match(r".*\w\w_(F)\Z", name) if ROOM_IN_FAHRENHEIT[0] <= finite[0] <= ROOM_IN_FAHRENHEIT[1] else None
-    )
-    if letter:
-        return _temperature(name, "K" if letter[1] == "K" else f"deg{letter[1]}", f"its name ends in _{letter[1]}")
-    if re.match(r".*[a-z0-9]_W\Z", name):
-        return "power", "W", "its name ends in _W"
+    small, ends = letter and re.match(r"[a-z0-9]", name[-3]), f"its name ends in {name[-2:].strip()}"
+    if letter in _SCALES and (small or (letter == "F" and ROOM_IN_FAHRENHEIT[0] <= finite[0] <= ROOM_IN_FAHRENHEIT[1])):
+        return _temperature(name, _SCALES[letter], ends)
+    if letter == "W" and small:
+        return "power", "W", ends
     if _POWER.match(name):
         return "power", "W", "by its name"
-    for (text, what), words in _ELECTRIC.items():
+    for text, (what, words) in _ELECTRIC.items():
         if words.search(name):
             return "ignored", text, f"{what}, by its name"
     if _DUTY.search(name):
@@ -169,6 +172,8 @@ def _by_name(name: str, finite: FloatArray) -> tuple[str, str, str]:
         return _temperature(name, "K" if hot else "degC", "by its name" + (" and size" if hot else ""))
     if min(SENSOR_FAULT_CODES) in codes_of(finite):
         return _temperature(name, "degC", f"by the {min(SENSOR_FAULT_CODES):g} of a lost sensor")
+    if letter in _ELECTRIC:
+        return "ignored", letter, f"{_ELECTRIC[letter][0]}, as {ends}"
     return "ignored", "", "no unit, and its name gives none"
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from functools import lru_cache
 from typing import Final, NamedTuple
 
@@ -144,12 +144,12 @@ def name_and_unit(header: str) -> tuple[str, str | None]:
             return f"{name.strip()} {tail.strip()}", spelt(inner)
     if (match := re.match(_AFTER, text)) and (spelt(match["unit"]) in _PLAIN or match["unit"][0] in "°º˚%"):
         return match["name"], spelt(match["unit"])
-    tail = text.rpartition("_")[2] if "_" in text else ""
-    return text, spelt(tail) if len(tail) > 1 and spelt(tail) in _SUFFIXES else None
+    tail = re.split("[_ ]", text)[-1]
+    return text, spelt(tail) if tail != text and len(tail) > 1 and spelt(tail) in _SUFFIXES else None
 
 
 _SUFFIXES: Final = frozenset(("degC", "degF", "mW", "uW", "kW", "%", "ms", "us", "ns"))
-"""Units that are taken for one after an underscore; others there, such as C, F, min and h, may be a word's first letter."""
+"""Units that are taken for one after an underscore or a blank; others there, such as C, F, min and h, may be a word's first letter."""
 
 
 def plainly(name: str) -> str:
@@ -219,10 +219,10 @@ _WRONG: Final = "Put '#' before the line that is wrong."
 Lines = Sequence[Sequence[str]]
 
 
-def is_time_name(name: str) -> bool:
-    """Whether a name is usual for a time column."""
+def is_time_name(name: str, usual: Container[str] = DATED | COUNTED | {*TIME_NAMES}) -> bool:
+    """Whether a name, with blanks or underscores between its words, is usual for a time column."""
     plain = plainly(name_and_unit(name)[0])
-    return plain in DATED | COUNTED or plain in TIME_NAMES
+    return plain in usual or plain.replace(" ", "_") in usual
 
 
 def may_name(row: Sequence[str], width: int) -> bool:

@@ -10,11 +10,14 @@ from typing import Final
 
 import numpy as np
 
+from thermid.base.arguments import takes_objects
 from thermid.base.errors import NameNotFoundError, RecordError, errors_at, refuse_unknown
+from thermid.base.expression import amount
 from thermid.base.units import from_si, in_si, require, unit
 from thermid.measure._readers.bindings import Binding, bindings, full_scale, unit_and_quantity
 from thermid.measure._readers.columns import decimal_sign, find_column, kelvin_sized, numbers
 from thermid.measure._readers.formats import log_cells
+from thermid.measure._readers.guess import columns_of
 from thermid.measure._readers.headers import name_and_unit
 from thermid.measure._readers.power_of_columns import RESTARTED, power_readings
 from thermid.measure._readers.questions import begins_again, board_restarts, hidden_switches, lost_hour, repeated_stamps, unit_question
@@ -22,13 +25,12 @@ from thermid.measure._readers.stamps import Clock, Times, clock_column, read_tim
 from thermid.measure._readers.textfile import Cells, decoded, read_bytes
 from thermid.measure._record.channel import BoolArray, Channel, FloatArray, Origin, digest, with_sensor
 from thermid.measure._record.record import Record
-from thermid.measure.amounts import amount
 
 SCPI_OVERLOAD: Final = 9.9e36
 """What instruments with SCPI write for an overload or an open sensor is 9.9e37, of either sign; it is masked as infinite."""
-_SCALES: Final = ("degC", "K", "degF", "°C")
 
 
+@takes_objects
 def read_record(
     path: str | Path,
     channels: Mapping[str, str | Mapping[str, object]],
@@ -155,7 +157,7 @@ def parts_between_restarts(path: str | Path) -> list[str]:
 
 
 def temperature_columns(path: str | Path, time: str | None = None, separator: str | None = None) -> list[str]:
-    """Return the columns of a log that are temperatures by their unit, or by a name that begins with T and is not the time's.
+    """Return the columns of a log that seem to be temperatures, of surroundings too.
 
     `time` and `separator` are those of `read_record`.
 
@@ -165,9 +167,8 @@ def temperature_columns(path: str | Path, time: str | None = None, separator: st
     RecordError        As `log_cells`, and when no column is the time's.
     """
     cells = log_cells(Path(path), separator)
-    times = clock_column(cells, time).places
-    named = [name_and_unit(header) for at, header in enumerate(cells.header) if at not in times]
-    return [name for name, unit in named if unit in _SCALES or (unit is None and name[:1] in ("T", "t"))]
+    columns = columns_of(cells, decimal_sign(cells, None), clock_column(cells, time).places)
+    return [c.name for c in columns if c.guess in ("temperature", "boundary")]
 
 
 def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times: FloatArray) -> Channel:
@@ -209,7 +210,7 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int], tim
         resolution=size(binding.resolution or cells.resolution.get(column), "resolution"),
         column=column,
         unit=unit_text if watts is None else "W",
-        assumed=not stated and not column.endswith(("_C", "_W")),
+        assumed=not stated and not column.endswith(("_C", " C", "_W", " W")),
         prompt=binding.prompt or column in cells.prompt,
         samples=binding.samples,
         interpolation=binding.interpolation,

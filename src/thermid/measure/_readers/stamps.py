@@ -13,7 +13,7 @@ import numpy as np
 from thermid.base.errors import NameNotFoundError, RecordError, errors_at
 from thermid.base.units import require, unit
 from thermid.measure._readers.columns import find_column, numbers
-from thermid.measure._readers.headers import COUNTED, DATED, MISSING, TIME_NAMES, name_and_unit, plainly
+from thermid.measure._readers.headers import COUNTED, DATED, MISSING, TIME_NAMES, is_time_name, name_and_unit, plainly
 from thermid.measure._readers.questions import begins_again
 from thermid.measure._readers.textfile import Cells
 from thermid.measure._record.channel import FloatArray
@@ -137,7 +137,7 @@ def _kinds(cells: Cells) -> tuple[list[int], list[int]]:
 
 
 def _by_name_or_content(cells: Cells, names: list[str], dates: list[int], clocks: list[int]) -> int:
-    hits = [at for at, name in enumerate(names) if (name.lower() if len(name) > 3 else name) in TIME_NAMES]
+    hits = [at for at, name in enumerate(names) if is_time_name(name, TIME_NAMES)]
     if len(hits) == 1:
         return hits[0]
     stamps = _stamp_columns(cells)
@@ -154,9 +154,9 @@ def _by_name_or_content(cells: Cells, names: list[str], dates: list[int], clocks
     named = [
         at
         for at, name in enumerate(names)
-        if (plainly(name) in DATED | COUNTED and at in timely)
-        or (plainly(name) in COUNTED and _rises(cells, at))
-        or (plainly(name) in DATED and _numeric(cells, at) and _epoch(float(cells.columns[at][0].replace(",", "."))) is not None)
+        if (is_time_name(name) and at in timely)
+        or (is_time_name(name, COUNTED) and _rises(cells, at))
+        or (is_time_name(name, DATED) and _numeric(cells, at) and _epoch(float(cells.columns[at][0].replace(",", "."))) is not None)
     ]
     named = named or [at for at, name in enumerate(names) if plainly(name).startswith(("date time", "time,", "datetime"))]
     units = [name_and_unit(header)[1] for header in cells.header]

@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from thermid.base.codes import CodedText
 from thermid.base.errors import ExpressionError, NameNotFoundError, RecordError, errors_at, nearest, refuse_unknown
-from thermid.base.expression import quantity, si_values, stated
+from thermid.base.expression import amount, quantity, si_values, stated
 from thermid.base.results import Row, Shown
 from thermid.base.units import TEMPERATURE, format_value, from_si, require_unit, unit as read_unit
 from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart
-from thermid.measure.amounts import amount, duration_text, positive_seconds
+from thermid.measure.amounts import duration_text, positive_seconds
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
@@ -70,7 +70,7 @@ def digest(columns: Iterable[tuple[str, ArrayLike]]) -> str:
     """
     total = hashlib.sha256()
     for name, values in columns:
-        samples = np.array(values, dtype="<f8") + 0.0  # -0.0 becomes 0.0
+        samples = np.atleast_1d(np.array(values, dtype="<f8")) + 0.0  # -0.0 becomes 0.0
         samples[np.isnan(samples)] = np.nan
         total.update(name.encode() + b"\0" + samples.astype("<f8").tobytes())
     return total.hexdigest()
@@ -155,8 +155,7 @@ class Channel(Shown):
         for reason, part in (("not a number", np.isnan(values)), ("infinite", np.isinf(values)), ("masked", np.isfinite(values))):
             if np.any(bare & part):
                 masks[reason] = frozen(masks.get(reason, False) | (bare & part), np.bool_)
-        if self.samples not in ("", *SAMPLES):
-            raise RecordError(f"its samples are 'instant' or 'average', not '{self.samples}'.", where, code="value.wrong-kind")
+        refuse_unknown([self.samples], ("", *SAMPLES), where, "its samples are 'instant' or 'average', not '{}'.", RecordError)
         refuse_unknown([self.interpolation], ("", *INTERPOLATIONS), where, "no interpolation '{}'; it is one of {known}.", RecordError)
         refuse_unknown([self.role], ROLES, where, "no role '{}'; it is one of {known}.", RecordError)
         for word, size, least in (
@@ -217,7 +216,7 @@ class Channel(Shown):
         RecordError   When one of these sizes is no amount.
         UnitError     When temperatures have no unit, or a unit is of something else.
         """
-        kind = fields.get("quantity", "temperature")
+        kind = str(fields.get("quantity", "temperature"))
         sizes = {w: amount(fields[w], _SI.get(kind, "1"), f"channel '{name}', {w}") for w in SIZES if fields.get(w) is not None}
         with errors_at(f"channel '{name}'"):
             with_unit = quantity(values, unit=unit) if unit else stated(values)
@@ -463,7 +462,7 @@ class Samples:
         ------
         NameNotFoundError   When the record has none of that name.
         """
-        if name not in self.channels:
+        if not isinstance(name, str) or name not in self.channels:
             names = ", ".join(self.channels) or "none"
             raise NameNotFoundError(
                 f"no channel '{name}'; it has {names}.{nearest(name, self.channels)}", f"record '{self.name}'", code="name.unknown"

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import hashlib
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +17,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import RecordError, ThermidError, errors_at, refuse_unknown
-from thermid.base.expression import seconds
+from thermid.base.expression import amount, counts_rows, seconds
 from thermid.base.extensions import optional
 from thermid.base.files import LOG, replacing
 from thermid.base.results import PlottedTrace, Result, Row
@@ -42,7 +41,7 @@ from thermid.measure._record.channel import (
 )
 from thermid.measure._record.sensor import ICE, KEYS, SensorCertificate, SensorPart
 from thermid.measure._record.steadiness import SETTLED, SteadyPoint, steady_point
-from thermid.measure.amounts import amount, duration_text, positive_seconds
+from thermid.measure.amounts import duration_text, positive_seconds
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -70,6 +69,7 @@ class Record(Samples, Result):
     """
 
     @classmethod
+    @takes_objects
     def from_arrays(cls, name: str, times: Any, channels: Mapping[str, Any], *, unit: str = "", synthetic: bool = True) -> Record:
         """Return a record of samples made in Python, marked as synthetic.
 
@@ -96,6 +96,7 @@ class Record(Samples, Result):
         return cls(name, axis, of, origin)
 
     @classmethod
+    @takes_objects
     def from_dataframe(
         cls, name: str, frame: DataFrame, channels: Mapping[str, Mapping[str, Any]], *, time: str | None = None, synthetic: bool = False
     ) -> Record:
@@ -107,14 +108,23 @@ class Record(Samples, Result):
         frame : DataFrame   A row a time, a column a channel. NaN is a missing sample.
         channels : mapping  Column -> table: ``unit`` ("degC", "W"), what it is of (``node``, ``boundary``, ``load``, ``prescribed`` or
                             ``command``: a path in the model), and where known ``noise`` and ``accuracy`` ("0.1 [K]").
-        time : str          Column of the times, numbers in seconds or stamps; the index without it.
+        time : str          Column of the times, numbers in seconds or stamps; the index without it, unless that counts rows.
         synthetic : bool    Whether a simulation made the samples.
 
         Raises
         ------
         RecordError   When a column or key is unknown, a unit is missing, or times do not increase.
         """
+        if not hasattr(frame, "columns"):
+            raise RecordError(f"a pandas DataFrame is needed, not {frame!r:.60}.", name, code="value.wrong-kind")
         refuse_unknown([*channels, *([time] if time is not None else [])], list(frame.columns), name, "the frame has no column '{}'.")
+        if time is None and counts_rows(frame.index):
+            raise RecordError(
+                "its index counts rows and says no times. Name the column of the times, time='t [s]', or make the index the times: "
+                "frame.index = 60.0 * frame.index for rows one minute apart.",
+                name,
+                code="record.time-not-read",
+            )
         axis = _seconds(frame.index if time is None else frame[time], name)
         channels_of_frame = {
             column: _channel_of(column, frame[column].to_numpy(dtype=np.float64), table, name) for column, table in channels.items()
@@ -127,8 +137,12 @@ class Record(Samples, Result):
 
     def with_channels(self, *channels: Channel) -> Record:
         """Return the record with these channels added, or in place of those of the same name."""
+        for channel in channels:
+            if not isinstance(channel, Channel):
+                raise RecordError(f"it takes channels, not {channel!r:.60}.", f"record '{self.name}'", code="value.wrong-kind")
         return replace(self, channels={**self.channels, **{channel.name: channel for channel in channels}})
 
+    @takes_objects
     def with_sensor(self, name: str, **keys: object) -> Record:
         """Return the record with more said of a channel's sensor, as a campaign says it: ``lag="20 [s]"``, ``certificate={...}``.
 
@@ -290,6 +304,7 @@ class Record(Samples, Result):
             *masked,
         )
 
+    @takes_objects
     def flag_faults(
         self,
         codes: Iterable[str | float] = FAULT_CODES,
@@ -310,7 +325,7 @@ class Record(Samples, Result):
         jump : text or float          Difference to the neighbours from which a code is a fault. [K]
         channels : sequence of str    Channels to look at; all temperatures by default.
         """
-        levels = [amount(code, TEMPERATURE, "faults, codes") for code in codes]
+        levels = [amount(code, TEMPERATURE, "faults, codes") for code in (codes if isinstance(codes, Iterable) else [codes])]
         bottom = -np.inf if low is None else amount(low, TEMPERATURE, "faults, low")
         top = np.inf if high is None else amount(high, TEMPERATURE, "faults, high")
         if bottom >= top:
@@ -329,6 +344,7 @@ class Record(Samples, Result):
         limits = "".join(f", {word} {format_value(end, 'degC')}" for word, end in (("low", bottom), ("high", top)) if np.isfinite(end))
         return self._noted(f"faults: masked {self._lost(masked)}; codes {listed}{limits}", *masked)
 
+    @takes_objects
     def mask(self, channel: str, start: str | float = "start", end: str | float = "end", reason: str = "masked by hand") -> Record:
         """Return the record with a stretch of a channel masked, both ends included."""
         measured = self.channel(channel)
@@ -336,6 +352,7 @@ class Record(Samples, Result):
         masked = measured.masked(inside, reason)
         return self._noted(f"mask: {channel} from {text} ({self._masked_since(masked)} samples), {reason}", masked)
 
+    @takes_objects
     def masked_where(self, channel: str, where: BoolArray, reason: str) -> Record:
         """Return the record with the samples of a channel masked where an array (samples,) is True."""
         measured, chosen = self.channel(channel), np.asarray(where)
@@ -349,7 +366,7 @@ class Record(Samples, Result):
         return self._noted(f"mask: {channel}, {self._masked_since(masked)} samples, {reason}", masked)
 
     @takes_objects
-    def joined(self, other: Record, offset: float | tuple[float, float] = 0.0, rate: float | tuple[float, float] = 1.0) -> Record:
+    def joined(self, other: Record, offset: Any = 0.0, rate: float | tuple[float, float] = 1.0) -> Record:
         """Return the channels of both records, on the times of both.
 
         A time t on the other's clock is ``offset + rate t`` on this one's. [s] Pairs are ranges, within which `calibrate` finds them; until
@@ -360,7 +377,8 @@ class Record(Samples, Result):
         RecordError   When the rate is not above zero, a channel is in both, the logs do not overlap, or a range is none.
         """
         offsets, rates = (
-            _range(written, name, other.name) for written, name in ((offset, "offset of its clock"), (rate, "rate of its clock"))
+            _range(written, slot, name, other.name)
+            for written, slot, name in ((offset, "s", "offset of its clock"), (rate, "1", "rate of its clock"))
         )
         middle = 0.5 * sum(offsets), 0.5 * sum(rates)
         joint = self._joined(other, *middle, rates[0])
@@ -411,6 +429,7 @@ class Record(Samples, Result):
         step = f"joined with {other.origin.file}, whose clock is {offset:.6g} s late and {rate:.8g} times as slow"
         return replace(self, times=times, channels=channels, origin=origin, steps=(*self.steps, *other.steps, step))
 
+    @takes_objects
     def delayed(self, by: str | float | Sequence[str | float], channels: Sequence[str] | None = None) -> Record:
         """Return the record with powers and commands that act later than they were logged.
 
@@ -434,14 +453,7 @@ class Record(Samples, Result):
                 f"{self.name}, delay",
                 code="record.does-not-apply",
             )
-        ends = [amount(t, "s", f"{self.name}, delay") for t in ((by, by) if isinstance(by, str | float | int) else by)]
-        if len(ends) != 2:
-            raise RecordError(
-                f"{len(ends)} times are given. Give one delay, or the two ends of its range.",
-                f"{self.name}, delay",
-                code="value.wrong-kind",
-            )
-        low, high = _range((ends[0], ends[1]), "delay", self.name)
+        low, high = _range(by, "s", "delay", self.name)
         if max(abs(low), abs(high)) >= self.duration:
             raise RecordError(
                 f"a delay of up to {max(abs(low), abs(high)):g} s is as long as the record. Give a shorter delay.",
@@ -697,10 +709,13 @@ def _interleaved(one: Samples, other: Samples, there: FloatArray) -> tuple[Float
     }
 
 
-def _range(value_or_range: float | tuple[float, float], name: str, where: str) -> tuple[float, float]:
+def _range(written: Any, slot: str, name: str, where: str) -> tuple[float, float]:
     """Return the range of a clock's offset or rate, or of a delay."""
-    low, high = value_or_range if isinstance(value_or_range, tuple | list) else (value_or_range, value_or_range)
-    if not (math.isfinite(low) and math.isfinite(high) and low <= high):
+    several = isinstance(written, tuple | list)
+    if several and len(written) != 2:
+        raise RecordError(f"the range of the {name} has two ends, not {len(written)}.", where, code="value.wrong-kind")
+    low, high = (amount(end, slot, f"{where}, {name}") for end in (written if several else (written, written)))
+    if not low <= high:
         raise RecordError(
             f"the range {low:g} .. {high:g} of the {name} must begin with the lower number.", where, code="value.outside-range"
         )
@@ -808,6 +823,8 @@ def _seconds(times: Any, where: str) -> FloatArray:
 def _channel_of(column: str, values: FloatArray, table: Mapping[str, Any], name: str) -> Channel:
     """Return a column of a frame as a channel."""
     where = f"{name}, {column}"
+    if not isinstance(table, Mapping):
+        raise RecordError(f"give a table such as {{'unit': 'degC', 'node': 'case'}}, not {table!r:.60}.", where, code="value.wrong-kind")
     refuse_unknown(table, [*ROLES, "unit", "noise", "accuracy"], where)
     roles = [key for key in ROLES if key in table]
     if "unit" not in table or len(roles) != 1:

@@ -11,10 +11,11 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.errors import DeckError, NameNotFoundError, cap, raising, refuse_unknown
+from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array, Ints
 from thermid.base.results import Shown
 from thermid.model._deck.modelfile import model_from_dict
-from thermid.model._laws.signal import Constant, Signal, literal, signal
+from thermid.model._laws.signal import Constant, Signal, signal
 from thermid.model._tree.model import Model
 
 FACES: Final = ("-x", "+x", "-y", "+y", "-z", "+z")
@@ -287,7 +288,7 @@ class Block(Shown):
 
 def _number(value: Any, slot: str, where: str, positive: bool = False) -> float:
     """Return the SI value of a text or a number."""
-    number = literal(value, slot, where) if isinstance(value, str) else float(value)
+    number = amount(value, slot, where)
     if not math.isfinite(number) or (positive and number <= 0):
         raise DeckError(f"the value '{value}' must be finite{' and above zero' if positive else ''}.", where, code="value.outside-range")
     return number

@@ -51,6 +51,7 @@ class ValueTable(StrictTable):
     source: Source | None = None
     note: str = ""
     basis: str = ""
+    spread: str | Real | None = None
 
     def table(self) -> dict[str, Any]:
         """Return what of it was written."""

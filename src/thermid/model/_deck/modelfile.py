@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import DeckError, cap, nearest, raising
+from thermid.base.errors import DeckError, ThermidError, cap, nearest, raising
 from thermid.base.expression import NAME, RESERVED
 from thermid.base.extensions import by_grammar, grammar_of, refuse_another_kind
 from thermid.base.files import read_text
@@ -19,6 +19,7 @@ from thermid.model._deck.rows import written_out
 from thermid.model._deck.standard import STANDARD, standard_part
 from thermid.model._parts.parameter import Parameter, parameter
 from thermid.model._tree.arrays import Instances, made_instances, merged
+from thermid.model._tree.flat import flatten
 from thermid.model._tree.identity import definition_of
 from thermid.model._tree.model import Model
 from thermid.model._tree.tree import TABLES, Submodel
@@ -88,7 +89,7 @@ def _model_of_content(
     def read(name: str, where: str) -> str:
         return _text_of(resolve_inside(path.parent, name, where), where)
 
-    return model_from_dict(data, file=path.name, lines=lines, use=use, read=read)
+    return _built(data, path.name, lines, use, read)
 
 
 def _text_of(path: Path, where: str) -> str:
@@ -137,9 +138,22 @@ def model_from_dict(
 
     Raises
     ------
-    DeckError       When it does not follow the grammar; every fault is listed.
+    DeckError       When it does not follow the grammar, or physics forbids a value; every fault is listed.
     """
-    where = Places(file or str(data.get("title", "deck")), lines or {})
+    model = _built(data, file, lines or {}, use, read)
+    try:
+        flat = flatten(model)
+        faults = [f"{where}: {message}" for _, where, message in flat.impossible(flat.parameters.evaluate({}), flat.ranges)]
+    except ThermidError:  # what does not fit together is said by `check` and by the first use, with all else that they find
+        return model
+    if faults:
+        raise DeckError("\n  ".join(faults), code="value.outside-range")
+    return model
+
+
+def _built(data: Mapping[str, Any], file: str, lines: Mapping[str, int | str], use: Any, read: Any) -> Model:
+    """Return the model of `model_from_dict`, whose values are looked at when they are known: a part's may be set by who uses it."""
+    where = Places(file or str(data.get("title", "deck")), lines)
     if data.get("tables"):
         tables = grammar_of(f"{SCHEMA}.tables_of")(data["tables"], where)
         data, lines = written_out(data, tables, where, read, grammar_of(f"{SCHEMA}.fields_of_groups")())
@@ -217,7 +231,7 @@ def _assembled(name: str, assembly: Assembly, site: _Site, key: str) -> Instance
     if home:
         lines = dict.fromkeys((*TABLES, "title", "needs", "parameters"), home)
         lines |= {f"parameters.{inner.removeprefix(key)[1:]}": line for inner, line in where.lines.items() if inner.startswith(f"{key}.")}
-    part = model_from_dict(assembly.deck, file=where.file, lines=lines)
+    part = _built(assembly.deck, where.file, lines, None, None)
     settings = {f"{name}.{path}": parameter(raw, where(f"{key}.{path}")) for path, raw in assembly.values.items()}
     return Instances({name: Submodel(part, assembly.bind, definition_of(part), made=key.partition(".")[0])}, settings, {})
 

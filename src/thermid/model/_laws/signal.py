@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import ScenarioError, ThermidError, cap, raising
-from thermid.base.expression import THREE_WAYS, Quantity, parse, quantity, seconds, si_value, si_values, stated, text_value
+from thermid.base.errors import ScenarioError, ThermidError, cap, errors_at, raising
+from thermid.base.expression import THREE_WAYS, Quantity, Stamp, clocked, parse, quantity, si_value, si_values, stated, text_value
 from thermid.base.linear_algebra import Array
 from thermid.base.units import TEMPERATURE, require, unit as read_unit
 
@@ -144,11 +144,13 @@ class TableSignal:
     values : array (samples,)   [SI]
     hold : bool                 Whether each value holds until the next sample; the last one of a table that was written then holds on.
     unit : str                  Unit in which a log had the values; what it stands for must be of the same dimension. Empty where none said.
-    log : (str, float) or None  Of a column of a log: the hash of its samples, and the time in it that is zero here. [s]
+    log : (str, float) or None  Of a column of a log: the hash of its samples, and the time in it that is zero here; of a Series or a
+                                DataArray no hash. [s]
     after : str                 What holds beyond the last row: ``hold``, ``repeat`` (the last row ends the period), or nothing (empty): a
                                 run that lasts longer is refused.
     before : str                What holds before the first row: ``hold``, or nothing (empty): a run that begins earlier is refused.
     samples : str               Of a log: ``instant`` or ``average``, as somebody said; empty where nobody did, which is taken as instants.
+    stamp : Stamp or None       Instant of its time zero, until a scenario has laid it on its own clock.
     """
 
     times: Array
@@ -159,6 +161,7 @@ class TableSignal:
     after: str = ""
     before: str = ""
     samples: str = ""
+    stamp: Stamp | None = None
 
     def __post_init__(self) -> None:
         """Refuse tables that are no function of time."""
@@ -192,12 +195,13 @@ class TableSignal:
 
     @property
     def span(self) -> Span:
-        """Time that it holds for: to one interval beyond its first and last sample, of no log to a hundredth of its length at most. [s]"""
+        """Time that it holds for: to an interval beyond its ends, to a hundredth of its length of no log and before a Series. [s]"""
         first, last = float(self.times[0]), float(self.times[-1])
         if self.after == "repeat" or self.times.size == 1:
             return FOREVER
-        most = math.inf if self.log is not None else END_SLACK * (last - first)
-        ahead, beyond = (min(float(step), most) for step in (self.times[1] - self.times[0], self.times[-1] - self.times[-2]))
+        least, steps = END_SLACK * (last - first), np.diff(self.times)
+        ahead = float(steps[0]) if self.log and self.log[0] else min(float(steps[0]), least)  # the stamps of a Series are meant
+        beyond = float(steps[-1]) if self.log else min(float(steps[-1]), least)
         begin = -math.inf if self.before == "hold" else first - ahead
         return begin, math.inf if self.after == "hold" or (self.hold and self.log is None) else last + beyond
 
@@ -809,7 +813,7 @@ def literal(text: Any, slot: str, where: str = "") -> float:
         raise error.located(where) from None
 
 
-def signal(value: Any, slot: str, where: str = "") -> Signal:
+def signal(value: Any, slot: str, where: str = "", held: bool = False) -> Signal:
     """Return a signal from what a scenario writes.
 
     Parameters
@@ -817,12 +821,13 @@ def signal(value: Any, slot: str, where: str = "") -> Signal:
     value : str, number, Quantity, pair, table or Signal
         ``"24 [degC]"``; ``td.celsius(24)``; a pair of times and values, ``([0, 18000], td.celsius([24, 25]))``, whose times are seconds,
         texts, durations or stamps, and whose values are SI where they have no unit and are no temperatures; a pandas Series or an xarray
-        DataArray with a unit, whose index or coordinate gives the times;
+        DataArray with a unit, whose index or coordinate gives the times, alone or as the values of a table without times;
         ``{times = ["0 [s]", "1 [h]"], values = ["24 [degC]", "25 [degC]"]}`` with ``hold = true`` for steps, ``after`` (hold or repeat;
         ``period`` where the last row does not end it) for the time beyond the last row, ``before`` (hold), and ``samples = "average"``
         where each value is the mean over the interval that ends at its time;
         ``{mean = "24 [degC]", amplitude = "3 [K]", period = "24 [h]", phase = 0.0}``.
     slot : str      What it must be: a unit text or `temperature`.
+    held : bool     Whether each sample of a Series or a DataArray holds until the next where its table does not say.
 
     Raises
     ------
@@ -837,16 +842,14 @@ def signal(value: Any, slot: str, where: str = "") -> Signal:
     if isinstance(value, Signal):
         return value
     if isinstance(value, Mapping):
-        return _from_table(value, slot, where)
+        return _from_table(value, slot, where, held)
     try:
         if isinstance(value, tuple) and len(value) == 2 and not isinstance(value[0], str):
-            values = si_values(value[1], slot)
-            return TableSignal(seconds(value[0]), np.atleast_1d(np.asarray(value[1] if values is None else values, dtype=float)))
-        with_unit = stated(value)
-        if with_unit is None and hasattr(value, "iloc") and slot != TEMPERATURE:  # plain numbers are SI; a temperature states its unit
-            with_unit = quantity(value, unit=slot)
+            values, (times, stamp) = si_values(value[1], slot), clocked(value[0])
+            return TableSignal(times, np.atleast_1d(np.asarray(value[1] if values is None else values, dtype=float)), stamp=stamp)
+        with_unit = _array(value, slot)
         if with_unit is not None and np.ndim(with_unit.si):
-            return _sampled(with_unit, slot)
+            return _sampled(with_unit, slot, held)
         if with_unit is not None or isinstance(value, str | Real):
             return Constant(literal(value, slot))
     except ThermidError as error:
@@ -857,16 +860,25 @@ def signal(value: Any, slot: str, where: str = "") -> Signal:
     )
 
 
-def _sampled(values: Quantity, slot: str) -> TableSignal:
-    """Return the signal of an array that knows its times.
+def _array(value: Any, slot: str) -> Quantity | None:
+    """Return what states its unit, or a Series or a DataArray of plain numbers, which are SI; a temperature states its unit."""
+    with_unit = stated(value)
+    if with_unit is None and (hasattr(value, "iloc") or hasattr(value, "coords")) and slot != TEMPERATURE:
+        return quantity(value, unit=slot)
+    return with_unit
+
+
+def _sampled(values: Quantity, slot: str, held: bool) -> TableSignal:
+    """Return the signal of an array that knows its times: a column of a log, by its own clock.
 
     Raises
     ------
     ScenarioError   When it does not.
     """
     if values.times is None:
-        raise ScenarioError("an array has no times. Give a pair: (times, values).", code="value.wrong-kind")
-    return TableSignal(values.times, np.asarray(si_values(values, slot), dtype=float))
+        text = "its values have no times: an array, or a Series whose index counts rows. Give a pair: (times, values)."
+        raise ScenarioError(text, code="value.wrong-kind")
+    return TableSignal(values.times, np.asarray(si_values(values, slot), dtype=float), held, log=("", 0.0), stamp=values.stamp)
 
 
 def own_signal(value: Any, where: str = "") -> Any:
@@ -877,8 +889,12 @@ def own_signal(value: Any, where: str = "") -> Any:
     ThermidError    When it is no table and no sine.
     """
     if not isinstance(value, Mapping):
-        return value
+        with errors_at(where):
+            own = None if isinstance(value, str | Signal) else stated(value)
+        return value if own is None or own.times is None else own_signal({"values": own}, where)
     rows = value.get("values", ())
+    with errors_at(where):
+        rows = rows if isinstance(rows, str | list | tuple) else stated(rows) or rows
     first = next(iter(rows if isinstance(rows, Sequence | np.ndarray | Quantity) else ()), None) if "values" in value else value.get("mean")
     if first is None:
         return signal(value, "1", where)
@@ -896,9 +912,15 @@ def _column(values: Any, slot: str, where: str) -> Array:
     return np.array([literal(v, slot, where) for v in values])
 
 
-def _from_table(value: Mapping[str, Any], slot: str, where: str) -> Signal:
+def _from_table(value: Mapping[str, Any], slot: str, where: str, held: bool = False) -> Signal:
     """Read the table form of a signal."""
     keys = {str(key) for key in value}
+    if "values" in keys and not isinstance(value["values"], str):
+        with errors_at(where):
+            timed = _array(value["values"], slot)
+            if timed is not None and timed.times is not None and "times" not in keys and keys <= {"values", "hold", *CONDUCT}:
+                held = bool(value.get("hold", held)) and value.get("samples") != "average"
+                return conducted(_sampled(timed, slot, held), value, where)
     for key in ("times", "values"):
         if key in value and (isinstance(value[key], str) or not isinstance(value[key], Sequence | np.ndarray | Quantity)):
             raise ScenarioError(f"the {key} of a table are a list, not {value[key]!r}.", where, code="value.wrong-kind")
@@ -936,7 +958,7 @@ def conducted(rows: TableSignal, details: Mapping[str, Any], where: str) -> Tabl
             raise ScenarioError(
                 "samples = 'average' implies steps, each up to its time stamp. Leave hold out.", where, code="value.without-effect"
             )
-        rows = averages(rows.times, rows.values, unit=rows.unit, log=rows.log)
+        rows = averages(rows.times, rows.values, unit=rows.unit, log=rows.log, stamp=rows.stamp)
     if "period" in details:
         if after != "repeat":
             raise ScenarioError(

@@ -155,20 +155,22 @@ def worst(standings: Iterable[Standing]) -> Standing:
 CATALOGUE, FINISH, SCATTER = "catalogue: ", "finish '", "scatter of "
 """What a basis begins with whose bounds are a range that somebody printed."""
 SPAN: Final = 2.0 * HALF_WIDTH_95
-"""Width of a printed range in standard deviations: it is read as holding 95 %. [-]"""
+"""Width of a stated range in standard deviations: it is read as holding 95 %. [-]"""
+RANGE: Final = "range"
+"""Spread of a value whose minimum and maximum are its range."""
 FINISH_CORRELATION: Final = 0.5
 """Correlation of the emissivities of two surfaces of one finish: half of what parts differ by is the batch, half the part. [-]"""
 LEAST_EMISSIVITY: Final = 0.005
-"""Of any surface; a share with a printed range is fitted by its logarithm from there. [-]"""
+"""Of any surface; a share with a stated range is fitted by its logarithm from there. [-]"""
 
 
 @dataclass(frozen=True)
-class PrintedRange:
-    """Range of parts that a catalogue or a data sheet prints for a value: a prior with a spread about it, never a wall.
+class StatedRange:
+    """Range that a catalogue, a data sheet or the author of a deck states for a value: a prior with a spread about it, never a wall.
 
     Parameters
     ----------
-    low, high : float   Read as holding 95 % of parts. [SI]
+    low, high : float   Read as holding 95 %. [SI]
     name : str          Finish or property of a material, which other values may have too; empty where it is the value's own.
     alike : float       Correlation of two values of that name. [-]
     """
@@ -195,9 +197,10 @@ class Parameter:
     Parameters
     ----------
     expression : Expression     A literal with its unit, or arithmetic over other names.
-    minimum, maximum : float    Bounds, or the range that a source prints (see `is_printed`), or None. [SI]
+    minimum, maximum : float    Bounds, or the range of the value (see `is_range`), or None. [SI]
     source : str                published, datasheet, derived, assumed, measured, or empty.
     note, basis : str           Free text: what it is, and what it rests on.
+    spread : str                Its standard deviation as written, `RANGE`, or empty.
     standing : Standing         How far a value that was laid over a model may be trusted; None for that of a deck. It is no part of what
                                 the value is: two that differ in it alone are equal.
     """
@@ -208,6 +211,7 @@ class Parameter:
     source: str = ""
     note: str = ""
     basis: str = ""
+    spread: str = ""
     standing: Standing | None = field(default=None, compare=False, repr=False)
 
     @property
@@ -226,16 +230,23 @@ class Parameter:
         return self.expression.literal.unit.text if self.expression.literal else ""
 
     @property
-    def is_printed(self) -> bool:
-        """Whether minimum and maximum are what a catalogue or a data sheet prints of parts; else they bound a search."""
+    def is_range(self) -> bool:
+        """Whether minimum and maximum are the range of the value, by a catalogue, a data sheet or its author; else they bound a search."""
         printed = self.source == "datasheet" or (self.source != "measured" and self.basis.startswith((CATALOGUE, FINISH, SCATTER)))
-        return printed and self.minimum is not None and self.maximum is not None and self.minimum < self.maximum
+        is_stated = self.spread == RANGE if self.spread else printed
+        return is_stated and self.minimum is not None and self.maximum is not None and self.minimum < self.maximum
 
     @property
-    def printed(self) -> PrintedRange | None:
-        """The printed range of a number; None where it has none."""
-        if not (self.is_printed and self.is_literal):
+    def stated_range(self) -> StatedRange | None:
+        """The range of a number; None where nobody states one."""
+        literal = self.expression.literal
+        if literal is None or not (self.is_range or self.spread):
             return None
+        if not self.is_range:
+            value, half = literal.value, HALF_WIDTH_95 * _deviation(self.spread, literal)
+            if value <= 0.0 or literal.unit.dimension == unit("K").dimension:
+                return StatedRange(value - half, value + half)
+            return StatedRange(value * math.exp(-half / value), value * math.exp(half / value))
         assert self.minimum is not None
         assert self.maximum is not None
         material = self.basis.removeprefix(CATALOGUE).partition(";")[0]
@@ -243,18 +254,18 @@ class Parameter:
             name, alike = self.basis.removeprefix(FINISH).partition("'")[0], FINISH_CORRELATION
         else:
             name, alike = (f"{material}, {self.text}", 1.0) if material in materials() else ("", 0.0)
-        return PrintedRange(self.minimum, self.maximum, name, alike)
+        return StatedRange(self.minimum, self.maximum, name, alike)
 
     @property
     def walls(self) -> tuple[float | None, float | None]:
-        """Bounds that nothing passes, or None each: a printed range is none, but where it begins at zero. [SI]"""
-        if not self.is_printed:
+        """Bounds that nothing passes, or None each: a range is none, but where it begins at zero. [SI]"""
+        if not self.is_range:
             return self.minimum, self.maximum
         return (0.0 if self.minimum == 0.0 else None), None
 
     def laid_over(self, old: Parameter) -> Parameter:
-        """Return it in the place of another: bounds and note stay unless given anew; a printed range goes with its value."""
-        low, high = (None, None) if old.is_printed else (old.minimum, old.maximum)
+        """Return it in the place of another: bounds and note stay unless given anew; a spread and a range go with their value."""
+        low, high = (None, None) if old.is_range else (old.minimum, old.maximum)
         low, high = (low if self.minimum is None else self.minimum), (high if self.maximum is None else self.maximum)
         return replace(self, minimum=low, maximum=high, note=self.note or old.note)
 
@@ -284,17 +295,17 @@ def exact(value: float, unit_text: str, note: str = "") -> Parameter:
     return Parameter(Expression(f"{plain!r} [{unit_text}]", (), Literal(value, of), tree), source="", note=note)
 
 
-def _bound(value: Any, expression: Expression) -> float | None:
-    """Return a bound in SI: a number in the value's own unit, or a text with its own."""
+def _bound(value: Any, expression: Expression, what: str = "bound") -> float | None:
+    """Return a bound, or a spread, in SI: a number in the value's own unit, or a text with its own."""
     if value is None:
         return None
     if isinstance(value, str):
         literal = parse(value).literal
         if literal is None:
-            raise DeckError(f"the bound '{value}' must be a number with a unit.", code="value.wrong-kind")
+            raise DeckError(f"the {what} '{value}' must be a number with a unit.", code="value.wrong-kind")
         if expression.literal is not None and literal.unit.dimension != expression.literal.unit.dimension:
             raise UnitError(
-                f"the bound '{value}' is {describe(literal.unit.dimension)}; the value is {describe(expression.literal.unit.dimension)}.",
+                f"the {what} '{value}' is {describe(literal.unit.dimension)}; the value is {describe(expression.literal.unit.dimension)}.",
                 code="unit.wrong-dimension",
             )
         return literal.value
@@ -305,11 +316,42 @@ def _bound(value: Any, expression: Expression) -> float | None:
     return parse(f"{number!r} [{own_unit.text}]").literal.value  # type: ignore[union-attr]  # a pure number is a literal
 
 
+def _deviation(spread: str, of: Literal) -> float:
+    """Return the standard deviation that a spread states of a number, in per cent of it or with a unit; NaN where it states none. [SI]"""
+    number = parse(spread).literal
+    relative = number is not None and number.unit.text == "%"
+    if number is None or number.unit.absolute or (relative and of.unit.absolute):
+        return math.nan
+    return number.value * abs(of.value) if relative else number.value
+
+
+def _spread(value: Any, out: Parameter) -> str:
+    """Return a spread as a parameter has it: a standard deviation as text, a number in the value's own unit, or `RANGE`."""
+    of = out.expression.literal
+    if of is None or (value == RANGE and (out.minimum is None or out.maximum is None or not out.minimum < out.maximum)):
+        raise DeckError("a spread needs a value that is a number; 'range' needs a min below a max besides.", code="value.incomplete")
+    if value == RANGE:
+        return RANGE
+    text = value if isinstance(value, str) else f"{_written_number(value)} [{'K' if of.unit.absolute else of.unit.text}]"
+    if "%" not in text:
+        _bound(text, out.expression, "spread")
+    if not 0.0 < _deviation(text, of) < math.inf:
+        raise DeckError(
+            f"the spread '{text}' is no standard deviation above zero. Write one such as '5 [%]', that of a temperature in K, or 'range'.",
+            code="value.outside-range",
+        )
+    return text
+
+
 def _written_number(value: Any) -> str:
     """Return the text of a number that was given without one."""
-    if isinstance(value, bool) or value != value or not hasattr(value, "__float__"):
-        raise DeckError(f"{value!r} is not a value. Write a text with a unit, '2.5 [W]', or a number.", code="value.wrong-kind")
-    return repr(float(value))
+    try:
+        number = math.nan if isinstance(value, bool | str) else float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if math.isnan(number):
+        raise DeckError(f"{value!r:.60} is not a value. Write a text with a unit, '2.5 [W]', or a number.", code="value.wrong-kind")
+    return repr(number)
 
 
 def parameter(value: str | float | Mapping[str, Any] | Parameter, where: str = "") -> Parameter:
@@ -318,7 +360,8 @@ def parameter(value: str | float | Mapping[str, Any] | Parameter, where: str = "
     Parameters
     ----------
     value : str, number, table or Parameter
-        ``"2.168 [W]"``, ``"(1 - x)*area"``, ``0.3``, or a table with `value` and any of `min`, `max`, `source`, `note`, `basis`.
+        ``"2.168 [W]"``, ``"(1 - x)*area"``, ``0.3``, or a table with `value` and any of `min`, `max`, `source`, `note`, `basis`,
+        `spread`.
     where : str     File and key path, for messages.
 
     Raises
@@ -329,11 +372,11 @@ def parameter(value: str | float | Mapping[str, Any] | Parameter, where: str = "
         return value
     table: Mapping[str, Any] = value if isinstance(value, Mapping) else {"value": value}
     with errors_at(where):
-        unknown = set(table) - {"value", "min", "max", "source", "note", "basis"}
+        unknown = set(table) - {"value", "min", "max", "source", "note", "basis", "spread"}
         if unknown or "value" not in table:
             raise DeckError(
-                "the keys of a parameter are value, min, max, source, note and basis; given: "
-                f"{', '.join(sorted(unknown)) or 'a table without value'}.",
+                "the keys of a parameter are value, min, max, source, note, basis and spread; given: "
+                f"{', '.join(sorted(map(str, unknown))) or 'a table without value'}.",
                 code="value.wrong-kind",
             )
         raw = table["value"]
@@ -346,7 +389,8 @@ def parameter(value: str | float | Mapping[str, Any] | Parameter, where: str = "
         source = table.get("source", "")
         refuse_unknown([source] if source else (), SOURCES, refusal="source '{}' is not one of {known}.", error=DeckError)
         out = Parameter(expression, low, high, source, table.get("note", ""), table.get("basis", ""))
-        if out.is_printed and expression.literal is not None:
+        out = replace(out, spread=_spread(table["spread"], out)) if table.get("spread", "") != "" else out
+        if out.is_range and expression.literal is not None:
             check_bounds(expression.literal.value, out, "")
         return out
 

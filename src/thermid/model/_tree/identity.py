@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -73,6 +73,11 @@ def instances(model: Tree, prefix: str = "") -> Iterator[tuple[str, str]]:
 def inside(path: str, place: str) -> bool:
     """Return whether a path is a place or lies in it."""
     return path == place or path.startswith(f"{place}.")
+
+
+def outside(paths: Iterable[str], places: Collection[str]) -> tuple[str, ...]:
+    """Return those of some paths that lie in none of some places: of a value's own, where it still acts once these are gone."""
+    return tuple(p for p in paths if not any(inside(p, place) for place in places))
 
 
 def depth(place: str) -> int:
@@ -298,7 +303,7 @@ def written(parameter: Parameter) -> Any:
             # an SI value in a unit, as the shortest number that converts back to the same float
             plain = from_si(bound, of)
             table[key] = next((short for digits in range(1, 18) if in_si(short := float(f"{plain:.{digits}g}"), of) == bound), plain)
-    table |= {k: v for k, v in (("source", parameter.source), ("note", parameter.note), ("basis", parameter.basis)) if v}
+    table |= {k: v for k in ("source", "note", "basis", "spread") if (v := getattr(parameter, k))}
     return table if len(table) > 1 else table["value"]
 
 

@@ -350,7 +350,11 @@ def _ending(paths: tuple[str, ...]) -> str:
 
 
 def _unused(view: _View) -> Iterator[Finding]:
-    """A declared parameter that nothing needs, neither as written nor after values were laid over it."""
+    """Yield a warning for each declared parameter and each control that nothing uses.
+
+    A parameter is used where an element reaches it through any chain of expressions, as the deck has them or with values laid over.
+    Pressures of fans and the `READINGS` are used without being needed.
+    """
     table = view.flat.parameters.table
     needs = {path: {entry.scope + name for name in entry.parameter.expression.names} for path, entry in table.items()}
     declared: dict[str, str] = {}
@@ -544,7 +548,7 @@ def _unsaid(view: _View) -> Iterator[Finding]:
                 "note",
                 c.where,
                 f"the coefficient of '{c.path}' includes radiation, but no emissivity is given, so a vacuum run will be refused. Give "
-                "htc and emissivity instead; `thermid split` estimates them.",
+                "htc and emissivity instead; `td.inference.split` estimates them.",
                 "model.radiation-not-split",
             )
     alone = list(bare(view.flat))

@@ -15,7 +15,7 @@ from thermid.model._laws.curves import Curve
 from thermid.model._parts.controls import Control, named_control
 from thermid.model._parts.elements import Conductor, Enclosure, HeatLoad, Joint, MadeIn, Node, Surface
 from thermid.model._parts.kinds import KINDS
-from thermid.model._parts.parameter import LEAST_EMISSIVITY, SHARES, Parameter, PrintedRange, check_bounds
+from thermid.model._parts.parameter import LEAST_EMISSIVITY, SHARES, Parameter, StatedRange, check_bounds
 
 Element = Node | Conductor | Surface | Joint | Enclosure | HeatLoad | Control
 TABLES = ("nodes", "surfaces", "conductors", "joints", "enclosures", "loads", "controls")
@@ -175,7 +175,13 @@ class Tree:
         """Return the canonical path of a name: aliases resolved, here and in every submodel it passes.
 
         An alias that one submodel alone has, and nothing here, stands for the same here.
+
+        Raises
+        ------
+        NameNotFoundError   When it is no text.
         """
+        if not isinstance(path, str):
+            raise NameNotFoundError(f"a name is a text such as 'case.mass', not {path!r:.60}.", self.title, code="value.wrong-kind")
         while path in self.aliases:
             path = self.aliases[path]
         head, _, rest = path.partition(".")
@@ -527,7 +533,7 @@ class ParameterSet:
         self._dimensions: dict[str, Dimension] = {}
         values = self.evaluate({})
         for path, entry in self.table.items():
-            if not entry.parameter.is_printed:
+            if not entry.parameter.is_range:
                 check_bounds(values[path], entry.parameter, entry.where)
 
     def _lookup(self, name: str, entry: Entry) -> str:
@@ -624,14 +630,14 @@ class ParameterSet:
         parameter = self.table[path].parameter
         low, high = parameter.walls
         if path in self._shares:
-            least = min(LEAST_EMISSIVITY, parameter.minimum or 0.0) if parameter.is_printed else 0.0
+            least = min(LEAST_EMISSIVITY, parameter.minimum or 0.0) if parameter.is_range else 0.0
             low, high = max(low or 0.0, least), min(1.0 if high is None else high, 1.0)
         return replace(parameter, minimum=low, maximum=high)
 
     @property
-    def printed(self) -> dict[str, PrintedRange]:
-        """Number -> the range that a catalogue or a data sheet prints for it, of those that have one."""
-        ranges = ((p, e.parameter.printed) for p, e in self.table.items())
+    def stated_ranges(self) -> dict[str, StatedRange]:
+        """Number -> the range that a catalogue, a data sheet or its author states for it, of those that have one."""
+        ranges = ((p, e.parameter.stated_range) for p, e in self.table.items())
         return {p: r for p, r in ranges if r is not None}
 
     def freeable(self, raw: str, canonical: Callable[[str], str]) -> str:

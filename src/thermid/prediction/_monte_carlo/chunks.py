@@ -76,7 +76,7 @@ class Job:
 
     def whole(self, members: int) -> int:
         """Return how many of the members are kept whole where nobody asks for more: whole chunks, a pilot at least."""
-        fit = max(SAMPLE // (8 * len(self.nodes) * self.times.size) // self.chunk, -(-PILOT // self.chunk)) * self.chunk
+        fit = max(SAMPLE // (8 * max(len(self.nodes), 1) * self.times.size) // self.chunk, -(-PILOT // self.chunk)) * self.chunk
         return min(fit, members)
 
     def counted(self, first: int, end: int) -> list[tuple[int, int]]:

@@ -270,7 +270,7 @@ def hold(runs: UncertainRuns, limits: Mapping[str, Any], *, confidence: float = 
             runs.title,
             code="run.members-failed",
         )
-    points = [_point(runs, runs.drawn(runs.whole), name, side, value, confidence) for name, side, value in wanted]
+    points = [_point(runs, runs.draws_of_whole, name, side, value, confidence) for name, side, value in wanted]
     points.sort(key=lambda p: (p.hold, p.never, -p.exceedance[-1]))
     together = _together(runs, points, confidence)
     budget = runs.job.budget

@@ -93,7 +93,7 @@ def plan_runs(
     """Return what `uncertain_runs` would run, and what a reader must know."""
     from importlib.metadata import version
 
-    sources = [values] if isinstance(values, Values) else list(values)
+    sources = list(values) if isinstance(values, list | tuple) else [values]
     scenarios = [scenario] if isinstance(scenario, Scenario) else list(scenario)
     if not scenarios or chunk < 1:
         raise ScenarioError("a campaign of runs needs a scenario, and chunks of at least one member.", model.title, code="value.incomplete")
@@ -211,9 +211,14 @@ class UncertainRuns(Result):
     @cached_property
     def draws(self) -> dict[str, Array]:
         """Name -> value of every member (members,), shifts for boundaries; ``scenario`` and ``start_time`` are counted. [SI]"""
-        return self.drawn(len(self))
+        return self._drawn(len(self))
 
-    def drawn(self, members: int) -> dict[str, Array]:
+    @cached_property
+    def draws_of_whole(self) -> dict[str, Array]:
+        """The same of the members that were kept whole."""
+        return self.draws if self.whole == len(self) else self._drawn(self.whole)
+
+    def _drawn(self, members: int) -> dict[str, Array]:
         """Return `draws` of the first members."""
         job = self.job
         sources = job.budget.drawn(job.budget.numbers(job.seed, 0, members))

@@ -123,7 +123,7 @@ def part_of(network: Network, run: Solution, inside: str, shown: frozenset[str],
         )
     outside = tuple(dict.fromkeys(e for r in rows for e in r.ends if e not in nodes))
     means = {n: float(np.trapezoid(run[n].kelvin, run.times) / (run.times[-1] - run.times[0])) for n in (*nodes, *outside)}
-    shares = {n: _share(network, run, n) for n in nodes if n in network.stores}
+    shares = {n: _relative_specific_heat(network, run, n) for n in nodes if n in network.stores}
     capacitances = np.array([value_of(numbers.capacitances[n] or 0.0) * shares.get(n, (1.0,))[0] for n in nodes])
     fixed = frozenset(e for r in rows if r.form == "flow" for e in r.ends if e in nodes)
     secants = np.array([_secant(r, means, run) for r in rows])
@@ -131,8 +131,11 @@ def part_of(network: Network, run: Solution, inside: str, shown: frozenset[str],
     return Subnetwork(nodes, outside, capacitances, rows, secants, fixed, shown | fixed, judged, shares)
 
 
-def _share(network: Network, run: Solution, node: str) -> tuple[float, float, float]:
-    """Return mean, lowest and highest specific heat of a node with a table in a run, over that of its capacitance. [-]
+def _relative_specific_heat(network: Network, run: Solution, node: str) -> tuple[float, float, float]:
+    """Return mean, lowest and highest specific heat of a node with a table, relative to that of its stated capacitance. [-]
+
+    The mean is over temperature, from the lowest to the highest of the run: the heat stored between these over their difference. It
+    does not depend on how long the node stays at each.
 
     Raises
     ------

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError, SolverError, refuse_unknown
-from thermid.base.expression import Kelvin
+from thermid.base.expression import Kelvin, amount
 from thermid.base.extensions import extension
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
 from thermid.measure.amounts import duration_text
 from thermid.measure.steadiness import StabilityRule, rule_of
-from thermid.model.elements import Constant, Signal, TableSignal, literal, multiplied
+from thermid.model.elements import Constant, Signal, TableSignal, multiplied
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify._profile_runs.profile_run import Phase, ProfileRun, SettledWater
@@ -571,7 +571,7 @@ def run_profile(
 
 def _chamber_ramp(ramp: str | float) -> float:
     """Return what a chamber can. [K/s]"""
-    rate = literal(ramp, "K/s", "chamber_ramp") if isinstance(ramp, str) else float(ramp)
+    rate = amount(ramp, "K/s", "chamber_ramp")
     if rate <= 0.0:
         raise ScenarioError("the chamber's rate of change must be above zero.", "chamber_ramp", code="value.outside-range")
     return rate
@@ -723,7 +723,7 @@ def _finished(course: _Course, every: str | float, progress: Callable[[int, int,
     """Return the run: the whole course as one solution, its moisture, its remarks."""
     bench, profile, plan = course.bench, course.profile, course.plan
     scenario = plan.scenario(bench.base, bench, profile.title)
-    step = literal(every, "s", "every") if isinstance(every, str) else float(every)
+    step = amount(every, "s", "every")
     if step <= 0.0:
         raise ScenarioError("the interval of output must be above zero.", "every", code="value.outside-range")
     grid = np.arange(0.0, scenario.seconds, step)

@@ -50,6 +50,7 @@ def _standard(name: str) -> Mapping[str, Any]:
     return names[name.casefold()]
 
 
+@takes_objects
 def profile_of(standard: str, name: str = "", *, level: str = "", predicted: Any = None, **changes: Any) -> ThermalProfile:
     """Return a profile of a standard.
 

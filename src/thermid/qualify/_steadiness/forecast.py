@@ -10,8 +10,9 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import RecordError, ScenarioError
+from thermid.base.expression import amount
 from thermid.base.results import Result, Row
-from thermid.measure.amounts import amount, duration_text, positive_seconds, short
+from thermid.measure.amounts import duration_text, positive_seconds, short
 from thermid.measure.records import BoolArray, FloatArray, Record, stretch, within_log
 from thermid.measure.steadiness import StabilityRule, rule_of
 from thermid.model.tree import Model
@@ -295,8 +296,8 @@ def forecast(
         level=level,
         slow=slow,
         rule=wanted,
-        holds=None if wanted.stored else _holds(curve, wanted, 0.5, span),
-        holds_late=None if wanted.stored else _holds(curve, wanted, 0.95, span),
+        holds=None if wanted.stored else _time_rule_holds(curve, wanted, 0.5, span),
+        holds_late=None if wanted.stored else _time_rule_holds(curve, wanted, 0.95, span),
         by_model=bool(constants),
         reference=None if curve.room is None else curve.room.last,
         _approach=curve,
@@ -367,14 +368,15 @@ def _reason(final: IntervalEstimate, within: float, slow: float, span: float, by
     return f"{text}: the readings are too few or too noisy for {duration_text(span)} of readings. Wait longer."
 
 
-def _holds(curve: Approach, rule: StabilityRule, share: float, span: float) -> float | None:
-    """Return the time at which the rule will hold with a probability, or None when it is further than a hundred stretches away. [s]"""
+def _time_rule_holds(curve: Approach, rule: StabilityRule, probability: float, span: float) -> float | None:
+    """Return the time at which the rule will hold with a probability; None beyond a hundred times `span` from now. [s]"""
     window = rule.window or 60.0
 
     def holds(at: float) -> bool:
+        """Whether the change over the window that ends at a time is within the rule, with that probability over the curves."""
         begin = max(at - window, curve.start)
         moved = np.einsum("pt,pt->p", curve._terms(at) - curve._terms(begin), curve.means)
-        return float(curve.weights @ (np.abs(moved) <= rule.rate * window)) >= share
+        return float(curve.weights @ (np.abs(moved) <= rule.rate * window)) >= probability
 
     low = max(curve.now, curve.start + rule.window)
     if holds(low):

@@ -394,7 +394,7 @@ class Watcher:
         unlogged = [p for p, role in self._roles.items() if role == "load" and p not in driven]
         last = [p for p, role in self._roles.items() if role != "node" and p in bound]
         deck = (f"power of {', '.join(unlogged)}: the deck's, because no column gives it",) if unlogged else ()
-        return (*deck, *((f"forecasts hold while {', '.join(last)} stays as last logged",) if last else ()))
+        return (*deck, *((f"forecasts hold with {', '.join(last)} as last logged",) if last else ()))
 
     def _lasting(self, alarms: list[Alarm], record: Record, names: Sequence[str]) -> list[Alarm]:
         """Return what was found, once it lasts and no sensor's jump is pending; one fault of the unit is named."""

@@ -76,7 +76,7 @@ def quantity(value: float, unit: str, digits: int = 3) -> str:
 
 def conductances(plain: FoldedModel, network: Network, numbers: Numbers, temperatures: Mapping[str, float]) -> dict[str, str]:
     """Return conductor drawn -> its conductance as text, of a folded part the sum of its members."""
-    flows = _single(network, numbers, temperatures)
+    flows = _single(numbers, temperatures)
     several = {drawn: [flows[c] for c, _ in members if c in flows] for drawn, members in plain.members.items()}
     by = {c.path: c.controls for c in network.flat.conductors if c.controls}
     out = {
@@ -94,7 +94,7 @@ def times(controls: Iterable[str]) -> str:
     return "".join(f" \u00d7 {name}" for name in short)
 
 
-def _single(network: Network, numbers: Numbers, temperatures: Mapping[str, float]) -> dict[str, tuple[float, bool]]:
+def _single(numbers: Numbers, temperatures: Mapping[str, float]) -> dict[str, tuple[float, bool]]:
     """Return conductor -> its conductance [W/K], and whether it is sure: not where it depends on temperatures that nobody gave."""
     totals: dict[str, tuple[float, bool]] = {}
     for row in numbers.conductors:

@@ -422,7 +422,7 @@ def _legend(drawing: _Drawing, plan: MapPlaces, title: str) -> Iterator[str]:
     flat, y = drawing.plain.flat, plan.height - FOOT
     boundaries = ", ".join(flat.names.boundaries) or "none"
     many = f"; named on what they join: {', '.join(sorted(plan.hubs))}" if plan.hubs else ""
-    heading = f"{title}: {len(flat.nodes)} nodes, {len(flat.conductors)} heat paths; given temperatures: {boundaries}{many}"
+    heading = f"{title}. Nodes: {len(flat.nodes)}; heat paths: {len(flat.conductors)}; given temperatures: {boundaries}{many}"
     yield _text(14.0, y + 16.0, clipped(heading, plan.width - 28.0, 1.15 * NAME), NAME, "name", heading)
     x = 14.0
     kinds = (c.kind for pair in _drawn(drawing, plan) for c in drawing.joined[pair][:1])

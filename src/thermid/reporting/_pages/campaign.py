@@ -387,7 +387,7 @@ def _named(predictions: Sequence[CampaignPrediction], brief: bool) -> Iterator[P
         drawn = figures.predicted_bands(p.prediction, f"asked-{k}", f"{p.name}: predicted temperatures with bands", [t for _, t in near])
         lines = ", ".join(f"{node} {end - ICE_POINT:g} °C" for node, end in near)
         caption = f"{p.name} ({p.prediction.scenario}): temperatures with 95 % bands{lines and f', limits as thin lines ({lines})'}."
-        yield Heading(p.head)
+        yield from () if brief else (Heading(p.head),)  # the first lines of a brief page say it
         yield Figures((Plot(drawn, caption),), drawn.legend, wide=True)
         if p.prediction.not_counted or p.prediction.warnings:
             yield Notes(tuple(w for w in (p.prediction.not_counted, *p.prediction.warnings) if w), "Warnings")

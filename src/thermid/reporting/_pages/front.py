@@ -67,7 +67,10 @@ class Decisive:
         return self.check.limit if self.check is not None and metric(self.check.criterion).of is largest else None
 
     def sentence(self) -> str:
-        """Return which sensor it is, what was measured and simulated, the residual, and the limit."""
+        """Return a sentence on the sensor at its largest residual: both temperatures, and the checked figure over its limit.
+
+        Without a hold-out record no limit applies: it gives the RMSE.
+        """
         b, k = self.block, self.moment
         at = duration(float(b.times[k] - b.times[0]))
         read = f"measured {b.measured[k] - ICE_POINT:.2f} °C, simulated {b.predicted[k] - ICE_POINT:.2f} °C"

@@ -38,6 +38,7 @@ from thermid.reporting._blocks.content import (
 )
 from thermid.reporting._pages.views import ShownValue, view
 from thermid.values.fitted import FittedValue
+from thermid.values.store import INPUT
 
 Names = tuple[tuple[str, str], ...]
 HTC_NAMES = ("effective_htc", "htc", "htc.coefficient")
@@ -218,19 +219,19 @@ def sensors(calibration: Calibration) -> Table:
 
 
 def instruments(calibration: Calibration) -> Table:
-    """Return the corrections that were found for logged boundaries and powers."""
+    """Return the constant errors that were found for logged boundaries and powers."""
     rows: list[Line] = [
         [
             name.removesuffix(" error"),
             significant(v.in_unit, v.shown(v.error)),
             number(v.shown(v.error), 2),
-            "factor" if v.unit == "1" else pretty(v.unit),
+            "of the reading" if v.unit == "1" else pretty(v.unit),
         ]
         for name, v in calibration.values.items()
-        if v.kind == "shared"
+        if v.kind == INPUT
     ]
-    columns = [Head("logged channel"), Head("correction", True), Head("± total", True), Head("unit")]
-    words = "Added to a logged temperature, so negative for a sensor that reads high; a factor on a logged power."
+    columns = [Head("logged channel"), Head("error", True), Head("± total", True), Head("unit")]
+    words = "Reading minus truth, as of compared sensors: positive for an instrument that reads high; of a power as a share of the reading."
     return Table.of_rows(columns, rows, words)
 
 

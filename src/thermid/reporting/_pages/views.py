@@ -26,7 +26,7 @@ class ShownValue:
     value, random, error, start : float     With its standard error by the noise alone and in all.
     unit : str
     bounds : tuple                          Infinite where open.
-    ranges : dict                           Printed range of a fixed input -> its part of the variance. [-]
+    ranges : dict                           Stated range of a fixed input -> its part of the variance. [-]
     """
 
     value: float
@@ -67,7 +67,7 @@ class CalibrationView:
 
 
 def quantity(v: FittedValue, ranges: Mapping[str, float] | None = None) -> ShownValue:
-    """Return a fitted value in its unit, with the part of its variance that each printed range makes."""
+    """Return a fitted value in its unit, with the part of its variance that each stated range makes."""
     return ShownValue(
         v.in_unit,
         v.shown(v.error_random),

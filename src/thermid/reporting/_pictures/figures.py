@@ -286,7 +286,7 @@ def predicted_bands(prediction: Prediction, key: str, label: str, limits: Sequen
         lines.append(Stroke(node, band.times / length, band.celsius, colour, 1.6, dash))
         entries.append(LegendEntry(f"{node} {low[-1]:.1f} to {high[-1]:.1f} °C at the end", colour[0], dash))
     panel = Panel("temperature", "°C", lines, areas, sorted({t - ICE_POINT for t in limits}))
-    return Graphic(chart([panel], key=key, label=label, x_name=("time", unit), size=(760, 330)), tuple(entries))
+    return Graphic(chart([panel], key=key, label=label, x_name=("time", unit), size=(760, 240)), tuple(entries))
 
 
 def coverage(shares: Mapping[str, Mapping[float, float]], key: str, label: str) -> Graphic:

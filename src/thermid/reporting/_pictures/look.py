@@ -12,6 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from thermid.base.arguments import takes_objects
 from thermid.base.errors import ThermidError
 from thermid.base.results import Result
 from thermid.base.units import counted, from_si, in_si, unit
@@ -31,6 +32,7 @@ from thermid.measure.readers import (
     hidden_switches,
     log_cells,
     lost_hour,
+    name_and_unit,
     read_times,
     repeated_stamps,
     unit_question,
@@ -209,10 +211,8 @@ class Look(Result):
         return "\n".join(out) + "\n"
 
     def _channel(self, c: Column) -> list[str]:
-        twice = sum(other.name == c.name for other in self.columns) > 1
-        key = c.header if twice else c.name
-        key = key if _BARE.match(key) else json.dumps(key, ensure_ascii=False)
-        target = re.sub(r"\W+", "_", c.name).strip("_") or "node"
+        key = c.name if _BARE.match(c.name) else json.dumps(c.name, ensure_ascii=False)
+        target = re.sub(r"\W+", "_", name_and_unit(c.header)[0]).strip("_") or "node"
         role = {"temperature": "node", "boundary": "boundary"}.get(c.guess, "load")
         by_name = c.unit not in ("degC", "W") and "ends in" in c.why
         options = f', unit = "{c.unit}"' if c.assumed or by_name else ""
@@ -593,6 +593,7 @@ def _short(text: str, width: int) -> str:
     return text if len(text) <= width else f"{text[: width - 6]}..{text[-4:]}"
 
 
+@takes_objects
 def look(
     path: str | Path,
     *,

@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError, errors_at, refuse_unknown
+from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Shown
 from thermid.base.units import TEMPERATURE
@@ -72,6 +73,7 @@ class Irradiation(Shown):
             raise ScenarioError(
                 "give the temperature of the sky and sky_view, the view factor to it.", "irradiation", code="value.incomplete"
             )
+        object.__setattr__(self, "sky_view", None if self.sky_view is None else amount(self.sky_view, "1", "irradiation, sky_view"))
         if self.sky_view is not None and not 0.0 <= self.sky_view <= 1.0:
             raise ScenarioError(f"sky_view is {self.sky_view:g}. Give 0 to 1.", "irradiation", code="value.outside-range")
 

@@ -710,7 +710,7 @@ def gas_remarks(media: Media, flat: Flat, values: Mapping[str, Any]) -> tuple[st
         out.append(
             CodedText(
                 f"the radiation in the effective coefficient of {quoted(whole)} goes to the gas node, not to the surfaces it sees; "
-                "`thermid split` separates the two",
+                "`td.inference.split` separates the two",
                 "model.radiation-not-split",
             )
         )

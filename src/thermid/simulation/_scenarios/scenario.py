@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from numbers import Real
 from typing import Any
 
 from thermid.base.codes import CodedText
 from thermid.base.errors import ScenarioError, errors_at, refuse_unknown
-from thermid.base.expression import Kelvin, kelvin
+from thermid.base.expression import Kelvin, amount, instant, kelvin
 from thermid.base.results import Shown
 from thermid.base.units import TEMPERATURE
 from thermid.model.elements import Constant, Signal, TableSignal, check_span, in_run, literal, own_signal, signal
@@ -89,6 +87,7 @@ class Scenario(Shown):
                             state that comes back after every period of the inputs).
     initial : dict          Node -> temperature or boundary name, where it differs from `start`.
     duration : float        [s]
+    begins : str            Stamp of the run's beginning, ``2026-02-01 08:00``; without it the earliest of all signals that have stamps.
     as_printed : bool       Vacuum as the source document prints it: every coefficient zero, radiation inside it included.
     """
 
@@ -104,6 +103,7 @@ class Scenario(Shown):
     start: Any = ""
     initial: Mapping[str, Any] = field(default_factory=dict)
     duration: str | float = 0.0
+    begins: Any = field(default=None, repr=False)
     as_printed: bool = False
 
     def __post_init__(self) -> None:
@@ -122,7 +122,8 @@ class Scenario(Shown):
                 by_itself = {k: own_signal(v, f"{self.title}, {name}.{k}") for k, v in getattr(self, name).items()}
                 object.__setattr__(self, name, by_itself)
                 continue
-            table = {k: signal(v, slot, f"{self.title}, {name}.{k}") for k, v in getattr(self, name).items()}
+            held = slot != TEMPERATURE  # as in a record
+            table = {k: signal(v, slot, f"{self.title}, {name}.{k}", held) for k, v in getattr(self, name).items()}
             object.__setattr__(self, name, table)
             for key, course in table.items() if slot == TEMPERATURE else ():
                 lowest = course.bounds[0]
@@ -137,17 +138,48 @@ class Scenario(Shown):
                     f"{self.title}, environment.{gas}",
                     code="value.wrong-kind",
                 )
-        bare = isinstance(self.duration, Real) and not isinstance(self.duration, bool)
-        seconds = float(self.duration) if bare else literal(self.duration, "s", f"{self.title}, duration")
-        if not math.isfinite(seconds):
-            raise ScenarioError(
-                f"a duration of {seconds:g} s has no end. Give a finite duration, or request a steady state.",
-                f"{self.title}, duration",
-                code="value.outside-range",
-            )
+        for surface, falling in self.irradiation.items():
+            if not isinstance(falling, Irradiation | Sky):
+                raise ScenarioError(
+                    f"it takes an irradiation, not {falling!r:.60}. Make one: td.simulation.Irradiation(...).",
+                    f"{self.title}, irradiation.{surface}",
+                    code="value.wrong-kind",
+                )
+        seconds = amount(self.duration, "s", f"{self.title}, duration")
         if seconds < 0:
             raise ScenarioError("the duration is below zero. Give a positive one.", f"{self.title}, duration", code="value.outside-range")
         object.__setattr__(self, "duration", seconds)
+        self._lay_on_one_clock()
+
+    def _lay_on_one_clock(self) -> None:
+        """Shift the signals that have stamps to where these are, seen from the beginning of the run.
+
+        Raises
+        ------
+        ScenarioError   When some stamps have a time zone and some have none.
+        """
+        stamps = {place: s.stamp for place, s in self.signals() if isinstance(s, TableSignal) and s.stamp is not None}
+        given = self.begins
+        if given is None and not stamps:
+            return
+        begins = min(stamps.values()) if given is None else instant(given, f"{self.title}, begins")
+        another = next((place for place, stamp in stamps.items() if stamp.zoned != begins.zoned), "")
+        if another:
+            one, other = ("begins" if given is not None else next(iter(stamps))), another
+            raise ScenarioError(
+                f"the stamps of {one} and {other} differ: only one of them has a time zone. Give all of them one, or none.",
+                self.title,
+                code="record.time-unclear",
+            )
+
+        def laid(s: Signal) -> Signal:
+            if not isinstance(s, TableSignal) or s.stamp is None:
+                return s
+            return replace(s.shifted(begins.seconds - s.stamp.seconds), stamp=None)
+
+        object.__setattr__(self, "begins", begins)
+        for name, table in self._mapped_tables(laid).items() if stamps else ():
+            object.__setattr__(self, name, table)
 
     @property
     def seconds(self) -> float:
@@ -175,6 +207,10 @@ class Scenario(Shown):
 
     def mapped(self, law: Callable[[Signal], Signal], but: Collection[str] = ()) -> Scenario:
         """Return the scenario with what a law makes of each signal, but for some: of whole tables (``commands``) or single names."""
+        return replace(self, **self._mapped_tables(law, but))
+
+    def _mapped_tables(self, law: Callable[[Signal], Signal], but: Collection[str] = ()) -> dict[str, Any]:
+        """Return the tables of `mapped`."""
 
         def mapped_table(name: str) -> dict[str, Any]:
             table = getattr(self, name)
@@ -183,7 +219,7 @@ class Scenario(Shown):
         tables: dict[str, Any] = {name: mapped_table(name) for name in SLOTS}
         tables["environment"] = {gas: e if gas in but else e.mapped(law) for gas, e in self.environment.items()}
         tables["irradiation"] = {face: falling if face in but else falling.mapped(law) for face, falling in self.irradiation.items()}
-        return replace(self, **tables)
+        return tables
 
     def begun(self, seconds: float, but: Collection[str] = ()) -> Scenario:
         """Return the scenario of a run that begins later: all that changes in time as it is from then on, but for some, as `mapped`. [s]
@@ -194,7 +230,8 @@ class Scenario(Shown):
             return self
         moved = self.mapped(lambda s: s.shifted(seconds), but)
         skies = {k: v.shifted(seconds) for k, v in self.irradiation.items() if isinstance(v, Sky) and k not in but}
-        return replace(moved, irradiation={**moved.irradiation, **skies})
+        begins = None if moved.begins is None else moved.begins._replace(seconds=moved.begins.seconds + seconds)
+        return replace(moved, irradiation={**moved.irradiation, **skies}, begins=begins)
 
     def driven(self, flat: Flat) -> set[str]:
         """Return the parameters that have a course of their own, and the numbers behind them: nothing else may move these."""
@@ -232,7 +269,10 @@ class Scenario(Shown):
         """
         fields = self.__dataclass_fields__
         refuse_unknown(changes, fields, self.title, "a scenario has no '{}'.", ScenarioError)
-        merged: dict[str, Any] = {k: {**getattr(self, k), **v} if isinstance(v, Mapping) else v for k, v in changes.items()}
+        merged: dict[str, Any] = {
+            k: {**getattr(self, k), **v} if isinstance(v, Mapping) and isinstance(getattr(self, k), Mapping) else v
+            for k, v in changes.items()
+        }
         return replace(self, **merged)
 
 
@@ -251,10 +291,13 @@ def sampled_logs(scenario: Scenario) -> tuple[str, ...]:
     ]
     if not assumed:
         return ()
+    tables = {place: s for place, s in scenario.signals() if place in assumed and isinstance(s, TableSignal)}
+    of_series = [place for place, s in tables.items() if s.held and s.log is not None and not s.log[0]]
+    held = f". Each one of {', '.join(of_series)} holds until the next, as in a record" if of_series else ""
     return (
         CodedText(
             f"samples of logs are taken as instants ({', '.join(assumed)}). State samples = 'instant', or samples = 'average' if the "
-            "logger gives means over the interval up to the stamp",
+            f"logger gives means over the interval up to the stamp{held}",
             "record.samples-assumed",
         ),
     )

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from thermid.app.cli.app import main
+from thermid.campaign.stages import run_stages
 from unit.fit.project import make_project
 
 EXAMPLES = Path(__file__).parents[4] / "examples"
@@ -69,6 +70,22 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def campaign(made: Path, tmp_path: Path) -> Path:
     """A copy of it to be changed."""
     shutil.copytree(made.parent, tmp_path / "p")
+    return tmp_path / "p" / "campaign.toml"
+
+
+@pytest.fixture(scope="session")
+def made_and_fitted(made: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same with its results; no test writes to it."""
+    folder = tmp_path_factory.mktemp("fitted") / "p"
+    shutil.copytree(made.parent, folder)
+    run_stages(folder / made.name, cache=folder / "results")
+    return folder / made.name
+
+
+@pytest.fixture
+def fitted_campaign(made_and_fitted: Path, tmp_path: Path) -> Path:
+    """A copy of it to be changed, for what follows a fit: a command takes its stages as they were."""
+    shutil.copytree(made_and_fitted.parent, tmp_path / "p")
     return tmp_path / "p" / "campaign.toml"
 
 

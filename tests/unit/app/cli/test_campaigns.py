@@ -88,8 +88,10 @@ class TestCheck:
 
 
 class TestCalibrate:
-    def test_the_object(self, call: Call, campaign: Path) -> None:
+    def test_the_object_and_decks_that_stay_as_they_were(self, call: Call, campaign: Path) -> None:
+        before = {p.name: p.read_bytes() for p in campaign.parent.glob("*.toml")}
         said = call("calibrate", campaign, "--json")
+        assert {p.name: p.read_bytes() for p in campaign.parent.glob("*.toml")} == before
         assert said.code == 0
         assert said.out.count("\n") == 1
         found = said.object
@@ -124,11 +126,6 @@ class TestCalibrate:
         assert numbers() == first
         assert numbers("--fresh") == first
 
-    def test_the_decks_stay_as_they_were(self, call: Call, campaign: Path) -> None:
-        before = {p.name: p.read_bytes() for p in campaign.parent.glob("*.toml")}
-        call("calibrate", campaign)
-        assert {p.name: p.read_bytes() for p in campaign.parent.glob("*.toml")} == before
-
     def test_text(self, call: Call, campaign: Path) -> None:
         said = call("calibrate", campaign)
         assert said.code == 0
@@ -140,8 +137,8 @@ class TestCalibrate:
         assert "pair on pair_two: PASSED" in said.out
         assert said.out.endswith("values: box.values.toml, pair.values.toml\n")
 
-    def test_a_failed_verdict(self, call: Call, campaign: Path) -> None:
-        said = call("calibrate", changed(campaign, 'rmse = "0.5 [K]"', 'rmse = "0.001 [K]"'), "--json")
+    def test_a_failed_verdict(self, call: Call, fitted_campaign: Path) -> None:
+        said = call("calibrate", changed(fitted_campaign, 'rmse = "0.5 [K]"', 'rmse = "0.001 [K]"'), "--json")
         assert said.code == 1
         assert (said.object["status"], said.object["passed"]) == ("ok", False)
         assert said.object["verdicts"][0]["passed"] is False
@@ -204,11 +201,11 @@ class TestCalibrate:
 
 
 class TestReport:
-    def test_it_writes_a_page(self, call: Call, campaign: Path, tmp_path: Path) -> None:
+    def test_it_writes_a_page(self, call: Call, fitted_campaign: Path, tmp_path: Path) -> None:
         pytest.importorskip("thermid.reporting._pages.campaign", reason="the reporting room is not there")
         pytest.importorskip("jinja2")
         page = tmp_path / "page.html"
-        said = call("report", campaign, "--to", page, "--json")
+        said = call("report", fitted_campaign, "--to", page, "--json")
         assert said.code == 0, said.out
         assert (said.object["status"], said.object["passed"]) == ("ok", True)
         text = page.read_text(encoding="utf-8")
@@ -216,19 +213,21 @@ class TestReport:
         assert JOINT in text
         assert "<html" in text
 
-    def test_it_says_that_a_verdict_failed(self, call: Call, campaign: Path, tmp_path: Path) -> None:
+    def test_it_says_that_a_verdict_failed(self, call: Call, fitted_campaign: Path, tmp_path: Path) -> None:
         pytest.importorskip("thermid.reporting._pages.campaign", reason="the reporting room is not there")
         pytest.importorskip("jinja2")
-        said = call("report", changed(campaign, 'rmse = "0.5 [K]"', 'rmse = "0.001 [K]"'), "--to", tmp_path / "page.html")
+        said = call("report", changed(fitted_campaign, 'rmse = "0.5 [K]"', 'rmse = "0.001 [K]"'), "--to", tmp_path / "page.html")
         assert said.code == 1
         assert (tmp_path / "page.html").is_file()
 
-    def test_alone_it_takes_the_only_campaign_of_its_folder(self, call: Call, campaign: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.chdir(campaign.parent)
+    def test_alone_it_takes_the_only_campaign_of_its_folder(
+        self, call: Call, fitted_campaign: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.chdir(fitted_campaign.parent)
         said = call("report")
         assert "campaign: campaign.toml, the only one of this folder" in said.out
         assert Path("report.html").is_file()
-        Path("second.toml").write_bytes(campaign.read_bytes())
+        Path("second.toml").write_bytes(fitted_campaign.read_bytes())
         assert "campaigns of this folder: campaign.toml, second.toml. Name one" in call("report").err
 
     def test_it_asks_where_the_report_goes(self, call: Call, campaign: Path) -> None:
@@ -250,14 +249,14 @@ class TestReport:
         assert "evaluation" not in said.err
         assert list(tmp_path.glob("page*")) == []
 
-    def test_a_pdf_alone_leaves_no_page_behind(self, call: Call, campaign: Path, tmp_path: Path) -> None:
+    def test_a_pdf_alone_leaves_no_page_behind(self, call: Call, fitted_campaign: Path, tmp_path: Path) -> None:
         from thermid.reporting._blocks import extras
 
         try:
             extras.browser()
         except extras.NoBrowserError:
             pytest.skip("no Chromium, Chrome or Edge to print with")
-        said = call("report", campaign, "--pdf", tmp_path / "out" / "page.pdf", "--json")
+        said = call("report", fitted_campaign, "--pdf", tmp_path / "out" / "page.pdf", "--json")
         assert said.code == 0, said.out
         assert said.object["pdf"] == str(tmp_path / "out" / "page.pdf")
         assert "page" not in said.object
@@ -287,10 +286,10 @@ class TestSchema:
 
 
 class TestPredict:
-    def test_a_stage_and_a_scenario(self, call: Call, made: Path, tmp_path: Path) -> None:
+    def test_a_stage_and_a_scenario(self, call: Call, fitted_campaign: Path, tmp_path: Path) -> None:
         scenario = tmp_path / "hot.toml"
         scenario.write_text('title = "hot"\nstart = "24 [degC]"\nduration = "2 [h]"\n[boundaries]\nroom = "40 [degC]"\n')
-        asked = ("predict", made, "--scenario", scenario, "--results", tmp_path / "results", "--spread", "room=1 [K]")
+        asked = ("predict", fitted_campaign, "--scenario", scenario, "--spread", "room=1 [K]")
         said = call(*asked, "--at", "1 [h]", "--csv", tmp_path / "p.csv", "--json")
         assert said.code == 0, said.out
         assert said.object["scenario"] == "hot"
@@ -315,10 +314,10 @@ class TestPredict:
             (("--scenario", "hot.toml", "--stage", "m_Pr"), "no stage 'm_Pr'"),
         ],
     )
-    def test_what_is_missing(self, call: Call, made: Path, tmp_path: Path, more: tuple[str, ...], word: str) -> None:
+    def test_what_is_missing(self, call: Call, fitted_campaign: Path, tmp_path: Path, more: tuple[str, ...], word: str) -> None:
         scenario = tmp_path / "hot.toml"
         scenario.write_text('start = "24 [degC]"\nduration = "2 [h]"\n[boundaries]\nroom = "40 [degC]"\n')
-        said = call("predict", made, *(str(scenario) if m == "hot.toml" else m for m in more), "--results", tmp_path / "results")
+        said = call("predict", fitted_campaign, *(str(scenario) if m == "hot.toml" else m for m in more))
         assert said.code == 2
         assert word in said.err
 

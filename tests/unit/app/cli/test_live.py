@@ -140,7 +140,7 @@ def test_a_fault_is_a_word_and_no_temperature(warm: Fed) -> None:
 
 
 def test_a_rule_that_readings_cannot_answer_is_refused(warm: Fed) -> None:
-    with raises_code("record.does-not-apply", RecordError):
+    with raises_code("record.does-not-apply", RecordError, match="'stored 2 %'"):
         Judge(warm.log, "stored 2 %")
     with raises_code("value.wrong-kind", RecordError):
         Judge(warm.log, "soon")

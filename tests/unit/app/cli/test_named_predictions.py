@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shutil
 from html import unescape
 from pathlib import Path
 
@@ -33,28 +35,37 @@ def asked(campaign: Path, limit: str) -> Path:
     return campaign
 
 
-def test_every_prediction_is_made_and_its_margin_counts_from_the_band(call: Call, campaign: Path, tmp_path: Path) -> None:
-    asked(campaign, "90")
-    assert call("check", campaign).code == 0
-    said = call("predict", campaign, "--json")
+def test_every_prediction_is_made_and_its_margin_counts_from_the_band(call: Call, fitted_campaign: Path, tmp_path: Path) -> None:
+    asked(fitted_campaign, "90")
+    assert call("check", fitted_campaign).code == 0
+    said = call("predict", fitted_campaign, "--json")
     hot, cold = said.object["hot"], said.object["cold"]
     assert (said.code, hot["stage"], cold["stage"]) == (0, "pair", "box")
     assert hot["within"]
     margin = hot["margins"]["a.case"]
     assert margin["margin_K"] == pytest.approx(90.0 - margin["high_C"])
     assert margin["high_C"] >= hot["nodes"]["a.case"]["final"]["high_C"] > hot["nodes"]["a.case"]["final"]["C"]
-    alone = call("predict", campaign, "--scenario", campaign.parent / "hot.toml", "--json").object
+    alone = call("predict", fitted_campaign, "--scenario", fitted_campaign.parent / "hot.toml", "--json").object
     assert alone["nodes"] == hot["nodes"]
     page = tmp_path / "page.html"
-    assert call("report", campaign, "--to", page, "--for", "summary").code == 0
+    assert call("report", fitted_campaign, "--to", page, "--for", "summary").code == 0
     text = unescape(page.read_text())
     assert text.index("hot: smallest margin") < text.index("What was fitted")
     assert f"{margin['margin_K']:.2f}" in text
     assert 'id="predictions"' in text
 
 
-def test_a_limit_that_a_band_exceeds_is_exit_code_1(call: Call, campaign: Path) -> None:
-    said = call("predict", asked(campaign, "41"))
+@pytest.mark.campaign
+def test_a_summary_with_two_predictions_has_two_sheets(call: Call, fitted_campaign: Path, tmp_path: Path) -> None:
+    """It had three: a heading that said a line of the top again, and a section for verdicts that there are none of."""
+    if shutil.which("chromium") is None:
+        pytest.skip("no Chromium to print with")
+    assert call("report", asked(fitted_campaign, "90"), "--to", tmp_path / "page.pdf", "--for", "summary").code == 0
+    assert re.findall(rb"/Type /Pages\s*/Count (\d+)", (tmp_path / "page.pdf").read_bytes()) == [b"2"]
+
+
+def test_a_limit_that_a_band_exceeds_is_exit_code_1(call: Call, fitted_campaign: Path) -> None:
+    said = call("predict", asked(fitted_campaign, "41"))
     assert said.code == 1
     assert "exceeded" in said.out.splitlines()[0]
 
@@ -74,8 +85,8 @@ def test_what_a_prediction_names_wrongly_is_found_by_check(call: Call, campaign:
     assert words in said.out
 
 
-def test_a_campaign_without_predictions_says_how_to_ask(call: Call, campaign: Path) -> None:
-    said = call("predict", campaign, "--json")
+def test_a_campaign_without_predictions_says_how_to_ask(call: Call, fitted_campaign: Path) -> None:
+    said = call("predict", fitted_campaign, "--json")
     assert said.code == 2
     assert "[predictions.hot]" in said.object["message"]
 

@@ -178,6 +178,18 @@ def test_progress_of_a_campaign_never_goes_back() -> None:
     assert seen[-1] == 1.0
 
 
+def test_the_time_left_of_a_stage_ends_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It stayed in the line of the next stage."""
+    now = time.monotonic()
+    monkeypatch.setattr(screen.time, "monotonic", lambda: now)
+    progress = summary.CampaignProgress({"a": 3.0, "b": 5.0})
+    progress.ahead("a", "a search", 60.0)
+    progress("a", 1, 1.0)
+    assert "left of this stage" in progress.time_left()
+    progress("b", 1, 1.0)
+    assert "left of this stage" not in progress.time_left()
+
+
 @pytest.mark.parametrize(
     ("seconds", "words"), [(0.4, "0 s"), (59.4, "59 s"), (60, "1 min"), (61, "1 min 1 s"), (1234, "21 min"), (7322, "2 h 2 min")]
 )

@@ -232,7 +232,10 @@ def test_a_log_that_is_looked_at_again_keeps_what_a_person_bound(tmp_path: Path)
 
 def test_a_part_has_its_needs_bound(tmp_path: Path) -> None:
     (tmp_path / "part.toml").write_text('title = "part"\nneeds = ["air"]\n[nodes]\nbody = { capacitance = "9 [J/K]" }\n', encoding="utf-8")
+    stage = '[[stages]]\nname = "part"\nmodel = "part.toml"\n'
+    (tmp_path / "part_campaign.toml").write_text(f'title = "part"\n[records]\n{stage}', encoding="utf-8")
     building = Building(tmp_path / "whole.toml")
+    assert building.state()["decks"] == ["part.toml"]  # a campaign was offered as a part
     with pytest.raises(DeckError):
         do(building, "add", shape="submodel", use="part.toml")
     do(building, "add", shape="boundary", name="room")
@@ -448,7 +451,7 @@ def test_volts_and_amperes_are_the_power_of_a_load(tmp_path: Path) -> None:
     rows = {c["name"]: c for c in state["log"]["columns"]}
     assert state["log"]["channels"]["P_supply"] == {"load": "heater", "power": {"volts": "U out", "amperes": "I out"}}
     assert rows["P_supply"]["roles"] == ("load",)
-    assert rows["case C"]["roles"] == ("node", "boundary", "load", "command")  # it has no unit
+    assert rows["case C"]["roles"] == ("node", "boundary")
     for column in ("U out", "I out"):
         assert rows[column]["roles"] == ()
         assert rows[column]["used"] == ["P_supply"]
@@ -551,3 +554,31 @@ def test_a_model_that_was_never_saved_is_on_the_start_page(tmp_path: Path) -> No
     assert [e["name"] for e in again.built().state()["elements"]] == ["case"]
     again.ordering["draft/save"]({"diff": again.ordering["draft/difference"]({})["diff"]})
     assert again.front()["waiting"] == []
+
+
+def test_a_heading_with_the_letter_of_its_unit_is_bound_with_it(tmp_path: Path) -> None:
+    """A column "board_F" was bound without a unit, refused as unclear, and had no field for one."""
+    data = write_log(tmp_path / "a.csv").read_text(encoding="utf-8").replace("board C", "board_K").replace("time_s", "time s").encode()
+    _, state = _with_log(tmp_path, data)
+    row = next(c for c in state["log"]["columns"] if c["name"] == "board_K")
+    assert row["open"]
+    assert state["log"]["channels"]["board_K"]["unit"] == "K"
+    assert state["log"]["problem"] == ""
+
+
+def test_the_time_column_of_a_log_can_be_named(tmp_path: Path) -> None:
+    """Where none had a usual name, the page said to give one and had no field for it."""
+    data = write_log(tmp_path / "a.csv").read_text(encoding="utf-8").replace("time_s", "moment").encode()
+    building, state = _with_log(tmp_path, data)
+    assert "no time column" in state["log"]["problem"]
+    state = do(building, "time", record=state["log"]["record"], column="moment")
+    assert state["log"]["problem"] == ""
+    assert state["log"]["sampling"]["length"] == 14400.0
+    assert "noise" in state["log"]["channels"]["board C"]
+
+
+def test_a_name_that_is_refused_says_why_and_offers_another(tmp_path: Path) -> None:
+    building = box(tmp_path)
+    for name, words in (("chip board", "such as chip_board"), ("case", "is taken")):
+        with pytest.raises(DeckError, match=words):
+            do(building, "rename", keys=["nodes", "board"], name=name)

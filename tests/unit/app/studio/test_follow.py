@@ -15,7 +15,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.app.studio.follow import Follower
 from thermid.app.studio.orders import as_json
-from thermid.base.errors import DeckError, RecordError, ThermidError
+from thermid.base.errors import DeckError, ThermidError
 from thermid.bench._wire import crc16
 from thermid.bench.benchlog import log_line
 from thermid.measure.readers import UNFINISHED
@@ -166,12 +166,12 @@ def test_only_files_of_the_project_are_opened_from_the_page(log: Path, tmp_path_
     ("asked", "message"),
     [
         ({"rule": "soon"}, "is not a rule of stability."),
-        ({"since": "late"}, "'since' is a number of hours"),
+        ({"since": "late"}, "'since' is not a number."),
         ({"reference": "T_AIR"}, "unknown channel 'T_AIR'."),
     ],
 )
 def test_what_makes_no_sense_is_said(log: Path, asked: dict[str, Any], message: str) -> None:
-    with pytest.raises(RecordError, match=message):
+    with pytest.raises(ThermidError, match=message):
         Follower(log.parent).look({"file": "run.csv", **asked})
 
 

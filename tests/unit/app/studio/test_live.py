@@ -16,7 +16,7 @@ from thermid.app.cli.app import app
 from thermid.app.studio.follow import Follower
 from thermid.app.studio.live import LiveWatch
 from thermid.app.studio.project import Project
-from thermid.base.errors import RecordError
+from thermid.base.errors import RecordError, ThermidError
 from thermid.measure.steadiness import rule_of
 from thermid.model.tree import Model
 from unit.fit.estimation.rig import Array, logged, rig, run
@@ -181,7 +181,7 @@ def test_the_bench_view_has_it(tmp_path: Path, log: Callable[..., Path]) -> None
     told = Follower(tmp_path, None, LiveWatch(held())).look({"file": "run.csv", "boundaries": "air=22"})
     assert told["watch"]["advice"] == "stop"
     assert np.isfinite(told["watch"]["ends"]["chip"]["final_C"])
-    with pytest.raises(RecordError):
+    with pytest.raises(ThermidError):
         Follower(tmp_path, None, LiveWatch(held())).look({"file": "run.csv", "since": "soon"})
 
 
@@ -252,3 +252,24 @@ def test_columns_that_are_no_tables_are_refused(tmp_path: Path, channels: object
     follower = Follower(tmp_path, unnamed(tmp_path / "run.csv", 900.0))
     with raises_code("value.wrong-kind", RecordError, match="'channels'"):
         follower.look({"channels": channels})
+
+
+def test_a_log_like_a_record_is_watched_whatever_its_columns_are_called(tmp_path: Path) -> None:
+    """Columns without a T in front, a power of volts and amperes: the page waited for a temperature, and had no model."""
+    (tmp_path / "rig.toml").write_text(DECK, encoding="utf-8")
+    named = CAMPAIGN.replace("chip = {", '"U7" = {').replace(
+        "case = {", 'P = { load = "heater", power = { volts = "U", amperes = "I" } }\n"U8" = {'
+    )
+    (tmp_path / "campaign.toml").write_text(named, encoding="utf-8")
+    for file, seconds in (("warm.csv", 3600.0), ("like.csv", 900.0)):
+        head, *rows = write(tmp_path / file, warm(seconds), 1).read_text(encoding="utf-8").splitlines()[1:]
+        text = "\n".join([head.replace("chip [degC],case [degC]", "U7,U8") + ",U [V],I [A]", *(f"{r},12,1" for r in rows), ""])
+        (tmp_path / file).write_text(text, encoding="utf-8")
+    project = Project(tmp_path / "campaign.toml")
+    project.look("rig")
+    project.run("rig")
+    project.judge(write=True)
+    project.judge(write=True)
+    seen = Follower(tmp_path, None, LiveWatch(project.subject)).look({"file": "like.csv"})
+    assert [c["name"] for c in seen["channels"]] == ["U7", "U8"]
+    assert (seen["watch"]["model"], seen["watch"]["like"]) == ("rig", "warm")

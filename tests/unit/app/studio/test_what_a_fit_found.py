@@ -98,7 +98,7 @@ def test_a_picture_has_the_powers_of_the_record_times_the_factor_that_was_found(
         assert desk.problem is not None
         for run, experiment in enumerate(desk.problem.experiments):
             factors = {
-                c.target: fit.values[f"{n} error"].value for n, c in experiment.record.channels.items() if f"{n} error" in fit.values
+                c.target: 1.0 - fit.values[f"{n} error"].value for n, c in experiment.record.channels.items() if f"{n} error" in fit.values
             }
             for time in rng.uniform(0.0, experiment.scenario.seconds, TIMES):
                 picture = unescape(desk.moment({}, run, float(time)).drawn())

@@ -131,7 +131,7 @@ def test_the_duty_of_a_heater_and_its_power_margin() -> None:
         assert duty.rule.mark == "read"
         with raises_code("name.unknown", NameNotFoundError, match="'heater'"):
             heater_duty(seen, "heatr", full)
-        with raises_code("value.outside-range", ScenarioError):
+        with raises_code("value.outside-range", ScenarioError, match="'heater'"):
             heater_duty(seen, "heater", 0.0)
         with raises_code("record.too-short", ScenarioError):
             heater_duty(seen, "heater", full, window=(9e9, 9.1e9))
@@ -140,7 +140,7 @@ def test_the_duty_of_a_heater_and_its_power_margin() -> None:
 def test_what_cannot_be_asked() -> None:
     with raises_code("name.unknown", NameNotFoundError, match="'ECSS'"):
         margins({"hot": foresee(Knowledge(unit()), soak())}, [PROC], "ECS")
-    with raises_code("value.outside-range", ScenarioError):
+    with raises_code("value.outside-range", ScenarioError, match="at least one run"):
         margins({}, [PROC])
 
 

@@ -68,7 +68,7 @@ def test_constant_errors_that_the_fit_found_are_held(found: Calibration) -> None
     verdict = validate(found, run("held", 3), WIDE)
     assert verdict.statistics["T"].bias == found.bias["T"]
     room = verdict.prediction.experiments[0].scenario.boundaries["air"].values
-    np.testing.assert_allclose(room, run("held", 3)["ROOM"].values + found["ROOM error"].value, rtol=1e-15)
+    np.testing.assert_allclose(room, run("held", 3)["ROOM"].values - found["ROOM error"].value, rtol=1e-15)
 
 
 def test_no_constant_error_is_taken_off_beyond_twice_its_accuracy(found: Calibration) -> None:

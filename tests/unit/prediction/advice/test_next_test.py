@@ -205,11 +205,11 @@ def test_a_model_with_priors() -> None:
 
 
 def test_what_is_asked_must_make_sense(fit: td.Calibration) -> None:
-    with raises_code("value.incomplete", IdentificationError):
+    with raises_code("value.incomplete", IdentificationError, match="actions"):
         td.design.next_test(fit, HTC)
-    with raises_code("value.incomplete", IdentificationError):
+    with raises_code("value.incomplete", IdentificationError, match="priors"):
         td.design.next_test(box(), HTC, scenario=BENCH, sensors={"case": "0.1 [K]"})
-    with raises_code("value.incomplete", IdentificationError):
+    with raises_code("value.incomplete", IdentificationError, match="sensor"):
         td.design.next_test(box(), HTC, scenario=BENCH, priors={HTC: ("", "30 [%]")})
     with raises_code("name.unknown", NameNotFoundError, match=r"'case\.mas'.*'case\.mass'"):
         td.design.next_test(fit, "case.mas", scenario=BENCH)

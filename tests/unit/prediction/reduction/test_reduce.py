@@ -238,7 +238,7 @@ def test_mistakes_of_a_delivery(project: Path) -> None:
     model = td.load_model(project / "box.toml")
     with raises_code("output.over-another-file", DeckError):
         td.qualify.deliver(model, [project / "warm.toml"], project)
-    with raises_code("value.incomplete", DeckError):
+    with raises_code("value.incomplete", DeckError, match="needs a scenario"):
         td.qualify.deliver(model, [], project / "out")
     with raises_code("value.incomplete", ScenarioError, match="'nodes'.*'within'"):
         td.qualify.deliver(model, [project / "warm.toml"], project / "out", nodes=2, within="1 [K]")

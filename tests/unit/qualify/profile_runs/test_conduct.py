@@ -187,7 +187,7 @@ def test_a_mean_that_does_not_settle_and_a_rule_that_is_not_asked_of_means():
 
 def test_a_level_out_of_reach_is_refused():
     strong = {"heater": {"into": "plate", "power": "5000 [W]"}}
-    with raises_code("value.outside-range", ScenarioError):
+    with raises_code("value.outside-range", ScenarioError, match="'plate' to 71"):
         td.qualify.run_profile(box(loads=strong), cycle(), base="plate")
 
 
@@ -236,7 +236,7 @@ def test_wrong_names_are_refused(arguments, words):
 def test_several_boundaries_need_a_chamber():
     two = {"needs": ["air", "wall"], "conductors": {"foot": {"kind": "conduction", "between": ["plate", "core"], "conductance": "1 [W/K]"}}}
     two["conductors"]["strap"] = {"kind": "conduction", "between": ["core", "wall"], "conductance": "0.1 [W/K]"}
-    with raises_code("value.incomplete", ScenarioError):
+    with raises_code("value.incomplete", ScenarioError, match="air, wall"):
         td.qualify.run_profile(box(**two), cycle())
     with raises_code("run.input-missing", ScenarioError, match="'wall'"):
         td.qualify.run_profile(box(**two), cycle(), chamber="air")

@@ -145,7 +145,7 @@ def test_a_file_with_a_wrong_key_or_nothing_in_it(tmp_path):
     with raises_code("name.unknown", ScenarioError):
         td.qualify.load_profile(file)
     file.write_text("", encoding="utf-8")
-    with raises_code("value.incomplete", ScenarioError):
+    with raises_code("value.incomplete", ScenarioError, match=r"\[profile\]"):
         td.qualify.load_profile(file)
 
 
@@ -163,7 +163,7 @@ def test_cycles_over_the_range_of_the_standard_are_its_own():
 
 
 def test_cycles_with_levels_in_the_wrong_order_or_of_no_level():
-    with raises_code("value.outside-range", ScenarioError):
+    with raises_code("value.outside-range", ScenarioError, match="50 degC.*-30 degC"):
         td.qualify.equivalent_cycles("50 [degC]", "-30 [degC]")
     with raises_code("name.unknown", ScenarioError, match="'acceptance'"):
         td.qualify.equivalent_cycles("-30 [degC]", "50 [degC]", "aceptance")

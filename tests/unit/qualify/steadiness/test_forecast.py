@@ -100,7 +100,7 @@ def test_a_model_gives_the_time_constants():
     assert led.by_model
     assert led.final.error < 0.5 * alone.final.error
     assert led.final.low <= truth <= led.final.high
-    with raises_code("value.incomplete", ScenarioError):
+    with raises_code("value.incomplete", ScenarioError, match="time constants"):
         td.bench.forecast(record, model=box())
 
 

@@ -125,10 +125,10 @@ def test_a_rule_on_stored_heat_is_judged_for_all_nodes_together():
 
 def test_a_rule_on_stored_heat_is_refused_with_the_reason():
     run, record = warming()
-    with raises_code("record.does-not-apply", RecordError):
+    with raises_code("record.does-not-apply", RecordError, match="'stored 3 %'"):
         td.bench.stability(record, "stored 3 %")
     with raises_code("record.does-not-apply", RecordError, match=r"'plate'.*\(25"):
         td.bench.stability(warming(nodes=("core",))[1], "stored 3 %", run=run)
     off = td.simulate(box(), COURSE.with_(loads={"chips": "0 [W]"}), every=60.0)
-    with raises_code("record.does-not-apply", RecordError):
+    with raises_code("record.does-not-apply", RecordError, match="no power"):
         td.bench.stability(record, "stored 3 %", run=off)

@@ -1,4 +1,4 @@
-"""What only a catalogue or a data sheet tells: a spread about a value and no wall, one source at every level. Synthetic records."""
+"""What only a catalogue, a data sheet or the author of a deck tells: a spread about a value and no wall, one source at every level."""
 
 from __future__ import annotations
 
@@ -14,8 +14,10 @@ from thermid.fit._error_model.courses import OperatingPoint
 from thermid.fit._error_model.elements import SHARE_OF, SurfaceLaw, ways_of
 from thermid.fit._error_model.sizes import FINISH
 from thermid.fit.calibration import Calibration, Request, fit
+from thermid.model._parts.parameter import parameter
+from thermid.model._tree.identity import written
 from thermid.model.tree import ParameterSet
-from thermid.prediction._budget import PRINTED_RANGES, budget_of
+from thermid.prediction._budget import STATED_RANGES, budget_of
 from thermid.simulation.network import compile_network
 from thermid.values.ranges import RANGE_OF, ranged_values
 
@@ -81,6 +83,63 @@ def test_a_material_beyond_its_range_is_a_right_fit() -> None:
     assert ParameterSet(found.fitted_model).evaluate({})["a.specific_heat"] == found["a.specific_heat"].value
 
 
+OWN_FILM = {"value": "6 [W/(m^2 K)]", "min": 4.5, "max": 8.0, "source": "assumed"}
+"""A bracket of one's own: it bounds a search and says nothing of how surely the value is known, unless a spread says so."""
+
+
+@pytest.mark.parametrize(
+    ("spread", "law"),
+    [
+        ("range", (4.5, 8.0)),
+        ("8 [%]", (6.0 * math.exp(-0.08 * 1.959964), 6.0 * math.exp(0.08 * 1.959964))),
+        (0.48, (6.0 * math.exp(-0.08 * 1.959964), 6.0 * math.exp(0.08 * 1.959964))),
+    ],
+)
+def test_a_spread_of_one_s_own_is_a_range(spread: str | float, law: tuple[float, float]) -> None:
+    """Fixed, it is a source of what a fit finds; freed, a prior. Its minimum and maximum stay walls unless they are the range."""
+    deck = box(parameters={"film": OWN_FILM | {"spread": spread}})
+    film = ParameterSet(deck).table["film"].parameter
+    assert film.stated_range is not None
+    assert (film.stated_range.low, film.stated_range.high) == pytest.approx(law, rel=1e-6)
+    assert film.walls == ((None, None) if spread == "range" else (4.5, 8.0))
+    assert ParameterSet(box(parameters={"film": OWN_FILM})).table["film"].parameter.stated_range is None
+    beside = td.calibrate(deck, log(deck), ["a_skin.htc", "joint.conductance"], scenario=BESIDE)
+    assert "film" in beside.range_shares("joint.conductance")
+    freed = td.calibrate(deck, log(deck), ["film", "joint.conductance"], scenario=BESIDE)
+    assert freed["film"].prior == pytest.approx((math.log(6.0), math.log(law[1] / law[0]) / (2 * 1.959964)), rel=1e-6)
+
+
+def test_a_deck_keeps_a_spread_as_it_was_stated() -> None:
+    for stated in (OWN_FILM | {"spread": "range"}, {"value": "20 [degC]", "spread": "0.5 [K]"}, {"value": "30 [cm^2]", "spread": "5 [%]"}):
+        assert parameter(written(parameter(stated))) == parameter(stated)
+
+
+@pytest.mark.parametrize(
+    ("table", "code"),
+    [
+        ({"value": "6 [W]", "spread": "range"}, "value.incomplete"),
+        ({"value": "2*x", "spread": "5 [%]"}, "value.incomplete"),
+        ({"value": "0 [W]", "spread": "5 [%]"}, "value.outside-range"),
+        ({"value": "20 [degC]", "spread": "1 [degC]"}, "value.outside-range"),
+        ({"value": "20 [degC]", "spread": "1 [%]"}, "value.outside-range"),
+        ({"value": "6 [W]", "spread": "1 [K]"}, "unit.wrong-dimension"),
+    ],
+)
+def test_a_spread_that_is_none_is_refused(table: dict[str, Any], code: str) -> None:
+    with raises_code(code, match="spread"):
+        parameter(table)
+
+
+def test_more_ranges_than_forty_are_answered() -> None:
+    """None was counted from the forty-first on, and nobody was told."""
+    many = {f"s{k}": {"of": "b", "to": "air", "area": "0.0007 [m^2]", "htc": f"f{k}"} for k in range(42)}
+    films = {"film": HTC, **{f"f{k}": HTC for k in range(42)}}
+    skin = {"of": "a", "to": "air", "area": "0.03 [m^2]", "htc": "7 [W/(m^2 K)]"}
+    deck = box(parameters=films, surfaces={"a_skin": skin, **many})
+    found = td.calibrate(deck, log(deck), ["a_skin.htc", "joint.conductance"], scenario=BESIDE)
+    assert len(found.range_shares("joint.conductance")) == 43  # with the material of both plates; `film` acts nowhere
+
+
 def test_a_number_outside_its_own_range_is_refused() -> None:
     with raises_code("value.outside-range", match="8"):
         box(parameters={"film": HTC | {"value": "9 [W/(m^2 K)]"}})
@@ -88,7 +147,7 @@ def test_a_number_outside_its_own_range_is_refused() -> None:
 
 def test_two_parts_of_one_material_are_one_source() -> None:
     values = ranged_values(box(), ParameterSet(box()))
-    assert [(r.path, r.also, r.printed.name) for r in values] == [
+    assert [(r.path, r.also, r.stated.name) for r in values] == [
         ("film", (), ""),
         ("a.specific_heat", ("b.specific_heat",), f"{STEEL}, 477 [J/(kg K)]"),
     ]
@@ -134,14 +193,14 @@ def test_what_a_stage_hands_on_answers_to_the_range_once(path: str, source: str)
         (column,) = (k for k, s in enumerate(stage.store.sources) if s.name.startswith(RANGE_OF) and source in s.name)
         left += [float(stage.store.rows([name])[0][column]) * step / move for name, move in moves.items()]
     assert left == pytest.approx([left[0]] * len(left), rel=0.05)  # what the readings leave of the range, the same for all
-    assert 0.0 < left[0] <= ranged.printed.log_sd(1.0)
+    assert 0.0 < left[0] <= ranged.stated.log_sd(1.0)
 
 
 def test_the_printed_error_counts_the_range_and_says_so(below: Calibration) -> None:
     shares = below.range_shares("joint.conductance")
     assert "film" in shares
     assert 0.3 < sum(shares.values()) < 1.0
-    assert "from printed ranges: " in str(below)
+    assert "from stated ranges: " in str(below)
     held = below["joint.conductance"]
     assert held.error > 1.3 * held.error_random
 
@@ -159,7 +218,7 @@ def test_the_ranges_of_a_standard_part_count_in_its_band() -> None:
     model = td.model_from_dict({"title": "Board", "needs": ["air"], "nodes": {"sink": {"capacitance": "100 [J/K]"}}, "submodels": parts})
     told = td.predict(td.design.Knowledge(model), ROOM)["q.junction"].final
     hot = [float(td.simulate(model.with_values({"q.JC.resistance": f"{r} [K/W]"}), ROOM)["q.junction"].kelvin[-1]) for r in (0.5, 5.0)]
-    assert told.shares == pytest.approx({PRINTED_RANGES: 1.0})
+    assert told.shares == pytest.approx({STATED_RANGES: 1.0})
     assert 1.96 * told.error > 0.3 * (hot[1] - hot[0])
 
 
@@ -185,10 +244,10 @@ METALS = {"skin": ("aluminium, blasted", 0.3, 0.18, 0.47), "top": ("paint, alumi
 OWN = {"core.capacitance": 300.0, "lid.capacitance": 250.0, "seat.conductance": 0.5, "joint.conductance": 0.8}
 
 
-def three_masses(emissivities: tuple[float, ...], film: float, heat: float, own: dict[str, float]) -> td.Model:
-    """A box whose finishes, film and specific heat are others than those that its deck has from a catalogue."""
+def three_masses(emissivities: tuple[float, ...], film: float, heat: float, own: dict[str, float], by_hand: bool = False) -> td.Model:
+    """A box whose emissivities, film and specific heat are others than those that its deck has from a catalogue, or by hand."""
     skin = {"to": "air", "htc": "4 [W/(m^2 K)]"}
-    deck = {
+    deck: dict[str, Any] = {
         "title": "Box",
         "needs": ["air"],
         "nodes": {"core": {"capacitance": "300 [J/K]"}, "shell": {"mass": "0.35 [kg]", "material": "aluminium 6061-T6"}}
@@ -203,6 +262,14 @@ def three_masses(emissivities: tuple[float, ...], film: float, heat: float, own:
         },
         "loads": {"heat": {"into": "core", "power": "4 [W]"}},
     }
+    if by_hand:
+        surfaces: dict[str, Any] = deck["surfaces"]
+        for name, (_, value, low, high) in METALS.items():
+            del surfaces[name]["finish"]
+            surfaces[name]["emissivity"] = {"value": value, "min": low, "max": high, "source": "assumed", "spread": "range"}
+        surfaces["top"]["htc"] = {"value": "5 [W/(m^2 K)]", "source": "assumed", "spread": f"{100 * math.log(6.0 / 4.2) / (2 * 1.96)} [%]"}
+        heat_of_shell = {"value": "896 [J/(kg K)]", "min": 860.16, "max": 931.84, "source": "assumed", "spread": "range"}
+        deck["nodes"]["shell"] = {"mass": "0.35 [kg]", "specific_heat": heat_of_shell}
     values: dict[str, Any] = {f"{n}.emissivity": e for n, e in zip(METALS, emissivities, strict=False)}
     values |= {"top.htc": f"{film!r} [W/(m^2 K)]", "shell.specific_heat": f"{heat!r} [J/(kg K)]"}
     units = {"capacitance": "J/K", "conductance": "W/K"}
@@ -215,7 +282,8 @@ FILM = {"value": "5 [W/(m^2 K)]", "min": 4.2, "max": 6.0, "source": "datasheet"}
 
 
 @pytest.mark.campaign
-def test_intervals_beside_fixed_inputs_that_are_wrong_inside_their_ranges_hold() -> None:
+@pytest.mark.parametrize("by_hand", [False, True])
+def test_intervals_beside_fixed_inputs_that_are_wrong_inside_their_ranges_hold(by_hand: bool) -> None:
     """100 boxes: without the ranges 38 % of the intervals hold, with them 97 %."""
     draw, held, before = np.random.default_rng(11), [], []
     times = np.linspace(0.0, 10800.0, 181)
@@ -239,7 +307,7 @@ def test_intervals_beside_fixed_inputs_that_are_wrong_inside_their_ranges_hold()
             channels["P"] = td.Channel.from_array("P", np.full(181, power), quantity="power", role="load", target="heat")
             channels["air"] = td.Channel.from_array("air", np.full(181, 273.15 + room), unit="K", role="boundary", target="air")
             logs.append(td.Record.from_arrays(name, times, channels, synthetic=True))
-        found = td.calibrate(three_masses((), 0.0, 0.0, {}), logs, [*OWN, "skin.htc"])
+        found = td.calibrate(three_masses((), 0.0, 0.0, {}, by_hand), logs, [*OWN, "skin.htc"])
         is_other = np.array([not s.name.startswith(RANGE_OF) for s in found.store.sources])
         for n, x in own.items():
             row, miss = found.store.rows([n])[0], abs(math.log(found[n].value / x))
