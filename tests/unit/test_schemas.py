@@ -133,7 +133,7 @@ WATTS = {"times": ["0 [s]", "1 [h]"], "values": ["1 [W]", "2 [W]"]}
         (lambda: td.Options(error=True), "Options, error: it takes a number"),
         (lambda: td.Options(max_steps=1.5), "Options, max_steps: it takes a whole number"),
         (lambda: td.Options(method=None), "Options, method: it takes a name"),
-        (lambda: td.qualify.profile_of("SMC-S-016", "unit thermal cycle", level={}), "a standard, a profile and a level are texts"),
+        (lambda: td.qualify.profile_of("SMC-S-016", "unit thermal cycle", level={}), "`level` takes a text"),
         (lambda: td.qualify.profile_of("SMC-S-016", "unit thermal cycle", predicted=({}, 1)), "a temperature with its unit is needed"),
         (
             lambda: td.qualify.profile_of("SMC-S-016", "unit thermal cycle", cycles=10**9, hot="60 [degC]", cold="-20 [degC]").steps,

@@ -462,7 +462,10 @@ def _signed_as_now(store: Store) -> Store:
         return replace(state, kind=INPUT, value=none - state.value, start=none - state.start, prior=prior, bounds=bounds)
 
     sign = np.array([-1.0 if p in before else 1.0 for p in store.states])
-    return replace(store, states={**store.states, **{p: turned(s) for p, s in before.items()}}, root=store.root * sign[:, None])
+    accuracies = {f"accuracy: {p}" for p in before}  # of which a unit is now a reading too low: what is stated, less the truth
+    turns = np.array([-1.0 if s.name in accuracies else 1.0 for s in store.sources])
+    root = store.root * sign[:, None] * turns
+    return replace(store, states={**store.states, **{p: turned(s) for p, s in before.items()}}, root=root)
 
 
 def _origin(table: Mapping[str, Any]) -> ValueOrigin:

@@ -228,9 +228,9 @@ def test_values_move_with_the_error_of_an_instrument_as_their_rows_say(tmp_path:
     for stage, fit in plain.stages.items():
         names = [p for p, s in fit.store.states.items() if s.known]
         (column,) = [k for k, s in enumerate(fit.store.sources) if s.name == "accuracy: AIR error"]
-        truth = np.array([-size * (p == "AIR error") for p in names])  # what must be added to the readings
+        truth = np.array([size * (p == "AIR error") for p in names])
         moved = np.array([wrong[stage].store[p].fitted - fit.store[p].fitted for p in names]) - truth
-        expected = fit.store.rows(names)[:, column] * size / 0.2
+        expected = -fit.store.rows(names)[:, column] * size / 0.2  # a unit of the source is what is stated, no error, less the truth
         sure = np.sqrt(np.diag(fit.store.covariance(names)))
         np.testing.assert_allclose(moved / sure, expected / sure, atol=0.01)
         compared += len(names)

@@ -127,7 +127,7 @@ def test_a_twin_that_stays_is_predicted_as_before(
     assert td.predict(fit, HOT)[f"{gone}.element"].kelvin[-1] > old.kelvin[-1] + 10.0
     assert not any(n.startswith(f"{gone}.") for n in fit.store.provenance["unit"]["structural"]["names"])
     errors = td.design.Knowledge.of_source(fit).errors[0]
-    assert errors.seen[f"{stayed}.pot.conductance"].acts == ((f"{stayed}.pot.conductance", 1.0),)
+    assert errors.seen[f"{stayed}.pot.conductance"].acts == ((f"{stayed}.pot.conductance", 1.0, 0.0),)
     fit.save(tmp_path / "unit.values.toml")
     again = td.predict(td.design.Knowledge(fit.fitted_model, (td.load_values(tmp_path / "unit.values.toml"),)), HOT)[node]
     assert again.kelvin[-1] == pytest.approx(now.kelvin[-1], abs=0.02)

@@ -101,7 +101,7 @@ def test_a_campaign_finds_a_delay(tmp_path: Path) -> None:
         (5.0, ["T"], "'T' is no load, command or boundary, so it cannot be delayed. Name the channels that drive the model."),
         (5.0, [], "the record has no load or command, so it cannot be delayed."),
         ((5.0, 2.0), None, "the range 5 .. 2 of the delay must begin with the lower number."),
-        ((1.0, 2.0, 3.0), None, "3 times are given. Give one delay, or the two ends of its range."),
+        ((1.0, 2.0, 3.0), None, "the range of the delay has two ends, not 3"),
         ("1 [h]", None, "a delay of up to 3600 s is as long as the record. Give a shorter delay."),
         (5.0, ["Q"], "Q"),
     ],

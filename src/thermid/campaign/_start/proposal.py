@@ -180,9 +180,7 @@ class Proposal:
         spread = np.linalg.pinv(rows.T @ rows, hermitian=True)
         out = {}
         for column in (c for c in self.roles.parts if f"sensor {c}" in names):
-            weights = np.array(
-                [float(n in (f"sensor {column}", around)) for n in names]
-            )  # what is added to the readings of `around` is minus its offset
+            weights = np.array([float(n == f"sensor {column}") - float(n == around) for n in names])
             out[column] = float(weights @ one.end.fitted), float(np.sqrt(max(weights @ spread @ weights, 0.0)))
         return out
 

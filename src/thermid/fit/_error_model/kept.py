@@ -71,7 +71,7 @@ class SeenValue:
 
     Parameters
     ----------
-    kind : str          'parameter', 'sensor' or 'shared'.
+    kind : str          'parameter', 'sensor' or 'input'.
     log : bool          Whether it is fitted by its logarithm.
     acts : tuple        (name, factor, offset) of what it acts on; nothing for a sensor.
     mean, sd : float    What was known of it before any reading; fitted form.

@@ -78,7 +78,7 @@ def test_no_constant_error_is_taken_off_beyond_twice_its_accuracy(found: Calibra
     assert found.bias["T"] > 0.4
     assert (stated.questions, cut.statistics["T"].bias) == ((), 0.4)
     room = cut.prediction.experiments[0].scenario.boundaries["air"].values - held["ROOM"].values
-    np.testing.assert_allclose(room, np.copysign(0.002, found["ROOM error"].value), rtol=1e-9)
+    np.testing.assert_allclose(room, -np.copysign(0.002, found["ROOM error"].value), rtol=1e-9)
     (question,) = cut.questions
     assert f"T (+0.4 of {found.bias['T']:+.3g} K)" in question
     assert cut.statistics["T"].mean > stated.statistics["T"].mean + 0.1
