@@ -103,7 +103,7 @@ def test_the_answer_is_the_same_under_a_clock_that_jumps(tmp_path: Path, monkeyp
     ticks = itertools.count(step=50.0)
     monkeypatch.setattr(time, "monotonic", lambda: float(next(ticks)))
     again = CliRunner().invoke(app, ["init", str(log), "--to", str(tmp_path / "q")])
-    assert again.output.replace(f"{tmp_path}/q", f"{tmp_path}/p") == first.output
+    assert again.stdout.replace(f"{tmp_path}/q", f"{tmp_path}/p") == first.stdout
     assert (tmp_path / "q" / "log.toml").read_bytes() == (tmp_path / "p" / "log.toml").read_bytes()
     assert (tmp_path / "q" / "campaign.toml").read_bytes() == (tmp_path / "p" / "campaign.toml").read_bytes()
 
