@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -414,12 +415,22 @@ class Campaign(Result):
             parts.append(f"{calibration}\n  next: {step}" if step else str(calibration))
         return "\n\n".join([head, *parts, *([str(self.joint)] if self.joint else []), *map(str, self.verdicts)])
 
+    @property
+    def doubted(self) -> str:
+        """How many verdicts passed by values that are not adequate, not credible or failed, in words; empty where there are none."""
+        states = Counter(v.standing.state for v in self.verdicts if v.passed and not v.standing.fair)
+        return "; ".join(f"{n} by values that are {state}" for state, n in states.items())
+
+    @property
+    def counts(self) -> str:
+        """How many stages there are, and how many verdicts passed."""
+        passed = sum(v.passed is True for v in self.verdicts)
+        verdicts = [f"{passed} of {counted(len(self.verdicts), 'verdict')} passed"] if self.verdicts else []
+        return ", ".join([counted(len(self.stages), "stage"), *verdicts, *([self.doubted] if self.doubted else [])])
+
     def _summary(self) -> str:
         """Return title, standing, and how many verdicts passed."""
-        passed_text = (
-            f", {sum(v.passed is True for v in self.verdicts)} of {counted(len(self.verdicts), 'verdict')} passed" if self.verdicts else ""
-        )
-        return f"{self.title}: {self.standing.state}, {counted(len(self.stages), 'stage')}{passed_text}"
+        return f"{self.title}: {self.standing.state}, {self.counts}"
 
     def _as_rows(self) -> list[Row]:
         """Return the stages with their standing and the sensor that is met worst."""

@@ -106,6 +106,14 @@ def test_nothing_is_wider_than_the_screen_or_the_sheet(browser: Page, address: s
     assert browser.run(beyond) == 0
 
 
+def test_what_was_fitted_is_shown_whole_with_its_units(browser: Page, address: str) -> None:
+    """Beside the remarks where both have room, above them where not: it was cut inside its last column, the unit."""
+    cut = "return [...document.querySelectorAll('.glance .scroll')].map((e) => e.scrollWidth - e.clientWidth)"
+    for width in (1600, 1300, 1200, 1100, 900):
+        open_at(browser, address, width)
+        assert browser.run(cut) == [0], width
+
+
 def test_hostile_names_run_nothing_and_the_console_is_silent(browser: Page, hostile: str) -> None:
     browser.said.clear()
     browser.asked.clear()

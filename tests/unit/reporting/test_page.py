@@ -17,6 +17,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.campaign.stages import Campaign
+from thermid.model.elements import Standing
 from thermid.reporting._blocks import extras
 from thermid.reporting._pages import campaign as page_module
 from thermid.reporting._pages.campaign import report
@@ -111,6 +112,10 @@ def test_the_verdict_comes_first_and_says_what_failed(page: Page, campaign: Camp
     assert page.text.index("1 of 1 verdict failed") < page.text.index("Stage 1")
     good = replace(campaign.verdicts[0], checks=tuple(c for c in campaign.verdicts[0].checks if c.passed))
     assert "✓ The only verdict passed" in Page(report(replace(campaign, verdicts=(good,)), to=tmp_path / "g.html")).text
+    doubted = replace(campaign, verdicts=(replace(good, standing=Standing("not adequate", "why", "submodel")),))
+    words = "1 by values that are not adequate"
+    assert f"The only verdict passed on hold-out records, {words}" in " ".join(Page(report(doubted, to=tmp_path / "d.html")).text.split())
+    assert doubted.counts == f"2 stages, 1 of 1 verdict passed, {words}"
     none = Page(report(replace(campaign, verdicts=()), to=tmp_path / "n.html")).text
     assert "a fit alone does not validate the model" in none
 

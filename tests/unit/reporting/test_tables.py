@@ -67,6 +67,8 @@ def test_coefficients_keep_their_line_from_component_to_submodel(campaign: Campa
     # the second instance of the same part: the component's value, and what [set] holds above
     assert lines["b.skin.effective_htc"][1] == "3.000"
     assert {line[0].text for line in htc.rows} == {"Box"}
+    # a stage may be called 'unit'
+    assert [c.title for c in htc.columns] == ["part", "parameter", "unit", "stage component", "stage submodel"]
     table = campaign.table("effective_htc")
     for part in ("a.skin", "b.skin"):
         shown = float(lines[f"{part}.effective_htc"][1].split()[0])

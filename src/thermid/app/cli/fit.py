@@ -391,7 +391,12 @@ def _predict_named(campaign: Campaign, as_json: bool, verbose: bool) -> None:
         words = 'nothing to predict: give --scenario FILE or --record NAME, or write [predictions.hot] with scenario = "hot.toml".'
         raise ScenarioError(words, campaign.title, code="command.not-understood")
     heads = ["\n".join(p.head for p in predictions)] if len(predictions) > 1 else []
-    say(as_json, {p.name: p.to_dict() for p in predictions}, "\n\n".join([*heads, *map(str, predictions)]), verbose)
+    bare = [replace(p, prediction=replace(p.prediction, causes={})) for p in predictions]
+    causes: dict[str, str] = {}  # each told once; of its widest band also what would narrow it
+    for cause, words in (item for p in predictions for item in p.prediction.causes.items()):
+        causes[cause] = max(causes.get(cause, ""), words, key=len)
+    meanings = ["\n".join(["What the bands come from:", *(f"  {cause}: {words}" for cause, words in causes.items())])] if causes else []
+    say(as_json, {p.name: p.to_dict() for p in predictions}, "\n\n".join([*heads, *map(str, bare), *meanings]), verbose)
     leave(worst(p.prediction.standing for p in predictions), 1 if any(p.within is False for p in predictions) else 0)
 
 

@@ -191,11 +191,8 @@ def _top(campaign: Campaign) -> Iterator[str]:
     if line := campaign.standing.line(link="stage"):
         yield line
     judged = [v for v in campaign.verdicts if v.passed is not None]
-    passed_text = (
-        f", {sum(v.passed is True for v in judged)} of {counted(len(campaign.verdicts), 'verdict')} passed" if campaign.verdicts else ""
-    )
     synthetic = ", synthetic data" if any(fit.synthetic for fit in campaign.stages.values()) else ""
-    yield f"{campaign.title}: {counted(len(campaign.stages), 'stage')}{passed_text}{synthetic}"
+    yield f"{campaign.title}: {campaign.counts}{synthetic}"
     checks = [(v, c) for v in judged for c in v.checks]
     if checks:
         v, c = max(checks, key=lambda pair: pair[1].used)

@@ -150,7 +150,8 @@ def levels(campaign: Campaign) -> tuple[Table, Table]:
 def _stage_column(fit: Calibration, stage: str) -> Head:
     """Return the column of a stage, with its standing where a reader must know it."""
     standing = fit.standing
-    return Head(stage, True) if standing.fair else Head(f"{stage} ({standing.state})", True, standing.line(stage))
+    head = f"stage {stage}"
+    return Head(head, True) if standing.fair else Head(f"{head} ({standing.state})", True, standing.line(stage))
 
 
 def _names(model: Model, path: str) -> Iterator[tuple[str, str]]:

@@ -258,7 +258,8 @@ class Scenario(Shown):
         gone = {gas: e if e.sealed or e.vented else replace(e, pressure=Constant(0.0)) for gas, e in self.environment.items()}
         gone.setdefault("*", Environment(Constant(0.0)))
         label = "vacuum as printed (upper bound)" if as_printed else "vacuum"
-        return replace(self, title=f"{self.title}, {label}", environment=gone, as_printed=as_printed)
+        title = self.title if label in self.title else f"{self.title}, {label}"
+        return replace(self, title=title, environment=gone, as_printed=as_printed)
 
     def with_(self, **changes: Any) -> Scenario:
         """Return the scenario with fields changed; tables are merged, other fields replaced.

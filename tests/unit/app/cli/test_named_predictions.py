@@ -64,6 +64,17 @@ def test_a_summary_with_two_predictions_has_two_sheets(call: Call, fitted_campai
     assert re.findall(rb"/Type /Pages\s*/Count (\d+)", (tmp_path / "page.pdf").read_bytes()) == [b"2"]
 
 
+def test_what_bands_come_from_is_told_once_below_all_predictions(call: Call, fitted_campaign: Path) -> None:
+    said = call("predict", asked(fitted_campaign, "90"))
+    lines = said.out.splitlines()
+    causes = [line.partition(":")[0] for line in lines[lines.index("What the bands come from:") + 1 :]]
+    known = {cause for p in call("predict", fitted_campaign, "--json").object.values() if isinstance(p, dict) for cause in p["causes"]}
+    assert {f"  {cause}" for cause in known} == set(causes)
+    assert len(causes) > 1
+    for cause in causes:
+        assert sum(line.startswith(f"{cause}:") for line in lines) == 1
+
+
 def test_a_limit_that_a_band_exceeds_is_exit_code_1(call: Call, fitted_campaign: Path) -> None:
     said = call("predict", asked(fitted_campaign, "41"))
     assert said.code == 1

@@ -55,6 +55,13 @@ def refused(text: str) -> Any:
 # convection without a word on radiation ------------------------------------------------------------------------------------------------
 
 
+def test_vacuum_is_named_once_in_a_title() -> None:
+    said = ROOM.with_(title="vacuum, room 22").vacuum()
+    assert said.title == "vacuum, room 22"
+    assert said.vacuum(as_printed=True).title == "vacuum, room 22, vacuum as printed (upper bound)"
+    assert ROOM.vacuum().title == f"{ROOM.title}, vacuum"
+
+
 def test_vacuum_with_a_bare_htc_dropped_all_exchange_in_silence(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
