@@ -42,6 +42,7 @@ def look(
     looks = [picture.look(log, time=time, **reading) for log in logs]
     if any(file_look.has(time) for file_look in looks):  # a log without that column has another clock, which may be told
         looks = [file_look if file_look.has(time) else picture.look(file_look.path, **reading) for file_look in looks]
+    looks = picture.named_apart(looks)
     if to is not None:
         write_text(to, looks[0].svg() + "\n", DRAWING)
     width = shutil.get_terminal_size((110, 24)).columns

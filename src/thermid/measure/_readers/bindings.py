@@ -16,7 +16,7 @@ from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart
 
 _ROLE_KEYS: Final = ("node", "boundary", "load", "command", "prescribed")
 _OF_SAMPLES: Final = ("noise", "accuracy", "resolution", "unit", "prompt", "samples", "interpolation", "power")
-_KEYS: Final = (*_ROLE_KEYS, "gain", "full_scale", *_OF_SAMPLES, *KEYS)
+_KEYS: Final = ("column", *_ROLE_KEYS, "gain", "full_scale", *_OF_SAMPLES, *KEYS)
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ def _one(key: str, written: object, where: str) -> Binding:
             code="value.wrong-kind",
         )
     refuse_unknown(written, _KEYS, where)
-    for word in (*_ROLE_KEYS, "gain", "unit"):
+    for word in ("column", *_ROLE_KEYS, "gain", "unit"):
         if word in written and not (isinstance(written[word], str) and written[word].strip()):
             raise RecordError(f"{word} = {written[word]!r} is not a text.", where, code="value.wrong-kind")
     for word in ("full_scale", "noise", "accuracy", "resolution"):
@@ -131,7 +131,8 @@ def _one(key: str, written: object, where: str) -> Binding:
         raise RecordError("averages are steps over their intervals. Give samples or interpolation.", where, code="value.incomplete")
     rest = {word: written[word] for word in ("gain", "full_scale", *_OF_SAMPLES) if word in written}
     certificate = SensorCertificate.read(written["certificate"], f"{where}, certificate") if "certificate" in written else None
-    return Binding(key, key, role, written[role] if roles else None, **rest, part=SensorPart.read(written, where), certificate=certificate)
+    part, target = SensorPart.read(written, where), written[role] if roles else None
+    return Binding(key, written.get("column", key), role, target, **rest, part=part, certificate=certificate)
 
 
 def unit_and_quantity(binding: Binding, header_unit: str | None, where: str) -> tuple[str, str]:
@@ -236,6 +237,6 @@ def channel_schema() -> dict[str, Any]:
         "certificate": table(("offset", "uncertainty", "at", "date"), ("offset", "uncertainty")),
         "range": {"type": "array", "items": amount_, "minItems": 2, "maxItems": 2},
     }
-    plain = (*_ROLE_KEYS, "gain", "unit")
+    plain = ("column", *_ROLE_KEYS, "gain", "unit")
     properties = {key: nested.get(key) or (text if key in plain else amount_) for key in _KEYS}
     return {"type": "object", "properties": properties, "additionalProperties": False}

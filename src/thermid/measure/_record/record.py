@@ -404,8 +404,8 @@ class Record(Samples, Result):
         both = sorted(set(self.channels) & set(other.channels))
         if both:
             raise RecordError(
-                f"'{both[0]}' is a channel in both logs. Change its heading in one of the files, or bind it there by the name of its node: "
-                f'NODE = "{both[0]}".',
+                f"'{both[0]}' is a channel in both logs. Give it another name in one of them: "
+                f'"{both[0]} again" = {{ column = "{both[0]}", ... }}.',
                 f"{self.name}, {other.name}",
                 code="record.name-twice",
             )

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from html import escape
+from itertools import count
 from pathlib import Path
 from typing import Any, Final
 
@@ -41,6 +42,7 @@ from thermid.measure.records import SENSOR_FAULT_CODES, Channel, even_step, gap_
 from thermid.reporting._pictures.chart import DASHES, SERIES, Panel, Stroke, chart, time_unit
 
 ACCURACY: Final = 'add accuracy = "0.5 [K]" to each thermometer, half of the +-1 K of its data sheet; no log shows it'
+SUPPLY: Final = "P_supply"
 _BLOCKS: Final = "▁▂▃▄▅▆▇█"
 _SHOWN: Final = ("temperature", "boundary", "power", "duty")
 _PANELS: Final = (("temperature", "°C", ("temperature", "boundary")), ("power", "W", ("power",)), ("duty", "%", ("duty",)))
@@ -60,6 +62,7 @@ class Look(Result):
     times : Times or None    Its times, or None where they cannot be read. [s]
     columns : tuple          Every column with a guess.
     problem : str            Why times cannot be read, with what to do; empty where they can.
+    again : dict             Channel -> its name in the lines for a campaign, where another log of the test has one of that name.
     """
 
     path: Path
@@ -69,6 +72,7 @@ class Look(Result):
     times: Times | None
     columns: tuple[Column, ...]
     problem: str = ""
+    again: Mapping[str, str] = field(default_factory=dict)
 
     def has(self, column: str | None) -> bool:
         """Return whether it has a column, by its header as written or by the name before its unit."""
@@ -207,11 +211,14 @@ class Look(Result):
                 out += self._channel(c)
         if self.supply is not None:
             volts, amperes = (json.dumps(c.name, ensure_ascii=False) for c in self.supply)
-            out.append(f'P_supply = {{ load = "P_supply", power = {{ volts = {volts}, amperes = {amperes} }} }}  # a voltage and a current')
+            power = f"power = {{ volts = {volts}, amperes = {amperes} }}"
+            out.append(f'{self.again.get(SUPPLY, SUPPLY)} = {{ load = "{SUPPLY}", {power} }}  # a voltage and a current')
         return "\n".join(out) + "\n"
 
     def _channel(self, c: Column) -> list[str]:
-        key = c.name if _BARE.match(c.name) else json.dumps(c.name, ensure_ascii=False)
+        name = self.again.get(c.name, c.name)
+        key = name if _BARE.match(name) else json.dumps(name, ensure_ascii=False)
+        column = f"column = {json.dumps(c.name, ensure_ascii=False)}, " if name != c.name else ""
         target = re.sub(r"\W+", "_", name_and_unit(c.header)[0]).strip("_") or "node"
         role = {"temperature": "node", "boundary": "boundary"}.get(c.guess, "load")
         by_name = c.unit not in ("degC", "W") and "ends in" in c.why
@@ -224,8 +231,8 @@ class Look(Result):
             options += f', noise = "{short(noise, 2)} [K]"'
         why = f"  # {c.why}{'; no unit in the log' if c.assumed else ''}"
         if c.guess == "duty":
-            return [f'# {key} = {{ load = "{target}", full_scale = "... [W]"{options} }}{why}']
-        return [f'{key} = {{ {role} = "{target}"{options} }}{why}']
+            return [f'# {key} = {{ {column}load = "{target}", full_scale = "... [W]"{options} }}{why}']
+        return [f'{key} = {{ {column}{role} = "{target}"{options} }}{why}']
 
     def courses(self) -> list[LogCourse]:
         """Return temperatures, powers and duties over the clock of the log, and volts times amperes where it has one of each."""
@@ -448,6 +455,18 @@ def _late(first: float | None, second: float | None) -> float | None:
     return None if first is None or second is None else (second - first + 0.5 * DAY) % DAY - 0.5 * DAY
 
 
+def named_apart(looks: Sequence[Look]) -> list[Look]:
+    """Return logs of one test whose channels have different names in the lines for a campaign, so that they can be joined."""
+    taken: set[str] = set()
+    out = []
+    for look in looks:
+        names = [c.name for c in look.columns if c.guess in _SHOWN] + [SUPPLY] * (look.supply is not None)
+        again = {name: next(n for k in count(2) if (n := f"{name}_{k}") not in taken.union(names)) for name in taken.intersection(names)}
+        taken.update(again.get(name, name) for name in names)
+        out.append(replace(look, again=again))
+    return out
+
+
 def clock_lines(looks: Sequence[Look]) -> list[str]:
     """Return how several logs of one test are joined, in words and as lines for a campaign; nothing for one log."""
     clocks = clocks_of(looks)
@@ -470,13 +489,6 @@ def clock_lines(looks: Sequence[Look]) -> list[str]:
     for f in clocks:
         if f in ranged and f is not fitted:
             lines.append(f"  a fit finds one clock at a time: that of {f['file']} is stated here, and is within {' .. '.join(_range(f))}")
-    for k, other in enumerate(looks):
-        names = {c.name: before for before in looks[:k] for c in before.columns if c.guess in _SHOWN}
-        lines += [
-            f"  '{c.name}' is a column of {names[c.name].path.name} and of {other.path.name}: change its heading in one of them"
-            for c in other.columns
-            if c.guess in _SHOWN and c.name in names
-        ]
     pairs = ", ".join(f'{{ record = "{f["record"]}", offset = {_offset(f, f is fitted)} }}' for f in clocks)
     stated = [f for f in clocks if "at" in f and f is not fitted and not f["at"]["by_stamps"] and not f["at"]["candidate"]]
     errors = ", ".join(f"{f['record']} +- {_digits(f['at']['error'], 2)} s" for f in stated)

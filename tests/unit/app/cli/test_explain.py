@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
+
+from thermid.campaign._file import read_campaign
 
 from .conftest import Call
 
@@ -76,6 +79,56 @@ def test_a_capture_is_cut_at_the_restarts_of_its_board(tmp_path: Path, call: Cal
     assert "2 parts between restarts, each on a clock of its own" in said.out
     assert call("look", *(tmp_path / "parts" / f"a_{k}.csv" for k in (1, 2))).code == 0
     assert "There is nothing to cut" in call("look", tmp_path / "parts" / "a_1.csv", "--cut", tmp_path / "more").err
+
+
+PARTS = """
+title = "cut"
+
+[[stages]]
+name     = "unit"
+model    = "unit.toml"
+records  = ["room"]
+free     = ["skin.htc"]
+
+[records.room]
+file     = "room.csv"
+channels = { ROOM = { boundary = "air" } }
+joined   = [{ record = "a_1" }, { record = "a_2", offset = "40 [s]" }, { record = "a_3", offset = "70 [s]" }]
+
+"""
+DECK = """
+title = "unit"
+needs = ["air"]
+
+[nodes]
+T_1   = { capacitance = "50 [J/K]" }
+T_1_2 = { capacitance = "50 [J/K]" }
+
+[conductors]
+joint = { kind = "conduction", between = ["T_1", "T_1_2"], conductance = "1 [W/K]" }
+
+[surfaces]
+skin = { of = "T_1", to = "air", area = "0.01 [m^2]", htc = { value = "5 [W/(m^2 K)]", min = 1, max = 20 }, emissivity = 0.5 }
+"""
+
+
+def test_the_lines_printed_for_the_parts_of_a_log_can_be_joined(tmp_path: Path, call: Call) -> None:
+    """They named the same channels in every part, which `check` refused."""
+    rows = [*range(0, 30000, 500), *range(0, 20000, 500), *range(0, 20000, 500)]
+    text = "\n".join(["millis,T_1 [degC],T_1_2 [degC]", *(f"{n},{22 + 0.3 * (k % 3):.2f},23.5" for k, n in enumerate(rows))]) + "\n"
+    (tmp_path / "a.csv").write_text(text)
+    said = call("look", tmp_path / "a.csv", "--cut", tmp_path).out
+    lines = "\n".join(line.removeprefix("    ") for line in said.splitlines() if line.startswith("    "))
+    (tmp_path / "room.csv").write_text("time_s,ROOM [degC]\n" + "".join(f"{k},22.1\n" for k in range(100)))
+    (tmp_path / "unit.toml").write_text(DECK)
+    (tmp_path / "cut.toml").write_text(PARTS + lines)
+    checked = call("check", tmp_path / "cut.toml")
+    assert checked.code == 0, checked.out
+    record = read_campaign(tmp_path / "cut.toml").record("room")
+    assert sorted(record.channels) == ["ROOM", "T_1", "T_1_2", "T_1_2_2", "T_1_2_3", "T_1_3", "T_1_4"]
+    assert [record.channels[n].target for n in ("T_1", "T_1_3", "T_1_4", "T_1_2_3")] == ["T_1", "T_1", "T_1", "T_1_2"]
+    printed = re.findall(r'node = "T_1", noise = "(.*?) \[K\]"', said)
+    assert [record.channels[n].noise for n in ("T_1", "T_1_3", "T_1_4")] == [float(text) for text in printed]
 
 
 CAPTURE = "09:59:59.000 -> 2 x DS18B20\n" + "".join(
