@@ -16,7 +16,7 @@ from thermid.app.cli.app import app
 from thermid.measure._readers.common_step import CommonStep
 from thermid.measure.readers import LogCourse, common_step
 from thermid.reporting._pictures.look import _OffsetSoFar, _Way
-from thermid.reporting.looks import Look, clock_lines, clocks_of, look
+from thermid.reporting.looks import Look, clock_lines, clocks_of, look, named_apart
 
 
 @pytest.fixture(scope="module")
@@ -384,14 +384,18 @@ def test_two_loggers_of_temperatures_meet_by_way_of_the_supply_that_both_follow(
     assert abs(float(str(board["offset"]).removesuffix(" [s]")) - 75.0) < 2.0 * by_board["at"]["error"]
 
 
-def test_one_range_at_most_is_proposed_and_a_name_that_both_have_is_said(tmp_path: Path) -> None:
+def test_one_range_at_most_is_proposed_and_a_name_that_both_have_is_another_in_one(tmp_path: Path) -> None:
     board = bench_log(tmp_path / "board.csv", ("board",), 0.0)
     powers = [bench_log(tmp_path / f"{name}.csv", (), late, step=5.0) for name, late in (("ab", 60.0), ("abc", 90.0))]
     offsets = [j["offset"] for j in joined_lines([board, *powers])]
     assert sorted(type(o).__name__ for o in offsets) == ["list", "str"]
     text = "\n".join(clock_lines([board, *powers]))
     assert "one clock at a time" in text
-    assert "of ab.csv and of abc.csv" in text
+    assert [list(look.again) for look in named_apart([board, *powers])] == [
+        [],
+        [],
+        [c.name for c in powers[0].columns if c.guess == "power"],
+    ]
 
 
 def test_a_clock_by_two_places_is_a_candidate_in_the_line_to_copy(tmp_path: Path) -> None:

@@ -458,3 +458,12 @@ def test_cycles_and_means() -> None:
     assert MeanOf(TableSignal(np.array([0.0, 10.0]), np.array([0.0, 1.0])), 10.0).shifted(5.0).value == pytest.approx(0.875)
     assert isinstance(joined(Constant(1.0), 5.0, Constant(2.0)), Mixed)
     assert joined(Constant(1.0), 5.0, Constant(2.0)).drawn(9.0).at(np.array([4.999, 5.0])).tolist() == [1.0, 2.0]
+
+
+def test_the_largest_changes_of_a_logged_supply_are_its_switches_and_not_its_noise() -> None:
+    """Each is followed by runs of its own: noise of a millivolt made most of them."""
+    times = np.arange(0.0, 600.0, 2.0)
+    held = np.select([times < 200.0, times < 400.0], [30.0, 11.0], 0.5)
+    noisy = held + 0.02 * np.random.default_rng(7).standard_normal(times.size)
+    assert TableSignal(times, noisy, hold=True).largest_changes(20) == [100, 200]
+    assert len(TableSignal(times, np.arange(times.size) / 7.0).largest_changes(20)) == 20

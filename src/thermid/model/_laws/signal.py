@@ -29,6 +29,8 @@ SINE_SAMPLES = 400
 """Samples of a period where a sine must become a table: within 3e-5 of its amplitude. [-]"""
 JUMP_TIME = 1e-6
 """Time in which a held value jumps where it meets one that is not held. [s]"""
+SMALL_CHANGE = 0.01
+"""Change over the largest one up to which it is noise or nearly nothing: what it adds to a variance is its square of that. [-]"""
 END_TOLERANCE = 1e-12
 """Share of a run by which times of an edge and of its end may differ. [-]"""
 MAX_LINE_ERROR_SHARE = 2e-5
@@ -286,9 +288,10 @@ class TableSignal:
         return replace(self, times=times)
 
     def largest_changes(self, most: int) -> list[int]:
-        """Return the places of its largest changes, so many at most, the largest first."""
+        """Return the places of its largest changes, so many at most, the largest first; none below `SMALL_CHANGE` of that."""
         steps = np.abs(np.diff(self.values))
-        return [int(k) + 1 for k in np.argsort(-steps, kind="stable")[: min(most, np.count_nonzero(steps))]]
+        large = np.count_nonzero(steps > SMALL_CHANGE * steps.max(initial=0.0))
+        return [int(k) + 1 for k in np.argsort(-steps, kind="stable")[: min(most, large)]]
 
     def levelled(self, least: float) -> TableSignal:
         """Return the signal at its mean between changes from sample to sample that are larger than `least`."""
