@@ -242,20 +242,22 @@ def _instants(problem: Problem, i: int, fitted: Array) -> Iterator[Callable[[Arr
     experiment, values = bench.experiment, problem.inputs(i, fitted)[0]
     if experiment.ticks is None:
         return
-    width = experiment.ticks.clock.step * experiment.ticks.at[1]
     for name, path in experiment.ticks.driven:
         table = getattr(experiment.scenario, name)[path]
         if path not in experiment.ticks.sampled or not isinstance(table, TableSignal):
             continue
+        gaps = np.diff(table.times, append=np.inf)
         for k in table.largest_changes(CHANGES):
 
-            def answer(times: Array, k: int = k, name: str = name, path: str = path, table: TableSignal = table) -> Array:
-                sides = []
-                for side in (-0.2, 0.2):
-                    changed = {name: {**getattr(experiment.scenario, name), path: table.delayed(k, side * width)}}
+            def answer(
+                times: Array, k: int = k, name: str = name, path: str = path, table: TableSignal = table, gaps: Array = gaps
+            ) -> Array:
+                sides, shift = [], 0.2 * min(gaps[k - 1], gaps[k])  # never past a neighbour
+                for side in (-shift, shift):
+                    changed = {name: {**getattr(experiment.scenario, name), path: table.delayed(k, side)}}
                     other = replace(experiment, scenario=experiment.scenario.with_(**changed))
                     sides.append(Bench.of_experiment(other, bench.free).temperatures(values, False, problem.options, times)[0])
-                return np.asarray((sides[1] - sides[0]) / (0.4 * np.sqrt(12.0)))
+                return np.asarray((sides[1] - sides[0]) / (2.0 * shift) * gaps[k - 1] / np.sqrt(12.0))
 
             yield answer
 
