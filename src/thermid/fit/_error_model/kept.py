@@ -403,11 +403,11 @@ class ErrorModel(Result):
 
     def without(self, places: Sequence[str]) -> ErrorModel:
         """Return what it says of all but some parts and values; of a value that acts elsewhere too it says the same there."""
-        left = {n: outside(v.acting(n), places) if v.kind == "parameter" else (n,) for n, v in self.seen.items()}
-        names = {n: acts[0] for n, acts in left.items() if acts}
-        acting = {n: tuple((p, 1.0, 0.0) for p in left[n]) if self.seen[n].kind == "parameter" else self.seen[n].acts for n in names}
-        seen = {name: replace(self.seen[n], acts=acting[n]) for n, name in names.items()}
-        return replace(self, seen=seen, ways=tuple(w.without(places, names) for w in self.ways))
+        paths_left = {n: outside(v.acting(n), places) if v.kind == "parameter" else (n,) for n, v in self.seen.items()}
+        names = {n: acts[0] for n, acts in paths_left.items() if acts}
+        acting = {n: tuple((p, 1.0, 0.0) for p in paths_left[n]) if self.seen[n].kind == "parameter" else self.seen[n].acts for n in names}
+        values = {name: replace(self.seen[n], acts=acting[n]) for n, name in names.items()}
+        return replace(self, seen=values, ways=tuple(w.without(places, names) for w in self.ways))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and texts for a file."""
