@@ -822,13 +822,16 @@ def requested(
     scenarios = dict(scenario) if isinstance(scenario, Mapping) else {"*": scenario} if scenario else {}
     specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
     where = name or model.title
-    below = [(part, v.store or as_store(v)) for part, fits in (inherit or {}).items() for v in fitted_values(fits, f"{where}, {part}")]
-    store, remarks = graft(model, below)
-    model = store.laid_over(model)
-    store, hidden = store.acting_in(model)
+    store, remarks = Store(), tuple[str, ...]()
+    if inherit:
+        below = [(part, v.store or as_store(v)) for part, fits in inherit.items() for v in fitted_values(fits, f"{where}, {part}")]
+        store, remarks = graft(model, below)
+        model = store.laid_over(model)
+        store, hidden = store.acting_in(model)
+        remarks = (*(f"{FIRST}{r}" for r in remarks), *hidden)
     wanted, _ = freed(model, free, (), where)
     prior = tuple(p for p, s in store.parameters.items() if s.known and {*s.acts} & {*wanted})
-    remarks = (*(f"{FIRST}{r}" for r in remarks), *hidden, *counted_twice(store, prior, records))
+    remarks = (*remarks, *counted_twice(store, prior, records))
     priors_by_path = priors_of(model, priors or {}, where)
     more: dict[str, Any] = {"loss": loss, "search": search, "name": name, **weighing(weights or {}, where)}
     inherited: dict[str, Any] = {"store": store, "prior": prior, "seen": store.seen, "remarks": remarks}

@@ -398,7 +398,8 @@ class Search:
             message = f"stopped by the user after {best.evaluations} members, at the best of them"
             return replace(ended(p.problem, at, p.loss, p.loss_scale, best.evaluations, message, False), stopped=True)
         end = self.descent(at)
-        words = f"differential evolution: {best.evaluations} members, cost {best.cost:.6g}; polished by {end.evaluations} evaluations to {end.cost:.6g}"
+        words = f"differential evolution: {best.evaluations} members, cost {best.cost:.6g}; "
+        words += f"polished by {end.evaluations} evaluations to {end.cost:.6g}"
         return replace(end, evaluations=end.evaluations + best.evaluations, search=words)
 
 
