@@ -171,13 +171,11 @@ class Scenario(Shown):
                 code="record.time-unclear",
             )
 
-        def on_the_clock(s: Signal) -> Signal:
-            if not isinstance(s, TableSignal) or s.stamp is None:
-                return s
-            return replace(s.shifted(begins.seconds - s.stamp.seconds), stamp=None)
-
         object.__setattr__(self, "begins", begins)
-        for name, table in self._mapped_tables(on_the_clock).items() if stamps else ():
+        tables = self._mapped_tables(
+            lambda s: replace(s.shifted(begins.seconds - s.stamp.seconds), stamp=None) if isinstance(s, TableSignal) and s.stamp else s
+        )
+        for name, table in tables.items() if stamps else ():
             object.__setattr__(self, name, table)
 
     @property
