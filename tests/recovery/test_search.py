@@ -22,10 +22,7 @@ def records() -> list[td.Record]:
     return draw(BENCH, np.random.default_rng(3))[1]
 
 
-@pytest.mark.parametrize("how", ["differential evolution", "cma"])
-def test_w4_evolution_alone_reaches_the_optimum_within_one_per_cent(how: str, records: list[td.Record]) -> None:
-    if how == "cma":
-        pytest.importorskip("cma")
+def test_w4_evolution_alone_reaches_the_optimum_within_one_per_cent(records: list[td.Record]) -> None:
     # without polishing, so over everything that the fit looks for: the start of each node stands at what the fit found for it
     local = td.calibrate(BENCH.model, records, FREE, search="local")
     scenarios = {
@@ -35,14 +32,12 @@ def test_w4_evolution_alone_reaches_the_optimum_within_one_per_cent(how: str, re
         for r in records
     }
     problem = build_problem(Request(BENCH.model, tuple(records), tuple(FREE), scenarios, fit_start=False))
-    found = evolved(Population.of_problem(problem, "linear", 1.0), how)
+    found = evolved(Population.of_problem(problem, "linear", 1.0))
     assert 2.0 * found.cost == pytest.approx(local.chi_square, rel=0.01)
 
 
-@pytest.mark.parametrize("how", ["differential evolution", "cma", "multistart"])
+@pytest.mark.parametrize("how", ["differential evolution", "multistart"])
 def test_w4_polished_it_ends_where_least_squares_ends(how: str, records: list[td.Record]) -> None:
-    if how == "cma":
-        pytest.importorskip("cma")
     local = td.calibrate(BENCH.model, records, FREE, search="local")
     found = td.calibrate(BENCH.model, records, FREE, search=how)
     assert found.chi_square == pytest.approx(local.chi_square, rel=1e-6)

@@ -99,15 +99,15 @@ def _beyond_accuracy(problem: Problem, minimum: Fit) -> tuple[float, str]:
     """
     pairs = [(u, x) for u, x in zip(problem.unknowns, minimum.fitted.tolist(), strict=True) if u.unit == "K" and u.prior is not None]
     errors = {u.name: (x, x / u.prior.sd) for u, x in pairs if u.prior is not None and u.kind in ("sensor", INPUT)}
-    own = [x for u, x in pairs if u.kind == "sensor"]
-    if len(errors) < 2 or not own:
+    of_sensors = [x for u, x in pairs if u.kind == "sensor"]
+    if len(errors) < 2 or not of_sensors:
         return 0.0, ""
-    times, mean = math.sqrt(float(np.mean([size**2 for _, size in errors.values()]))), float(np.mean(own))
-    said = f"all sensors would read about {short(abs(mean), 2)} K {'high' if mean > 0.0 else 'low'} together"
-    if min(own) * max(own) < 0.0:
-        said = f"{len(own)} sensors would err by {min(own):+.2g} to {max(own):+.2g} K"
+    times, mean = math.sqrt(float(np.mean([size**2 for _, size in errors.values()]))), float(np.mean(of_sensors))
+    words = f"all sensors would read about {short(abs(mean), 2)} K {'high' if mean > 0.0 else 'low'} together"
+    if min(of_sensors) * max(of_sensors) < 0.0:
+        words = f"{len(of_sensors)} sensors would err by {min(of_sensors):+.2g} to {max(of_sensors):+.2g} K"
     return times, (
-        f"{said}, {short(times, 2)} times their stated accuracies (limit {ASIDE:g}), because the model lacks or misstates some physics: "
+        f"{words}, {short(times, 2)} times their stated accuracies (limit {ASIDE:g}), because the model lacks or misstates some physics: "
         "check areas, emissivities and the law of convection, then the accuracies"
     )
 
@@ -599,9 +599,9 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
         shown = f"{FittedValue(u.name, u.to_value(bound), 0, 0, u.log, u.unit, 0, (0, 0)).in_unit:.6g} {u.unit}".strip()
         cut = f", where its standard error of {short(v.shown(v.uncut))} is cut" if u.name in values and (v := values[u.name]).uncut else ""
         out.append(f"'{u.name}' ended at its {side} bound {shown}{cut}. Widen the bound, or fix the parameter.")
-    said = ("local", "sensor", INPUT) if _beyond_accuracy(problem, minimum)[0] > ASIDE else ("local",)
+    others = ("local", "sensor", INPUT) if _beyond_accuracy(problem, minimum)[0] > ASIDE else ("local",)
     for k, u in enumerate(problem.unknowns):
-        far = abs(minimum.fitted[k] - u.prior.mean) / u.prior.sd if u.prior is not None and u.kind not in said else 0.0
+        far = abs(minimum.fitted[k] - u.prior.mean) / u.prior.sd if u.prior is not None and u.kind not in others else 0.0
         if 3.0 < far <= CONTRADICTION_DEVIATIONS:  # what lies farther stands at the head of the fit
             out.append(
                 f"'{u.name}' lies {far:.1f} standard deviations from its prior: data and prior disagree. Check the source of "
@@ -776,7 +776,7 @@ def calibrate(
     inherit : dict              Part of the model, ``.`` for the model itself -> what a fit of it found: a `Calibration`, its values or the
                                 path of their file. Values stay there with their errors; those that are free too have them as prior.
     loss : str                  linear, soft_l1, huber or cauchy.
-    search : str                local, multistart, differential evolution, cma; or auto: further starts where one descent is doubtful.
+    search : str                local, multistart, differential evolution; or auto: further starts where one descent is doubtful.
     weights : dict or str       Sensor -> weight of its residuals, 1 where none is given; or ``"effective"``: after a first fit readings
                                 count as many as residuals that wander are worth, so that priors and local values have the width stated.
     progress : callable         Called with the number of evaluations and the RMS of the weighted residuals; where it has a method
@@ -822,17 +822,20 @@ def requested(
     scenarios = dict(scenario) if isinstance(scenario, Mapping) else {"*": scenario} if scenario else {}
     specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()}
     where = name or model.title
-    below = [(part, v.store or as_store(v)) for part, given in (inherit or {}).items() for v in fitted_values(given, f"{where}, {part}")]
-    store, remarks = graft(model, below)
-    model = store.laid_over(model)
-    store, hidden = store.acting_in(model)
+    store, remarks = Store(), tuple[str, ...]()
+    if inherit:
+        below = [(part, v.store or as_store(v)) for part, fits in inherit.items() for v in fitted_values(fits, f"{where}, {part}")]
+        store, remarks = graft(model, below)
+        model = store.laid_over(model)
+        store, hidden = store.acting_in(model)
+        remarks = (*(f"{FIRST}{r}" for r in remarks), *hidden)
     wanted, _ = freed(model, free, (), where)
     prior = tuple(p for p, s in store.parameters.items() if s.known and {*s.acts} & {*wanted})
-    remarks = (*(f"{FIRST}{r}" for r in remarks), *hidden, *counted_twice(store, prior, records))
+    remarks = (*remarks, *counted_twice(store, prior, records))
     priors_by_path = priors_of(model, priors or {}, where)
     more: dict[str, Any] = {"loss": loss, "search": search, "name": name, **weighing(weights or {}, where)}
-    known: dict[str, Any] = {"store": store, "prior": prior, "seen": store.seen, "remarks": remarks}
-    return Request(model, records, tuple(wanted), scenarios, specs, priors=priors_by_path, **known, **more)
+    inherited: dict[str, Any] = {"store": store, "prior": prior, "seen": store.seen, "remarks": remarks}
+    return Request(model, records, tuple(wanted), scenarios, specs, priors=priors_by_path, **inherited, **more)
 
 
 def fit(

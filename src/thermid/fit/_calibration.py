@@ -504,7 +504,7 @@ def instrument_shares(fit: Calibration) -> tuple[InstrumentShare, ...]:
     return tuple(out)
 
 
-def fitted_values(given: Any, where: str) -> tuple[FittedValues, ...]:
+def fitted_values(fits: Any, where: str) -> tuple[FittedValues, ...]:
     """Return what one or several fits found: as they are, of a `Calibration`, or from the paths of files.
 
     Raises
@@ -512,9 +512,7 @@ def fitted_values(given: Any, where: str) -> tuple[FittedValues, ...]:
     DeckError   When one is neither, or its file is no values file.
     """
     out = []
-    for v in (
-        [given] if isinstance(given, Calibration | FittedValues | str | PathLike) else given if isinstance(given, Sequence) else [given]
-    ):
+    for v in fits if isinstance(fits, Sequence) and not isinstance(fits, str) else [fits]:
         if isinstance(v, str | PathLike):
             v = load_values(v)
         elif isinstance(v, Calibration):

@@ -1,7 +1,7 @@
 """Beyond one descent: whether its end may be the wrong valley, what further starts cost, and the best of them.
 
 In: a `Problem`, a loss, a way of searching. Out: the best `Fit`, all evaluations counted, and in words what was looked at.
-Several starts, differential evolution and covariance matrix adaptation look at members run side by side; least squares always ends it.
+Several starts and differential evolution look at members run side by side; least squares always ends it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import IdentificationError, SolverError, ThermidWarning, refuse_unknown, spoken
-from thermid.base.extensions import optional
 from thermid.base.linear_algebra import NOTHING, Array, pseudo_inverse
 from thermid.base.units import counted
 from thermid.fit._minimisation import Fit, ended, minimise
@@ -30,7 +29,7 @@ from thermid.simulation.runs import Workers, in_tasks, run_members
 Progress = Callable[[int, float], None]
 
 DECADE = math.log(10.0)
-SEARCHES = ("auto", "local", "multistart", "differential evolution", "cma")
+SEARCHES = ("auto", "local", "multistart", "differential evolution")
 SCREENED, DESCENTS = 64, 5
 """How many points of the box are looked at without derivatives, and from how many of the best of them least squares descends."""
 MIN_START_DISTANCE = 0.15
@@ -145,8 +144,8 @@ def searched(
     how : str               ``local``: one descent from the start. ``multistart``: further descents from the best of 64 points of the box.
                             ``auto``: these only where the first descent ends unfinished, with residuals of more than twice the stated
                             noise, or at a bound without a noise or beside it; one further descent, from the other side of the start, for
-                            another end at a bound, or where residuals contradict the stated noise at all. ``differential evolution`` and
-                            ``cma``: a population over the box, then one descent.
+                            another end at a bound, or where residuals contradict the stated noise at all. ``differential evolution``: a
+                            population over the box, then one descent.
     loss, loss_scale, progress    As in `minimise`. What further starts will cost is told before they are made: to ``progress.ahead(words,
                             seconds)`` where there is one, else as a warning from `WARNED_SEARCH_TIME` on.
     stoppable : bool        Whether the interrupt key ends it with the best fit so far: `Fit.stopped`, not converged.
@@ -161,8 +160,8 @@ def searched(
     search = Search(Population.of_problem(problem, loss, loss_scale), progress, stoppable, executor)
     if not search.population.at.size or how == "local":
         return search.descent(None)
-    if how in ("differential evolution", "cma"):
-        return search.evolved(how)
+    if how == "differential evolution":
+        return search.evolved()
     first = search.descent(None)
     if first.stopped:
         return first
@@ -391,15 +390,16 @@ class Search:
         costs += [self.population.costs(shares[at : at + BATCH]) for at in range(BATCH, SCREENED, BATCH)]
         return shares, np.concatenate(costs)
 
-    def evolved(self, how: str) -> Fit:
+    def evolved(self) -> Fit:
         """Return the end of the descent from the best member of a population that evolved over the box."""
-        p, best = self.population, evolved(self.population, how, stoppable=self.stoppable)
+        p, best = self.population, evolved(self.population, self.stoppable)
         at = p.placed(best.share[None, :])[0]
         if best.stopped:
             message = f"stopped by the user after {best.evaluations} members, at the best of them"
             return replace(ended(p.problem, at, p.loss, p.loss_scale, best.evaluations, message, False), stopped=True)
         end = self.descent(at)
-        words = f"{how}: {best.evaluations} members, cost {best.cost:.6g}; polished by {end.evaluations} evaluations to {end.cost:.6g}"
+        words = f"differential evolution: {best.evaluations} members, cost {best.cost:.6g}; "
+        words += f"polished by {end.evaluations} evaluations to {end.cost:.6g}"
         return replace(end, evaluations=end.evaluations + best.evaluations, search=words)
 
 
@@ -466,78 +466,46 @@ class Evolved:
     share: Array
     cost: float
     evaluations: int
-    stopped: bool = False
+    stopped: bool
 
 
-class _Members:
-    """Costs of members, counted, and the best of them."""
-
-    def __init__(self, population: Population) -> None:
-        self.population = population
-        self.best, self.cost, self.count = np.zeros(0), np.inf, 0
-
-    def __call__(self, shares: Array) -> Array:
-        """Return the costs of points of the unit cube (members, parameters), a very large one for members that could not be run."""
-        costs = self.population.costs(shares)
-        costs = np.where(np.isfinite(costs), costs, 1e30)
-        self.count += costs.size
-        k = int(costs.argmin())
-        if costs[k] < self.cost:
-            self.best, self.cost = shares[k].copy(), float(costs[k])
-        return costs
-
-
-def evolved(population: Population, how: str, stoppable: bool = False) -> Evolved:
+def evolved(population: Population, stoppable: bool = False) -> Evolved:
     """Return the best member of a population that evolved over the box.
 
-    Differential evolution: Storn and Price, J. Global Optim. 11 (1997) 341, in scipy. Covariance matrix adaptation: Hansen, arXiv
-    1604.00772, in the package cma. Where it is `stoppable`, the interrupt key ends it with the best member so far.
+    Differential evolution: Storn and Price, J. Global Optim. 11 (1997) 341, in scipy. Where it is `stoppable`, the interrupt key ends it
+    with the best member so far.
     """
-    members = _Members(population)
-    try:
-        share, cost = (_differential if how == "differential evolution" else _adapted)(members)
-    except KeyboardInterrupt:
-        if not stoppable or not members.count:
-            raise
-        return Evolved(members.best, members.cost, members.count, stopped=True)
-    return Evolved(share, cost, members.count)
-
-
-def _differential(members: _Members) -> tuple[Array, float]:
     from scipy.optimize import Bounds, differential_evolution
 
-    population = members.population
+    best, cost, count, stopped = np.zeros(0), np.inf, 0, False
 
     def costs(points: Array, /) -> Any:  # one cost per member, which the stubs of scipy do not know of
-        return members(np.atleast_2d(points.T))
+        nonlocal best, cost, count
+        shares = np.atleast_2d(points.T)
+        of_members = population.costs(shares)
+        of_members = np.where(np.isfinite(of_members), of_members, 1e30)
+        count += of_members.size
+        k = int(of_members.argmin())
+        if of_members[k] < cost:
+            best, cost = shares[k].copy(), float(of_members[k])
+        return of_members
 
-    result = differential_evolution(
-        costs,
-        Bounds(np.zeros(population.at.size), np.ones(population.at.size)),
-        vectorized=True,
-        updating="deferred",
-        polish=False,
-        init="sobol",
-        tol=1e-4,
-        atol=1e-3,
-        maxiter=GENERATIONS,
-        rng=np.random.default_rng(1),
-        x0=population.share(population.start),
-    )
-    return np.asarray(result.x), float(result.fun)
-
-
-def _adapted(members: _Members) -> tuple[Array, float]:
-    cma = optional("cma", "covariance matrix adaptation")
-    size = members.population.at.size
-    if size == 1:
-        raise IdentificationError(
-            "covariance matrix adaptation needs at least two parameters. Use search = 'multistart'.", code="fit.not-possible"
+    try:
+        differential_evolution(
+            costs,
+            Bounds(np.zeros(population.at.size), np.ones(population.at.size)),
+            vectorized=True,
+            updating="deferred",
+            polish=False,
+            init="sobol",
+            tol=1e-4,
+            atol=1e-3,
+            maxiter=GENERATIONS,
+            rng=np.random.default_rng(1),
+            x0=population.share(population.start),
         )
-    # from the middle of the box, wide, and more members than its rule asks for: else it stays in the valley that it starts in
-    options = {"bounds": [0.0, 1.0], "seed": 1, "verbose": -9, "tolfun": 1e-3, "maxiter": GENERATIONS, "popsize": max(16, 4 * size)}
-    strategy = cma.CMAEvolutionStrategy(np.full(size, 0.5), 0.5, options)
-    while not strategy.stop():
-        points = strategy.ask()
-        strategy.tell(points, members(np.array(points)).tolist())
-    return np.asarray(strategy.result.xbest), float(strategy.result.fbest)
+    except KeyboardInterrupt:
+        if not stoppable or not count:
+            raise
+        stopped = True
+    return Evolved(best, cost, count, stopped)

@@ -717,9 +717,9 @@ def refuse_unknown_sources(without: Sequence[str], present: Iterable[str], where
     ------
     ScenarioError   With the nearest name.
     """
-    known = [*dict.fromkeys((*CAUSES, *present))]
+    names = [*dict.fromkeys((*CAUSES, *present))]
     words = f"'{{}}' is no source of errors.{{near}} Kinds are {', '.join(get_args(Kind))}; the table of a prediction names the causes."
-    refuse_unknown(without, known, f"{where}, without", words, ScenarioError)
+    refuse_unknown(without, names, f"{where}, without", words, ScenarioError)
 
 
 def _of_laws(budget: Budget) -> set[str]:

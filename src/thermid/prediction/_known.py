@@ -18,7 +18,7 @@ from thermid.fit.discrepancy import KEY, Discrepancy, kept_in
 from thermid.fit.error_model import KEY as ERRORS, ErrorModel
 from thermid.model.elements import Standing, worst
 from thermid.model.tree import Model, flatten
-from thermid.values.fitted import FittedValue, FittedValues, as_store, load_values
+from thermid.values.fitted import FittedValue, FittedValues, as_store
 from thermid.values.store import (
     COVARIANCE_KINDS,
     INPUT,
@@ -178,12 +178,13 @@ def known_of(source: Knowledge | Model | Calibration | FittedValues | Sequence[A
     model : Model       What values are laid over; a fit's own where it is not given.
     at : str            The submodel that the values belong to.
     """
-    source = load_values(source) if isinstance(source, str | PathLike) else source
     if isinstance(source, Knowledge):
         return source.for_model(source.model) if source.fit is None else source
     if model is None and isinstance(source, Model | Calibration):
         return Knowledge.of_source(source)
-    many = [source] if isinstance(source, Calibration | FittedValues) else [] if isinstance(source, Model) else list(source)
+    many = (
+        [] if isinstance(source, Model) else [source] if isinstance(source, Calibration | FittedValues | str | PathLike) else list(source)
+    )
     base = model if model is not None else source
     assert isinstance(base, Model)
     if len(many) == 1 and isinstance(many[0], Calibration):

@@ -275,10 +275,10 @@ def record_request(
 
     No instrument's constant error is taken off beyond what its accuracy allows: what a fit found beyond that are errors of its model.
     """
-    found = {**calibration.instrument_errors, **calibration.bias}
+    constant_errors = {**calibration.instrument_errors, **calibration.bias}
     widths = {c.name: STATED_WIDTH * c.accuracy for c in record.channels.values() if c.accuracy and c.quantity == "temperature"}
-    held = {n: min(max(x, -widths[n]), widths[n]) if n in widths else x for n, x in found.items()}
-    cut = [f"{n} ({held[n]:+.2g} of {x:+.3g} K)" for n, x in found.items() if held[n] != x]
+    held = {n: min(max(x, -widths[n]), widths[n]) if n in widths else x for n, x in constant_errors.items()}
+    cut = [f"{n} ({held[n]:+.2g} of {x:+.3g} K)" for n, x in constant_errors.items() if held[n] != x]
     remark = f"{FIRST}constant errors that the fit found are taken off up to twice the stated accuracy: {', '.join(cut)}."
     return Request(
         calibration.fitted_model,

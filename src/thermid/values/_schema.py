@@ -187,7 +187,7 @@ class ErrorsTable(StrictTable):
 
     at: str
     stage: str
-    seen: dict[str, tuple[str, bool, list[tuple[str, float] | tuple[str, float, float]], float, float, float, float]]
+    seen: dict[str, tuple[str, bool, list[tuple[str, float, float]], float, float, float, float]]
     ways: list[WayTable]
     misfit: Real
     why: str

@@ -410,7 +410,7 @@ def load_store(path: str | os.PathLike[str]) -> tuple[Store, str]:
         )
     kind = "thermid.values._schema.OldValuesFile" if data["schema"] == 1 and "stage" in data else "thermid.values._schema.ValuesFile"
     checked = by_grammar(kind, data, Places(target.name))
-    store, stage = _signed_as_now(_read_old(data) if data["schema"] == 1 else _read(data, checked.sources)), checked.stage
+    store, stage = _read_old(data) if data["schema"] == 1 else _read(data, checked.sources), checked.stage
     for name, v in data["values"].items():
         from_row, in_table = store.error(name), float(v["error"])
         if data["schema"] != 1 and from_row != in_table and not math.isclose(from_row, in_table, rel_tol=AGREES):
@@ -448,26 +448,6 @@ def _read(data: Mapping[str, Any], source_rows: Sequence[Any]) -> Store:
     )
 
 
-def _signed_as_now(store: Store) -> Store:
-    """Return a store with the errors of logged boundaries and powers as reading minus truth.
-
-    Files of earlier versions have what was added to such a boundary, and a factor on such a power, as kind ``shared``.
-    """
-    before = {p: s for p, s in store.states.items() if s.kind == "shared"}
-
-    def turned(state: State) -> State:
-        none = 1.0 if state.unit == "1" else 0.0
-        prior = None if state.prior is None else (none - state.prior[0], state.prior[1])
-        bounds = (none - state.bounds[1], none - state.bounds[0])
-        return replace(state, kind=INPUT, value=none - state.value, start=none - state.start, prior=prior, bounds=bounds)
-
-    sign = np.array([-1.0 if p in before else 1.0 for p in store.states])
-    accuracies = {f"accuracy: {p}" for p in before}  # of which a unit is now a reading too low: what is stated, less the truth
-    turns = np.array([-1.0 if s.name in accuracies else 1.0 for s in store.sources])
-    root = store.root * sign[:, None] * turns
-    return replace(store, states={**store.states, **{p: turned(s) for p, s in before.items()}}, root=root)
-
-
 def _origin(table: Mapping[str, Any]) -> ValueOrigin:
     return ValueOrigin(**{**table, "records": tuple(table["records"])})
 
@@ -497,7 +477,10 @@ def _state(name: str, v: Mapping[str, Any]) -> State:
 
 
 def _read_old(data: Mapping[str, Any]) -> Store:
-    """Return the store of a file of schema 1: one group of columns, and what it cannot say as left out."""
+    """Return the store of a file of schema 1: one group of columns, and what it cannot say as left out.
+
+    It has what was added to a logged boundary, and a factor on a logged power, as kind ``shared``: here they become reading minus truth.
+    """
     stage, provenance = data["stage"], data["provenance"]
     standing = Standing.read(data["standing"]) if "standing" in data else UNJUDGED
     records = provenance.get("records", {})
@@ -509,8 +492,15 @@ def _read_old(data: Mapping[str, Any]) -> Store:
         prior = (float(v["prior"][0]), float(v["prior"][1])) if "prior" in v else None
         numbers = (float(v["value"]), v["transform"] == "log", v["unit"], (float(v["bounds"][0]), float(v["bounds"][1])))
         more = {"standing": standing, "start": float(v["start"]), "random": float(v["error_random"]), "prior": prior}
-        states[name] = State(name, *numbers, origin, v["kind"], paths, known=bool(np.isfinite(covariance[k, k])), **more)  # type: ignore[arg-type]
+        s = State(name, *numbers, origin, v["kind"], paths, known=bool(np.isfinite(covariance[k, k])), **more)  # type: ignore[arg-type]
+        if s.kind == "shared":
+            none = 1.0 if s.unit == "1" else 0.0
+            prior = (none - prior[0], prior[1]) if prior is not None else None
+            bounds = (none - s.bounds[1], none - s.bounds[0])
+            s = replace(s, kind=INPUT, value=none - s.value, start=none - s.start, prior=prior, bounds=bounds)
+        states[name] = s
     root, sources = rooted(covariance, f"file of {stage}", f"errors of stage '{stage}', from its values file")
+    root[[s.kind == INPUT for s in states.values()]] *= -1.0
     fitted_records = {sha: f"stage '{stage}' as '{name}'" for name, sha in records.items()}
     return Store(states, sources, root, fitted_records, {stage: provenance}, left_out=(LeftOut(OLD.format(stage=stage)),))
 

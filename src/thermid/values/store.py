@@ -528,11 +528,11 @@ class Store(Shown):
         """Return it without what stands at some paths or inside some parts; twins keep what they shared, and instruments stay."""
         remaining = self.only(lambda s: s.kind != "parameter" or bool(outside(s.paths, places)))
 
-        def kept(s: State) -> State:
+        def remaining_state(s: State) -> State:
             paths, hidden = outside(s.paths, places), outside(s.hidden, places)
             return s if paths == s.paths else replace(s, path=paths[0], paths=paths, hidden=hidden)
 
-        states = {p: kept(s) for p, s in remaining.states.items()}
+        states = {p: remaining_state(s) for p, s in remaining.states.items()}
         names = {p: s.path for p, s in states.items() if p != s.path}
         provenance = {stage: _provenance_renamed(of_stage, names) for stage, of_stage in remaining.provenance.items()}
         return replace(remaining, states={s.path: s for s in states.values()}, provenance=provenance)

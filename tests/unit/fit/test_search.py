@@ -75,7 +75,7 @@ class TestValleys:
         assert found.search in str(found)
         assert found.evaluations > 64
 
-    @pytest.mark.parametrize("how", ["multistart", "differential evolution", "cma"])
+    @pytest.mark.parametrize("how", ["multistart", "differential evolution"])
     def test_every_search_ends_in_the_better_one(self, how: str) -> None:
         found = fitted(how)
         assert found.chi_square == pytest.approx(fitted("auto").chi_square, abs=0.01)
@@ -130,20 +130,13 @@ class TestValleys:
 
     def test_a_missing_package_is_named(self, monkeypatch: pytest.MonkeyPatch) -> None:
         def absent(name: str) -> Any:
-            if name in ("cma", "emcee"):
+            if name == "emcee":
                 raise ImportError(name)
             return import_module(name)
 
         monkeypatch.setattr(extensions, "import_module", absent)
-        with raises_code("extra.not-installed", MissingExtraError, match="'cma'"):
-            fitted("cma")
         with raises_code("extra.not-installed", MissingExtraError, match="'emcee'"):
             td.inference.posterior(fitted("local"))
-
-    def test_one_parameter_is_no_population_for_cma(self) -> None:
-        pytest.importorskip("cma")
-        with raises_code("fit.not-possible", IdentificationError):
-            td.calibrate(case(1.0, 1.5), log(), ["near.conductance"], scenario=BENCH, search="cma")
 
 
 class TestPopulation:
@@ -165,7 +158,7 @@ class TestPopulation:
         assert population.share(np.log([0.005, 20.0])) == pytest.approx([0.0, 1.0])
 
     def test_evolution_alone_comes_near(self) -> None:
-        found = evolved(self.population(), "differential evolution")
+        found = evolved(self.population())
         assert found.cost == pytest.approx(0.5 * fitted("multistart").chi_square, rel=0.01)
 
 

@@ -107,6 +107,16 @@ def test_a_file_of_the_old_format_is_read_and_says_what_it_lacks(tmp_path: Path)
     assert again.store == back.store
 
 
+def test_a_factor_on_a_logged_power_in_a_file_of_the_old_format_becomes_reading_minus_truth(tmp_path: Path) -> None:
+    text = OLD_FILE.replace('kind = "parameter"\nalso = ["other.mass"]', 'kind = "shared"\nprior = [1.01, 0.02]')
+    (tmp_path / "v.toml").write_text(text.replace('"kg"', '"1"').replace('transform = "log"', 'transform = "linear"'))
+    back = load_values(tmp_path / "v.toml")
+    error = back[MASS]
+    assert (error.kind, error.value, error.start, error.prior) == ("input", pytest.approx(-0.7), -0.5, (pytest.approx(-0.01), 0.02))
+    assert error.bounds == (-math.inf, 0.5)
+    assert back.covariance == pytest.approx(np.array([[1e-4, -5e-5], [-5e-5, 4e-4]]))
+
+
 def test_a_values_file_laid_over_a_deck_gives_the_fitted_model(found: Calibration, tmp_path: Path) -> None:
     found.save(tmp_path / "v.toml")
     save_model(box(), tmp_path / "box.toml")

@@ -94,8 +94,8 @@ def init(
     read = [without_strays(read_as(roles, log, alike if k else {}, time)) for k, log in enumerate(logs)]
     masked = [remark for _, lines in read for remark in lines]
     fitted, holdout = parted([record for record, _ in read])
-    with searching("searching for a structure") as told:
-        proposal = propose(roles, [thinned(r) for r in fitted], evaluations, facts=facts, progress=told)
+    with searching("searching for a structure") as progress:
+        proposal = propose(roles, [thinned(r) for r in fitted], evaluations, facts=facts, progress=progress)
     source, title = ", ".join(log.name for log in logs), name or word(logs[0].name.partition(".")[0])
     project = write_project(to, proposal, fitted, holdout, source, title, masked)
     content = {

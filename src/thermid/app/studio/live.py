@@ -201,8 +201,10 @@ def _like_a_record(path: Path, campaign: Campaign, stated: Scenario | None, bare
     header = {*written, *(name_and_unit(cell)[0] for cell in written)}
     records = campaign.source.content.records if campaign.source is not None else {}
     # columns of a power that no column holds are looked for where it is read
-    own = {name: {t if isinstance(t, str) else n for n, t in r.channels.items() if "power" not in t} for name, r in records.items()}
-    alike = [name for name, columns in own.items() if columns and columns <= header]
+    columns_of_records = {
+        name: {t if isinstance(t, str) else n for n, t in r.channels.items() if "power" not in t} for name, r in records.items()
+    }
+    alike = [name for name, columns in columns_of_records.items() if columns and columns <= header]
     if not alike and told:
         return _by_names(path, campaign[list(campaign)[-1]].fitted_model, stated, bare, told)
     if not alike:

@@ -93,18 +93,9 @@ class SeenValue:
         acts = ((p, 1.0, 0.0) for p in (u.name, *u.also)) if u.kind == "parameter" else dict.fromkeys(shared)
         return cls(u.kind, u.log, tuple(acts), *map(float, before(u)), *map(float, u.fitted_bounds()))
 
-    def acting(self, name: str) -> tuple[str, ...]:
-        """Return the paths where it acts as a value of the model, by its name."""
-        return tuple(p for p, *_ in self.acts) or (name,)
-
     def si(self, fitted: float) -> float:
         """Return the value of a fitted form. [SI]"""
         return float(np.exp(np.clip(fitted, -700.0, 700.0))) if self.log else fitted
-
-
-def _influence(factor: float, offset: float = 0.0) -> tuple[float, float]:
-    """Return factor and offset of what an instrument acts on; files of earlier versions have no offset."""
-    return float(factor), float(offset)
 
 
 @dataclass(frozen=True, eq=False)
@@ -403,11 +394,11 @@ class ErrorModel(Result):
 
     def without(self, places: Sequence[str]) -> ErrorModel:
         """Return what it says of all but some parts and values; of a value that acts elsewhere too it says the same there."""
-        left = {n: outside(v.acting(n), places) if v.kind == "parameter" else (n,) for n, v in self.seen.items()}
-        names = {n: acts[0] for n, acts in left.items() if acts}
-        acting = {n: tuple((p, 1.0, 0.0) for p in left[n]) if self.seen[n].kind == "parameter" else self.seen[n].acts for n in names}
-        seen = {name: replace(self.seen[n], acts=acting[n]) for n, name in names.items()}
-        return replace(self, seen=seen, ways=tuple(w.without(places, names) for w in self.ways))
+        paths_left = {n: outside([p for p, *_ in v.acts], places) if v.kind == "parameter" else (n,) for n, v in self.seen.items()}
+        names = {n: acts[0] for n, acts in paths_left.items() if acts}
+        acting = {n: tuple((p, 1.0, 0.0) for p in paths_left[n]) if self.seen[n].kind == "parameter" else self.seen[n].acts for n in names}
+        values = {name: replace(self.seen[n], acts=acting[n]) for n, name in names.items()}
+        return replace(self, seen=values, ways=tuple(w.without(places, names) for w in self.ways))
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and texts for a file."""
@@ -425,9 +416,7 @@ class ErrorModel(Result):
         """
         stage, at = data["stage"], data["at"]
         fitted_values = {
-            placed(n, at): SeenValue(
-                kind, log, tuple((placed(a, at), float(f), sum(map(float, o))) for a, f, *o in acts), *map(float, rest)
-            )
+            placed(n, at): SeenValue(kind, log, tuple((placed(a, at), float(f), float(o)) for a, f, o in acts), *map(float, rest))
             for n, (kind, log, acts, *rest) in data["seen"].items()
         }
         try:

@@ -893,8 +893,8 @@ def own_signal(value: Any, where: str = "") -> Any:
     """
     if not isinstance(value, Mapping):
         with errors_at(where):
-            own = None if isinstance(value, str | Signal) else stated(value)
-        return value if own is None or own.times is None else own_signal({"values": own}, where)
+            with_unit = None if isinstance(value, str | Signal) else stated(value)
+        return value if with_unit is None or with_unit.times is None else own_signal({"values": with_unit}, where)
     rows = value.get("values", ())
     with errors_at(where):
         rows = rows if isinstance(rows, str | list | tuple) else stated(rows) or rows

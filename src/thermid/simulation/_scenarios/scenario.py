@@ -159,26 +159,23 @@ class Scenario(Shown):
         ScenarioError   When some stamps have a time zone and some have none.
         """
         stamps = {place: s.stamp for place, s in self.signals() if isinstance(s, TableSignal) and s.stamp is not None}
-        given = self.begins
-        if given is None and not stamps:
+        if self.begins is None and not stamps:
             return
-        begins = min(stamps.values()) if given is None else instant(given, f"{self.title}, begins")
+        begins = min(stamps.values()) if self.begins is None else instant(self.begins, f"{self.title}, begins")
         another = next((place for place, stamp in stamps.items() if stamp.zoned != begins.zoned), "")
         if another:
-            one, other = ("begins" if given is not None else next(iter(stamps))), another
+            one, other = ("begins" if self.begins is not None else next(iter(stamps))), another
             raise ScenarioError(
                 f"the stamps of {one} and {other} differ: only one of them has a time zone. Give all of them one, or none.",
                 self.title,
                 code="record.time-unclear",
             )
 
-        def laid(s: Signal) -> Signal:
-            if not isinstance(s, TableSignal) or s.stamp is None:
-                return s
-            return replace(s.shifted(begins.seconds - s.stamp.seconds), stamp=None)
-
         object.__setattr__(self, "begins", begins)
-        for name, table in self._mapped_tables(laid).items() if stamps else ():
+        tables = self._mapped_tables(
+            lambda s: replace(s.shifted(begins.seconds - s.stamp.seconds), stamp=None) if isinstance(s, TableSignal) and s.stamp else s
+        )
+        for name, table in tables.items() if stamps else ():
             object.__setattr__(self, name, table)
 
     @property
