@@ -157,7 +157,7 @@ def _from_below(
             below.append((part, store))
             ahead = "" if part == "." else f"{model.canonical(part)}."
             moving |= dict.fromkeys(ahead + p for p in _may_move(store, inherit, here))
-    whole, remarks = graft(model, below)
+    whole, remarks = graft(model, below, stage.untie if isinstance(stage.untie, list) else ())
     return whole, tuple(p for p in whole.parameters if p in moving), tuple(f"{FIRST}{r}" for r in remarks)
 
 

@@ -642,17 +642,19 @@ def _alike(one: str, other: str) -> bool:
     return a is not None and b is not None and a.unit.dimension == b.unit.dimension and math.isclose(a.value, b.value, rel_tol=1e-12)
 
 
-def graft(model: Model, below: Sequence[tuple[str, Store]]) -> tuple[Store, tuple[str, ...]]:
+def graft(model: Model, below: Sequence[tuple[str, Store]], untied: Sequence[str] = ()) -> tuple[Store, tuple[str, ...]]:
     """Return the stores of parts as one store of the whole, and remarks on values of which two states arrive.
 
     Parameters
     ----------
     model : Model       The whole.
     below : sequence    Part (``.`` for the model itself) and store, in any order.
+    untied : sequence   Instances or values that the whole will be cut from their twins at; see `Model.cut`.
 
     Of two states of one value the one nearer the root of the assembly holds, or the one that was found with the other known. What several
     stages say of one instrument is combined by generalised least squares. A state acts at every twin of its place, whatever their heights;
-    a remark names those where it does not.
+    a remark names those where it does not. Where twins have one result in several states, the others take that of a twin with which they
+    stay one value.
 
     Raises
     ------
@@ -688,11 +690,11 @@ def graft(model: Model, below: Sequence[tuple[str, Store]]) -> tuple[Store, tupl
         tuple(dict.fromkeys(replace(d, path=_under(d.path, part)) for part, store in parts for d in store.dropped)),
         tuple(dict.fromkeys(x for _, store in parts for x in store.left_out)),
     )
-    whole, apart = _at_twins(model, whole)
+    whole, apart = _at_twins(model, whole, untied)
     return whole.trimmed(), (*remarks, *apart)
 
 
-def _at_twins(model: Model, whole: Store) -> tuple[Store, list[str]]:
+def _at_twins(model: Model, whole: Store, untied: Sequence[str]) -> tuple[Store, list[str]]:
     """Return a store whose states act at every place of their values, and remarks on the places where none does.
 
     What a stage found for some of the twins in its model alone is no result for others, and neither is one of several.
@@ -700,6 +702,7 @@ def _at_twins(model: Model, whole: Store) -> tuple[Store, list[str]]:
     decks = rows_of_decks(model)
     if all(len(decks[p][1]) < 2 for s in whole.parameters.values() for p in s.paths if p in decks):
         return whole, []
+    tied_here = local_identities(model.cut(*untied))
     places: dict[tuple[str, str], list[str]] = {}
     for path, one in local_identities(model).items():
         places.setdefault((one.owner, one.local), []).append(path)
@@ -718,7 +721,9 @@ def _at_twins(model: Model, whole: Store) -> tuple[Store, list[str]]:
         elif rest and any(not s.at or inside(p, s.at) for p in rest for s in here.values()):
             remarks.add(rest, f"the value of the deck stays at {{}}: {first.origin} fitted that of {remarks.places(here)} alone.")
         else:
-            states[first.path] = replace(states[first.path], paths=(*states[first.path].paths, *rest))
+            for p in rest:
+                path = next((s.path for q, s in here.items() if q in tied_here[p].paths), first.path)
+                states[path] = replace(states[path], paths=(*states[path].paths, p))
     remarks.add_hidden(states.values(), parameter_table(model))
     return replace(whole, states=states), remarks.remarks()
 

@@ -224,6 +224,7 @@ def held(stage: Stage, done: Mapping[str, list[Known]]) -> Held:
     """Return what acts where in the model of a stage before it fits."""
     deck, every, moving = stage.deck, [], []
     own: dict[int, Key] = {}
+    high: dict[int, tuple[int, str]] = {}
     for part, i in stage.inherit.items():
         for k in done[i.stage]:
             mine = k.stage == i.stage
@@ -232,6 +233,7 @@ def held(stage: Stage, done: Mapping[str, list[Known]]) -> Held:
                 continue
             moved = k.under(part)
             every.append(moved)
+            high[id(moved)] = (part.count("."), part)
             first = moved.paths[0]
             own[id(moved)] = below(deck, moved.at).key(first[len(moved.at) + 1 :]) if inside(first, moved.at) else deck.key(first)
             if i.prior and (not i.move or name in i.move):
@@ -244,7 +246,11 @@ def held(stage: Stage, done: Mapping[str, list[Known]]) -> Held:
         if not all(k.same(results[0]) for k in results) or any(inside(p, k.at) for p in rest for k in results):
             silent |= set(rest)
         else:
-            acting |= dict.fromkeys(rest, results[0])
+            # the result of a twin with which a place stays one value, or the uppermost
+            results.sort(key=lambda k: high[id(k)])
+            for p in rest:
+                side = apart_by(stage, p)
+                acting[p] = next((k for k in results for q in k.paths if apart_by(stage, q) == side), results[0])
     rows: dict[Key, list[str]] = {}
     for prefix, part in deck.every():
         for p in part.truth:
@@ -270,9 +276,13 @@ def groups_of(stage: Stage, now: Held) -> list[tuple[str, ...]]:
     out: dict[Any, list[str]] = {}
     for p in stage.deck.paths():
         k = now.acting.get(p)
-        alone = p if stage.untie is True else next((c for c in (stage.untie or []) if inside(p, c)), "")
-        out.setdefault((stage.deck.key(p), (k.stage, k.value) if k else None, alone), []).append(p)
+        out.setdefault((stage.deck.key(p), (k.stage, k.value) if k else None, apart_by(stage, p)), []).append(p)
     return [tuple(g) for g in out.values()]
+
+
+def apart_by(stage: Stage, path: str) -> str:
+    """Return the place at which a stage unties a path from its twins; empty for none."""
+    return path if stage.untie is True else next((c for c in (stage.untie or []) if inside(path, c)), "")
 
 
 @dataclass
