@@ -229,10 +229,12 @@ def expanded(stated: Mapping[str, Any], model: Model) -> list[tuple[list[str], A
         for path, entry in table.items():
             parameter = entry.parameter
             bounded = parameter.minimum is not None and parameter.maximum is not None and parameter.minimum < parameter.maximum
-            if parameter.is_literal and fnmatch.fnmatchcase(path, raw) and (how != "range" or bounded):
+            if parameter.is_literal and fnmatch.fnmatchcase(path, raw) and (how != "range" or bounded or parameter.spread):
                 same.setdefault(entry.where, []).append(path)
         if not same:
-            raise NameNotFoundError(f"the pattern '{raw}' matches no number{' with min and max' if how == 'range' else ''}.", model.title)
+            raise NameNotFoundError(
+                f"the pattern '{raw}' matches no number{' with min and max, or a spread' if how == 'range' else ''}.", model.title
+            )
         # what is named wins over a pattern that reaches it
         remaining = ([p for p in paths if p not in taken] for paths in same.values())
         out += [(paths, how) for paths in remaining if paths]

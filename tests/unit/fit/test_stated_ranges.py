@@ -109,6 +109,26 @@ def test_a_spread_of_one_s_own_is_a_range(spread: str | float, law: tuple[float,
     assert freed["film"].prior == pytest.approx((math.log(6.0), math.log(law[1] / law[0]) / (2 * 1.959964)), rel=1e-6)
 
 
+def test_range_means_the_spread_of_a_deck_where_it_states_one() -> None:
+    """It asked for min and max that the deck need not have, and a pattern did not reach the value."""
+    deck = td.design.Knowledge(box(parameters={"film": {"value": "6 [W/(m^2 K)]", "spread": "5 [%]"}}))
+    stated, *same = (
+        td.predict(deck, ROOM, spread={n: how})["b"].final.error for n, how in [("film", "5 [%]"), ("film", "range"), ("fil*", "range")]
+    )
+    assert same == pytest.approx([stated] * 2, rel=1e-9)
+
+
+def test_equal_values_of_twins_with_other_spreads_are_not_one() -> None:
+    part: dict[str, Any] = {"title": "Part", "needs": ["air"], "nodes": {"n": {"capacitance": "9 [J/K]"}}}
+    part["conductors"] = {"g": {"kind": "conduction", "between": ["n", "air"], "conductance": "0.1 [W/K]"}}
+    uses = {n: {"use": td.model_from_dict(part), "bind": {"air": "air"}} for n in "pq"}
+    one, other = ({"value": "0.2 [W/K]", "spread": spread} for spread in ("5 [%]", "20 [%]"))
+    for second, count in ((one, 1), (other, 2)):
+        deck = {"title": "Two", "needs": ["air"], "submodels": uses, "set": {"p.g.conductance": one, "q.g.conductance": second}}
+        model = td.model_from_dict(deck)
+        assert len(ranged_values(model, ParameterSet(model))) == count
+
+
 def test_a_deck_keeps_a_spread_as_it_was_stated() -> None:
     for stated in (OWN_FILM | {"spread": "range"}, {"value": "20 [degC]", "spread": "0.5 [K]"}, {"value": "30 [cm^2]", "spread": "5 [%]"}):
         assert parameter(written(parameter(stated))) == parameter(stated)
