@@ -27,7 +27,7 @@ from thermid.prediction._split import split_values
 from thermid.simulation.network import Network, compile_network
 from thermid.simulation.runs import Scenario, Simulator, network_for, prepare
 from thermid.values.fitted import FittedValues
-from thermid.values.ranges import RangedValue, narrowed, ranged_values
+from thermid.values.ranges import RangedValue, narrowed, ranged_values, without_spread
 from thermid.values.spreads import cut
 from thermid.values.store import Distribution, Kind, LeftOut, Logarithm, LogNormal, Normal, Shifted, Source, Uniform, uniforms
 
@@ -840,7 +840,7 @@ def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tupl
     loose = assumed_values(budget.model, budget.scenario, spread)
     if not loose:
         return ()
-    words = f"{len(loose)} assumed value{'s' if len(loose) > 1 else ''} without a stated spread ({quoted([a.path for a in loose], 3)})"
+    words = without_spread([a.path for a in loose])
     through = _solved_again(budget, [a.path for a in loose])
     ready = prepare(budget.model, lasting(budget.scenario), list(dict.fromkeys([*(a.path for a in loose), *through])))
     try:

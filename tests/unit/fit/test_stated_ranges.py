@@ -129,6 +129,15 @@ def test_equal_values_of_twins_with_other_spreads_are_not_one() -> None:
         assert len(ranged_values(model, ParameterSet(model))) == count
 
 
+def test_a_fit_says_which_brackets_it_held_as_exact() -> None:
+    """Only `predict` said so, and a bracket of one's own is no range."""
+    words = "counted as exact: 1 assumed value without a stated spread ('film')"
+    for film, told in ((OWN_FILM, True), (OWN_FILM | {"spread": "range"}, False), (OWN_FILM | {"spread": "5 [%]"}, False)):
+        deck = box(parameters={"film": film})
+        assert (words in str(td.calibrate(deck, log(deck), ["joint.conductance"], scenario=BESIDE))) == told
+    assert words not in str(td.calibrate(deck := box(parameters={"film": OWN_FILM}), log(deck), ["film"], scenario=BESIDE))
+
+
 def test_a_deck_keeps_a_spread_as_it_was_stated() -> None:
     for stated in (OWN_FILM | {"spread": "range"}, {"value": "20 [degC]", "spread": "0.5 [K]"}, {"value": "30 [cm^2]", "spread": "5 [%]"}):
         assert parameter(written(parameter(stated))) == parameter(stated)

@@ -163,7 +163,7 @@ class DeckDocument:
         return replace(self, text=last.done(self.text), past=(*self.past, last), future=self.future[:-1])
 
     def with_values(self, values: Mapping[str, Any], basis: str = "") -> DeckDocument:
-        """Return it with values of parameters, by their paths in the model; submodels' go to [set]. A spread and a range go with the old one.
+        """Return it with values of parameters, by their paths in the model; submodels' go to [set]. Spreads and ranges of old ones go.
 
         Parameters
         ----------
