@@ -312,8 +312,7 @@ class Simulator(Shown):
         of_deck = parameter if isinstance(spread, str) and spread == "range" else None
         stated = of_deck.stated_range if of_deck is not None and of_deck.is_range else None
         bounds = self.bounds(path) if stated is None else (stated.low, stated.high)
-        written = (of_deck.spread if of_deck is not None else "") or spread
-        return read_spread(written, self.slots(path)[0], self.nominal[path], where, bounds=bounds)
+        return read_spread((of_deck and of_deck.spread) or spread, self.slots(path)[0], self.nominal[path], where, bounds=bounds)
 
     def with_units(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return values in SI by free name, or of many members, as `run` and `ensemble` take them: temperatures with their unit."""

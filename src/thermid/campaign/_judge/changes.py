@@ -14,7 +14,6 @@ from thermid.base.dual import value_of
 from thermid.base.errors import SolverError
 from thermid.base.results import Result
 from thermid.base.units import si_unit
-from thermid.model.elements import Parameter
 from thermid.model.tree import Model, ParameterSet, identities
 from thermid.simulation.network import Numbers, compile_network
 from thermid.simulation.runs import Scenario, steady
@@ -168,19 +167,13 @@ def _values(old: Model, new: Model, scenarios: Sequence[Scenario], before: Seque
             moved = moved.with_values(number)
     here = ParameterSet(old).table
     for path in here.keys() & target.table.keys():
-        (low, high), (least, most) = ((p.minimum, p.maximum) for p in (here[path].parameter, target.table[path].parameter))
+        a, b = here[path].parameter, target.table[path].parameter
+        (low, high), (least, most) = ((p.minimum, p.maximum) for p in (a, b))
         if not _mean_the_same((low, high), (least, most)):
             changes.append(Change(path, f"bounds {low} .. {high} -> {least} .. {most}", 0.0))
-        ends, others = (_stated(p) for p in (here[path].parameter, target.table[path].parameter))
-        if ends != others and (here[path].parameter.spread != target.table[path].parameter.spread or "none" in (ends, others)):
-            changes.append(Change(path, f"stated range {ends} -> {others}", 0.0))
+        if str(a.stated_range) != str(b.stated_range) and (a.spread != b.spread or None in (a.stated_range, b.stated_range)):
+            changes.append(Change(path, f"stated range {a.stated_range} -> {b.stated_range}", 0.0))
     return moved, changes
-
-
-def _stated(parameter: Parameter) -> str:
-    """Return what holds 95 % of a value by what is stated of it, in SI units."""
-    stated = parameter.stated_range
-    return "none" if stated is None else f"{stated.low:.6g} .. {stated.high:.6g}"
 
 
 def _effect(

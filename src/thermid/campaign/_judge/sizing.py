@@ -176,8 +176,8 @@ class _Task:
     def searched(self, between: tuple[Any, Any] | None) -> tuple[float, float]:
         """Return the range. [SI]"""
         deck = ParameterSet(self.model).table[self.path].parameter
-        own = deck if deck.is_range else self.parameter
-        ends = between if between is not None else (own.minimum, own.maximum)
+        deck = deck if deck.is_range else self.parameter
+        ends = between if between is not None else (deck.minimum, deck.maximum)
         low, high = (np.nan if end is None else amount(end, self.unit, f"between, {self.path}") for end in ends)
         if not low < high:
             raise ScenarioError(

@@ -180,8 +180,8 @@ class DeckDocument:
             old = _at(self.content, keys)
             if isinstance(old, Mapping):
                 more = {"source": "derived", "basis": basis} if basis else {}
-                left = ("spread", *(("min", "max") if parameter(old).is_range else ()))
-                edits += [Edit((*keys, key)) for key in left if key in old]
+                outdated = ("spread", "min", "max") if parameter(old).is_range else ("spread",)
+                edits += [Edit((*keys, key)) for key in outdated if key in old]
                 edits += [Edit((*keys, key), text) for key, text in {"value": value, **more}.items()]
             else:
                 edits.append(Edit(keys, value))
