@@ -1,5 +1,5 @@
 // What the server says and takes. Every command returns the whole state of the draft, so that the page never has a state of its own.
-export interface Field { name: string; number: string; unit: string; units: string[]; expression: boolean; source: string; given: boolean; law: boolean; missing: boolean; low: string; high: string }
+export interface Field { name: string; number: string; unit: string; units: string[]; expression: boolean; source: string; given: boolean; law: boolean; missing: boolean; low: string; high: string; spread: string }
 export interface Element { table: string; name: string; shape: string; ends: string[]; fields: Field[]; sensor: boolean; logged?: string; schedule?: Record<"on" | "off" | "share", string> | null; use?: string; bind?: Record<string, unknown> }
 export interface Shape { name: string; words: string; key: string; table: string; ends: number }
 export interface Fault { severity: string; code: string; message: string; where: string; line: number | null }

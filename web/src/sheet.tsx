@@ -21,14 +21,14 @@ function Value({ of, field }: { of: Element; field: Field }) {
   return (
     <div class={`field ${field.missing ? "lacking" : ""}`}>
       <label for={id}>{plain(field.name)}{field.missing && <em> not given yet</em>}</label>
-      <input id={id} type="text" inputMode="decimal" autocomplete="off" value={number} aria-invalid={why ? "true" : undefined} aria-describedby={[why && `${id}-why`, field.low && `${id}-range`].filter(Boolean).join(" ") || undefined} onInput={(e) => setNumber(e.currentTarget.value)}
+      <input id={id} type="text" inputMode="decimal" autocomplete="off" value={number} aria-invalid={why ? "true" : undefined} aria-describedby={[why && `${id}-why`, (field.low || field.spread) && `${id}-range`].filter(Boolean).join(" ") || undefined} onInput={(e) => setNumber(e.currentTarget.value)}
         onChange={(e) => write(e.currentTarget.value, field.unit, source)} onKeyDown={(e) => { if (e.key === "Enter" && field.missing && number === field.number) write(number, field.unit, source); }} />
       <select aria-label={`Unit of ${plain(field.name)}`} value={field.unit} onChange={(e) => write(number, e.currentTarget.value, source)}>{field.units.map((u) => <option key={u} value={u}>{u === "1" ? "–" : nice(u)}</option>)}</select>
       <select aria-label={`Source of ${plain(field.name)}`} value={source} onChange={(e) => { setSource(e.currentTarget.value); if (number) write(number, field.unit, e.currentTarget.value); }}>
         <option value="">no source</option>{draft.value?.sources.map((s) => <option key={s} value={s}>{s}</option>)}
       </select>
       <Why id={`${id}-why`} why={why} now={field.number && `${field.number} ${field.expression || field.unit === "1" ? "" : field.unit}`.trim()} />
-      {field.low && <span id={`${id}-range`} class="soft range">{nice(field.low)} to {nice(field.high)}</span>}
+      {(field.low || field.spread) && <span id={`${id}-range`} class="soft range">{[field.low && `${nice(field.low)} to ${nice(field.high)}`, field.spread && (field.spread === "range" ? "its range" : `± ${nice(field.spread)}`)].filter(Boolean).join(", ")}</span>}
     </div>
   );
 }

@@ -34,9 +34,10 @@ class ValueRecord:
     level : str             The stage that calibrated it; empty otherwise.
     tests : tuple of str    Records that it was calibrated with.
     date : str              Day of the calibration.
-    minimum, maximum : float or None    Its range. In the unit.
+    minimum, maximum : float or None    Its bounds, or its range. In the unit.
     origin : str            Who set the value that holds.
     basis : str             What the deck says that it rests on, or the expression that computes it.
+    spread : str            Its standard deviation as the deck states it, or 'range'; empty where it states none.
     """
 
     path: str
@@ -51,6 +52,7 @@ class ValueRecord:
     maximum: float | None = None
     origin: str = ""
     basis: str = ""
+    spread: str = ""
 
 
 @dataclass(frozen=True)
@@ -172,7 +174,7 @@ def _row(values: ParameterSet, path: str, number: float, last: Calibration, fits
         state = "calibrated" if fits[stage] is last else "frozen"
     basis = parameter.basis if parameter.is_literal else parameter.text
     low, high = shown(parameter.minimum), shown(parameter.maximum)
-    return ValueRecord(path, shown(number) or 0.0, error, text, state, stage, tests, date, low, high, entry.origin, basis)
+    return ValueRecord(path, shown(number) or 0.0, error, text, state, stage, tests, date, low, high, entry.origin, basis, parameter.spread)
 
 
 def _unit_of(values: ParameterSet, path: str) -> str:

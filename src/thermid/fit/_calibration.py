@@ -28,7 +28,7 @@ from thermid.model.identity import cuts_of
 from thermid.model.tree import Model, parameter_table
 from thermid.physics.constants import ICE_POINT
 from thermid.values.fitted import FittedValue, FittedValues, load_values, save_store
-from thermid.values.ranges import range_shares
+from thermid.values.ranges import range_shares, without_spread
 from thermid.values.store import INPUT, State, Store
 
 LOUD = "NOT CREDIBLE: "
@@ -60,6 +60,14 @@ def loudly(values: FittedValues) -> tuple[str, ...]:
     """Return the sentence about contradicted values for the head of a fit; nothing where nothing is contradicted."""
     far = contradicted(values)
     return (f"{LOUD}{'; '.join(far.values())}. {BLAME}",) if far else ()
+
+
+def _bracketed(fit: Calibration) -> list[str]:
+    """Return the assumed values that a fit held and whose deck has min and max, but no spread that would make these a range."""
+    given = {p for s in fit.store.states.values() for p in s.acts}
+    given |= {p for e in fit.experiments for p in e.scenario.driven(e.network.flat)}
+    held = {p: e.parameter for p, e in parameter_table(fit.model).items() if e.parameter.source == "assumed" and p not in given}
+    return [p for p, x in held.items() if x.is_literal and None not in x.walls and x.stated_range is None]
 
 
 def far_from_sheet(model: Model, values: FittedValues) -> tuple[str, ...]:
@@ -296,6 +304,7 @@ class Calibration(Result):
         lines += [f"  {v.path}: shares its value with {', '.join(v.also)}" for v in fitted.values() if v.also]
         lines += [f"  cut from the other instances of its deck: {place}" for place in cuts_of(self.model)]
         lines += _known_lines(self.store, {*self.values.assignments}, width)
+        lines += [f"  counted as exact: {without_spread(bare)}; min and max only bound a search"] if (bare := _bracketed(self)) else []
         for name, s in self.sensors.items():
             white = "yes" if s.white else f"no (lag-1 {s.lag_one:.2f})"
             worth = f", effective sample size {short(s.effective_samples)}" if s.wanders else ""

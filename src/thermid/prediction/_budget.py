@@ -27,7 +27,7 @@ from thermid.prediction._split import split_values
 from thermid.simulation.network import Network, compile_network
 from thermid.simulation.runs import Scenario, Simulator, network_for, prepare
 from thermid.values.fitted import FittedValues
-from thermid.values.ranges import RangedValue, narrowed, ranged_values
+from thermid.values.ranges import RangedValue, narrowed, ranged_values, without_spread
 from thermid.values.spreads import cut
 from thermid.values.store import Distribution, Kind, LeftOut, Logarithm, LogNormal, Normal, Shifted, Source, Uniform, uniforms
 
@@ -229,10 +229,12 @@ def expanded(stated: Mapping[str, Any], model: Model) -> list[tuple[list[str], A
         for path, entry in table.items():
             parameter = entry.parameter
             bounded = parameter.minimum is not None and parameter.maximum is not None and parameter.minimum < parameter.maximum
-            if parameter.is_literal and fnmatch.fnmatchcase(path, raw) and (how != "range" or bounded):
+            if parameter.is_literal and fnmatch.fnmatchcase(path, raw) and (how != "range" or bounded or parameter.spread):
                 same.setdefault(entry.where, []).append(path)
         if not same:
-            raise NameNotFoundError(f"the pattern '{raw}' matches no number{' with min and max' if how == 'range' else ''}.", model.title)
+            raise NameNotFoundError(
+                f"the pattern '{raw}' matches no number{' with min and max, or a spread' if how == 'range' else ''}.", model.title
+            )
         # what is named wins over a pattern that reaches it
         remaining = ([p for p in paths if p not in taken] for paths in same.values())
         out += [(paths, how) for paths in remaining if paths]
@@ -838,7 +840,7 @@ def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tupl
     loose = assumed_values(budget.model, budget.scenario, spread)
     if not loose:
         return ()
-    words = f"{len(loose)} assumed value{'s' if len(loose) > 1 else ''} without a stated spread ({quoted([a.path for a in loose], 3)})"
+    words = without_spread([a.path for a in loose])
     through = _solved_again(budget, [a.path for a in loose])
     ready = prepare(budget.model, lasting(budget.scenario), list(dict.fromkeys([*(a.path for a in loose), *through])))
     try:

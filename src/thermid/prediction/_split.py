@@ -311,10 +311,11 @@ def _prior(network: Network, c: FlatConductor, priors: Mapping[str, Any]) -> Emi
     if not 0.0 < value <= 1.0:
         raise IdentificationError(f"an emissivity of {value:g} is not possible. Give 0 to 1.", c.where, code="value.outside-range")
     low, high, stated = parameter.minimum, parameter.maximum, parameter.stated_range
-    if low is not None and high is not None and 0.0 < low < high:
-        name = stated.name if stated is not None else ""
-        what = f"finish '{name}'," if name else "an emissivity of"
-        return EmissivityPrior(value, StatedRange(low, high).log_sd(value), f"{what} {low:g} to {high:g}", name)
+    if stated is None and low is not None and high is not None and 0.0 < low < high:
+        stated = StatedRange(low, high)
+    if stated is not None:
+        what = f"finish '{stated.name}'," if stated.name else "an emissivity of"
+        return EmissivityPrior(value, stated.log_sd(value), f"{what} {stated.low:.3g} to {stated.high:.3g}", stated.name)
     return EmissivityPrior(value, 0.0, f"an emissivity of {value:.3g}, taken as exact")
 
 

@@ -305,14 +305,14 @@ class Simulator(Shown):
         return domain(*self.bounds(name), name in self._wiring.parameters and parameters.dimension(name) == NUMBER)
 
     def law(self, name: str, spread: Any) -> Distribution:
-        """Return the law of the value of a free name that a written spread means; see `read_spread`. [SI]"""
+        """Return the law of the value of a free name that a written spread means; "range" is what its deck states. [SI]"""
         path = self.canonical(name)
         where = f"{self.title}, spread of '{path}'"
         parameter = self._wiring.network.flat.parameters.table[path].parameter if path in self._wiring.parameters else None
-        is_range = isinstance(spread, str) and spread == "range" and parameter is not None and parameter.is_range
-        stated = parameter.stated_range if parameter is not None and is_range else None
+        of_deck = parameter if isinstance(spread, str) and spread == "range" else None
+        stated = of_deck.stated_range if of_deck is not None and of_deck.is_range else None
         bounds = self.bounds(path) if stated is None else (stated.low, stated.high)
-        return read_spread(spread, self.slots(path)[0], self.nominal[path], where, bounds=bounds)
+        return read_spread((of_deck and of_deck.spread) or spread, self.slots(path)[0], self.nominal[path], where, bounds=bounds)
 
     def with_units(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return values in SI by free name, or of many members, as `run` and `ensemble` take them: temperatures with their unit."""

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
+from thermid.base.errors import quoted
+from thermid.base.units import counted
 from thermid.model.elements import StatedRange
 from thermid.model.identity import local_identities
 from thermid.model.tree import ParameterSet, Tree
@@ -68,6 +70,11 @@ def ranged_values(model: Tree, parameters: ParameterSet, without: Collection[str
         columns = tuple((Source(f"{RANGE_OF}{what}", "stated", Normal(), words), share) for what, share in shares.items() if share > 0.0)
         out.append(RangedValue(path, tuple(also), r, columns))
     return out
+
+
+def without_spread(paths: Sequence[str]) -> str:
+    """Return the words of assumed values that nobody states a spread of."""
+    return f"{counted(len(paths), 'assumed value')} without a stated spread ({quoted(paths, 3)})"
 
 
 def range_shares(store: Store, path: str) -> dict[str, float]:

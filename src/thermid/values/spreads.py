@@ -32,7 +32,7 @@ def read_spread(written: Any, slot: str, nominal: float, where: str, *, bounds: 
     ----------
     written : str, Quantity, dict  ``"0.5 [W]"`` or ``{"sd": "0.5 [W]"}``: normal, a standard deviation; ``"10 [%]"``: of the value;
                             ``{"log_sd": 0.2}``: the logarithm normal; ``{"low": ..., "high": ...}``: uniform between, nothing beyond;
-                            ``"range"``: uniform between the bounds of the deck. ``mean`` may stand beside ``sd`` and ``log_sd`` (there: the
+                            ``"range"``: uniform between `bounds`. ``mean`` may stand beside ``sd`` and ``log_sd`` (there: the
                             median). Of a temperature K means a shift of what deck or scenario have, degC and degF the temperature itself.
     slot : str              Unit of the value: a unit text, `temperature`, or K for a shift of a temperature that varies in time.
     nominal : float         What the value is otherwise; zero for a shift. [SI]
@@ -47,7 +47,9 @@ def read_spread(written: Any, slot: str, nominal: float, where: str, *, bounds: 
     if isinstance(written, str) and written == "range":
         if not np.isfinite(bounds).all():
             raise ScenarioError(
-                "'range' needs min and max of the value in its deck. Give them, or another spread.", where, code="value.incomplete"
+                "'range' needs min and max of the value in its deck. Give them or its spread there, or another spread here.",
+                where,
+                code="value.incomplete",
             )
         return Uniform(*bounds)
     table: Mapping[str, Any] = {"sd": written} if isinstance(written, str) or stated(written) is not None else written

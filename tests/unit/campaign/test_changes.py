@@ -17,7 +17,7 @@ from thermid.campaign._judge.changes import compare_models
 DECK: dict[str, Any] = {
     "title": "box",
     "needs": ["air", "wall"],
-    "parameters": {"area": "0.1 [m^2]", "paint": {"value": 0.8, "min": 0.6, "max": 0.95}, "share": 0.25},
+    "parameters": {"area": "0.1 [m^2]", "paint": {"value": 0.8, "min": 0.6, "max": 0.95, "spread": 0.04}, "share": 0.25},
     "nodes": {
         "box": {"mass": "2 [kg]", "specific_heat": "900 [J/(kg K)]"},
         "lid": {"capacitance": "300 [J/K]"},
@@ -110,6 +110,8 @@ def planted() -> list[tuple[str, str, dict[str, Any]]]:
         ("nodes", "lid"): {},
         ("nodes", "tab"): {"capacitance": "1 [J/K]"},
         ("needs",): ["air", "wall", "sky"],
+        ("parameters", "paint", "spread"): "range",
+        ("parameters", "paint"): {"value": 0.8, "min": 0.6, "max": 0.95},
     }
     joined = {"between": ["tab", "box"], "kind": "conduction", "conductance": "1 [W/K]"}
     for path, value in moved.items():

@@ -63,10 +63,13 @@ class TestRecord:
         path = make_project(tmp_path)
         deck = path.parent / "pair.toml"
         deck.write_text(
-            deck.read_text().replace('area = "20 [cm^2]"', 'area = { value = "20 [cm^2]", source = "datasheet", basis = "sheet 7" }')
+            deck.read_text().replace(
+                'area = "20 [cm^2]"', 'area = { value = "20 [cm^2]", source = "datasheet", basis = "sheet 7", spread = "5 [%]" }'
+            )
         )
         found = td.inference.credibility(td.run_stages(path))
-        assert (found["stack.area"].state, found["stack.area"].basis) == ("datasheet", "sheet 7")
+        area = found["stack.area"]
+        assert (area.state, area.basis, area.spread) == ("datasheet", "sheet 7", "5 [%]")
         assert found[f"b.{HTC}"].state == "not stated"
         assert found["b.heat.power"].state == "computed"
         assert found["b.heat.power"].unit == "W"

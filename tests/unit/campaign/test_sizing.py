@@ -130,7 +130,7 @@ def test_the_value_that_holds_in_95_percent_does_so_in_draws() -> None:
     assert min(shares) > 0.90
 
 
-def _strap() -> td.Model:
+def _strap(**known: str) -> td.Model:
     """A unit between a warm and a cold plate; a flow of air cools it less when it is slow, and warms it when it is fast."""
     return td.model_from_dict(
         {
@@ -141,7 +141,7 @@ def _strap() -> td.Model:
                 "strap": {
                     "kind": "conduction",
                     "between": ["unit", "base"],
-                    "conductance": {"value": "0.4 [W/K]", "min": 0.1, "max": 2.0},
+                    "conductance": {"value": "0.4 [W/K]", "min": 0.1, "max": 2.0, **known},
                 }
             },
             "loads": {"chips": {"into": "unit", "power": {"value": "8 [W]", "basis": "datasheet"}}},
@@ -171,6 +171,13 @@ def test_states_have_limits_of_their_own() -> None:
     assert "hot" in least.by
     assert most.value == 2.0  # the range ends: -20 + .5/2 is above -30
     assert "range" in most.by
+
+
+@pytest.mark.parametrize("known", [{"spread": "range"}, {"source": "datasheet"}, {"spread": "5 [%]"}])
+def test_minimum_and_maximum_bound_the_search_whatever_they_mean(known: dict[str, str]) -> None:
+    strap = _strap(**known)
+    told = size(strap, "strap.conductance", LIMITS, [HOT, COLD], between=("0.1 [W/K]", "2 [W/K]"), margin=4.0)
+    assert size(strap, "strap.conductance", LIMITS, [HOT, COLD], margin=4.0).windows == told.windows
 
 
 def test_no_value_meets_all_limits() -> None:

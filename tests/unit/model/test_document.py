@@ -116,6 +116,23 @@ def test_one_value_edited_changes_one_line(tmp_path: Path, decks: int) -> None:
         assert changed[0][0].partition("#")[1:] == changed[0][1].partition("#")[1:]  # with its comment, and its end of line
 
 
+@pytest.mark.parametrize(
+    ("known", "kept"),
+    [
+        ('spread = "5 [%]", min = 2, max = 9', {"min": 2, "max": 9}),
+        ('min = 2, max = 9, spread = "range"', {}),
+        ('min = 2, max = 9, source = "datasheet"', {}),
+    ],
+)
+def test_a_spread_and_a_range_go_with_the_value_that_had_them(tmp_path: Path, known: str, kept: dict[str, int]) -> None:
+    """The deck said of a fitted value that it has the spread of the old one, and refused one outside the old one's range."""
+    file = tmp_path / "deck.toml"
+    file.write_text(f'title = "One"\n\n[nodes]\nn = {{ capacitance = {{ value = "5 [J/K]", {known} }} }}\n', encoding="utf-8")
+    value = "7 [J/K]" if kept else "11 [J/K]"
+    after = DeckDocument.opened(file).with_values({"n.capacitance": value}, "fitted")
+    assert after.content["nodes"]["n"]["capacitance"] == {"value": value, **kept, "source": "derived", "basis": "fitted"}
+
+
 def test_values_go_to_their_places_with_their_basis(tmp_path: Path) -> None:
     file = tmp_path / "deck.toml"
     file.write_bytes(deck(random.Random(11)))

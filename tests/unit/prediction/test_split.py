@@ -96,6 +96,17 @@ def test_prior_and_correlation_meet_by_their_errors() -> None:
     assert found.model.at("skin.emissivity").expression.literal.value == pytest.approx(one.emissivity)
 
 
+def test_a_spread_of_an_emissivity_is_its_prior_as_that_of_a_finish_is() -> None:
+    """It was taken as exact: the split moved none of it."""
+    finish = FINISHES["stainless steel, machined"]
+    made = part("0.00420536 [m^2]", "6 [W/(m^2 K)]", "0.225 [W]", "stainless steel, machined")
+    deck = to_dict(made)
+    deck["surfaces"]["skin"].pop("finish")
+    deck["surfaces"]["skin"]["emissivity"] = {"value": finish.typical, "spread": f"{100.0 * log_sd(finish)!r} [%]"}
+    found = td.inference.split(td.model_from_dict(deck), conditions=BENCH)["skin"]
+    assert found.emissivity == pytest.approx(td.inference.split(made, conditions=BENCH)["skin"].emissivity, rel=1e-3)
+
+
 def test_the_floor_cuts_off_what_leaves_less_than_gas_at_rest() -> None:
     """Oxidised aluminium on a coefficient that hardly holds it: the emissivity is pushed below the finish's typical value."""
     found = td.inference.split(part("0.01 [m^2]", "2.3 [W/(m^2 K)]", "0.3 [W]", "aluminium, oxidised"), conditions=BENCH)["skin"]

@@ -342,4 +342,5 @@ def _field(name: str, written: Any, slot: str) -> dict[str, Any]:
         **{"name": name, "number": number, "unit": unit or slot, "units": units, "expression": bool(text) and not plain},
         **{"source": table.get("source", ""), "given": bool(table), "law": bool(table) and "value" not in table},
         **{"missing": table.get("basis") == PLACEHOLDER, "low": str(table.get("min", "")), "high": str(table.get("max", ""))},
+        "spread": str(table.get("spread", "")),
     }

@@ -167,9 +167,12 @@ def _values(old: Model, new: Model, scenarios: Sequence[Scenario], before: Seque
             moved = moved.with_values(number)
     here = ParameterSet(old).table
     for path in here.keys() & target.table.keys():
-        (low, high), (least, most) = ((p.minimum, p.maximum) for p in (here[path].parameter, target.table[path].parameter))
+        a, b = here[path].parameter, target.table[path].parameter
+        (low, high), (least, most) = ((p.minimum, p.maximum) for p in (a, b))
         if not _mean_the_same((low, high), (least, most)):
             changes.append(Change(path, f"bounds {low} .. {high} -> {least} .. {most}", 0.0))
+        if str(a.stated_range) != str(b.stated_range) and (a.spread != b.spread or None in (a.stated_range, b.stated_range)):
+            changes.append(Change(path, f"stated range {a.stated_range} -> {b.stated_range}", 0.0))
     return moved, changes
 
 

@@ -175,7 +175,8 @@ class _Task:
 
     def searched(self, between: tuple[Any, Any] | None) -> tuple[float, float]:
         """Return the range. [SI]"""
-        deck = ParameterSet(self.model).table[self.path].parameter if self.parameter.is_range else self.parameter
+        deck = ParameterSet(self.model).table[self.path].parameter
+        deck = deck if deck.is_range else self.parameter
         ends = between if between is not None else (deck.minimum, deck.maximum)
         low, high = (np.nan if end is None else amount(end, self.unit, f"between, {self.path}") for end in ends)
         if not low < high:

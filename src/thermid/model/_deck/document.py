@@ -14,6 +14,7 @@ from thermid.base.errors import DeckError, ThermidError
 from thermid.base.files import RESULTS_FILE, command, parse_toml, read_bytes, write_bytes
 from thermid.model._deck.modelfile import model_beside
 from thermid.model._deck.save import place_of, toml_item
+from thermid.model._parts.parameter import parameter
 from thermid.model._tree.flat import flatten
 
 BOM: Final = "\ufeff"
@@ -162,7 +163,7 @@ class DeckDocument:
         return replace(self, text=last.done(self.text), past=(*self.past, last), future=self.future[:-1])
 
     def with_values(self, values: Mapping[str, Any], basis: str = "") -> DeckDocument:
-        """Return it with values of parameters, by their paths in the model; submodels' go to [set].
+        """Return it with values of parameters, by their paths in the model; submodels' go to [set]. Spreads and ranges of old ones go.
 
         Parameters
         ----------
@@ -179,6 +180,8 @@ class DeckDocument:
             old = _at(self.content, keys)
             if isinstance(old, Mapping):
                 more = {"source": "derived", "basis": basis} if basis else {}
+                outdated = ("spread", "min", "max") if parameter(old).is_range else ("spread",)
+                edits += [Edit((*keys, key)) for key in outdated if key in old]
                 edits += [Edit((*keys, key), text) for key, text in {"value": value, **more}.items()]
             else:
                 edits.append(Edit(keys, value))

@@ -180,6 +180,10 @@ class StatedRange:
     name: str = ""
     alike: float = 0.0
 
+    def __str__(self) -> str:
+        """Return its ends. [SI]"""
+        return f"{self.low:.6g} .. {self.high:.6g}"
+
     def log_sd(self, value: float) -> float:
         """Return the standard deviation of the logarithm of a value above zero. [-]"""
         return math.log(self.high / self.low) / SPAN if self.low > 0.0 else self.sd / value

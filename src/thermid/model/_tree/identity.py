@@ -240,9 +240,9 @@ def _set(rows: dict[str, _Row], model: Tree, owner: str, file: str) -> None:
             continue  # refused by the table of values, with the nearest name
         old = rows[path].given
         whole = value.laid_over(old)
-        bounds = whole.minimum, whole.maximum
+        limits = (*(None if b is None else f"{b:.12g}" for b in (whole.minimum, whole.maximum)), whole.spread)
         part = next((p for p in _prefixes(path) if p in of), "")
-        key = (of[part], path.removeprefix(part), _number(whole), *(None if b is None else f"{b:.12g}" for b in bounds)) if part else path
+        key = (of[part], path.removeprefix(part), _number(whole), *limits) if part else path
         local = first.setdefault(key, path)
         rows[path] = _Row(owner, local, whole, file, "set" if local == path else "rows")
         if local != path:

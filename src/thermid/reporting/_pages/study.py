@@ -233,7 +233,8 @@ def provenance(study: Study) -> Table:
         shown = plain(from_si(literal.value, of), 6) if literal and of else p.text
         ends = [plain(b / float(of.factor), 4) if b is not None and of else "" for b in (p.minimum, p.maximum)]
         line: Line = [Cell(title, "", "main"), name, Cell(shown, p.text), pretty(of.text) if of else DASH]
-        line += [" .. ".join(ends) if any(ends) else DASH, Cell(p.source, "", look.get(p.source, "")), p.basis or p.note or DASH]
+        ranges = [" .. ".join(ends)] * any(ends) + [f"± {pretty(p.spread)}"] * (p.spread != "" and not p.is_range)
+        line += [", ".join(ranges) or DASH, Cell(p.source, "", look.get(p.source, "")), p.basis or p.note or DASH]
         rows.append(line)
     columns = [
         Head("deck"),

@@ -46,6 +46,16 @@ def box(folder: Path) -> Building:
     return building
 
 
+def test_the_sheet_shows_a_spread_and_keeps_it_when_the_value_is_edited(tmp_path: Path) -> None:
+    building = box(tmp_path)
+    known = 'source = "assumed", spread = "5 [%]"'
+    do(building, "text", text=building.draft.deck.text.replace('source = "measured"', known, 1))
+    state = do(building, "set", keys=["nodes", "board", "capacitance"], value="130 [J/K]", source="assumed")
+    (field,) = (f for e in state["elements"] if e["name"] == "board" for f in e["fields"] if f["name"] == "capacitance")
+    assert (field["number"], field["spread"]) == ("130", "5 [%]")
+    assert 'spread = "5 [%]"' in building.draft.deck.text
+
+
 def test_what_is_built_fits_as_calibrate_does(tmp_path: Path) -> None:
     building = box(tmp_path)
     file = building.stored_log("test run.csv", write_log(tmp_path / "elsewhere.csv").read_bytes())
