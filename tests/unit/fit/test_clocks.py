@@ -287,6 +287,21 @@ def test_a_sampled_power_changed_somewhere_in_the_interval_before() -> None:
     assert np.abs(scores).max() < 3.5
 
 
+def test_a_meter_with_two_samples_at_every_change_tells_its_moment() -> None:
+    """A sample was moved by a share of the usual interval, here past its neighbour, and the fit ended in an error."""
+    first, _ = logs(130.0, 1.0)
+    ends = np.array([100.0, 500.0, 700.0, 1100.0])
+    own = TableSignal(np.array([0.0, *ends]), np.array([0.0, 20.0, 0.0, 12.0, 0.0]), hold=True, before="hold")
+    made = AIR.with_(loads={"heat": replace(own, times=own.times + 130.0)}, duration=float(SLOW[-1]))
+    read = td.simulate(BOX, made, times=SLOW)["case"].kelvin + 0.05 * np.random.default_rng(4).standard_normal(SLOW.size)
+    uneven = np.unique(np.concatenate([np.arange(-140.0, 1700.0, 90.0), ends - 1.0, ends + 1.0]))
+    meter = td.Channel.from_array("P", own.at(np.maximum(uneven, 0.0)), quantity="power", role="load", target="heat")
+    second = td.Record.from_arrays("meter", uneven, {"P": meter})
+    joined = first.with_channels(replace(first["T"], values=read)).joined(second, (0.0, 300.0))
+    (clock,) = td.calibrate(BOX, joined, FREE, scenario=AIR).local
+    assert abs(clock.value - 130.0) < 3.0 * clock.error < 3.0
+
+
 def test_a_fast_mass_does_not_hide_that_the_moments_of_changes_are_unknown() -> None:
     """Four changes, each somewhere in 40 s, leave an offset at least 40 s / (12 x 4)^(1/2) uncertain, however exact the readings are."""
     times, coarse = np.arange(0.0, 5000.0, 5.0), np.arange(-140.0, 5000.0, 40.0)

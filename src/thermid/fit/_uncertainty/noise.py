@@ -252,12 +252,13 @@ def _instants(problem: Problem, i: int, fitted: Array) -> Iterator[Callable[[Arr
             def answer(
                 times: Array, k: int = k, name: str = name, path: str = path, table: TableSignal = table, gaps: Array = gaps
             ) -> Array:
-                sides, shift = [], 0.2 * min(gaps[k - 1], gaps[k])  # never past a neighbour
+                interval = 2.0 * gaps[k - 1]  # the sample stands in its middle
+                sides, shift = [], 0.2 * min(interval, gaps[k])  # never past a neighbour
                 for side in (-shift, shift):
                     changed = {name: {**getattr(experiment.scenario, name), path: table.delayed(k, side)}}
                     other = replace(experiment, scenario=experiment.scenario.with_(**changed))
                     sides.append(Bench.of_experiment(other, bench.free).temperatures(values, False, problem.options, times)[0])
-                return np.asarray((sides[1] - sides[0]) / (2.0 * shift) * gaps[k - 1] / np.sqrt(12.0))
+                return np.asarray((sides[1] - sides[0]) / (2.0 * shift) * interval / np.sqrt(12.0))
 
             yield answer
 
