@@ -229,8 +229,8 @@ def as_read(experiment: Any, fit: td.Calibration) -> td.Scenario:
     """Return the scenario of a held-out log as its instruments read it: a verdict corrects these by what the fit found of them."""
     found = {target: fit.instrument_errors[channel] for channel, (target, _) in experiment.shared.items()}
     scenario = experiment.bare
-    boundaries = {b: s.raised(-found[b]) for b, s in scenario.boundaries.items() if b in found}
-    loads = {x: s.scaled(1.0 / found[f"scale.{x}"]) for x, s in scenario.loads.items() if f"scale.{x}" in found}
+    boundaries = {b: s.raised(found[b]) for b, s in scenario.boundaries.items() if b in found}
+    loads = {x: s.scaled(1.0 / (1.0 - found[f"scale.{x}"])) for x, s in scenario.loads.items() if f"scale.{x}" in found}
     return scenario.with_(boundaries=boundaries, loads=loads)
 
 

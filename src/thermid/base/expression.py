@@ -321,7 +321,7 @@ def _check(node: ast.expr, text: str, names: list[str], depth: int = 0, places: 
     except RecursionError:
         raise ExpressionError(f"'{_short(text)}' is nested too deeply.", code="expression.not-arithmetic") from None
     if part == "...":
-        raise ExpressionError(f"'{_short(text)}' is a gap to fill: write the value in place of '...'.", code="expression.not-arithmetic")
+        raise ExpressionError(f"'{_short(text)}' is a gap to fill: write the value instead of '...'.", code="expression.not-arithmetic")
     if isinstance(node, ast.Tuple) and (pointed := _DECIMAL_COMMA.sub(".", text)) != text:
         raise ExpressionError(
             f"'{_short(text)}': write numbers with a decimal point: '{_short(pointed)}'.", code="expression.decimal-comma"

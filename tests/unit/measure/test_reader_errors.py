@@ -3,10 +3,11 @@ from __future__ import annotations
 import gzip
 import re
 
+import numpy as np
 import pytest
 
 from by_code import raises_code
-from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError, ThermidError, UnitError
+from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, RecordError, ThermidError, UnitError
 from thermid.measure._readers.log_reader import read_plain, read_record
 
 ANY = {"case": "T1"}
@@ -146,7 +147,7 @@ def test_arguments(log, arguments, message):
         ({"T1": 3}, "bench.csv, channels.T1: 3 is neither the name of a column nor a table. Write 'column' or { column = 'column' }."),
         (
             {"T1": {"nod": "a"}},
-            "bench.csv, channels.T1: no key 'nod'; there are node, boundary, load, command, prescribed, gain, full_scale, noise, "
+            "bench.csv, channels.T1: no key 'nod'; there are column, node, boundary, load, command, prescribed, gain, full_scale, noise, "
             "accuracy, resolution, unit, prompt, samples, interpolation, power, gain_accuracy, gain_about, correlation_time, lag, "
             "lag_accuracy, capacitance, mass, specific_heat, lead, certificate, range. "
             "Did you mean 'node'?",
@@ -288,8 +289,8 @@ def test_commas_as_separator_and_as_decimal_sign(log):
 
 
 def test_a_table_in_memory_is_no_log():
-    with raises_code("value.wrong-kind", RecordError, match=r"Record\.from_arrays"):
-        read_record({"T1": [20.0, 21.0]}, {"T1": {"node": "a"}})
+    with raises_code("value.wrong-kind", DeckError, match="path of a file"):
+        read_record(np.array([20.0, 21.0]), {"T1": {"node": "a"}})
 
 
 LABVIEW = "LabVIEW Measurement\t\nSeparator\tTab\nX_Columns\tOne\n***End_of_Header***\t\n"

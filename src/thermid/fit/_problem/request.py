@@ -353,7 +353,7 @@ def _range(values: ParameterSet, path: str, where: str) -> tuple[str, StatedRang
         return "", stated
     raise IdentificationError(
         f"'{path}' has no range: its source is {values.table[path].parameter.source or 'not stated'}, so min and max only bound the "
-        "search. If they are all that the value may be, state both and spread = 'range'; otherwise give the prior a mean and sd.",
+        "search. If they are the range of the value, state both and spread = 'range'; otherwise give the prior a mean and sd.",
         where,
         code="value.without-effect",
     )

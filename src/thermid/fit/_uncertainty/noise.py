@@ -246,14 +246,12 @@ def _instants(problem: Problem, i: int, fitted: Array) -> Iterator[Callable[[Arr
         table = getattr(experiment.scenario, name)[path]
         if path not in experiment.ticks.sampled or not isinstance(table, TableSignal):
             continue
-        gaps = np.diff(table.times, append=np.inf)
         for k in table.largest_changes(CHANGES):
 
-            def answer(
-                times: Array, k: int = k, name: str = name, path: str = path, table: TableSignal = table, gaps: Array = gaps
-            ) -> Array:
-                interval = 2.0 * gaps[k - 1]  # the sample stands in its middle
-                sides, shift = [], 0.2 * min(interval, gaps[k])  # never past a neighbour
+            def answer(times: Array, k: int = k, name: str = name, path: str = path, table: TableSignal = table) -> Array:
+                before, after = table.gaps(k)
+                sides, interval = [], 2.0 * before  # the sample stands in its middle
+                shift = 0.2 * min(interval, after)  # never past a neighbour
                 for side in (-shift, shift):
                     changed = {name: {**getattr(experiment.scenario, name), path: table.delayed(k, side)}}
                     other = replace(experiment, scenario=experiment.scenario.with_(**changed))

@@ -78,7 +78,7 @@ def read_record(
     instruments for an overload (OL, OVLD, OPEN, 1.#QNAN) are masked as 'not a number'.
     """
     _check_tables(path, channels=channels, noise=noise or {}, accuracy=accuracy or {}, units=units or {})
-    cells = log_cells(_path(path), separator)
+    cells = log_cells(Path(path), separator)
     clock_at = clock_column(cells, time)
     time_unit, stated = clock_at.unit, dict(units or {})
     asked_unit = next((stated.pop(key) for key in (clock_at.header, clock_at.name) if key in stated and key not in channels), None)
@@ -121,17 +121,6 @@ def _check_tables(path: str | Path, **tables: Mapping[str, object]) -> None:
     for channel, unit_text in tables["units"].items():
         if not isinstance(unit_text, str):
             raise RecordError(f"its unit is a text, not {unit_text!r}.", f"{path}, {channel}", code="value.wrong-kind")
-
-
-def _path(path: str | Path) -> Path:
-    """Return the path, and refuse what is in memory."""
-    if not isinstance(path, str | Path):
-        raise RecordError(
-            f"a {type(path).__name__} is not a file. For columns in memory use Record.from_arrays, with unit='degC', for instance.",
-            "read_record",
-            code="value.wrong-kind",
-        )
-    return Path(path)
 
 
 def parts_between_restarts(path: str | Path) -> list[str]:

@@ -298,6 +298,11 @@ class TableSignal:
         stretch = np.append(0, np.cumsum(np.abs(np.diff(self.values)) > least))
         return replace(self, values=(np.bincount(stretch, self.values) / np.bincount(stretch))[stretch], unit="")
 
+    def gaps(self, place: int) -> tuple[float, float]:
+        """Return the times from the sample before one of its samples, and to the sample after it. [s]"""
+        before, after = np.diff(self.times[place - 1 : place + 2], append=np.inf)[:2]
+        return float(before), float(after)
+
     def delayed(self, place: int, by: float) -> TableSignal:
         """Return the signal with one of its samples later. [s]"""
         times = self.times.copy()

@@ -41,7 +41,7 @@ def test_a_stage_that_is_not_credible_says_so_and_whatever_rests_on_it(work: Wor
     assert "would need an error of" in states["part"].because
     for above in ("pair", "whole"):  # 'whole' takes a value of 'pair' alone, and rests on 'part' two levels below
         assert states[above].because.startswith(
-            "NOT CREDIBLE: rests on stage 'part' (T_LAB would need an error of +3.07 K, 15 times its accuracy of 0.2 K)"
+            "NOT CREDIBLE: rests on stage 'part' (T_LAB would need an error of -3.07 K, 15 times its accuracy of 0.2 K)"
         )
         assert not work._project.done[above].contradicted
 

@@ -88,7 +88,7 @@ def test_codes_of_a_sensor_are_masked_and_said_first(tmp_path: Path) -> None:
         rows[k] = f"{t},{code},{air},{watts}"
     log.write_text("\n".join(rows) + "\n")
     found = CliRunner().invoke(app, ["init", str(log), "--to", str(tmp_path / "p"), "--name", "plate"])
-    first, second, *_ = found.output.split("\n")
+    first, second, *_ = found.stdout.split("\n")
     assert first.startswith("2 masses: 1 measured, 1 hidden; RMSE 0.0")
     assert second == f"T_plate_C: 3 readings masked: {words}"
     assert f"# T_plate_C: 3 readings masked: {words}; empty in the logs" in (tmp_path / "p" / "campaign.toml").read_text()
