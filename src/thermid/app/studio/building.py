@@ -363,12 +363,13 @@ class Building:
 
         Raises
         ------
-        ThermidError   When the text is no temperature.
+        ThermidError   When there is no such boundary, or the text is no temperature.
         """
-        value = text_of(body, "value")
+        name, value = text_of(body, "name"), text_of(body, "value")
+        refuse_unknown([name], self.draft.deck.content.get("needs", []), "build", "no boundary '{}'.", NameNotFoundError)
         if value.strip():
             kelvin(value)
-        where = ("stages", self._place_of_stage(), "scenario", "boundaries", text_of(body, "name"))
+        where = ("stages", self._place_of_stage(), "scenario", "boundaries", name)
         return self.draft.edited({CAMPAIGN: valued({}, where, value, "")})
 
     def _free(self, body: Body) -> Draft:
@@ -431,8 +432,9 @@ class Building:
         verdicts, records = self.draft.documents[CAMPAIGN].content.get("verdicts", []), self._stage().get("records", [])
         held, place = self._verdicts(), ("stages", self._place_of_stage(), "records")
         edits = []
-        if how != "held out" and name in held:
-            edits.append(Edit(("verdicts",)) if len(verdicts) == 1 else Edit(("verdicts", held[name]["place"])))
+        judged = [k for k, v in enumerate(verdicts) if (v["model"], v["record"]) == (self._stage()["name"], name)]
+        if how != "held out" and judged:
+            edits += [Edit(("verdicts",))] if len(judged) == len(verdicts) else [Edit(("verdicts", k)) for k in reversed(judged)]
         if how == "fit" and name not in records:
             edits.append(Edit(place, [*records, name]))
         if how != "fit" and name in records:
@@ -464,6 +466,8 @@ class Building:
         """
         held, name, value = self._verdicts(), text_of(body, "record"), text_of(body, "value")
         refuse_unknown([name], held, "log", "no log '{}' is held out.", NameNotFoundError)
+        if not value.strip():
+            raise DeckError("a log that is held out needs a limit of its RMSE, such as '1 [K]'.", name, code="value.incomplete")
         Criteria(rmse=value)
         return self.draft.edited({CAMPAIGN: [Edit(("verdicts", held[name]["place"], "criteria", "rmse"), value)]})
 

@@ -22,7 +22,7 @@ from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, 
 from thermid.campaign.stages import check_campaign, run_stages
 from thermid.fit.calibration import calibrate
 from thermid.measure.readers import read_record
-from thermid.model.deck import load_model, model_from_dict
+from thermid.model.deck import Edit, load_model, model_from_dict
 from thermid.simulation.runs import Scenario, simulate
 from torture.elements import network
 from two_masses import write_log
@@ -514,8 +514,17 @@ def test_a_second_log_is_held_out_until_the_fit_is_to_use_it(tmp_path: Path) -> 
     assert 0.1 < limit < 3.0
     state = do(building, "limit", record="second", value="0.4 [K]")
     assert state["records"][1]["limit"] == "0.4 [K]"
-    with pytest.raises(ThermidError):
-        do(building, "limit", record="second", value="4 [W]")
+    for value in ("4 [W]", ""):  # without a limit the run ended in an error
+        with pytest.raises(ThermidError):
+            do(building, "limit", record="second", value=value)
+    with raises_code("name.unknown", NameNotFoundError, match="'rom'"):
+        do(building, "hold", name="rom", value="20 [degC]")
+    before = building.draft
+    twice = Edit(("verdicts", 1), {**content["verdicts"][0], "name": "again"})
+    building.draft = before.edited({"campaign": [twice]})
+    do(building, "use", record="second", how="none")
+    assert "verdicts" not in building.draft.documents["campaign"].content, "one of two verdicts on the log was left behind"
+    building.draft = before
     do(building, "free", paths=["joint.contact_conductance", "skin.effective_htc"])
     building.save(building.difference()["diff"])
     verdicts = run_stages(tmp_path / "box_campaign.toml").verdicts
