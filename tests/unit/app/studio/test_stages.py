@@ -67,7 +67,7 @@ def test_a_campaign_is_run_kept_and_found_again(tmp_path: Path) -> None:
     shown = {row[1].text: dict(zip((c.title for c in table.columns[3:]), row[3:], strict=True)) for row in table.rows}
     for part, values in whole.table("effective_htc").items():
         if (last := values.get("m_PrE")) is not None:
-            assert float(shown[f"{part}.effective_htc"]["m_PrE"].text.split(" ±")[0]) == pytest.approx(last, rel=2e-3)
+            assert float(shown[f"{part}.effective_htc"]["stage m_PrE"].text.split(" ±")[0]) == pytest.approx(last, rel=2e-3)
 
 
 def test_a_folder_is_answered_with_what_lies_in_it(folder: Path, tmp_path: Path) -> None:
