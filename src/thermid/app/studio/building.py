@@ -467,7 +467,7 @@ class Building:
         held, name, value = self._verdicts(), text_of(body, "record"), text_of(body, "value")
         refuse_unknown([name], held, "log", "no log '{}' is held out.", NameNotFoundError)
         if not value.strip():
-            raise DeckError("a log that is held out needs a limit of its RMSE, such as '1 [K]'.", name, code="value.incomplete")
+            raise DeckError("a hold-out log needs a limit of its RMSE, such as '1 [K]'.", name, code="value.incomplete")
         Criteria(rmse=value)
         return self.draft.edited({CAMPAIGN: [Edit(("verdicts", held[name]["place"], "criteria", "rmse"), value)]})
 
