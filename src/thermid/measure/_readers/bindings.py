@@ -10,6 +10,7 @@ from typing import Any, Final
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, errors_at, refuse_unknown
 from thermid.base.expression import amount
 from thermid.base.units import DIMENSIONLESS, TEMPERATURE, describe, require, unit
+from thermid.measure._readers.headers import LETTERED
 from thermid.measure._readers.power_of_columns import POWER_KEYS
 from thermid.measure._record.channel import INTERPOLATIONS, SAMPLES
 from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart
@@ -177,18 +178,22 @@ def unit_and_quantity(binding: Binding, header_unit: str | None, where: str) -> 
 
 _PER_CENT: Final = "{}, and a load needs watts. Give full_scale = '... [W]', its power at 100 %, or gain, the path of a parameter."
 _DUTY: Final = re.compile(r"pct|percent|per_cent|duty|pwm|%", re.IGNORECASE)
-_LETTER: Final = re.compile(r".*[a-z0-9][_ ]([FK])\Z")
 
 
 def _refuse_by_name(binding: Binding, drives: bool, where: str) -> None:
     """Refuse a column without a unit whose name says another one than that which would be taken."""
     if binding.role == "load" and not drives and _DUTY.search(binding.column):
         raise RecordError(_PER_CENT.format("by its name it is in per cent"), where, code="record.unit-unclear")
-    letter = _LETTER.match(binding.column)
-    if letter and binding.role in ("node", "boundary", "prescribed", "auto"):
-        scale = "degF" if letter[1] == "F" else "K"
+    ending = LETTERED.match(binding.column)
+    if (
+        ending
+        and ending["letter"] in "FK"
+        and re.search(r"[a-z0-9]\Z", ending["stem"])
+        and binding.role in ("node", "boundary", "prescribed", "auto")
+    ):
+        scale = "degF" if ending["letter"] == "F" else "K"
         raise RecordError(
-            f"its name ends in '{letter[0][-2:]}', so its unit is unclear: without one it is read in degC. Give "
+            f"its name ends in '{binding.column[-2:]}', so its unit is unclear: without one it is read in degC. Give "
             f"units={{'{binding.name}': '{scale}'}} or "
             "'degC'; in a campaign, unit of the channel.",
             where,

@@ -12,7 +12,7 @@ import numpy as np
 from thermid.base.errors import ThermidError
 from thermid.base.units import DIMENSIONLESS, counted, describe, from_si, unit
 from thermid.measure._readers.columns import kelvin_sized, numbers
-from thermid.measure._readers.headers import name_and_unit
+from thermid.measure._readers.headers import LETTERED, name_and_unit
 from thermid.measure._readers.questions import ROOM_IN_FAHRENHEIT, begins_again, counts_time
 from thermid.measure._readers.textfile import Cells
 from thermid.measure._record.channel import MIN_OVERLOAD_READING, SENSOR_FAULT_CODES, BoolArray, FloatArray, codes_of
@@ -38,8 +38,6 @@ _ELECTRIC: Final = {
     "A": ("a current", re.compile(r"(^|[_ ])(amps?|amperes?|current|strom|corrente)($|[_ ])", re.IGNORECASE)),
 }
 _SCALES: Final = {"C": "degC", "F": "degF", "K": "K"}
-_LETTERED: Final = re.compile(r"(?P<stem>.*\w)[_ ](?P<letter>[A-Z])\Z")
-"""Names with one letter as the last word: a unit, where no name of the same beginning has a letter there that is none (board A, B, C)."""
 _DUTY: Final = re.compile(r"duty|pwm|pct|percent|heater|q\d|u\d|throttle", re.IGNORECASE)
 _HUMID: Final = re.compile(r"\brh\b|humid|feucht|umidade", re.IGNORECASE)
 _STATE: Final = re.compile(r"alarm|record|status|flag|diag|scan|index|#|count|number|stopped|connected|button|end of file", re.IGNORECASE)
@@ -91,7 +89,8 @@ def columns_of(cells: Cells, decimal: str, times: tuple[int, ...]) -> list[Colum
     times : tuple    Places of the time column, or of the date and the time.
     """
     out, bare = [], [name_and_unit(header)[0] for header in cells.header]
-    numbered = {m["stem"] for name in bare if (m := _LETTERED.match(name)) and m["letter"] not in {*_SCALES, *_ELECTRIC, "W"}}
+    # one letter as the last word is a unit, where no name of the same beginning has a letter there that is none (board A, B, C)
+    numbered = {m["stem"] for name in bare if (m := LETTERED.match(name)) and m["letter"] not in {*_SCALES, *_ELECTRIC, "W"}}
     for at, header in enumerate(cells.header):
         name, text = header if bare.count(bare[at]) > 1 else bare[at], name_and_unit(header)[1]
         if at in times:
@@ -101,7 +100,7 @@ def columns_of(cells: Cells, decimal: str, times: tuple[int, ...]) -> list[Colum
         if isinstance(parsed, int):
             out.append(Column(header, name, text or "", False, "ignored", f"text, such as '{cells.columns[at][parsed].strip()[:20]}'"))
             continue
-        letter = _LETTERED.match(name)
+        letter = LETTERED.match(name)
         guess, unit_text, why = _guess(name, text, parsed, letter["letter"] if letter and letter["stem"] not in numbered else "")
         assumed = text is None and bool(unit_text) and "ends in" not in why
         out.append(_with_faults(Column(header, name, unit_text, assumed, guess, why, parsed, int(np.isnan(parsed).sum()))))

@@ -115,6 +115,10 @@ def spelt(text: str) -> str:
     return _SPELT.get(plain) or _SPELT.get(plain.lower()) or plain
 
 
+LETTERED: Final = re.compile(r"(?P<stem>.*\w)[_ ](?P<letter>[A-Z])\Z")
+"""Names whose last word is one capital letter, which may be a unit: ``T_room_C``, ``supply V``."""
+
+
 @lru_cache(maxsize=4096)
 def name_and_unit(header: str) -> tuple[str, str | None]:
     """Return the name and the unit of a header; None where it names no unit.

@@ -15,6 +15,7 @@ import numpy as np
 from thermid.base.errors import RecordError, errors_at, refuse_unknown
 from thermid.base.expression import parse
 from thermid.base.units import Unit, describe, in_si, require, unit
+from thermid.measure._readers.headers import LETTERED
 from thermid.measure._record.channel import BoolArray, FloatArray
 
 ColumnOf = Callable[[str], tuple[FloatArray, str | None]]
@@ -111,9 +112,10 @@ def _slot(key: str, table: Mapping[str, Any], column: ColumnOf) -> Any:
 
 
 def _column_with_unit(name: str, column: ColumnOf, usual: Mapping[str, str]) -> tuple[FloatArray, Unit]:
-    """Return readings and unit of a column; `usual` says the unit where the log has none, and else an ending _W, _V or _A."""
+    """Return readings and unit of a column; `usual` says the unit where the log has none, and else a last word W, V or A."""
     values, text = column(name)
-    text = text or usual.get(name) or (name[-1] if name.endswith(("_W", "_V", "_A")) else None)
+    ending = LETTERED.match(name)
+    text = text or usual.get(name) or (ending["letter"] if ending and ending["letter"] in "WVA" else None)
     if text is None:
         raise RecordError(
             f"column '{name}' has no unit. Give it, W, V or A for example: power = {{ formula = '...', units = {{ {name} = '...' }} }}.",
