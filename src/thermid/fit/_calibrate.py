@@ -99,13 +99,13 @@ def _beyond_accuracy(problem: Problem, minimum: Fit) -> tuple[float, str]:
     """
     pairs = [(u, x) for u, x in zip(problem.unknowns, minimum.fitted.tolist(), strict=True) if u.unit == "K" and u.prior is not None]
     errors = {u.name: (x, x / u.prior.sd) for u, x in pairs if u.prior is not None and u.kind in ("sensor", INPUT)}
-    of_sensors = [x for u, x in pairs if u.kind == "sensor"]
-    if len(errors) < 2 or not of_sensors:
+    if len(errors) < 2 or not (of_sensors := [errors[u.name] for u, _ in pairs if u.kind == "sensor"]):
         return 0.0, ""
-    times, mean = math.sqrt(float(np.mean([size**2 for _, size in errors.values()]))), float(np.mean(of_sensors))
-    words = f"all sensors would read about {short(abs(mean), 2)} K {'high' if mean > 0.0 else 'low'} together"
-    if min(of_sensors) * max(of_sensors) < 0.0:
-        words = f"{len(of_sensors)} sensors would err by {min(of_sensors):+.2g} to {max(of_sensors):+.2g} K"
+    times, mean = math.sqrt(float(np.mean([size**2 for _, size in errors.values()]))), float(np.mean([x for x, _ in of_sensors]))
+    every = sorted(x for x, _ in errors.values())
+    words = f"{len(every)} instruments would err by {every[0]:+.2g} to {every[-1]:+.2g} K"
+    if min(abs(size) for _, size in of_sensors) > 1.0 and len({x > 0.0 for x, _ in of_sensors}) == 1:
+        words = f"all sensors would read about {short(abs(mean), 2)} K {'high' if mean > 0.0 else 'low'} together"
     return times, (
         f"{words}, {short(times, 2)} times their stated accuracies (limit {ASIDE:g}), because the model lacks or misstates some physics: "
         "check areas, emissivities and the law of convection, then the accuracies"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -146,9 +147,10 @@ def test_a_wrong_exponent_that_shifts_all_sensors_together_is_told(exponent: flo
     ("errors", "words"),
     [
         ((2.6, 1.7, 2.5, 2.8, 1.6), "all sensors would read about 2.4 K high together, 4.6 times"),
-        ((2.6, -2.6, 2.6, -2.6, 0.0), "4 sensors would err by -2.6 to +2.6 K, 4.7 times"),
+        ((2.6, -2.6, 2.6, -2.6, 0.0), "5 instruments would err by -2.6 to +2.6 K, 4.7 times"),
         ((1.4, 1.4, 1.4, 1.4, 1.4), ""),  # as instruments may that share their error
-        ((4.0, 0.1, -0.2, 0.1, 0.1), "4 sensors would err by -0.2 to +4 K"),  # one of them alone
+        ((4.0, 0.1, -0.2, 0.1, 0.1), "5 instruments would err by -0.2 to +4 K"),  # one of them alone
+        ((0.1, 0.1, 0.1, 0.1, -4.0), "5 instruments would err by -4 to +0.1 K"),  # the room's alone: the sensors do not read high
         ((2.0, 0.1, -0.2, 0.1, 0.1), ""),  # a remark names it
     ],
 )
@@ -171,3 +173,15 @@ def test_a_common_shift_is_held_against_what_thermometers_of_one_logger_share(ac
     fit = td.calibrate(box(), record, [HTC])
     assert fit.standing.state == state
     assert ("high together" in fit.standing.because) is (state != "credible")
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.5, 0.9, 1.0])
+@pytest.mark.parametrize("count", [2, 5, 16])
+def test_right_accuracies_are_called_contradicted_in_at_most_one_fit_of_370(correlation: float, count: int) -> None:
+    """However much of their errors the instruments share; 200,000 draws, and four standard deviations of their number."""
+    rng, draws = np.random.default_rng(7), 200_000
+    common, own = rng.standard_normal((draws, 1)), rng.standard_normal((draws, count))
+    errors = math.sqrt(correlation) * common + math.sqrt(1.0 - correlation) * own
+    beyond = int(np.count_nonzero(np.sqrt(np.mean(errors**2, axis=1)) > ASIDE))
+    expected = draws * math.erfc(ASIDE / math.sqrt(2.0))
+    assert beyond <= expected + 4.0 * math.sqrt(expected)

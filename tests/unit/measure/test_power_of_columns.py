@@ -61,7 +61,8 @@ def test_an_ending_of_a_name_is_its_unit(log: Path) -> None:
     for formula in ("0.5 * P_W", "0.5 * U_V * I_A"):
         assert power(log, formula).values.tolist() == [2.5, 3.0]
     log.write_text("time [s],supply V,supply A\n0,10,0.5\n10,12,0.5\n")
-    assert power(log, "0.5 * `supply V` * `supply A`").values.tolist() == [2.5, 3.0]
+    half = "0.5 * `supply V` * `supply A`"
+    assert power(log, half).values.tolist() == [2.5, 3.0]
     log.write_text("time [s],rest\n0,1\n10,2\n")
     with raises_code("record.unit-unclear", match="rest = '...'"):
         power(log, "0.5 * rest")

@@ -115,8 +115,8 @@ def spelt(text: str) -> str:
     return _SPELT.get(plain) or _SPELT.get(plain.lower()) or plain
 
 
+# Names whose last word is one capital letter, which may be a unit: `T_room_C`, `supply V`
 LETTERED: Final = re.compile(r"(?P<stem>.*\w)[_ ](?P<letter>[A-Z])\Z")
-"""Names whose last word is one capital letter, which may be a unit: ``T_room_C``, ``supply V``."""
 
 
 @lru_cache(maxsize=4096)

@@ -114,8 +114,7 @@ def _slot(key: str, table: Mapping[str, Any], column: ColumnOf) -> Any:
 def _column_with_unit(name: str, column: ColumnOf, usual: Mapping[str, str]) -> tuple[FloatArray, Unit]:
     """Return readings and unit of a column; `usual` says the unit where the log has none, and else a last word W, V or A."""
     values, text = column(name)
-    ending = LETTERED.match(name)
-    text = text or usual.get(name) or (ending["letter"] if ending and ending["letter"] in "WVA" else None)
+    text = text or usual.get(name) or (m["letter"] if (m := LETTERED.match(name)) and m["letter"] in "WVA" else None)
     if text is None:
         raise RecordError(
             f"column '{name}' has no unit. Give it, W, V or A for example: power = {{ formula = '...', units = {{ {name} = '...' }} }}.",
