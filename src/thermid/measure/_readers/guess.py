@@ -100,8 +100,7 @@ def columns_of(cells: Cells, decimal: str, times: tuple[int, ...]) -> list[Colum
         if isinstance(parsed, int):
             out.append(Column(header, name, text or "", False, "ignored", f"text, such as '{cells.columns[at][parsed].strip()[:20]}'"))
             continue
-        letter = LETTERED.match(name)
-        guess, unit_text, why = _guess(name, text, parsed, letter["letter"] if letter and letter["stem"] not in numbered else "")
+        guess, unit_text, why = _guess(name, text, parsed, m["letter"] if (m := LETTERED.match(name)) and m["stem"] not in numbered else "")
         assumed = text is None and bool(unit_text) and "ends in" not in why
         out.append(_with_faults(Column(header, name, unit_text, assumed, guess, why, parsed, int(np.isnan(parsed).sum()))))
     rooms = [c.name for c in out if c.guess == "boundary" and not _is_sink(c)]
