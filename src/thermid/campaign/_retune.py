@@ -34,7 +34,9 @@ if TYPE_CHECKING:
     from thermid.campaign._schema import InheritTable, StageTable
 
 MIN_EFFECT = 0.05
-"""A value is worth retuning when a change of 10 % moves some sensor by this much. [K]"""
+"""A value is worth retuning when what it may be off by moves some sensor by this much. [K]"""
+USUAL_CHANGE = 0.1
+"""What a value may be off by where the replacement assumes no spread of it. [-]"""
 START = "start after a replacement"
 CARRIED = "kept after a swap: the model has the new part, but values and statistics are from the tests before."
 SEAT = "sensors = {{'{0}': 'NODE'}}, or --sensor-at {0}=NODE"
@@ -50,7 +52,8 @@ class Touch:
     ----------
     stage, path : str       The stage that fits it, and its path there.
     through : tuple         Elements or settings by which it acts on the part.
-    kelvin : float          How far it moves the most sensitive sensor for a change of 10 %, at rest. [K]
+    kelvin : float          How far it moves the most sensitive sensor for a change by `change`, at rest. [K]
+    change : float          Spread with which it starts again, else a usual change. [-]
     held : str              Why it is not freed; empty where it is.
     """
 
@@ -58,6 +61,7 @@ class Touch:
     path: str
     through: tuple[str, ...]
     kelvin: float
+    change: float
     held: str = ""
 
 
@@ -209,7 +213,7 @@ class RetunePlan(Result):
         lines.append(f"  retuned interface values: {len(self.freed)}, {', '.join(self.freed) or 'none'}")
         for t in self.touched:
             what = "freed" if not t.held else f"fixed: {t.held}"
-            lines.append(f"    {t.stage}: {t.path}  {t.kelvin:.2f} K for 10 %, through {', '.join(t.through)}; {what}")
+            lines.append(f"    {t.stage}: {t.path}  {t.kelvin:.2f} K for {100 * t.change:.0f} %, through {', '.join(t.through)}; {what}")
         lines.append("  stages:")
         for s in self.stages:
             changed = "" if s.identity[0] == s.identity[1] else f" ({s.identity[0][:8]} -> {s.identity[1][:8]})"
@@ -357,29 +361,31 @@ def _touches(done: Calibration, level: Level, inner: str, new: Model) -> tuple[l
     fitted = done.values.assignments
     behind = {s.path: [p for p in fitted if s.path in values.downstream([p])] for s in what.starts if s.path in values.table}
     starts = tuple(s for s in what.starts if behind.get(s.path))
-    anew = {p: s.path for s in starts for p in behind[s.path]}
+    anew = {p: s for s in starts for p in behind[s.path]}
     rest = _at_rest(done, inner)
     still = _observed(_steady(after, rest), done)
     out = []
     for path in dict.fromkeys((*(s.path for s in starts), *fitted)):
         through, elsewhere = touched.why(values, path)
         inside = path.startswith(f"{inner}.") and path not in touched.settings
-        if path not in parameters.table or not (through or inside) or (path in anew and anew[path] != path and not elsewhere):
+        if path not in parameters.table or not (through or inside) or (path in anew and anew[path].path != path and not elsewhere):
             continue
         parameter = parameters.table[path].parameter
         high = parameter.maximum if parameter.maximum is not None else np.inf
-        number = float(numbers[path]) * (1.1 if 1.1 * float(numbers[path]) <= high else 0.9)
-        changed = after.with_values({path: exact(number, parameter.unit)}, "a change of 10 %") if parameter.is_literal else after
+        change = anew[path].log_sd if path in anew else USUAL_CHANGE
+        number = float(numbers[path]) * (1.0 + change if (1.0 + change) * float(numbers[path]) <= high else 1.0 / (1.0 + change))
+        words = f"a change of {100 * change:.0f} %"
+        changed = after.with_values({path: exact(number, parameter.unit)}, words) if parameter.is_literal else after
         moved = _observed(_steady(changed, rest), done)
         kelvin = max(abs(t - still[o]) for o, t in moved.items())
         held = ""
-        if path in anew and anew[path] != path:
-            held = f"stays with {', '.join(elsewhere)}; {anew[path]} now has a separate value"
+        if path in anew and anew[path].path != path:
+            held = f"stays with {', '.join(elsewhere)}; {anew[path].path} now has a separate value"
         elif elsewhere and path not in anew:
             held = f"shared with {', '.join(elsewhere)}, which the swap does not affect"
         elif kelvin < MIN_EFFECT and not inside:
-            held = f"a change of 10 % moves no sensor by {MIN_EFFECT} K"
-        out.append(Touch(level.name, path, tuple(through) or ("the part itself",), kelvin, held))
+            held = f"{words} moves no sensor by {MIN_EFFECT} K"
+        out.append(Touch(level.name, path, tuple(through) or ("the part itself",), kelvin, change, held))
     return out, starts
 
 
@@ -455,6 +461,7 @@ def retuned(
         raise DeckError(" ".join(f"'{sensor}': {why}." for sensor, why in plan.unplaced.items()), plan.part, code="campaign.refused")
     source = data if isinstance(data, CampaignSource) else read_campaign(before.source.path, data)
     due = tuple(r for s in plan.stages if s.alone for r in s.records) if part_only else plan.tests
+    idle = () if everything or part_only else _idle(source, plan)
     source = _source(source, plan, due, everything)
     tables = {s.name: (k, s) for k, s in enumerate(before.source.content.stages)}
     renamed = {s.of: s.name for s in plan.stages if s.name != s.of}
@@ -489,6 +496,8 @@ def retuned(
                 done[stage.name] = fit(request, progress_of(notice, stage.name))
     count = 0 if part_only else len(plan.freed)
     note = f"After {plan.old} was replaced by {plan.new} at {plan.part}: {len(due)} tests repeated, {count} values retuned."
+    if idle:
+        note += f" Not used, though there are new logs of them: {', '.join(idle)}, because no value of their stage is fitted again."
     return Campaign(before.title, done, (), keys, note, requests=requests)
 
 
@@ -527,6 +536,17 @@ def _source(source: CampaignSource, plan: RetunePlan, due: Sequence[str], everyt
                 reduced.path.name,
             )
     return reduced
+
+
+def _idle(source: CampaignSource, plan: RetunePlan) -> tuple[str, ...]:
+    """Return the tests with the new part that no stage is fitted to, though the folder of the repeated tests has logs of them."""
+    old = plan.campaign.source
+    assert old is not None
+    if source.data is None or source.data == old.data:
+        return ()
+    with_part = {r.name for s in plan.stages if s.part and s.action == "carried" for r in plan.campaign.requests[s.of].records}
+    files = {name: file for name, (file, _) in old.names().items() if name in with_part - {*plan.tests}}
+    return tuple(name for name, file in files.items() if any(source.data.rglob(file.name)))
 
 
 def _with_joined(source: CampaignSource, due: Sequence[str]) -> tuple[str, ...]:

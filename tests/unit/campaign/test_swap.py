@@ -15,7 +15,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.app.cli.app import app
 from thermid.base.errors import DeckError, NameNotFoundError
-from thermid.campaign._retune import RetunePlan, _told_by
+from thermid.campaign._retune import MIN_EFFECT, RetunePlan, _told_by
 from thermid.campaign._stages import Campaign
 from thermid.fit.calibration import fit
 from thermid.model.deck import save_model
@@ -116,6 +116,24 @@ def test_what_is_due(plan: RetunePlan) -> None:
     assert "tests to repeat: 2 of 3" in str(plan)
 
 
+def test_a_joint_is_retuned_by_how_far_it_may_be_off(campaign: Campaign) -> None:
+    """A joint that starts again may be off by the spread that the plan assumes, not by 10 %: what that moves is worth a test."""
+    plan = td.design.plan_retune(campaign, "a", box(NEW | {"parameters/power/value": "2 [W]"}))
+    (touch,) = plan.touched
+    assert touch.change == 0.25
+    assert 0.4 * touch.kelvin < MIN_EFFECT < touch.kelvin
+    assert plan.freed == (f"pair: {JOINT}",)
+    assert "pair_one" in plan.tests
+    assert "K for 25 %, through stack; freed" in str(plan)
+
+
+def test_new_logs_that_are_not_used_are_named(campaign: Campaign, tests_again: Path) -> None:
+    plan = td.design.plan_retune(campaign, "a", box(NEW | {"parameters/power/value": "1 [W]"}))
+    assert not plan.freed
+    assert (tests_again / "logs" / "pair_one.csv").exists()
+    assert "Not used, though there are new logs of them: pair_one" in plan.run(tests_again).note
+
+
 def test_before_and_after_are_at_the_same_conditions(project: Path, campaign: Campaign) -> None:
     """A part in place of itself changes nothing, whatever its meter showed; a part with another power says which."""
     old = campaign["pair"].model.submodel("a")
@@ -184,14 +202,14 @@ def test_everything_again_is_close(project: Path, tmp_path: Path, plan: RetunePl
 
 
 def test_one_of_two_instances(project: Path, tmp_path: Path, tests_again: Path) -> None:
-    """The other instance keeps its stage; the new part gets one of its own."""
+    """The other instance keeps its stage, the new part gets its own; between parts as warm as each other a joint is not worth a test."""
     path = copied(project, tmp_path)
     deck = path.parent / "pair.toml"
     deck.write_text(deck.read_text().replace('use = "cool.toml"', 'use = "box.toml"'))
     text = path.read_text().replace("inherit = { a = {", 'inherit = { b = { stage = "box" }, a = {').replace(', "b.skin.effective_htc"', "")
     path.write_text(text)
     old = td.run_stages(path)
-    plan = td.design.plan_retune(old, "a", box(NEW))
+    plan = td.design.plan_retune(old, "a", box(NEW | {"parameters/power/value": "5 [W]"}))
     assert {s.name: s.action for s in plan.stages} == {"box": "kept", "box at a": "run", "cool": "kept", "pair": "carried"}
     made = plan.run(tests_again)
     assert any(w.startswith("kept after a swap: the model") for w in made["pair"].warnings)

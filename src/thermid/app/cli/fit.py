@@ -318,7 +318,8 @@ def swap(
         standing, code = retuned.standing, retuned.exit_code
         run = [s.name for s in plan.stages if s.action == "run" and (s.alone or not part_only)]
         content["stages"] = [calibration_object(retuned[name]) for name in run]
-        texts += [str(retuned[name]) for name in run]
+        content["note"] = retuned.note
+        texts += [retuned.note, *(str(retuned[name]) for name in run)]
         if to is not None:
             content["values_files"] = [f.name for f in retuned.save(to)]
             texts.append(f"values: {', '.join(content['values_files'])}")

@@ -212,7 +212,8 @@ def retune_object(plan: RetunePlan) -> dict[str, Any]:
         ],
         "freed": list(plan.freed),
         "touched": [
-            {"stage": t.stage, "path": t.path, "through": list(t.through), "kelvin": t.kelvin, "held": t.held} for t in plan.touched
+            {"stage": t.stage, "path": t.path, "through": list(t.through), "kelvin": t.kelvin, "change": t.change, "held": t.held}
+            for t in plan.touched
         ],
         "stages": [
             {
