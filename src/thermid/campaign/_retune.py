@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 MIN_EFFECT = 0.05
 """A value is worth retuning when what it may be off by moves some sensor by this much. [K]"""
-USUAL_CHANGE = 0.1
+CHANGE_WITHOUT_SPREAD = 0.1
 """What a value may be off by where the replacement assumes no spread of it. [-]"""
 START = "start after a replacement"
 CARRIED = "kept after a swap: the model has the new part, but values and statistics are from the tests before."
@@ -372,7 +372,7 @@ def _touches(done: Calibration, level: Level, inner: str, new: Model) -> tuple[l
             continue
         parameter = parameters.table[path].parameter
         high = parameter.maximum if parameter.maximum is not None else np.inf
-        change = anew[path].log_sd if path in anew else USUAL_CHANGE
+        change = anew[path].log_sd if path in anew else CHANGE_WITHOUT_SPREAD
         number = float(numbers[path]) * (1.0 + change if (1.0 + change) * float(numbers[path]) <= high else 1.0 / (1.0 + change))
         words = f"a change of {100 * change:.0f} %"
         changed = after.with_values({path: exact(number, parameter.unit)}, words) if parameter.is_literal else after

@@ -667,19 +667,19 @@ def _taken_as_instants(problem: Problem) -> list[str]:
 
 def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str]:
     """Return one remark on sampled powers, where the unknown instants of their changes may move a value by more than its error."""
-    found = list(own_switches(problem, minimum))
+    switches = list(own_switches(problem, minimum))
     ratios = {
-        u.name: float(np.linalg.norm([f.shifts[k] for f in found]) / max(np.sqrt(total[k, k]), 1e-300))
+        u.name: float(np.linalg.norm([f.shifts[k] for f in switches]) / (np.sqrt(total[k, k]) or np.inf))
         for k, u in enumerate(problem.unknowns)
         if u.kind == "parameter"
     }
     worst_of_all = max(ratios, key=lambda name: ratios[name], default="")
-    if not found or not ratios[worst_of_all] > 1.0:
+    if not switches or not ratios[worst_of_all] > 1.0:
         return []
-    channels = list(dict.fromkeys(f.channel for f in found))
+    channels = list(dict.fromkeys(f.channel for f in switches))
     return [
         f"{FIRST}a power is taken to change at the sample that shows it, but {quoted(channels)} changed somewhere in the interval before "
-        f"({short(max(f.interval for f in found))} s at most). That may move '{worst_of_all}' by {short(ratios[worst_of_all], 2)} times "
+        f"({short(max(f.interval for f in switches))} s at most). That may move '{worst_of_all}' by {short(ratios[worst_of_all], 2)} times "
         "its error, which does not count it. Log a row at every switch and state prompt = true, or sample faster."
     ]
 

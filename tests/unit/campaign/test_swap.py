@@ -124,14 +124,13 @@ def test_a_joint_is_retuned_by_how_far_it_may_be_off(campaign: Campaign) -> None
     assert 0.4 * touch.kelvin < MIN_EFFECT < touch.kelvin
     assert plan.freed == (f"pair: {JOINT}",)
     assert "pair_one" in plan.tests
-    assert "K for 25 %, through stack; freed" in str(plan)
 
 
 def test_new_logs_that_are_not_used_are_named(campaign: Campaign, tests_again: Path) -> None:
     plan = td.design.plan_retune(campaign, "a", box(NEW | {"parameters/power/value": "1 [W]"}))
     assert not plan.freed
     assert (tests_again / "logs" / "pair_one.csv").exists()
-    assert "Not used, though there are new logs of them: pair_one" in plan.run(tests_again).note
+    assert "pair_one" in plan.run(tests_again).note
 
 
 def test_before_and_after_are_at_the_same_conditions(project: Path, campaign: Campaign) -> None:

@@ -323,18 +323,18 @@ def own_switches(problem: Problem, minimum: Fit) -> Iterator[OwnSwitches]:
         tables = {p: t for p in channel_of if isinstance(t := _signal(e, p), TableSignal) and t.held and np.ptp(t.levels) > 0.0}
         slopes = problem.slopes(i, minimum.fitted) if tables else np.zeros(0)
         for path, table, answers in _answers(problem, i, minimum.fitted, list(tables), [e.times]) if tables else ():
-            moved, longest = [], 0.0
+            gradients, longest = [], 0.0
             for k in table.largest_changes(CHANGES):
                 interval, since = table.gaps(k)[0], e.times - float(table.times[k])
                 pulse = float(table.levels[k] - table.levels[k - 1])
                 longest = max(longest, interval)
-                moved.append(
+                gradients.append(
                     sum(
                         slopes[o.index, s, :].T @ (step(since + interval) - step(since))[o.index] * pulse / o.sigma(problem.noise)
                         for s, (o, step) in enumerate(zip(e.observations, answers, strict=True))
                     )
                 )
-            shifts = np.array(moved) @ weights
+            shifts = np.array(gradients) @ weights
             yield OwnSwitches(channel_of[path], longest, np.hypot(0.5 * shifts.sum(axis=0), np.linalg.norm(shifts, axis=0) / np.sqrt(12.0)))
 
 
