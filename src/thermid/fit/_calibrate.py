@@ -601,7 +601,9 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
         shown = f"{FittedValue(u.name, u.to_value(bound), 0, 0, u.log, u.unit, 0, (0, 0)).in_unit:.6g} {u.unit}".strip()
         cut = f", where its standard error of {short(v.shown(v.uncut))} is cut" if u.name in values and (v := values[u.name]).uncut else ""
         out.append(f"'{u.name}' ended at its {side} bound {shown}{cut}. Widen the bound, or fix the parameter.")
-    for u, error in ((problem.unknowns[k], float(np.sqrt(total[k, k]))) for i in range(len(problem.experiments)) for k, _ in problem.ticking(i)):
+    for u, error in (
+        (problem.unknowns[k], float(np.sqrt(total[k, k]))) for i in range(len(problem.experiments)) for k, _ in problem.ticking(i)
+    ):
         if 4.0 * error > UNKNOWN_CLOCK * (u.high - u.low):
             out.append(
                 f"'{u.name}' is not determined: its 95 % are {100.0 * min(4.0 * error / (u.high - u.low), 1.0):.0f} % of the range that it "

@@ -52,7 +52,7 @@ MOST_PLACEMENTS = 9
 CONTACTS = (0.3, 10.0)
 """Conductances between parts that a fit is begun with, over those to the surroundings. [-]"""
 MOST_STEPS = 20_000
-"""Steps of one run after which values are given up: a thinned log takes some 1,000; a part of nothing on a plate of metal took 1,000,000."""
+"""Steps of one run after which values are given up: a thinned log takes some 1,000; a part of next to nothing took 1,000,000."""
 FIRST_HEAT = 8
 """Evaluations of each descent of all beginnings; the better half goes on with twice as many, until one is left."""
 

@@ -128,7 +128,9 @@ def found_instants(
     return instants if rival.end.cost - cost > PROVES_INSTANT * reduced * sum(f.shifts.size for f in instants.values()) else {}
 
 
-def _settled(one: FittedStructure, begin: Mapping[str, Instants], budget: EvaluationBudget) -> tuple[float, Mapping[str, Instants], FittedStructure]:
+def _settled(
+    one: FittedStructure, begin: Mapping[str, Instants], budget: EvaluationBudget
+) -> tuple[float, Mapping[str, Instants], FittedStructure]:
     """Return the least cost of a structure with instants of its own, these, and the structure fitted with them."""
     ends, at, instants, records = [], one, begin, one.request.records
     for _ in range(MAX_SWITCHING_STEPS):
@@ -185,9 +187,7 @@ def _edges(record: Record, driven: Sequence[str]) -> Indices:
     return out.astype(np.intp)
 
 
-def _with_a_mass(
-    one: FittedStructure, changes: Callable[[Fitted], Sequence[MissingElement]], budget: EvaluationBudget
-) -> FittedStructure:
+def _with_a_mass(one: FittedStructure, changes: Callable[[Fitted], Sequence[MissingElement]], budget: EvaluationBudget) -> FittedStructure:
     """Return a structure with one mass more, that which fits the readings best; as it is where none does."""
     structures = [one]
     every = changes(Fitted.of_problem(one.request, one.problem, one.end.fitted))

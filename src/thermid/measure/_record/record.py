@@ -264,7 +264,9 @@ class Record(Samples, Result):
             masks = {"gap": ~valid} if channel.held else {"gap": ~valid & regular, "switch": ~regular}
             channels[channel.name] = replace(channel, values=values, valid=valid & (regular | channel.held), masks=masks).checked()
         text = f"resample: {self.times.size} samples to {count} at {width:g} s; powers and commands held, others linear"
-        kept = f"{grid.size - count} instants of their changes kept" if instants.size <= count else "more changes than that, so they are means"
+        kept = (
+            f"{grid.size - count} instants of their changes kept" if instants.size <= count else "more changes than that, so they are means"
+        )
         text += f"; {kept}" if switches else ""
         gaps = ", ".join(f"{channel.name} {channel.flags['gap']}" for channel in channels.values() if "gap" in channel.flags)
         raw = not any(done.startswith(("filter", "median")) for done in self.steps) and width > 2 * self.step
@@ -276,7 +278,7 @@ class Record(Samples, Result):
     def _switches(self, last: float) -> FloatArray:
         """Return the times up to `last` at which a held channel was switched. [s]"""
         switched = np.any([c.switched for c in self.channels.values() if c.held] or [np.zeros(self.times.size, dtype=bool)], axis=0)
-        return self.times[switched & (self.times <= last)]
+        return np.asarray(self.times[switched & (self.times <= last)])
 
     def flag_spikes(self, threshold: str | float, window: str | float, channels: Sequence[str] | None = None) -> Record:
         """Return the record with temperatures masked that stand out from the moving median (Hampel's identifier).

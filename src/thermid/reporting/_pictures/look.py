@@ -541,7 +541,8 @@ def _offset(clock: dict[str, Any], fitted: bool) -> str:
 
     Stamps of two computers may be a minute apart, so where a step agrees with them the fit looks within the errors of the step. Where the
     fit cannot look, as both logs have temperatures that are compared, stamps are taken that lie within one error of the step, or agree
-    with a step that is known worse than stamps are. A candidate is a gap to fill: nothing tells by how much one place is later than the other.
+    with a step that is known worse than stamps are. A candidate is a gap to fill: nothing tells by how much one place is later than the
+    other.
     """
     if fitted:
         low, high = _range(clock)
