@@ -263,7 +263,8 @@ class Record(Samples, Result):
                 values = np.where(valid, windows.mean_until_next(self.times[channel.valid], channel.values[channel.valid], grid), np.nan)
             masks = {"gap": ~valid} if channel.held else {"gap": ~valid & regular, "switch": ~regular}
             channels[channel.name] = replace(channel, values=values, valid=valid & (regular | channel.held), masks=masks).checked()
-        text = f"resample: {self.times.size} samples to {count} at {width:g} s; powers and commands held, others linear"
+        how = "as means until the next" if switches else "held"
+        text = f"resample: {self.times.size} samples to {count} at {width:g} s; powers and commands {how}, others linear"
         kept = (
             f"{grid.size - count} instants of their changes kept" if instants.size <= count else "more changes than that, so they are means"
         )

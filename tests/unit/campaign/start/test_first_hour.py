@@ -50,14 +50,19 @@ def said(*arguments: str) -> tuple[int, Any]:
 
 
 def plate(
-    path: Path, columns: str = "T_plate [degC],T_room [degC],P [W]", scale: float = 1.0, offset: float = 0.0, rest: float = 600.0
+    path: Path,
+    columns: str = "T_plate [degC],T_room [degC],P [W]",
+    scale: float = 1.0,
+    offset: float = 0.0,
+    rest: float = 600.0,
+    step: float = 15.0,
 ) -> Path:
     """Write a log of a plate of 150 J/K with 0.3 W/K to the room, whose thermometer reads an offset too much; its power times a scale."""
     rng, rows, hot = np.random.default_rng(4), [f"time [s],{columns}"], 22.0
-    for t in np.arange(0.0, 5400.0, 15.0):
+    for t in np.arange(0.0, 5400.0, step):
         watts = 0.0 if t < rest else 12.0 if t < 2400.0 else 3.0
         rows.append(f"{t:g},{hot + offset + 0.03 * rng.standard_normal():.3f},{22.0 + 0.03 * rng.standard_normal():.3f},{scale * watts:g}")
-        hot += 15.0 * (watts - 0.3 * (hot - 22.0)) / 150.0
+        hot += step * (watts - 0.3 * (hot - 22.0)) / 150.0
     path.write_text("\n".join(rows) + "\n")
     return path
 
@@ -192,12 +197,14 @@ def test_a_column_that_a_power_may_follow_from_is_asked_about(tmp_path: Path, un
 
 
 def test_a_power_by_formula_is_taken_from_volts_and_amperes(tmp_path: Path) -> None:
-    log = plate(tmp_path / "log.csv", "T_plate [degC],T_room [degC],I_IN [A]", scale=1.0 / 24.0)
-    rows = log.read_text().splitlines()
-    log.write_text("\n".join([rows[0] + ",V_IN [V]", *(f"{row},24" for row in rows[1:])]))
+    """Volts scatter, as meters do, and the log is a long one: its power is a mean, and changes when it was switched."""
+    log = plate(tmp_path / "log.csv", "T_plate [degC],T_room [degC],I_IN [A]", scale=1.0 / 24.0, step=5.0)
+    rows, volts = log.read_text().splitlines(), 24.0 + 0.01 * np.random.default_rng(6).standard_normal(1080)
+    log.write_text("\n".join([rows[0] + ",V_IN [V]", *(f"{row},{v:.3f}" for row, v in zip(rows[1:], volts, strict=True))]))
     code, made = said("init", str(log), "--to", str(tmp_path / "p"), "--formula", "P_IN=V_IN * I_IN", "--evaluations", "200")
     assert code in (0, 4)
     assert made["questions"] == []
+    assert "fit, 756 samples to 590 at 6.4 s; powers as means between their switches." in made["thinned"]
     _, done = said("calibrate", str(tmp_path / "p" / "campaign.toml"))
     assert done["stages"][0]["values"]["plate.capacitance"] == pytest.approx(150.0, rel=0.03)
 
