@@ -498,27 +498,27 @@ def _begun(roles: Roles, records: Sequence[Record], facts: StatedFacts, budget: 
     """
     rise, span, watts = _scales(roles, records)
     starts = itertools.product(PACES, CONTACTS if len(roles.parts) > 1 else CONTACTS[:1])
-    asked: list[tuple[Roles, Request, Mapping[str, float]]] = []
+    beginnings: list[tuple[Roles, Request, Mapping[str, float]]] = []
     for placed, (pace, contact) in itertools.product(_placements(roles), starts if facts.deck is None else [(PACES[0], CONTACTS[0])]):
         loss = watts / max(rise, 1e-3) / len(roles.parts) if _in_watts(roles) else ASSUMED / (pace * span)
-        asked.append((placed, request_of(placed, records, max(loss * pace * span, 1e-3), max(loss, 1e-6), contact, facts), {}))
+        beginnings.append((placed, request_of(placed, records, max(loss * pace * span, 1e-3), max(loss, 1e-6), contact, facts), {}))
     ends: list[tuple[Roles, FittedStructure]] = []
     refusal: ThermidError | None = None
     rounds = FIRST_HEAT
-    while asked and not budget.over:
-        if budget.progress is not None and len(asked) > 1:
-            budget.progress(f"where powers go and what parts are like, {len(asked)} beginnings", 0.0)
+    while beginnings and not budget.over:
+        if budget.progress is not None and len(beginnings) > 1:
+            budget.progress(f"where powers go and what parts are like, {len(beginnings)} beginnings", 0.0)
         ended = []
-        for placed, request, at in asked:
+        for placed, request, at in beginnings:
             if budget.over:
                 break
             try:
-                ended.append((placed, fitted_structure((), request, at, None, budget, rounds if len(asked) > 1 else MOST_EVALUATIONS)))
+                ended.append((placed, fitted_structure((), request, at, None, budget, rounds if len(beginnings) > 1 else MOST_EVALUATIONS)))
             except ThermidError as error:
                 refusal = error
         ends = sorted([*ended, *ends[:1]], key=lambda end: end[1].end.cost)
-        better = sorted(ended, key=lambda end: end[1].end.cost)[: len(asked) // 2]
-        asked, rounds = [(placed, one.request, one.fitted) for placed, one in better], 2 * rounds
+        better = sorted(ended, key=lambda end: end[1].end.cost)[: len(beginnings) // 2]
+        beginnings, rounds = [(placed, one.request, one.fitted) for placed, one in better], 2 * rounds
     if not ends:
         raise refusal or IdentificationError(
             "no structure could be fitted. Check the roles of the columns with `thermid look`.", records[0].name, code="fit.not-determined"

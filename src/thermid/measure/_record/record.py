@@ -263,12 +263,10 @@ class Record(Samples, Result):
                 values = np.where(valid, windows.mean_until_next(self.times[channel.valid], channel.values[channel.valid], grid), np.nan)
             masks = {"gap": ~valid} if channel.held else {"gap": ~valid & regular, "switch": ~regular}
             channels[channel.name] = replace(channel, values=values, valid=valid & (regular | channel.held), masks=masks).checked()
-        how = "as means until the next" if switches else "held"
-        text = f"resample: {self.times.size} samples to {count} at {width:g} s; powers and commands {how}, others linear"
-        kept = (
-            f"{grid.size - count} instants of their changes kept" if instants.size <= count else "more changes than that, so they are means"
-        )
-        text += f"; {kept}" if switches else ""
+        text = f"resample: {self.times.size} samples to {count} at {width:g} s; powers and commands held, others linear"
+        if switches:
+            ends = f"{grid.size - count} instants of their changes kept" if instants.size <= count else "more changes than that"
+            text = f"{text.replace('held', 'as means until the next')}; {ends}"
         gaps = ", ".join(f"{channel.name} {channel.flags['gap']}" for channel in channels.values() if "gap" in channel.flags)
         raw = not any(done.startswith(("filter", "median")) for done in self.steps) and width > 2 * self.step
         text += (f"; masked as gaps: {gaps}" if gaps else "") + (
