@@ -67,6 +67,8 @@ ERROR_OF_SEEN_NOISE = 1.6
 """Standard error of the logarithm of the noise that white readings show, times the root of their number; 20 to 500 were simulated. [-]"""
 CHANCE_DEVIATIONS = 3.0
 """Standard deviations of chi-square by chance, from which residuals that wander are asked whether the structure lacks something. [-]"""
+UNKNOWN_CLOCK = 0.5
+"""Part of the range of a second clock that its 95 % must leave, for the records to have determined it. [-]"""
 REFUTED = 1e-3
 """Chance of as large a chi-square, beside residuals of so many noises, from which the stated noise refutes the fit."""
 
@@ -599,6 +601,14 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
         shown = f"{FittedValue(u.name, u.to_value(bound), 0, 0, u.log, u.unit, 0, (0, 0)).in_unit:.6g} {u.unit}".strip()
         cut = f", where its standard error of {short(v.shown(v.uncut))} is cut" if u.name in values and (v := values[u.name]).uncut else ""
         out.append(f"'{u.name}' ended at its {side} bound {shown}{cut}. Widen the bound, or fix the parameter.")
+    for u, error in (
+        (problem.unknowns[k], float(np.sqrt(total[k, k]))) for i in range(len(problem.experiments)) for k, _ in problem.ticking(i)
+    ):
+        if 4.0 * error > UNKNOWN_CLOCK * (u.high - u.low):
+            out.append(
+                f"'{u.name}' is not determined: its 95 % are {100.0 * min(4.0 * error / (u.high - u.low), 1.0):.0f} % of the range that it "
+                "was looked for in. State one number, such as that of the stamps, or log a part that answers at once to a switched power."
+            )
     others = ("local", "sensor", INPUT) if _beyond_accuracy(problem, minimum)[0] > ASIDE else ("local",)
     for k, u in enumerate(problem.unknowns):
         far = abs(minimum.fitted[k] - u.prior.mean) / u.prior.sd if u.prior is not None and u.kind not in others else 0.0

@@ -18,6 +18,7 @@ from thermid.fit._calibration import (
 )
 from thermid.fit._inputs import Input as Input, InputTable as InputTable, input_lines as input_lines, inputs_of as inputs_of
 from thermid.fit._minimisation import (
+    MOST_EVALUATIONS as MOST_EVALUATIONS,
     Fit as Fit,
     KeptFit as KeptFit,
     covariances as covariances,

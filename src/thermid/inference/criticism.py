@@ -9,6 +9,7 @@ from thermid.inference._explain.criticism import (
 from thermid.inference._explain.defects import ExplainedFit as ExplainedFit, asks as asks, explained as explained, summary as summary
 from thermid.inference._explain.mistakes import Mistakes as Mistakes, find_mistakes as find_mistakes
 from thermid.inference._explain.structures import (
+    EvaluationBudget as EvaluationBudget,
     FittedStructure as FittedStructure,
     StructureSearch as StructureSearch,
     adopted as adopted,

@@ -406,6 +406,17 @@ def test_intervals_of_clocks_hold_the_truth() -> None:
     assert (np.mean(np.square(pulls), axis=0) > 0.5).all()
 
 
+def test_a_clock_that_no_part_shows_is_said_not_to_be_determined() -> None:
+    """A supply clock was read as 331 +- 158 s for a truth of -60, where only a slow battery answered, without a word."""
+    first, second = held(130.0, 1.0)
+    noise = 6.0 * np.random.default_rng(4).standard_normal(SLOW.size)
+    dull = first.with_channels(replace(first["T"], values=first["T"].values + noise, noise=6.0))
+    fit = td.calibrate(BOX, dull.joined(second, (100.0, 160.0)), FREE[1:], scenario=AIR)
+    assert any(w.startswith("'bench: clock offset' is not determined: its 95 % are ") for w in fit.warnings)
+    sharp = td.calibrate(BOX, first.joined(second, (100.0, 160.0)), FREE[1:], scenario=AIR)
+    assert not any("is not determined" in w for w in sharp.warnings)
+
+
 def test_a_clock_at_the_end_of_its_range_is_flagged_with_its_value() -> None:
     """The true offset is 130 s, the range ends at 60 s: the fit must not count as adequate for it, a verdict says where it ended."""
     first, second = held(130.0, 1.0)

@@ -204,6 +204,28 @@ def test_resample_holds_commands_and_joins_temperatures():
     assert not ramp().median(2).resample(5).steps[-1].endswith("picked")
 
 
+def test_resample_keeps_the_switches_of_a_power_and_not_the_noise_of_its_meter():
+    """Of 36000 rows with volts times amperes 35337 were kept as switches, and a search for a structure did not end."""
+    times = 2.0 * np.arange(3000)
+    watts = np.where((times >= 901) & (times < 4000), 20.0, 5.0)
+    noisy = watts + np.random.default_rng(3).normal(0.0, 0.05, times.size)
+    power = Channel.from_array("p", noisy, quantity="power", role="load")
+    out = made(times, case=300 + times, p=power).resample("130 [s]", switches=True)
+    assert np.setdiff1d(out.times, 130.0 * np.arange(47)).tolist() == [902.0, 4000.0]
+    assert out["p"].values[:-1] == pytest.approx(np.where((out.times >= 902) & (out.times < 4000), 20.0, 5.0)[:-1], abs=0.03)
+    heat = np.sum(np.diff(out.times) * out["p"].values[:-1])
+    assert heat == pytest.approx(2.0 * noisy[: int(out.times[-1] / 2)].sum(), rel=1e-9)
+
+
+def test_a_power_that_switches_more_often_than_the_grid_is_a_mean():
+    times = np.arange(6001.0)
+    power = Channel.from_array("p", np.where(times.astype(int) // 15 % 2, 24.0, 0.0), quantity="power", role="load")
+    out = made(times, case=300 + times, p=power).resample("60 [s]", switches=True)
+    assert out.times.size == 101
+    assert out["p"].values[:-1].tolist() == [12.0] * 100
+    assert "more changes than that" in out.steps[-1]
+
+
 def test_resample_does_not_cross_a_gap():
     times = np.array([0, 1, 2, 3, 4, 20, 21, 22, 23, 24, 25.0])
     power = Channel.from_array("p", np.arange(11.0), quantity="power")

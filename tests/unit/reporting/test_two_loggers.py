@@ -339,6 +339,19 @@ def test_offsets_by_stamps_are_of_two_clocks_and_a_third_log_is_chained_to_the_o
     assert [type(j["offset"]) for j in joined_lines([first, second, third])] == [str, list]
 
 
+def test_stamps_tell_more_than_a_step_that_only_a_slow_mass_shows(tmp_path: Path) -> None:
+    """An offset of 331 +- 158 s was written for a supply whose stamps were a minute off."""
+    first = bench_log(tmp_path / "first.csv", ("case",), 0.0, "08:30:00", length=5000.0)
+    supply = bench_log(tmp_path / "supply.csv", (), -40.0, "08:28:50", step=5.0)
+    dull = CommonStep(331.0, 158.0, "battery", "P", 0.99)
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr("thermid.reporting._pictures.look.common_step", lambda *courses: dull)
+        (clock,) = clocks_of([first, supply])
+        text = "\n".join(clock_lines([first, supply]))
+    assert clock["at"]["by_stamps"]
+    assert "and tell more than a step known no better, and are used where no fit finds the offset" in text
+
+
 @pytest.mark.parametrize("names", [("second", "supply"), ("supply", "second")])
 def test_a_supply_whose_clock_is_off_is_not_what_places_a_thermometer_with_right_stamps(tmp_path: Path, names: tuple[str, ...]) -> None:
     first = bench_log(tmp_path / "first.csv", ("case",), 0.0, "08:30:00", length=5000.0)

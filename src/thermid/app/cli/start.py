@@ -104,6 +104,7 @@ def init(
         "changes": [c.name for c in proposal.chosen.changes],
         "rmse_K": proposal.chosen.rmse,
         "assumed": proposal.assumed,
+        "thinned": proposal.thinned_text,
         "masked": masked,
         "unexplained": proposal.unexplained,
         "not_physical": [c.to_dict() for c in proposal.not_physical],

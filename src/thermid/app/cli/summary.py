@@ -248,7 +248,7 @@ def _block(campaign: Campaign, name: str, fit: Calibration) -> StageRows:
     rows = sorted(fitted, key=lambda v: -abs(v.error / v.value) if v.value else 0.0)
     clocks = [i for i in fit.local if i.unit in ("s", "1")]
     notes += [f"{name}: {i.record}: {i.name} {i.words}" for i in clocks]
-    notes += [f"{name}: {w}" for w in fit.warnings if any(f"'{i.record}: {i.name}' ended" in w for i in clocks)]
+    notes += [f"{name}: {w}" for w in fit.warnings if any(w.startswith(f"'{i.record}: {i.name}' ") for i in clocks)]
     return StageRows(name, fit.standing.state, sensor, tuple(map(_value, rows)), tuple(notes))
 
 

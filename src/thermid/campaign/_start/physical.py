@@ -158,7 +158,7 @@ def _checks(one: FittedStructure, roles: Roles, masses: Mapping[str, KnownMass])
     for node in (n for n in roles.parts.values() if f"{n}.capacitance" in values and n not in masses):
         least = max(LEAST_PART, largest / MOST_BEHIND)
         meaning = "A power is missing or wrong, or an instrument has an offset"
-        if values[f"{node}.capacitance"] < least:
+        if hidden and values[f"{node}.capacitance"] < least:
             meaning = f"'{hidden}' of {largest:.3g} J/K may be this part, behind its sensor: state --mass {node}=... or the paths"
         yield check(f"{node}.capacitance", least, MOST_PART, "a part that carries a sensor", meaning)
     for name, c in one.request.model.conductors.items():

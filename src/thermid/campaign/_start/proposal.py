@@ -13,9 +13,10 @@ from thermid.base.errors import DeckError, IdentificationError, ThermidError, re
 from thermid.campaign._start.physical import SLOWEST_SENSOR, KnownMass, not_physical, too_far, weights
 from thermid.campaign._start.roles import ACCURACY, Power, Roles, part_name, with_noise
 from thermid.campaign._start.switching import Instants, found_instants, instants_text, with_instants
-from thermid.fit.calibration import LocalSpec, Request, first_reading
+from thermid.fit.calibration import MOST_EVALUATIONS, LocalSpec, Request, first_reading
 from thermid.inference.criticism import (
     EVALUATIONS,
+    EvaluationBudget,
     Fitted,
     FittedStructure,
     MissingElement,
@@ -50,6 +51,10 @@ MOST_PLACEMENTS = 9
 """Ways to place powers in parts that are tried."""
 CONTACTS = (0.3, 10.0)
 """Conductances between parts that a fit is begun with, over those to the surroundings. [-]"""
+MOST_STEPS = 20_000
+"""Steps of one run after which values are given up: a thinned log takes some 1,000; a part of next to nothing took 1,000,000."""
+FIRST_HEAT = 8
+"""Evaluations of each descent of all beginnings; the better half goes on with twice as many, until one is left."""
 
 
 FIXED, FIXED_SD = 0.2, "70 [%]"
@@ -197,6 +202,17 @@ class Proposal:
         )
         return f"Offsets of thermometers, accuracy {self.known.accuracy:g} K assumed{against}: {offsets}. {where}"
 
+    @property
+    def thinned_text(self) -> str:
+        """How coarse the logs are that structures were tried on; empty where they are as they were read."""
+        steps = [(e.record.name, s) for e in self.chosen.problem.experiments for s in e.record.steps if s.startswith("resample: ")]
+        logs = ", ".join(f"{name}, {step.removeprefix('resample: ').partition(';')[0]}" for name, step in steps)
+        return (
+            f"Structures were tried on thinned logs, as the campaign fits them: {logs}; powers as means between their switches."
+            if logs
+            else ""
+        )
+
     def __str__(self) -> str:
         """Return the answer first, then what was tried and what the log cannot tell."""
         one = self.chosen
@@ -209,7 +225,7 @@ class Proposal:
         lines[1:1] = [f"Not physical: {c}" for c in self.not_physical]
         lines += [self.depending_text] if self.depending else []
         lines += [f"Assumed: {self.assumed}"] if self.assumed else []
-        lines += [t for t in (self.offsets_text, instants_text(self.instants), *self.roles.questions) if t]
+        lines += [t for t in (self.thinned_text, self.offsets_text, instants_text(self.instants), *self.roles.questions) if t]
         return "\n".join([*lines, str(self.search)])
 
 
@@ -290,7 +306,8 @@ def request_of(
         lowest = min((first_reading(r, c), c) for r in records for c in roles.parts if c in r.channels)
         local = {roles.boundary: LocalSpec(lowest[1], LOOSE_AMBIENT)}
     priors = {path: prior for path, prior in facts.priors.items() if path in free}
-    return Request(model, tuple(records), tuple(free), {"*": scenario}, local, priors=priors, name="proposed")
+    request = Request(model, tuple(records), tuple(free), {"*": scenario}, local, priors=priors, name="proposed")
+    return replace(request, options=replace(request.options, max_steps=MOST_STEPS))
 
 
 def _in_watts(roles: Roles) -> bool:
@@ -350,27 +367,27 @@ def propose(
     ----------
     roles : Roles           What the columns are.
     records : sequence      The logs, read with these roles.
-    evaluations : int       Budget of the search.
+    evaluations : int       Budget of everything that is fitted.
     facts : StatedFacts           Accuracy of thermometers, masses, paths, a deck to begin with.
-    progress : callable     As of `search_structure`.
+    progress : callable     As of `EvaluationBudget`.
 
     Raises
     ------
     IdentificationError     When nothing in the log moves: no part's temperature changes by more than its noise.
     """
-    prepared, sizes = [], dict[str, float]()
+    prepared, sizes, budget = [], dict[str, float](), EvaluationBudget(evaluations, progress)
     for record in records:
         one, estimated_noise = with_noise(record, sizes, facts.accuracy)
         prepared.append(one)
         sizes = {**estimated_noise, **sizes}
     _refuse_still(prepared, roles, sizes)
     roles = replace(roles, powers=tuple(_placed(p, roles, prepared) for p in roles.powers))
-    roles, begun = _begun(roles, prepared, facts, progress)
-    begun, facts = _bounded_where_it_matters(roles, prepared, facts, begun)
+    roles, begun = _begun(roles, prepared, facts, budget)
+    begun, facts = _bounded_where_it_matters(roles, prepared, facts, begun, budget)
     changes = _within(roles, facts)
-    instants = found_instants(begun, changes)
+    instants = found_instants(begun, changes, budget)
     request = replace(begun.request, records=tuple(with_instants(begun.request.records, instants)))
-    search = search_structure(request, changes=changes, evaluations=evaluations, begin=begun.fitted, progress=progress)
+    search = search_structure(request, changes=changes, evaluations=budget, begin=begun.fitted)
     assumed = ""
     if _ratios_only(roles, facts):
         first = next(iter(roles.parts.values()))
@@ -473,48 +490,53 @@ def _answer(power: str, column: str, records: Sequence[Record]) -> float:
     return size
 
 
-def _begun(
-    roles: Roles, records: Sequence[Record], facts: StatedFacts, progress: Callable[[str, float], None] | None = None
-) -> tuple[Roles, FittedStructure]:
+def _begun(roles: Roles, records: Sequence[Record], facts: StatedFacts, budget: EvaluationBudget) -> tuple[Roles, FittedStructure]:
     """Return the parts alone, fitted from several time constants, the best end; and what each power heats there.
 
-    A power whose part nobody told is tried in every part.
+    A power whose part nobody told is tried in every part. All beginnings go a little way; the better half of them goes on, until one is
+    left, or the budget is.
     """
     rise, span, watts = _scales(roles, records)
-    best: tuple[Roles, FittedStructure] | None = None
+    starts = itertools.product(PACES, CONTACTS if len(roles.parts) > 1 else CONTACTS[:1])
+    beginnings: list[tuple[Roles, Request, Mapping[str, float]]] = []
+    for placed, (pace, contact) in itertools.product(_placements(roles), starts if facts.deck is None else [(PACES[0], CONTACTS[0])]):
+        loss = watts / max(rise, 1e-3) / len(roles.parts) if _in_watts(roles) else ASSUMED / (pace * span)
+        beginnings.append((placed, request_of(placed, records, max(loss * pace * span, 1e-3), max(loss, 1e-6), contact, facts), {}))
+    ends: list[tuple[Roles, FittedStructure]] = []
     refusal: ThermidError | None = None
-    for k, placed in enumerate(places := _placements(roles), 1):
-        starts = itertools.product(PACES, CONTACTS if len(roles.parts) > 1 else CONTACTS[:1])
-        if progress is not None:
-            progress(f"where the powers go, {k} of {len(places)}", 0.0)
-        for pace, contact in starts if facts.deck is None else [(PACES[0], CONTACTS[0])]:
-            loss = watts / max(rise, 1e-3) / len(roles.parts) if _in_watts(roles) else ASSUMED / (pace * span)
-            request = request_of(placed, records, max(loss * pace * span, 1e-3), max(loss, 1e-6), contact, facts)
+    rounds = FIRST_HEAT
+    while beginnings and not budget.over:
+        if budget.progress is not None and len(beginnings) > 1:
+            budget.progress(f"where powers go and what parts are like, {len(beginnings)} beginnings", 0.0)
+        ended = []
+        for placed, request, at in beginnings:
+            if budget.over:
+                break
             try:
-                one = fitted_structure((), request, {})
+                ended.append((placed, fitted_structure((), request, at, None, budget, rounds if len(beginnings) > 1 else MOST_EVALUATIONS)))
             except ThermidError as error:
                 refusal = error
-                continue
-            if best is None or one.end.cost < best[1].end.cost:
-                best = placed, one
-    if best is None:
+        ends = sorted([*ended, *ends[:1]], key=lambda end: end[1].end.cost)
+        better = sorted(ended, key=lambda end: end[1].end.cost)[: len(beginnings) // 2]
+        beginnings, rounds = [(placed, one.request, one.fitted) for placed, one in better], 2 * rounds
+    if not ends:
         raise refusal or IdentificationError(
             "no structure could be fitted. Check the roles of the columns with `thermid look`.", records[0].name, code="fit.not-determined"
         )
-    return best
+    return ends[0]
 
 
 def _bounded_where_it_matters(
-    roles: Roles, records: Sequence[Record], facts: StatedFacts, begun: FittedStructure
+    roles: Roles, records: Sequence[Record], facts: StatedFacts, begun: FittedStructure, budget: EvaluationBudget
 ) -> tuple[FittedStructure, StatedFacts]:
     """Return the beginning with weighed parts within their weight, where they are beyond it and another value then differs threefold.
 
     A log whose power reaches a part late may make one body of a box and its plate, and of the plate a thermometer that lags.
     """
-    if all(c.verdict == "possible" for c in weights(begun.request.model, begun.values, roles, facts.masses)):
+    if budget.over or all(c.verdict == "possible" for c in weights(begun.request.model, begun.values, roles, facts.masses)):
         return begun, facts
     strict = replace(facts, bounded=True)
-    _, other = _begun(roles, records, strict)
+    _, other = _begun(roles, records, strict, budget)
     ratios = [begun.values[path] / value for path, value in other.values.items() if path in begun.values]
     return (other, strict) if max(ratios) > THREEFOLD or min(ratios) * THREEFOLD < 1.0 else (begun, facts)
 

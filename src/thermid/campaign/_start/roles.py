@@ -129,11 +129,19 @@ def read_as(roles: Roles, log: Path, same: Mapping[str, str], time: str | None =
     Raises
     ------
     NameNotFoundError   When the log has neither name of a column, with its columns.
+    RecordError         When it has no temperature of the first one.
     """
     name, here = word(log.name.partition(".")[0]), [name_and_unit(head)[0] for head in log_cells(log).header]
     refuse_unknown(same, [*roles.channels(), *roles.ignored], "--same", "no column '{}' in the first log. Columns: {known}.")
     other = {column: there for column, there in same.items() if column not in here}
     refuse_unknown(other.values(), here, f"{log.name}, --same", "no column '{}'. Columns: {known}.")
+    if not any(other.get(column, column) in here for column in roles.parts):
+        raise RecordError(
+            "it has none of the temperatures of the first log. A further log is another test of the unit. One that ran beside the first is "
+            "joined with it: `thermid look` with both prints the lines.",
+            log.name,
+            code="record.nothing-there",
+        )
     bindings: dict[str, Any] = {}
     for column, table in roles.channels().items():
         formula = table.get("power")

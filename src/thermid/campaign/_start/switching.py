@@ -14,7 +14,7 @@ import numpy as np
 from thermid.base.errors import ThermidError
 from thermid.base.linear_algebra import Indices
 from thermid.fit.calibration import build_problem
-from thermid.inference.criticism import CHALLENGES, Fitted, FittedStructure, MissingElement, fitted_structure, promises
+from thermid.inference.criticism import CHALLENGES, EvaluationBudget, Fitted, FittedStructure, MissingElement, fitted_structure, promises
 from thermid.measure.records import FloatArray, Record
 
 MOST_INSTANTS = 12
@@ -94,7 +94,9 @@ class Instants:
         return replace(self, shifts=np.clip(moved, -FARTHEST_SHIFT * self.step, FARTHEST_SHIFT * self.step))
 
 
-def found_instants(begun: FittedStructure, changes: Callable[[Fitted], Sequence[MissingElement]]) -> Mapping[str, Instants]:
+def found_instants(
+    begun: FittedStructure, changes: Callable[[Fitted], Sequence[MissingElement]], budget: EvaluationBudget
+) -> Mapping[str, Instants]:
     """Return record -> when its powers changed, for records whose readings prove it.
 
     Each instant is an unknown beside those of the structure. A mass would answer a delay too, so instants have to fit the readings better
@@ -104,6 +106,7 @@ def found_instants(begun: FittedStructure, changes: Callable[[Fitted], Sequence[
     ----------
     begun : FittedStructure     The structure at the beginning.
     changes : callable          Changes of it that may be.
+    budget : EvaluationBudget   What the evaluations of its fits are taken from.
     """
     records = begun.request.records
     candidates = {
@@ -113,8 +116,8 @@ def found_instants(begun: FittedStructure, changes: Callable[[Fitted], Sequence[
     }
     if not candidates:
         return {}
-    rival = _with_a_mass(begun, changes)
-    (cost, instants, at), other = (_settled(one, candidates) for one in (begun, rival))
+    rival = _with_a_mass(begun, changes, budget)
+    (cost, instants, at), other = (_settled(one, candidates, budget) for one in (begun, rival))
     reduced = max(min(e.end.chi_square / max(e.problem.freedom, 1.0) for e in (at, other[2])), 1e-12)
     if other[0] < cost - PROVES_INSTANT * reduced:  # a mass beside the instants has to prove itself too: one for nothing would move them
         cost, instants, at = other
@@ -125,13 +128,15 @@ def found_instants(begun: FittedStructure, changes: Callable[[Fitted], Sequence[
     return instants if rival.end.cost - cost > PROVES_INSTANT * reduced * sum(f.shifts.size for f in instants.values()) else {}
 
 
-def _settled(one: FittedStructure, begin: Mapping[str, Instants]) -> tuple[float, Mapping[str, Instants], FittedStructure]:
+def _settled(
+    one: FittedStructure, begin: Mapping[str, Instants], budget: EvaluationBudget
+) -> tuple[float, Mapping[str, Instants], FittedStructure]:
     """Return the least cost of a structure with instants of its own, these, and the structure fitted with them."""
     ends, at, instants, records = [], one, begin, one.request.records
     for _ in range(MAX_SWITCHING_STEPS):
         try:
             instants = _stepped(at, records, instants)
-            at = fitted_structure(one.changes, replace(one.request, records=_records_at(records, instants)), at.fitted)
+            at = fitted_structure(one.changes, replace(one.request, records=_records_at(records, instants)), at.fitted, None, budget)
         except (ThermidError, np.linalg.LinAlgError):
             break
         ends.append((at.end.cost + sum(f.penalty for f in instants.values()), instants, at))
@@ -182,13 +187,13 @@ def _edges(record: Record, driven: Sequence[str]) -> Indices:
     return out.astype(np.intp)
 
 
-def _with_a_mass(one: FittedStructure, changes: Callable[[Fitted], Sequence[MissingElement]]) -> FittedStructure:
+def _with_a_mass(one: FittedStructure, changes: Callable[[Fitted], Sequence[MissingElement]], budget: EvaluationBudget) -> FittedStructure:
     """Return a structure with one mass more, that which fits the readings best; as it is where none does."""
     structures = [one]
     every = changes(Fitted.of_problem(one.request, one.problem, one.end.fitted))
     for promised in promises(one, [c for c in every if c.nodes == 1], [])[:CHALLENGES]:
         try:
-            structures.append(fitted_structure((promised.change,), promised.change.request, one.fitted, promised.start))
+            structures.append(fitted_structure((promised.change,), promised.change.request, one.fitted, promised.start, budget))
         except (ThermidError, np.linalg.LinAlgError):
             continue
     return min(structures, key=lambda m: m.end.cost)

@@ -22,7 +22,7 @@ from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.linear_algebra import Array, one_thread
 from thermid.base.units import from_si, unit
-from thermid.fit.calibration import Fit, Prior, Problem, Request, Unknown, build_problem, minimise, starting_point
+from thermid.fit.calibration import MOST_EVALUATIONS, Fit, Prior, Problem, Request, Unknown, build_problem, minimise, starting_point
 from thermid.inference._explain.candidates import Fitted, MissingElement, changes_of
 from thermid.inference._explain.causes import SizedValue
 from thermid.inference._explain.thresholds import (
@@ -218,9 +218,8 @@ def search_structure(
     *,
     changes: Callable[[Fitted], Sequence[MissingElement]] | None = None,
     rounds: int = 6,
-    evaluations: int = EVALUATIONS,
+    evaluations: int | EvaluationBudget = EVALUATIONS,
     begin: Mapping[str, float] | None = None,
-    progress: Callable[[str, float], None] | None = None,
     executor: Workers = None,
 ) -> StructureSearch:
     """Search for changes of structure that readings support.
@@ -230,9 +229,8 @@ def search_structure(
     request : Request       The fit with the structure to begin from.
     changes : callable      Changes of a fitted structure; those of the catalogue by default.
     rounds : int            Most changes, one after the other.
-    evaluations : int       Budget after which no refit begins, and one that runs is given up.
+    evaluations : int       Budget after which no refit begins, and one that runs is given up; one that was begun goes on.
     begin : dict            Unknown -> value in the fitted form to begin from; the request's own starts by default.
-    progress : callable     Called with how far it is, in words, and the share of the budget that is spent.
     executor : see `Workers`    Who makes the refits of a round: the same structures from all.
 
     Raises
@@ -241,11 +239,18 @@ def search_structure(
     """
     with one_thread():
         catalogue = changes or (lambda structure: list(changes_of(structure)))
-        return _Searching(request, catalogue, EvaluationBudget(evaluations, progress), executor).run(rounds, begin or {})
+        budget = evaluations if isinstance(evaluations, EvaluationBudget) else EvaluationBudget(evaluations)
+        return _Searching(request, catalogue, budget, executor).run(rounds, begin or {})
 
 
 class EvaluationBudget:
-    """Evaluations that a search may still take, and the least that one took. [s]"""
+    """Evaluations that a search may still take, and the least that one took. [s]
+
+    Parameters
+    ----------
+    allowed : float         Runs of every record with derivatives.
+    progress : callable     Called with how far it is, in words, and the share of the budget that is spent.
+    """
 
     def __init__(self, allowed: float = math.inf, progress: Callable[[str, float], None] | None = None) -> None:
         self.allowed, self.spent, self.pace, self.progress = allowed, 0, math.inf, progress
@@ -283,7 +288,7 @@ class _Searching:
     def run(self, rounds: int, begin: Mapping[str, float]) -> StructureSearch:
         """Search from the request's own structure."""
         best = fitted_structure((), self.request, begin, budget=(first := EvaluationBudget()))
-        self.budget.spent, self.budget.pace, self.rounds = best.end.evaluations, first.pace, rounds
+        self.budget.spent, self.budget.pace, self.rounds = self.budget.spent + best.end.evaluations, first.pace, rounds
         self.done.append(best)
         complete = False
         for _ in range(rounds):
@@ -481,6 +486,7 @@ def fitted_structure(
     values_before: Mapping[str, float],
     start: Mapping[str, float] | None = None,
     budget: EvaluationBudget | None = None,
+    rounds: int = MOST_EVALUATIONS,
 ) -> FittedStructure:
     """Fit one structure and weigh it.
 
@@ -491,6 +497,7 @@ def fitted_structure(
     values_before : dict  Unknown -> value in the fitted form, from a fit before.
     start : dict        Path -> value of new unknowns. [SI]
     budget : EvaluationBudget     What its evaluations are taken from; it is given up where none is left.
+    rounds : int        Its rough and its fine descent end after so many evaluations each in any case.
 
     Raises
     ------
@@ -499,7 +506,7 @@ def fitted_structure(
     """
     sizes, chosen = _added(changes)
     problem = _loosely_held(build_problem(request), sizes)
-    end, weighing = _ended(problem, request, sizes, chosen, values_before, start or {}, budget or EvaluationBudget())
+    end, weighing = _ended(problem, request, sizes, chosen, values_before, start or {}, budget or EvaluationBudget(), rounds)
     return _structure_at(changes, request, problem, end, weighing)
 
 
@@ -580,10 +587,11 @@ def _ended(
     values_before: Mapping[str, float],
     start: Mapping[str, float],
     budget: EvaluationBudget,
+    rounds: int = MOST_EVALUATIONS,
 ) -> tuple[Fit, CauseScore]:
     """Return where a fit ended, and how likely readings are there."""
-    begun = time.process_time()
-    end = minimise(problem, request.loss, request.loss_scale, _from(problem, values_before, start), budget.watch(request.name), SEARCHED)
+    begun, at = time.process_time(), _from(problem, values_before, start)
+    end = minimise(problem, request.loss, request.loss_scale, at, budget.watch(request.name), SEARCHED, rounds)
     budget.pace = min(budget.pace, (time.process_time() - begun) / max(end.evaluations, 1))
     if not np.isfinite(end.cost):
         raise IdentificationError("its fit does not end at a finite cost.", request.name, code="fit.model-fails")

@@ -195,6 +195,16 @@ class Channel(Shown):
         """What one reading of a temperature shows of noise: `white_noise`, at least what rounding to its steps leaves. [K]"""
         return max(self.white_noise, self.step / math.sqrt(12.0))
 
+    @property
+    def switched(self) -> BoolArray:
+        """The samples at which a power or command was switched (samples,); noise of a power meter is no switch."""
+        out, places = np.zeros(self.values.size, dtype=bool), np.flatnonzero(self.valid)
+        apart = np.abs(np.diff(self.values[places]))
+        if apart.size:
+            least = max(USUAL_CHANGES * float(np.median(apart)), 0.01 * float(np.ptp(self.values[places])))
+            out[places[1:][apart > least]] = True
+        return out
+
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> FloatArray:
         """Return its readings (samples,), NaN where one is masked. [degC of a temperature, else the unit of the channel]"""
         shown = from_si(self.values, "degC" if self.quantity == "temperature" else self.unit)
@@ -569,6 +579,8 @@ MAX_DECIMALS: Final = 6
 """Decimals down to which the last digit of a constant reading is looked for."""
 ORDERS: Final = (2, 4, 6)
 """Orders of the differences by which noise is told from what a signal does."""
+USUAL_CHANGES: Final = 8.0
+"""Usual changes between neighbours from which a power counts as switched."""
 SWITCHED: Final = 8
 """Samples a level of a power has on average from which it is switched between levels and does not scatter; fewer samples show no noise."""
 

@@ -239,8 +239,10 @@ class Record(Samples, Result):
         `max_gap` (by default five times what nine of ten intervals between valid samples reach, and never less than two steps): such
         samples are masked as 'gap'. A coarser grid keeps the noise of single samples, so filter first.
 
-        A power or command that changes between two grid times would seem to change at the later one. With `switches` the instants of such
-        changes are kept as times of their own, at which all else is masked as 'switch'; the grid is then no longer even.
+        A power or command that changes between two grid times would seem to change at the later one. With `switches` the instants at which
+        one is switched (`Channel.switched`) are kept as times of their own, at which all else is masked as 'switch'; the grid is then no
+        longer even. What changes between two times of it, such as the noise of a power meter, is its mean until the later one, so that no
+        heat is lost. Switches that outnumber the grid are averaged likewise.
 
         Raises
         ------
@@ -249,17 +251,22 @@ class Record(Samples, Result):
         width = self._window(step, "resample")
         count = int(np.floor(self.duration / width + 1e-9)) + 1
         even = self.times[0] + width * np.arange(count)
-        grid = np.union1d(even, self._switches(even[-1])) if switches else even
+        instants = self._switches(even[-1]) if switches else even[:0]
+        grid = np.union1d(even, instants) if instants.size <= even.size else even
         regular = np.isin(grid, even)
         channels: dict[str, Channel] = {}
         for channel in self.channels.values():
             law = windows.hold if channel.held else windows.interpolate
             channel.checked()
             values, valid = law(self.times, channel.values, channel.valid, grid, gap_limit(self.times, channel.valid, width, max_gap))
+            if channel.held and switches:
+                values = np.where(valid, windows.mean_until_next(self.times[channel.valid], channel.values[channel.valid], grid), np.nan)
             masks = {"gap": ~valid} if channel.held else {"gap": ~valid & regular, "switch": ~regular}
             channels[channel.name] = replace(channel, values=values, valid=valid & (regular | channel.held), masks=masks).checked()
         text = f"resample: {self.times.size} samples to {count} at {width:g} s; powers and commands held, others linear"
-        text += f"; {grid.size - count} instants of their changes kept" if switches else ""
+        if switches:
+            ends = f"{grid.size - count} instants of their changes kept" if instants.size <= count else "more changes than that"
+            text = f"{text.replace('held', 'as means until the next')}; {ends}"
         gaps = ", ".join(f"{channel.name} {channel.flags['gap']}" for channel in channels.values() if "gap" in channel.flags)
         raw = not any(done.startswith(("filter", "median")) for done in self.steps) and width > 2 * self.step
         text += (f"; masked as gaps: {gaps}" if gaps else "") + (
@@ -268,13 +275,9 @@ class Record(Samples, Result):
         return replace(self, times=grid, channels=channels, steps=(*self.steps, text))
 
     def _switches(self, last: float) -> FloatArray:
-        """Return the times up to `last` at which a held channel has another value than before [s]."""
-        out = np.zeros(0)
-        for channel in self.channels.values():
-            if channel.held:
-                times, values = self.times[channel.valid], channel.values[channel.valid]
-                out = np.union1d(out, times[1:][np.diff(values) != 0])
-        return out[out <= last]
+        """Return the times up to `last` at which a held channel was switched. [s]"""
+        switched = np.any([c.switched for c in self.channels.values() if c.held] or [np.zeros(self.times.size, dtype=bool)], axis=0)
+        return np.asarray(self.times[switched & (self.times <= last)])
 
     def flag_spikes(self, threshold: str | float, window: str | float, channels: Sequence[str] | None = None) -> Record:
         """Return the record with temperatures masked that stand out from the moving median (Hampel's identifier).

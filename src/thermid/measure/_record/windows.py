@@ -115,3 +115,19 @@ def hold(times: FloatArray, values: FloatArray, valid: BoolArray, grid: FloatArr
     span = np.where(after < valid_times.size, valid_times[high], grid) - valid_times[low]
     good = (before >= 0) & (span <= max_gap * (1 + 1e-9))
     return np.where(good, values[valid][low], np.nan), good
+
+
+def mean_until_next(times: FloatArray, values: FloatArray, grid: FloatArray) -> FloatArray:
+    """Return the mean of held samples from each time of a grid to the next one; the last one is the sample that holds there.
+
+    Parameters
+    ----------
+    times, values : array (samples,)    Valid samples, each held until the next. [s]
+    grid : array                        Increasing. [s]
+    """
+    near = 1e-9 * max(float(times[-1] - times[0]), usual_step(grid))
+    last = np.maximum(np.searchsorted(times, grid + near, "right") - 1, 0)
+    heat = np.concatenate([[0.0], np.cumsum(values[:-1] * np.diff(times))])[last] + values[last] * (grid - times[last])
+    changes = times[1:][np.diff(values) != 0.0]
+    inside = np.searchsorted(changes, grid[1:] - near, "left") > np.searchsorted(changes, grid[:-1] + near, "right")
+    return np.concatenate([np.where(inside, np.diff(heat) / np.diff(grid), values[last[:-1]]), values[last[-1:]]])

@@ -47,8 +47,6 @@ ROW: Final = 3
 """Readings in a row that may be a spike."""
 RARE: Final = 0.05
 """Part of the readings up to which those far from their neighbours are spikes."""
-SWITCHED: Final = 8.0
-"""Usual changes between neighbours from which a power counts as switched."""
 MIN_GAP: Final = 300.0
 """Without readings from which on the state of the unit is open, and ten times their interval. [s]"""
 MINUTE: Final = 60.0
@@ -74,18 +72,7 @@ def switches(record: Record) -> Bools:
     out = np.zeros(record.times.size, dtype=bool)
     for c in record.channels.values():
         if c.held:
-            out |= _switched(c)
-    return out
-
-
-def _switched(channel: Channel) -> Bools:
-    """Return the samples at which a power or command was switched (samples,)."""
-    out = np.zeros(channel.values.size, dtype=bool)
-    valid_samples = np.flatnonzero(channel.valid & np.isfinite(channel.values))
-    apart = np.abs(np.diff(channel.values[valid_samples]))
-    if apart.size:
-        least = max(SWITCHED * float(np.median(apart)), 0.01 * float(np.ptp(channel.values[valid_samples])))
-        out[valid_samples[1:][apart > least]] = True
+            out |= c.switched
     return out
 
 
@@ -200,7 +187,7 @@ def smoothed(record: Record) -> Record:
     since, smooth_powers = record.times - record.times[0], []
     for c in record.channels.values():
         if c.quantity == "power" and c.held and c.valid.all() and c.white_noise > 0.0:
-            jumps = np.cumsum(_switched(c))
+            jumps = np.cumsum(c.switched)
             begins = np.flatnonzero((np.diff(jumps, prepend=-1) != 0) | (np.diff(np.floor(since / MEAN_WINDOW), prepend=-1.0) != 0.0))
             count = np.diff(begins, append=since.size)
             smooth_powers.append(replace(c, values=np.repeat(np.add.reduceat(c.values, begins) / count, count)))

@@ -388,8 +388,9 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
         if best.place.at is not None:
             entry["at"] = {"offset": best.place.at, "error": best.place.error, "stamps": best.place.stamped}
             entry["at"]["candidate"] = best.place.candidate
-            away = None if entry["offset"] is None else abs(best.place.at - entry["offset"])
-            entry["at"]["by_stamps"] = away is not None and away <= best.place.error
+            away = np.inf if entry["offset"] is None else abs(best.place.at - entry["offset"])
+            reach = MAX_OFFSET_ERRORS if best.place.error > STAMPS_APART else 1.0
+            entry["at"]["by_stamps"] = bool(away <= reach * best.place.error)
     return [entries[k] for k in range(1, len(looks))]
 
 
@@ -515,7 +516,8 @@ def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
         text += f" (a candidate, because one of two places may lag the other: {ALIGNED})"
     away = abs(late - (step["stamps"] or 0.0))
     if not step["contradicted"]:
-        used = ", and are used where no fit finds the offset" if clock.get("at", {}).get("by_stamps") else ""
+        better = " and tell more than a step known no better" if error > STAMPS_APART and away > error else ""
+        used = f"{better}, and are used where no fit finds the offset" if clock.get("at", {}).get("by_stamps") else ""
         near = f"; its stamps are {away:.3g} s from that, within {MAX_OFFSET_ERRORS:g} errors{used}"
         return [text if step["stamps"] is None else text + near]
     return [
@@ -538,8 +540,9 @@ def _offset(clock: dict[str, Any], fitted: bool) -> str:
     """Return the offset of a further log as a campaign writes it: a range about a common step, one number, or a gap to fill.
 
     Stamps of two computers may be a minute apart, so where a step agrees with them the fit looks within the errors of the step. Where the
-    fit cannot look, as both logs have temperatures that are compared, stamps are taken that lie within one error of the step. A
-    candidate is a gap to fill: nothing tells by how much one place is later than the other.
+    fit cannot look, as both logs have temperatures that are compared, stamps are taken that lie within one error of the step, or agree
+    with a step that is known worse than stamps are. A candidate is a gap to fill: nothing tells by how much one place is later than the
+    other.
     """
     if fitted:
         low, high = _range(clock)
@@ -556,6 +559,8 @@ def _range(clock: dict[str, Any]) -> tuple[str, str]:
 
 
 ALIGNED = "log a power that switches twice with both (in Python, td.inference.align finds the offset by a model)"
+STAMPS_APART = 60.0
+"""By how much stamps of two computers are usually apart: a step with a larger error that agrees with them tells less than they do. [s]"""
 MAX_OFFSET_ERRORS = 3.0
 """Standard errors of an offset that a fit may look for it in, and beyond which stamps disagree with it. [-]"""
 

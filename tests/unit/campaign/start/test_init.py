@@ -138,11 +138,11 @@ def test_a_log_in_which_nothing_moves_is_declined(tmp_path: Path) -> None:
 
 def test_a_log_without_its_power_is_explained_by_no_structure(tmp_path: Path) -> None:
     log = bench(tmp_path / "test.csv")
-    made = run("init", str(log), "--to", str(tmp_path / "p"), "--power", "P_heater_W=plate", "--evaluations", "400")
+    made = run("init", str(log), "--to", str(tmp_path / "p"), "--power", "P_heater_W=plate", "--evaluations", "800")
     assert made["unexplained"] == ""
     rows = [row.rpartition(",")[0] for row in log.read_text().splitlines()]
     log.write_text("\n".join(rows) + "\n")
-    made = run("init", str(log), "--to", str(tmp_path / "q"), "--name", "plate", "--evaluations", "400")
+    made = run("init", str(log), "--to", str(tmp_path / "q"), "--name", "plate", "--evaluations", "800")
     assert made["unexplained"].startswith("No structure explains this log: its residuals are ")
     assert "It has no power" in made["unexplained"]
     assert made["unexplained"] in (tmp_path / "q" / "plate.toml").read_text()
@@ -223,7 +223,7 @@ def test_a_power_that_nobody_placed_goes_where_the_readings_say(tmp_path: Path) 
     ]
     (tmp_path / "two.csv").write_text("\n".join(rows))
     roles = roles_of(tmp_path / "two.csv")
-    found = propose(roles, [roles.read(tmp_path / "two.csv")], evaluations=400)
+    found = propose(roles, [roles.read(tmp_path / "two.csv")], evaluations=800)
     assert found.roles.powers[0].node == "right"
     assert found.chosen.nodes == 2
 
