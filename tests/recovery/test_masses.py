@@ -30,7 +30,7 @@ def test_a_first_structure_that_residuals_refute_says_so() -> None:
     assert any("larger than this structure explains" in w for w in first.warnings)
     assert "(the structure)" in str(first)
     # as much wandering below the noise is no question to anybody
-    quiet = _widened(replace(first, chi_square=1.2 * first.freedom, warnings=()), {}, {})
+    quiet = _widened(replace(first, chi_square=1.2 * first.freedom, warnings=()), {}, np.zeros((0, 0)))
     (remark,) = quiet.warnings
     assert remark.startswith("the residuals are larger")
 

@@ -53,7 +53,7 @@ from thermid.measure.amounts import short
 from thermid.model.elements import CARRIED_BY, Standing
 from thermid.model.identity import identity_of, outside
 from thermid.simulation.network import Network
-from thermid.values.store import INPUT, LaterTable
+from thermid.values.store import INPUT, LaterTable, Normal, Source
 
 KEY = "errors"
 """Where the provenance of fitted values keeps it."""
@@ -462,7 +462,7 @@ class ErrorsOfFit:
 
     @cached_property
     def numbers(self) -> Mapping[str, Any]:
-        """The table for files (``table``); by what it would move fitted values, their variances and its gain, with all digits."""
+        """The table for files (``table``); by what it would move fitted values, their covariance and its gain, with all digits."""
         return self.keeping(self._make) if self.keeping is not None else self._make()
 
     def _make(self) -> dict[str, Any]:
@@ -472,8 +472,7 @@ class ErrorsOfFit:
         except (ThermidError, np.linalg.LinAlgError) as error:
             errors = errors_of_values(self.fit, getattr(error, "message", "its runs leave the sizes of departures open"))
         moved = {n: float(x - self.fit.fitted[n]) for n, x in zip(errors.unknowns, errors.mean.tolist(), strict=True)}
-        variances = dict(zip(errors.unknowns, np.diag(errors.covariance).tolist(), strict=True))
-        return {"table": errors.to_dict(), "moved": moved, "variances": variances, "gain": float(errors.gain)}
+        return {"table": errors.to_dict(), "moved": moved, "covariance": errors.covariance.tolist(), "gain": float(errors.gain)}
 
     def table(self) -> Mapping[str, Any]:
         """Return the table for files."""
@@ -555,8 +554,9 @@ def _problem_of(fit: Calibration) -> Problem:
 def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration:
     """Return a fit whose errors count how elements depart from their laws, by its model of error.
 
-    A value stays where its fit found it. Its error is the root of the sum of its variance by the model of error and of the square of what
-    that would move it by; none becomes smaller. Where there is no model of error a warning of the fit says why.
+    A value stays where its fit found it. Where the covariance by the model of error, and what that would move values by, say more than the
+    fit, the difference becomes sources of its errors: they go into files and to the stages above with its values, and no error becomes
+    smaller. Where there is no model of error a warning of the fit says why.
     """
     is_requested = fit.request is not None and fit.request.structural_errors
     if why := errors.numbers["table"]["why"]:
@@ -564,16 +564,14 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
         return replace(fit, warnings=(*fit.warnings, words))
     if not is_requested and errors.numbers["gain"] < MIN_LOG_BAYES_FACTOR:
         return fit  # what wanders is as likely noise
-    return _widened(fit, errors.numbers["moved"], errors.numbers["variances"])
+    return _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]))
 
 
-def _widened(fit: Calibration, moved: Mapping[str, float], variances: Mapping[str, float]) -> Calibration:
-    """Return a fit with wider errors, by what its values would move by and their variances; fitted form."""
+def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array) -> Calibration:
+    """Return a fit with wider errors, by what its values would move by and their covariance (values, values); fitted form."""
+    variances = dict(zip(moved, np.diag(covariance).tolist(), strict=True))
+    fit = _with_sources_of_structure(fit, covariance + np.outer([*moved.values()], [*moved.values()]), tuple(moved))
     assert fit.problem is not None
-    named = {u.name: u for u in fit.problem.unknowns}
-    slopes = {n: u.slope(fit.fitted[n]) for n, u in named.items()}
-    sizes = {n: math.sqrt(square_between(named[n], fit.fitted[n], x**2 + max(variances[n], 0.0))) for n, x in moved.items()}
-    items = {p: replace(v, error=max(v.error, float(sizes[p] * slopes[p]))) if p in sizes else v for p, v in fit.values.items()}
     is_requested, stated = fit.request is not None and fit.request.structural_errors, fit.request is not None and fit.request.adequate > 0.0
     logs = {u.name for u in fit.problem.unknowns if u.kind == "parameter" and u.log}
     far = {p: x for p, x in moved.items() if p in logs and abs(x) > BEYOND_WIDENING and x**2 > SURE_MOVE**2 * variances[p]}
@@ -585,9 +583,33 @@ def _widened(fit: Calibration, moved: Mapping[str, float], variances: Mapping[st
         because = f"what the structure may lack would move '{worst}' by {by}, and the residuals ask for it"
         accepted = fit.request is not None and fit.request.accepted
         fit = replace(fit, own=Standing("not adequate", because, fit.stage, accepted)).judged(fit.rests, fit.verdict)
-        items = {p: replace(v, standing=fit.values[p].standing) for p, v in items.items()}
     why = "the structure is a proposal" if is_requested else "the residuals are larger than this structure explains"
     remark = f"{why}, so the errors of the values allow for deviations of its elements from their laws."
     # right structures wander too, by less than the noise: no question to anybody
     warnings = (*fit.warnings, f"{FIRST}{remark}" if is_requested or fit.reduced_chi_square > MISFIT else remark)
-    return replace(fit, values=replace(fit.values, items_=items), structural_errors=True, warnings=warnings)
+    return replace(fit, structural_errors=True, warnings=warnings)
+
+
+def _with_sources_of_structure(fit: Calibration, squares: Array, names: Sequence[str]) -> Calibration:
+    """Return a fit with sources for what mean squares (names, names) of its values hold beyond its covariance; within bounds."""
+    assert fit.problem is not None and fit.request is not None
+    named = {u.name: u for u in fit.problem.unknowns}
+    place, order = {n: k for k, n in enumerate(fit.values)}, list(fit.store.states)
+    limited = [n for n in names if fit.store.states[n].known]
+    at, chosen = [place[n] for n in limited], [names.index(n) for n in limited]
+    before = fit.values.covariance[np.ix_(at, at)]
+    sizes = np.sqrt(np.maximum(np.diag(before), 1e-300))
+    shares, ways = np.linalg.eigh((squares[np.ix_(chosen, chosen)] - before) / np.outer(sizes, sizes))
+    rows = sizes[:, None] * ways * np.sqrt(np.maximum(shares, 0.0))
+    own, added = np.diag(before), np.sum(rows**2, axis=1)
+    whole = np.array([square_between(named[n], fit.fitted[n], x) for n, x in zip(limited, (own + added).tolist(), strict=True)])
+    rows *= np.sqrt(np.maximum(whole - own, 0.0) / np.maximum(added, 1e-300))[:, None]
+    words = f"structure of stage '{fit.stage}'"
+    sources = tuple(Source(f"{fit.request.fit_key[:16]}:structure {k}", "structural", Normal(), words) for k in range(len(limited)))
+    root = np.zeros((len(order), len(sources)))
+    root[[order.index(n) for n in limited]] = rows
+    store = replace(fit.store, sources=(*fit.store.sources, *sources), root=np.concatenate([fit.store.root, root], axis=1)).trimmed()
+    whole_covariance = fit.values.covariance.copy()
+    whole_covariance[np.ix_(at, at)] += rows @ rows.T
+    items = {n: replace(v, error=store.error(n)) for n, v in fit.values.items()}
+    return replace(fit, store=store, values=replace(fit.values, items_=items, covariance=whole_covariance))
