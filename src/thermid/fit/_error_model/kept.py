@@ -53,6 +53,7 @@ from thermid.measure.amounts import short
 from thermid.model.elements import CARRIED_BY, Standing
 from thermid.model.identity import identity_of, outside
 from thermid.simulation.network import Network
+from thermid.values.fitted import view
 from thermid.values.store import INPUT, LaterTable, Normal, Source
 
 KEY = "errors"
@@ -592,24 +593,22 @@ def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array) ->
 
 def _with_sources_of_structure(fit: Calibration, squares: Array, names: Sequence[str]) -> Calibration:
     """Return a fit with sources for what mean squares (names, names) of its values hold beyond its covariance; within bounds."""
-    assert fit.problem is not None and fit.request is not None
+    assert fit.problem is not None
+    assert fit.request is not None
     named = {u.name: u for u in fit.problem.unknowns}
-    place, order = {n: k for k, n in enumerate(fit.values)}, list(fit.store.states)
-    limited = [n for n in names if fit.store.states[n].known]
-    at, chosen = [place[n] for n in limited], [names.index(n) for n in limited]
-    before = fit.values.covariance[np.ix_(at, at)]
-    sizes = np.sqrt(np.maximum(np.diag(before), 1e-300))
+    limited = [n for n in names if fit.store[n].known]
+    chosen = [names.index(n) for n in limited]
+    before = fit.store.covariance(limited)
+    own, sizes = np.diag(before), np.sqrt(np.maximum(np.diag(before), 1e-300))
     shares, ways = np.linalg.eigh((squares[np.ix_(chosen, chosen)] - before) / np.outer(sizes, sizes))
     rows = sizes[:, None] * ways * np.sqrt(np.maximum(shares, 0.0))
-    own, added = np.diag(before), np.sum(rows**2, axis=1)
-    whole = np.array([square_between(named[n], fit.fitted[n], x) for n, x in zip(limited, (own + added).tolist(), strict=True)])
+    added = np.sum(rows**2, axis=1)
+    whole = [square_between(named[n], fit.fitted[n], x) for n, x in zip(limited, (own + added).tolist(), strict=True)]
     rows *= np.sqrt(np.maximum(whole - own, 0.0) / np.maximum(added, 1e-300))[:, None]
-    words = f"structure of stage '{fit.stage}'"
-    sources = tuple(Source(f"{fit.request.fit_key[:16]}:structure {k}", "structural", Normal(), words) for k in range(len(limited)))
-    root = np.zeros((len(order), len(sources)))
-    root[[order.index(n) for n in limited]] = rows
+    key, words = fit.request.fit_key[:16], f"structure of stage '{fit.stage}'"
+    sources = tuple(Source(f"{key}:structure {k}", "structural", Normal(), words) for k in range(len(limited)))
+    root = np.zeros((len(fit.store.states), len(sources)))
+    root[[[*fit.store.states].index(n) for n in limited]] = rows
     store = replace(fit.store, sources=(*fit.store.sources, *sources), root=np.concatenate([fit.store.root, root], axis=1)).trimmed()
-    whole_covariance = fit.values.covariance.copy()
-    whole_covariance[np.ix_(at, at)] += rows @ rows.T
-    items = {n: replace(v, error=store.error(n)) for n, v in fit.values.items()}
-    return replace(fit, store=store, values=replace(fit.values, items_=items, covariance=whole_covariance))
+    values = view(store, list(fit.values), fit.stage)
+    return replace(fit, store=store, values=replace(values, items_={n: replace(v, uncut=fit.values[n].uncut) for n, v in values.items()}))
