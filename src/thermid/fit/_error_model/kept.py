@@ -21,7 +21,6 @@ from thermid.base.results import Result, Row
 from thermid.fit._calibration import FIRST, MISFIT, Calibration
 from thermid.fit._error_model.courses import FREE_AIR, OperatingPoint
 from thermid.fit._error_model.elements import (
-    ANOTHER,
     BEND_OF,
     EXPONENT_OF,
     SHARE_OF,
@@ -53,7 +52,6 @@ from thermid.measure.amounts import short
 from thermid.model.elements import CARRIED_BY, Standing
 from thermid.model.identity import identity_of, outside
 from thermid.simulation.network import Network
-from thermid.values.fitted import view
 from thermid.values.store import INPUT, LaterTable, Normal, Source
 
 KEY = "errors"
@@ -132,11 +130,6 @@ class KeptWay:
     def places(self) -> dict[str, int]:
         """Value or column -> its place among the unknowns."""
         return {name: k for k, name in enumerate((*self.values, *(c.name for c in self.columns)))}
-
-    @property
-    def carrier(self) -> str:
-        """What carries the heat, whatever the finish."""
-        return self.name.partition(ANOTHER)[0]
 
     @property
     def way(self) -> Way:
@@ -311,14 +304,12 @@ class ErrorModel(Result):
         shares = np.split(every, np.cumsum([len(w.left) for w in fitted_ways])[:-1])
         misfit = float(np.sqrt(sum(share @ w.members.square for w, share in zip(fitted_ways, shares, strict=True))))
         named = {u.name: u for u in problem.unknowns}
-        ends = {n: u.fitted_bounds() for n, u in named.items()}
-        bounds = {n: (float(low), float(high)) for n, (low, high) in ends.items()}
+        bounds = {n: (float(low), float(high)) for n, u in named.items() for low, high in [u.fitted_bounds()]}
         ways = [KeptWay.of_fitted(w, share, bounds) for w, share in zip(fitted_ways, shares, strict=True) if share.sum() > COUNTED]
         whole = sum(w.weight for w in ways)
-        fitted_values = {n: SeenValue.of_unknown(named[n]) for n in ways[0].values}
-        gain = log_sum(logs)
         ways = [replace(w, weight=w.weight / whole) for w in ways]
-        return cls(fit.stage, fitted_values, tuple(ways), misfit, gain=gain - evidence_of_structure(problem, fitted))
+        fitted_values = {n: SeenValue.of_unknown(named[n]) for n in ways[0].values}
+        return cls(fit.stage, fitted_values, tuple(ways), misfit, gain=log_sum(logs) - evidence_of_structure(problem, fitted))
 
     @property
     def carriers(self) -> dict[str, float]:
@@ -398,8 +389,8 @@ class ErrorModel(Result):
         paths_left = {n: outside([p for p, *_ in v.acts], places) if v.kind == "parameter" else (n,) for n, v in self.seen.items()}
         names = {n: acts[0] for n, acts in paths_left.items() if acts}
         acting = {n: tuple((p, 1.0, 0.0) for p in paths_left[n]) if self.seen[n].kind == "parameter" else self.seen[n].acts for n in names}
-        values = {name: replace(self.seen[n], acts=acting[n]) for n, name in names.items()}
-        return replace(self, seen=values, ways=tuple(w.without(places, names) for w in self.ways))
+        ways = tuple(w.without(places, names) for w in self.ways)
+        return replace(self, seen={name: replace(self.seen[n], acts=acting[n]) for n, name in names.items()}, ways=ways)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and texts for a file."""
@@ -498,13 +489,20 @@ def errors_of_values(fit: Calibration, why: str = "") -> ErrorModel:
     assert fit.problem is not None
     named = {u.name: u for u in fit.problem.unknowns if u.kind != "local" and u.name in fit.values}
     fitted_values = {n: SeenValue.of_unknown(u) for n, u in named.items()}
-    positions = [list(fit.values).index(n) for n in named]
-    covariance = np.nan_to_num(fit.values.covariance[np.ix_(positions, positions)], nan=0.0, posinf=0.0, neginf=0.0)
+    covariance = fit.store.covariance(named)
     sizes = [size for size in fit.values.provenance.get("misfit", {}).values() if size]
     rms = float(np.sqrt(np.mean(np.square(sizes)))) if sizes else 0.0
-    at = {n: fit.fitted[n] for n in named}
     way = KeptWay(
-        "", 1.0, {}, at, Departures({}, ()), (), np.zeros(0), _triangular(covariance), dict.fromkeys(GROUPS, 0.0), ((1.0, rms, 1.0 / 3.0),)
+        "",
+        1.0,
+        {},
+        {n: fit.fitted[n] for n in named},
+        Departures({}, ()),
+        (),
+        np.zeros(0),
+        _triangular(covariance),
+        dict.fromkeys(GROUPS, 0.0),
+        ((1.0, rms, 1.0 / 3.0),),
     )
     return ErrorModel(fit.stage, fitted_values, (way,), 1.0, why)
 
@@ -545,8 +543,7 @@ def _problem_of(fit: Calibration) -> Problem:
     if problem is None or not any(u.kind == "parameter" for u in problem.unknowns):
         raise IdentificationError("this calibration does not hold what its fit was asked. Run the fit again.", fit.stage, code=FOLLOWED)
     if any(identity_of(e.model) != identity_of(fit.model) for e in problem.experiments):
-        text = "several levels were fitted together, and elements are followed in one."
-        raise IdentificationError(text, fit.stage, code=FOLLOWED)
+        raise IdentificationError("several levels were fitted together, and elements are followed in one.", fit.stage, code=FOLLOWED)
     if fit.model.runner is not None:
         raise IdentificationError("the elements of an FMU are not known, so nothing is known of how they depart.", fit.stage, code=FOLLOWED)
     return problem
@@ -582,8 +579,9 @@ def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array) ->
         size = far[worst]
         by = f"{short(100.0 * math.expm1(size), 2)} %" if abs(size) < math.log(LARGE_MOVE) else f"more than a factor of {LARGE_MOVE:g}"
         because = f"what the structure may lack would move '{worst}' by {by}, and the residuals ask for it"
-        accepted = fit.request is not None and fit.request.accepted
-        fit = replace(fit, own=Standing("not adequate", because, fit.stage, accepted)).judged(fit.rests, fit.verdict)
+        fit = replace(fit, own=Standing("not adequate", because, fit.stage, fit.request is not None and fit.request.accepted)).judged(
+            fit.rests, fit.verdict
+        )
     why = "the structure is a proposal" if is_requested else "the residuals are larger than this structure explains"
     remark = f"{why}, so the errors of the values allow for deviations of its elements from their laws."
     # right structures wander too, by less than the noise: no question to anybody
@@ -594,21 +592,22 @@ def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array) ->
 def _with_sources_of_structure(fit: Calibration, squares: Array, names: Sequence[str]) -> Calibration:
     """Return a fit with sources for what mean squares (names, names) of its values hold beyond its covariance; within bounds."""
     assert fit.problem is not None
-    assert fit.request is not None
-    named = {u.name: u for u in fit.problem.unknowns}
-    limited = [n for n in names if fit.store[n].known]
-    chosen = [names.index(n) for n in limited]
-    before = fit.store.covariance(limited)
-    own, sizes = np.diag(before), np.sqrt(np.maximum(np.diag(before), 1e-300))
-    shares, ways = np.linalg.eigh((squares[np.ix_(chosen, chosen)] - before) / np.outer(sizes, sizes))
+    unknowns = {u.name: u for u in fit.problem.unknowns}
+    at = [k for k, n in enumerate(names) if fit.store[n].known]
+    paths = [names[k] for k in at]
+    before = fit.store.covariance(paths)
+    sizes = np.sqrt(np.maximum(np.diag(before), 1e-300))
+    shares, ways = np.linalg.eigh((squares[np.ix_(at, at)] - before) / np.outer(sizes, sizes))
     rows = sizes[:, None] * ways * np.sqrt(np.maximum(shares, 0.0))
     added = np.sum(rows**2, axis=1)
-    whole = [square_between(named[n], fit.fitted[n], x) for n, x in zip(limited, (own + added).tolist(), strict=True)]
-    rows *= np.sqrt(np.maximum(whole - own, 0.0) / np.maximum(added, 1e-300))[:, None]
-    key, words = fit.request.fit_key[:16], f"structure of stage '{fit.stage}'"
-    sources = tuple(Source(f"{key}:structure {k}", "structural", Normal(), words) for k in range(len(limited)))
-    root = np.zeros((len(fit.store.states), len(sources)))
-    root[[[*fit.store.states].index(n) for n in limited]] = rows
-    store = replace(fit.store, sources=(*fit.store.sources, *sources), root=np.concatenate([fit.store.root, root], axis=1)).trimmed()
-    values = view(store, list(fit.values), fit.stage)
-    return replace(fit, store=store, values=replace(values, items_={n: replace(v, uncut=fit.values[n].uncut) for n, v in values.items()}))
+    whole = [square_between(unknowns[n], fit.fitted[n], x) for n, x in zip(paths, (sizes**2 + added).tolist(), strict=True)]
+    root = np.zeros((len(fit.store.states), len(at)))
+    root[[[*fit.store.states].index(n) for n in paths]] = (
+        rows * np.sqrt(np.maximum(whole - sizes**2, 0.0) / np.maximum(added, 1e-300))[:, None]
+    )
+    key, words = f"{fit.request.fit_key[:16] if fit.request else fit.stage}:structure", f"structure of stage '{fit.stage}'"
+    sources = (*fit.store.sources, *(Source(f"{key} {k}", "structural", Normal(), words) for k in at))
+    store = replace(fit.store, sources=sources, root=np.concatenate([fit.store.root, root], axis=1)).trimmed()
+    items = {n: replace(v, error=store.error(n)) for n, v in fit.values.items()}
+    covariance = np.where(np.isfinite(fit.values.covariance), store.covariance(items), np.inf)
+    return replace(fit, store=store, values=replace(fit.values, items_=items, covariance=covariance))
