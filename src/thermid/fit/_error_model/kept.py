@@ -21,6 +21,7 @@ from thermid.base.results import Result, Row
 from thermid.fit._calibration import FIRST, MISFIT, Calibration
 from thermid.fit._error_model.courses import FREE_AIR, OperatingPoint
 from thermid.fit._error_model.elements import (
+    ANOTHER,
     BEND_OF,
     EXPONENT_OF,
     SHARE_OF,
@@ -130,6 +131,11 @@ class KeptWay:
     def places(self) -> dict[str, int]:
         """Value or column -> its place among the unknowns."""
         return {name: k for k, name in enumerate((*self.values, *(c.name for c in self.columns)))}
+
+    @property
+    def carrier(self) -> str:
+        """What carries the heat, whatever the finish."""
+        return self.name.partition(ANOTHER)[0]
 
     @property
     def way(self) -> Way:
