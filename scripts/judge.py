@@ -38,11 +38,11 @@ def judged_rows(answer: Answer | Refusal, t: Task, q: Question, rule_name: str) 
         names = {"rule": rule_name, "set": family.name, "stratum": f"{q.name}: {distance(family, q.name)}"}
         names |= {"unit": str(t.index), "run": f"{t.index}, {q.name}", "sensor": node, "variance": float(true[node].var())}
         if isinstance(answer, Refusal):
-            off, half, beyond = true[node] - middle, np.full(true[node].shape, wide), False
+            off, half, aside, beyond = true[node] - middle, np.full(true[node].shape, wide), 0.0, False
         else:
-            off, half = true[node] - answer.centre[node], answer.half[node]
-            beyond = bool(np.any(answer.centre[node] + half > high[i]) and np.any(half > wide))
-        yield off, s.scored(off, half, refused=isinstance(answer, Refusal), beyond=beyond, **names)
+            off, half, aside = true[node] - answer.centre[node], answer.half[node], answer.aside.get(node, 0.0)
+            beyond = bool(np.any(answer.centre[node] + aside + half > high[i]) and np.any(half > wide))
+        yield off, s.scored(off, half, aside, refused=isinstance(answer, Refusal), beyond=beyond, **names)
 
 
 def bench_rows(family: b.Family, count: int, seed: int, rules: Sequence[str], synthetic: bool = False) -> list[s.Row]:

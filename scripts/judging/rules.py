@@ -59,7 +59,9 @@ def today(task: Task, question: Question, without: tuple[str, ...] = ()) -> Answ
             )
         except ThermidError as error:
             return Refusal(str(error))
-    return Answer({n: told[n].kelvin for n in question.nodes}, {n: told[n].half_width for n in question.nodes})
+    bands = {n: told[n] for n in question.nodes}
+    aside = {n: np.mean(band.interval(), axis=0) - band.celsius for n, band in bands.items()}
+    return Answer({n: band.kelvin for n, band in bands.items()}, {n: band.half_width for n, band in bands.items()}, aside)
 
 
 def persistence(task: Task, question: Question, without: tuple[str, ...] = ()) -> Answer:

@@ -71,12 +71,12 @@ class Row:
 
 
 def interval_score(off: Array, half: Array, level: float = LEVEL) -> Array:
-    """Return the interval score of each reading, `off` from the centre of a band of half-width `half`. [K]"""
+    """Return the interval score of each reading, `off` from the middle of a band of half-width `half`. [K]"""
     return np.asarray(2.0 * half + 2.0 / (1.0 - level) * np.maximum(np.abs(off) - half, 0.0))
 
 
-def scored(off: Array, half: Array, **names: Any) -> Row:
-    """Return the row of a sensor: readings less centre (readings,), and half-widths. [K]
+def scored(off: Array, half: Array, aside: Array | float = 0.0, **names: Any) -> Row:
+    """Return the row of a sensor: readings less centre (readings,), half-widths, and how far the middle lies above the centre. [K]
 
     Raises
     ------
@@ -85,12 +85,13 @@ def scored(off: Array, half: Array, **names: Any) -> Row:
     half = np.broadcast_to(half, off.shape)
     if not (np.isfinite(off).all() and np.isfinite(half).all() and (half >= 0.0).all()):
         raise ValueError(f"a band of {names} is not finite or negative")
-    needed = np.abs(off) / np.maximum(half, LEAST)
+    apart = np.abs(off - aside)
+    needed = apart / np.maximum(half, LEAST)
     return Row(
-        inside=float(np.mean(np.abs(off) <= half)),
+        inside=float(np.mean(apart <= half)),
         square=float(np.mean(off**2)),
         half=float(half.mean()),
-        score=float(interval_score(off, half).mean()),
+        score=float(interval_score(apart, half).mean()),
         factors=tuple(np.quantile(needed, QUANTILES).tolist()),
         **names,
     )

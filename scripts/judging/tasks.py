@@ -20,10 +20,11 @@ Array = np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """Node or sensor -> centre and half-width (times,) of the 95 % band. [K]"""
+    """Node or sensor -> centre and half-width (times,) of the 95 % band, and how far its middle lies above the centre, if it does. [K]"""
 
     centre: Mapping[str, Array]
     half: Mapping[str, Array]
+    aside: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

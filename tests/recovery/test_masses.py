@@ -12,6 +12,8 @@ import pytest
 import thermid as td
 from recovery.mass_cases import STEPS, campaign, deck, drawn
 from thermid.fit._error_model.kept import _widened
+from thermid.fit._problem.request import known_before
+from thermid.fit.calibration import Calibration
 
 pytestmark = pytest.mark.recovery
 ROOT = Path(__file__).parents[2]
@@ -19,20 +21,40 @@ BENCHES = range(100, 150)
 """The method was made on seeds from 0 to 31; what the first of these, up to 125, showed was mended too."""
 
 
-def test_a_first_structure_that_residuals_refute_says_so() -> None:
+@pytest.fixture(scope="module")
+def first() -> Calibration:
     bench = drawn(101)
-    first = td.calibrate(bench.model, bench.record, list(bench.free))
+    return td.calibrate(bench.model, bench.record, list(bench.free))
+
+
+def test_a_first_structure_that_residuals_refute_says_so(first: Calibration) -> None:
     assert first.structural_errors
-    wider = [first[p].error / first[p].error_random for p in bench.masses]
+    wider = [first[p].error / first[p].error_random for p in drawn(101).masses]
     assert max(wider) > 2.0
     head = str(first).splitlines()[:4]
     assert any("larger than this structure explains" in line for line in head), head
     assert any("larger than this structure explains" in w for w in first.warnings)
     assert "(the structure)" in str(first)
     # as much wandering below the noise is no question to anybody
-    quiet = _widened(replace(first, chi_square=1.2 * first.freedom, warnings=()), {}, {})
+    quiet = _widened(replace(first, chi_square=1.2 * first.freedom, warnings=()), {}, np.zeros((0, 0)))
     (remark,) = quiet.warnings
     assert remark.startswith("the residuals are larger")
+
+
+def test_what_is_printed_is_handed_on(first: Calibration, tmp_path: Path) -> None:
+    """Files, priors of the level above and draws had the errors without what the structure may lack: a third of those printed."""
+    assert first.request is not None
+    assert first.problem is not None
+    first.save(tmp_path / "first.values.toml")
+    kept = td.load_values(tmp_path / "first.values.toml")
+    printed = {p: first[p].error / first[p].value for p in drawn(101).free}
+    assert {p: kept[p].error / kept[p].value for p in printed} == pytest.approx(printed, rel=1e-6)
+    assert np.sqrt(np.diag(first.values.covariance))[: len(printed)] == pytest.approx(np.array(list(printed.values())), rel=1e-6)
+    drawn_values = first.values.draws(2000, 1)
+    assert {p: np.log(drawn_values[p]).std() for p in printed} == pytest.approx(printed, rel=0.1)
+    above = replace(first.request, store=first.store, prior=tuple(printed), name="above")
+    rows = known_before(above, first.problem.unknowns)
+    assert np.linalg.norm(rows.rows, axis=1) == pytest.approx(np.array(list(printed.values())), rel=1e-6)
 
 
 def test_a_right_structure_keeps_its_errors() -> None:

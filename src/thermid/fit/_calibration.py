@@ -168,7 +168,7 @@ class Calibration(Result):
     store : Store               Everything known of the model's values, at every depth.
     stopped : bool              Whether the interrupt key ended the search; the values are then the best so far, and not credible.
     kept : KeptFit or None      What a results folder keeps of the fit, so that it can be taken again; None where values are set by hand.
-    structural_errors : bool    Whether the errors of its values count what the structure may lack; their covariance is that of the fit.
+    structural_errors : bool    Whether the errors of its values count what the structure may lack.
     """
 
     stage: str

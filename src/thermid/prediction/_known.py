@@ -20,7 +20,6 @@ from thermid.model.elements import Standing, worst
 from thermid.model.tree import Model, flatten
 from thermid.values.fitted import FittedValue, FittedValues, as_store
 from thermid.values.store import (
-    COVARIANCE_KINDS,
     INPUT,
     Kind,
     Normal,
@@ -218,7 +217,7 @@ class Rows:
     @classmethod
     def of_states(cls, store: Store, states: Mapping[str, State], cause: str) -> Rows:
         """Return the rows of some states of a store, by the names that they act under."""
-        matrix = store.rows([s.path for s in states.values()], COVARIANCE_KINDS).reshape(len(states), len(store.sources))
+        matrix = store.rows([s.path for s in states.values()]).reshape(len(states), len(store.sources))
         used = np.flatnonzero(matrix.any(axis=0))
         also = {name: s.acts[1:] for name, s in states.items() if len(s.acts) > 1}
         sources = tuple(store.sources[k] for k in used)

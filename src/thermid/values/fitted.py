@@ -23,7 +23,6 @@ from thermid.base.units import counted, from_si, unit
 from thermid.model.elements import UNJUDGED, Parameter, Standing, exact, worst
 from thermid.model.identity import Dropped
 from thermid.values.store import (
-    COVARIANCE_KINDS,
     INPUT,
     LaterTable,
     LeftOut,
@@ -253,7 +252,7 @@ def as_store(values: FittedValues) -> Store:
 def view(store: Store, paths: Sequence[str], stage: str) -> FittedValues:
     """Return some states of a store as fitted values, with their covariance."""
     states = [store[p] for p in paths]
-    covariance = store.covariance(paths, COVARIANCE_KINDS)
+    covariance = store.covariance(paths)
     for k, s in enumerate(states):
         if not s.known:
             covariance[k, k] = np.inf

@@ -11,7 +11,7 @@ from thermid.base.units import counted
 from thermid.model.elements import StatedRange
 from thermid.model.identity import local_identities
 from thermid.model.tree import ParameterSet, Tree
-from thermid.values.store import COVARIANCE_KINDS, Distribution, LogNormal, Normal, Source, Store
+from thermid.values.store import Distribution, LogNormal, Normal, Source, Store
 
 RANGE_OF = "range of "
 """What the name of a source begins with that is a stated range."""
@@ -79,7 +79,7 @@ def without_spread(paths: Sequence[str]) -> str:
 
 def range_shares(store: Store, path: str) -> dict[str, float]:
     """Return stated range -> its part of the variance of a value, the largest first. [-]"""
-    row = store.rows([path], COVARIANCE_KINDS)[0]
+    row = store.rows([path])[0]
     whole = float(row @ row)
     parts: dict[str, float] = {}
     for source, x in zip(store.sources, row.tolist(), strict=True):

@@ -28,8 +28,6 @@ MAX_NAMED_VALUES = 8
 """Up to so many values that a remark is about are named one by one, more of them by their parts."""
 INPUT = "input"
 """Kind of a value: the constant error of a logged boundary [K], or of a logged power as a share of the reading; reading minus truth."""
-COVARIANCE_KINDS: tuple[Kind, ...] = ("data", "instrument", "stated")
-"""Kinds that a covariance of fitted values holds; structural ones enter budgets besides."""
 
 
 class Distribution(Protocol):
@@ -485,23 +483,22 @@ class Store(Shown):
         """Path -> state, of those that are parameters of the model."""
         return {p: s for p, s in self.states.items() if s.kind == "parameter"}
 
-    def rows(self, paths: Iterable[str], kinds: Sequence[Kind] | None = None) -> Array:
-        """Return the responses (paths, sources) of some values, those to sources of other kinds at zero."""
+    def rows(self, paths: Iterable[str]) -> Array:
+        """Return the responses (paths, sources) of some values."""
         order = {p: k for k, p in enumerate(self.states)}
-        out = self.root[[order[self[p].path] for p in paths]]
-        return out if kinds is None else out * np.array([s.kind in kinds for s in self.sources], dtype=float)
+        return self.root[[order[self[p].path] for p in paths]]
 
-    def covariance(self, paths: Iterable[str], kinds: Sequence[Kind] = COVARIANCE_KINDS) -> Array:
-        """Return the covariance of some values in the fitted form, by sources of some kinds."""
-        rows = self.rows(paths, kinds)
+    def covariance(self, paths: Iterable[str]) -> Array:
+        """Return the covariance of some values in the fitted form."""
+        rows = self.rows(paths)
         return np.asarray(rows @ rows.T)
 
-    def error(self, path: str, kinds: Sequence[Kind] = COVARIANCE_KINDS) -> float:
+    def error(self, path: str) -> float:
         """Return the standard error of a value. [SI]"""
         state = self[path]
         if not state.known:
             return float("inf")
-        return float(np.linalg.norm(self.rows([path], kinds))) * (state.value if state.log else 1.0)
+        return float(np.linalg.norm(self.rows([path]))) * (state.value if state.log else 1.0)
 
     def only(self, keep: Callable[[State], bool]) -> Store:
         """Return what it knows of some values; the others are marginalised."""

@@ -189,10 +189,8 @@ def with_discrepancy(fit: Calibration, assumed: AssumedMoves) -> Calibration:
     names = tuple(fit.values)
     misfit = misfit_found(problem, fit.autocorrelation) if fit.autocorrelation is not None else {}
     joints = separated(problem.experiments[0].network, [e.scenario.media() for e in problem.experiments])
-    rows = [place[n] for n in names]
-    result = Discrepancy(
-        conditions, names, _surfaces(histories, surfaces), joints, {p: moves[rows] for p, moves in assumed.moved.items()}, assumed.said
-    )
+    moved = {p: moves[[place[n] for n in names]] for p, moves in assumed.moved.items()}
+    result = Discrepancy(conditions, names, _surfaces(histories, surfaces), joints, moved, assumed.said)
     alone = [o.to_dict() for o in own_values_of(fit)]
     points = {p: [c.difference, c.level] for p, c in conditions.items() if p in decided}
     provenance = {**fit.values.provenance, **({"conditions": points} if points else {}), "misfit": misfit, KEY: result.to_dict()}
@@ -284,8 +282,7 @@ def assumed_moves(request: Request, problem: Problem, minimum: Fit, noise: Autoc
         move = np.sum([moved[p] for p in (r.path, *r.also)], axis=0) * r.sd_left(more[r.path].start, first)
         columns += [(source, share * move) for source, share in r.columns]
     here = problem.experiments[several[uppermost][0]].network.flat.parameters.table if uppermost in several else {}
-    of_own = {p: x for p, x in of_assumed.items() if p in here}
-    return AssumedMoves({p: x for p, x in moved.items() if p in here}, of_own, tuple(columns))
+    return AssumedMoves(*({p: x for p, x in numbers.items() if p in here} for numbers in (moved, of_assumed)), tuple(columns))
 
 
 def _opened_in(request: Request, problem: Problem, at: Array, runs: Sequence[int]) -> tuple[list[RangedValue], dict[str, Unknown]]:

@@ -53,7 +53,7 @@ from thermid.measure.amounts import short
 from thermid.model.elements import CARRIED_BY, Standing
 from thermid.model.identity import identity_of, outside
 from thermid.simulation.network import Network
-from thermid.values.store import INPUT, LaterTable
+from thermid.values.store import INPUT, LaterTable, Normal, Source
 
 KEY = "errors"
 """Where the provenance of fitted values keeps it."""
@@ -310,14 +310,12 @@ class ErrorModel(Result):
         shares = np.split(every, np.cumsum([len(w.left) for w in fitted_ways])[:-1])
         misfit = float(np.sqrt(sum(share @ w.members.square for w, share in zip(fitted_ways, shares, strict=True))))
         named = {u.name: u for u in problem.unknowns}
-        ends = {n: u.fitted_bounds() for n, u in named.items()}
-        bounds = {n: (float(low), float(high)) for n, (low, high) in ends.items()}
+        bounds = {n: (float(low), float(high)) for n, u in named.items() for low, high in [u.fitted_bounds()]}
         ways = [KeptWay.of_fitted(w, share, bounds) for w, share in zip(fitted_ways, shares, strict=True) if share.sum() > COUNTED]
         whole = sum(w.weight for w in ways)
-        fitted_values = {n: SeenValue.of_unknown(named[n]) for n in ways[0].values}
-        gain = log_sum(logs)
         ways = [replace(w, weight=w.weight / whole) for w in ways]
-        return cls(fit.stage, fitted_values, tuple(ways), misfit, gain=gain - evidence_of_structure(problem, fitted))
+        fitted_values = {n: SeenValue.of_unknown(named[n]) for n in ways[0].values}
+        return cls(fit.stage, fitted_values, tuple(ways), misfit, gain=log_sum(logs) - evidence_of_structure(problem, fitted))
 
     @property
     def carriers(self) -> dict[str, float]:
@@ -397,8 +395,8 @@ class ErrorModel(Result):
         paths_left = {n: outside([p for p, *_ in v.acts], places) if v.kind == "parameter" else (n,) for n, v in self.seen.items()}
         names = {n: acts[0] for n, acts in paths_left.items() if acts}
         acting = {n: tuple((p, 1.0, 0.0) for p in paths_left[n]) if self.seen[n].kind == "parameter" else self.seen[n].acts for n in names}
-        values = {name: replace(self.seen[n], acts=acting[n]) for n, name in names.items()}
-        return replace(self, seen=values, ways=tuple(w.without(places, names) for w in self.ways))
+        ways = tuple(w.without(places, names) for w in self.ways)
+        return replace(self, seen={name: replace(self.seen[n], acts=acting[n]) for n, name in names.items()}, ways=ways)
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and texts for a file."""
@@ -462,7 +460,7 @@ class ErrorsOfFit:
 
     @cached_property
     def numbers(self) -> Mapping[str, Any]:
-        """The table for files (``table``); by what it would move fitted values, their variances and its gain, with all digits."""
+        """The table for files (``table``); by what it would move fitted values, their covariance and its gain, with all digits."""
         return self.keeping(self._make) if self.keeping is not None else self._make()
 
     def _make(self) -> dict[str, Any]:
@@ -472,8 +470,7 @@ class ErrorsOfFit:
         except (ThermidError, np.linalg.LinAlgError) as error:
             errors = errors_of_values(self.fit, getattr(error, "message", "its runs leave the sizes of departures open"))
         moved = {n: float(x - self.fit.fitted[n]) for n, x in zip(errors.unknowns, errors.mean.tolist(), strict=True)}
-        variances = dict(zip(errors.unknowns, np.diag(errors.covariance).tolist(), strict=True))
-        return {"table": errors.to_dict(), "moved": moved, "variances": variances, "gain": float(errors.gain)}
+        return {"table": errors.to_dict(), "moved": moved, "covariance": errors.covariance.tolist(), "gain": float(errors.gain)}
 
     def table(self) -> Mapping[str, Any]:
         """Return the table for files."""
@@ -498,13 +495,20 @@ def errors_of_values(fit: Calibration, why: str = "") -> ErrorModel:
     assert fit.problem is not None
     named = {u.name: u for u in fit.problem.unknowns if u.kind != "local" and u.name in fit.values}
     fitted_values = {n: SeenValue.of_unknown(u) for n, u in named.items()}
-    positions = [list(fit.values).index(n) for n in named]
-    covariance = np.nan_to_num(fit.values.covariance[np.ix_(positions, positions)], nan=0.0, posinf=0.0, neginf=0.0)
+    covariance = fit.store.covariance(named)
     sizes = [size for size in fit.values.provenance.get("misfit", {}).values() if size]
     rms = float(np.sqrt(np.mean(np.square(sizes)))) if sizes else 0.0
-    at = {n: fit.fitted[n] for n in named}
     way = KeptWay(
-        "", 1.0, {}, at, Departures({}, ()), (), np.zeros(0), _triangular(covariance), dict.fromkeys(GROUPS, 0.0), ((1.0, rms, 1.0 / 3.0),)
+        "",
+        1.0,
+        {},
+        {n: fit.fitted[n] for n in named},
+        Departures({}, ()),
+        (),
+        np.zeros(0),
+        _triangular(covariance),
+        dict.fromkeys(GROUPS, 0.0),
+        ((1.0, rms, 1.0 / 3.0),),
     )
     return ErrorModel(fit.stage, fitted_values, (way,), 1.0, why)
 
@@ -545,8 +549,7 @@ def _problem_of(fit: Calibration) -> Problem:
     if problem is None or not any(u.kind == "parameter" for u in problem.unknowns):
         raise IdentificationError("this calibration does not hold what its fit was asked. Run the fit again.", fit.stage, code=FOLLOWED)
     if any(identity_of(e.model) != identity_of(fit.model) for e in problem.experiments):
-        text = "several levels were fitted together, and elements are followed in one."
-        raise IdentificationError(text, fit.stage, code=FOLLOWED)
+        raise IdentificationError("several levels were fitted together, and elements are followed in one.", fit.stage, code=FOLLOWED)
     if fit.model.runner is not None:
         raise IdentificationError("the elements of an FMU are not known, so nothing is known of how they depart.", fit.stage, code=FOLLOWED)
     return problem
@@ -555,8 +558,9 @@ def _problem_of(fit: Calibration) -> Problem:
 def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration:
     """Return a fit whose errors count how elements depart from their laws, by its model of error.
 
-    A value stays where its fit found it. Its error is the root of the sum of its variance by the model of error and of the square of what
-    that would move it by; none becomes smaller. Where there is no model of error a warning of the fit says why.
+    A value stays where its fit found it. Where the covariance by the model of error, and what that would move values by, say more than the
+    fit, the difference becomes sources of its errors: they go into files and to the stages above with its values, and no error becomes
+    smaller. Where there is no model of error a warning of the fit says why.
     """
     is_requested = fit.request is not None and fit.request.structural_errors
     if why := errors.numbers["table"]["why"]:
@@ -564,16 +568,14 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
         return replace(fit, warnings=(*fit.warnings, words))
     if not is_requested and errors.numbers["gain"] < MIN_LOG_BAYES_FACTOR:
         return fit  # what wanders is as likely noise
-    return _widened(fit, errors.numbers["moved"], errors.numbers["variances"])
+    return _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]))
 
 
-def _widened(fit: Calibration, moved: Mapping[str, float], variances: Mapping[str, float]) -> Calibration:
-    """Return a fit with wider errors, by what its values would move by and their variances; fitted form."""
+def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array) -> Calibration:
+    """Return a fit with wider errors, by what its values would move by and their covariance (values, values); fitted form."""
+    variances = dict(zip(moved, np.diag(covariance).tolist(), strict=True))
+    fit = _with_sources_of_structure(fit, covariance + np.outer([*moved.values()], [*moved.values()]), tuple(moved))
     assert fit.problem is not None
-    named = {u.name: u for u in fit.problem.unknowns}
-    slopes = {n: u.slope(fit.fitted[n]) for n, u in named.items()}
-    sizes = {n: math.sqrt(square_between(named[n], fit.fitted[n], x**2 + max(variances[n], 0.0))) for n, x in moved.items()}
-    items = {p: replace(v, error=max(v.error, float(sizes[p] * slopes[p]))) if p in sizes else v for p, v in fit.values.items()}
     is_requested, stated = fit.request is not None and fit.request.structural_errors, fit.request is not None and fit.request.adequate > 0.0
     logs = {u.name for u in fit.problem.unknowns if u.kind == "parameter" and u.log}
     far = {p: x for p, x in moved.items() if p in logs and abs(x) > BEYOND_WIDENING and x**2 > SURE_MOVE**2 * variances[p]}
@@ -583,11 +585,35 @@ def _widened(fit: Calibration, moved: Mapping[str, float], variances: Mapping[st
         size = far[worst]
         by = f"{short(100.0 * math.expm1(size), 2)} %" if abs(size) < math.log(LARGE_MOVE) else f"more than a factor of {LARGE_MOVE:g}"
         because = f"what the structure may lack would move '{worst}' by {by}, and the residuals ask for it"
-        accepted = fit.request is not None and fit.request.accepted
-        fit = replace(fit, own=Standing("not adequate", because, fit.stage, accepted)).judged(fit.rests, fit.verdict)
-        items = {p: replace(v, standing=fit.values[p].standing) for p, v in items.items()}
+        fit = replace(fit, own=Standing("not adequate", because, fit.stage, fit.request is not None and fit.request.accepted)).judged(
+            fit.rests, fit.verdict
+        )
     why = "the structure is a proposal" if is_requested else "the residuals are larger than this structure explains"
     remark = f"{why}, so the errors of the values allow for deviations of its elements from their laws."
     # right structures wander too, by less than the noise: no question to anybody
     warnings = (*fit.warnings, f"{FIRST}{remark}" if is_requested or fit.reduced_chi_square > MISFIT else remark)
-    return replace(fit, values=replace(fit.values, items_=items), structural_errors=True, warnings=warnings)
+    return replace(fit, structural_errors=True, warnings=warnings)
+
+
+def _with_sources_of_structure(fit: Calibration, squares: Array, names: Sequence[str]) -> Calibration:
+    """Return a fit with sources for what mean squares (names, names) of its values hold beyond its covariance; within bounds."""
+    assert fit.problem is not None
+    unknowns = {u.name: u for u in fit.problem.unknowns}
+    at = [k for k, n in enumerate(names) if fit.store[n].known]
+    paths = [names[k] for k in at]
+    before = fit.store.covariance(paths)
+    sizes = np.sqrt(np.maximum(np.diag(before), 1e-300))
+    shares, ways = np.linalg.eigh((squares[np.ix_(at, at)] - before) / np.outer(sizes, sizes))
+    rows = sizes[:, None] * ways * np.sqrt(np.maximum(shares, 0.0))
+    added = np.sum(rows**2, axis=1)
+    whole = [square_between(unknowns[n], fit.fitted[n], x) for n, x in zip(paths, (sizes**2 + added).tolist(), strict=True)]
+    root = np.zeros((len(fit.store.states), len(at)))
+    root[[[*fit.store.states].index(n) for n in paths]] = (
+        rows * np.sqrt(np.maximum(whole - sizes**2, 0.0) / np.maximum(added, 1e-300))[:, None]
+    )
+    key, words = f"{fit.request.fit_key[:16] if fit.request else fit.stage}:structure", f"structure of stage '{fit.stage}'"
+    sources = (*fit.store.sources, *(Source(f"{key} {k}", "structural", Normal(), words) for k in at))
+    store = replace(fit.store, sources=sources, root=np.concatenate([fit.store.root, root], axis=1)).trimmed()
+    items = {n: replace(v, error=store.error(n)) for n, v in fit.values.items()}
+    covariance = np.where(np.isfinite(fit.values.covariance), store.covariance(items), np.inf)
+    return replace(fit, store=store, values=replace(fit.values, items_=items, covariance=covariance))

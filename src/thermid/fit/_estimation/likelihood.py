@@ -139,7 +139,8 @@ class Likelihood:
             gradient = np.sum(e * de / s + 0.5 * (ds / s) * (1.0 - e**2 / s), axis=0)
             information = (de / s).T @ de + 0.5 * (ds / s).T @ (ds / s)
             rows, slopes = self.priors(fitted)
-            loss = float(_loss(e, s)[0]) + 0.5 * float(rows @ rows)
+            # minus the log-likelihood of the innovations, and of the priors
+            loss = 0.5 * float(np.sum(e**2 / s + np.log(2.0 * np.pi * s), axis=0)[0]) + 0.5 * float(rows @ rows)
             out.append(LikelihoodScore(loss, gradient + slopes.T @ rows, information + slopes.T @ slopes))
         return out
 
@@ -203,8 +204,3 @@ def likelihood_of(problem: Problem, noises: Sequence[ProcessNoise], start_sd: Ma
 
 def _size(name: str, start: float, unit: str) -> Unknown:
     return Unknown(name, "noise", (), start, True, MIN_SIZE_RATIO * start, MAX_SIZE_RATIO * start, None, unit)
-
-
-def _loss(errors: Array, variances: Array) -> Array:
-    """Return minus the log-likelihood (members,) of innovations."""
-    return np.asarray(0.5 * np.sum(errors**2 / variances + np.log(2.0 * np.pi * variances), axis=0))

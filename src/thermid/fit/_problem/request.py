@@ -366,8 +366,7 @@ def _channel_key(c: Channel) -> list[Any]:
 
 
 def _record_key(r: Record) -> list[Any]:
-    second = [repr(r.second)] if r.second else []
-    return [r.origin.sha256, list(r.steps), *second, {n: _channel_key(c) for n, c in r.channels.items()}]
+    return [r.origin.sha256, list(r.steps), *([repr(r.second)] if r.second else []), {n: _channel_key(c) for n, c in r.channels.items()}]
 
 
 def ingredients_of(request: Request, below: list[str]) -> dict[str, str]:

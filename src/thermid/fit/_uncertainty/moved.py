@@ -595,8 +595,7 @@ def moves_from(staged: Sequence[tuple[FittedValues, Mapping[str, str]]], joint_v
         values.append(_move(q, place(q), stage.stage, before_and_errors, here.value, here.value, here, s))
 
     def together_of(groups: Sequence[Sequence[str]]) -> list[Together]:
-        several = [[order.index(p) for p in g] for g in groups]
-        return [normal_together(shift[r], spread[np.ix_(r, r)]) for r in several]
+        return [normal_together(shift[r], spread[np.ix_(r, r)]) for r in ([order.index(p) for p in g] for g in groups)]
 
     return Moves(tuple(values), _groups(values, together_of), "the joint fit")
 
