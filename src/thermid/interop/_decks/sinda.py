@@ -198,13 +198,13 @@ def _network(path: Path, units: str, instead: Mapping[str, str] = MappingProxyTy
             "with the file",
             dropped=False,
         )
-    begin = deck.reading.control.get("TIMEO", 0.0) * deck.units.time
+    begin, start = deck.reading.control.get("TIMEO", 0.0) * deck.units.time, _start(deck)
     return NetworkFile(
         identifier(deck.title), "SINDA", tuple(deck.nodes), tuple(deck.conductors), tuple(_unique(deck.loads)), deck.reading.parameters,
         deck.reading.control.get("TIMEND", 0.0) * deck.units.time - begin, tuple(deck.reading.remarks), deck.reading.texts,
         partial(_network, path, units),
         zero_and_degree=(deck.units.zero, deck.units.degree),
-        start=_start(deck),
+        start=start,
         seconds=deck.units.time,
         courses=deck.courses,
         begin=begin,
@@ -217,17 +217,16 @@ def _start(deck: SindaDeck) -> str:
     """Return where the transient begins: empty for the temperatures of NODE DATA."""
     if not deck.settles or deck.ends:
         return ""
-    if deck.reading.control.get("DTIMES", 0.0) or not deck.averages:
-        return "steady"
-    others = [load for load in deck.loads if load.course is not None and load.stands]
-    if others:
-        deck.reading.remark(
-            others[0].where,
-            f"the steady state before the transient takes the means of all courses; SINDA takes {counted(len(others), 'course')} that no "
-            "heat rate is at the time of its start",
-            dropped=False,
-        )
-    return "steady, mean"
+    means = deck.averages and not deck.reading.control.get("DTIMES", 0.0)
+    courses = [(load, load.course) for load in deck.loads if load.course is not None]
+    alone = [load for load, course in courses if course.rests and (means or course.period)]
+    others = [load for load, course in courses if load.stands and means and not course.rests]
+    for loads, sinda in ((others, "those of {} that no heat rate is at the time of its start"), (alone, "none of {} of the transient alone")):
+        if loads:
+            takes = "the means of all courses" if means else "all courses at the time of its start"
+            what = sinda.format(counted(len(loads), "course"))
+            deck.reading.remark(loads[0].where, f"the steady state before the transient takes {takes}; SINDA takes {what}", dropped=False)
+    return "steady, mean" if means else "steady"
 
 
 Blocks = Generator[tuple[str, str, list[Line]], None, tuple[str, str]]
@@ -535,18 +534,25 @@ def _tabulated_node(deck: SindaDeck, submodel: str, line: Line, kind: str, cells
     """Return a node whose capacitance is an array over temperature (SIV), a polynomial of it (SPV), or two arrays (DIV), times factors."""
     if len(cells) > (6 if kind == "DIV" else 4):
         raise ValueError
-    numbers = [deck.reading.number(deck.reading.value(*cell)) for cell in cells[1::2]]
-    number, celsius = int(cells[0][0]), deck.units.celsius(numbers[0])
-    pairs = [(cells[k][0], numbers[k // 2] if len(cells) > k + 1 else 1.0) for k in range(2, 6 if kind == "DIV" else 4, 2)]
-    tables = [(factor, *np.array(_points(deck, submodel, kind, word, line)).T) for word, factor in pairs]
+    factors = [deck.reading.value(*cell) for cell in cells[3::2]] or [1.0]
+    tables = [np.array(_points(deck, submodel, kind, word, line)).T for word, _ in cells[2::2]]
+    number, celsius = int(cells[0][0]), deck.units.celsius(deck.reading.number(deck.reading.value(*cells[1])))
     unit = deck.units.energy / deck.units.degree
-    mass, (_, grid, values) = tables[0][0], tables[0]
+    mass, (grid, values) = factors[0], tables[0]
     if len(tables) > 1:
-        mass, grid = 1.0, np.unique(np.concatenate([t for _, t, _ in tables]))
-        values = sum(factor * np.interp(grid, t, c) for factor, t, c in tables)
+        mass, grid = 1.0, np.unique(np.concatenate([t for t, _ in tables]))
+        numbers = [_as_number(deck, factor, line) for factor in factors]
+        values = sum(factor * np.interp(grid, t, c) for factor, (t, c) in zip([*numbers, 1.0], tables, strict=False))
     points = [[f"{t!r} [degC]", f"{c * unit!r} [J/(kg K)]"] for t, c in zip(grid.tolist(), values.tolist(), strict=True)]
     table = {"points": points, "source": "derived", "basis": str(line.where)}
-    return FileNode(submodel, f"T{abs(number)}", {"mass": f"{mass!r} [kg]", "specific_heat": table}, celsius, number < 0, cells[2][1])
+    return FileNode(submodel, f"T{abs(number)}", {"mass": with_unit(mass, "kg"), "specific_heat": table}, celsius, number < 0, cells[2][1])
+
+
+def _as_number(deck: SindaDeck, value: float | str, line: Line) -> float:
+    """Return the number of a factor that a table takes in; of an expression of registers a remark says that the table does not follow."""
+    if isinstance(value, str):
+        deck.reading.remark(line.where, f"'{line.words}': the table has {value} as it is here and does not follow it", dropped=False)
+    return deck.reading.number(value)
 
 
 def _array(deck: SindaDeck, submodel: str, word: str) -> list[float] | None:
@@ -753,16 +759,14 @@ def _sources(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
         try:
             if kind in ("SIT", "SIV"):
                 (node, _), (array, _), (word, _) = cells
-                watts = deck.reading.number(deck.reading.value(word, line.where)) * unit
-                power, course, more = 0.0, None, dict[str, object]()
+                factor = deck.reading.value(word, line.where)
+                load = FileLoad(f"{submodel}_Q{int(node)}", (submodel, f"T{int(node)}"), 0.0, line.where, stands=False)
                 if kind == "SIT":
-                    course = _over_time(deck, submodel, array, line)
-                    power = float(np.mean(course.numbers)) * watts
+                    loads.append(_following(load, _over_time(deck, submodel, array, line), factor, unit))
                 else:
+                    watts = _as_number(deck, factor, line) * unit
                     points = [[f"{t!r} [degC]", f"{p * watts!r} [W]"] for t, p in _points(deck, submodel, kind, array, line)]
-                    more = {"table": {"points": points}}
-                name = f"{submodel}_Q{int(node)}"
-                loads.append(FileLoad(name, (submodel, f"T{int(node)}"), power, line.where, "", course, more, factor=watts, stands=False))
+                    loads.append(replace(load, more={"table": {"points": points}}))
             elif kind in ("", "GEN"):
                 numbers = list(_numbers(cells)) if kind else cells[::2]
                 powers = [_product(cells[3:])] * len(numbers) if kind else cells[1::2]
@@ -777,6 +781,13 @@ def _sources(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
             deck.reading.remark(line.where, f"source '{line.words}'")
             continue
         deck.loads.extend(loads)
+
+
+def _following(load: FileLoad, course: FileCourse, factor: float | str, unit: float) -> FileLoad:
+    """Return a load that follows a course times a factor and a unit [W]: in watts, or by shares of a power where the factor has names."""
+    if isinstance(factor, str):
+        return replace(load, power=with_unit(factor, "W", unit), course=course, scales=True)
+    return replace(load, power=float(np.mean(course.numbers)) * factor * unit, course=course, factor=factor * unit)
 
 
 _SET: Final = re.compile(r"\s*(?:(\w+)\.)?([QT])(\d+)\s*=\s*(?:((?:\w+\.)?Q\d+)\s*\+)?\s*(.+?)\s*$", re.IGNORECASE)
@@ -933,16 +944,15 @@ def _put(
         return False
     name = f"{into[0]}_Q{into[1][1:]}" + (f"_{label}" if label else "")
     load = FileLoad(name, into, with_unit(factor, "W", unit), where, label)
-    if course is not None and isinstance(factor, float):
-        load = replace(load, power=float(np.mean(course.numbers)) * factor * unit, course=course, factor=factor * unit)
-    elif course is not None:
-        load = replace(load, course=course, scales=True)
+    if course is not None:
+        load = _following(load, replace(course, rests=branch != ""), factor, unit)
     elif branch:  # in a steady state, what stands for a course of the transient
         like = (k for k, other in enumerate(deck.loads) if other.course is not None and (other.into, other.group) == (into, label))
         k = next(like, None) if branch == "steady" else None
         if k is None:
             return False
-        deck.loads[k], deck.averages = replace(deck.loads[k], power=load.power, stands=False), True
+        now = replace(deck.loads[k].course, rests=False)
+        deck.loads[k], deck.averages = replace(deck.loads[k], power=load.power, course=now, stands=False), True
         return True
     deck.loads.append(load)
     return True
