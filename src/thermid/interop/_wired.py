@@ -38,6 +38,7 @@ class Writer:
     smooth : bool       Tables of cubic pieces.
     loads : bool        Loads that follow a temperature, thermostats, proportional control.
     schedules : bool    Parameters that follow signals.
+    stores : bool       Specific heats that are straight lines over temperature.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Writer:
     smooth: bool = False
     loads: bool = False
     schedules: bool = False
+    stores: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,7 +246,9 @@ def _refuse_laws(network: Network, numbers: Numbers, writer: Writer) -> None:
                 network.title,
                 code="output.not-expressible",
             )
-    for node in network.stores:
+    for node, store in network.stores.items():
+        if writer.stores and store.given.straight and store.given.limits is None and store.rise.d is not None:
+            continue
         raise DeckError(
             f"the specific heat of '{node}' changes with temperature, which is not written to {writer.name}.",
             network.title,

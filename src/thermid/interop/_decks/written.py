@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
 
 from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError
-from thermid.interop._wired import HeatSource, Wired, exported, number_text, one_line, table_points, wired
+from thermid.interop._wired import HeatSource, Wired, Writer, exported, number_text, one_line, table_points, wired
 from thermid.model.elements import Constant, Drawn, TableSignal
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
@@ -25,7 +25,8 @@ MAX_SUBMODEL_LETTERS: Final = 24
 def to_sinda(model: Model, scenario: Scenario, path: str | os.PathLike[str] | None = None) -> str:
     """Return a model in a scenario as a deck of SINDA/FLUINT in SI units and degC.
 
-    Linear and radiation conductors are rows, tables over temperature SIV with an array, powers SOURCE DATA, courses over time D1DEG1.
+    Linear and radiation conductors are rows, tables over temperature SIV with an array, those of specific heats too, powers SOURCE DATA,
+    courses over time D1DEG1.
 
     Parameters
     ----------
@@ -37,7 +38,7 @@ def to_sinda(model: Model, scenario: Scenario, path: str | os.PathLike[str] | No
     DeckError       When a law, a load or a boundary cannot be written.
     ScenarioError   When the scenario does not fit the model or follows a schedule.
     """
-    w = wired(model, scenario, "SINDA")
+    w = wired(model, scenario, Writer("SINDA", stores=True))
     return exported(w, _Sinda(w).lines(), path, "C ")
 
 
@@ -133,6 +134,12 @@ class _Deck:
         return DeckError(f"'{label}' {what}, which is not written to {self.tool}.", self.w.network.title, code="output.not-expressible")
 
 
+def _over_temperature(arrays: list[tuple[int, list[float]]], kelvin: Iterable[float], values: Iterable[float]) -> str:
+    """Put an array of pairs of temperature [degC] and value down; return its name."""
+    arrays.append((len(arrays) + 1, [v for t, y in zip(kelvin, values, strict=True) for v in (round(float(t) - ICE_POINT, 12), float(y))]))
+    return f"A{len(arrays)}"
+
+
 class _Sinda(_Deck):
     tool = "SINDA"
 
@@ -148,7 +155,7 @@ class _Sinda(_Deck):
         yield from (f"      {name} = {value}" for name, value in self._control().items())
         for owner in dict.fromkeys(owner for owner, _ in self.numbers.values()):
             yield f"HEADER NODE DATA, {owner}"
-            yield from (self._node(node, number) for node, (o, number) in self.numbers.items() if o == owner)
+            yield from (self._node(node, number, arrays) for node, (o, number) in self.numbers.items() if o == owner)
         conductors = [self._conductor(k, label, row, arrays) for k, (label, row) in enumerate(w.conductors, 1)]
         yield f"HEADER CONDUCTOR DATA, {self.main}"
         yield from conductors
@@ -174,11 +181,15 @@ class _Sinda(_Deck):
             "UID": "SI",
         }
 
-    def _node(self, node: str, number: int) -> str:
+    def _node(self, node: str, number: int, arrays: list[tuple[int, list[float]]]) -> str:
         capacitance = self.w.capacitances.get(node)
         if node in self.w.boundaries:
             return f"      -{number}, {number_text(self.constant(node))}, 0. $ {one_line(node)}"
         start = number_text(round(self.w.initial.get(node, ICE_POINT + 20.0) - ICE_POINT, 12))
+        if (store := self.w.network.stores.get(node)) is not None and capacitance is not None:
+            mass = number_text(float(capacitance) / store.reference)
+            array = _over_temperature(arrays, store.given.x, store.given.y)
+            return f"      SIV {number}, {start}, {self.main}.{array}, {mass} $ {one_line(node)}"
         return f"      {number}, {start}, {number_text(float(capacitance)) if capacitance is not None else '-1.'} $ {one_line(node)}"
 
     def _conductor(self, k: int, label: str, row: ConductorRow, arrays: list[tuple[int, list[float]]]) -> str:
@@ -198,8 +209,7 @@ class _Sinda(_Deck):
                     self.w.network.title,
                     code="output.not-expressible",
                 )
-            arrays.append((len(arrays) + 1, [v for t, g in zip(x, y, strict=True) for v in (round(t - ICE_POINT, 12), g)]))
-            return f"      SIV {k}, {ends}, A{len(arrays)}, {number_text(value_of(row.coefficients[0]))} {tail}"
+            return f"      SIV {k}, {ends}, {_over_temperature(arrays, x, y)}, {number_text(value_of(row.coefficients[0]))} {tail}"
         raise self.refused(label, row)
 
     def _followed(self, source: HeatSource, table: TableSignal, arrays: list[tuple[int, list[float]]]) -> Iterator[str]:
