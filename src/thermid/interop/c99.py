@@ -18,8 +18,8 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, SolverError
 from thermid.base.linear_algebra import Array
-from thermid.interop._wired import Text, Wired, Writer, exported, identifiers, one_line, wired
-from thermid.model.elements import Constant, Curve, Drawn, Sine, TableSignal
+from thermid.interop._wired import Text, Wired, Writer, distinct, exported, file_and_name, identifiers, one_line, resting, wired
+from thermid.model.elements import Curve, Drawn, Sine, TableSignal
 from thermid.model.tree import Model
 from thermid.simulation.network import curve_arrays, tables_behind
 from thermid.simulation.runs import Scenario
@@ -201,15 +201,7 @@ def to_c(
     DeckError       When a law cannot be written, there are more than 200 nodes, or the name is none for C.
     ScenarioError   When the scenario does not fit the model.
     """
-    target = Path(path) if path is not None else None
-    called = name or (target.stem if target is not None else re.sub(r"\W+", "_", model.title, flags=re.ASCII).strip("_"))
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,40}", called) or called in KEYWORDS:
-        raise DeckError(
-            f"'{called}' cannot begin the names of a C header: letters, digits and _, beginning with a letter, at most 41. "
-            "Give another file name.",
-            model.title,
-            code="name.not-valid",
-        )
+    target, called = file_and_name(path, name, model.title, "what a C header holds", 41, KEYWORDS)
     if step is not None and not (0.0 < step < math.inf):
         raise DeckError("a step has a length above zero.", model.title, code="value.outside-range")
     w = wired(model, scenario, C)
@@ -258,11 +250,10 @@ class _Header:
     def _inputs(self) -> Iterator[_Field]:
         """Yield the inputs: boundaries, loads, gases, scheduled parameters."""
         w, words = self.w, [*(f"T_{b}" for b in self.w.network.boundaries)]
-        loads, loads_seen = [], {}  # type: list[str], dict[str, int]
-        for source in w.sources:
-            loads_seen[source.load] = loads_seen.get(source.load, 0) + 1
-            again = f"_{loads_seen[source.load]}" if loads_seen[source.load] > 1 else ""
-            loads.append(f"{'Q' if source.power == 1.0 else 'command'}_{source.load}{again}")
+        loads = [
+            f"{'Q' if source.power == 1.0 else 'command'}_{word}"
+            for source, word in zip(w.sources, distinct((source.load for source in w.sources), "_"), strict=True)
+        ]
         gases = list(dict.fromkeys(row.signal for _, row in w.conductors if row.signal))
         words += [*loads, *(f"gas_{g.replace('*', 'any')}" for g in gases), *(f"at_{path}" for path in w.courses)]
         names = list(identifiers(dict.fromkeys(words)).values())
@@ -447,15 +438,14 @@ def _signal(target: _Field) -> Iterator[str]:
     if isinstance(course, Sine):
         angle = f"{_number(2.0 * math.pi / course.period)} * t + {_number(course.phase)}"
         yield f"u->{target.name} = {_number(course.mean)} + {_number(course.amplitude)} * sin({angle});"
-    elif isinstance(course, TableSignal) and course.times.size > 1:
+    elif (value := resting(course)) is not None:
+        yield f"u->{target.name} = {_number(value)};"
+    elif isinstance(course, TableSignal):
         yield "{"
         yield from (f"    {line}" for line in _array("static const double x[]", [_number(t) for t in course.times.tolist()]))
         yield from (f"    {line}" for line in _array("static const double y[]", [_number(v) for v in course.values.tolist()]))
         yield f"    u->{target.name} = @_course(x, y, {course.times.size}, {int(course.hold)}, t, before);"
         yield "}"
-    else:
-        value = course.value if isinstance(course, Constant) else float(course.values[0])
-        yield f"u->{target.name} = {_number(value)};"
 
 
 def _array(head: str, items: Iterable[str], wide: int = _ITEMS_A_LINE) -> Iterator[str]:

@@ -4,15 +4,27 @@ from __future__ import annotations
 
 import math
 import os
-import re
 from collections.abc import Iterator
 from importlib.metadata import version
-from pathlib import Path
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, ScenarioError, refuse_unknown
-from thermid.interop._wired import Formula, HeatSource, Text, Wired, Writer, exported, identifiers, one_line, table_points, wired
-from thermid.model.elements import Constant, Curve, Drawn, Sine, TableSignal
+from thermid.interop._wired import (
+    Formula,
+    HeatSource,
+    Text,
+    Wired,
+    Writer,
+    distinct,
+    exported,
+    file_and_name,
+    identifiers,
+    one_line,
+    resting,
+    table_points,
+    wired,
+)
+from thermid.model.elements import Curve, Drawn, Sine, TableSignal
 from thermid.model.tree import Model
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.simulation.network import SMOOTHING, ConductorRow
@@ -148,14 +160,7 @@ def to_modelica(
     DeckError       When a law cannot be written, or the name is none for a package.
     ScenarioError   When the scenario does not fit the model, or a course has more than 500 samples.
     """
-    target = Path(path) if path is not None else None
-    called = name or (target.stem if target is not None else re.sub(r"\W+", "_", model.title, flags=re.ASCII).strip("_"))
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,60}", called) or called in KEYWORDS or called in ("Modelica", "Library", "Laws"):
-        raise DeckError(
-            f"'{called}' is not a valid name of a Modelica package. Use letters, digits and _, and begin with a letter.",
-            model.title,
-            code="name.not-valid",
-        )
+    target, called = file_and_name(path, name, model.title, "a Modelica package", 61, {*KEYWORDS, "Modelica", "Library", "Laws"})
     refuse_unknown([library], tuple(LIBRARIES), "--library", "there is no library '{}'.{near} There are {known}.", DeckError)
     w = wired(model, scenario, MODELICA)
     return exported(w, _Package(w, called, library).lines(), target, "//")
@@ -174,11 +179,7 @@ class _Package:
         self.node = {n: words[n] for n in places}
         self.row = {label: words[f"row_{label}"] for label, _ in w.conductors}
         self.names = {q.path: words[f"p_{q.path}"] for q in w.parameters} | {path: words[f"at_{path}"] for path in w.courses}
-        uses_of_load: dict[str, int] = {}
-        self.load = []
-        for load in loads:
-            uses_of_load[load] = uses_of_load.get(load, 0) + 1
-            self.load.append(words[load] if uses_of_load[load] == 1 else f"{words[load]}__{uses_of_load[load]}")
+        self.load = distinct((words[load] for load in loads), "__")
         self.moving = set(w.courses)
         for q in w.parameters:
             if q.formula is not None and q.formula.paths() & self.moving:
@@ -352,8 +353,9 @@ class _Package:
         if isinstance(signal, Sine):
             angle = f"{_number(2.0 * math.pi / signal.period)}*time + {_number(signal.phase)}"
             return f"{_number(signal.mean)} + {_number(signal.amplitude)}*sin({angle})"
-        if isinstance(signal, Constant) or signal.times.size == 1:
-            return _number(signal.value if isinstance(signal, Constant) else float(signal.values[0]))
+        if (value := resting(signal)) is not None:
+            return _number(value)
+        assert isinstance(signal, TableSignal)
         return _pieces(name, signal, self.w.scenario.title)
 
 

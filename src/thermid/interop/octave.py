@@ -5,19 +5,19 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import DeckError
 from thermid.interop._wired import (
     Text,
     Wired,
     conductance_text,
     exported,
+    file_and_name,
     identifiers,
     number_text,
     one_line,
     refuse_crooked,
+    resting,
     table_points,
     wired,
 )
@@ -55,16 +55,7 @@ def to_octave(model: Model, scenario: Scenario, path: str | os.PathLike[str] | N
     DeckError       When a law or a load cannot be written, or the name is none for a function.
     ScenarioError   When the scenario does not fit the model or follows a schedule.
     """
-    target = Path(path) if path is not None else None
-    called = name or (target.stem if target is not None else re.sub(r"\W+", "_", model.title).strip("_"))
-    if not re.fullmatch(r"[A-Za-z]\w{0,62}", called) or called in KEYWORDS or called in FUNCTION_NAMES:
-        raise DeckError(
-            f"'{called}' is not a valid name of a function. Use letters, digits and _, beginning with a letter, and no reserved word "
-            f"of the language or of the file ({', '.join(FUNCTION_NAMES)}). "
-            "Give another file name.",
-            model.title,
-            code="name.not-valid",
-        )
+    target, called = file_and_name(path, name, model.title, "a function", 63, {*KEYWORDS, *FUNCTION_NAMES})
     w = wired(model, scenario, "Octave")
     refuse_crooked(w, "Octave")
     return exported(w, _Writer(w, called).lines(), target, "%")
@@ -334,12 +325,12 @@ def _signal_lines(signal: Drawn) -> Iterator[str]:
     if isinstance(signal, Sine):
         angle = f"2*pi*t/{number_text(signal.period)} + {number_text(signal.phase)}"
         yield f"y = {number_text(signal.mean)} + {number_text(signal.amplitude)}*sin({angle});"
-    elif isinstance(signal, TableSignal) and signal.times.size > 1:
+    elif (value := resting(signal)) is not None:
+        yield f"y = {number_text(value)};"
+    elif isinstance(signal, TableSignal):
         yield from _listed("x = ", signal.times.tolist())
         yield from _listed("v = ", signal.values.tolist())
         yield f"y = interp1(x, v, min(max(t, x(1)), x(end)), '{'previous' if signal.hold else 'linear'}');"
-    else:
-        yield f"y = {number_text(float(signal.values[0] if isinstance(signal, TableSignal) else signal.value))};"
 
 
 def _listed(start: str, numbers: Sequence[float], column: bool = False) -> Iterator[str]:

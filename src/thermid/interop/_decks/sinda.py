@@ -34,6 +34,7 @@ from thermid.interop._decks.network_file import (
     identifier,
 )
 from thermid.interop._decks.statements import DeckReading, Line, acts, fields, nesting, numbered, stream, with_defined_ends, with_unit
+from thermid.interop._wired import distinct
 from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
 
 BTU: Final = 1055.05585262
@@ -221,7 +222,10 @@ def _start(deck: SindaDeck) -> str:
     courses = [(load, load.course) for load in deck.loads if load.course is not None]
     alone = [load for load, course in courses if course.rests and (means or course.period)]
     others = [load for load, course in courses if load.stands and means and not course.rests]
-    for loads, sinda in ((others, "those of {} that no heat rate is at the time of its start"), (alone, "none of {} of the transient alone")):
+    for loads, sinda in (
+        (others, "those of {} that no heat rate is at the time of its start"),
+        (alone, "none of {} of the transient alone"),
+    ):
         if loads:
             takes = "the means of all courses" if means else "all courses at the time of its start"
             what = sinda.format(counted(len(loads), "course"))
@@ -1015,10 +1019,8 @@ def _heater(deck: SindaDeck, submodel: str, block: list[Line]) -> list[Line]:
 
 def _unique(loads: list[FileLoad]) -> Iterator[FileLoad]:
     """Yield loads with names of their own: a node may have several."""
-    uses_of_name: dict[str, int] = {}
-    for load in loads:
-        uses_of_name[load.name] = uses_of_name.get(load.name, 0) + 1
-        yield load if uses_of_name[load.name] == 1 else replace(load, name=f"{load.name}_{uses_of_name[load.name]}")
+    for load, name in zip(loads, distinct((load.name for load in loads), "_"), strict=True):
+        yield replace(load, name=name)
 
 
 def _read_units(deck: SindaDeck, path: Path, words: str) -> None:

@@ -10,8 +10,8 @@ from typing import Final
 from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError
-from thermid.interop._wired import HeatSource, Wired, Writer, exported, number_text, one_line, table_points, wired
-from thermid.model.elements import Constant, Drawn, TableSignal
+from thermid.interop._wired import HeatSource, Wired, Writer, exported, number_text, one_line, resting, table_points, wired
+from thermid.model.elements import Drawn, TableSignal
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
 from thermid.simulation.network import ConductorRow
@@ -95,14 +95,14 @@ class _Deck:
 
     def constant(self, boundary: str) -> float:
         """Return the temperature of a boundary. [degC]"""
-        signal = self.w.boundaries[boundary]
-        if not isinstance(signal, Constant):
+        value = resting(self.w.boundaries[boundary])
+        if value is None:
             raise DeckError(
                 f"the boundary '{boundary}' changes in time, which is not written to {self.tool}.",
                 self.w.network.title,
                 code="output.not-expressible",
             )
-        return round(signal.value - ICE_POINT, 12)
+        return round(value - ICE_POINT, 12)
 
     def course(self, source: HeatSource) -> TableSignal | None:
         """Return the table of a source; None where its power is constant."""
@@ -113,7 +113,7 @@ class _Deck:
                 code="output.not-expressible",
             )
         signal: Drawn = source.signal
-        if isinstance(signal, Constant) or (isinstance(signal, TableSignal) and signal.times.size == 1):
+        if resting(signal) is not None:
             return None
         if not isinstance(signal, TableSignal) or signal.hold:
             raise DeckError(
@@ -125,8 +125,7 @@ class _Deck:
 
     def watts(self, source: HeatSource) -> float:
         """Return the power of a source that does not change. [W]"""
-        signal = source.signal
-        return float(source.power) * (signal.value if isinstance(signal, Constant) else float(signal.values[0]))  # type: ignore[union-attr]
+        return float(source.power) * (resting(source.signal) or 0.0)
 
     def refused(self, label: str, row: ConductorRow) -> DeckError:
         """Return the refusal of a law."""
