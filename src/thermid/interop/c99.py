@@ -390,24 +390,22 @@ class _Header:
         return self.curves[behind]
 
     def _table_arrays(self) -> Iterator[str]:
-        x, y, d, begin, smooth, low, high = [], [], [], [0], [], [], []  # type: ignore[var-annotated]
-        for curve in self.tables:
-            knots, values, slopes = curve_arrays(curve)
-            x += knots.tolist()
-            y += values.tolist()
-            d += slopes.tolist() or [0.0] * knots.size
-            begin.append(len(x))
-            smooth.append(str(int(slopes.size > 0)))
-            limits = curve.limits or (-math.inf, math.inf)
-            low.append(_number(max(limits[0], -1e30)))
-            high.append(_number(min(limits[1], 1e30)))
+        arrays = [curve_arrays(curve) for curve in self.tables]
+        begin = np.cumsum([0, *(x.size for x, _, _ in arrays)]).tolist()
+        limits = [curve.limits or (-1e30, 1e30) for curve in self.tables]
+        places = {"begin": [*begin, *([] if arrays else [0])], "smooth": [int(slopes.size > 0) for _, _, slopes in arrays]}
+        numbers = {
+            "x": [v for x, _, _ in arrays for v in x.tolist()],
+            "y": [v for _, y, _ in arrays for v in y.tolist()],
+            "d": [v for x, _, slopes in arrays for v in slopes.tolist() or [0.0] * x.size],
+            "low": [max(low, -1e30) for low, _ in limits],
+            "high": [min(high, 1e30) for _, high in limits],
+        }
         yield from ("", "/* Tables, one behind the other. */")
-        yield from _array("static const int @_table_begin[]", [str(k) for k in begin] + (["0"] if not self.tables else []))
-        yield from _array("static const int @_table_smooth[]", smooth or ["0"])
-        for word, numbers in (("x", x), ("y", y), ("d", d)):
-            yield from _array(f"static const double @_table_{word}[]", [_number(n) for n in numbers] or ["0.0"])
-        for word, texts in (("low", low), ("high", high)):
-            yield from _array(f"static const double @_table_{word}[]", texts or ["0.0"])
+        for word, whole in places.items():
+            yield from _array(f"static const int @_table_{word}[]", [str(k) for k in whole] or ["0"])
+        for word, values in numbers.items():
+            yield from _array(f"static const double @_table_{word}[]", [_number(v) for v in values] or ["0.0"])
 
     def _functions(self) -> str:
         """Return the functions of inputs and parameters: temperatures of boundaries, inputs within a step, coefficients."""

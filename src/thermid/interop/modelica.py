@@ -137,6 +137,12 @@ LAWS = """\
     end Stream;
   end Laws;
 """
+RUN = """\
+  model Run {title}
+    Network network;
+{parts}  equation
+{equations}  annotation(experiment(StartTime = 0, StopTime = {end}, Tolerance = 1e-8));
+  end Run;"""
 
 
 @takes_objects
@@ -195,7 +201,7 @@ class _Package:
             yield OWN_CONTROLS.rstrip()
         yield LAWS.format(library=self.library, smoothing=_number(SMOOTHING**2)).rstrip()
         yield from self._network()
-        yield from self._run()
+        yield self._run()
         yield f"end {self.called};"
 
     def _network(self) -> Iterator[str]:
@@ -307,23 +313,19 @@ class _Package:
             )
         return signal.mean_over(0.0, 0.0) <= float(source.settings[0])
 
-    def _run(self) -> Iterator[str]:
-        """Yield the scenario around the network."""
-        w = self.w
-        yield f"  model Run {_quoted(w.scenario.title or 'scenario')}"
-        yield "    Network network;"
-        for b in w.network.boundaries:
-            yield f"    {self.library}.Sources.PrescribedTemperature {self.node[b]};"
-        yield "  equation"
-        for b, signal in w.boundaries.items():
-            yield f"    {self.node[b]}.T = {self._signal(b, signal)};"
-            yield f"    connect({self.node[b]}.port, network.{self.node[b]});"
-        for name, source in zip(self.load, w.sources, strict=True):
-            yield f"    network.{name}_input = {self._signal(source.load, source.signal)};"
-        for path, signal in w.courses.items():
-            yield f"    network.{self.names[path]} = {self._signal(path, signal)};"
-        yield f"  annotation(experiment(StartTime = 0, StopTime = {_number(w.scenario.seconds)}, Tolerance = 1e-8));"
-        yield "  end Run;"
+    def _run(self) -> str:
+        """Return the scenario around the network."""
+        w, held = self.w, [(self.node[b], b, signal) for b, signal in self.w.boundaries.items()]
+        driven = [(f"{name}_input", source.load, source.signal) for name, source in zip(self.load, w.sources, strict=True)]
+        driven += [(self.names[path], path, signal) for path, signal in w.courses.items()]
+        equations = [f"    {word}.T = {self._signal(b, signal)};\n    connect({word}.port, network.{word});\n" for word, b, signal in held]
+        equations += [f"    network.{word} = {self._signal(what, signal)};\n" for word, what, signal in driven]
+        return RUN.format(
+            title=_quoted(w.scenario.title or "scenario"),
+            parts="".join(f"    {self.library}.Sources.PrescribedTemperature {word};\n" for word, _, _ in held),
+            equations="".join(equations),
+            end=_number(w.scenario.seconds),
+        )
 
     def _text_of(self, formula: object) -> str:
         return self.text.text_of(formula)  # type: ignore[arg-type]

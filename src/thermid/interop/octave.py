@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Sequence
+from importlib.metadata import version
 
 from thermid.base.arguments import takes_objects
 from thermid.interop._wired import (
@@ -100,6 +101,19 @@ DRIVER = f"""\
   end
   T = T - {ICE_POINT};
 end"""
+VALUES = """
+function p = parameters()
+  % Values. [SI]
+{parameters}end
+
+function p = derived(p)
+  % Values that follow from others. [SI]
+{derived}end
+
+function T = initial()
+  % Temperatures at the start. [K]
+{initial}
+end"""
 LINES = (
     "",
     "function v = lines(u, table)",
@@ -136,51 +150,30 @@ class _Writer:
 
     def lines(self) -> Iterator[str]:
         """Yield the lines of the file."""
-        yield from self._head()
-        yield from self._driver()
-        yield from self._parameters()
-        yield from self._derived()
-        yield from self._initial()
+        w = self.w
+        fields = [(self.fields[p.path], p) for p in w.parameters]
+        yield "\n".join((HEAD, DRIVER, VALUES)).format(
+            name=self.called,
+            model=one_line(w.network.title),
+            scenario=one_line(w.scenario.title),
+            end=number_text(w.scenario.seconds),
+            nodes=", ".join(w.massive),
+            massless=f"\n% Without mass, and eliminated: {', '.join(w.massless)}." if w.massless else "",
+            version=version("thermid"),
+            names=", ".join(_quoted(n) for n in w.massive),
+            breaks="\n".join(_listed("  breaks = ", w.breaks(), column=True)),
+            parameters="".join(
+                f"  p.{word} = {number_text(p.value)};  % {one_line(f'[{p.unit}] {p.note}')}\n" for word, p in fields if p.formula is None
+            ),
+            derived="".join(f"  p.{word} = {self.text.text_of(p.formula)};  % [{p.unit}]\n" for word, p in fields if p.formula is not None),
+            initial="\n".join(_listed("  T = ", [w.initial[n] for n in w.massive], column=True)),
+        )
         yield from self._derivatives()
         for name, signal, what in self._signals():
             yield from ("", f"function y = {name}(t)", f"  % {what}")
             yield from (f"  {line}" for line in _signal_lines(signal))
             yield "end"
         yield from self._tables()
-
-    def _head(self) -> Iterator[str]:
-        from importlib.metadata import version
-
-        w, massless = self.w, "\n% Without mass, and eliminated: " + ", ".join(self.w.massless) + "." if self.w.massless else ""
-        model, scenario, end = one_line(w.network.title), one_line(w.scenario.title), number_text(w.scenario.seconds)
-        nodes = ", ".join(w.massive)
-        yield HEAD.format(
-            name=self.called, model=model, scenario=scenario, end=end, nodes=nodes, massless=massless, version=version("thermid")
-        )
-
-    def _driver(self) -> Iterator[str]:
-        names = ", ".join(_quoted(n) for n in self.w.massive)
-        breaks = "\n".join(_listed("  breaks = ", self.w.breaks(), column=True))
-        yield DRIVER.format(names=names, end=number_text(self.w.scenario.seconds), breaks=breaks)
-
-    def _parameters(self) -> Iterator[str]:
-        yield from ("", "function p = parameters()", "  % Values. [SI]")
-        for entry in self.w.parameters:
-            if entry.formula is None:
-                yield f"  p.{self.fields[entry.path]} = {number_text(entry.value)};  % {one_line(f'[{entry.unit}] {entry.note}')}"
-        yield "end"
-
-    def _derived(self) -> Iterator[str]:
-        yield from ("", "function p = derived(p)", "  % Values that follow from others. [SI]")
-        for entry in self.w.parameters:
-            if entry.formula is not None:
-                yield f"  p.{self.fields[entry.path]} = {self.text.text_of(entry.formula)};  % [{entry.unit}]"
-        yield "end"
-
-    def _initial(self) -> Iterator[str]:
-        yield from ("", "function T = initial()", "  % Temperatures at the start. [K]")
-        yield from _listed("  T = ", [self.w.initial[n] for n in self.w.massive], column=True)
-        yield "end"
 
     def _derivatives(self) -> Iterator[str]:
         """Yield the function of the differential equations."""

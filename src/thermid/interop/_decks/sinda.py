@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -418,6 +418,24 @@ def _acts(deck: SindaDeck, line: Line) -> bool:
 
 def _nodes(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     """Read NODE DATA: groups of number, temperature, capacitance; GEN, CAL, SIV, SPV, DIV, SIM, SPM, DIM, FAC, and SIT of boundaries."""
+
+    def take(line: Line, kind: str, cells: Cells, factor: float | str) -> None:
+        for node, course in _nodes_of_card(deck, submodel, line, kind, cells):
+            if deck.reading.is_first(f"node {submodel}.{node.name}", node.where):
+                deck.nodes.append(_multiplied(node, factor))
+                if course is not None:
+                    deck.courses[node.path] = course
+
+    _each_card(deck, lines, take, "a node. Write number, temperature, capacitance")
+
+
+def _each_card(deck: SindaDeck, lines: list[Line], take: Callable[[Line, str, Cells, float | str], None], what: str) -> None:
+    """Hand each card of a block on: its line, option and cells, and the factor of the FAC before it.
+
+    Raises
+    ------
+    DeckError   When one is not what it should be.
+    """
     factor: float | str = 1.0
     for line in lines:
         kind, cells = _card(line)
@@ -425,20 +443,12 @@ def _nodes(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
             if kind == "FAC":
                 ((word, where),) = cells
                 factor = deck.reading.value(word, where)
-                continue
-            for node, course in _nodes_of_card(deck, submodel, line, kind, cells):
-                if deck.reading.is_first(f"node {submodel}.{node.name}", node.where):
-                    deck.nodes.append(_multiplied(node, factor))
-                    if course is not None:
-                        deck.courses[node.path] = course
+            else:
+                take(line, kind, cells, factor)
         except ThermidError:
             raise
         except (ValueError, IndexError):
-            raise DeckError(
-                f"'{line.text.strip()}' is not a node. Write number, temperature, capacitance.",
-                str(line.where),
-                code="import.not-understood",
-            ) from None
+            raise DeckError(f"'{line.text.strip()}' is not {what}.", str(line.where), code="import.not-understood") from None
 
 
 def _nodes_of_card(deck: SindaDeck, submodel: str, line: Line, kind: str, cells: Cells) -> Iterator[tuple[FileNode, FileCourse | None]]:
@@ -593,24 +603,14 @@ def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     """
     block = len(lines) > 1 and all(line.text.lstrip().startswith("-") for line in lines)
     group = _Group(f"radiation_{identifier(submodel)}" if block else "", _followed(deck, lines) if block else {})
-    factor: float | str = 1.0
-    for line in lines:
-        kind, cells = _card(line)
-        try:
-            if kind == "FAC":
-                ((word, where),) = cells
-                factor = deck.reading.value(word, where)
-            else:
-                for row in _conductors_of_card(deck, submodel, line, kind, cells, group):
-                    key = SCALED[row.table["kind"]]
-                    product = row.table[key] if factor == 1.0 else f"({factor})*{row.table[key]}"
-                    deck.conductors.append(replace(row, table={**row.table, key: product}))
-        except ThermidError:
-            raise
-        except (ValueError, IndexError):
-            raise DeckError(
-                f"'{line.text.strip()}' is not a conductor. Write number, node, node, value.", str(line.where), code="import.not-understood"
-            ) from None
+
+    def take(line: Line, kind: str, cells: Cells, factor: float | str) -> None:
+        for row in _conductors_of_card(deck, submodel, line, kind, cells, group):
+            key = SCALED[row.table["kind"]]
+            product = row.table[key] if factor == 1.0 else f"({factor})*{row.table[key]}"
+            deck.conductors.append(replace(row, table={**row.table, key: product}))
+
+    _each_card(deck, lines, take, "a conductor. Write number, node, node, value")
 
 
 def _conductors_of_card(deck: SindaDeck, submodel: str, line: Line, kind: str, cells: Cells, group: _Group) -> Iterator[FileConductor]:

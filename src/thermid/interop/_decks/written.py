@@ -151,7 +151,8 @@ class _Sinda(_Deck):
         yield from (f"C    {note}" for note in self.notes())
         yield f"TITLE {one_line(w.network.title)}"
         yield "HEADER CONTROL DATA, GLOBAL"
-        yield from (f"      {name} = {value}" for name, value in self._control().items())
+        control = {"ABSZRO": -ICE_POINT, "SIGMA": STEFAN_BOLTZMANN, "TIMEND": w.scenario.seconds}
+        yield from (*(f"      {name} = {number_text(value)}" for name, value in control.items()), "      UID = SI")
         for owner in dict.fromkeys(owner for owner, _ in self.numbers.values()):
             yield f"HEADER NODE DATA, {owner}"
             yield from (self._node(node, number, arrays) for node, (o, number) in self.numbers.items() if o == owner)
@@ -171,14 +172,6 @@ class _Sinda(_Deck):
         if logic:
             yield f"HEADER VARIABLES 0, {self.main}"
             yield from logic
-
-    def _control(self) -> Mapping[str, str]:
-        return {
-            "ABSZRO": number_text(-ICE_POINT),
-            "SIGMA": number_text(STEFAN_BOLTZMANN),
-            "TIMEND": number_text(self.w.scenario.seconds),
-            "UID": "SI",
-        }
 
     def _node(self, node: str, number: int, arrays: list[tuple[int, list[float]]]) -> str:
         capacitance = self.w.capacitances.get(node)
