@@ -537,7 +537,12 @@ def _reference(w: Wired, grid: Array) -> Array:
 
 
 class _Stepper:
-    """Fixed steps over the kernel's heat and Jacobian."""
+    """The steps of `fixed_step.h` over the kernel's heat and Jacobian, along a grid of times (steps + 1,) [s].
+
+    With C the capacitances and J the Jacobian, a step of length h solves for six stages k_i,
+    (C / (gamma h) - J) k_i = f(T + sum a_ij k_j) + C sum c_ij k_j / h + d_i h df/dt, and ends at T + sum a_6j k_j + k_6:
+    `STAGES`, `COUPLED`, `DRIFT`, `GAMMA`.
+    """
 
     def __init__(self, w: Wired, grid: Array) -> None:
         wiring = Wiring(w.network, w.scenario)
@@ -585,6 +590,7 @@ class _Stepper:
         return state
 
     def _advance(self, state: Array, begin: float, end: float) -> Array:
+        """Return temperatures (nodes,) at the end of a step, cut where a thermostat switches, found by regula falsi."""
         inner = 1e-9 * (end - begin)  # a held input has its value of before a jump at the end of a step
         last = end - inner
         state = self._switched(state, begin, 0.0)
@@ -636,6 +642,7 @@ class _Stepper:
         return float(self.engine.wiring.boundary(self.boundaries[place], np.array([time]), self.a.offsets)[0])
 
     def _gaps(self, state: Array, time: float) -> list[float]:
+        """Return by how much each thermostat is beyond the threshold at which it switches; below zero where it is not there yet. [K]"""
         out = []
         for k, control in zip(self.places, self.controls, strict=True):
             reading = self._sensor(control, state, time)

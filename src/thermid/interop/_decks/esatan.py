@@ -340,7 +340,7 @@ _NODE: Final = re.compile(r"([DBX])\s*(\d+|\((?:[^()]|\([^()]*\))*\))\s*=\s*('(?
 
 
 def _nodes(deck: EsatanDeck, owner: str, lines: list[Line]) -> None:
-    """Read $NODES: D, B or X with number, label and values."""
+    """Read $NODES: D, B or X with number, label and values: T [degC], C [J/K], powers [W]; values of surfaces are passed over."""
     for statement in _looped(deck, _statements(lines)):
         match = _NODE.match(statement.text)
         if not match:

@@ -110,9 +110,13 @@ class FileConductor:
 
 @dataclass(frozen=True)
 class FileLoad:
-    """A load: node, power [W] as number or text, the group that its author named; a course in watts, or of a power that it scales.
+    """A load: node, power [W] as number or text, the group that its author named.
 
-    `stands` says whether the power is a number of the text that can be written back.
+    Parameters
+    ----------
+    course : FileCourse     What it follows in time; with `scales` it multiplies the power, else its numbers times `factor` are watts.
+    more : dict             Further fields of a model's load: a thermostat, a table of power over temperature.
+    stands : bool           Whether the power is a number of the text that can be written back.
     """
 
     name: str

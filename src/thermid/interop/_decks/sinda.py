@@ -576,7 +576,12 @@ def _array(deck: SindaDeck, submodel: str, word: str) -> list[float] | None:
 
 
 def _points(deck: SindaDeck, submodel: str, kind: str, word: str, line: Line) -> list[tuple[float, float]]:
-    """Return temperature [degC] and value of an array of pairs, or of a polynomial every 5 K."""
+    """Return temperature [degC] and value, in the deck's unit, of an array of pairs, or of a polynomial (SPV) every 5 K.
+
+    Raises
+    ------
+    DeckError   When the deck has no such array, or an odd number of values in it.
+    """
     values = _array(deck, submodel, word)
     if values is None:
         raise DeckError(f"array {word} is not in ARRAY DATA of {submodel}.", str(line.where), code="import.not-understood")
@@ -698,7 +703,14 @@ def _end(word: str, submodel: str) -> tuple[tuple[str, str], bool]:
 
 
 def _groups(cells: Cells) -> Iterator[tuple[int, int]]:
-    """Yield where the conductors of a card begin and end: number, pairs of nodes, value; a value before the last is no name of a node."""
+    """Yield the indices (begin, end) of each conductor's cells on a card: number, pairs of nodes, value.
+
+    Where several stand on a card, a value before the last is told from a node by its form: it is no whole number.
+
+    Raises
+    ------
+    ValueError  When cells are left over.
+    """
     begin = 0
     for k in range(1, len(cells)):
         if k == len(cells) - 1 or re.fullmatch(r"-?(?:[A-Za-z]\w*\.)?\d+", cells[k][0]) is None:
@@ -736,7 +748,11 @@ def _row(deck: SindaDeck, submodel: str, kind: str, cells: Cells, group: _Group,
 
 
 def _law(deck: SindaDeck, submodel: str, kind: str, number: int, values: Cells, line: Line) -> dict[str, object]:
-    """Return the kind of a conductor and its number."""
+    """Return the table that a model has of a conductor, without its ends.
+
+    A positive number is a conductance G [W/K], a negative one radiation: SIGMA G (T_a^4 - T_b^4), an exchange area [m^2] in a model. With
+    SIV or SPV, G is an array or a polynomial over the mean temperature of both ends, times a factor; of radiation it is an emissivity.
+    """
     text, where = values[0]
     units = deck.units
     if kind:
@@ -930,7 +946,11 @@ def _put(
     adds: bool = False,
     branch: str = "",
 ) -> bool:
-    """Put a power into a node (Q), or a temperature on a boundary (T): a constant, or a course times a factor; whether it can be."""
+    """Take a power into a node (kind Q) or the temperature of a boundary (T): a constant, or a course times a factor, in the deck's units.
+
+    A power that does not add to the node's own replaces those set before. In a `branch`, transient or steady, a course is of the transient
+    and a constant of the steady state before it, where it stands for that course. Returns whether there is a place for it.
+    """
     unit = deck.units.power
     if kind == "T":
         k = next((k for k, node in enumerate(deck.nodes) if (node.submodel, node.name) == into and node.held), None)
@@ -963,7 +983,10 @@ def _put(
 
 
 def _absorbed(deck: SindaDeck, submodel: str, line: Line) -> None:
-    """Add the heat rates of a submodel as loads; name those that no text file holds."""
+    """Add a load for each array of heat rates of a submodel: its course, and the mean over it for a steady state [W].
+
+    Named are a submodel of which no text file was read, and nodes of which the file has no rates.
+    """
     arrays = {int(key): numbers for (owner, key), numbers in deck.arrays.items() if owner == submodel}
     if submodel not in deck.words:
         deck.reading.remark(line.where, f"heat rates: no text file with those of {submodel} was read")
