@@ -108,6 +108,11 @@ def test_a_start_that_takes_a_course_of_the_transient_alone_says_so(tmp_path: Pa
     assert (remark.dropped, "SINDA takes none of 1 course of the transient alone" in remark.what) == (False, True)
 
 
+def test_the_power_of_a_course_is_its_mean_over_time(tmp_path: Path) -> None:
+    rows = "HEADER ARRAY DATA, M\n      1 = 0.,0., 90.,0., 100.,10.\nHEADER SOURCE DATA, M\n      SIT 1, A1, 2.\n"
+    assert _sinda(tmp_path, CONTROL + NETWORK + rows).loads[0].power == pytest.approx(1.0)
+
+
 def test_heat_rates_of_the_steady_branch_are_named(tmp_path: Path) -> None:
     rows = "      IF (NSOL .GT. 1) THEN\n      ELSE\n      CALL LOADQ_SUN_1\n      ENDIF\n"
     assert "LOADQ" in _dropped(_sinda(tmp_path, CONTROL + NETWORK + COURSE + rows))[0]

@@ -489,6 +489,12 @@ class FileCourse:
                 f"times over {t[-1] - t[0]:g} s exceed the period of {self.period:g} s.", self.where, code="import.not-understood"
             )
 
+    @property
+    def mean(self) -> float:
+        """Mean over time, from the first point to the last."""
+        span = self.seconds[-1] - self.seconds[0]
+        return float(np.trapezoid(self.numbers, self.seconds) / span) if span else float(self.numbers[0])
+
     def beginning(self, seconds: float) -> FileCourse:
         """Return the course with another time as its zero [s]; one that rests steps up from 0 there, if it does not repeat."""
         t, v = self.seconds - seconds, self.numbers

@@ -807,7 +807,7 @@ def _following(load: FileLoad, course: FileCourse, factor: float | str, unit: fl
     """Return a load that follows a course times a factor and a unit [W]: in watts, or by shares of a power where the factor has names."""
     if isinstance(factor, str):
         return replace(load, power=with_unit(factor, "W", unit), course=course, scales=True)
-    return replace(load, power=float(np.mean(course.numbers)) * factor * unit, course=course, factor=factor * unit)
+    return replace(load, power=course.mean * factor * unit, course=course, factor=factor * unit)
 
 
 _SET: Final = re.compile(r"\s*(?:(\w+)\.)?([QT])(\d+)\s*=\s*(?:((?:\w+\.)?Q\d+)\s*\+)?\s*(.+?)\s*$", re.IGNORECASE)
