@@ -35,7 +35,9 @@ def surrounded(table: Mapping[str, Any], columns: LogColumns, file: str) -> Scen
     for alone, what in (("orbit", "in orbit"), ("ascent", "an ascent")):
         clash = [name for name in TABLES if name != alone and tables[name] and tables[alone]]
         if clash:
-            raise ScenarioError(f"a scenario that is {what} has no {clash[0]}. Remove one.", file, code="value.excludes-another")
+            raise ScenarioError(
+                f"a scenario is {what} or it is not: it has {clash[0]} and {alone}. Remove one.", file, code="value.excludes-another"
+            )
     if tables["orbit"]:
         return _orbit(tables["orbit"], rest, duration, f"{file}, orbit")
     if tables["ascent"]:

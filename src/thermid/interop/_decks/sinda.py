@@ -971,13 +971,12 @@ def _put(
     if course is not None:
         load = _following(load, replace(course, rests=branch != ""), factor, unit)
     elif branch:  # in a steady state, what stands for a course of the transient
-        like = (k for k, other in enumerate(deck.loads) if other.course is not None and (other.into, other.group) == (into, label))
-        k = next(like, None) if branch == "steady" else None
-        if k is None:
-            return False
-        now = replace(deck.loads[k].course, rests=False)
-        deck.loads[k], deck.averages = replace(deck.loads[k], power=load.power, course=now, stands=False), True
-        return True
+        for k, other in enumerate(deck.loads):
+            if branch == "steady" and other.course is not None and (other.into, other.group) == (into, label):
+                now = replace(other.course, rests=False)
+                deck.loads[k], deck.averages = replace(other, power=load.power, course=now, stands=False), True
+                return True
+        return False
     deck.loads.append(load)
     return True
 

@@ -487,7 +487,7 @@ def _moved(wiring: Wiring, name: str, value: float, by: float) -> float:
 
 def _same_tables(one: Numbers, other: Numbers) -> bool:
     """Return whether the tables of all rows are the same points."""
-    curves = [[row.curve for row in (*numbers.conductors, *numbers.loads)] for numbers in (one, other)]
+    curves = [[*(row.curve for row in numbers.conductors), *(row.curve for row in numbers.loads)] for numbers in (one, other)]
     return all(
         a is b or (a is not None and b is not None and np.array_equal(a.x, b.x) and np.array_equal(a.y, b.y))
         for a, b in zip(*curves, strict=True)
