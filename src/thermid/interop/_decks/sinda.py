@@ -199,9 +199,11 @@ def _network(path: Path, units: str, instead: Mapping[str, str] = MappingProxyTy
             "with the file",
             dropped=False,
         )
+    names = distinct((load.name for load in deck.loads), "_")  # a node may have several loads
+    loads = tuple(replace(load, name=name) for load, name in zip(deck.loads, names, strict=True))
     begin, start = deck.reading.control.get("TIMEO", 0.0) * deck.units.time, _start(deck)
     return NetworkFile(
-        identifier(deck.title), "SINDA", tuple(deck.nodes), tuple(deck.conductors), tuple(_unique(deck.loads)), deck.reading.parameters,
+        identifier(deck.title), "SINDA", tuple(deck.nodes), tuple(deck.conductors), loads, deck.reading.parameters,
         deck.reading.control.get("TIMEND", 0.0) * deck.units.time - begin, tuple(deck.reading.remarks), deck.reading.texts,
         partial(_network, path, units),
         zero_and_degree=(deck.units.zero, deck.units.degree),
@@ -1037,12 +1039,6 @@ def _heater(deck: SindaDeck, submodel: str, block: list[Line]) -> list[Line]:
         name = f"{owner.upper()}_heater{power[1]}_Q{int(node)}"
         deck.loads.append(FileLoad(name, (owner.upper(), f"T{int(node)}"), watts, block[0].where, "", None, control))
     return [] if shares else block
-
-
-def _unique(loads: list[FileLoad]) -> Iterator[FileLoad]:
-    """Yield loads with names of their own: a node may have several."""
-    for load, name in zip(loads, distinct((load.name for load in loads), "_"), strict=True):
-        yield replace(load, name=name)
 
 
 def _read_units(deck: SindaDeck, path: Path, words: str) -> None:
