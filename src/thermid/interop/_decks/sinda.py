@@ -971,7 +971,7 @@ def _put(
     name = f"{into[0]}_Q{into[1][1:]}" + (f"_{label}" if label else "")
     load = FileLoad(name, into, with_unit(factor, "W", unit), where, label)
     if course is not None:
-        load = _following(load, replace(course, rests=branch != ""), factor, unit)
+        load = _following(load, replace(course, rests=branch != "" and deck.settles), factor, unit)
     elif branch:  # in a steady state, what stands for a course of the transient
         for k, other in enumerate(deck.loads):
             if branch == "steady" and other.course is not None and (other.into, other.group) == (into, label):
