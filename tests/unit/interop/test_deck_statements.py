@@ -147,6 +147,12 @@ def test_a_register_that_multiplies_a_capacitance_over_temperature_is_fitted_and
     assert again["M.T3.mass"] == 3.0
 
 
+def test_two_arrays_are_two(tmp_path: Path) -> None:
+    rows = f"{NETWORK}HEADER NODE DATA, M\n      DIV 3, 20., A1, 2.\nHEADER ARRAY DATA, M\n      1 = 0., 1., 100., 2.\n"
+    with raises_code("import.not-understood"):
+        _sinda(tmp_path, CONTROL + rows)
+
+
 @pytest.mark.parametrize("row", ["NODE DATA, M\n      DIV 3, 20., A1, HOURS, A1, 2.", "SOURCE DATA, M\n      SIV 1, A1, HOURS"])
 def test_a_table_that_takes_in_a_register_says_that_it_does_not_follow_it(tmp_path: Path, row: str) -> None:
     rows = f"{NETWORK}      3, 2, 1, 0.1\nHEADER {row}\nHEADER ARRAY DATA, M\n      1 = 0., 1., 100., 2.\n"

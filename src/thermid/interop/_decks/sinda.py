@@ -548,7 +548,7 @@ def _over_time(deck: SindaDeck, submodel: str, word: str, line: Line) -> FileCou
 
 def _tabulated_node(deck: SindaDeck, submodel: str, line: Line, kind: str, cells: Cells) -> FileNode:
     """Return a node whose capacitance is an array over temperature (SIV), a polynomial of it (SPV), or two arrays (DIV), times factors."""
-    if len(cells) > (6 if kind == "DIV" else 4):
+    if len(cells) not in ((5, 6) if kind == "DIV" else (3, 4)):
         raise ValueError
     factors = [deck.reading.value(*cell) for cell in cells[3::2]] or [1.0]
     tables = [np.array(_points(deck, submodel, kind, word, line)).T for word, _ in cells[2::2]]
