@@ -232,7 +232,7 @@ class _Header:
         self.w, self.called, self.step, self.error = w, called, step, error
         self.order = (*w.massive, *w.massless)
         self.places = {n: k for k, n in enumerate((*self.order, *w.network.boundaries))}
-        self.inputs = list(self._inputs())
+        self.inputs = self._inputs()
         fields = identifiers([parameter.path for parameter in w.parameters])
         self.fields = {path: f"{word}_" if word in KEYWORDS else word for path, word in fields.items()}
         self.derived = {parameter.path for parameter in w.parameters if parameter.formula is not None}
@@ -247,29 +247,20 @@ class _Header:
             return f"u->{self.courses[path]}"
         return f"v_{self.fields[path]}" if path in self.derived else f"p->{self.fields[path]}"
 
-    def _inputs(self) -> Iterator[_Field]:
-        """Yield the inputs: boundaries, loads, gases, scheduled parameters."""
-        w, words = self.w, [*(f"T_{b}" for b in self.w.network.boundaries)]
-        loads = [
-            f"{'Q' if source.power == 1.0 else 'command'}_{word}"
-            for source, word in zip(w.sources, distinct((source.load for source in w.sources), "_"), strict=True)
-        ]
+    def _inputs(self) -> list[_Field]:
+        """Return the inputs: boundaries, loads, gases, scheduled parameters."""
+        w = self.w
         gases = list(dict.fromkeys(row.signal for _, row in w.conductors if row.signal))
-        words += [*loads, *(f"gas_{g.replace('*', 'any')}" for g in gases), *(f"at_{path}" for path in w.courses)]
-        names = list(identifiers(dict.fromkeys(words)).values())
-        self.of_boundary = names[: len(w.network.boundaries)]
-        rest = names[len(w.network.boundaries) :]
-        self.of_source, rest = rest[: len(loads)], rest[len(loads) :]
-        self.of_gas = dict(zip(gases, rest, strict=False))
-        for name, (boundary, signal) in zip(self.of_boundary, w.boundaries.items(), strict=True):
-            yield _Field(name, signal, "K", f"temperature of {boundary}")
-        for name, source in zip(self.of_source, w.sources, strict=True):
-            watts = source.power == 1.0
-            yield _Field(name, source.signal, "W" if watts else "-", f"{'power' if watts else 'command'} of the load {source.load}")
-        for gas, name in self.of_gas.items():
-            yield _Field(name, w.gas[gas], "-", f"course of {gas}")
-        for name, (path, signal) in zip(rest[len(gases) :], w.courses.items(), strict=True):
-            yield _Field(name, signal, "SI", f"{path}, which follows a schedule")
+        rows = [(f"T_{b}", signal, "K", f"temperature of {b}") for b, signal in w.boundaries.items()]
+        for source, word in zip(w.sources, distinct((source.load for source in w.sources), "_"), strict=True):
+            kind, unit, what = ("Q", "W", "power") if source.power == 1.0 else ("command", "-", "command")
+            rows.append((f"{kind}_{word}", source.signal, unit, f"{what} of the load {source.load}"))
+        rows += [(f"gas_{g.replace('*', 'any')}", w.gas[g], "-", f"course of {g}") for g in gases]
+        rows += [(f"at_{path}", signal, "SI", f"{path}, which follows a schedule") for path, signal in w.courses.items()]
+        names = list(identifiers(word for word, *_ in rows).values())
+        first, last = len(w.boundaries), len(w.boundaries) + len(w.sources)
+        self.of_boundary, self.of_source, self.of_gas = names[:first], names[first:last], dict(zip(gases, names[last:], strict=False))
+        return [_Field(name, *rest) for name, (_, *rest) in zip(names, rows, strict=True)]
 
     # ---- what stands in the file
 

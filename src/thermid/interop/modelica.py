@@ -211,17 +211,14 @@ class _Package:
             kind = "Real" if q.path in self.moving else "parameter Real"
             value = _number(q.value) if q.formula is None else self.text.text_of(q.formula)
             yield f"    {kind} {self.names[q.path]} = {value} {_quoted(f'{q.path} [{q.unit}] {q.note}'.strip())};"
-        for path in w.courses:
-            yield f"    input Real {self.names[path]} {_quoted(f'{path}, SI')};"
-        for name, source in zip(self.load, w.sources, strict=True):
-            yield f"    input Real {name}_input {_quoted(f'what drives {source.load}')};"
-        for b in w.network.boundaries:
-            yield f"    {lib}.Interfaces.HeatPort_a {self.node[b]} {_quoted(b)};"
+        inputs = {self.names[path]: f"{path}, SI" for path in w.courses}
+        inputs |= {f"{name}_input": f"what drives {source.load}" for name, source in zip(self.load, w.sources, strict=True)}
+        yield from (f"    input Real {name} {_quoted(what)};" for name, what in inputs.items())
+        yield from (f"    {lib}.Interfaces.HeatPort_a {self.node[b]} {_quoted(b)};" for b in w.network.boundaries)
         for n in w.massive:
             start = f"T(start = {_number(w.initial[n])}, fixed = true)"
             yield f"    {lib}.Components.HeatCapacitor {self.node[n]}(C = {self._text_of(w.capacitances[n])}, {start}) {_quoted(n)};"
-        for n in w.massless:
-            yield f"    Laws.Junction {self.node[n]} {_quoted(n)};"
+        yield from (f"    Laws.Junction {self.node[n]} {_quoted(n)};" for n in w.massless)
         equations = []
         for label, row in w.conductors:
             part, more = self._conductor(label, row)

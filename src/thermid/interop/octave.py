@@ -179,11 +179,9 @@ class _Writer:
         """Yield the function of the differential equations."""
         w, name = self.w, self.nodes
         yield from ("", "function dTdt = derivatives(t, T, p)", "  % Nodes. [K]")
-        for k, node in enumerate(w.massive, 1):
-            yield f"  T_{name[node]} = T({k});"
+        yield from (f"  T_{name[node]} = T({k});" for k, node in enumerate(w.massive, 1))
         yield "  % Inputs. [K] and [W]"
-        for boundary in w.boundaries:
-            yield f"  T_{name[boundary]} = boundary_{name[boundary]}(t);"
+        yield from (f"  T_{name[b]} = boundary_{name[b]}(t);" for b in w.boundaries)
         heat: dict[str, list[str]] = {}
         for k, source in enumerate(w.sources, 1):
             power = self.text.text_of(source.power, 2)
@@ -194,13 +192,9 @@ class _Writer:
             yield f"  Q_{k} = {power};  % {source.load}"
             heat.setdefault(source.node, []).append(f"Q_{k}")
         yield "  % Conductances. [W/K]"
-        for label, row in w.conductors:
-            if row.kernel.linear:
-                yield f"  G_{self.rows[label]} = {self._conductance(row)};"
+        yield from (f"  G_{self.rows[label]} = {self._conductance(row)};" for label, row in w.conductors if row.kernel.linear)
         yield from self._massless(heat)
-        bent = [(label, row) for label, row in w.conductors if not row.kernel.linear]
-        for label, row in bent:
-            yield f"  G_{self.rows[label]} = {self._conductance(row)};"
+        yield from (f"  G_{self.rows[label]} = {self._conductance(row)};" for label, row in w.conductors if not row.kernel.linear)
         yield "  % Heat flows. [W]"
         for label, row in w.conductors:
             a, b = (name[end] for end in row.ends)
@@ -210,8 +204,8 @@ class _Writer:
                 continue
             yield f"  q_{self.rows[label]} = G_{self.rows[label]}*(T_{a} - T_{b});"
         yield "  % Differential equations. [K/s]"
-        for node in w.massive:
-            yield f"  dT_{name[node]} = ({self._balance(node, heat)})/({self.text.text_of(w.capacitances[node] or 0.0)});"
+        capacities = {n: self.text.text_of(w.capacitances[n] or 0.0) for n in w.massive}
+        yield from (f"  dT_{name[n]} = ({self._balance(n, heat)})/({capacity});" for n, capacity in capacities.items())
         yield from _wrapped("  dTdt = [", [f"dT_{name[n]}" for n in w.massive], "; ", "];")
         yield "end"
 

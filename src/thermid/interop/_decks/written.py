@@ -240,11 +240,9 @@ class _Esatan(_Deck):
         yield f"# {one_line(w.network.title)}, {one_line(w.scenario.title)}"
         yield from (f"# {note}" for note in self.notes())
         yield from ("$CONSTANTS", "$REAL", f"STEFAN = {number_text(STEFAN_BOLTZMANN)};", "$NODES")
-        for node, (_, number) in self.numbers.items():
-            yield self._node(node, number, powers)
+        yield from (self._node(node, number, powers) for node, (_, number) in self.numbers.items())
         yield "$CONDUCTORS"
-        for label, row in w.conductors:
-            yield self._conductor(label, row)
+        yield from (self._conductor(label, row) for label, row in w.conductors)
         followed = [(source, table) for source, table in courses if table is not None]
         if followed:
             yield from ("$ARRAYS", "$REAL")
