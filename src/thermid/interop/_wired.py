@@ -455,7 +455,7 @@ def resting(signal: Drawn) -> float | None:
 
 
 def file_and_name(
-    path: str | os.PathLike[str] | None, name: str, title: str, what: str, longest: int, taken: Iterable[str]
+    path: str | os.PathLike[str] | None, name: str, title: str, what: str, taken: Iterable[str], longest: int = 63
 ) -> tuple[Path | None, str]:
     """Return the file of an export, and what it holds is called: as given, else as the file, else as the model's title.
 

@@ -201,7 +201,7 @@ def to_c(
     DeckError       When a law cannot be written, there are more than 200 nodes, or the name is none for C.
     ScenarioError   When the scenario does not fit the model.
     """
-    target, called = file_and_name(path, name, model.title, "what a C header holds", 41, KEYWORDS)
+    target, called = file_and_name(path, name, model.title, "what a C header holds", KEYWORDS, 41)
     if step is not None and not (0.0 < step < math.inf):
         raise DeckError("a step has a length above zero.", model.title, code="value.outside-range")
     w = wired(model, scenario, C)
@@ -383,7 +383,7 @@ class _Header:
     def _table_arrays(self) -> Iterator[str]:
         arrays = [curve_arrays(curve) for curve in self.tables]
         begin = np.cumsum([0, *(x.size for x, _, _ in arrays)]).tolist()
-        limits = [curve.limits or (-1e30, 1e30) for curve in self.tables]
+        limits = [curve.limits or (-math.inf, math.inf) for curve in self.tables]
         places = {"begin": [*begin, *([] if arrays else [0])], "smooth": [int(slopes.size > 0) for _, _, slopes in arrays]}
         numbers = {
             "x": [v for x, _, _ in arrays for v in x.tolist()],

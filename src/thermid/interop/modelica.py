@@ -166,7 +166,7 @@ def to_modelica(
     DeckError       When a law cannot be written, or the name is none for a package.
     ScenarioError   When the scenario does not fit the model, or a course has more than 500 samples.
     """
-    target, called = file_and_name(path, name, model.title, "a Modelica package", 61, {*KEYWORDS, "Modelica", "Library", "Laws"})
+    target, called = file_and_name(path, name, model.title, "a Modelica package", {*KEYWORDS, "Modelica", "Library", "Laws"})
     refuse_unknown([library], tuple(LIBRARIES), "--library", "there is no library '{}'.{near} There are {known}.", DeckError)
     w = wired(model, scenario, MODELICA)
     return exported(w, _Package(w, called, library).lines(), target, "//")

@@ -56,7 +56,7 @@ def to_octave(model: Model, scenario: Scenario, path: str | os.PathLike[str] | N
     DeckError       When a law or a load cannot be written, or the name is none for a function.
     ScenarioError   When the scenario does not fit the model or follows a schedule.
     """
-    target, called = file_and_name(path, name, model.title, "a function", 63, {*KEYWORDS, *FUNCTION_NAMES})
+    target, called = file_and_name(path, name, model.title, "a function", {*KEYWORDS, *FUNCTION_NAMES})
     w = wired(model, scenario, "Octave")
     refuse_crooked(w, "Octave")
     return exported(w, _Writer(w, called).lines(), target, "%")

@@ -27,7 +27,7 @@ TWOFOLD: Final = 2.0
 """How far an emissivity may move from its value in the file: conductors follow it to first order."""
 CYCLE_END_SHARE: Final = 1e-9
 """Share of a period over which the end of a cycle steps to its beginning."""
-REST: Final = 1e-6
+REST: Final = CYCLE_END_SHARE
 """How long a course is zero that a steady state before its run must not see. [s]"""
 
 MOST_KINDS: Final = 4
