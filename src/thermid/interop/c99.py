@@ -260,7 +260,7 @@ class _Header:
         names = list(identifiers(word for word, *_ in rows).values())
         first, last = len(w.boundaries), len(w.boundaries) + len(w.sources)
         self.of_boundary, self.of_source, self.of_gas = names[:first], names[first:last], dict(zip(gases, names[last:], strict=False))
-        return [_Field(name, *rest) for name, (_, *rest) in zip(names, rows, strict=True)]
+        return [_Field(name, signal, unit, what) for name, (_, signal, unit, what) in zip(names, rows, strict=True)]
 
     # ---- what stands in the file
 
