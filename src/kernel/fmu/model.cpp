@@ -61,9 +61,11 @@ FmuModel::FmuModel(std::shared_ptr<const Image> image)
     jacobian_.assign(p_.pattern.size(), 0.0);
     holds_ = p_.holds();
     options_.energy = false;
-    options_.rtol = 2e-9;  // tighter than a run of its own: switchings then fall within 1e-5 K of where they belong
-    options_.atol = 2e-8;
     options_.input_atol = 1e-6;
+    if (!p_.guards.empty()) {  // tighter than a run of its own: switchings then fall within 1e-5 K of where they belong
+        options_.rtol = 2e-9;
+        options_.atol = 2e-8;
+    }
     reset();
 }
 
@@ -441,6 +443,7 @@ void FmuModel::step(double to) {
     now_.time = to;
     result_.events.clear();
     result_.mesh.clear();
+    result_.steps = result_.rejected = 0;  // each step of the host may take as many as a run
     const double late = to + 1e-12 * std::fabs(to);
     for (size_t k = 0; k < p_.inputs.size(); ++k)
         if (p_.inputs[k].sampled()) now_.segment[k] = p_.inputs[k].segment(late, static_cast<int>(now_.segment[k]));

@@ -6,9 +6,11 @@ import math
 import operator
 import os
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -38,6 +40,7 @@ class Writer:
     smooth : bool       Tables of cubic pieces.
     loads : bool        Loads that follow a temperature, thermostats, proportional control.
     schedules : bool    Parameters that follow signals.
+    stores : bool       Specific heats that are straight lines over temperature.
     """
 
     name: str
@@ -46,6 +49,7 @@ class Writer:
     smooth: bool = False
     loads: bool = False
     schedules: bool = False
+    stores: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -244,7 +248,9 @@ def _refuse_laws(network: Network, numbers: Numbers, writer: Writer) -> None:
                 network.title,
                 code="output.not-expressible",
             )
-    for node in network.stores:
+    for node, store in network.stores.items():
+        if writer.stores and store.given.straight and store.given.limits is None and store.rise.d is not None:
+            continue
         raise DeckError(
             f"the specific heat of '{node}' changes with temperature, which is not written to {writer.name}.",
             network.title,
@@ -348,12 +354,8 @@ def _refuse_other_formulas(w: Wired, wiring: Wiring, writer: Writer) -> None:
 
 def named_rows(rows: Iterable[ConductorRow]) -> tuple[tuple[str, ConductorRow], ...]:
     """Return rows with unique labels: a conductor of several rows is numbered."""
-    counts: dict[str, int] = {}
-    out = []
-    for row in rows:
-        counts[row.name] = counts.get(row.name, 0) + 1
-        out.append((row.name if counts[row.name] == 1 else f"{row.name}.{counts[row.name]}", row))
-    return tuple(out)
+    every = list(rows)
+    return tuple(zip(distinct((row.name for row in every), "."), every, strict=True))
 
 
 def refuse_crooked(w: Wired, what: str) -> None:
@@ -433,6 +435,44 @@ def table_points(curve: Curve) -> tuple[list[float], list[float], bool]:
 def one_line(text: str) -> str:
     """Return a title or note on one line, so that it cannot leave its comment."""
     return " ".join(text.split())
+
+
+def distinct(words: Iterable[str], between: str) -> list[str]:
+    """Return words of which the second of a kind and later ones are numbered: a, b, a -> a, b, a.2."""
+    counts: Counter[str] = Counter()
+    out = []
+    for word in words:
+        counts[word] += 1
+        out.append(word if counts[word] == 1 else f"{word}{between}{counts[word]}")
+    return out
+
+
+def resting(signal: Drawn) -> float | None:
+    """Return the value of a signal that does not change in time; None of one that does."""
+    if isinstance(signal, TableSignal):
+        return float(signal.values[0]) if signal.times.size == 1 else None
+    return signal.value if isinstance(signal, Constant) else None
+
+
+def file_and_name(
+    path: str | os.PathLike[str] | None, name: str, title: str, what: str, taken: Iterable[str], longest: int = 63
+) -> tuple[Path | None, str]:
+    """Return the file of an export, and what it holds is called: as given, else as the file, else as the model's title.
+
+    Raises
+    ------
+    DeckError   When the name is none of the language: it is of ASCII letters, digits and ``_``, and none that is `taken`.
+    """
+    target = Path(path) if path is not None else None
+    called = name or (target.stem if target is not None else re.sub(r"\W+", "_", title, flags=re.ASCII).strip("_"))
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", called) or len(called) > longest or called in taken:
+        raise DeckError(
+            f"'{called}' is not a valid name of {what}. Use letters, digits and _, beginning with a letter, at most {longest}, and no "
+            "reserved word. Give another file name.",
+            title,
+            code="name.not-valid",
+        )
+    return target, called
 
 
 MAX_PATH_LETTERS = 50

@@ -18,8 +18,8 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, SolverError
 from thermid.base.linear_algebra import Array
-from thermid.interop._wired import Text, Wired, Writer, exported, identifiers, one_line, wired
-from thermid.model.elements import Constant, Curve, Drawn, Sine, TableSignal
+from thermid.interop._wired import Text, Wired, Writer, distinct, exported, file_and_name, identifiers, one_line, resting, wired
+from thermid.model.elements import Curve, Drawn, Sine, TableSignal
 from thermid.model.tree import Model
 from thermid.simulation.network import curve_arrays, tables_behind
 from thermid.simulation.runs import Scenario
@@ -81,6 +81,97 @@ GAMMA = 0.25
 """RODAS: E. Hairer, G. Wanner, Solving Ordinary Differential Equations II, 2nd edition, section IV.7; order 4, stiffly accurate."""
 
 
+HEAD = """\
+/* {called}.h: temperatures of the thermal model '{title}' in the scenario '{scenario}'. C99, no allocation.
+
+   #include it in one place and link with -lm. Temperatures in K, heat in W, time in s, parameters in SI.
+       @_model m; @_parameters p; @_inputs u;
+       @_defaults(&p); @_scenario(0.0, 0, &u); @_start(&m, &p, &u);
+       @_step(&m, &p, &u, &u, @_STEP);    one step; inputs run straight from the first to the second
+       @_run(&m, &p, 3600.0);                    or the scenario of the export, up to a time
+       m.T[@_NODE_...]                           what follows from it
+   Each returns 0, or one of @_SINGULAR ... @_CHATTER. -D @_WITHOUT_SCENARIO leaves the scenario out.
+
+   Step {step:g} s. Error of nodes with mass at most {error:g} K: twice the largest difference to a run at a
+   error of 1e-8 K over this scenario at these values, measured at export. With other values or inputs it may differ;
+   m.error is the sum of what each step estimates of its own error.
+   Where a thermostat switches a step is cut, at most {cuts} times, each cut found within 40 trial steps.{massless}
+   Written by thermid {version}. */
+#ifndef {guard}
+#define {guard}
+#include <math.h>
+"""
+STRUCTS = """/* Values that may be changed. What follows from them is computed in every step. */
+typedef struct {{
+{parameters}
+}} @_parameters;
+
+typedef struct {{
+{inputs}
+}} @_inputs;
+
+static inline void @_defaults(@_parameters *p) {{
+{defaults}
+}}
+
+/* Nodes, as they are in m.T. */
+{nodes}
+enum {{
+    @_NODES = {n}, @_MASSLESS = {massless}, @_BOUNDARIES = {boundaries},
+    @_CONDUCTORS = {conductors}, @_LOADS = {loads}, @_SWITCHES = {switches},
+    @_MOST_ITERATIONS = 40, @_MOST_CUTS = {cuts}
+}};
+{words}
+#define @_STEP {step} /* [s] */
+#define @_ERROR {error} /* [K] */
+typedef struct {{ int law, a, b, first, table; }} @_conductor;
+typedef struct {{ int law, node, follows, first, table, control, settings, watches, state; }} @_load;
+typedef struct {{ int watches, settings, state; }} @_switch;"""
+STATE = """
+/* State and working memory of a run. */
+typedef struct {{
+    double T[@_NODES], time, error;
+    unsigned char on[@_SWITCHES + 1];
+    double all[@_NODES + @_BOUNDARIES], coefficient[{coefficients}], begin[@_NODES];
+    double matrix[@_NODES * @_NODES], stage[6][@_NODES], drift[@_NODES], work[@_NODES], mass[@_NODES];
+    int pivot[@_NODES];
+}} @_model;"""
+FUNCTIONS_OF_INPUTS = """
+static inline void @_boundaries(const @_inputs *u, double *T) {{
+{boundaries}    (void)u; (void)T;
+}}
+
+/* Inputs at a share of a step. */
+static inline void @_between(const @_inputs *u0, const @_inputs *u1, double share, @_inputs *u) {{
+{between}}}
+
+/* All coefficients, from parameters and inputs. [SI] */
+static inline void @_coefficients(const @_parameters *p, const @_inputs *u, double *c) {{
+{derived}{coefficients}    (void)p; (void)u; (void)c;
+}}
+"""
+SCENARIO = """enum {{ @_BREAKS = {count} }};
+{breaks}
+/* Value of a table in time; of held values the one before a jump, or the one after. */
+static inline double @_course(const double *x, const double *y, int size, int hold, double t, int before) {{
+    const double at = before ? t - {moment} : t + {moment};
+    int low = 0, high = size - 1;
+    if (at <= x[0]) return y[0];
+    if (at >= x[size - 1]) return y[size - 1];
+    while (high - low > 1) {{
+        const int middle = (low + high) / 2;
+        if (x[middle] <= at) low = middle; else high = middle;
+    }}
+    return hold ? y[low] : y[low] + (t - x[low]) / (x[high] - x[low]) * (y[high] - y[low]);
+}}
+
+/* Inputs of the scenario of the export at a time, before a jump there or after it. */
+static inline void @_scenario(double t, int before, @_inputs *u) {{
+{inputs}    (void)t; (void)before;
+}}
+"""
+
+
 @takes_objects
 def to_c(
     model: Model,
@@ -110,15 +201,7 @@ def to_c(
     DeckError       When a law cannot be written, there are more than 200 nodes, or the name is none for C.
     ScenarioError   When the scenario does not fit the model.
     """
-    target = Path(path) if path is not None else None
-    called = name or (target.stem if target is not None else re.sub(r"\W+", "_", model.title, flags=re.ASCII).strip("_"))
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,40}", called) or called in KEYWORDS:
-        raise DeckError(
-            f"'{called}' cannot begin the names of a C header: letters, digits and _, beginning with a letter, at most 41. "
-            "Give another file name.",
-            model.title,
-            code="name.not-valid",
-        )
+    target, called = file_and_name(path, name, model.title, "what a C header holds", KEYWORDS, 41)
     if step is not None and not (0.0 < step < math.inf):
         raise DeckError("a step has a length above zero.", model.title, code="value.outside-range")
     w = wired(model, scenario, C)
@@ -149,7 +232,7 @@ class _Header:
         self.w, self.called, self.step, self.error = w, called, step, error
         self.order = (*w.massive, *w.massless)
         self.places = {n: k for k, n in enumerate((*self.order, *w.network.boundaries))}
-        self.inputs = list(self._inputs())
+        self.inputs = self._inputs()
         fields = identifiers([parameter.path for parameter in w.parameters])
         self.fields = {path: f"{word}_" if word in KEYWORDS else word for path, word in fields.items()}
         self.derived = {parameter.path for parameter in w.parameters if parameter.formula is not None}
@@ -164,105 +247,70 @@ class _Header:
             return f"u->{self.courses[path]}"
         return f"v_{self.fields[path]}" if path in self.derived else f"p->{self.fields[path]}"
 
-    def _inputs(self) -> Iterator[_Field]:
-        """Yield the inputs: boundaries, loads, gases, scheduled parameters."""
-        w, words = self.w, [*(f"T_{b}" for b in self.w.network.boundaries)]
-        loads, loads_seen = [], {}  # type: list[str], dict[str, int]
-        for source in w.sources:
-            loads_seen[source.load] = loads_seen.get(source.load, 0) + 1
-            again = f"_{loads_seen[source.load]}" if loads_seen[source.load] > 1 else ""
-            loads.append(f"{'Q' if source.power == 1.0 else 'command'}_{source.load}{again}")
+    def _inputs(self) -> list[_Field]:
+        """Return the inputs: boundaries, loads, gases, scheduled parameters."""
+        w = self.w
         gases = list(dict.fromkeys(row.signal for _, row in w.conductors if row.signal))
-        words += [*loads, *(f"gas_{g.replace('*', 'any')}" for g in gases), *(f"at_{path}" for path in w.courses)]
-        names = list(identifiers(dict.fromkeys(words)).values())
-        self.of_boundary = names[: len(w.network.boundaries)]
-        rest = names[len(w.network.boundaries) :]
-        self.of_source, rest = rest[: len(loads)], rest[len(loads) :]
-        self.of_gas = dict(zip(gases, rest, strict=False))
-        for name, (boundary, signal) in zip(self.of_boundary, w.boundaries.items(), strict=True):
-            yield _Field(name, signal, "K", f"temperature of {boundary}")
-        for name, source in zip(self.of_source, w.sources, strict=True):
-            watts = source.power == 1.0
-            yield _Field(name, source.signal, "W" if watts else "-", f"{'power' if watts else 'command'} of the load {source.load}")
-        for gas, name in self.of_gas.items():
-            yield _Field(name, w.gas[gas], "-", f"course of {gas}")
-        for name, (path, signal) in zip(rest[len(gases) :], w.courses.items(), strict=True):
-            yield _Field(name, signal, "SI", f"{path}, which follows a schedule")
+        rows = [(f"T_{b}", signal, "K", f"temperature of {b}") for b, signal in w.boundaries.items()]
+        for source, word in zip(w.sources, distinct((source.load for source in w.sources), "_"), strict=True):
+            kind, unit, what = ("Q", "W", "power") if source.power == 1.0 else ("command", "-", "command")
+            rows.append((f"{kind}_{word}", source.signal, unit, f"{what} of the load {source.load}"))
+        rows += [(f"gas_{g.replace('*', 'any')}", w.gas[g], "-", f"course of {g}") for g in gases]
+        rows += [(f"at_{path}", signal, "SI", f"{path}, which follows a schedule") for path, signal in w.courses.items()]
+        names = list(identifiers(word for word, *_ in rows).values())
+        first, last = len(w.boundaries), len(w.boundaries) + len(w.sources)
+        self.of_boundary, self.of_source, self.of_gas = names[:first], names[first:last], dict(zip(gases, names[last:], strict=False))
+        return [_Field(name, signal, unit, what) for name, (_, signal, unit, what) in zip(names, rows, strict=True)]
 
     # ---- what stands in the file
 
     def text(self) -> str:
         """Return the header."""
-        body = [*self._rows(), *self._boundaries_and_between()]
-        coefficients = list(self._coefficient_function())
+        rows = list(self._rows())  # these collect the coefficients
         library = (Path(__file__).parent / "fixed_step.h").read_text(encoding="ascii")
         plain, _, run = library.partition("#ifndef @_WITHOUT_SCENARIO\n")
-        lines = [*self._head(), *self._structs(), *self._sizes(), *body, *coefficients]
-        text = "\n".join([*lines, plain.rstrip(), "", "#ifndef @_WITHOUT_SCENARIO", *self._scenario(), run.rstrip(), "#endif"])
+        lines = [self._head(), self._structs(), *rows, self._functions(), plain.rstrip()]
+        text = "\n".join([*lines, "", "#ifndef @_WITHOUT_SCENARIO", self._scenario(), run.rstrip(), "#endif"])
         return re.sub(r"@(?=_)", self.called, text) + "\n"
 
-    def _head(self) -> Iterator[str]:
-        w, called = self.w, self.called
-        guard = f"THERMID_{called.upper()}_H"
-        title, scenario = _comment(w.network.title), _comment(w.scenario.title)
-        yield f"/* {called}.h: temperatures of the thermal model '{title}' in the scenario '{scenario}'. C99, no allocation."
-        yield ""
-        yield "   #include it in one place and link with -lm. Temperatures in K, heat in W, time in s, parameters in SI."
-        yield f"       {called}_model m; {called}_parameters p; {called}_inputs u;"
-        yield f"       {called}_defaults(&p); {called}_scenario(0.0, 0, &u); {called}_start(&m, &p, &u);"
-        yield f"       {called}_step(&m, &p, &u, &u, {called}_STEP);    one step; inputs run straight from the first to the second"
-        yield f"       {called}_run(&m, &p, 3600.0);                    or the scenario of the export, up to a time"
-        yield f"       m.T[{called}_NODE_...]                           what follows from it"
-        yield f"   Each returns 0, or one of {called}_SINGULAR ... {called}_CHATTER. -D {called}_WITHOUT_SCENARIO leaves the scenario out."
-        yield ""
-        yield f"   Step {self.step:g} s. Error of nodes with mass at most {self.error:g} K: twice the largest difference to a run at a"
-        yield "   error of 1e-8 K over this scenario at these values, measured at export. With other values or inputs it may differ;"
-        yield "   m.error is the sum of what each step estimates of its own error."
-        yield f"   Where a thermostat switches a step is cut, at most {MOST_CUTS} times, each cut found within 40 trial steps."
-        if w.massless:
-            yield f"   Without mass, solved in each step: {_comment(', '.join(w.massless))}."
-        yield f"   Written by thermid {version('thermid')}. */"
-        yield from (f"#ifndef {guard}", f"#define {guard}", "#include <math.h>", "")
+    def _head(self) -> str:
+        massless = _comment(", ".join(self.w.massless))
+        return HEAD.format(
+            called=self.called,
+            title=_comment(self.w.network.title),
+            scenario=_comment(self.w.scenario.title),
+            step=self.step,
+            error=self.error,
+            cuts=MOST_CUTS,
+            massless=f"\n   Without mass, solved in each step: {massless}." if massless else "",
+            version=version("thermid"),
+            guard=f"THERMID_{self.called.upper()}_H",
+        )
 
-    def _structs(self) -> Iterator[str]:
-        w, name = self.w, self.called
-        yield "/* Values that may be changed. What follows from them is computed in every step. */"
-        yield "typedef struct {"
-        free = [parameter for parameter in w.parameters if parameter.formula is None]
-        for parameter in free:
-            yield f"    double {self.fields[parameter.path]}; /* [{parameter.unit}] {_comment(f'{parameter.path} {parameter.note}')} */"
-        if not free:
-            yield "    char none;"
-        yield f"}} {name}_parameters;"
-        yield from ("", "typedef struct {")
-        for source in self.inputs:
-            yield f"    double {source.name}; /* [{source.unit}] {_comment(source.what)} */"
-        yield f"}} {name}_inputs;"
-        yield from ("", f"static inline void {name}_defaults({name}_parameters *p) {{")
-        for parameter in free:
-            yield f"    p->{self.fields[parameter.path]} = {_number(parameter.value)};"
-        if not free:
-            yield "    p->none = 0;"
-        yield "}"
-
-    def _sizes(self) -> Iterator[str]:
-        w, switches = self.w, self._switches()
-        yield from ("", "/* Nodes, as they are in m.T. */")
-        for k, (node, word) in enumerate(identifiers(self.order).items()):
-            yield f"#define @_NODE_{word} {k} /* {_comment(node)} */"
-        yield "enum {"
-        yield f"    @_NODES = {len(self.order)}, @_MASSLESS = {len(w.massless)}, @_BOUNDARIES = {len(w.network.boundaries)},"
-        yield f"    @_CONDUCTORS = {len(w.conductors)}, @_LOADS = {len(w.sources)}, @_SWITCHES = {len(switches)},"
-        yield f"    @_MOST_ITERATIONS = 40, @_MOST_CUTS = {MOST_CUTS}"
-        yield "};"
-        every = [*LAWS.values(), "TABLE_OF_MEAN", "TABLE_OF_DIFFERENCE"]
-        for words in (every, OF_LOADS.values(), OF_CONTROLS.values(), CODES):
-            yield f"enum {{ {', '.join(f'@_{word}' for word in words)} }};"
-        yield f"#define @_STEP {_number(self.step)} /* [s] */"
-        yield f"#define @_ERROR {_number(self.error)} /* [K] */"
-        yield "typedef struct { int law, a, b, first, table; } @_conductor;"
-        yield "typedef struct { int law, node, follows, first, table, control, settings, watches, state; } @_load;"
-        yield "typedef struct { int watches, settings, state; } @_switch;"
+    def _structs(self) -> str:
+        """Return the types: parameters with their values, inputs, numbers of rows, names of laws."""
+        w = self.w
+        free = [(self.fields[p.path], p) for p in w.parameters if p.formula is None]
+        members = [f"    double {word}; /* [{p.unit}] {_comment(f'{p.path} {p.note}')} */" for word, p in free]
+        words = ([*LAWS.values(), "TABLE_OF_MEAN", "TABLE_OF_DIFFERENCE"], OF_LOADS.values(), OF_CONTROLS.values(), CODES)
+        return STRUCTS.format(
+            parameters="\n".join(members or ["    char none;"]),
+            inputs="\n".join(f"    double {i.name}; /* [{i.unit}] {_comment(i.what)} */" for i in self.inputs),
+            defaults="\n".join([f"    p->{word} = {_number(p.value)};" for word, p in free] or ["    p->none = 0;"]),
+            nodes="\n".join(
+                f"#define @_NODE_{word} {k} /* {_comment(node)} */" for k, (node, word) in enumerate(identifiers(self.order).items())
+            ),
+            n=len(self.order),
+            massless=len(w.massless),
+            boundaries=len(w.network.boundaries),
+            conductors=len(w.conductors),
+            loads=len(w.sources),
+            switches=len(self._switches()),
+            cuts=MOST_CUTS,
+            words="\n".join(f"enum {{ {', '.join(f'@_{word}' for word in several)} }};" for several in words),
+            step=_number(self.step),
+            error=_number(self.error),
+        )
 
     def _rows(self) -> Iterator[str]:
         """Yield capacities, rows of conductors and loads, and what they look up; their coefficients are collected."""
@@ -306,13 +354,7 @@ class _Header:
         yield from _array("static const @_load @_load_rows[]", loads or ["{0, 0, 0, 0, 0, 0, 0, 0, 0}"], 1)
         yield from _array("static const @_switch @_switch_rows[]", [switches[k] for k in sorted(switches)] or ["{0, 0, 0}"], 1)
         yield from self._table_arrays()
-        yield from ("", "/* State and working memory of a run. */", "typedef struct {")
-        yield "    double T[@_NODES], time, error;"
-        yield "    unsigned char on[@_SWITCHES + 1];"
-        yield f"    double all[@_NODES + @_BOUNDARIES], coefficient[{len(self.coefficients)}], begin[@_NODES];"
-        yield "    double matrix[@_NODES * @_NODES], stage[6][@_NODES], drift[@_NODES], work[@_NODES], mass[@_NODES];"
-        yield "    int pivot[@_NODES];"
-        yield "} @_model;"
+        yield STATE.format(coefficients=len(self.coefficients))
 
     def _switches(self) -> list[str]:
         return list(dict.fromkeys(s.load for s in self.w.sources if s.control == "thermostat"))
@@ -339,69 +381,44 @@ class _Header:
         return self.curves[behind]
 
     def _table_arrays(self) -> Iterator[str]:
-        x, y, d, begin, smooth, low, high = [], [], [], [0], [], [], []  # type: ignore[var-annotated]
-        for curve in self.tables:
-            knots, values, slopes = curve_arrays(curve)
-            x += knots.tolist()
-            y += values.tolist()
-            d += slopes.tolist() or [0.0] * knots.size
-            begin.append(len(x))
-            smooth.append(str(int(slopes.size > 0)))
-            limits = curve.limits or (-math.inf, math.inf)
-            low.append(_number(max(limits[0], -1e30)))
-            high.append(_number(min(limits[1], 1e30)))
+        arrays = [curve_arrays(curve) for curve in self.tables]
+        begin = np.cumsum([0, *(x.size for x, _, _ in arrays)]).tolist()
+        limits = [curve.limits or (-math.inf, math.inf) for curve in self.tables]
+        places = {"begin": [*begin, *([] if arrays else [0])], "smooth": [int(slopes.size > 0) for _, _, slopes in arrays]}
+        numbers = {
+            "x": [v for x, _, _ in arrays for v in x.tolist()],
+            "y": [v for _, y, _ in arrays for v in y.tolist()],
+            "d": [v for x, _, slopes in arrays for v in slopes.tolist() or [0.0] * x.size],
+            "low": [max(low, -1e30) for low, _ in limits],
+            "high": [min(high, 1e30) for _, high in limits],
+        }
         yield from ("", "/* Tables, one behind the other. */")
-        yield from _array("static const int @_table_begin[]", [str(k) for k in begin] + (["0"] if not self.tables else []))
-        yield from _array("static const int @_table_smooth[]", smooth or ["0"])
-        for word, numbers in (("x", x), ("y", y), ("d", d)):
-            yield from _array(f"static const double @_table_{word}[]", [_number(n) for n in numbers] or ["0.0"])
-        for word, texts in (("low", low), ("high", high)):
-            yield from _array(f"static const double @_table_{word}[]", texts or ["0.0"])
+        for word, whole in places.items():
+            yield from _array(f"static const int @_table_{word}[]", [str(k) for k in whole] or ["0"])
+        for word, values in numbers.items():
+            yield from _array(f"static const double @_table_{word}[]", [_number(v) for v in values] or ["0.0"])
 
-    def _coefficient_function(self) -> Iterator[str]:
-        yield from ("", "/* All coefficients, from parameters and inputs. [SI] */")
-        yield "static inline void @_coefficients(const @_parameters *p, const @_inputs *u, double *c) {"
-        for entry in self.w.parameters:
-            if entry.formula is not None:
-                yield f"    const double v_{self.fields[entry.path]} = {self.formulas.text_of(entry.formula)}; /* [{entry.unit}] */"
-        for k, (text, what) in enumerate(self.coefficients):
-            yield f"    c[{k}] = {text}; /* {_comment(what)} */"
-        yield from ("    (void)p; (void)u; (void)c;", "}", "")
-
-    def _boundaries_and_between(self) -> Iterator[str]:
-        yield from ("", "static inline void @_boundaries(const @_inputs *u, double *T) {")
-        yield from (f"    T[{k}] = u->{name};" for k, name in enumerate(self.of_boundary))
-        yield from ("    (void)u; (void)T;", "}")
-        yield from ("", "/* Inputs at a share of a step. */")
-        yield "static inline void @_between(const @_inputs *u0, const @_inputs *u1, double share, @_inputs *u) {"
-        yield from (
-            f"    u->{source.name} = u0->{source.name} + share * (u1->{source.name} - u0->{source.name});" for source in self.inputs
+    def _functions(self) -> str:
+        """Return the functions of inputs and parameters: temperatures of boundaries, inputs within a step, coefficients."""
+        derived = ((self.fields[p.path], p.formula, p.unit) for p in self.w.parameters if p.formula is not None)
+        return FUNCTIONS_OF_INPUTS.format(
+            boundaries="".join(f"    T[{k}] = u->{name};\n" for k, name in enumerate(self.of_boundary)),
+            between="".join(f"    u->{i.name} = u0->{i.name} + share * (u1->{i.name} - u0->{i.name});\n" for i in self.inputs),
+            derived="".join(
+                f"    const double v_{word} = {self.formulas.text_of(formula)}; /* [{unit}] */\n" for word, formula, unit in derived
+            ),
+            coefficients="".join(f"    c[{k}] = {text}; /* {_comment(what)} */\n" for k, (text, what) in enumerate(self.coefficients)),
         )
-        yield "}"
 
-    def _scenario(self) -> Iterator[str]:
-        """Yield the inputs of the scenario as functions of time."""
+    def _scenario(self) -> str:
+        """Return the inputs of the scenario as functions of time."""
         breaks = [t for t in self.w.breaks() if t < self.w.scenario.seconds]
-        yield f"enum {{ @_BREAKS = {len(breaks)} }};"
-        yield from _array("static const double @_break[]", [_number(t) for t in breaks] or ["0.0"])
-        moment = _number(1e-9 * self.step)
-        yield "/* Value of a table in time; of held values the one before a jump, or the one after. */"
-        yield "static inline double @_course(const double *x, const double *y, int size, int hold, double t, int before) {"
-        yield f"    const double at = before ? t - {moment} : t + {moment};"
-        yield "    int low = 0, high = size - 1;"
-        yield "    if (at <= x[0]) return y[0];"
-        yield "    if (at >= x[size - 1]) return y[size - 1];"
-        yield "    while (high - low > 1) {"
-        yield "        const int middle = (low + high) / 2;"
-        yield "        if (x[middle] <= at) low = middle; else high = middle;"
-        yield "    }"
-        yield "    return hold ? y[low] : y[low] + (t - x[low]) / (x[high] - x[low]) * (y[high] - y[low]);"
-        yield "}"
-        yield from ("", "/* Inputs of the scenario of the export at a time, before a jump there or after it. */")
-        yield "static inline void @_scenario(double t, int before, @_inputs *u) {"
-        for source in self.inputs:
-            yield from (f"    {line}" for line in _signal(source))
-        yield from ("    (void)t; (void)before;", "}", "")
+        return SCENARIO.format(
+            count=len(breaks),
+            breaks="\n".join(_array("static const double @_break[]", [_number(t) for t in breaks] or ["0.0"])),
+            moment=_number(1e-9 * self.step),
+            inputs="".join(f"    {line}\n" for i in self.inputs for line in _signal(i)),
+        )
 
 
 def _signal(target: _Field) -> Iterator[str]:
@@ -410,15 +427,14 @@ def _signal(target: _Field) -> Iterator[str]:
     if isinstance(course, Sine):
         angle = f"{_number(2.0 * math.pi / course.period)} * t + {_number(course.phase)}"
         yield f"u->{target.name} = {_number(course.mean)} + {_number(course.amplitude)} * sin({angle});"
-    elif isinstance(course, TableSignal) and course.times.size > 1:
+    elif (value := resting(course)) is not None:
+        yield f"u->{target.name} = {_number(value)};"
+    elif isinstance(course, TableSignal):
         yield "{"
         yield from (f"    {line}" for line in _array("static const double x[]", [_number(t) for t in course.times.tolist()]))
         yield from (f"    {line}" for line in _array("static const double y[]", [_number(v) for v in course.values.tolist()]))
         yield f"    u->{target.name} = @_course(x, y, {course.times.size}, {int(course.hold)}, t, before);"
         yield "}"
-    else:
-        value = course.value if isinstance(course, Constant) else float(course.values[0])
-        yield f"u->{target.name} = {_number(value)};"
 
 
 def _array(head: str, items: Iterable[str], wide: int = _ITEMS_A_LINE) -> Iterator[str]:
@@ -512,7 +528,12 @@ def _reference(w: Wired, grid: Array) -> Array:
 
 
 class _Stepper:
-    """Fixed steps over the kernel's heat and Jacobian."""
+    """The steps of `fixed_step.h` over the kernel's heat and Jacobian, along a grid of times (steps + 1,) [s].
+
+    With C the capacitances and J the Jacobian, a step of length h solves for six stages k_i,
+    (C / (gamma h) - J) k_i = f(T + sum a_ij k_j) + C sum c_ij k_j / h + d_i h df/dt, and ends at T + sum a_6j k_j + k_6:
+    `STAGES`, `COUPLED`, `DRIFT`, `GAMMA`.
+    """
 
     def __init__(self, w: Wired, grid: Array) -> None:
         wiring = Wiring(w.network, w.scenario)
@@ -560,6 +581,7 @@ class _Stepper:
         return state
 
     def _advance(self, state: Array, begin: float, end: float) -> Array:
+        """Return temperatures (nodes,) at the end of a step, cut where a thermostat switches, found by regula falsi."""
         inner = 1e-9 * (end - begin)  # a held input has its value of before a jump at the end of a step
         last = end - inner
         state = self._switched(state, begin, 0.0)
@@ -611,6 +633,7 @@ class _Stepper:
         return float(self.engine.wiring.boundary(self.boundaries[place], np.array([time]), self.a.offsets)[0])
 
     def _gaps(self, state: Array, time: float) -> list[float]:
+        """Return by how much each thermostat is beyond the threshold at which it switches; below zero where it is not there yet. [K]"""
         out = []
         for k, control in zip(self.places, self.controls, strict=True):
             reading = self._sensor(control, state, time)

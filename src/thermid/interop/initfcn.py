@@ -8,6 +8,7 @@ line: nothing is run. As in MATLAB, the arithmetic is on plain numbers, and the 
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Iterator, Mapping
@@ -78,7 +79,18 @@ class InitFcn(Shown):
         ------
         DeckError   When none, or more than one, of the parameters has the unit of a role.
         """
-        return block(self.parameters, self.table(), title, self.file)
+        dimensions: dict[str, Dimension] = {}
+        for name, entry in self.parameters.items():
+            dimensions[name] = entry.expression.dimension(lambda n: dimensions[n])
+        value = {role: _one(role, text, self.parameters, dimensions, self.file) for role, text in ROLES.items()}
+        return {
+            **self.deck(title),
+            "needs": ["air"],
+            "offers": ["case", "skin"],
+            "nodes": {"case": {"mass": value["mass"], "specific_heat": value["specific_heat"]}},
+            "surfaces": {"skin": {"of": "case", "to": "air", "area": value["area"], "effective_htc": value["effective_htc"]}},
+            "loads": {"heater": {"into": "case", "power": value["power"]}},
+        }
 
     def __str__(self) -> str:
         """Every value with its comment, then the remarks."""
@@ -181,7 +193,7 @@ class _Reader:
             return plain, f"{s.written} in the script"
         wanted = unit(of)
         si = in_si(number, wanted)
-        if derived is not None and derived[0] == wanted.dimension and _is_same_number(derived[1], si):
+        if derived is not None and derived[0] == wanted.dimension and math.isclose(derived[1], si, rel_tol=1e-12):
             return s.text, ""
         if derived is not None and DIMENSIONLESS not in [self.dimensions[n] for n in names]:
             other = describe(derived[0]) if derived[0] != wanted.dimension else f"{derived[1]:.6g} in SI units, not {si:.6g}"
@@ -217,10 +229,6 @@ def _hint(comment: str) -> str:
     words = [*re.findall(r"\((.*)\)", comment), *comment.rstrip(" .").replace(",", " ").split()[-1:]]
     unit_text = next((text for word in words if word.strip() and (text := _unit_text(word)) is not None), None)
     return f" in brackets (is it [{unit_text}]?)" if unit_text is not None else ""
-
-
-def _is_same_number(a: float, b: float) -> bool:
-    return a == b or abs(a - b) <= 1e-12 * max(abs(a), abs(b))
 
 
 @takes_objects
@@ -513,34 +521,6 @@ def _commented(assignments: list[Statement], comment: str) -> list[Statement]:
 
 def _shortened(text: str, most: int = 60) -> str:
     return text if len(text) <= most else f"{text[:most]}..."
-
-
-def block(parameters: Mapping[str, Parameter], table: Mapping[str, Any], title: str, where: str) -> dict[str, Any]:
-    """Return the deck of a block whose values are the parameters of a script.
-
-    Parameters
-    ----------
-    parameters : dict   Name -> `Parameter`.
-    table : dict        The same as the table ``[parameters]`` of a deck.
-    title, where : str  The deck's title; the script's name, for messages.
-
-    Raises
-    ------
-    DeckError   When none, or more than one, of the parameters has the unit of a role.
-    """
-    dimensions: dict[str, Dimension] = {}
-    for name, entry in parameters.items():
-        dimensions[name] = entry.expression.dimension(lambda n: dimensions[n])
-    name_of_role = {role: _one(role, text, parameters, dimensions, where) for role, text in ROLES.items()}
-    return {
-        "title": title,
-        "needs": ["air"],
-        "offers": ["case", "skin"],
-        "parameters": dict(table),
-        "nodes": {"case": {"mass": name_of_role["mass"], "specific_heat": name_of_role["specific_heat"]}},
-        "surfaces": {"skin": {"of": "case", "to": "air", "area": name_of_role["area"], "effective_htc": name_of_role["effective_htc"]}},
-        "loads": {"heater": {"into": "case", "power": name_of_role["power"]}},
-    }
 
 
 def _one(role: str, text: str, parameters: Mapping[str, Parameter], dimensions: Mapping[str, Dimension], where: str) -> str:

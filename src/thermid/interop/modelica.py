@@ -4,15 +4,27 @@ from __future__ import annotations
 
 import math
 import os
-import re
 from collections.abc import Iterator
 from importlib.metadata import version
-from pathlib import Path
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, ScenarioError, refuse_unknown
-from thermid.interop._wired import Formula, HeatSource, Text, Wired, Writer, exported, identifiers, one_line, table_points, wired
-from thermid.model.elements import Constant, Curve, Drawn, Sine, TableSignal
+from thermid.interop._wired import (
+    Formula,
+    HeatSource,
+    Text,
+    Wired,
+    Writer,
+    distinct,
+    exported,
+    file_and_name,
+    identifiers,
+    one_line,
+    resting,
+    table_points,
+    wired,
+)
+from thermid.model.elements import Curve, Drawn, Sine, TableSignal
 from thermid.model.tree import Model
 from thermid.physics.constants import STEFAN_BOLTZMANN
 from thermid.simulation.network import SMOOTHING, ConductorRow
@@ -125,6 +137,12 @@ LAWS = """\
     end Stream;
   end Laws;
 """
+RUN = """\
+  model Run {title}
+    Network network;
+{parts}  equation
+{equations}  annotation(experiment(StartTime = 0, StopTime = {end}, Tolerance = 1e-8));
+  end Run;"""
 
 
 @takes_objects
@@ -148,14 +166,7 @@ def to_modelica(
     DeckError       When a law cannot be written, or the name is none for a package.
     ScenarioError   When the scenario does not fit the model, or a course has more than 500 samples.
     """
-    target = Path(path) if path is not None else None
-    called = name or (target.stem if target is not None else re.sub(r"\W+", "_", model.title, flags=re.ASCII).strip("_"))
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,60}", called) or called in KEYWORDS or called in ("Modelica", "Library", "Laws"):
-        raise DeckError(
-            f"'{called}' is not a valid name of a Modelica package. Use letters, digits and _, and begin with a letter.",
-            model.title,
-            code="name.not-valid",
-        )
+    target, called = file_and_name(path, name, model.title, "a Modelica package", {*KEYWORDS, "Modelica", "Library", "Laws"})
     refuse_unknown([library], tuple(LIBRARIES), "--library", "there is no library '{}'.{near} There are {known}.", DeckError)
     w = wired(model, scenario, MODELICA)
     return exported(w, _Package(w, called, library).lines(), target, "//")
@@ -174,11 +185,7 @@ class _Package:
         self.node = {n: words[n] for n in places}
         self.row = {label: words[f"row_{label}"] for label, _ in w.conductors}
         self.names = {q.path: words[f"p_{q.path}"] for q in w.parameters} | {path: words[f"at_{path}"] for path in w.courses}
-        uses_of_load: dict[str, int] = {}
-        self.load = []
-        for load in loads:
-            uses_of_load[load] = uses_of_load.get(load, 0) + 1
-            self.load.append(words[load] if uses_of_load[load] == 1 else f"{words[load]}__{uses_of_load[load]}")
+        self.load = distinct((words[load] for load in loads), "__")
         self.moving = set(w.courses)
         for q in w.parameters:
             if q.formula is not None and q.formula.paths() & self.moving:
@@ -194,7 +201,7 @@ class _Package:
             yield OWN_CONTROLS.rstrip()
         yield LAWS.format(library=self.library, smoothing=_number(SMOOTHING**2)).rstrip()
         yield from self._network()
-        yield from self._run()
+        yield self._run()
         yield f"end {self.called};"
 
     def _network(self) -> Iterator[str]:
@@ -204,17 +211,14 @@ class _Package:
             kind = "Real" if q.path in self.moving else "parameter Real"
             value = _number(q.value) if q.formula is None else self.text.text_of(q.formula)
             yield f"    {kind} {self.names[q.path]} = {value} {_quoted(f'{q.path} [{q.unit}] {q.note}'.strip())};"
-        for path in w.courses:
-            yield f"    input Real {self.names[path]} {_quoted(f'{path}, SI')};"
-        for name, source in zip(self.load, w.sources, strict=True):
-            yield f"    input Real {name}_input {_quoted(f'what drives {source.load}')};"
-        for b in w.network.boundaries:
-            yield f"    {lib}.Interfaces.HeatPort_a {self.node[b]} {_quoted(b)};"
+        inputs = {self.names[path]: f"{path}, SI" for path in w.courses}
+        inputs |= {f"{name}_input": f"what drives {source.load}" for name, source in zip(self.load, w.sources, strict=True)}
+        yield from (f"    input Real {name} {_quoted(what)};" for name, what in inputs.items())
+        yield from (f"    {lib}.Interfaces.HeatPort_a {self.node[b]} {_quoted(b)};" for b in w.network.boundaries)
         for n in w.massive:
             start = f"T(start = {_number(w.initial[n])}, fixed = true)"
             yield f"    {lib}.Components.HeatCapacitor {self.node[n]}(C = {self._text_of(w.capacitances[n])}, {start}) {_quoted(n)};"
-        for n in w.massless:
-            yield f"    Laws.Junction {self.node[n]} {_quoted(n)};"
+        yield from (f"    Laws.Junction {self.node[n]} {_quoted(n)};" for n in w.massless)
         equations = []
         for label, row in w.conductors:
             part, more = self._conductor(label, row)
@@ -306,23 +310,19 @@ class _Package:
             )
         return signal.mean_over(0.0, 0.0) <= float(source.settings[0])
 
-    def _run(self) -> Iterator[str]:
-        """Yield the scenario around the network."""
-        w = self.w
-        yield f"  model Run {_quoted(w.scenario.title or 'scenario')}"
-        yield "    Network network;"
-        for b in w.network.boundaries:
-            yield f"    {self.library}.Sources.PrescribedTemperature {self.node[b]};"
-        yield "  equation"
-        for b, signal in w.boundaries.items():
-            yield f"    {self.node[b]}.T = {self._signal(b, signal)};"
-            yield f"    connect({self.node[b]}.port, network.{self.node[b]});"
-        for name, source in zip(self.load, w.sources, strict=True):
-            yield f"    network.{name}_input = {self._signal(source.load, source.signal)};"
-        for path, signal in w.courses.items():
-            yield f"    network.{self.names[path]} = {self._signal(path, signal)};"
-        yield f"  annotation(experiment(StartTime = 0, StopTime = {_number(w.scenario.seconds)}, Tolerance = 1e-8));"
-        yield "  end Run;"
+    def _run(self) -> str:
+        """Return the scenario around the network."""
+        w, held = self.w, [(self.node[b], b, signal) for b, signal in self.w.boundaries.items()]
+        driven = [(f"{name}_input", source.load, source.signal) for name, source in zip(self.load, w.sources, strict=True)]
+        driven += [(self.names[path], path, signal) for path, signal in w.courses.items()]
+        equations = [f"    {word}.T = {self._signal(b, signal)};\n    connect({word}.port, network.{word});\n" for word, b, signal in held]
+        equations += [f"    network.{word} = {self._signal(what, signal)};\n" for word, what, signal in driven]
+        return RUN.format(
+            title=_quoted(w.scenario.title or "scenario"),
+            parts="".join(f"    {self.library}.Sources.PrescribedTemperature {word};\n" for word, _, _ in held),
+            equations="".join(equations),
+            end=_number(w.scenario.seconds),
+        )
 
     def _text_of(self, formula: object) -> str:
         return self.text.text_of(formula)  # type: ignore[arg-type]
@@ -352,8 +352,9 @@ class _Package:
         if isinstance(signal, Sine):
             angle = f"{_number(2.0 * math.pi / signal.period)}*time + {_number(signal.phase)}"
             return f"{_number(signal.mean)} + {_number(signal.amplitude)}*sin({angle})"
-        if isinstance(signal, Constant) or signal.times.size == 1:
-            return _number(signal.value if isinstance(signal, Constant) else float(signal.values[0]))
+        if (value := resting(signal)) is not None:
+            return _number(value)
+        assert isinstance(signal, TableSignal)
         return _pieces(name, signal, self.w.scenario.title)
 
 

@@ -5,19 +5,20 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Sequence
-from pathlib import Path
+from importlib.metadata import version
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import DeckError
 from thermid.interop._wired import (
     Text,
     Wired,
     conductance_text,
     exported,
+    file_and_name,
     identifiers,
     number_text,
     one_line,
     refuse_crooked,
+    resting,
     table_points,
     wired,
 )
@@ -55,16 +56,7 @@ def to_octave(model: Model, scenario: Scenario, path: str | os.PathLike[str] | N
     DeckError       When a law or a load cannot be written, or the name is none for a function.
     ScenarioError   When the scenario does not fit the model or follows a schedule.
     """
-    target = Path(path) if path is not None else None
-    called = name or (target.stem if target is not None else re.sub(r"\W+", "_", model.title).strip("_"))
-    if not re.fullmatch(r"[A-Za-z]\w{0,62}", called) or called in KEYWORDS or called in FUNCTION_NAMES:
-        raise DeckError(
-            f"'{called}' is not a valid name of a function. Use letters, digits and _, beginning with a letter, and no reserved word "
-            f"of the language or of the file ({', '.join(FUNCTION_NAMES)}). "
-            "Give another file name.",
-            model.title,
-            code="name.not-valid",
-        )
+    target, called = file_and_name(path, name, model.title, "a function", {*KEYWORDS, *FUNCTION_NAMES})
     w = wired(model, scenario, "Octave")
     refuse_crooked(w, "Octave")
     return exported(w, _Writer(w, called).lines(), target, "%")
@@ -109,6 +101,19 @@ DRIVER = f"""\
   end
   T = T - {ICE_POINT};
 end"""
+VALUES = """
+function p = parameters()
+  % Values. [SI]
+{parameters}end
+
+function p = derived(p)
+  % Values that follow from others. [SI]
+{derived}end
+
+function T = initial()
+  % Temperatures at the start. [K]
+{initial}
+end"""
 LINES = (
     "",
     "function v = lines(u, table)",
@@ -145,11 +150,24 @@ class _Writer:
 
     def lines(self) -> Iterator[str]:
         """Yield the lines of the file."""
-        yield from self._head()
-        yield from self._driver()
-        yield from self._parameters()
-        yield from self._derived()
-        yield from self._initial()
+        w = self.w
+        fields = [(self.fields[p.path], p) for p in w.parameters]
+        yield "\n".join((HEAD, DRIVER, VALUES)).format(
+            name=self.called,
+            model=one_line(w.network.title),
+            scenario=one_line(w.scenario.title),
+            end=number_text(w.scenario.seconds),
+            nodes=", ".join(w.massive),
+            massless=f"\n% Without mass, and eliminated: {', '.join(w.massless)}." if w.massless else "",
+            version=version("thermid"),
+            names=", ".join(_quoted(n) for n in w.massive),
+            breaks="\n".join(_listed("  breaks = ", w.breaks(), column=True)),
+            parameters="".join(
+                f"  p.{word} = {number_text(p.value)};  % {one_line(f'[{p.unit}] {p.note}')}\n" for word, p in fields if p.formula is None
+            ),
+            derived="".join(f"  p.{word} = {self.text.text_of(p.formula)};  % [{p.unit}]\n" for word, p in fields if p.formula is not None),
+            initial="\n".join(_listed("  T = ", [w.initial[n] for n in w.massive], column=True)),
+        )
         yield from self._derivatives()
         for name, signal, what in self._signals():
             yield from ("", f"function y = {name}(t)", f"  % {what}")
@@ -157,49 +175,13 @@ class _Writer:
             yield "end"
         yield from self._tables()
 
-    def _head(self) -> Iterator[str]:
-        from importlib.metadata import version
-
-        w, massless = self.w, "\n% Without mass, and eliminated: " + ", ".join(self.w.massless) + "." if self.w.massless else ""
-        model, scenario, end = one_line(w.network.title), one_line(w.scenario.title), number_text(w.scenario.seconds)
-        nodes = ", ".join(w.massive)
-        yield HEAD.format(
-            name=self.called, model=model, scenario=scenario, end=end, nodes=nodes, massless=massless, version=version("thermid")
-        )
-
-    def _driver(self) -> Iterator[str]:
-        names = ", ".join(_quoted(n) for n in self.w.massive)
-        breaks = "\n".join(_listed("  breaks = ", self.w.breaks(), column=True))
-        yield DRIVER.format(names=names, end=number_text(self.w.scenario.seconds), breaks=breaks)
-
-    def _parameters(self) -> Iterator[str]:
-        yield from ("", "function p = parameters()", "  % Values. [SI]")
-        for entry in self.w.parameters:
-            if entry.formula is None:
-                yield f"  p.{self.fields[entry.path]} = {number_text(entry.value)};  % {one_line(f'[{entry.unit}] {entry.note}')}"
-        yield "end"
-
-    def _derived(self) -> Iterator[str]:
-        yield from ("", "function p = derived(p)", "  % Values that follow from others. [SI]")
-        for entry in self.w.parameters:
-            if entry.formula is not None:
-                yield f"  p.{self.fields[entry.path]} = {self.text.text_of(entry.formula)};  % [{entry.unit}]"
-        yield "end"
-
-    def _initial(self) -> Iterator[str]:
-        yield from ("", "function T = initial()", "  % Temperatures at the start. [K]")
-        yield from _listed("  T = ", [self.w.initial[n] for n in self.w.massive], column=True)
-        yield "end"
-
     def _derivatives(self) -> Iterator[str]:
         """Yield the function of the differential equations."""
         w, name = self.w, self.nodes
         yield from ("", "function dTdt = derivatives(t, T, p)", "  % Nodes. [K]")
-        for k, node in enumerate(w.massive, 1):
-            yield f"  T_{name[node]} = T({k});"
+        yield from (f"  T_{name[node]} = T({k});" for k, node in enumerate(w.massive, 1))
         yield "  % Inputs. [K] and [W]"
-        for boundary in w.boundaries:
-            yield f"  T_{name[boundary]} = boundary_{name[boundary]}(t);"
+        yield from (f"  T_{name[b]} = boundary_{name[b]}(t);" for b in w.boundaries)
         heat: dict[str, list[str]] = {}
         for k, source in enumerate(w.sources, 1):
             power = self.text.text_of(source.power, 2)
@@ -210,13 +192,9 @@ class _Writer:
             yield f"  Q_{k} = {power};  % {source.load}"
             heat.setdefault(source.node, []).append(f"Q_{k}")
         yield "  % Conductances. [W/K]"
-        for label, row in w.conductors:
-            if row.kernel.linear:
-                yield f"  G_{self.rows[label]} = {self._conductance(row)};"
+        yield from (f"  G_{self.rows[label]} = {self._conductance(row)};" for label, row in w.conductors if row.kernel.linear)
         yield from self._massless(heat)
-        bent = [(label, row) for label, row in w.conductors if not row.kernel.linear]
-        for label, row in bent:
-            yield f"  G_{self.rows[label]} = {self._conductance(row)};"
+        yield from (f"  G_{self.rows[label]} = {self._conductance(row)};" for label, row in w.conductors if not row.kernel.linear)
         yield "  % Heat flows. [W]"
         for label, row in w.conductors:
             a, b = (name[end] for end in row.ends)
@@ -226,8 +204,8 @@ class _Writer:
                 continue
             yield f"  q_{self.rows[label]} = G_{self.rows[label]}*(T_{a} - T_{b});"
         yield "  % Differential equations. [K/s]"
-        for node in w.massive:
-            yield f"  dT_{name[node]} = ({self._balance(node, heat)})/({self.text.text_of(w.capacitances[node] or 0.0)});"
+        capacities = {n: self.text.text_of(w.capacitances[n] or 0.0) for n in w.massive}
+        yield from (f"  dT_{name[n]} = ({self._balance(n, heat)})/({capacity});" for n, capacity in capacities.items())
         yield from _wrapped("  dTdt = [", [f"dT_{name[n]}" for n in w.massive], "; ", "];")
         yield "end"
 
@@ -334,12 +312,12 @@ def _signal_lines(signal: Drawn) -> Iterator[str]:
     if isinstance(signal, Sine):
         angle = f"2*pi*t/{number_text(signal.period)} + {number_text(signal.phase)}"
         yield f"y = {number_text(signal.mean)} + {number_text(signal.amplitude)}*sin({angle});"
-    elif isinstance(signal, TableSignal) and signal.times.size > 1:
+    elif (value := resting(signal)) is not None:
+        yield f"y = {number_text(value)};"
+    elif isinstance(signal, TableSignal):
         yield from _listed("x = ", signal.times.tolist())
         yield from _listed("v = ", signal.values.tolist())
         yield f"y = interp1(x, v, min(max(t, x(1)), x(end)), '{'previous' if signal.hold else 'linear'}');"
-    else:
-        yield f"y = {number_text(float(signal.values[0] if isinstance(signal, TableSignal) else signal.value))};"
 
 
 def _listed(start: str, numbers: Sequence[float], column: bool = False) -> Iterator[str]:

@@ -9,7 +9,18 @@ from collections.abc import Iterator
 from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError
-from thermid.interop._wired import HeatSource, Wired, conductance_text, exported, identifiers, number_text, one_line, table_points, wired
+from thermid.interop._wired import (
+    HeatSource,
+    Wired,
+    conductance_text,
+    exported,
+    identifiers,
+    number_text,
+    one_line,
+    resting,
+    table_points,
+    wired,
+)
 from thermid.model.elements import EXTENSION_REACH, Constant, Curve, Drawn, Sine, TableSignal
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
@@ -129,14 +140,13 @@ class _Netlist:
 
     def _source(self, start: str, signal: Drawn, factor: float, zero: float) -> Iterator[str]:
         """Yield a source: a number, a sine or a line of points; `zero` is where its scale begins."""
-        if isinstance(signal, Constant) or (isinstance(signal, TableSignal) and signal.times.size == 1):
-            value = signal.value if isinstance(signal, Constant) else float(signal.values[0])
+        if (value := resting(signal)) is not None:
             yield f"{start} DC {number_text(round(factor * value - zero, 12))}"
         elif isinstance(signal, Sine):
             mean, phase = round(factor * signal.mean - zero, 12), math.degrees(signal.phase)
             amplitude = factor * signal.amplitude
             yield f"{start} SIN({' '.join(number_text(x) for x in (mean, amplitude, 1.0 / signal.period, 0.0, 0.0, phase))})"
-        else:
+        elif isinstance(signal, TableSignal):
             yield f"{start} PWL("
             points = [f"{number_text(t)} {number_text(round(factor * v - zero, 12))}" for t, v in self._points(signal)]
             for k in range(0, len(points), _PAIRS):

@@ -32,19 +32,15 @@ def surrounded(table: Mapping[str, Any], columns: LogColumns, file: str) -> Scen
     duration = rest.pop("duration", None)
     if isinstance(duration, str):
         duration = literal(duration, "s", f"{file}, duration")
-    if tables["orbit"]:
-        clash = [name for name in ("site", "weather", "sun", "wind", "ascent") if tables[name]]
-        if clash:
-            raise ScenarioError(f"a scenario is in orbit or it is not: it has {clash[0]} and orbit.", file, code="value.excludes-another")
-        return _orbit(tables["orbit"], rest, duration, f"{file}, orbit")
-    if tables["ascent"]:
-        clash = [name for name in ("site", "weather", "sun", "wind") if tables[name]]
+    for alone, what in (("orbit", "in orbit"), ("ascent", "an ascent")):
+        clash = [name for name in TABLES if name != alone and tables[name] and tables[alone]]
         if clash:
             raise ScenarioError(
-                f"a scenario is either on the ground or an ascent, but this one has {clash[0]} and ascent. Remove one.",
-                file,
-                code="value.excludes-another",
+                f"a scenario is {what} or it is not: it has {clash[0]} and {alone}. Remove one.", file, code="value.excludes-another"
             )
+    if tables["orbit"]:
+        return _orbit(tables["orbit"], rest, duration, f"{file}, orbit")
+    if tables["ascent"]:
         return _ascent(tables["ascent"], rest, duration, columns, file)
     weather, sun = tables["weather"], tables["sun"]
     read = None

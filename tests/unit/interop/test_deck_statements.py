@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+import thermid as td
 from by_code import raises_code
 from thermid.interop._decks.esatan import read_esatan
 from thermid.interop._decks.network_file import NetworkFile
@@ -86,6 +87,32 @@ def test_a_course_of_the_steady_branch_is_no_load_of_the_transient(tmp_path: Pat
     assert named in what
 
 
+STEADY_FIRST = "HEADER OPERATION DATA\n      BUILD ALL\n      CALL STEADY\n      CALL TRANSIENT\n"
+ALONE = "      IF (NSOL .GT. 1) THEN\n      CALL D1DEG1(TIMEM, A1, QX)\n      Q1 = Q1 + QX\n      {}ENDIF\n"
+
+
+@pytest.mark.parametrize(("also", "watts"), [("", 0.0), ("ELSE\n      Q1 = Q1 + 1.5\n      ", 2.0)])
+def test_a_course_of_the_transient_alone_is_none_of_the_steady_start(tmp_path: Path, also: str, watts: float) -> None:
+    """In both branches the steady state takes the mean of the course, 2 W; the number beside it is the tool's mean over its own steps."""
+    network = _sinda(tmp_path, CONTROL + STEADY_FIRST + NETWORK + COURSE + ALONE.format(also))
+    assert network.remarks == ()
+    run = td.simulate(network.model(), network.scenario())["M.T1"].celsius
+    behind = 2.0 / 3600.0 * 200.0  # a ramp is followed after the time constant
+    assert (run[0], run[-1]) == pytest.approx((20.0 + watts / 0.5, 20.0 + (3.0 - behind) / 0.5), abs=1e-5)
+
+
+def test_a_start_that_takes_a_course_of_the_transient_alone_says_so(tmp_path: Path) -> None:
+    """One that repeats has no first moment at which it could be nothing."""
+    rows = ALONE.format("").replace("D1DEG1(TIMEM, A1, QX)", "D11CYL(3600., TIMEM, A1, QX)")
+    (remark,) = _sinda(tmp_path, CONTROL + STEADY_FIRST + NETWORK + COURSE + rows).remarks
+    assert (remark.dropped, "none of" in remark.what) == (False, True)
+
+
+def test_the_power_of_a_course_is_its_mean_over_time(tmp_path: Path) -> None:
+    rows = "HEADER ARRAY DATA, M\n      1 = 0.,0., 90.,0., 100.,10.\nHEADER SOURCE DATA, M\n      SIT 1, A1, 2.\n"
+    assert _sinda(tmp_path, CONTROL + NETWORK + rows).loads[0].power == pytest.approx(1.0)
+
+
 def test_heat_rates_of_the_steady_branch_are_named(tmp_path: Path) -> None:
     rows = "      IF (NSOL .GT. 1) THEN\n      ELSE\n      CALL LOADQ_SUN_1\n      ENDIF\n"
     assert "LOADQ" in _dropped(_sinda(tmp_path, CONTROL + NETWORK + COURSE + rows))[0]
@@ -102,10 +129,35 @@ def test_a_register_stands_for_any_number_of_a_row(tmp_path: Path) -> None:
     network = _sinda(tmp_path, REGISTERS + CONTROL + rows)
     assert _dropped(network) == [cal]
     assert [(node.name, node.celsius) for node in network.nodes] == [("T1", 20.0), ("T2", 20.0), ("T3", 2.0)]
-    assert network.loads[0].power == pytest.approx(2.0 * 1.5)
     model = network.model()
     values = ParameterSet(model).evaluate({"hours": 3.0})
     assert (values["M_G5.conductance"], values["M_G7.scale"]) == (pytest.approx(8.0), 3.0)
+    assert (values["M.T3.mass"], values["M_Q1.power"]) == (3.0, 3.0)
+    assert network.case()["commands"]["M_Q1"]["values"] == [1.0, 2.0]
+
+
+@pytest.mark.parametrize("row", ["SIV 3, 20., A1, HOURS", "FAC HOURS\n      SIV 3, 20., A1", "SIM 3, 1, 1, 20., A1, HOURS"])
+def test_a_register_that_multiplies_a_capacitance_over_temperature_is_fitted_and_written_back(tmp_path: Path, row: str) -> None:
+    rows = f"{NETWORK}      3, 2, 3, 0.1\nHEADER NODE DATA, M\n      {row}\nHEADER ARRAY DATA, M\n      1 = 0., 1., 100., 2.\n"
+    network = _sinda(tmp_path, REGISTERS + CONTROL + rows)
+    fitted = network.model().with_values({"hours": "3."})
+    (text,) = network.written_back(fitted).values()
+    again = ParameterSet(_sinda(tmp_path, text).model()).evaluate({})
+    assert again == pytest.approx(ParameterSet(fitted).evaluate({}))
+    assert again["M.T3.mass"] == 3.0
+
+
+def test_two_arrays_are_two(tmp_path: Path) -> None:
+    rows = f"{NETWORK}HEADER NODE DATA, M\n      DIV 3, 20., A1, 2.\nHEADER ARRAY DATA, M\n      1 = 0., 1., 100., 2.\n"
+    with raises_code("import.not-understood"):
+        _sinda(tmp_path, CONTROL + rows)
+
+
+@pytest.mark.parametrize("row", ["NODE DATA, M\n      DIV 3, 20., A1, HOURS, A1, 2.", "SOURCE DATA, M\n      SIV 1, A1, HOURS"])
+def test_a_table_that_takes_in_a_register_says_that_it_does_not_follow_it(tmp_path: Path, row: str) -> None:
+    rows = f"{NETWORK}      3, 2, 1, 0.1\nHEADER {row}\nHEADER ARRAY DATA, M\n      1 = 0., 1., 100., 2.\n"
+    (remark,) = _sinda(tmp_path, REGISTERS + CONTROL + rows).remarks
+    assert (remark.dropped, "follow" in remark.what) == (False, True)
 
 
 MODELS = """$MODEL TOP

@@ -332,9 +332,10 @@ def test_what_follows_a_kept_state_is_the_same_to_the_bit(name: str, turns: int,
     host.freeInstance()
 
 
-def test_an_input_that_the_host_drives(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["linear", "radiation"])
+def test_an_input_that_the_host_drives(name: str, tmp_path: Path) -> None:
     """A power that swings from step to step, beside a command of the scenario that does."""
-    model, scenario, _ = MODELS["linear"]
+    model, scenario, _ = MODELS[name]
     fmu = unpacked(model, scenario, tmp_path)
     found = fmu.run(["T.a", "T.b"], 1200.0, 60.0, swing={"load.heat": (1.0, 0.4)})
     swinging = {"times": [f"{60 * k} [s]" for k in range(20)], "values": [1.4 if k % 2 == 0 else 0.6 for k in range(20)]}
@@ -342,6 +343,14 @@ def test_an_input_that_the_host_drives(tmp_path: Path) -> None:
     ours = td.simulate(model, driven, times=np.linspace(0.0, 1200.0, 21), options=TIGHT)
     for k, node in enumerate(("a", "b")):
         assert np.abs(found[:, k + 1] - ours[node].kelvin).max() < 1e-6, node
+
+
+@pytest.mark.campaign
+def test_a_host_may_step_for_as_long_as_it_likes(tmp_path: Path) -> None:
+    """More than a million steps with an input that changes at each: the limit of a run holds for each of them."""
+    model, scenario, _ = MODELS["linear"]
+    found = unpacked(model, scenario, tmp_path).run(["T.a"], 1_100_000.0, 1.0, swing={"load.heat": (1.0, 0.4)})
+    assert found.shape[0] == 1_100_001
 
 
 @pytest.mark.parametrize("reads", [False, True], ids=["", "read before the step"])

@@ -340,7 +340,7 @@ _NODE: Final = re.compile(r"([DBX])\s*(\d+|\((?:[^()]|\([^()]*\))*\))\s*=\s*('(?
 
 
 def _nodes(deck: EsatanDeck, owner: str, lines: list[Line]) -> None:
-    """Read $NODES: D, B or X with number, label and values."""
+    """Read $NODES: D, B or X with number, label and values: T [degC], C [J/K], powers [W]; values of surfaces are passed over."""
     for statement in _looped(deck, _statements(lines)):
         match = _NODE.match(statement.text)
         if not match:
@@ -434,63 +434,45 @@ def _variables(deck: EsatanDeck, owner: str, lines: list[Line], repeats: bool) -
         deeper = nesting(line.text)
         if depth or deeper > 0.0:
             depth = max(depth + deeper, 0.0)
-        elif (repeats and _followed(deck, owner, line)) or _constant(deck, owner, line, repeats):
+        elif _set(deck, owner, line, repeats):
             continue
         if _acts(deck, line) or "=" in line.text:
             unknown.append(line)
     deck.reading.name_logic(unknown)
 
 
-def _is_node(deck: EsatanDeck, node: tuple[str, str]) -> bool:
-    """Return whether a statement of $NODES defines a node."""
-    return f"node {'.'.join(node)}".upper() in deck.reading.defined
+def _set(deck: EsatanDeck, owner: str, line: Line, repeats: bool) -> bool:
+    """Take a statement that sets a power or a temperature to arithmetic of names or, where it repeats, to a course times factors.
 
-
-def _followed(deck: EsatanDeck, owner: str, line: Line) -> bool:
-    """Take a power or a temperature that follows arrays of time, times factors; whether it did."""
-    match = _COURSE.match(line.text)
+    A temperature is a boundary's or, of a statement that acts once, a start. Returns whether it was one.
+    """
+    followed = _COURSE.match(line.text) if repeats else None
+    match = followed or _CONSTANT.match(line.text)
+    into = _node_of(deck, owner, match[2], line) if match else ("", "")
+    if match is None or f"node {'.'.join(into)}".upper() not in deck.reading.defined:
+        return False
+    where = line.where if followed else line.part(match.start(3), match.end(3))
+    text = "*".join(f"({word})" for word in (match[3], match[6]) if word) or "1.0" if followed else match[3]
     try:
-        course = _course(deck, owner, match, line) if match else None
-        if match is None or course is None:
-            return False
-        factor = deck.reading.value("*".join(f"({word})" for word in (match[3], match[6]) if word) or "1.0", line.where)
+        course = _course(deck, owner, followed, line) if followed else None
+        value = deck.reading.value(text, where)
     except ThermidError:
         return False
-    into = _node_of(deck, owner, match[2], line)
-    if not _is_node(deck, into):
-        return False
-    if match[1].upper() == "T":
-        if not any(node.held and (node.submodel, node.name) == into for node in deck.nodes):
-            return False
-        deck.boundaries["_".join(into)] = replace(course, numbers=course.numbers * deck.reading.number(factor))
-        return True
-    name = f"{into[0]}_{match[1].upper()}_{into[1]}"
-    deck.loads = [load for load in deck.loads if load.name != name]
-    deck.loads.append(FileLoad(name, into, with_unit(factor, "W"), line.where, "", course, scales=True))
-    return True
-
-
-def _constant(deck: EsatanDeck, owner: str, line: Line, repeats: bool) -> bool:
-    """Take a power, a boundary's temperature or, where it acts once, a start that is set to arithmetic of names; whether it did."""
-    match = _CONSTANT.match(line.text)
-    if match is None:
-        return False
-    where, into = line.part(match.start(3), match.end(3)), _node_of(deck, owner, match[2], line)
-    if not _is_node(deck, into):
-        return False
-    try:
-        value = deck.reading.value(match[3], where)
-    except DeckError:
+    if followed and course is None:
         return False
     if match[1].upper() == "T":
         k = next((k for k, node in enumerate(deck.nodes) if (node.submodel, node.name) == into), None)
         if k is None or (repeats and not deck.nodes[k].held):
             return False
-        deck.nodes[k] = replace(deck.nodes[k], celsius=deck.reading.number(value))
+        number = deck.reading.number(value)
+        if course is None:
+            deck.nodes[k] = replace(deck.nodes[k], celsius=number)
+        else:
+            deck.boundaries["_".join(into)] = replace(course, numbers=course.numbers * number)
         return True
     name = f"{into[0]}_{match[1].upper()}_{into[1]}"
     deck.loads = [load for load in deck.loads if load.name != name]
-    deck.loads.append(FileLoad(name, into, with_unit(value, "W"), where))
+    deck.loads.append(FileLoad(name, into, with_unit(value, "W"), where, "", course, scales=course is not None))
     return True
 
 

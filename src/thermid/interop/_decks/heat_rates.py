@@ -105,16 +105,9 @@ def heat_rates(
             continue
         if course is None:
             continue  # it absorbs nothing
-        mean = means[k] * factor if means is not None else _mean(course)
+        mean = means[k] * factor if means is not None else course.mean
         rates.append(HeatRate(into, mean, course if times.size > 1 else None))
     return rates, absent
-
-
-def _mean(course: FileCourse) -> float:
-    """Return the mean over time of a course."""
-    if course.seconds.size == 1:
-        return float(course.numbers[0])
-    return float(np.trapezoid(course.numbers, course.seconds) / (course.seconds[-1] - course.seconds[0]))
 
 
 def _nodes(words: Sequence[str], where: str) -> list[tuple[str, str]]:

@@ -27,7 +27,8 @@ TWOFOLD: Final = 2.0
 """How far an emissivity may move from its value in the file: conductors follow it to first order."""
 CYCLE_END_SHARE: Final = 1e-9
 """Share of a period over which the end of a cycle steps to its beginning."""
-
+REST: Final = CYCLE_END_SHARE
+"""How long a course is zero that a steady state before its run must not see. [s]"""
 
 MOST_KINDS: Final = 4
 """Kinds of missing statements that are listed by name."""
@@ -109,9 +110,13 @@ class FileConductor:
 
 @dataclass(frozen=True)
 class FileLoad:
-    """A load: node, power [W] as number or text, the group that its author named; a course in watts, or of a power that it scales.
+    """A load: node, power [W] as number or text, the group that its author named.
 
-    `stands` says whether the power is a number of the text that can be written back.
+    Parameters
+    ----------
+    course : FileCourse     What it follows in time; with `scales` it multiplies the power, else its numbers times `factor` are watts.
+    more : dict             Further fields of a model's load: a thermostat, a table of power over temperature.
+    stands : bool           Whether the power is a number of the text that can be written back.
     """
 
     name: str
@@ -229,9 +234,10 @@ class NetworkFile:
         for node in self.nodes:
             if not node.held:
                 inner.setdefault(node.submodel, {})[node.name] = node_table = _node(node)
-                if isinstance(node.capacitance, str) and parse(node.capacitance).names:  # names are known at the top only
-                    settings[f"{node.path}.capacitance"] = node_table.pop("capacitance")
-                    node_table["capacitance"] = "1 [J/K]"
+                key, unit = ("mass", "kg") if isinstance(node.capacitance, Mapping) else ("capacitance", "J/K")
+                text = node.capacitance[key] if isinstance(node.capacitance, Mapping) else node.capacitance
+                if isinstance(text, str) and parse(text).names:  # names are known at the top only
+                    settings[f"{node.path}.{key}"], node_table[key] = node_table[key], f"1 [{unit}]"
         submodels = {
             name: {"use": model_from_dict({"title": name, "offers": list(nodes), "nodes": nodes})} for name, nodes in inner.items()
         }
@@ -458,12 +464,16 @@ def identifier(text: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class FileCourse:
-    """A quantity over time: straight lines between points [s], repeated after a period [s] or held beyond its ends (period 0)."""
+    """A quantity over time: straight lines between points [s], repeated after a period [s] or held beyond its ends (period 0).
+
+    One that `rests` is zero in a steady state from which the run starts: the deck has it in its transient alone.
+    """
 
     seconds: np.ndarray
     numbers: np.ndarray
     period: float
     where: str
+    rests: bool = False
 
     def __post_init__(self) -> None:
         """Refuse points that are no course."""
@@ -479,9 +489,19 @@ class FileCourse:
                 f"times over {t[-1] - t[0]:g} s exceed the period of {self.period:g} s.", self.where, code="import.not-understood"
             )
 
+    @property
+    def mean(self) -> float:
+        """Mean over time, from the first point to the last."""
+        span = self.seconds[-1] - self.seconds[0]
+        return float(np.trapezoid(self.numbers, self.seconds) / span) if span else float(self.numbers[0])
+
     def beginning(self, seconds: float) -> FileCourse:
-        """Return the course with another time as its zero. [s]"""
-        return replace(self, seconds=self.seconds - seconds) if seconds else self
+        """Return the course with another time as its zero [s]; one that rests steps up from 0 there, if it does not repeat."""
+        t, v = self.seconds - seconds, self.numbers
+        if self.rests and not self.period:
+            later = t > REST
+            t, v = np.append((0.0, REST), t[later]), np.append((0.0, np.interp(REST, t, v)), v[later])
+        return replace(self, seconds=t, numbers=v)
 
     def table(self, unit: str, factor: float = 1.0, offset: float = 0.0) -> dict[str, Any]:
         """Return the course as a table of a scenario."""

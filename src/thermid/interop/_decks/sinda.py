@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -34,6 +34,7 @@ from thermid.interop._decks.network_file import (
     identifier,
 )
 from thermid.interop._decks.statements import DeckReading, Line, acts, fields, nesting, numbered, stream, with_defined_ends, with_unit
+from thermid.interop._wired import distinct
 from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
 
 BTU: Final = 1055.05585262
@@ -198,13 +199,15 @@ def _network(path: Path, units: str, instead: Mapping[str, str] = MappingProxyTy
             "with the file",
             dropped=False,
         )
-    begin = deck.reading.control.get("TIMEO", 0.0) * deck.units.time
+    names = distinct((load.name for load in deck.loads), "_")  # a node may have several loads
+    loads = tuple(replace(load, name=name) for load, name in zip(deck.loads, names, strict=True))
+    begin, start = deck.reading.control.get("TIMEO", 0.0) * deck.units.time, _start(deck)
     return NetworkFile(
-        identifier(deck.title), "SINDA", tuple(deck.nodes), tuple(deck.conductors), tuple(_unique(deck.loads)), deck.reading.parameters,
+        identifier(deck.title), "SINDA", tuple(deck.nodes), tuple(deck.conductors), loads, deck.reading.parameters,
         deck.reading.control.get("TIMEND", 0.0) * deck.units.time - begin, tuple(deck.reading.remarks), deck.reading.texts,
         partial(_network, path, units),
         zero_and_degree=(deck.units.zero, deck.units.degree),
-        start=_start(deck),
+        start=start,
         seconds=deck.units.time,
         courses=deck.courses,
         begin=begin,
@@ -217,17 +220,19 @@ def _start(deck: SindaDeck) -> str:
     """Return where the transient begins: empty for the temperatures of NODE DATA."""
     if not deck.settles or deck.ends:
         return ""
-    if deck.reading.control.get("DTIMES", 0.0) or not deck.averages:
-        return "steady"
-    others = [load for load in deck.loads if load.course is not None and load.stands]
-    if others:
-        deck.reading.remark(
-            others[0].where,
-            f"the steady state before the transient takes the means of all courses; SINDA takes {counted(len(others), 'course')} that no "
-            "heat rate is at the time of its start",
-            dropped=False,
-        )
-    return "steady, mean"
+    means = deck.averages and not deck.reading.control.get("DTIMES", 0.0)
+    courses = [(load, load.course) for load in deck.loads if load.course is not None]
+    alone = [load for load, course in courses if course.rests and (means or course.period)]
+    others = [load for load, course in courses if load.stands and means and not course.rests]
+    for loads, sinda in (
+        (others, "those of {} that no heat rate is at the time of its start"),
+        (alone, "none of {} of the transient alone"),
+    ):
+        if loads:
+            takes = "the means of all courses" if means else "all courses at the time of its start"
+            what = sinda.format(counted(len(loads), "course"))
+            deck.reading.remark(loads[0].where, f"the steady state before the transient takes {takes}; SINDA takes {what}", dropped=False)
+    return "steady, mean" if means else "steady"
 
 
 Blocks = Generator[tuple[str, str, list[Line]], None, tuple[str, str]]
@@ -415,6 +420,24 @@ def _acts(deck: SindaDeck, line: Line) -> bool:
 
 def _nodes(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     """Read NODE DATA: groups of number, temperature, capacitance; GEN, CAL, SIV, SPV, DIV, SIM, SPM, DIM, FAC, and SIT of boundaries."""
+
+    def take(line: Line, kind: str, cells: Cells, factor: float | str) -> None:
+        for node, course in _nodes_of_card(deck, submodel, line, kind, cells):
+            if deck.reading.is_first(f"node {submodel}.{node.name}", node.where):
+                deck.nodes.append(_multiplied(node, factor))
+                if course is not None:
+                    deck.courses[node.path] = course
+
+    _each_card(deck, lines, take, "a node. Write number, temperature, capacitance")
+
+
+def _each_card(deck: SindaDeck, lines: list[Line], take: Callable[[Line, str, Cells, float | str], None], what: str) -> None:
+    """Hand each card of a block on: its line, option and cells, and the factor of the FAC before it.
+
+    Raises
+    ------
+    DeckError   When one is not what it should be.
+    """
     factor: float | str = 1.0
     for line in lines:
         kind, cells = _card(line)
@@ -422,20 +445,12 @@ def _nodes(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
             if kind == "FAC":
                 ((word, where),) = cells
                 factor = deck.reading.value(word, where)
-                continue
-            for node, course in _nodes_of_card(deck, submodel, line, kind, cells):
-                if deck.reading.is_first(f"node {submodel}.{node.name}", node.where):
-                    deck.nodes.append(_multiplied(node, factor))
-                    if course is not None:
-                        deck.courses[node.path] = course
+            else:
+                take(line, kind, cells, factor)
         except ThermidError:
             raise
         except (ValueError, IndexError):
-            raise DeckError(
-                f"'{line.text.strip()}' is not a node. Write number, temperature, capacitance.",
-                str(line.where),
-                code="import.not-understood",
-            ) from None
+            raise DeckError(f"'{line.text.strip()}' is not {what}.", str(line.where), code="import.not-understood") from None
 
 
 def _nodes_of_card(deck: SindaDeck, submodel: str, line: Line, kind: str, cells: Cells) -> Iterator[tuple[FileNode, FileCourse | None]]:
@@ -533,20 +548,27 @@ def _over_time(deck: SindaDeck, submodel: str, word: str, line: Line) -> FileCou
 
 def _tabulated_node(deck: SindaDeck, submodel: str, line: Line, kind: str, cells: Cells) -> FileNode:
     """Return a node whose capacitance is an array over temperature (SIV), a polynomial of it (SPV), or two arrays (DIV), times factors."""
-    if len(cells) > (6 if kind == "DIV" else 4):
+    if len(cells) not in ((5, 6) if kind == "DIV" else (3, 4)):
         raise ValueError
-    numbers = [deck.reading.number(deck.reading.value(*cell)) for cell in cells[1::2]]
-    number, celsius = int(cells[0][0]), deck.units.celsius(numbers[0])
-    pairs = [(cells[k][0], numbers[k // 2] if len(cells) > k + 1 else 1.0) for k in range(2, 6 if kind == "DIV" else 4, 2)]
-    tables = [(factor, *np.array(_points(deck, submodel, kind, word, line)).T) for word, factor in pairs]
+    factors = [deck.reading.value(*cell) for cell in cells[3::2]] or [1.0]
+    tables = [np.array(_points(deck, submodel, kind, word, line)).T for word, _ in cells[2::2]]
+    number, celsius = int(cells[0][0]), deck.units.celsius(deck.reading.number(deck.reading.value(*cells[1])))
     unit = deck.units.energy / deck.units.degree
-    mass, (_, grid, values) = tables[0][0], tables[0]
+    mass, (grid, values) = factors[0], tables[0]
     if len(tables) > 1:
-        mass, grid = 1.0, np.unique(np.concatenate([t for _, t, _ in tables]))
-        values = sum(factor * np.interp(grid, t, c) for factor, t, c in tables)
+        mass, grid = 1.0, np.unique(np.concatenate([t for t, _ in tables]))
+        numbers = [_as_number(deck, factor, line) for factor in factors]
+        values = sum(factor * np.interp(grid, t, c) for factor, (t, c) in zip([*numbers, 1.0], tables, strict=False))
     points = [[f"{t!r} [degC]", f"{c * unit!r} [J/(kg K)]"] for t, c in zip(grid.tolist(), values.tolist(), strict=True)]
     table = {"points": points, "source": "derived", "basis": str(line.where)}
-    return FileNode(submodel, f"T{abs(number)}", {"mass": f"{mass!r} [kg]", "specific_heat": table}, celsius, number < 0, cells[2][1])
+    return FileNode(submodel, f"T{abs(number)}", {"mass": with_unit(mass, "kg"), "specific_heat": table}, celsius, number < 0, cells[2][1])
+
+
+def _as_number(deck: SindaDeck, value: float | str, line: Line) -> float:
+    """Return the number of a factor that a table takes in; of an expression of registers a remark says that the table does not follow."""
+    if isinstance(value, str):
+        deck.reading.remark(line.where, f"'{line.words}': the table has {value} as it is here and does not follow it", dropped=False)
+    return deck.reading.number(value)
 
 
 def _array(deck: SindaDeck, submodel: str, word: str) -> list[float] | None:
@@ -556,7 +578,12 @@ def _array(deck: SindaDeck, submodel: str, word: str) -> list[float] | None:
 
 
 def _points(deck: SindaDeck, submodel: str, kind: str, word: str, line: Line) -> list[tuple[float, float]]:
-    """Return temperature [degC] and value of an array of pairs, or of a polynomial every 5 K."""
+    """Return temperature [degC] and value, in the deck's unit, of an array of pairs, or of a polynomial (SPV) every 5 K.
+
+    Raises
+    ------
+    DeckError   When the deck has no such array, or an odd number of values in it.
+    """
     values = _array(deck, submodel, word)
     if values is None:
         raise DeckError(f"array {word} is not in ARRAY DATA of {submodel}.", str(line.where), code="import.not-understood")
@@ -583,24 +610,14 @@ def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     """
     block = len(lines) > 1 and all(line.text.lstrip().startswith("-") for line in lines)
     group = _Group(f"radiation_{identifier(submodel)}" if block else "", _followed(deck, lines) if block else {})
-    factor: float | str = 1.0
-    for line in lines:
-        kind, cells = _card(line)
-        try:
-            if kind == "FAC":
-                ((word, where),) = cells
-                factor = deck.reading.value(word, where)
-            else:
-                for row in _conductors_of_card(deck, submodel, line, kind, cells, group):
-                    key = SCALED[row.table["kind"]]
-                    product = row.table[key] if factor == 1.0 else f"({factor})*{row.table[key]}"
-                    deck.conductors.append(replace(row, table={**row.table, key: product}))
-        except ThermidError:
-            raise
-        except (ValueError, IndexError):
-            raise DeckError(
-                f"'{line.text.strip()}' is not a conductor. Write number, node, node, value.", str(line.where), code="import.not-understood"
-            ) from None
+
+    def take(line: Line, kind: str, cells: Cells, factor: float | str) -> None:
+        for row in _conductors_of_card(deck, submodel, line, kind, cells, group):
+            key = SCALED[row.table["kind"]]
+            product = row.table[key] if factor == 1.0 else f"({factor})*{row.table[key]}"
+            deck.conductors.append(replace(row, table={**row.table, key: product}))
+
+    _each_card(deck, lines, take, "a conductor. Write number, node, node, value")
 
 
 def _conductors_of_card(deck: SindaDeck, submodel: str, line: Line, kind: str, cells: Cells, group: _Group) -> Iterator[FileConductor]:
@@ -688,7 +705,14 @@ def _end(word: str, submodel: str) -> tuple[tuple[str, str], bool]:
 
 
 def _groups(cells: Cells) -> Iterator[tuple[int, int]]:
-    """Yield where the conductors of a card begin and end: number, pairs of nodes, value; a value before the last is no name of a node."""
+    """Yield the indices (begin, end) of each conductor's cells on a card: number, pairs of nodes, value.
+
+    Where several stand on a card, a value before the last is told from a node by its form: it is no whole number.
+
+    Raises
+    ------
+    ValueError  When cells are left over.
+    """
     begin = 0
     for k in range(1, len(cells)):
         if k == len(cells) - 1 or re.fullmatch(r"-?(?:[A-Za-z]\w*\.)?\d+", cells[k][0]) is None:
@@ -726,7 +750,11 @@ def _row(deck: SindaDeck, submodel: str, kind: str, cells: Cells, group: _Group,
 
 
 def _law(deck: SindaDeck, submodel: str, kind: str, number: int, values: Cells, line: Line) -> dict[str, object]:
-    """Return the kind of a conductor and its number."""
+    """Return the table that a model has of a conductor, without its ends.
+
+    A positive number is a conductance G [W/K], a negative one radiation: SIGMA G (T_a^4 - T_b^4), an exchange area [m^2] in a model. With
+    SIV or SPV, G is an array or a polynomial over the mean temperature of both ends, times a factor; of radiation it is an emissivity.
+    """
     text, where = values[0]
     units = deck.units
     if kind:
@@ -753,16 +781,14 @@ def _sources(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
         try:
             if kind in ("SIT", "SIV"):
                 (node, _), (array, _), (word, _) = cells
-                watts = deck.reading.number(deck.reading.value(word, line.where)) * unit
-                power, course, more = 0.0, None, dict[str, object]()
+                factor = deck.reading.value(word, line.where)
+                load = FileLoad(f"{submodel}_Q{int(node)}", (submodel, f"T{int(node)}"), 0.0, line.where, stands=False)
                 if kind == "SIT":
-                    course = _over_time(deck, submodel, array, line)
-                    power = float(np.mean(course.numbers)) * watts
+                    loads.append(_following(load, _over_time(deck, submodel, array, line), factor, unit))
                 else:
+                    watts = _as_number(deck, factor, line) * unit
                     points = [[f"{t!r} [degC]", f"{p * watts!r} [W]"] for t, p in _points(deck, submodel, kind, array, line)]
-                    more = {"table": {"points": points}}
-                name = f"{submodel}_Q{int(node)}"
-                loads.append(FileLoad(name, (submodel, f"T{int(node)}"), power, line.where, "", course, more, factor=watts, stands=False))
+                    loads.append(replace(load, more={"table": {"points": points}}))
             elif kind in ("", "GEN"):
                 numbers = list(_numbers(cells)) if kind else cells[::2]
                 powers = [_product(cells[3:])] * len(numbers) if kind else cells[1::2]
@@ -777,6 +803,13 @@ def _sources(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
             deck.reading.remark(line.where, f"source '{line.words}'")
             continue
         deck.loads.extend(loads)
+
+
+def _following(load: FileLoad, course: FileCourse, factor: float | str, unit: float) -> FileLoad:
+    """Return a load that follows a course times a factor and a unit [W]: in watts, or by shares of a power where the factor has names."""
+    if isinstance(factor, str):
+        return replace(load, power=with_unit(factor, "W", unit), course=course, scales=True)
+    return replace(load, power=course.mean * factor * unit, course=course, factor=factor * unit)
 
 
 _SET: Final = re.compile(r"\s*(?:(\w+)\.)?([QT])(\d+)\s*=\s*(?:((?:\w+\.)?Q\d+)\s*\+)?\s*(.+?)\s*$", re.IGNORECASE)
@@ -915,7 +948,11 @@ def _put(
     adds: bool = False,
     branch: str = "",
 ) -> bool:
-    """Put a power into a node (Q), or a temperature on a boundary (T): a constant, or a course times a factor; whether it can be."""
+    """Take a power into a node (kind Q) or the temperature of a boundary (T): a constant, or a course times a factor, in the deck's units.
+
+    A power that does not add to the node's own replaces those set before. In a `branch`, transient or steady, a course is of the transient
+    and a constant of the steady state before it, where it stands for that course. Returns whether there is a place for it.
+    """
     unit = deck.units.power
     if kind == "T":
         k = next((k for k, node in enumerate(deck.nodes) if (node.submodel, node.name) == into and node.held), None)
@@ -933,23 +970,24 @@ def _put(
         return False
     name = f"{into[0]}_Q{into[1][1:]}" + (f"_{label}" if label else "")
     load = FileLoad(name, into, with_unit(factor, "W", unit), where, label)
-    if course is not None and isinstance(factor, float):
-        load = replace(load, power=float(np.mean(course.numbers)) * factor * unit, course=course, factor=factor * unit)
-    elif course is not None:
-        load = replace(load, course=course, scales=True)
+    if course is not None:
+        load = _following(load, replace(course, rests=branch != "" and deck.settles), factor, unit)
     elif branch:  # in a steady state, what stands for a course of the transient
-        like = (k for k, other in enumerate(deck.loads) if other.course is not None and (other.into, other.group) == (into, label))
-        k = next(like, None) if branch == "steady" else None
-        if k is None:
-            return False
-        deck.loads[k], deck.averages = replace(deck.loads[k], power=load.power, stands=False), True
-        return True
+        for k, other in enumerate(deck.loads):
+            if branch == "steady" and other.course is not None and (other.into, other.group) == (into, label):
+                now = replace(other.course, rests=False)
+                deck.loads[k], deck.averages = replace(other, power=load.power, course=now, stands=False), True
+                return True
+        return False
     deck.loads.append(load)
     return True
 
 
 def _absorbed(deck: SindaDeck, submodel: str, line: Line) -> None:
-    """Add the heat rates of a submodel as loads; name those that no text file holds."""
+    """Add a load for each array of heat rates of a submodel: its course, and the mean over it for a steady state [W].
+
+    Named are a submodel of which no text file was read, and nodes of which the file has no rates.
+    """
     arrays = {int(key): numbers for (owner, key), numbers in deck.arrays.items() if owner == submodel}
     if submodel not in deck.words:
         deck.reading.remark(line.where, f"heat rates: no text file with those of {submodel} was read")
@@ -1001,14 +1039,6 @@ def _heater(deck: SindaDeck, submodel: str, block: list[Line]) -> list[Line]:
         name = f"{owner.upper()}_heater{power[1]}_Q{int(node)}"
         deck.loads.append(FileLoad(name, (owner.upper(), f"T{int(node)}"), watts, block[0].where, "", None, control))
     return [] if shares else block
-
-
-def _unique(loads: list[FileLoad]) -> Iterator[FileLoad]:
-    """Yield loads with names of their own: a node may have several."""
-    uses_of_name: dict[str, int] = {}
-    for load in loads:
-        uses_of_name[load.name] = uses_of_name.get(load.name, 0) + 1
-        yield load if uses_of_name[load.name] == 1 else replace(load, name=f"{load.name}_{uses_of_name[load.name]}")
 
 
 def _read_units(deck: SindaDeck, path: Path, words: str) -> None:

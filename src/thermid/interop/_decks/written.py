@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Final
 
 from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError
-from thermid.interop._wired import HeatSource, Wired, exported, number_text, one_line, table_points, wired
-from thermid.model.elements import Constant, Drawn, TableSignal
+from thermid.interop._wired import HeatSource, Wired, Writer, exported, number_text, one_line, resting, table_points, wired
+from thermid.model.elements import Drawn, TableSignal
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT, STEFAN_BOLTZMANN
 from thermid.simulation.network import ConductorRow
@@ -25,7 +25,8 @@ MAX_SUBMODEL_LETTERS: Final = 24
 def to_sinda(model: Model, scenario: Scenario, path: str | os.PathLike[str] | None = None) -> str:
     """Return a model in a scenario as a deck of SINDA/FLUINT in SI units and degC.
 
-    Linear and radiation conductors are rows, tables over temperature SIV with an array, powers SOURCE DATA, courses over time D1DEG1.
+    Linear and radiation conductors are rows, tables over temperature SIV with an array, those of specific heats too, powers SOURCE DATA,
+    courses over time D1DEG1.
 
     Parameters
     ----------
@@ -37,7 +38,7 @@ def to_sinda(model: Model, scenario: Scenario, path: str | os.PathLike[str] | No
     DeckError       When a law, a load or a boundary cannot be written.
     ScenarioError   When the scenario does not fit the model or follows a schedule.
     """
-    w = wired(model, scenario, "SINDA")
+    w = wired(model, scenario, Writer("SINDA", stores=True))
     return exported(w, _Sinda(w).lines(), path, "C ")
 
 
@@ -94,14 +95,14 @@ class _Deck:
 
     def constant(self, boundary: str) -> float:
         """Return the temperature of a boundary. [degC]"""
-        signal = self.w.boundaries[boundary]
-        if not isinstance(signal, Constant):
+        value = resting(self.w.boundaries[boundary])
+        if value is None:
             raise DeckError(
                 f"the boundary '{boundary}' changes in time, which is not written to {self.tool}.",
                 self.w.network.title,
                 code="output.not-expressible",
             )
-        return round(signal.value - ICE_POINT, 12)
+        return round(value - ICE_POINT, 12)
 
     def course(self, source: HeatSource) -> TableSignal | None:
         """Return the table of a source; None where its power is constant."""
@@ -112,7 +113,7 @@ class _Deck:
                 code="output.not-expressible",
             )
         signal: Drawn = source.signal
-        if isinstance(signal, Constant) or (isinstance(signal, TableSignal) and signal.times.size == 1):
+        if resting(signal) is not None:
             return None
         if not isinstance(signal, TableSignal) or signal.hold:
             raise DeckError(
@@ -124,13 +125,18 @@ class _Deck:
 
     def watts(self, source: HeatSource) -> float:
         """Return the power of a source that does not change. [W]"""
-        signal = source.signal
-        return float(source.power) * (signal.value if isinstance(signal, Constant) else float(signal.values[0]))  # type: ignore[union-attr]
+        return float(source.power) * (resting(source.signal) or 0.0)
 
     def refused(self, label: str, row: ConductorRow) -> DeckError:
         """Return the refusal of a law."""
         what = "changes with the pressure of its gas in time" if row.signal else f"is of a form ({row.form})"
         return DeckError(f"'{label}' {what}, which is not written to {self.tool}.", self.w.network.title, code="output.not-expressible")
+
+
+def _over_temperature(arrays: list[tuple[int, list[float]]], kelvin: Iterable[float], values: Iterable[float]) -> str:
+    """Put an array of pairs of temperature [degC] and value down; return its name."""
+    arrays.append((len(arrays) + 1, [v for t, y in zip(kelvin, values, strict=True) for v in (round(float(t) - ICE_POINT, 12), float(y))]))
+    return f"A{len(arrays)}"
 
 
 class _Sinda(_Deck):
@@ -145,10 +151,11 @@ class _Sinda(_Deck):
         yield from (f"C    {note}" for note in self.notes())
         yield f"TITLE {one_line(w.network.title)}"
         yield "HEADER CONTROL DATA, GLOBAL"
-        yield from (f"      {name} = {value}" for name, value in self._control().items())
+        control = {"ABSZRO": -ICE_POINT, "SIGMA": STEFAN_BOLTZMANN, "TIMEND": w.scenario.seconds}
+        yield from (*(f"      {name} = {number_text(value)}" for name, value in control.items()), "      UID = SI")
         for owner in dict.fromkeys(owner for owner, _ in self.numbers.values()):
             yield f"HEADER NODE DATA, {owner}"
-            yield from (self._node(node, number) for node, (o, number) in self.numbers.items() if o == owner)
+            yield from (self._node(node, number, arrays) for node, (o, number) in self.numbers.items() if o == owner)
         conductors = [self._conductor(k, label, row, arrays) for k, (label, row) in enumerate(w.conductors, 1)]
         yield f"HEADER CONDUCTOR DATA, {self.main}"
         yield from conductors
@@ -166,19 +173,15 @@ class _Sinda(_Deck):
             yield f"HEADER VARIABLES 0, {self.main}"
             yield from logic
 
-    def _control(self) -> Mapping[str, str]:
-        return {
-            "ABSZRO": number_text(-ICE_POINT),
-            "SIGMA": number_text(STEFAN_BOLTZMANN),
-            "TIMEND": number_text(self.w.scenario.seconds),
-            "UID": "SI",
-        }
-
-    def _node(self, node: str, number: int) -> str:
+    def _node(self, node: str, number: int, arrays: list[tuple[int, list[float]]]) -> str:
         capacitance = self.w.capacitances.get(node)
         if node in self.w.boundaries:
             return f"      -{number}, {number_text(self.constant(node))}, 0. $ {one_line(node)}"
         start = number_text(round(self.w.initial.get(node, ICE_POINT + 20.0) - ICE_POINT, 12))
+        if (store := self.w.network.stores.get(node)) is not None and capacitance is not None:
+            mass = number_text(float(capacitance) / store.reference)
+            array = _over_temperature(arrays, store.given.x, store.given.y)
+            return f"      SIV {number}, {start}, {self.main}.{array}, {mass} $ {one_line(node)}"
         return f"      {number}, {start}, {number_text(float(capacitance)) if capacitance is not None else '-1.'} $ {one_line(node)}"
 
     def _conductor(self, k: int, label: str, row: ConductorRow, arrays: list[tuple[int, list[float]]]) -> str:
@@ -198,8 +201,7 @@ class _Sinda(_Deck):
                     self.w.network.title,
                     code="output.not-expressible",
                 )
-            arrays.append((len(arrays) + 1, [v for t, g in zip(x, y, strict=True) for v in (round(t - ICE_POINT, 12), g)]))
-            return f"      SIV {k}, {ends}, A{len(arrays)}, {number_text(value_of(row.coefficients[0]))} {tail}"
+            return f"      SIV {k}, {ends}, {_over_temperature(arrays, x, y)}, {number_text(value_of(row.coefficients[0]))} {tail}"
         raise self.refused(label, row)
 
     def _followed(self, source: HeatSource, table: TableSignal, arrays: list[tuple[int, list[float]]]) -> Iterator[str]:
@@ -238,11 +240,9 @@ class _Esatan(_Deck):
         yield f"# {one_line(w.network.title)}, {one_line(w.scenario.title)}"
         yield from (f"# {note}" for note in self.notes())
         yield from ("$CONSTANTS", "$REAL", f"STEFAN = {number_text(STEFAN_BOLTZMANN)};", "$NODES")
-        for node, (_, number) in self.numbers.items():
-            yield self._node(node, number, powers)
+        yield from (self._node(node, number, powers) for node, (_, number) in self.numbers.items())
         yield "$CONDUCTORS"
-        for label, row in w.conductors:
-            yield self._conductor(label, row)
+        yield from (self._conductor(label, row) for label, row in w.conductors)
         followed = [(source, table) for source, table in courses if table is not None]
         if followed:
             yield from ("$ARRAYS", "$REAL")

@@ -163,6 +163,7 @@ class _Exchange(_FmuRun):
     """Model exchange by CVode, sensitivities beside the states."""
 
     def _go(self) -> tuple[Array, Array]:
+        """Integrate from output to output and jump to jump; events of the FMU and jumps of inputs end a step of the solver."""
         self.n, self.since, self.events = len(self.file.states), 0.0, 0
         self.moves = np.array([[way.values.get(r, 0.0) for way in self.ways] for r in self.file.states]).reshape(self.n, len(self.ways))
         self.seeds = [_Seed.of_direction(self.file.states, way) for way in self.ways]
@@ -209,6 +210,7 @@ class _Exchange(_FmuRun):
         raise SolverError("the discrete states of the FMU do not settle.", str(self.file.path), code="run.did-not-finish")
 
     def _event(self, solver: Any) -> float:
+        """Let an event happen where the run stands, and begin the solver anew; return when the FMU's next one is due. [s]"""
         self.events += 1
         if self.events > MOST_EVENTS:
             raise SolverError(

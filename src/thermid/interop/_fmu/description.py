@@ -108,9 +108,6 @@ class _Description(ABC):
     def __init__(self, what: Described, variables: Sequence[FmuVariable]) -> None:
         self.what, self.variables = what, variables
 
-    def named(self, where: Sequence[FmuVariable]) -> list[int]:
-        return [self.variables.index(v) for v in where]
-
     def units(self, root: Xml.Element) -> None:
         """Write every unit that is used."""
         table = Xml.SubElement(root, "UnitDefinitions")

@@ -26,7 +26,7 @@ from thermid.interop._fmu.archive import DESCRIPTION
 from thermid.interop._fmu.description import PLAIN, Described, FmuVariable, build_description, describe, structured
 from thermid.interop._fmu.image import MARK, OPERATIONS, image, still
 from thermid.interop._wired import Formula, identifiers, named, one_line
-from thermid.model.elements import Constant, Curve
+from thermid.model.elements import Constant
 from thermid.model.tree import Model
 from thermid.simulation.network import Numbers
 from thermid.simulation.runs import Scenario, network_for
@@ -481,25 +481,17 @@ def _moved(wiring: Wiring, name: str, value: float, by: float) -> float:
     if name.startswith("boundary "):
         return value + 20.0 * (by - 1.0)
     parameter = wiring.network.flat.parameters.table[_plain(name)].parameter
-    moved = value * by if value else 0.1 * by
-    if parameter.maximum is not None:
-        moved = min(moved, parameter.maximum)
-    return moved if parameter.minimum is None else max(moved, parameter.minimum)
-
-
-def _curves(numbers: Numbers) -> list[Curve | None]:
-    """Return the table of every row."""
-    return [*(row.curve for row in numbers.conductors), *(row.curve for row in numbers.loads)]
+    low, high = (-np.inf if parameter.minimum is None else parameter.minimum), (np.inf if parameter.maximum is None else parameter.maximum)
+    return max(min(value * by if value else 0.1 * by, high), low)
 
 
 def _same_tables(one: Numbers, other: Numbers) -> bool:
-    """Return whether the tables of all rows are the same."""
-    for a, b in zip(_curves(one), _curves(other), strict=True):
-        if (a is None) != (b is None):
-            return False
-        if a is not None and b is not None and not (np.array_equal(a.x, b.x) and np.array_equal(a.y, b.y)):
-            return False
-    return True
+    """Return whether the tables of all rows are the same points."""
+    curves = [[*(row.curve for row in numbers.conductors), *(row.curve for row in numbers.loads)] for numbers in (one, other)]
+    return all(
+        a is b or (a is not None and b is not None and np.array_equal(a.x, b.x) and np.array_equal(a.y, b.y))
+        for a, b in zip(*curves, strict=True)
+    )
 
 
 def _with_loads(wiring: Wiring, coefficients: Sequence[Formula | float], loads: Mapping[str, float]) -> list[Formula | float]:

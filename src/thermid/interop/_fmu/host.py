@@ -239,24 +239,19 @@ class FmuFile(FmuDescribed):
         moving = tuple(sorted({k for way in ways for k in (*way.values, *way.inputs)}))
         if self._agreeing.get(moving) is False:
             return None
+        why, run = "it has events", None
         try:
             run = self._run(setting, times, wanted, ways)
         except SolverError:
             self.outputs(setting, times, wanted)  # a run that fails without them fails here
-            self.why = "it refuses those with respect to these variables"
-            self._agreeing[moving] = False
+            why = "it refuses those with respect to these variables"
+        if run is not None and moving not in self._agreeing:
+            self._agreeing[moving] = self._agree(setting, times, wanted, ways, *run)
+            why = "its directional derivatives differ from them"
+        if run is None or not self._agreeing[moving]:
+            self.why, self._agreeing[moving] = why, False
             return None
-        if run is None:
-            self.why = "it has events"
-            self._agreeing[moving] = False
-            return None
-        base, slopes = run
-        if moving not in self._agreeing:
-            self._agreeing[moving] = self._agree(setting, times, wanted, ways, base, slopes)
-            if not self._agreeing[moving]:
-                self.why = "its directional derivatives differ from them"
-                return None
-        return base, slopes
+        return run
 
     def _agree(
         self, setting: FmuSetting, times: Array, wanted: Sequence[int], ways: Sequence[FmuSetting], base: Array, slopes: Array

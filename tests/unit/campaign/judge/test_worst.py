@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import binom
 from typer.testing import CliRunner
 
 import thermid as td
@@ -17,7 +18,7 @@ from by_code import raises_code
 from thermid.app.cli.app import app
 from thermid.base.errors import ScenarioError, UnitError
 from thermid.base.expression import Kelvin
-from thermid.campaign._judge.worst import DRAWS, searched_worst
+from thermid.campaign._judge.worst import DRAWS, SHARE_WORSE, searched_worst
 from thermid.model.tree import Model
 
 LIMITS = (td.qualify.Limits("unit", "unit", (Kelvin(253.15), Kelvin(323.15))),)
@@ -124,10 +125,14 @@ def test_the_command_prints_both_cases(tmp_path: Path) -> None:
     assert (hot["chips"], hot["base"], cold["chips"], cold["base"]) == (9.0, 303.15, 2.0, 263.15)
 
 
-def test_the_draws_bound_the_share_that_is_worse() -> None:
-    """Of 200 searches without descents at most 15 may leave more than 1 % worse: 10 are expected, and 95 % of repeats have up to 15."""
+@pytest.mark.parametrize("repeats", [200, pytest.param(2000, marks=pytest.mark.campaign)])
+def test_the_draws_bound_the_share_that_is_worse(repeats: int) -> None:
+    """More than 1 % is worse than all of n uniform draws with probability .99^n (Wilks 1941), 4.95 % of 299.
+
+    Searches without descents miss the bound so often: within the exact interval in which 99 of 100 such counts lie.
+    """
     missed = 0
-    for seed in range(200):
+    for seed in range(repeats):
         met: list[float] = []
 
         def height(x: np.ndarray, met: list[float] = met) -> float:
@@ -135,8 +140,10 @@ def test_the_draws_bound_the_share_that_is_worse() -> None:
             return -float(x[0]) if 0.0 < x[0] < 1.0 else 0.0  # the share that is worse is 1 - x; corners are of no use
 
         searched_worst(height, 1, DRAWS + 2, seed)
-        missed += 1.0 - max(x for x in met if x < 1.0) > 0.01
-    assert missed <= 15
+        missed += 1.0 - max(x for x in met if x < 1.0) > SHARE_WORSE
+    least, most = binom.interval(0.99, repeats, (1.0 - SHARE_WORSE) ** DRAWS)
+    print(f"{missed} of {repeats} missed, {least:g} to {most:g} expected")
+    assert least <= missed <= most
 
 
 Absorbed = Callable[[Mapping[str, float]], float]
