@@ -14,8 +14,8 @@ from thermid.model.tree import Model
 from thermid.simulation.network import Network, compile_network
 
 
-def roles_in(network: Network) -> dict[str, str]:
-    """Return what a column can be bound to in a network: path -> node, boundary or load."""
+def roles_of_paths(network: Network) -> dict[str, str]:
+    """Return path -> what a column can be bound to there: node, boundary or load."""
     return {
         **dict.fromkeys(network.nodes, "node"),
         **dict.fromkeys(network.boundaries, "boundary"),
@@ -25,21 +25,21 @@ def roles_in(network: Network) -> dict[str, str]:
 
 @dataclass
 class BoundColumns:
-    """Reads a log, or a piece of one; which columns it takes is settled by the first piece.
+    """Reads a log, or a piece of one, with its columns bound to a model; the first piece settles which columns are read.
 
     Parameters
     ----------
-    told : dict             Column -> node, boundary or load; by default every temperature, with a model every column of a name that it has.
+    targets : dict          Column -> node, boundary or load; by default every temperature, or every column with a name of the model's.
     full_scale : dict       Column in per cent -> power at 100 %.
     units : dict            Column -> its unit, where the log has none.
     model : Model or None   Of the unit.
-    options : dict          What else `read_record` is told: time, separator, decimal, clock, units.
-    tables : dict           Column -> its table as in a campaign, where one says what the columns are.
-    bound : callable        What is done to a record that was read.
-    remarks : tuple of str  What a reader must know; of columns by a model's names, which ones are not used.
+    options : dict          Further arguments of `read_record`: time, separator, decimal, clock, units.
+    tables : dict           Column -> its table as in a campaign; made from the above where empty.
+    bound : callable        Applied to each record that was read.
+    remarks : tuple of str  Columns that are not used, in words.
     """
 
-    told: Mapping[str, str] = field(default_factory=dict)
+    targets: Mapping[str, str] = field(default_factory=dict)
     full_scale: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     model: Model | None = None
@@ -49,32 +49,32 @@ class BoundColumns:
     remarks: tuple[str, ...] = ()
 
     def read(self, path: Path, name: str) -> Record:
-        """Return the record of a log.
+        """Return the record of a log, named `name`.
 
         Raises
         ------
-        RecordError   When no column can be used, or one is bound to what the model has not.
+        RecordError   When no column can be used, or one is bound to a path that the model does not have.
         """
         if not self.tables:
             self.tables = self._by_model(path, self.model) if self.model is not None else self._temperatures(path)
         return self.bound(read_record(path, self.tables, name=name, **self.options))
 
     def _temperatures(self, path: Path) -> dict[str, Any]:
-        """Return the tables of temperatures alone."""
-        names = list(self.told) or self._temperature_columns(path)
+        """Return column -> table of temperatures alone, for a log without a model."""
+        names = list(self.targets) or self._temperature_columns(path)
         if not names:
             raise RecordError("no column looks like a temperature. Name them with --channel.", path.name, code="record.nothing-there")
-        return {n: self._table(n, "node", self.told.get(n, n)) for n in names}
+        return {n: self._table(n, "node", self.targets.get(n, n)) for n in names}
 
     def _by_model(self, path: Path, model: Model) -> dict[str, Any]:
-        """Return the tables of columns that a model has."""
+        """Return column -> table of the columns that a model has by name, or of those in `targets`."""
         network = compile_network(model)
-        roles = roles_in(network)
+        roles = roles_of_paths(network)
         canonical = network.flat.names.model.canonical
-        if self.told:
-            for target in self.told.values():
+        if self.targets:
+            for target in self.targets.values():
                 refuse_unknown([canonical(target)], roles, "--channel", f"{model.title} has no node, boundary or load '{{}}'.", RecordError)
-            return {n: self._table(n, roles[canonical(t)], t) for n, t in self.told.items()}
+            return {n: self._table(n, roles[canonical(t)], t) for n, t in self.targets.items()}
         header = [name_and_unit(cell)[0] for cell in log_cells(path, self.options.get("separator")).header]
         roles_by_column = {n: roles[canonical(n)] for n in header if canonical(n) in roles}
         if "node" not in roles_by_column.values():
@@ -91,10 +91,11 @@ class BoundColumns:
         return {n: self._table(n, role, n) for n, role in roles_by_column.items()}
 
     def _temperature_columns(self, path: Path) -> list[str]:
-        """Return the columns of a log that are temperatures, read as told."""
+        """Return the names of the log's columns that are temperatures."""
         return temperature_columns(path, self.options.get("time"), self.options.get("separator"))
 
     def _table(self, column: str, role: str, target: str) -> dict[str, Any]:
+        """Return the table of a column as in a campaign: its role and target, full scale and unit."""
         table: dict[str, Any] = {role: target}
         more = {"full_scale": self.full_scale, "unit": self.units}
         return table | {key: given[column] for key, given in more.items() if column in given}

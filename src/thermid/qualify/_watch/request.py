@@ -23,14 +23,14 @@ class WatchRequest:
     Parameters
     ----------
     columns : BoundColumns      Reads the log; its model is that of the unit, or None.
-    rule : StabilityRule        The plan's own.
-    within : float              Half of the interval of where a channel ends, at most. [K]
+    rule : StabilityRule        The plan's own rule of stability.
+    within : float              Largest half-width of the interval of a final temperature. [K]
     limits : tuple              Limits that must be decided before a stop.
     required : bool             Whether no stop is advised before the rule is met.
     slowest : str or float      Longest time constant that the unit can have, without a model. [s]
     since : str or float        When conditions last changed. [s]
-    scenario : Scenario         What the log does not say, as told.
-    conditions : callable       Record and `scenario` -> what the log does not say; `scenario` where it is None.
+    scenario : Scenario         Inputs that the log does not have.
+    conditions : callable       (record, `scenario`) -> inputs that the log does not have; `scenario` itself where it is None.
     """
 
     columns: BoundColumns
@@ -48,16 +48,16 @@ class WatchRequest:
 
         Raises
         ------
-        RecordError   When no column can be used, or one is bound to what the model has not.
+        RecordError   When no column can be used, or one is bound to a path that the model does not have.
         """
         return read_whole_lines(path, lambda p: self.columns.read(p, p.stem)).trim(self.since, "end")
 
     def watcher(self, record: Record) -> Watcher:
-        """Return what watches a log, of which these are the first readings.
+        """Return a watcher of a log that begins with this record.
 
         Raises
         ------
-        RecordError   When a limit is on no channel of the log.
+        NameNotFoundError   When a limit is on no channel of the log.
         """
         names = tuple(n for n, c in record.channels.items() if c.role == "node" and c.quantity == "temperature")
         for m in self.limits:
@@ -71,11 +71,11 @@ class WatchRequest:
         return Watcher(stopping, names, model, scenario if model is not None else None, remarks=self.columns.remarks)
 
     def look(self, path: Path) -> WatchLook:
-        """Return what a log says by now.
+        """Return the advice and alarms on a log as it is now.
 
         Raises
         ------
-        RecordError   As in `read` and `watcher`.
+        RecordError, NameNotFoundError   As in `read` and `watcher`.
         """
         record = self.read(path)
         return self.watcher(record).look(record)

@@ -12,7 +12,15 @@ from thermid.simulation.network import Network
 
 @dataclass(frozen=True)
 class SuspectValue:
-    """A value that a fault would change: what it is, whose, its path, and what lower and higher mean."""
+    """A value that a fault would change.
+
+    Parameters
+    ----------
+    kind : str              joint, air, heat path, power or ambient.
+    whose : str             Path of the conductor, load or boundary.
+    path : str              Path of the value; ``scale.LOAD`` for a power.
+    lower, higher : str     What a lower and a higher value mean, in words.
+    """
 
     kind: str
     whose: str
@@ -34,19 +42,19 @@ PATHS: Final = {
 
 
 def _suspect(kind: str, whose: str, path: str, falls: bool = False) -> SuspectValue:
-    """Return a value with the words of the table; where a path falls with its value, lower and higher change places."""
+    """Return a value with its words of the table of causes; if `falls`, as for a resistance, lower and higher change places."""
     cause = WATCHED[kind]
     words = (cause.higher, cause.lower) if falls else (cause.lower, cause.higher)
     return SuspectValue("air" if kind == "free air" else kind, whose, path, *words)
 
 
-def ambients_of(network: Network, logged: Collection[str]) -> tuple[SuspectValue, ...]:
-    """Return the temperatures of boundaries that nobody logs, which may be other than stated; their values are what is added. [K]"""
+def unlogged_ambients(network: Network, logged: Collection[str]) -> tuple[SuspectValue, ...]:
+    """Return the temperatures of boundaries without a column in the log; the value of each is a difference to the stated one. [K]"""
     return tuple(_suspect("ambient", b, b) for b in network.boundaries if b not in logged)
 
 
-def suspects_of(network: Network) -> tuple[SuspectValue, ...]:
-    """Return the values that a fault would change, each once: conductors and powers."""
+def suspect_values(network: Network) -> tuple[SuspectValue, ...]:
+    """Return every value of conductors and loads that a fault would change, each once."""
     out: dict[str, SuspectValue] = {}
     parameters = network.flat.parameters
     for c in network.flat.conductors:
