@@ -8,12 +8,13 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, errors_at, nearest, quoted, refuse_unknown
+from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, errors_at, quoted, refuse_unknown
 from thermid.base.extensions import by_grammar, refuse_another_kind
 from thermid.base.files import RESULTS_FILE, read_bytes, write_text
 from thermid.base.results import Result
@@ -31,8 +32,6 @@ from thermid.values.value_files import filed
 if TYPE_CHECKING:
     from thermid.qualify._plan_schema import LockFile, PlanFile, TestTable
 
-
-from datetime import UTC, datetime
 
 AS_RUN = ("log", "state", "deviations", "date", "heat_leaks", "note")
 """What a test's table may gain once it was made; the rest is the plan."""
@@ -91,24 +90,20 @@ class Plan(Result):
     @cached_property
     def knowledge(self) -> Knowledge:
         """The model and what is known of its values. A campaign is run when this is first asked for."""
-        with errors_at(self.path.name, ", "):
-            return self._load_knowledge()
-
-    def _load_knowledge(self) -> Knowledge:
-        """Return the model of the stage or deck that the plan names, with the values of its file laid over a deck."""
         source, folder = self.content.model, self.path.parent
-        if source.campaign:
-            file = resolve_inside(folder, source.campaign, "model.campaign")
-            data = self.data or (resolve_inside(folder, source.data, "model.data") if source.data else None)
-            campaign = run_stages(file, data=data, cache=file.parent / "results")
-            refuse_unknown([source.stage], campaign.stages, "model.stage", "the campaign has no stage '{}'.", NameNotFoundError)
-            return Knowledge.of_source(campaign[source.stage])
-        model = load_model(resolve_inside(folder, source.deck, "model.deck"))
-        if not source.values:
-            return Knowledge(model)
-        values = filed(resolve_inside(folder, source.values, "model.values"), model)
-        synthetic = bool(values.values.provenance.get("synthetic", False))
-        return Knowledge(values.model, (values.values,), synthetic=synthetic, remarks=values.lines)
+        with errors_at(self.path.name, ", "):
+            if source.campaign:
+                file = resolve_inside(folder, source.campaign, "model.campaign")
+                data = self.data or (resolve_inside(folder, source.data, "model.data") if source.data else None)
+                campaign = run_stages(file, data=data, cache=file.parent / "results")
+                refuse_unknown([source.stage], campaign.stages, "model.stage", "the campaign has no stage '{}'.", NameNotFoundError)
+                return Knowledge.of_source(campaign[source.stage])
+            model = load_model(resolve_inside(folder, source.deck, "model.deck"))
+            if not source.values:
+                return Knowledge(model)
+            values = filed(resolve_inside(folder, source.values, "model.values"), model)
+            synthetic = bool(values.values.provenance.get("synthetic", False))
+            return Knowledge(values.model, (values.values,), synthetic=synthetic, remarks=values.lines)
 
     def knowledge_on(self, host: str) -> Knowledge:
         """Return the model inside the plan's macro model `host`, its values under their paths there; the bare model for an empty name."""
@@ -157,16 +152,12 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
     refuse_another_kind("thermid.qualify._plan_schema.PlanFile", raw, where)
     # refuse a plan that plans nothing, before its grammar is looked at
     lacking = [k for k in ("title", "objectives", "model", "limits", "sensors", "tests") if not raw.get(k)]
-    if len(lacking) == 6:
-        raise DeckError(
-            "the plan is empty. State before any log is read what the tests must show: title, objectives, [model], [limits], [sensors] and "
-            "[[tests]].",
-            target.name,
-            code="plan.incomplete",
-        )
     if lacking:
         raise DeckError(
-            f"the plan has no {', no '.join(lacking)}. State them before any log is read; a later decision is weak evidence.",
+            "the plan is empty. State before any log is read what the tests must show: title, objectives, [model], [limits], [sensors] and "
+            "[[tests]]."
+            if len(lacking) == 6
+            else f"the plan has no {', no '.join(lacking)}. State them before any log is read; a later decision is weak evidence.",
             target.name,
             code="plan.incomplete",
         )
@@ -184,12 +175,9 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
     check_parts(content, where)
     for k, test in enumerate(content.tests):
         check_test(content, test, criteria, lambda key, k=k: where(f"tests.{k}.{key}"))  # type: ignore[misc]
-    if content.margins.policy not in POLICIES:
-        policies = "; ".join(POLICIES)
-        raise NameNotFoundError(
-            f"no margin policy '{content.margins.policy}'; there are {policies}.{nearest(content.margins.policy, POLICIES)}",
-            where("margins.policy"),
-        )
+    refuse_unknown(
+        [content.margins.policy], POLICIES, where("margins.policy"), "no margin policy '{}'; there are {known}.", NameNotFoundError
+    )
     logs = Path(data) if data is not None else None
     return Plan(target, content, limits, criteria, hashes_of_files(target, content, logs, where), logs)
 

@@ -135,6 +135,11 @@ class TestTable(StrictTable):
     date: str = ""
     note: str = ""
 
+    @property
+    def state_without_loads(self) -> str:
+        """State of reference points whose limits name no loads: operating or non-operating."""
+        return "operating" if self.operating else "non-operating"
+
 
 class PlanFile(StrictTable):
     """A qualification plan, the whole file."""

@@ -240,7 +240,7 @@ def run_plan(
         trials.append(trial)
     trials = _with_doubt_of_equal_logs(_with_misfit_of_logs(trials))
     effects_by_test = {
-        t.test.name: assumption_effects(t.known, t.test.name, t.foresight, {x.node: x.point for x in t.limits}) for t in trials
+        t.test.name: assumption_effects(t.knowledge, t.test.name, t.foresight, {x.node: x.point for x in t.limits}) for t in trials
     }
     every = [a for several in effects_by_test.values() for a in several]
     cases = {t.test.name: _margins_of(loaded, t, every) for t in trials}
@@ -253,31 +253,27 @@ def _with_misfit_of_logs(trials: Sequence[Trial]) -> list[Trial]:
 
     For each node it is the root mean square over its sensors of the residuals' root mean square. [K]
     """
+    prefixes = [f"{t.knowledge.at}." if t.knowledge.at else "" for t in trials]
     squares: dict[str, list[float]] = {}
-    for t in (t for t in trials if t.correlation is not None):
-        assert t.correlation is not None
-        ahead = f"{t.known.at}." if t.known.at else ""
-        counted = [o for o in t.correlation.overlays if o.sensor not in t.correlation.exclusions.reasons and o.node]
-        for o in counted:
+    for c, ahead in ((t.correlation, ahead) for t, ahead in zip(trials, prefixes, strict=True) if t.correlation is not None):
+        for o in (o for o in c.overlays if o.sensor not in c.exclusions.reasons and o.node):
             squares.setdefault(o.node.removeprefix(ahead), []).append(float(np.mean(o.residuals**2)))
     sizes = {n: float(np.sqrt(np.mean(means))) for n, means in squares.items()}
-
-    def under(t: Trial) -> dict[str, float]:
-        ahead = f"{t.known.at}." if t.known.at else ""
-        return {ahead + n: size for n, size in sizes.items()}
-
     words = "root mean square difference between readings and model in this plan's tests, including the errors of the sensors"
-    return [replace(t, after=widened(t.foresight, under(t), IN_TESTS, words)) for t in trials]
+    return [
+        replace(t, after=widened(t.foresight, {ahead + n: size for n, size in sizes.items()}, IN_TESTS, words))
+        for t, ahead in zip(trials, prefixes, strict=True)
+    ]
 
 
 def _with_doubt_of_equal_logs(trials: Sequence[Trial]) -> list[Trial]:
     """Return the tests; those whose logs are identical name each other in `not_shown`."""
-    out = []
-    for t in trials:
+
+    def doubt(t: Trial) -> tuple[str, ...]:
         same = [o.test.name for o in trials if o is not t and t.log_sha256 and o.log_sha256 == t.log_sha256]
-        doubt = f"its log is identical to that of {', '.join(same)}"
-        out.append(replace(t, not_shown=(*t.not_shown, doubt)) if same else t)
-    return out
+        return (f"its log is identical to that of {', '.join(same)}",) if same else ()
+
+    return [replace(t, not_shown=(*t.not_shown, *doubt(t))) for t in trials]
 
 
 def service_tests(trials: Sequence[Trial]) -> list[Trial]:
@@ -287,9 +283,9 @@ def service_tests(trials: Sequence[Trial]) -> list[Trial]:
 
 def _margins_of(plan: Plan, t: Trial, every: Sequence[Assumption]) -> tuple[Margin, ...]:
     """Return the margins of every reference point on either side in one test."""
-    state = {t.test.name: "operating" if t.test.operating else "non-operating"}
-    policy = plan.content.margins
-    more = margins({t.test.name: t.expected}, t.limits, policy.policy, tested=policy.balance_tested, states=state)
+    name, policy = t.test.name, plan.content.margins
+    states = {name: t.test.state_without_loads}
+    more = margins({name: t.expected}, t.limits, policy.policy, tested=policy.balance_tested, states=states)
     mark = "read" if t.course is None or t.course.decides else "memory"
     moved = {x.point: assumed_half_width(every, x.point, t.test.name, _spread_names(t)) for x in t.limits}
     return tuple(replace(m, course_mark=mark, assumed=moved[m.point], not_counted=_not_counted(t, m, moved[m.point])) for m in more)
@@ -307,7 +303,7 @@ def _tightest_margins(plan: Plan, cases: Sequence[Sequence[Margin]]) -> tuple[Ma
 
 def _spread_names(t: Trial) -> list[str]:
     """Return the names that a test spreads as the model knows them; ``scale.LOAD`` for the power of a load."""
-    find = t.known.model.canonical
+    find = t.knowledge.model.canonical
     return [f"scale.{find(n.removeprefix('scale.'))}" if n.startswith("scale.") else find(n) for n in t.test.spread]
 
 

@@ -77,14 +77,13 @@ class Trial:
     Parameters
     ----------
     test : TestTable                As planned.
-    known : Knowledge               The model that it was predicted with.
+    knowledge : Knowledge           The model that it was predicted with.
     foresight : Foresight           Prediction before any log of the plan was read.
     limits : tuple of Limits        Under their paths in that model.
     checks : tuple of LimitCheck    Predicted and measured temperatures against the limits.
     course : ProfileRun or None     The run of its profile, with its phases; None for a scenario.
     heaters : tuple of HeaterDuty   Duties of its heaters against the margin of their power.
     outside : tuple of str          Where it leaves the conditions of the calibration, in words.
-    told : Calibration or None      The model run with the logged inputs beside the readings; None without a log.
     correlation : Correlation or None   The criteria on the residuals; None without a log.
     diagnosis : Diagnosis or None   What would explain the deviations, where a criterion is not met.
     log_sha256 : str                Hash of the log.
@@ -97,14 +96,13 @@ class Trial:
     """
 
     test: TestTable
-    known: Knowledge
+    knowledge: Knowledge
     foresight: Foresight
     limits: tuple[Limits, ...]
     checks: tuple[LimitCheck, ...]
     course: ProfileRun | None = None
     heaters: tuple[HeaterDuty, ...] = ()
     outside: tuple[str, ...] = ()
-    told: Calibration | None = field(default=None, repr=False)
     correlation: Correlation | None = None
     diagnosis: Diagnosis | None = None
     log_sha256: str = ""
@@ -238,7 +236,7 @@ def run_test(plan: Plan, test: TestTable) -> Trial:
     step = max(literal(test.every, "s", f"{test.name}, every"), scenario.seconds / MAX_STORED_TIMES)
     times = np.linspace(0.0, scenario.seconds, int(np.ceil(scenario.seconds / step)) + 1)
     foresight = foresee(knowledge, scenario, nodes=points, spread=test.spread, times=times)
-    checks = check_limits(foresight.solution, limits, state=_state(test))
+    checks = check_limits(foresight.solution, limits, state=test.state_without_loads)
     heaters = tuple(
         heater_duty(
             foresight, load, literal(power, "W", f"{test.name}, heaters.{load}"), name=test.name, policy=plan.content.margins.policy
@@ -316,11 +314,6 @@ def sensors_of(plan: Plan, test: TestTable) -> dict[str, tuple[str, Any]]:
     return {s: (ahead + plan.content.sensors[s].node, plan.content.sensors[s]) for s in wanted}
 
 
-def _state(test: TestTable) -> str:
-    """Return the state of reference points whose limits name no loads: operating or non-operating."""
-    return "operating" if test.operating else "non-operating"
-
-
 def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, tuple[str, Any]]) -> Trial:
     """Return a test with its log compared with the model under the logged inputs, or with another simulation (`simulated` of the log).
 
@@ -342,7 +335,9 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
         overlaid = paired(record, other, test.name)
     else:
         base = replace(scenario, start=log.start) if log.start else scenario
-        comparison = compare(trial.known.model, record, scenario=_without_logged_inputs(base, log.boundaries.values(), log.loads.values()))
+        comparison = compare(
+            trial.knowledge.model, record, scenario=_without_logged_inputs(base, log.boundaries.values(), log.loads.values())
+        )
         overlaid = overlays(comparison, test.name)
     excluded = plan.content.exclusions
     left_out = Exclusions({s: r for s, r in excluded.reasons.items() if s in {o.sensor for o in overlaid}}, excluded.cap)
@@ -359,17 +354,16 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
     settled, unsure = stability_in_windows(trial, record, windows, [o.sensor for o in counted])
     steady = any("steady" in plan.criteria[n].kinds for n in test.criteria)
     origin = record.origin
-    find = trial.known.model.canonical
+    find = trial.knowledge.model.canonical
     limits = [replace(x, node=find(x.node)) for x in trial.limits]
     readings = [(find(sensors[o.sensor][0]), o.times, o.measured) for o in counted]
     return replace(
         trial,
-        told=comparison,
         correlation=correlation,
         diagnosis=diagnosis,
         log_sha256=origin.sha256,
         synthetic=origin.synthetic,
-        checks=(*trial.checks, *check_readings(readings, limits, trial.foresight.solution, state=_state(trial.test))),
+        checks=(*trial.checks, *check_readings(readings, limits, trial.foresight.solution, state=test.state_without_loads)),
         not_shown=(*_not_shown(trial, record, counted, windows), *(windows_not_stable(settled) if steady else ())),
         remarks=(
             *trial.remarks,
@@ -459,7 +453,9 @@ def stability_in_windows(
     unsure: dict[str, list[str]] = {}
     for begin, end in windows if sensors else ():
         try:
-            verdict = stability(record, trial.test.stable, sensors, since=begin, at=end, run=trial.foresight.solution, unit=trial.known.at)
+            verdict = stability(
+                record, trial.test.stable, sensors, since=begin, at=end, run=trial.foresight.solution, unit=trial.knowledge.at
+            )
         except RecordError as error:
             unsure.setdefault(f"its steadiness cannot be judged: {error}", []).append(_window_text(begin, end))
             continue

@@ -167,13 +167,9 @@ class ChamberSetup:
 
     def switched(self, base: Scenario, on: Signal) -> dict[str, Any]:
         """Return the commands and loads of the equipment, each multiplied by the signal `on` (0 or 1)."""
-        commands: dict[str, Any] = {}
-        loads: dict[str, Any] = {}
-        for load in self.equipment:
-            kind = "loads" if load in base.loads else "commands"
-            command = getattr(base, kind).get(load, Constant(1.0))
-            (loads if kind == "loads" else commands)[load] = multiplied(command, on)
-        return {"commands": commands, "loads": loads}
+        driven = {load: multiplied(base.loads[load], on) for load in self.equipment if load in base.loads}
+        rest = (load for load in self.equipment if load not in driven)
+        return {"loads": driven, "commands": {load: multiplied(base.commands.get(load, Constant(1.0)), on) for load in rest}}
 
     def leg(self, past: Timeline, after: ChamberConditions, span: float) -> Leg:
         """Return the stretch after a course: the way to the conditions `after` in `span` seconds, or these held where `span` is zero.
@@ -236,11 +232,6 @@ class Leg:
     def nodes(self) -> tuple[str, ...]:
         """Nodes in the order of a state."""
         return self.assembled.reduced.nodes
-
-    @property
-    def capacities(self) -> Array:
-        """Capacitances (nodes,) in the order of a state. [J/K]"""
-        return self.engine.capacities(self.assembled)
 
     def named(self, temperatures: Array, names: tuple[str, ...], times: Array) -> Array:
         """Return temperatures (times, names) of nodes by name, of temperatures (times, nodes) in the order of a state. [K]"""
@@ -399,10 +390,11 @@ def _rule_excess(leg: Leg, wanted: WaitRequest, times: Array, traces: Array) -> 
     of = _trailing_mean(leg.named(traces, wanted.watch, times), times, wanted.average)
     before = np.searchsorted(times, times - wanted.window - 1e-6 * wanted.window)
     is_due = times >= (wanted.window + wanted.average) * (1.0 - 1e-9)
-    spans = np.stack([_peak_to_peak(of, before, k) if is_due[k] else np.full(of.shape[1], np.inf) for k in range(times.size)])
+    never = np.full(of.shape[1], np.inf)
+    spans = np.stack([np.ptp(of[before[k] : k + 1], axis=0) if is_due[k] else never for k in range(times.size)])
     movers = np.argmax(np.where(np.isfinite(spans), spans, -1.0), axis=1)
     if wanted.rule.stored:
-        heat = traces @ leg.capacities
+        heat = traces @ leg.engine.capacities(leg.assembled)
         power = leg.power(traces[-1])
         stored = np.array([abs(heat[k] - heat[before[k]]) / wanted.window if is_due[k] else np.inf for k in range(times.size)])
         excess = stored - wanted.rule.rate * power if power > 0 else np.full(times.size, np.inf)
@@ -428,12 +420,6 @@ def _trailing_mean(of: Array, times: Array, average: float) -> Array:
     out = of.copy()
     out[count:] = (inside[count:] - inside[:-count]) / count
     return out
-
-
-def _peak_to_peak(of: Array, before: NDArray[np.int64], k: int) -> Array:
-    """Return highest less lowest temperature of each node (nodes,) between the outputs ``before[k]`` and k. [K]"""
-    part = of[before[k] : k + 1]
-    return np.asarray(part.max(axis=0) - part.min(axis=0))
 
 
 def _rate_over_window(leg: Leg, wanted: WaitRequest, times: Array, traces: Array, node: str, time: float) -> float:
@@ -596,7 +582,9 @@ def run_profile(
         check_level_order(profile)
     if values:
         model = model.with_values(values, profile.title)
-    limit = float("inf") if chamber_ramp is None else _chamber_ramp(chamber_ramp)
+    limit = float("inf") if chamber_ramp is None else amount(chamber_ramp, "K/s", "chamber_ramp")
+    if limit <= 0.0:
+        raise ScenarioError("the chamber's rate of change must be above zero.", "chamber_ramp", code="value.outside-range")
     bench, start = chamber_setup(model, profile, chamber, equipment, scenario or Scenario(profile.title), options or Options())
     course = _Course(bench, profile, start, nodes_to_watch(bench, watch), base and network_for(bench.model, bench.base).find(base), limit)
     for k, step in enumerate(profile.steps, 1):
@@ -604,19 +592,6 @@ def run_profile(
         if progress is not None:
             progress(k, len(profile.steps), course.plan.times[-1])
     return _as_profile_run(course, every, progress)
-
-
-def _chamber_ramp(ramp: str | float) -> float:
-    """Return the fastest rate of the chamber. [K/s]
-
-    Raises
-    ------
-    ScenarioError   When it is not above zero.
-    """
-    rate = amount(ramp, "K/s", "chamber_ramp")
-    if rate <= 0.0:
-        raise ScenarioError("the chamber's rate of change must be above zero.", "chamber_ramp", code="value.outside-range")
-    return rate
 
 
 class _Course:
@@ -635,8 +610,7 @@ class _Course:
         self.bench, self.profile, self.watch, self.base, self.limit = bench, profile, watch, base, limit
         self.plan = Timeline((0.0,), (start,))
         first = Leg.of_scenario(bench, self.plan.scenario(bench.base, bench, profile.title, tail=1.0), 0.0)
-        self.first = first.engine.started(first.assembled).initial
-        self.state: Array = self.first
+        self.state: Array = first.engine.started(first.assembled).initial
         self.last, self.ran = first, 0.0
         self.phases: list[Phase] = []
         self.rule: StabilityRule | None = rule_of(profile.word("stable", "")) if profile.has("stable") else None
@@ -719,8 +693,7 @@ class _Course:
         """Run on for a time `span` [s]: on the ``way`` to the conditions `after`, or at a ``stay`` under them; a phase is added."""
         leg = self.bench.leg(self.plan, after, span if kind == "way" else 0.0)
         _, final = leg.run(self._state_for(leg), np.array([span]))
-        self._add_phase(step, leg, final, span, kind, "", "", 0.0)
-        self.plan, self.state, self.last, self.ran = self.plan.then(span, after), final, leg, span
+        self._add_phase(step, leg, after, final, span, kind)
 
     def _state_for(self, leg: Leg) -> Array:
         """Return the temperatures reached in the order of a leg's nodes; a joint's gas is a node only while it is pumped out. [K]"""
@@ -751,11 +724,24 @@ class _Course:
         begun = self._state_for(leg)
         reached = wait_until_stable(leg, begun, wanted)
         _, final = leg.run(begun, np.array([reached.after]))
-        self._add_phase(step, leg, final, reached.after, "wait", self.rule.name, reached.slowest, reached.rate)
-        self.plan, self.state, self.last, self.ran = self.plan.then(reached.after, self.now), final, leg, reached.after
+        self._add_phase(step, leg, self.now, final, reached.after, "wait", self.rule.name, reached.slowest, reached.rate)
 
-    def _add_phase(self, step: ProfileStep, leg: Leg, final: Array, span: float, kind: str, rule: str, slowest: str, rate: float) -> None:
-        """Add a phase that ends at the temperatures `final` (nodes,) after `span` seconds, with the node furthest from its steady state."""
+    def _add_phase(
+        self,
+        step: ProfileStep,
+        leg: Leg,
+        after: ChamberConditions,
+        final: Array,
+        span: float,
+        kind: str,
+        rule: str = "",
+        slowest: str = "",
+        rate: float = 0.0,
+    ) -> None:
+        """Add a phase that ends in the conditions `after` at temperatures `final` (nodes,) [K] after `span` seconds, and go on from there.
+
+        It states the node that is furthest from its steady state then. Rule, slowest node and its rate [K/s] are those of a wait.
+        """
         kelvin = leg.named(final[None, :], self.watch, np.array([span]))[0]
         steady = leg.steady(self.watch) if kind != "way" else None
         to_go = {n: steady[n] - float(t) for n, t in zip(self.watch, kelvin, strict=True)} if steady else {}
@@ -779,6 +765,7 @@ class _Course:
                 base,
             )
         )
+        self.plan, self.state, self.last, self.ran = self.plan.then(span, after), final, leg, span
 
 
 def _as_profile_run(course: _Course, every: str | float, progress: Callable[[int, int, float], None] | None) -> ProfileRun:

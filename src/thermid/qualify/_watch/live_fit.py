@@ -8,21 +8,22 @@ Readings count as the residuals show: their scatter, and how many independent on
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
 
 from thermid.base.linear_algebra import Array, covariance
 from thermid.fit.calibration import Bench, Compressed, Experiment, Prior, Unknown, bind, minimise
+from thermid.inference.diagnosis import WATCHED
 from thermid.measure.records import Record
 from thermid.measure.steadiness import MIN_INDEPENDENT_SHARE, StabilityRule, effective_samples
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify._steadiness.forecast import MIN_FORECAST_READINGS, EndForecast, IntervalEstimate
 from thermid.qualify._watch.growing import MIN_NOISE
-from thermid.qualify._watch.suspects import suspect_values
+from thermid.simulation.network import Network
 from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import Options, Traces, kept_for, settle
 
@@ -44,12 +45,62 @@ INSTANTS_AHEAD: Final = 400
 """Instants ahead at which a rule is asked."""
 
 
-class Settled(NamedTuple):
-    """Final state of a channel by the fitted model: temperature now and finally [K], and when the rule holds, or None [s]."""
+@dataclass(frozen=True)
+class SuspectValue:
+    """A value that a fault would change.
 
-    latest: float
-    final: IntervalEstimate
-    holds: float | None
+    Parameters
+    ----------
+    kind : str              joint, air, heat path, power or ambient.
+    whose : str             Path of the conductor, load or boundary.
+    path : str              Path of the value; ``scale.LOAD`` for a power.
+    lower, higher : str     What a lower and a higher value mean, in words.
+    """
+
+    kind: str
+    whose: str
+    path: str
+    lower: str
+    higher: str
+
+
+PATHS: Final = {
+    "htc": "air",
+    "effective_htc": "air",
+    "htc.coefficient": "free air",
+    "contact_conductance": "joint",
+    "conductance": "joint",
+    "resistance": "joint",
+    "conductivity": "heat path",
+}
+"""Field of a conductor -> what it is in the table of causes."""
+
+
+def _suspect(kind: str, whose: str, path: str, falls: bool = False) -> SuspectValue:
+    """Return a value with its words of the table of causes; if `falls`, as for a resistance, lower and higher change places."""
+    cause = WATCHED[kind]
+    words = (cause.higher, cause.lower) if falls else (cause.lower, cause.higher)
+    return SuspectValue("air" if kind == "free air" else kind, whose, path, *words)
+
+
+def unlogged_ambients(network: Network, logged: Collection[str]) -> tuple[SuspectValue, ...]:
+    """Return the temperatures of boundaries without a column in the log; the value of each is a difference to the stated one. [K]"""
+    return tuple(_suspect("ambient", b, b) for b in network.boundaries if b not in logged)
+
+
+def suspect_values(network: Network) -> tuple[SuspectValue, ...]:
+    """Return every value of conductors and loads that a fault would change, each once."""
+    out: dict[str, SuspectValue] = {}
+    parameters = network.flat.parameters
+    for c in network.flat.conductors:
+        name = next((n for n in PATHS if n in c.fields), "")
+        if name:
+            path = parameters.literal_behind(c.fields[name])
+            out.setdefault(path, _suspect(PATHS[name], c.path, path, name == "resistance"))
+    for load in network.flat.loads:
+        if load.node in network.nodes:
+            out.setdefault(f"scale.{load.path}", _suspect("power", load.path, f"scale.{load.path}"))
+    return tuple(out.values())
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -121,29 +172,7 @@ class LiveFit:
         last_fit = self._last[2] if self._last is not None else None
         if last_fit is None or any(np.count_nonzero(record.channel(n).valid) < MIN_FORECAST_READINGS for n in channels):
             return {}
-        return {n: _forecast(n, record, end, rule, within, level) for n, end in last_fit.ends(rule, level).items() if n in channels}
-
-
-def _forecast(name: str, record: Record, end: Settled, rule: StabilityRule, within: float, level: float) -> ModelForecast:
-    """Return the forecast of a channel, declined where its interval is wider than `within` [K]."""
-    final, why = end.final, ""
-    if final.error > within:
-        why = (
-            f"The final temperature could be from {final.low - ICE_POINT:.1f} to {final.high - ICE_POINT:.1f} degC ({100 * level:g} %), "
-            f"wider than the +- {within:.3g} K requested: the readings do not determine the model's values well enough yet. Wait longer."
-        )
-    return ModelForecast(
-        channel=name,
-        start=float(record.times[0]),
-        now=float(record.times[-1]),
-        latest=end.latest,
-        final=final,
-        declined=why,
-        within=within,
-        level=level,
-        rule=rule,
-        holds=end.holds,
-    )
+        return {n: f for n, f in last_fit.ends(rule, within, level).items() if n in channels}
 
 
 class _Fit:
@@ -158,7 +187,8 @@ class _Fit:
         self.bench = Bench.of_experiment(experiment, self.names)
         self.sensors = experiment.observations
         priors = dict(zip(self.names, spread.tolist(), strict=True)) | {
-            f"sensor {o.sensor}": _offset_prior(record, o.sensor) for o in self.sensors
+            f"sensor {o.sensor}": OFFSET_SPREAD if (stated := record.channel(o.sensor).accuracy) is None else max(stated, 1e-3)
+            for o in self.sensors
         }
         self.unknowns = tuple(Unknown(n, "local", (), 0.0, prior=Prior(0.0, sd)) for n, sd in priors.items())
         self.prior = np.array([*priors.values()])
@@ -237,8 +267,8 @@ class _Fit:
             if worth < MIN_INDEPENDENT_SHARE * r.size:
                 self.wander[self.sensors[k].sensor] = max(self.sizes[k] / self.sensors[k].sigma({self.sensors[k].sensor: MIN_NOISE}), 1.0)
 
-    def ends(self, rule: StabilityRule, level: float) -> dict[str, Settled]:
-        """Return sensor -> temperature now and finally with its interval, and the time at which a rule holds.
+    def ends(self, rule: StabilityRule, within: float, level: float) -> dict[str, ModelForecast]:
+        """Return sensor -> forecast of its end, declined where the half-width of its interval exceeds `within` [K].
 
         The variance is s'Cs + (0.03 (end - now))^2 + step^2 / 12 with the sensitivities s of the steady state and the covariance C.
         """
@@ -261,8 +291,24 @@ class _Fit:
             variance = float(slope @ self.inverse @ slope) + (CURVATURE_SHARE_OF_LAWS * (end - now)) ** 2 + self.steps[k] ** 2 / 12.0
             half = _student_half_width(level, self.worth - count) * float(np.sqrt(variance))
             holds = _time_rule_holds(ahead, courses[:, k], rule)
-            at = None if holds is None else float(self.record.times[0]) + holds
-            out[o.sensor] = Settled(now, IntervalEstimate(end, end - half, end + half), at)
+            final, begin = IntervalEstimate(end, end - half, end + half), float(self.record.times[0])
+            wide = (
+                f"The final temperature could be from {final.low - ICE_POINT:.1f} to {final.high - ICE_POINT:.1f} degC "
+                f"({100 * level:g} %), wider than the +- {within:.3g} K requested: the readings do not determine the model's values well "
+                "enough yet. Wait longer."
+            )
+            out[o.sensor] = ModelForecast(
+                channel=o.sensor,
+                start=begin,
+                now=float(self.record.times[-1]),
+                latest=now,
+                final=final,
+                declined=wide if final.error > within else "",
+                within=within,
+                level=level,
+                rule=rule,
+                holds=None if holds is None else begin + holds,
+            )
         return out
 
     def _temperatures_ahead(self, x: Array, last: float) -> tuple[Array, Array]:
@@ -304,12 +350,6 @@ def unknowns_with_priors(experiment: Experiment) -> tuple[tuple[str, ...], Array
         rows[f"initial.{name}"] = (float(first[name]), max(sd, MIN_NOISE), False)
     base, spread, relative = (np.array(column) for column in zip(*rows.values(), strict=True))
     return tuple(rows), base, spread, relative
-
-
-def _offset_prior(record: Record, sensor: str) -> float:
-    """Return the prior standard deviation of a sensor's constant error: its stated accuracy, or `OFFSET_SPREAD`. [K]"""
-    stated = record.channel(sensor).accuracy
-    return OFFSET_SPREAD if stated is None else max(stated, 1e-3)
 
 
 def _student_half_width(level: float, free: float) -> float:

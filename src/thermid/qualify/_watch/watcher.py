@@ -24,7 +24,6 @@ from thermid.measure.records import Channel, Record
 from thermid.model.elements import Constant
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify._watch.columns import roles_of_paths
 from thermid.qualify._watch.growing import (
     FIRST_READINGS,
     MIN_NOISE,
@@ -39,10 +38,16 @@ from thermid.qualify._watch.growing import (
     with_smooth_powers,
     without_spikes,
 )
-from thermid.qualify._watch.live_fit import CAPACITANCE_SPREAD, CONDUCTANCE_SPREAD, unknowns_with_priors
+from thermid.qualify._watch.live_fit import (
+    CAPACITANCE_SPREAD,
+    CONDUCTANCE_SPREAD,
+    SuspectValue,
+    suspect_values,
+    unknowns_with_priors,
+    unlogged_ambients,
+)
 from thermid.qualify._watch.stopping import WAIT, StopAdvice, Stopping
-from thermid.qualify._watch.suspects import SuspectValue, suspect_values, unlogged_ambients
-from thermid.simulation.network import compile_network
+from thermid.simulation.network import Network, compile_network
 from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import Traces, settle
 
@@ -93,9 +98,7 @@ def sensor_alarms(record: Record, names: Sequence[str], changed: Sequence[float]
     names : sequence        Channels.
     changed : sequence      When a known power was switched; a jump just after that is no alarm. [s]
     """
-    channels = [record.channel(name) for name in names]
-    alarms = [_sensor_alarm(c.name, record.times, c.values, c.valid, np.asarray(changed)) for c in channels]
-    return [a for a in alarms if a is not None]
+    return [a for c in map(record.channel, names) if (a := _sensor_alarm(c, record.times, np.asarray(changed))) is not None]
 
 
 def jump_undecided(record: Record, names: Sequence[str]) -> bool:
@@ -120,13 +123,14 @@ def _min_jump(steps: Array) -> float:
     return max(MIN_JUMP_CHANGES * usual, LEAST_JUMP)
 
 
-def _sensor_alarm(name: str, times: Array, kelvin: Array, valid: Bools, changed: Array) -> Alarm | None:
+def _sensor_alarm(channel: Channel, times: Array, changed: Array) -> Alarm | None:
     """Return the alarm of one channel by its readings (samples,), or None: no reading, a jump that stays, or no change."""
+    name, valid = channel.name, channel.valid
     if valid.size >= MISSING_READINGS and not valid[-MISSING_READINGS:].any():
         last = np.flatnonzero(valid)
         since = float(times[last[-1] + 1]) if last.size else float(times[0])
         return Alarm("sensor", name, since, f"no reading since {since:.0f} s", float("inf"))
-    t, y = times[valid], kelvin[valid]
+    t, y = times[valid], channel.values[valid]
     if y.size < 2 * MISSING_READINGS + 2:
         return None
     steps = np.diff(y)
@@ -309,6 +313,15 @@ def _largest_mean(standard: Array) -> float:
     sums = np.concatenate([[0.0], np.cumsum(standard)])
     lengths = 2 ** np.arange(int(np.log2(max(standard.size, 1))) + 1)
     return max((float(np.abs(sums[n:] - sums[:-n]).max()) / n**0.5 for n in lengths if n < sums.size), default=0.0)
+
+
+def roles_of_paths(network: Network) -> dict[str, str]:
+    """Return path -> what a column can be bound to there: node, boundary or load."""
+    return {
+        **dict.fromkeys(network.nodes, "node"),
+        **dict.fromkeys(network.boundaries, "boundary"),
+        **{load.path: "load" for load in network.flat.loads},
+    }
 
 
 @dataclass

@@ -9,7 +9,7 @@ import pytest
 
 from thermid.base.errors import ThermidError
 from thermid.model.deck import load_model
-from thermid.qualify._watch.columns import BoundColumns
+from thermid.qualify._watch.request import BoundColumns
 from unit.fit.estimation.rig import rig
 
 ICE = 273.15
