@@ -40,6 +40,7 @@ _SPELT: Final = {
     "millis": "ms",
     "milliseconds": "ms",
     "millisecond": "ms",
+    "micros": "us",
     "microseconds": "us",
     "nanoseconds": "ns",
     "minute": "min",
@@ -140,7 +141,7 @@ def name_and_unit(header: str) -> tuple[str, str | None]:
         if text.endswith(right) and opening in text[1:]:
             name, _, inner = text[: -len(right)].rpartition(opening)
             if right not in inner and name.strip():
-                return name.strip(" ,/"), spelt(inner)
+                return name.strip(" ,/"), spelt(inner) or None
     for opening, right in _BRACKETS[:2]:
         name, _, rest = text.partition(opening)
         inner, closed, tail = rest.partition(right)

@@ -13,7 +13,7 @@ import numpy as np
 from thermid.base.errors import NameNotFoundError, RecordError, errors_at
 from thermid.base.units import require, unit
 from thermid.measure._readers.columns import find_column, numbers
-from thermid.measure._readers.headers import COUNTED, DATED, MISSING, TIME_NAMES, is_time_name, name_and_unit, plainly
+from thermid.measure._readers.headers import COUNTED, DATED, MISSING, TIME_NAMES, is_time_name, name_and_unit, plainly, spelt
 from thermid.measure._readers.questions import begins_again
 from thermid.measure._readers.textfile import Cells
 from thermid.measure._record.channel import FloatArray
@@ -203,8 +203,13 @@ def _falls_back(cells: Cells, at: int) -> bool:
     return isinstance(counted, np.ndarray) and bool(begins_again(counted).any())
 
 
-MILLISECONDS: Final = ("ms", "millis", "millis()")
-"""Ends of names of columns that count milliseconds."""
+_PARTS_OF_A_SECOND: Final = {"ms": ("milliseconds", 1e-3), "us": ("microseconds", 1e-6), "ns": ("nanoseconds", 1e-9)}
+"""Unit at the end of a time column's name -> the unit in words, and in seconds."""
+
+
+def _unit_of_name(name: str) -> str:
+    """Return the unit that the last word of a time column's name is, such as ``h`` of elapsed_hours; else that word."""
+    return spelt(re.split("[_ ]", name)[-1].lower().removesuffix("()"))
 
 
 def read_times(cells: Cells, clock: Clock, decimal: str, form: str | None, unit_text: str | None, unit_is_given: bool = False) -> Times:
@@ -293,8 +298,9 @@ def _counted(cells: Cells, clock: Clock, parsed: FloatArray, unit_text: str | No
     if unit_text is None:
         _refuse_serial_days(parsed, cells, name)
     values = parsed * factor
-    usual = "milliseconds, by its name" if factor == 1e-3 else "seconds, no unit in the log"
-    kind = unit_text or ("s" if name.lower().endswith(("_s", "seconds")) else usual)
+    word, _ = _PARTS_OF_A_SECOND.get(_unit_of_name(name), ("", 1.0))
+    usual = f"{word}, by its name" if word else "seconds, no unit in the log"
+    kind = unit_text or ("s" if name.lower().endswith(("_s", "seconds")) and not word else usual)
     return Times(values, cells.start, _questioned(values, cells, name, unit_text, unit_is_given), kind)
 
 
@@ -321,15 +327,15 @@ def _questioned(times: FloatArray, cells: Cells, name: str, unit_text: str | Non
 def _factor(cells: Cells, name: str, unit_text: str | None) -> float:
     """Return the seconds in one step of the time column's unit."""
     if unit_text is None:
-        tail = name.rpartition("_")[2] if "_" in name else name
-        if tail in ("min", "h"):
+        tail = _unit_of_name(name)
+        if tail in ("min", "h", "d"):
             raise RecordError(
-                f"its name ends in '{tail}', but without a unit it is read in seconds. Give units={{'{name}': '{tail}'}} or 's', or "
-                f"write the unit into the header: '{name} [{tail}]'.",
+                f"its name ends in a unit, '{tail}', but without one in the header it is read in seconds. Give "
+                f"units={{'{name}': '{tail}'}} or 's', or write the unit into the header: '{name} [{tail}]'.",
                 cells.where(None, name),
                 code="record.time-unclear",
             )
-        return 1e-3 if tail.lower() in MILLISECONDS else 1.0
+        return _PARTS_OF_A_SECOND.get(tail, ("", 1.0))[1]
     with errors_at(cells.where(None, name)):
         of = unit(unit_text)
         require(of.dimension, "s", unit_text, of.absolute)

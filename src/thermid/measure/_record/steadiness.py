@@ -60,11 +60,6 @@ class StabilityRule:
     mark: str
     stored: bool = False
 
-    @property
-    def change(self) -> float:
-        """Change that the window allows; zero for a rule without a window. [K]"""
-        return 0.0 if self.stored else self.rate * self.window
-
     def __str__(self) -> str:
         """The rule with its source and mark."""
         return f"{self.name} ({self.source}; {self.mark})"
@@ -85,10 +80,11 @@ RULES: Final[Mapping[str, StabilityRule]] = {
 }
 """Rules by name."""
 
+_DIGITS = r"\d+\.?\d*|\.\d+"
 _RATE = re.compile(
-    r"(?P<size>[\d.]+(?:e-?\d+)?)\s*(?:C|K|degC)\s*(?P<per>/\s*h|/\s*min)?(?:\s+over\s+(?P<span>[\d.]+)\s*(?P<unit>h|min))?\Z"
+    rf"(?P<size>(?:{_DIGITS})(?:e-?\d+)?)\s*(?:C|K|degC)\s*(?P<per>/\s*h|/\s*min)?(?:\s+over\s+(?P<span>{_DIGITS})\s*(?P<unit>h|min))?\Z"
 )
-_STORED = re.compile(r"stored\s+(?P<share>[\d.]+)\s*%\Z")
+_STORED = re.compile(rf"stored\s+(?P<share>{_DIGITS})\s*%\Z")
 
 
 def rule_of(rule: str | StabilityRule) -> StabilityRule:
