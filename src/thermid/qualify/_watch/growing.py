@@ -19,7 +19,7 @@ from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError
 from thermid.base.files import COPY, scratch, write_bytes
 from thermid.base.linear_algebra import Array, Bools
 from thermid.measure.readers import UNFINISHED, is_bench_log
-from thermid.measure.records import Channel, Record, usual_step
+from thermid.measure.records import DRIVING_ROLES, Channel, Record, usual_step
 from thermid.model.elements import TableSignal
 from thermid.simulation.runs import Scenario
 
@@ -235,7 +235,7 @@ def after_gaps_left_out(record: Record) -> Record:
 
     During the gap the inputs are not known, so the model's temperatures after it are not either.
     """
-    if not any(c.role in ("boundary", "load", "command", "prescribed") for c in record.channels.values()):
+    if not any(c.role in DRIVING_ROLES for c in record.channels.values()):
         return record
     lengths, wide = np.diff(record.times), np.zeros(record.times.size, dtype=bool)
     for k in np.flatnonzero(lengths > min_gap(record)):
