@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, errors_at, refuse_unknown
 from thermid.base.expression import amount
-from thermid.base.units import DIMENSIONLESS, describe, require, unit
+from thermid.base.units import DIMENSIONLESS, TEMPERATURE, describe, require, unit
 from thermid.measure._readers.headers import LETTERED
 from thermid.measure._readers.power_of_columns import POWER_KEYS
 from thermid.measure._record.channel import INTERPOLATIONS, ROLES, SAMPLES, SI_UNITS, Role
