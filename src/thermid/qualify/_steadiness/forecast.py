@@ -196,9 +196,9 @@ class Forecast(EndForecast, Result):
         return "\n".join(lines)
 
     def _as_rows(self) -> list[Row]:
-        """Return the final temperature with its interval. [degC]"""
-        e = self.final
-        return [{"channel": self.channel, "final_C": e.value - ICE_POINT, "low_C": e.low - ICE_POINT, "high_C": e.high - ICE_POINT}]
+        """Return the final temperature, None where it is declined, with its interval. [degC]"""
+        e, final = self.final, None if self.declined else self.final.value - ICE_POINT
+        return [{"channel": self.channel, "final_C": final, "low_C": e.low - ICE_POINT, "high_C": e.high - ICE_POINT}]
 
 
 def with_rounding(mixture: Mixture, step: float) -> Mixture:
