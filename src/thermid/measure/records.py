@@ -1,7 +1,6 @@
 """Records of measured readings and their channels."""
 
 from thermid.measure._record.channel import (
-    DRIVING_ROLES as DRIVING_ROLES,
     ROLES as ROLES,
     SENSOR_FAULT_CODES as SENSOR_FAULT_CODES,
     BoolArray as BoolArray,

@@ -42,9 +42,8 @@ def deliver(
 ) -> Path:
     """Write a delivery folder and return its ``checks.json``.
 
-    The folder holds ``full/`` (the model with its submodels as decks, values laid in), ``values/``, ``scenarios/`` and, where `nodes` or
-    `within` asks for one, ``reduced/``. ``checks.json`` has the version, hashes of the files, the temperatures that runs must give, and the
-    deviations of the reduced model. Everything is loaded and run again from the folder before this returns.
+    The folder holds ``full/`` (the model with its submodels, values laid in), ``values/``, ``scenarios/`` and, with `nodes` or `within`,
+    ``reduced/``; ``checks.json`` the hashes, temperatures and deviations. All is run again from the folder before this returns.
 
     Parameters
     ----------

@@ -195,7 +195,7 @@ class Qualification(Result):
 
 
 def _margin_as_dict(m: Margin) -> dict[str, Any]:
-    """Return a margin as plain numbers for JSON: [degC], [K], [s], as the ends of keys say."""
+    """Return a margin as a dictionary for JSON: temperatures [degC], margins and uncertainties [K], time [s], as keys say."""
     celsius = {"predicted_C": m.predicted - 273.15, "limit_C": m.limit - 273.15}
     sizes = {"uncertainty_K": m.uncertainty, "acceptance_K": m.policy.acceptance.value, "qualification_K": m.policy.qualification.value}
     flat = {"flat_K": m.flat.value, "flat_left_K": m.flat_left, "bought_K": m.bought}
@@ -283,11 +283,12 @@ def service_tests(trials: Sequence[Trial]) -> list[Trial]:
 
 def _margins_of(plan: Plan, t: Trial, every: Sequence[Assumption]) -> tuple[Margin, ...]:
     """Return the margins of every reference point on either side in one test."""
-    name, policy = t.test.name, plan.content.margins
+    name, policy, find = t.test.name, plan.content.margins, t.knowledge.model.canonical
+    spread = [f"scale.{find(n.removeprefix('scale.'))}" if n.startswith("scale.") else find(n) for n in t.test.spread]
     states = {name: t.test.state_without_loads}
     more = margins({name: t.expected}, t.limits, policy.policy, tested=policy.balance_tested, states=states)
     mark = "read" if t.course is None or t.course.decides else "memory"
-    moved = {x.point: assumed_half_width(every, x.point, t.test.name, _spread_names(t)) for x in t.limits}
+    moved = {x.point: assumed_half_width(every, x.point, t.test.name, spread) for x in t.limits}
     return tuple(replace(m, course_mark=mark, assumed=moved[m.point], not_counted=_not_counted(t, m, moved[m.point])) for m in more)
 
 
@@ -299,12 +300,6 @@ def _tightest_margins(plan: Plan, cases: Sequence[Sequence[Margin]]) -> tuple[Ma
             candidates = [m for case in cases for m in case if (m.point, m.side) == (one.point, side)]
             out += sorted(candidates, key=lambda m: m.with_assumed)[:1]
     return tuple(out)
-
-
-def _spread_names(t: Trial) -> list[str]:
-    """Return the names that a test spreads as the model knows them; ``scale.LOAD`` for the power of a load."""
-    find = t.knowledge.model.canonical
-    return [f"scale.{find(n.removeprefix('scale.'))}" if n.startswith("scale.") else find(n) for n in t.test.spread]
 
 
 def _not_counted(t: Trial, m: Margin, moved: float) -> tuple[str, ...]:

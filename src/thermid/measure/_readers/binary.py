@@ -276,9 +276,7 @@ def _flattened(name: str, value: Any) -> Vectors:
         return {}
     if value.ndim == 1:
         return {name: (value, "")}
-    if value.ndim == 2:
-        return {f"{name}_{k + 1}": (value[:, k], "") for k in range(value.shape[1])}
-    return {}
+    return {f"{name}_{k + 1}": (value[:, k], "") for k in range(value.shape[1])} if value.ndim == 2 else {}
 
 
 def _label(fields: Any) -> str:

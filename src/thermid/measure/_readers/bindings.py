@@ -84,12 +84,7 @@ def bindings(channels: Mapping[str, object], extra: Mapping[str, Mapping[str, st
 
 
 def _one(key: str, written: object, where: str) -> Binding:
-    """Return one binding, from a column name or a table.
-
-    Raises
-    ------
-    RecordError   When a key is unknown, of a wrong kind, or does not apply to the role.
-    """
+    """Return one binding, from a column name or a table; refuse keys that are unknown, of a wrong kind, or not for its role."""
     if isinstance(written, str):
         return Binding(key, written, target=key)
     if not isinstance(written, Mapping):
@@ -193,7 +188,7 @@ _DUTY: Final = re.compile(r"pct|percent|per_cent|duty|pwm|%", re.IGNORECASE)
 
 
 def _refuse_by_name(binding: Binding, role: Role | None, where: str) -> None:
-    """Refuse a column without a unit whose name states another one than the usual one of its role: per cent, F or K.
+    """Refuse a column without a unit whose name states another unit than the usual one of its role: per cent, F or K.
 
     Raises
     ------

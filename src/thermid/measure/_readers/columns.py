@@ -62,8 +62,7 @@ def decimal_sign(cells: Cells, wanted: str | None) -> str:
     first_of_sign: dict[str, tuple[str, int]] = {}
     for column in cells.columns:
         for sign in {",", "."} - set(first_of_sign):
-            hits = ((cell, cells.lines[row]) for row, cell in enumerate(column) if sign in cell and _FRACTION.match(cell))
-            first = next(hits, None)
+            first = next(((cell, cells.lines[row]) for row, cell in enumerate(column) if sign in cell and _FRACTION.match(cell)), None)
             if first is not None:
                 first_of_sign[sign] = first
     if len(first_of_sign) == 2:

@@ -69,7 +69,7 @@ class Explanation:
         return 1.0 - np.exp(-length * np.array([0.1, 0.3, 1.0])[:, None] / self.constants)
 
     def begun(self, shares: FloatArray, length: float) -> float:
-        """Return when the responses, weighted by `shares`, have risen by 3 % of what they rise within `length`; zero without any. [s]"""
+        """Return when sum_k shares_k (1 - exp(-t / constant_k)) reaches 3 % of its largest value up to `length`; zero without any. [s]"""
         if not self.constants.size:
             return 0.0
         times = np.geomspace(1e-4, 1.0, 200) * length
@@ -249,15 +249,11 @@ def _ways(effect: LogCourse, cause: LogCourse) -> list[Explanation]:
     return [cause.responses(fine, count, max(effect.times[-1], cause.times[-1])) for count in RESPONSES]
 
 
-def _lowest(effect: LogCourse, responses: Explanation, offsets: FloatArray) -> float:
-    """Return the offset of several [s] that leaves the least unexplained."""
-    return float(offsets[int(np.argmin([_part_unexplained(effect, responses, o) for o in offsets]))])
-
-
 def _refined_offset(effect: LogCourse, responses: Explanation, best: float, spacing: float, step: float) -> float:
     """Return the offset that leaves least, looked for within four spacings of `best` in finer and finer steps. [s]"""
     for _ in range(FINER):
-        best = _lowest(effect, responses, best + np.linspace(-4.0, 4.0, 33) * spacing)
+        tried = best + np.linspace(-4.0, 4.0, 33) * spacing
+        best = float(tried[int(np.argmin([_part_unexplained(effect, responses, o) for o in tried]))])
         spacing /= 8.0
         if spacing < 0.05 * step:
             break
@@ -265,7 +261,7 @@ def _refined_offset(effect: LogCourse, responses: Explanation, best: float, spac
 
 
 def _part_unexplained(effect: LogCourse, responses: Explanation, offset: float) -> float:
-    """Return the share of the squares of one course that the other one, later by an offset [s], leaves; 1 where it explains nothing."""
+    """Return the sum of squared residuals with the other course, later by an offset [s], over that without it; 1 where it explains none."""
     return _compare_at(effect, responses, offset)[0]
 
 
@@ -276,7 +272,7 @@ def _information(seen: LogCourse, made: Explanation, offset: float) -> float:
 
 
 def _compare_at(seen: LogCourse, made: Explanation, offset: float) -> tuple[float, int]:
-    """Return the share of the squares that the other course leaves at an offset [s], and of how many readings."""
+    """Return the sum of squared residuals with the other course over that without it, at an offset [s], and the number of readings."""
     rows, target = _rows(seen, made, offset)
     own = rows.shape[1] - made.columns.shape[1]
     if target.size < 4 * rows.shape[1] or float(np.ptp(rows[:, own])) == 0.0:
@@ -291,7 +287,7 @@ def _compare_at(seen: LogCourse, made: Explanation, offset: float) -> tuple[floa
 def _rows(effect: LogCourse, responses: Explanation, offset: float) -> tuple[FloatArray, FloatArray]:
     """Return the terms (readings, terms) of the linear model at an offset [s], and the readings that they explain (readings,).
 
-    The terms are a constant, a drift or decays of earlier heat, and the other course.
+    The terms are 1, the time or decays exp(-t / constant) of earlier heat, and the other course shifted by the offset.
     """
     thin = slice(None, None, max(1, effect.times.size // MAX_COMPARED_READINGS))
     times, target = effect.times[thin], effect.values[thin]
@@ -307,7 +303,13 @@ def _rows(effect: LogCourse, responses: Explanation, offset: float) -> tuple[Flo
 
 
 def _solved(rows: FloatArray, target: FloatArray) -> tuple[float, FloatArray]:
-    """Return the squares that a linear model leaves, and the coefficients of its terms (terms,)."""
+    """Fit x by least squares, rows x = target; return the sum of squared residuals, and x (terms,).
+
+    Parameters
+    ----------
+    rows : array (readings, terms)      Terms of the linear model.
+    target : array (readings,)          Readings that it explains.
+    """
     scale = np.linalg.norm(rows, axis=0)
     scale[scale == 0.0] = 1.0
     shares = np.linalg.lstsq(rows / scale, target, rcond=None)[0] / scale

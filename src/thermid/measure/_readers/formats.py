@@ -449,7 +449,15 @@ def with_units_of_cells(cells: Cells) -> Cells:
 
 
 def _without_units(cells: Cells, at: int) -> tuple[str, tuple[str, ...]] | None:
-    """Return the header and the cells of a column whose cells carry units; None where the first one's is no unit."""
+    """Return the header with a unit, and the cells of a column without theirs; None where its first cell has no known unit.
+
+    Numbers in other units of the same dimension are converted to that of the first cell, as mW to W.
+
+    Raises
+    ------
+    RecordError   When a later cell has no unit, or one of another dimension.
+    UnitError     When a later cell's unit is not known.
+    """
     out, text = [], ""
     name = cells.header[at]
     for row, cell in enumerate(cells.columns[at]):

@@ -213,8 +213,8 @@ def _falls_back(cells: Cells, at: int) -> bool:
     return isinstance(counted, np.ndarray) and bool(begins_again(counted).any())
 
 
-_PARTS_OF_A_SECOND: Final = {"ms": ("milliseconds", 1e-3), "us": ("microseconds", 1e-6), "ns": ("nanoseconds", 1e-9)}
-"""Unit at the end of a time column's name -> the unit in words, and in seconds."""
+_PARTS_OF_A_SECOND: Final = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
+"""Unit at the end of a time column's name by which its numbers are read -> the unit in words."""
 
 
 def _unit_of_name(name: str) -> str:
@@ -313,7 +313,7 @@ def _counted(cells: Cells, clock: Clock, parsed: FloatArray, unit_text: str | No
     if unit_text is None:
         _refuse_serial_days(parsed, cells, name)
     values = parsed * factor
-    word, _ = _PARTS_OF_A_SECOND.get(_unit_of_name(name), ("", 1.0))
+    word = _PARTS_OF_A_SECOND.get(_unit_of_name(name), "")
     usual = f"{word}, by its name" if word else "seconds, no unit in the log"
     kind = unit_text or ("s" if name.lower().endswith(("_s", "seconds")) and not word else usual)
     return Times(values, cells.start, _questioned(values, cells, name, unit_text, unit_is_given), kind)
@@ -361,7 +361,7 @@ def _factor(cells: Cells, name: str, unit_text: str | None) -> float:
                 cells.where(None, name),
                 code="record.time-unclear",
             )
-        return _PARTS_OF_A_SECOND.get(tail, ("", 1.0))[1]
+        return float(unit(tail).factor) if tail in _PARTS_OF_A_SECOND else 1.0
     with errors_at(cells.where(None, name)):
         of = unit(unit_text)
         require(of.dimension, "s", unit_text, of.absolute)

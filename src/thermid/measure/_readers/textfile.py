@@ -589,12 +589,7 @@ def merged(
         values: Mapping[float, str] = dict(zip(channel_series.times, channel_series.texts, strict=True))
         columns.append(tuple(values.get(t, "") for t in axis))
     header = (time, *(channel_series.name for channel_series in series))
-    return Cells(file, header, columns, [rows[t][1] for t in axis], notes, time=_bare(time), start=start, layout=layout)
-
-
-def _bare(time: str) -> str:
-    """Return a header without its unit in brackets."""
-    return time.partition(" [")[0]
+    return Cells(file, header, columns, [rows[t][1] for t in axis], notes, time=time.partition(" [")[0], start=start, layout=layout)
 
 
 def text_of(value: object) -> str:

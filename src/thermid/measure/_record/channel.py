@@ -49,7 +49,6 @@ ROLES: Final = {
     "prescribed": Role("temperature", TEMPERATURE, "degC", drives=True),
 }
 """Role, a key in the table of a channel -> what it is. A channel without one is 'auto': the model decides by the name of its target."""
-DRIVING_ROLES: Final = frozenset(name for name, role in ROLES.items() if role.drives)
 HELD: Final = frozenset({"power", "command"})
 """Quantities that keep their value until the next sample (zero-order hold); all others run straight from sample to sample."""
 
@@ -271,6 +270,11 @@ class Channel(Shown):
         return {reason: int(np.count_nonzero(mask)) for reason, mask in self.masks.items()}
 
     @property
+    def drives(self) -> bool:
+        """Whether its role makes it an input of the model; not so of a channel without a role."""
+        return self.role in ROLES and ROLES[self.role].drives
+
+    @property
     def held(self) -> bool:
         """Whether a sample holds until the next one: by `interpolation`, else true of powers and commands."""
         return self.quantity in HELD if not self.interpolation else self.interpolation == "previous"
@@ -391,9 +395,7 @@ def even_step(times: FloatArray) -> float | None:
 
 def gap_limit(times: FloatArray, valid: BoolArray, step: float, max_gap: str | float | None) -> float:
     """Return the longest interval bridged: `max_gap`, or five times the 90 % quantile of valid intervals, at least two steps. [s]"""
-    if max_gap is not None:
-        return positive_seconds(max_gap, "max_gap")
-    return max(gap_from(times[valid]), 2.0 * step)
+    return positive_seconds(max_gap, "max_gap") if max_gap is not None else max(gap_from(times[valid]), 2.0 * step)
 
 
 class SampleTable(NamedTuple):

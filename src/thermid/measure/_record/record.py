@@ -24,7 +24,6 @@ from thermid.base.results import PlottedTrace, Result, Row
 from thermid.base.units import TEMPERATURE, counted, format_value, from_si, in_si, unit
 from thermid.measure._record import windows
 from thermid.measure._record.channel import (
-    DRIVING_ROLES,
     ROLES,
     BoolArray,
     Channel,
@@ -468,7 +467,7 @@ class Record(Samples, Result):
                       or the record has an unknown clock already.
         """
         chosen = [n for n, c in self.channels.items() if c.role in ("load", "command")] if channels is None else list(channels)
-        compared = [n for n in chosen if self.channel(n).role not in DRIVING_ROLES]
+        compared = [n for n in chosen if not self.channel(n).drives]
         if compared or not chosen:
             what = f"'{compared[0]}' is no load, command or boundary" if compared else "the record has no load or command"
             raise RecordError(

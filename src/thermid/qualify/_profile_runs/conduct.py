@@ -247,10 +247,6 @@ class Leg:
         powers = self.engine.powers(self.assembled, np.ascontiguousarray([[*state, *outer]]), now)
         return float(sum(abs(p[0]) for p in powers.values()))
 
-    def chamber_at(self, time: float) -> float:
-        """Return the temperature of the chamber at a time from the beginning of the leg. [K]"""
-        return float(self.wiring.boundary(self.bench.chamber[0], np.array([self.begin + time]), self.assembled.offsets)[0])
-
     def steady(self, names: tuple[str, ...]) -> Mapping[str, float] | None:
         """Return node -> steady temperature under the conditions of the leg; None where there is none or the model has memory. [K]"""
         if self.bench.memory:
@@ -470,13 +466,7 @@ def chamber_setup(
 ) -> tuple[ChamberSetup, ChamberConditions]:
     """Return the model in its chamber, and the conditions at the start.
 
-    Parameters
-    ----------
-    model, profile : Model, ThermalProfile
-    chamber : str or sequence       Boundaries that are the chamber; the only one by default.
-    equipment : sequence or None    Loads that power switches; None for all without a controller of their own.
-    base : Scenario                 Inputs that the profile does not give.
-    options : Options               Of the integrator.
+    Arguments are those of `run_profile`; `base` is the scenario with the inputs that the profile does not give.
 
     Raises
     ------
@@ -566,8 +556,7 @@ def run_profile(
     every : str or float            Interval of the stored samples. [s]
     options : Options               Of the integrator.
     progress : callable             Called after each step with its number, the number of steps and the time reached [s]; after the last
-                                    also
-                                    with each pass of the humidity's balance. An exception of it ends the run.
+                                    also with each pass of the humidity's balance. An exception of it ends the run.
 
     Returns
     -------
@@ -746,7 +735,6 @@ class _Course:
         steady = leg.steady(self.watch) if kind != "way" else None
         to_go = {n: steady[n] - float(t) for n, t in zip(self.watch, kelvin, strict=True)} if steady else {}
         furthest = max(to_go, key=lambda n: abs(to_go[n])) if to_go else ""
-        chamber = self.now.chamber if kind != "way" else leg.chamber_at(span)
         base = float(leg.named(final[None, :], (self.base,), np.array([span]))[0, 0]) if self.base else None
         self.phases.append(
             Phase(
@@ -756,7 +744,7 @@ class _Course:
                 self.plan.times[-1],
                 span,
                 self.now.power if step.power is None else step.power,
-                chamber,
+                after.chamber,
                 rule,
                 slowest,
                 rate,

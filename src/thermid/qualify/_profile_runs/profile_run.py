@@ -20,32 +20,52 @@ class WetSurface(Protocol):
     """Water on one surface: times (n,) [s], margin to the dew point (n,) [K], film (n,) [kg/m^2], times condensing and wet [s]."""
 
     @property
-    def surface(self) -> str: ...
+    def surface(self) -> str:
+        """Name of the surface."""
+
     @property
-    def gas(self) -> str: ...
+    def gas(self) -> str:
+        """Gas above it."""
+
     @property
-    def times(self) -> Array: ...
+    def times(self) -> Array:
+        """Times (n,). [s]"""
+
     @property
-    def margin(self) -> Array: ...
+    def margin(self) -> Array:
+        """Temperature of the surface less the dew point (n,). [K]"""
+
     @property
-    def film(self) -> Array: ...
+    def film(self) -> Array:
+        """Water on it (n,). [kg/m^2]"""
+
     @property
-    def condensing(self) -> float: ...
+    def condensing(self) -> float:
+        """Time during which water condenses. [s]"""
+
     @property
-    def wet(self) -> float: ...
+    def wet(self) -> float:
+        """Time during which it is wet. [s]"""
 
 
 class SettledWater(Protocol):
     """Moisture along a run, as the optional room of sites computes it."""
 
     @property
-    def surfaces(self) -> Mapping[str, WetSurface]: ...
+    def surfaces(self) -> Mapping[str, WetSurface]:
+        """Name of a surface -> the water on it."""
+
     @property
-    def dew_points(self) -> Mapping[str, Array]: ...
+    def dew_points(self) -> Mapping[str, Array]:
+        """Gas -> its dew point (n,). [K]"""
+
     @property
-    def solution(self) -> Solution: ...
+    def solution(self) -> Solution:
+        """The run, with the heat of condensation and evaporation."""
+
     @property
-    def warnings(self) -> tuple[str, ...]: ...
+    def warnings(self) -> tuple[str, ...]:
+        """Remarks, in words."""
 
 
 @dataclass(frozen=True)

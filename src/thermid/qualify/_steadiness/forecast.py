@@ -11,9 +11,10 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import RecordError, ScenarioError
 from thermid.base.expression import amount
+from thermid.base.linear_algebra import Bools
 from thermid.base.results import Result, Row
 from thermid.measure.amounts import duration_text, positive_seconds, short
-from thermid.measure.records import BoolArray, FloatArray, Record, stretch, within_log
+from thermid.measure.records import FloatArray, Record, stretch, within_log
 from thermid.measure.steadiness import StabilityRule, rule_of
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
@@ -310,7 +311,7 @@ def forecast(
     )
 
 
-def _readings(record: Record, name: str, inside: BoolArray, level: float) -> tuple[FloatArray, FloatArray]:
+def _readings(record: Record, name: str, inside: Bools, level: float) -> tuple[FloatArray, FloatArray]:
     """Return times and valid readings of a temperature in a stretch. [s], [K]
 
     Raises

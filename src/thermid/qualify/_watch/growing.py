@@ -19,7 +19,7 @@ from thermid.base.errors import MissingDataError, NameNotFoundError, RecordError
 from thermid.base.files import COPY, scratch, write_bytes
 from thermid.base.linear_algebra import Array, Bools
 from thermid.measure.readers import UNFINISHED, is_bench_log
-from thermid.measure.records import DRIVING_ROLES, Channel, Record, usual_step
+from thermid.measure.records import Channel, Record, usual_step
 from thermid.model.elements import TableSignal
 from thermid.simulation.runs import Scenario
 
@@ -102,7 +102,11 @@ def plateau_starts(record: Record, plan: Scenario | None) -> Array:
 
 
 def with_block_means(record: Record, raw: float = RAW_TIME, block: float = 0.0) -> Record:
-    """Return a record with old readings averaged over blocks, as the module says; the record itself where none are.
+    """Return a record with old readings averaged over blocks; the record itself where none are.
+
+    Readings of the last `raw` seconds stay. Up to `RECENT_TIME` ago they are averaged over `MAX_BLOCK` at most, before that over 1/250 of
+    the
+    time since a power last changed, so that rows grow with the logarithm of the duration.
 
     Parameters
     ----------
@@ -132,18 +136,21 @@ def _raw_step(record: Record) -> float:
 
 
 def _block_starts(since: Array, changed: Array, alone: Bools, step: float, raw: float, block: float) -> Places:
-    """Return the indices of samples that begin a block, or stay alone.
+    """Return the indices of samples (blocks,) at which a block of averaged readings begins; a reading that stays alone is a block.
 
     Parameters
     ----------
     since, changed : array (samples,)   Time since the beginning, and since a power last changed. [s]
-    alone : array (samples,)            Samples that are not averaged with others.
+    alone : array (samples,)            Whether a sample must not be averaged with others.
     step : float                        Interval of the readings. [s]
     raw, block : float                  As of `with_block_means`. [s]
     """
     age, every = since[-1] - since, np.arange(since.size)
     wide = np.floor(ROWS_PER_E_FOLD * np.log1p(changed / (ROWS_PER_E_FOLD * max(step, MAX_BLOCK))))
-    middle, short = (_block_numbers(since, size, step) for size in (MEAN_WINDOW, max(block, _block_length(float(since[-1])))))
+    middle, short = (  # the number of the block that each sample lies in; its own where readings come no faster than blocks
+        np.floor(since / size + 1e-9) if step < size else np.arange(since.size, dtype=float)
+        for size in (MEAN_WINDOW, max(block, _block_length(float(since[-1]))))
+    )
     out, done = [], 0
     for place, far in ((wide, RECENT_TIME), (middle, RECENT_TIME), (short, max(raw, MIN_READINGS * step) if raw else -1.0)):
         firsts = np.flatnonzero((np.diff(place, prepend=-1.0) != 0.0) | alone)
@@ -152,11 +159,6 @@ def _block_starts(since: Array, changed: Array, alone: Bools, step: float, raw: 
             out.append(np.union1d(done, firsts[(firsts > done) & (firsts < end)]))
             done = end
     return np.concatenate([*out, every[done:]])
-
-
-def _block_numbers(since: Array, size: float, step: float) -> Array:
-    """Return the number of the block of length `size` [s] that each sample lies in; its own where readings come no faster than that."""
-    return np.floor(since / size + 1e-9) if step < size else np.arange(since.size, dtype=float)
 
 
 def _block_length(duration: float) -> float:
@@ -235,7 +237,7 @@ def after_gaps_left_out(record: Record) -> Record:
 
     During the gap the inputs are not known, so the model's temperatures after it are not either.
     """
-    if not any(c.role in DRIVING_ROLES for c in record.channels.values()):
+    if not any(c.drives for c in record.channels.values()):
         return record
     lengths, wide = np.diff(record.times), np.zeros(record.times.size, dtype=bool)
     for k in np.flatnonzero(lengths > min_gap(record)):

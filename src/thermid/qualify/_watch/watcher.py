@@ -602,8 +602,11 @@ class _Window:
         moved = np.array([values.get(n, 0.0) for n in names])
         x = np.where(relative[keep], base[keep] * np.exp(moved), base[keep] + moved)
         bias = np.array([values.get(f"sensor {o.sensor}", 0.0) for o in experiment.observations])
+        boundaries = experiment.scenario.boundaries
         ambients = unlogged_ambients(experiment.network, {c.target or c.name for c in record.channels.values()})
-        names, x = (*names, *(a.path for a in ambients)), np.append(x, [_free_value(experiment, a.path) for a in ambients])
+        # the free value of an ambient is its temperature where that is constant, else what is added to it [K]
+        free_ambients = [s.value if isinstance(s := boundaries[a.path], Constant) else 0.0 for a in ambients]
+        names, x = (*names, *(a.path for a in ambients)), np.append(x, free_ambients)
         bench = Bench.of_experiment(experiment, names)
         massive = [n for n, c in experiment.network.numbers().capacitances.items() if c is not None]
         noises = [ProcessNoise(n, "node", WIENER, driven, False) for n in massive]
@@ -690,12 +693,6 @@ class _Window:
             )
         s = next(s for s in self.suspects if s.path == way)
         return Alarm(s.kind, s.whose, since, s.lower if share < 0 else s.higher, gain)
-
-
-def _free_value(experiment: Experiment, boundary: str) -> float:
-    """Return the free value of a boundary: its temperature where that is constant, else zero, which is added to it. [K]"""
-    signal = experiment.scenario.boundaries[boundary]
-    return signal.value if isinstance(signal, Constant) else 0.0
 
 
 def _noise_by_powers(experiment: Experiment, node: str) -> float:
