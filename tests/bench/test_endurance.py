@@ -166,7 +166,7 @@ def test_no_damaged_stream_is_believed(count: int, tmp_path: Path) -> None:
         for piece in damaged(data, rng).split(b"\n"):
             for at in range(0, len(piece) + 1, MAX_GARBAGE_BYTES):
                 part = piece[at : at + MAX_GARBAGE_BYTES]
-                line = log._take(part + b"\n")
+                line = log._store_line(part + b"\n")
                 if line is not None:
                     assert part.decode("latin-1").rstrip("\r") in known
                     believed += 1
@@ -189,7 +189,7 @@ def test_no_damaged_log_is_believed(count: int, tmp_path: Path) -> None:
     log = Logger(path, lambda: "none", sync=False, clock=lambda: now[0], wall=lambda: 1.7e9 + now[0])
     for line in lines:
         now[0] = parse_line(line).ms / 1000.0 + 0.01 + 1e-5 * len(line)
-        log._take(line.encode() + b"\n")
+        log._store_line(line.encode() + b"\n")
     log.store.close()
     names = {"a": board.roms[0], "b": board.roms[1]}
     whole = td.read_record(path, names)

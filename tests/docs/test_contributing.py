@@ -121,7 +121,9 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     formats = folder / "src" / "thermid" / "measure" / "_readers" / "formats.py"
     source = formats.read_text(encoding="utf-8")
     formats.write_text(added(source, "reader", "FORMATS: Final = (", "FORMATS: Final", '    Format("serial capture"'), encoding="utf-8")
-    for name in ("metric", "reader"):
+    channel = folder / "src" / "thermid" / "measure" / "_record" / "channel.py"
+    channel.write_text(lengthened(channel.read_text(encoding="utf-8"), "ROLES: Final", EXAMPLE["role-row"]), encoding="utf-8")
+    for name in ("metric", "reader", "role"):
         (folder / f"test_{name}.py").write_text(EXAMPLE[f"{name}-test"], encoding="utf-8")
     (folder / "plate.toml").write_text(DECK, encoding="utf-8")
     (folder / "empty.ini").write_text("[pytest]\nfilterwarnings = error\n", encoding="utf-8")
@@ -146,7 +148,7 @@ def test_the_new_kind_is_simulated_and_fitted(copy: Path) -> None:
     assert "count" in found["refusal"]
 
 
-RECIPES = ("test_bolts.py", "test_metric.py", "test_reader.py")
+RECIPES = ("test_bolts.py", "test_metric.py", "test_reader.py", "test_role.py")
 KINDS_WALKED = (
     "test_silent_wrongs.py::test_a_lead_and_every_other_kind_is_drawn",
     "model/test_elements.py::test_every_kind_has_a_case",
@@ -191,7 +193,7 @@ def unchanged(copy: Path) -> dict[str, set[str]]:
 
 
 def test_the_tests_of_the_recipes_pass_with_them_and_fail_without(with_them: dict[str, set[str]], without: dict[str, set[str]]) -> None:
-    names = {re.findall(r"def (test_\w+)", EXAMPLE[f"{kind}test"])[0] for kind in ("", "metric-", "reader-")}
+    names = {re.findall(r"def (test_\w+)", EXAMPLE[f"{kind}test"])[0] for kind in ("", "metric-", "reader-", "role-")}
     assert with_them == {"PASSED": names | {test.partition("::")[2] for test in WALKING}, "FAILED": set(), "ERROR": set()}
     assert without == {"PASSED": set(), "FAILED": names, "ERROR": set()}
 
@@ -207,7 +209,9 @@ def test_its_line_is_all_that_the_nomenclature_needs(copy: Path) -> None:
     row = next(line for line in page.splitlines() if line.startswith("| `table` | `scale`"))
     metric = next(line for line in page.splitlines() if line.startswith("| `p95` | K"))
     both = page.replace(row, f"{row}\n{EXAMPLE['nomenclature'].strip()}")
-    (copy / "with.md").write_text(both.replace(metric, f"{metric}\n{EXAMPLE['metric-nomenclature'].strip()}"), encoding="utf-8")
+    both = both.replace(metric, f"{metric}\n{EXAMPLE['metric-nomenclature'].strip()}")
+    role = next(line for line in page.splitlines() if line.startswith("| `prescribed` | | the node whose"))
+    (copy / "with.md").write_text(both.replace(role, f"{role}\n{EXAMPLE['role-nomenclature'].strip()}"), encoding="utf-8")
     (copy / "without.md").write_text(page, encoding="utf-8")
     script = (
         CHECK.partition("import pytest")[0]
@@ -218,8 +222,10 @@ def test_its_line_is_all_that_the_nomenclature_needs(copy: Path) -> None:
     assert done.returncode == 0, done.stderr
     first, second = done.stdout.splitlines()
     assert first == "with.md []"
-    assert all(text in second for text in ("'Kinds of conductor' lacks `bolt`", "'Metrics' lacks `swing`"))
-    assert second.count("lacks") == 2
+    assert all(
+        text in second for text in ("'Kinds of conductor' lacks `bolt`", "'Metrics' lacks `swing`", "'Channel of a log' lacks `humidity`")
+    )
+    assert second.count("lacks") == 3
 
 
 def test_the_guide_s_line_of_a_reader_is_that_of_its_row() -> None:

@@ -17,7 +17,7 @@ from .workshop import Shown, Workshop, missing
 
 ELSEWHERE = {
     "docs/recipes.md": {
-        f"{k}{part}" for k in ("", "metric-", "reader-") for part in ("function", "line", "row", "test", "nomenclature", "guide")
+        f"{k}{part}" for k in ("", "metric-", "reader-", "role-") for part in ("function", "line", "row", "test", "nomenclature", "guide")
     }
     | {"line-style", "example", "metric-size", "law-function", "law-row", "law-reference", "law-kind", "quick-check", "range"}
 }

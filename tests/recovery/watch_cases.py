@@ -22,7 +22,7 @@ from thermid.measure.records import Channel, Record
 from thermid.measure.steadiness import channel_stability, rule_of
 from thermid.model.deck import model_from_dict
 from thermid.qualify._watch.stopping import STOP
-from thermid.qualify.watch import GrowingLog, Stopping, Watcher, WatchLook, played
+from thermid.qualify.watch import GrowingLog, Stopping, Watcher, WatchLook, replayed as played
 from unit.fit.estimation.rig import AIR, NOISE, Array, deck_of, logged, rig, run, scenario
 
 RULE, WITHIN = rule_of("3 C/h"), 1.0

@@ -11,7 +11,7 @@ from thermid.base.grammar import Amount, StrictTable
 
 
 class CertificateTable(StrictTable):
-    """What a certificate says of a sensor."""
+    """Certificate of a sensor in a map: offset and uncertainty, at which temperature and when they were found."""
 
     offset: Amount
     uncertainty: Amount
@@ -20,7 +20,7 @@ class CertificateTable(StrictTable):
 
 
 class MappedTable(StrictTable):
-    """A sensor by its ROM."""
+    """A sensor of a map: its ROM, its certificate, and where it is glued."""
 
     rom: str
     note: str = ""
@@ -28,7 +28,7 @@ class MappedTable(StrictTable):
 
 
 class SensorMapFile(StrictTable):
-    """Which ROM is which channel."""
+    """A sensor map: name of a channel -> its sensor."""
 
     fault: ClassVar[type[ThermidError]] = RecordError
 
@@ -36,7 +36,7 @@ class SensorMapFile(StrictTable):
 
 
 class DutyTable(StrictTable):
-    """Duties from a time on."""
+    """One step of a programme: duties of the heaters from a time on."""
 
     at: Amount
     heater1: Amount = None
@@ -44,7 +44,7 @@ class DutyTable(StrictTable):
 
 
 class ProgrammeFile(StrictTable):
-    """The heaters over time."""
+    """A heater programme."""
 
     fault: ClassVar[type[ThermidError]] = RecordError
 

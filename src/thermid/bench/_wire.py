@@ -15,18 +15,18 @@ MAGIC: Final = "# thermid bench log 1"
 _VALUE: Final = re.compile(r"D,(\d{1,10}),(\d{1,10}),([0-9A-F]{16}|[HVI][1-9]),(-?\d{1,6})?,(ok|crc|lost|short|power)\Z", re.ASCII)
 _OTHER: Final = re.compile(r"([BSCRE]),(\d{1,10}),(\d{1,10}),([ -)+-~]{1,80})\Z", re.ASCII)
 _FIELDS: Final = {"B": (3, 3), "S": (2, 2), "C": (3, 3), "R": (2, 2), "E": (1, 2)}
-_TURN: Final = 1 << 32
+_COUNTER_RANGE: Final = 1 << 32
 
 
 class BoardLine(NamedTuple):
-    """One line of the board.
+    """One line of the board, parsed.
 
     Parameters
     ----------
-    kind : str               B, S, C, D, R or E.
+    kind : str               B (board), S (sensor), C (settings), D (value), R (reply) or E (event).
     number : int             Sequence number since the reset.
     ms : int                 The board's time. [ms]
-    fields : tuple of str    What follows; of a value: source, raw value or an empty text, status.
+    fields : tuple of str    Further fields; of a value: source, raw value or an empty text, status.
     """
 
     kind: str
@@ -36,7 +36,7 @@ class BoardLine(NamedTuple):
 
     @property
     def raw(self) -> int | None:
-        """Raw value of a `D` line, None where the board had none."""
+        """Raw value of a `D` line; None where the board had none."""
         return int(self.fields[1]) if self.kind == "D" and self.fields[1] else None
 
 
@@ -65,12 +65,12 @@ def crc8(data: bytes) -> int:
 
 @lru_cache(maxsize=1024)
 def rom_is_good(rom: str) -> bool:
-    """Whether a ROM of 16 hexadecimal digits carries its own CRC, and is not empty."""
+    """Whether a ROM of 16 hexadecimal digits carries its own CRC and is not all zeros."""
     return crc8(bytes.fromhex(rom)) == 0 and rom != "0" * 16
 
 
 def sealed(body: str, mark: str = "*") -> str:
-    """Return a line with its CRC behind a mark, without its line feed: over the wire ``*``, in a log a space.
+    """Return a line with its CRC behind a mark, without a line feed. The mark is ``*`` over the wire and a space in a log.
 
     >>> sealed("4,alive")
     '4,alive*6905'
@@ -79,7 +79,7 @@ def sealed(body: str, mark: str = "*") -> str:
 
 
 def unsealed(text: str, mark: str = "*") -> str:
-    """Return the body of a line.
+    """Return a line without the mark and CRC that `sealed` put behind it.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def unsealed(text: str, mark: str = "*") -> str:
 
 
 def parse_line(text: str) -> BoardLine:
-    """Return what a line of the board says.
+    """Parse one line of the board.
 
     Raises
     ------
@@ -125,7 +125,12 @@ def parse_line(text: str) -> BoardLine:
 
 
 def _checked(line: BoardLine) -> BoardLine:
-    """Return a line whose counters fit their 32 bits."""
-    if line.number >= _TURN or line.ms >= _TURN:
+    """Return the line itself.
+
+    Raises
+    ------
+    RecordError   When its number or time does not fit into 32 bits.
+    """
+    if line.number >= _COUNTER_RANGE or line.ms >= _COUNTER_RANGE:
         raise RecordError("its number or time does not fit 32 bits.", code="bench.protocol")
     return line

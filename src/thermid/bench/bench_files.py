@@ -24,13 +24,13 @@ _BROKEN = 5.0
 
 @dataclass(frozen=True)
 class MappedSensor:
-    """One line of the map.
+    """One sensor of a map.
 
     Parameters
     ----------
     name : str                          Name of its channel.
     rom : str                           Its ROM, 16 hexadecimal digits, family first.
-    certificate : SensorCertificate or None   What is known of its offset.
+    certificate : SensorCertificate or None   Its offset by a comparison.
     note : str                          Where it is glued.
     """
 
@@ -40,7 +40,7 @@ class MappedSensor:
     note: str = ""
 
     def as_header(self) -> dict[str, Any]:
-        """Return what the header of a log says of it."""
+        """Return it as the JSON object in the header of a log. [K]"""
         out: dict[str, Any] = {"rom": self.rom, "name": self.name}
         if self.note:
             out["note"] = self.note
@@ -51,7 +51,13 @@ class MappedSensor:
 
 
 def _content(place: Path, missing: str) -> dict[str, Any]:
-    """Return the content of a TOML file, or say what is missing."""
+    """Return the tables of a TOML file.
+
+    Raises
+    ------
+    MissingDataError   When there is no such file, with the text `missing`.
+    RecordError        When it is no valid TOML.
+    """
     if not place.is_file():
         raise MissingDataError(missing, str(place))
     try:
@@ -85,7 +91,12 @@ def load_sensors(path: str | Path) -> dict[str, MappedSensor]:
 
 
 def _sensor(name: str, table: Any, where: str) -> MappedSensor:
-    """Return one sensor of the file."""
+    """Return one sensor of a map from its table.
+
+    Raises
+    ------
+    RecordError   When its ROM is mistyped, or its certificate states an offset that only a broken sensor has.
+    """
     rom = table.rom.strip().upper()
     if len(rom) != 16 or any(digit not in "0123456789ABCDEF" for digit in rom):
         raise RecordError(f"ROM '{table.rom}' is not 16 hexadecimal digits.", where, code="bench.sensor")
@@ -102,7 +113,7 @@ def _sensor(name: str, table: Any, where: str) -> MappedSensor:
 
 
 def save_sensor(path: str | Path, sensor: MappedSensor) -> None:
-    """Write a sensor into a map file, in place of the one of its name; comments and the other sensors stay."""
+    """Write a sensor into a map file, in place of one of its name or ROM; comments and other sensors stay."""
     import tomlkit
 
     place = Path(path)
@@ -132,7 +143,7 @@ def save_sensor(path: str | Path, sensor: MappedSensor) -> None:
 
 @dataclass(frozen=True)
 class Programme:
-    """Duties that hold from one time to the next.
+    """Duties of the heaters over time; each holds until the next time.
 
     Parameters
     ----------
@@ -147,11 +158,11 @@ class Programme:
 
     @property
     def heats(self) -> bool:
-        """Whether any of its steps turns a heater on."""
+        """Whether any step turns a heater on."""
         return any(any(pair) for pair in self.duties)
 
     def at(self, seconds: float) -> tuple[int, int]:
-        """Return both duties at a time. [0.1 %]"""
+        """Return both duties at a time [s]: those of the last step begun, zero before the first and from the end on. [0.1 %]"""
         if self.end is not None and seconds >= self.end:
             return (0, 0)
         now = [duty for time, duty in zip(self.times, self.duties, strict=True) if time <= seconds]
@@ -159,7 +170,7 @@ class Programme:
 
 
 def load_programme(path: str | Path) -> Programme:
-    """Return the programme of a file.
+    """Return the heater programme of a file.
 
     Raises
     ------
@@ -187,7 +198,12 @@ def load_programme(path: str | Path) -> Programme:
 
 
 def _duty(written: object, held: int, where: str) -> int:
-    """Return a duty, or the one before where none is given. [0.1 %]"""
+    """Return a duty; that of the step before where none is written. [0.1 %]
+
+    Raises
+    ------
+    RecordError   When it is not from 0 to 100 %.
+    """
     if written is None:
         return held
     share = amount(written, "1", where)

@@ -29,36 +29,36 @@ from thermid.measure.sensors import SensorCertificate
 
 RANGE: Final = (-55.0, 125.0)
 """What a DS18B20 can measure, by its data sheet; -127, which its usual driver gives for a lost one, lies outside. [degC]"""
-MOST_CURRENT: Final = 3.2
+MAX_CURRENT: Final = 3.2
 """What an INA219 can measure with 0.1 ohm; at that it shows the limit itself. [A]"""
 
 _BODY: Final = re.compile(r"(\d{1,6}) (\d{1,9}\.\d{6}) (.+)\Z", re.ASCII)
 _FAULTS: Final = {"crc": "wrong CRC", "lost": "sensor lost", "short": "bus shorted", "power": "sensor without supply"}
 _NAMES: Final = {"H": ("heater{}", "%", 0.1), "V": ("voltage{}", "V", 1e-3), "I": ("current{}", "A", 1e-4)}
-_SHOWN: Final = 8
+_MAX_LISTED_LINES: Final = 8
 _UNPRINTABLE: Final = re.compile(r"[^ -~]")
-_TURN: Final = 1 << 32
-_NEAR_TURN: Final = _TURN - (1 << 24)
-_LONG_ENOUGH: Final = 600.0
-_NOT_A_CLOCK: Final = 0.02
+_COUNTER_RANGE: Final = 1 << 32
+_NEAR_WRAP: Final = _COUNTER_RANGE - (1 << 24)
+_MIN_DRIFT_TIME: Final = 600.0
+_MAX_CLOCK_DRIFT: Final = 0.02
 """No quartz or resonator is off by 2 %; a simulated board, run faster than time, is."""
 _SESSION = re.compile(rb'^# session \{"number": (\d{1,6})', re.MULTILINE)
 _WALL = re.compile(rb'^# session \{"number": (\d{1,6}), "wall": "([^"]*)"', re.MULTILINE)
 _TRIP = re.compile(rb"^# mark (\d{1,6}) (\d{1,9}\.\d{6}) (overtemp|blind|cleared) (.*) [0-9A-F]{4}$", re.MULTILINE)
-_MOST_WAITING = 64 << 20
+_MAX_WAITING_BYTES = 64 << 20
 
 
 def log_line(body: str) -> str:
-    """Return a line of the log, with its own CRC and its line feed: the stamp of the host must be as sure as the value."""
+    """Return a line of the log with its own CRC and line feed, unprintable characters as ``?``; the CRC also covers the host's stamp."""
     return sealed(_UNPRINTABLE.sub("?", body), " ") + "\n"
 
 
 class LogFile:
-    """A log that is written to.
+    """A log that lines are appended to, made new or continued; a lock keeps other loggers out.
 
     Parameters
     ----------
-    path : str or Path   The file; it is made, or continued.
+    path : str or Path   The file.
     sync : bool          Whether each line is forced onto the disk itself, so that it outlives a power cut.
 
     Raises
@@ -76,16 +76,21 @@ class LogFile:
         """Where the end of the log is, when its own disk was full to the last."""
         self.trip = ""
         """When and why the log so far says that heaters were cut off, and nobody has allowed them again."""
-        self._file = self._opened()
+        self._file = self._open_file()
         try:
-            self.session, self.was_cut = self._look()
+            self.session, self.was_cut = self._lock_and_check()
         except BaseException:
             os.close(self._file)
             raise
-        self._flush_entry()
+        self._sync_folder()
 
-    def _opened(self) -> int:
-        """Return the file, open."""
+    def _open_file(self) -> int:
+        """Return the descriptor of the file, opened to append.
+
+        Raises
+        ------
+        RecordError   When its folder is missing, it may be a project's file, or it cannot be written.
+        """
         if not self.path.absolute().parent.is_dir():
             raise RecordError(f"there is no folder '{self.path.parent}'. Create it first.", str(self.path), code="bench.log")
         # an empty file is taken for a new log; thermid.toml, which marks the root of a project, may be empty too, under any name
@@ -98,8 +103,13 @@ class LogFile:
         except OSError as error:
             raise RecordError(f"it cannot be written: {error.strerror}. Give another place.", str(self.path), code="bench.log") from None
 
-    def _look(self) -> tuple[int, bool]:
-        """Return the number of this start, and whether the last line of the one before was cut."""
+    def _lock_and_check(self) -> tuple[int, bool]:
+        """Lock the file; return the number of this session, and whether the last line of the one before was cut.
+
+        Raises
+        ------
+        RecordError   When another logger holds the lock, or the file is no log of the bench.
+        """
         if os.name == "posix":
             import fcntl
 
@@ -111,7 +121,7 @@ class LogFile:
                 ) from None
         data = self.path.read_bytes()
         if not data:
-            self._put(f"{MAGIC}\n".encode())
+            self._queue(f"{MAGIC}\n".encode())
             return 1, False
         if not is_bench_log(data) and not f"{MAGIC}\n".encode().startswith(data):
             raise RecordError(
@@ -119,13 +129,13 @@ class LogFile:
                 self.path.name,
                 code="output.over-another-file",
             )
-        self.trip = _trip(data)
+        self.trip = _last_cut_off(data)
         cut = not data.endswith(b"\n")
         if cut:
-            self._put(b"\n" if is_bench_log(data) else f"\n{MAGIC}\n".encode())
+            self._queue(b"\n" if is_bench_log(data) else f"\n{MAGIC}\n".encode())
         return max((int(number) for number in _SESSION.findall(data)), default=0) + 1, cut
 
-    def _flush_entry(self) -> None:
+    def _sync_folder(self) -> None:
         """Force the folder's entry onto the disk, so that a new file outlives a power cut."""
         if self._sync and os.name == "posix":
             folder = os.open(self.path.absolute().parent, os.O_RDONLY)
@@ -135,19 +145,24 @@ class LogFile:
                 os.close(folder)
 
     def write(self, body: str) -> None:
-        """Append one line and its CRC; what a full disk does not take waits in memory, up to 64 MB."""
-        self._put(log_line(body).encode())
+        """Append one line with its CRC; what a full disk does not take waits in memory, up to 64 MB."""
+        self._queue(log_line(body).encode())
 
-    def _put(self, data: bytes) -> None:
-        """Append bytes."""
-        if len(self._waiting) + len(data) > _MOST_WAITING:
+    def _queue(self, data: bytes) -> None:
+        """Queue bytes and write what waits; beyond 64 MB they are dropped and counted."""
+        if len(self._waiting) + len(data) > _MAX_WAITING_BYTES:
             self.dropped += 1
             return
         self._waiting += data
         self.retry()
 
     def retry(self) -> None:
-        """Write what waits."""
+        """Write the bytes that wait; `full` is then whether the disk refused some.
+
+        Raises
+        ------
+        OSError   For a reason other than a full or failing disk.
+        """
         wrote = False
         while self._waiting:
             try:
@@ -165,11 +180,11 @@ class LogFile:
 
     @property
     def waiting(self) -> int:
-        """Bytes that a full disk did not take."""
+        """Number of bytes that a full disk did not take."""
         return len(self._waiting)
 
     def close(self) -> None:
-        """Write what waits and give the file back; what a full disk still does not take goes to another place, see `rest`."""
+        """Write the bytes that wait and close the file; those that its disk still refuses go to another folder, `rest`."""
         self.retry()
         os.close(self._file)
         for folder in (Path(tempfile.gettempdir()), Path.home()) if self._waiting else ():
@@ -182,8 +197,8 @@ class LogFile:
             return
 
 
-def _trip(data: bytes) -> str:
-    """Return when and why heaters were cut off last, empty where they were not or were allowed again since."""
+def _last_cut_off(data: bytes) -> str:
+    """Return when and why the log says that heaters were cut off last; empty where they were not, or were allowed again."""
     marks = _TRIP.findall(data)
     if not marks or marks[-1][2] == b"cleared":
         return ""
@@ -194,15 +209,15 @@ def _trip(data: bytes) -> str:
     return f"{why}, {float(elapsed):.0f} s after the start {session} of this log ({walls.get(session, 'at an unknown time')})"
 
 
-class Heard(NamedTuple):
+class HeardLine(NamedTuple):
     """A line of the board and when it was heard.
 
     Parameters
     ----------
-    session : int     Which start of the logger.
-    elapsed : float   Time since that start, by a clock that nobody sets. [s]
+    session : int     Number of the start of the logger.
+    elapsed : float   Time since that start, by the host's monotonic clock. [s]
     at : int          Line of the file.
-    line : BoardLine       What the board said.
+    line : BoardLine  The line.
     """
 
     session: int
@@ -212,7 +227,7 @@ class Heard(NamedTuple):
 
 
 class _Run(NamedTuple):
-    """Lines from one reset of the board to the next: their places, host times and board times. [s]"""
+    """Lines from one reset of the board to the next: places among the lines, host times [s], board times [s], sessions."""
 
     places: list[int]
     host: np.ndarray
@@ -220,24 +235,29 @@ class _Run(NamedTuple):
     sessions: np.ndarray
 
 
-def clocks(heard: Sequence[Heard], walls: Mapping[int, str]) -> tuple[list[float], list[str]]:
-    """Return the time of each line from the first one [s], and what to know of the clocks.
+def clocks(heard: Sequence[HeardLine], walls: Mapping[int, str]) -> tuple[list[float], list[str]]:
+    """Return the time of each line from the first one [s], and remarks on the clocks.
 
-    Within one run of the board its own clock counts, stretched by its drift against the host where ten minutes or more show it. A board
-    that runs more than 2 % fast or slow is a simulated one: its own seconds count.
+    Within one run of the board its own clock counts: t = begin + rate (board - board[0]). The rate is its drift against the host where ten
+    minutes or more show it (`_clock_rate`), else 1; also 1 for a board that runs more than 2 % fast or slow, which is a simulated one.
+
+    Parameters
+    ----------
+    heard : sequence of HeardLine   Lines in the order in which they were heard.
+    walls : dict                    Session -> wall time of its start, ISO 8601.
     """
     starts, notes = _session_starts(heard, walls)
-    runs, lost = _runs(heard, starts)
+    runs, lost = _runs_of_board(heard, starts)
     moments = [0.0] * len(heard)
     rate = 1.0  # host seconds in a board second, of the last run that showed it
     origin = end = last_host = 0.0
     drifts = []
     for k, run in enumerate(runs):
-        measured_rate = _rate(run)
+        measured_rate = _clock_rate(run)
         if measured_rate is not None:
             rate = measured_rate
             drifts.append(measured_rate)
-        simulated = abs(rate - 1.0) > _NOT_A_CLOCK
+        simulated = abs(rate - 1.0) > _MAX_CLOCK_DRIFT
         board_time = (run.board - run.board[0]) * (1.0 if simulated else rate)
         # the median forgives lines that a busy host stamped late
         mine = run.sessions == run.sessions[0]
@@ -258,15 +278,15 @@ def clocks(heard: Sequence[Heard], walls: Mapping[int, str]) -> tuple[list[float
 
 
 def _drift(drifts: Sequence[float]) -> str:
-    """Return the drift of the board's clock in words."""
+    """Return the drift of the board's clock in words; of several rates the last."""
     rate = drifts[-1]
-    if abs(rate - 1.0) > _NOT_A_CLOCK:
+    if abs(rate - 1.0) > _MAX_CLOCK_DRIFT:
         return f"the board's clock runs {1.0 / rate:.3g} times as fast as the host's, so it is a simulated board; its own times are used"
     return f"the board's clock is {(rate - 1.0) * 1e6:+.0f} ppm slow against the host's; times are corrected"
 
 
-def _session_starts(heard: Sequence[Heard], walls: Mapping[int, str]) -> tuple[dict[int, float], list[str]]:
-    """Return when each start of the logger was, from the first [s]; one that is not known follows the one before."""
+def _session_starts(heard: Sequence[HeardLine], walls: Mapping[int, str]) -> tuple[dict[int, float], list[str]]:
+    """Return session -> its start from the first one [s], and remarks; a start that is unknown or too early follows the session before."""
     starts: dict[int, float] = {}
     notes = []
     last: dict[int, float] = {}
@@ -274,7 +294,7 @@ def _session_starts(heard: Sequence[Heard], walls: Mapping[int, str]) -> tuple[d
         last[line.session] = max(last.get(line.session, 0.0), line.elapsed)
     end, origin = 0.0, None
     for session in sorted(last):
-        wall = _seconds(walls.get(session))
+        wall = _wall_seconds(walls.get(session))
         origin = wall if origin is None else origin
         start = wall - origin if wall is not None and origin is not None else None
         if start is None or start < end:
@@ -293,33 +313,36 @@ def _session_starts(heard: Sequence[Heard], walls: Mapping[int, str]) -> tuple[d
     return starts, notes
 
 
-def _seconds(wall: str | None) -> float | None:
-    """Return a wall time as seconds, None where it is none."""
+def _wall_seconds(wall: str | None) -> float | None:
+    """Return a wall time as seconds since 1970; None where it is no ISO 8601 stamp."""
     try:
         return datetime.fromisoformat(wall).timestamp() if wall else None
     except (ValueError, OverflowError):
         return None
 
 
-def _runs(heard: Sequence[Heard], starts: Mapping[int, float]) -> tuple[list[_Run], int]:
-    """Return the runs of the board, and how many of its lines are missing."""
+def _runs_of_board(heard: Sequence[HeardLine], starts: Mapping[int, float]) -> tuple[list[_Run], int]:
+    """Return the runs of the board between its resets, and how many of its lines are missing.
+
+    A reset shows as a number or time that falls back; both counters may also wrap at 2^32.
+    """
     groups: list[list[tuple[int, float, float, int]]] = []
     lost = 0
     number = ms = turns = 0
     for place, (session, elapsed, _, line) in enumerate(heard):
-        wrapped = ms > _NEAR_TURN and line.ms < _TURN - _NEAR_TURN and line.number >= number
+        wrapped = ms > _NEAR_WRAP and line.ms < _COUNTER_RANGE - _NEAR_WRAP and line.number >= number
         again = line.number <= number or (line.ms < ms and not wrapped)
-        if number > _NEAR_TURN and line.number < _TURN - _NEAR_TURN:
+        if number > _NEAR_WRAP and line.number < _COUNTER_RANGE - _NEAR_WRAP:
             again = False
         if not groups or again:
             groups.append([])
             turns = 0
             lost += line.number if len(groups) > 1 else 0
         else:
-            lost += (line.number - number - 1) % _TURN
+            lost += (line.number - number - 1) % _COUNTER_RANGE
             turns += wrapped
         number, ms = line.number, line.ms
-        groups[-1].append((place, starts[session] + elapsed, (ms + turns * _TURN) / 1000.0, session))
+        groups[-1].append((place, starts[session] + elapsed, (ms + turns * _COUNTER_RANGE) / 1000.0, session))
     runs = []
     for group in groups:
         places, host, board, sessions = zip(*group, strict=True)
@@ -327,11 +350,12 @@ def _runs(heard: Sequence[Heard], starts: Mapping[int, float]) -> tuple[list[_Ru
     return runs, lost
 
 
-def _rate(run: _Run) -> float | None:
+def _clock_rate(run: _Run) -> float | None:
     """Return host seconds per second of the board, from the session of a run with most lines; None where it is too short to say.
 
-    Where first and last line differ from 1 by more than `_NOT_A_CLOCK`, it is that ratio: a simulated board. Otherwise it is the slope of a
-    least-squares line, without lines that lie more than four median absolute deviations off: a busy host stamps late.
+    Where first and last line differ from 1 by more than `_MAX_CLOCK_DRIFT`, it is that ratio: a simulated board. Otherwise it is the slope
+    of
+    a least-squares line, without lines more than four median absolute deviations off: a busy host stamps late.
     """
     best = max(set(run.sessions.tolist()), key=lambda s: int(np.count_nonzero(run.sessions == s)))
     mine = run.sessions == best
@@ -340,9 +364,9 @@ def _rate(run: _Run) -> float | None:
         return None
     keep = np.ones(host.size, dtype=bool)
     slope = float(host[-1] - host[0]) / float(board[-1] - board[0])
-    if abs(slope - 1.0) > _NOT_A_CLOCK:
+    if abs(slope - 1.0) > _MAX_CLOCK_DRIFT:
         return slope
-    if board[-1] - board[0] < _LONG_ENOUGH:
+    if board[-1] - board[0] < _MIN_DRIFT_TIME:
         return None
     for _ in range(3):  # a stalled host stamps late, never early
         x = board[keep] - board[0]
@@ -354,9 +378,9 @@ def _rate(run: _Run) -> float | None:
 
 @dataclass
 class _Log:
-    """What the lines of a log say, before they are put in rows."""
+    """Content of a log before it is put in rows: lines, wall times by session, sensors by ROM, damaged lines, marks, a cut last line."""
 
-    heard: list[Heard] = field(default_factory=list)
+    heard: list[HeardLine] = field(default_factory=list)
     walls: dict[int, str] = field(default_factory=dict)
     sensors: dict[str, dict[str, Any]] = field(default_factory=dict)
     damaged: list[int] = field(default_factory=list)
@@ -371,12 +395,12 @@ def bench_cells(data: bytes, file: str) -> Cells:
     ------
     RecordError   When it holds no value.
     """
-    log = _read(data.decode("latin-1"))
+    log = _parse_log(data.decode("latin-1"))
     values = [line for line in log.heard if line.line.kind == "D"]
     if not values:
         lost = f"; {len(log.damaged)} lines are damaged" if log.damaged else ""
         raise RecordError(f"the log has no values yet{lost}.", file, code="record.nothing-there")
-    notes = _damage(log)
+    notes = _sorted_with_remarks(log)
     moments, of_clock = clocks(log.heard, log.walls)
     rows = {moment: row for row, moment in enumerate(sorted({moments[at] for at, line in enumerate(log.heard) if line.line.kind == "D"}))}
     table: dict[str, dict[int, BoardLine]] = {}
@@ -411,27 +435,27 @@ def bench_cells(data: bytes, file: str) -> Cells:
     )
 
 
-def _read(text: str) -> _Log:
-    """Return what the lines say; a line that does not carry its CRC is damaged."""
+def _parse_log(text: str) -> _Log:
+    """Return the content of a log; a line without its CRC is damaged."""
     log = _Log()
     *whole, rest = text.split("\n")
     log.cut = bool(rest)
     for at, line in enumerate(whole, 1):
         try:
             if line.startswith(("# session ", "# sensor ", "# mark ")):
-                _comment(log, unsealed(line, " "))
+                _take_comment(log, unsealed(line, " "))
             elif line and not line.startswith("#"):
                 match = _BODY.match(unsealed(line, " "))
                 if match is None:
                     raise RecordError("it is not a line of a log.", code="bench.protocol")
-                log.heard.append(Heard(int(match[1]), float(match[2]), at, parse_line(match[3])))
+                log.heard.append(HeardLine(int(match[1]), float(match[2]), at, parse_line(match[3])))
         except (RecordError, ValueError, KeyError, TypeError):
             log.damaged.append(at)
     return log
 
 
-def _comment(log: _Log, body: str) -> None:
-    """Take in a line of the logger's own."""
+def _take_comment(log: _Log, body: str) -> None:
+    """Take in a line of the logger itself: a session, a sensor or a mark."""
     _, word, rest = body.split(" ", 2)
     if word == "mark":
         log.marks[rest.split(" ")[2]] += 1
@@ -445,13 +469,13 @@ def _comment(log: _Log, body: str) -> None:
         log.sensors[str(content["rom"])] = content
 
 
-def _damage(log: _Log) -> list[str]:
-    """Put lines in the order in which they were heard, drop repeats, and return what was wrong."""
+def _sorted_with_remarks(log: _Log) -> list[str]:
+    """Sort lines by the time they were heard and drop repeats; return remarks on what was wrong."""
     notes = []
     if log.cut:
         notes.append(f"the last line {UNFINISHED}")
     if log.damaged:
-        shown = ", ".join(map(str, log.damaged[:_SHOWN])) + (", ..." if len(log.damaged) > _SHOWN else "")
+        shown = ", ".join(map(str, log.damaged[:_MAX_LISTED_LINES])) + (", ..." if len(log.damaged) > _MAX_LISTED_LINES else "")
         notes.append(f"damaged lines that were dropped: {len(log.damaged)} (lines {shown})")
     ordered = sorted(log.heard, key=lambda line: (line.session, line.elapsed))
     moved = sum(one is not other for one, other in zip(ordered, log.heard, strict=True))
@@ -467,7 +491,7 @@ def _damage(log: _Log) -> list[str]:
 
 
 class _Columns:
-    """Columns of a bench log as they grow."""
+    """The columns of a bench log while they are made."""
 
     def __init__(self, rows: int) -> None:
         self.rows = rows
@@ -479,7 +503,7 @@ class _Columns:
         self.certificates: dict[str, SensorCertificate] = {}
 
     def add(self, name: str, unit: str, values: np.ndarray, reasons: dict[str, list[int]]) -> None:
-        """Add a column; NaN is an empty cell."""
+        """Add a column of `values` (rows,); NaN is an empty cell, `reasons` are masked rows by reason."""
         self.header.append(f"{name} [{unit}]")
         self.texts.append(tuple("" if value != value else repr(value) for value in values.tolist()))
         self.numbers[name] = values.copy()
@@ -487,7 +511,15 @@ class _Columns:
         self.reasons[name] = reasons
 
     def source(self, source: str, lines: dict[int, BoardLine], description: dict[str, Any], bits: int | None) -> list[str]:
-        """Add the column of one source, and return what a reader must know of it."""
+        """Add the column of one source, a sensor, heater, voltage or current; return remarks on it.
+
+        Parameters
+        ----------
+        source : str            ROM, or H, V or I with a number.
+        lines : dict            Row -> line with its value.
+        description : dict      The sensor's entry in the header of the log.
+        bits : int or None      Resolution of the sensor; its step is 2^(8 - bits) K.
+        """
         is_sensor = len(source) == 16
         name, unit, step = (str(description.get("name", source)), "degC", 1 / 16) if is_sensor else _NAMES[source[0]]
         name = name if is_sensor else name.format(source[1])
@@ -502,10 +534,10 @@ class _Columns:
                 reasons.setdefault(_FAULTS[line.fields[2]], []).append(row)
         values = np.round(values, 9)
         notes = []
-        if source[0] == "I" and not is_sensor and (over := np.flatnonzero(np.abs(values) >= MOST_CURRENT).tolist()):
+        if source[0] == "I" and not is_sensor and (over := np.flatnonzero(np.abs(values) >= MAX_CURRENT).tolist()):
             reasons["outside its range"] = over
         if is_sensor:
-            reasons |= _not_real(values, np.array(sorted({row for rows in reasons.values() for row in rows}), dtype=int))
+            reasons |= _unreal_readings(values, np.array(sorted({row for rows in reasons.values() for row in rows}), dtype=int))
             if bits is not None:
                 self.resolution[name] = f"{2.0 ** (8 - bits)} [K]"
             if "offset_K" in description:
@@ -524,14 +556,17 @@ class _Columns:
         return notes
 
     def power(self) -> None:
-        """Add the product of voltage and current where both are there."""
+        """Add power = voltage * current of each supply channel that has both. [W]"""
         for k in "123456789":
             if f"voltage{k}" in self.numbers and f"current{k}" in self.numbers:
                 self.add(f"power{k}", "W", np.round(self.numbers[f"voltage{k}"] * self.numbers[f"current{k}"], 9), {})
 
 
-def _not_real(values: np.ndarray, bad: np.ndarray) -> dict[str, list[int]]:
-    """Return the rows whose value no sensor can measure, and those with 85 degC where the neighbours say otherwise."""
+def _unreal_readings(values: np.ndarray, bad: np.ndarray) -> dict[str, list[int]]:
+    """Return reason -> rows whose value [degC] is outside the sensor's range, or is 85 degC and 2 K off the line between its neighbours.
+
+    `bad` are rows that are masked already.
+    """
     inside = np.isfinite(values)
     inside[bad] = False
     outside = inside & ((values < RANGE[0]) | (values > RANGE[1]))

@@ -18,24 +18,24 @@ FIRMWARE = "thermid-bench 1"
 World = Callable[[float, tuple[float, float]], Sequence[float]]
 """Temperatures of the sensors [degC], from the time [s] and the duties of the heaters since the call before [-]."""
 
-_TURN = 1 << 32
+_COUNTER_RANGE = 1 << 32
 _LIMITS = {"resolution": (9, 12), "interval": (100, 3_600_000), "limit": (-880, 2000), "silence": (200, 3_600_000)}
 _STEP = 100
 """Short enough that the silence of the host is seen when it is. [ms]"""
 
 
 def made_up_rom(number: int) -> str:
-    """Return a ROM with a good CRC, the same for the same number."""
+    """Return a ROM with a valid CRC; the same number gives the same ROM."""
     body = bytes([0x28]) + (0x0F1A0B3C0000 + number).to_bytes(6, "little")
     return (body + bytes([crc8(body)])).hex().upper()
 
 
 class Board:
-    """The firmware's behaviour without the firmware.
+    """A simulated board: it behaves as the firmware does.
 
     Parameters
     ----------
-    world : callable        What the sensors feel, see `World`.
+    world : callable        Temperatures of the sensors, see `World`.
     sensors : int           Number of sensors.
     """
 
@@ -50,82 +50,82 @@ class Board:
         self._boot("power")
 
     def _boot(self, cause: str) -> None:
-        """Start as after a reset."""
+        """Start as after a reset for a `cause`."""
         self.cause = cause
         self.number = self.ms = self.heard = 0
         self.duty = [0, 0]
         self.refuses = ""
         self.settings = {"resolution": 12, "interval": 1000, "limit": 1600, "silence": 2000}
         self.cycle = self.report = 1000
-        self._identify()
+        self._send_description()
 
     def reset(self, cause: str = "external") -> None:
-        """Press the button."""
+        """Reset the board; settings and duties are lost."""
         self._boot(cause)
 
     def take(self) -> list[str]:
-        """Return the lines sent since the call before, without line feeds."""
+        """Return the lines sent since the last call, without line feeds."""
         lines, self.out = self.out, []
         return lines
 
     def advance(self, ms: int) -> None:
-        """Let some time pass. [ms]"""
+        """Let some time pass [ms], with measurements when they are due and heaters off when the host is silent."""
         end = self.ms + ms
         while True:
             silent = self.heard + self.settings["silence"] if any(self.duty) else end + 1
             due = min(self.cycle, silent)
             if due > end:
                 break
-            self._pass(due)
+            self._set_time(due)
             if due == silent:
-                self._off("silent", "")
+                self._cut_off_heaters("silent", "")
             else:
                 self._measure()
-        self._pass(end)
+        self._set_time(end)
 
-    def _pass(self, to: int) -> None:
-        """Move the clocks."""
+    def _set_time(self, to: int) -> None:
+        """Set the clocks to a time. [ms]"""
         self.seconds += (to - self.ms) / 1000.0
         self.ms = to
 
-    def _say(self, kind: str, *fields: object) -> None:
-        """Send one line."""
-        self.out.append(sealed(",".join([kind, str(self.number % _TURN), str(self.ms % _TURN), *map(str, fields)])))
+    def _send(self, kind: str, *fields: object) -> None:
+        """Send one line of a kind with its fields."""
+        self.out.append(sealed(",".join([kind, str(self.number % _COUNTER_RANGE), str(self.ms % _COUNTER_RANGE), *map(str, fields)])))
         self.number += 1
         self.sent += 1
 
-    def _identify(self) -> None:
-        """Send what the board is."""
-        self._say("B", "python", FIRMWARE, self.cause)
+    def _send_description(self) -> None:
+        """Send the lines that describe the board: firmware, sensors, settings, and a latched cut-off."""
+        self._send("B", "python", FIRMWARE, self.cause)
         for rom in self.roms:
-            self._say("S", rom, self.settings["resolution"])
+            self._send("S", rom, self.settings["resolution"])
         if not self.roms:
-            self._say("E", "none")
-        self._say("C", self.settings["interval"], self.settings["limit"], self.settings["silence"])
+            self._send("E", "none")
+        self._send("C", self.settings["interval"], self.settings["limit"], self.settings["silence"])
         if self.refuses:
-            self._say("E", "latched", self.refuses)
+            self._send("E", "latched", self.refuses)
 
-    def _heaters(self) -> None:
-        """Send both duties."""
+    def _send_duties(self) -> None:
+        """Send the duties of both heaters."""
         for k, duty in enumerate(self.duty, 1):
-            self._say("D", f"H{k}", duty, "ok")
+            self._send("D", f"H{k}", duty, "ok")
 
-    def _off(self, word: str, detail: str) -> None:
-        """Cut the heaters off and say why."""
-        self._live()
+    def _cut_off_heaters(self, word: str, detail: str) -> None:
+        """Turn the heaters off and send the event `word`; after overtemp or blind they stay off until `clear`."""
+        self._world_now()
         self.duty = [0, 0]
         if word in ("overtemp", "blind"):
             self.refuses = word
-        self._say("E", word, *([detail] if detail else []))
-        self._heaters()
+        self._send("E", word, *([detail] if detail else []))
+        self._send_duties()
 
-    def _live(self) -> Sequence[float]:
-        """Let the world come up to now with the duties as they were."""
+    def _world_now(self) -> Sequence[float]:
+        """Return the temperatures of the world now, with the duties since the last call. [degC]"""
         return self.world(self.seconds, (self.duty[0] / 1000.0, self.duty[1] / 1000.0))
 
     def _measure(self) -> None:
-        """Take one cycle; send it if it is due."""
-        temperatures = self._live()
+        """Measure all sensors; send the values when they are due; cut heaters off when one is too hot or none answers."""
+        temperatures = self._world_now()
         step = 1 << (12 - self.settings["resolution"])
         send = self.ms >= self.report
         hot, answered = "", not self.roms
@@ -143,41 +143,41 @@ class Board:
                 answered = True
                 hot = hot or (rom if raw >= self.settings["limit"] else "")
             if send:
-                self._say("D", rom, raw, status)
+                self._send("D", rom, raw, status)
         if send:
-            self._heaters()
+            self._send_duties()
         if any(self.duty) and (hot or not answered):
-            self._off("overtemp" if hot else "blind", hot)
+            self._cut_off_heaters("overtemp" if hot else "blind", hot)
         interval = max(self.settings["interval"], 750 >> (12 - self.settings["resolution"]))
         if send:
             self.report = self.ms + interval
         self.cycle = min(self.report, self.ms + 1000) if any(self.duty) else self.report
 
     def hear(self, text: str) -> None:
-        """Take in one line of the host."""
+        """Take in one line of the host, and answer it."""
         try:
             body = unsealed(text)
         except RecordError:
-            self._say("E", "garbled")
+            self._send("E", "garbled")
             return
         number, _, rest = body.partition(",")
         word, *arguments = rest.split(",")
         self.heard = self.ms
         if not number.isdigit():
-            self._say("E", "garbled")
+            self._send("E", "garbled")
             return
         answer = self._obey(word, arguments)
         if number != "0":
-            self._say("R", number, answer)
+            self._send("R", number, answer)
         if word in ("identify", "search"):
-            self._identify()
+            self._send_description()
         elif word == "count":
-            self._say("E", "count", self.number)
+            self._send("E", "count", self.number)
         elif word == "heater":
-            self._heaters()
+            self._send_duties()
 
     def _obey(self, word: str, arguments: list[str]) -> str:
-        """Do what a command says; return ok or why not."""
+        """Carry out a command; return ``ok``, or why not."""
         try:
             values = [int(number) for number in arguments]
         except ValueError:
@@ -198,7 +198,7 @@ class Board:
         if word == "heater" and len(values) == 2 and values[0] in (1, 2) and 0 <= values[1] <= 1000:
             if self.refuses and values[1]:
                 return self.refuses
-            self._live()
+            self._world_now()
             self.duty[values[0] - 1] = values[1]
             if any(self.duty):
                 self.cycle = min(self.cycle, self.ms + 1000)
@@ -207,12 +207,12 @@ class Board:
 
 
 class BoardPort:
-    """A board that a logger reads without a cable; its clock is the board's, and what is logged is the same on every machine.
+    """A port to a simulated board in this process. Time is the board's, so that a log is the same on every machine.
 
     Parameters
     ----------
-    board : Board   What answers.
-    speed : float   Seconds of the board in one second, at most; infinite for as fast as it can be read.
+    board : Board   The board.
+    speed : float   Largest ratio of the board's time to real time; infinite for as fast as it is read.
     """
 
     def __init__(self, board: Board, speed: float = math.inf) -> None:
@@ -228,11 +228,11 @@ class BoardPort:
         return self.board.seconds
 
     def wall(self) -> float:
-        """Return the time of a day that began when this was made and passes as the board's does. [s]"""
+        """Return a wall time that passes as the board's does, from when this was made. [s]"""
         return self._zero + self.board.seconds
 
     def read_line(self, timeout: float) -> bytes:
-        """Return the next line with its line feed, empty where the board says none in a time of its own. [s]"""
+        """Return the next line with its line feed; empty where the board sends none within `timeout` seconds of its own time."""
         until = self.board.seconds + timeout
         while not self._sent:
             self._sent += self.board.take()
@@ -244,7 +244,7 @@ class BoardPort:
         return self._sent.pop(0).encode() + b"\n" if self._sent else b""
 
     def _pace(self, seconds: float) -> None:
-        """Wait until a step may be taken; a board that was not read for a while does not hurry after."""
+        """Wait so that `seconds` of the board do not pass faster than `speed`; time in which nobody read is not caught up."""
         if math.isinf(self._speed):
             return
         now = time.monotonic()
@@ -253,27 +253,31 @@ class BoardPort:
             time.sleep(self._free - now)
 
     def write(self, text: str) -> None:
-        """Tell the board one line."""
+        """Send the board one line."""
         self.board.hear(text)
 
     @property
     def begun(self) -> bytes:
-        """Nothing: lines are whole here."""
+        """Empty, because every line is whole."""
         return b""
 
     def close(self) -> None:
-        """Leave the board as it is."""
+        """Do nothing."""
 
 
 class Plate:
-    """Two lumped bodies between a heater and a room that breathes by half a kelvin; a `World` for a `Board`."""
+    """A world of two bodies between a heater and a room that varies by half a kelvin; sensors on both and in the room.
+
+    C dT/dt = P - G (T - T_neighbour) - G_room (T - T_room): plate 110 J/K, cover 60 J/K, 0.4 W/K between them, 0.05 and 0.15 W/K to the
+    room.
+    """
 
     def __init__(self) -> None:
         self.plate = self.cover = 21.0
         self.seconds = 0.0
 
     def __call__(self, seconds: float, duties: tuple[float, float]) -> Sequence[float]:
-        """Return the temperatures at a time [degC]."""
+        """Return the temperatures of plate, cover and room at a time [s], with the duties since the last call [-]. [degC]"""
         room = 21.0 + 0.5 * math.sin(2.0 * math.pi * seconds / 3600.0)
         power = 6.0 * duties[0]
         remaining = seconds - self.seconds
@@ -288,5 +292,5 @@ class Plate:
 
 
 def simulated(speed: float = 60.0) -> BoardPort:
-    """Return a made-up board with three sensors, faster than time."""
+    """Return a port to a simulated board with three sensors, `speed` times as fast as real time."""
     return BoardPort(Board(Plate(), 3), speed)

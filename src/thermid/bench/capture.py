@@ -15,12 +15,12 @@ from thermid.bench.port import Port, check_port
 
 
 class PortCapture:
-    """A serial port, and the file that its lines are appended to.
+    """A serial port whose lines are appended to a file, each behind the host's time.
 
     Parameters
     ----------
     device : Path   The port.
-    path : Path     The file, which is new.
+    path : Path     The file, which must not exist.
 
     Raises
     ------
@@ -37,7 +37,7 @@ class PortCapture:
         self._device, self._port = str(device), Port(str(device))
 
     def listen(self, seconds: float) -> None:
-        """Write down what comes for some seconds.
+        """Append the lines that come within some seconds.
 
         Raises
         ------
@@ -62,7 +62,7 @@ class PortCapture:
                     file.write(f"{datetime.now().isoformat(' ', 'milliseconds')} -> {text}\n")
 
     def close(self) -> None:
-        """Give the port back."""
+        """Close the port."""
         self._port.close()
 
 
@@ -77,7 +77,7 @@ def _of_bench(text: str) -> bool:
 
 @contextmanager
 def listening(device: Path, path: Path | None) -> Iterator[PortCapture]:
-    """Yield the capture of a port; without a path its file is removed at the end.
+    """Open the capture of a port as a context; without a path its file is removed at the end.
 
     Raises
     ------

@@ -14,10 +14,10 @@ from thermid.bench.bench_files import MappedSensor, save_sensor
 from thermid.bench.logger import Logger
 from thermid.measure.sensors import ICE, SensorCertificate
 
-_RISE = 2.0
+_MIN_RISE = 2.0
 """Rise that a hand gives a sensor within seconds, and no draught does. [K]"""
 
-_BATH = 0.02
+_BATH_ERROR = 0.02
 """Standard deviation of the temperature of stirred ice and water that the procedure of docs/bench.md gives. [K]"""
 
 _LEAST_READINGS, _READINGS = 60, 120
@@ -26,31 +26,31 @@ _MAX_OFFSET = 2.0
 """Largest offset in ice water of a sensor that is in it. [K]"""
 
 
-def tell_apart(
+def name_sensors(
     log: Logger, path: Path, say: Callable[[str], object], ask: Callable[[str], str], patience: float = 120.0
 ) -> list[MappedSensor]:
-    """Ask for each sensor to be warmed, and write its name to the map.
+    """Find out which sensor is which: ask for each to be warmed, and write its name to the map. Return the sensors that were named.
 
     Parameters
     ----------
     log : Logger          A running log.
     path : Path           The map that is written.
-    say, ask : callable   Tell the user something; ask for a text.
-    patience : float      Time after which nothing is waited for any more. [s]
+    say, ask : callable   Print a text; ask for a text.
+    patience : float      Time after which a warmed sensor is no longer waited for. [s]
 
     Raises
     ------
     RecordError   When no sensor answers.
     """
-    roms = _sensors(log)
+    roms = _answering_roms(log)
     say(f"{len(roms)} sensors respond. Warm one of them between two fingers.")
     mapped: list[MappedSensor] = []
     while len(mapped) < len(roms):
         unmapped = [rom for rom in roms if rom not in {sensor.rom for sensor in mapped}]
-        rom = unmapped[0] if len(unmapped) == 1 else _warmed(log, unmapped, patience)
+        rom = unmapped[0] if len(unmapped) == 1 else _warmed_sensor(log, unmapped, patience)
         if rom is None:
             say(
-                f"no sensor became warmer by {_RISE:g} K within {patience:g} s, so {len(unmapped)} sensors have no name. Run the "
+                f"no sensor became warmer by {_MIN_RISE:g} K within {patience:g} s, so {len(unmapped)} sensors have no name. Run the "
                 "command again to name them."
             )
             break
@@ -68,8 +68,13 @@ def tell_apart(
     return mapped
 
 
-def _sensors(log: Logger) -> list[str]:
-    """Return the ROMs that answer, once a whole list has come and each has sent a value or a fault."""
+def _answering_roms(log: Logger) -> list[str]:
+    """Return the sorted ROMs that answer, once the whole list has come and each has sent a value or a fault, or after 15 s.
+
+    Raises
+    ------
+    RecordError   When none answers.
+    """
     log.ask("search")
     roms: set[str] = set()
     begun = listed = False
@@ -87,8 +92,8 @@ def _sensors(log: Logger) -> list[str]:
     return sorted(roms)
 
 
-def _warmed(log: Logger, roms: list[str], patience: float) -> str | None:
-    """Return the sensor that rises, ahead of the others; None when none does."""
+def _warmed_sensor(log: Logger, roms: list[str], patience: float) -> str | None:
+    """Return the ROM whose temperature rises by `_MIN_RISE`, twice as far as any other; None where none does within `patience` seconds."""
     start = {rom: log.watch.values.get(rom) for rom in roms}
     begun = log.state.seconds
     while log.state.seconds - begun < patience:
@@ -98,13 +103,13 @@ def _warmed(log: Logger, roms: list[str], patience: float) -> str | None:
                 start[rom] = log.watch.values.get(rom)
         rises = {rom: log.watch.values[rom] - base for rom, base in start.items() if base is not None and rom in log.watch.values}
         best = sorted(rises, key=lambda rom: rises[rom], reverse=True)
-        if best and rises[best[0]] > _RISE and (len(best) == 1 or rises[best[1]] < 0.5 * rises[best[0]]):
+        if best and rises[best[0]] > _MIN_RISE and (len(best) == 1 or rises[best[1]] < 0.5 * rises[best[0]]):
             return best[0]
     return None
 
 
 def certificate_of(values: np.ndarray, resolution: float, when: str) -> SensorCertificate:
-    """Return the certificate of readings in ice water [degC]: their mean, with the errors of bath, steps and noise.
+    """Return the certificate of readings in ice water: offset = mean, uncertainty = sqrt(bath^2 + resolution^2 / 12 + variance / n).
 
     Parameters
     ----------
@@ -114,7 +119,7 @@ def certificate_of(values: np.ndarray, resolution: float, when: str) -> SensorCe
 
     Raises
     ------
-    RecordError   When there are too few, they drift, or they are not near 0 degC.
+    RecordError   When there are too few, their halves differ by more than a step, or their mean is not near 0 degC.
     """
     if values.size < _LEAST_READINGS:
         raise RecordError(f"{values.size} readings; {_LEAST_READINGS} are needed.", "ice point", code="record.too-short")
@@ -134,24 +139,24 @@ def certificate_of(values: np.ndarray, resolution: float, when: str) -> SensorCe
             code="bench.sensor",
         )
     # a quantised reading that does not move is uncertain by its step over sqrt(12), however long it is read
-    error = sqrt(_BATH**2 + resolution**2 / 12.0 + (values.std() ** 2) / values.size)
+    error = sqrt(_BATH_ERROR**2 + resolution**2 / 12.0 + (values.std() ** 2) / values.size)
     return SensorCertificate(mean, error, ICE, when)
 
 
 def ice_point(log: Logger, path: Path, say: Callable[[str], object], confirm: Callable[[str], bool]) -> list[MappedSensor]:
-    """Read all sensors in ice water and write their certificates to the map.
+    """Read all sensors in ice water and write their certificates to the map; return the sensors that got one.
 
     Parameters
     ----------
     log : Logger              A running log.
     path : Path               The map that is written.
-    say, confirm : callable   Tell the user something; ask whether all is ready.
+    say, confirm : callable   Print a text; ask whether all is ready.
 
     Raises
     ------
     RecordError   When no sensor answers.
     """
-    roms = _sensors(log)
+    roms = _answering_roms(log)
     say(
         "Fill a vessel with crushed ice of clean water, add water up to the top of the ice, and stir. Put the sensors in the middle "
         "and wait at least ten minutes."

@@ -19,39 +19,43 @@ import numpy as np
 from thermid.base.errors import RecordError
 from thermid.bench._wire import BoardLine, parse_line, sealed
 from thermid.bench.bench_files import MappedSensor, Programme
-from thermid.bench.benchlog import MOST_CURRENT, RANGE, LogFile
+from thermid.bench.benchlog import MAX_CURRENT, RANGE, LogFile
 from thermid.bench.port import LinePort, Port
 from thermid.measure.records import FloatArray
 
-_JUMP = 1.0
+_MIN_CLOCK_JUMP = 1.0
 _WALL_EVERY = 600.0
-_PATIENCE = 1.0
-_TRIES = 5
+_REPLY_TIME = 1.0
+_MAX_SENDS = 5
 _WORDS = {
     "crc": "three readings with a wrong CRC",
     "lost": "nothing answers",
     "short": "the bus is stuck low",
     "power": "it was without supply and may read 85 degC",
     "range": "its value is outside -55 to 125 degC",
-    "over": f"{MOST_CURRENT:g} A, its full scale, is reached",
+    "over": f"{MAX_CURRENT:g} A, its full scale, is reached",
     "absent": "it is in the sensor map but does not respond",
     "85": "it reads 85 degC, its value after power-up",
 }
 _UNREPORTED_ERRORS = ("count",)
-_LATE = 900
-_EARLY = 600
+_RAW_READINGS = 900
+_MAX_BINS = 600
 
 
 @dataclass(frozen=True)
 class Settings:
-    """What the board is told.
+    """Settings that the board is sent.
 
     Parameters
     ----------
     interval : float          Time between cycles. [s]
     bits : int                Resolution of the sensors.
     limit : float             Temperature of any sensor at which the board cuts the heaters off. [degC]
-    silence : float           Time without a word from here after which the board cuts the heaters off. [s]
+    silence : float           Time without a command after which the board cuts the heaters off. [s]
+
+    Raises
+    ------
+    RecordError   When one is outside the range that the board takes.
     """
 
     interval: float = 1.0
@@ -60,7 +64,7 @@ class Settings:
     silence: float = 2.0
 
     def __post_init__(self) -> None:
-        """Check against what the board takes."""
+        """Refuse values outside the ranges that the board takes."""
         for word, value, low, high in (
             ("interval", self.interval, 0.1, 3600.0),
             ("bits", self.bits, 9, 12),
@@ -81,11 +85,11 @@ class Settings:
 
 
 class Link:
-    """Commands on their way.
+    """Commands to the board until they are answered.
 
     Parameters
     ----------
-    settings : Settings   What a board is told when it begins.
+    settings : Settings   Settings that a board is sent when it begins.
     clears : bool         Whether heaters that were cut off are allowed again at the start.
     """
 
@@ -99,7 +103,7 @@ class Link:
         self._clears = clears
 
     def connected(self) -> None:
-        """Begin again with a board that knows nothing."""
+        """Begin again with a board after a reset: settings first, then commands that were not sent yet."""
         setup = [*self._settings.commands(), "identify"]
         if self._clears:
             setup.insert(0, "clear")  # somebody has asked for it at this start; a cable that comes back clears nothing
@@ -111,7 +115,7 @@ class Link:
             self.add(command)
 
     def add(self, command: str) -> None:
-        """Put a command in line."""
+        """Add a command to those that wait."""
         self._open[self._next] = (command, -1e9, 0)
         self._next += 1
 
@@ -121,7 +125,14 @@ class Link:
         return not self._open
 
     def due(self, now: float, seconds: float, programme: Programme | None) -> list[str]:
-        """Return the lines to send: new commands, those that nobody answered, a sign of life."""
+        """Return the lines to send now: new commands, repeats of those unanswered for `_REPLY_TIME`, a sign of life.
+
+        Parameters
+        ----------
+        now : float             Time by the host's clock. [s]
+        seconds : float         Time of the programme. [s]
+        programme : Programme or None   Its duties become commands when they change.
+        """
         if programme is not None and (duties := programme.at(seconds)) != self._duties:
             before = self._duties or (-1, -1)
             for k, duty in enumerate(duties):
@@ -133,9 +144,9 @@ class Link:
             self._duties = duties
         out = []
         for number, (command, sent, tries) in list(self._open.items()):
-            if now - sent < _PATIENCE:
+            if now - sent < _REPLY_TIME:
                 continue
-            if tries >= _TRIES:
+            if tries >= _MAX_SENDS:
                 self.failed.append(command)
                 del self._open[number]
                 continue
@@ -149,7 +160,7 @@ class Link:
         return out
 
     def off(self) -> list[str]:
-        """Return the lines that turn both heaters off."""
+        """Return the lines that turn both heaters off; none where they are off."""
         self._open.clear()
         if not self._duties or not any(self._duties):
             return []
@@ -161,39 +172,45 @@ class Link:
         return [sealed(f"{number},{self._open[number][0]}") for number in numbers]
 
     def answered(self, fields: tuple[str, ...]) -> str:
-        """Take in an answer; return what was refused and why, or an empty text."""
+        """Take in the fields of a reply; return the command and why it was refused, or an empty text."""
         number, word = fields
         command = self._open.pop(int(number), None) if number.isdigit() else None
         return f"{command[0]}: {word}" if command is not None and word != "ok" else ""
 
 
 class FaultWatch:
-    """State of each source.
+    """Last value and fault of each source.
 
     Parameters
     ----------
-    name_of : callable   Name of a source.
+    name_of : callable   ROM or channel -> name.
     roms : collection    Sensors of the map.
+
+    Attributes
+    ----------
+    values : dict        Source -> last good value: degC, heater share of one, V, A.
+    faults : dict        Source -> its fault, a key of `_WORDS`.
+    counts : dict        Source -> how many of its values were faulty.
     """
 
     def __init__(self, name_of: Callable[[str], str], roms: Collection[str] = ()) -> None:
-        self._name, self._known = name_of, set(roms)
-        self._called: set[str] = set()
-        self._told: set[str] = set()
+        self._name, self._mapped = name_of, set(roms)
+        self._answering: set[str] = set()
+        self._reported: set[str] = set()
         self.values: dict[str, float] = {}
         """Last good value of each source: degC, heater share of one, V, A."""
         self.faults: dict[str, str] = {}
         self.counts: dict[str, int] = {}
 
     def look(self, line: BoardLine) -> list[tuple[str, str]]:
-        """Return the marks that a line asks for: word and text."""
+        """Take in a line; return the marks (word, text) that it gives rise to: new faults, their end, events of the board."""
         if line.kind == "E" and line.fields[0] not in _UNREPORTED_ERRORS:
             if line.fields[0] == "latched":
                 return [("latched", f"heaters stay off after the cut-off ({line.fields[1]}) until --clear-latch")]
             detail = self._name(line.fields[1]) if len(line.fields) > 1 else ""
             return [(line.fields[0], f"reported by the board{' of ' + detail if detail else ''}")]
         if line.kind in "BSC":
-            return self._roll_call(line)
+            return self._absent_and_unnamed(line)
         if line.kind != "D":
             return []
         source, _, status = line.fields
@@ -204,7 +221,7 @@ class FaultWatch:
                 fault = "range"
             elif value == 85.0 and abs(self.values.get(source, 0.0) - 85.0) > 2.0:
                 fault = "85"
-        elif not fault and source[0] == "I" and value is not None and abs(value) >= MOST_CURRENT:
+        elif not fault and source[0] == "I" and value is not None and abs(value) >= MAX_CURRENT:
             fault = "over"
         before = self.faults.get(source, "")
         if fault:
@@ -220,16 +237,16 @@ class FaultWatch:
             [("fault", f"{self._name(source)} {fault}: {_WORDS[fault]}")] if fault else [("good", f"{self._name(source)} after {before}")]
         )
 
-    def _roll_call(self, line: BoardLine) -> list[tuple[str, str]]:
+    def _absent_and_unnamed(self, line: BoardLine) -> list[tuple[str, str]]:
         """Return marks for sensors of the map that do not answer, and for those that answer and are not in it."""
         if line.kind == "B":
-            self._called = set()
+            self._answering = set()
         if line.kind == "S":
-            self._called.add(line.fields[0])
-        absent, unnamed = self._known - self._called, self._called - self._known
-        if line.kind != "C" or not self._known or self._told == absent | unnamed:
+            self._answering.add(line.fields[0])
+        absent, unnamed = self._mapped - self._answering, self._answering - self._mapped
+        if line.kind != "C" or not self._mapped or self._reported == absent | unnamed:
             return []
-        self._told = absent | unnamed
+        self._reported = absent | unnamed
         self.faults |= dict.fromkeys(absent, "absent")
         return [("absent", f"{self._name(rom)} (ROM {rom}): {_WORDS['absent']}") for rom in sorted(absent)] + [
             ("unnamed", f"{rom} responds but is not in the sensor map. Add it to the map to record it by name") for rom in sorted(unnamed)
@@ -237,42 +254,42 @@ class FaultWatch:
 
 
 class History:
-    """Readings of one channel; one thread may add while another looks."""
+    """Readings of one channel since conditions changed, older ones averaged so that their number stays bounded. Thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self.clear()
 
     def clear(self) -> None:
-        """Forget all: conditions have changed."""
+        """Forget all readings."""
         with self._lock:
             self._late: list[tuple[float, float]] = []
             self._early = np.empty((3, 0))  # time, value and how many readings they stand for
             self._width = 0.0
 
     def add(self, seconds: float, value: float) -> None:
-        """Take in a reading. [s, K]"""
+        """Add a reading at a time. [s], [degC]"""
         with self._lock:
             self._late.append((seconds, value))
-            if len(self._late) < 2 * _LATE:
+            if len(self._late) < 2 * _RAW_READINGS:
                 return
-            moved = np.array([(t, v, 1.0) for t, v in self._late[:_LATE]]).T
-            del self._late[:_LATE]
-            self._width = self._width or 2.0 * float(moved[0, -1] - moved[0, 0]) / _LATE
+            moved = np.array([(t, v, 1.0) for t, v in self._late[:_RAW_READINGS]]).T
+            del self._late[:_RAW_READINGS]
+            self._width = self._width or 2.0 * float(moved[0, -1] - moved[0, 0]) / _RAW_READINGS
             self._early = _binned(np.hstack([self._early, moved]), self._width)
-            while self._early.shape[1] > _EARLY:
+            while self._early.shape[1] > _MAX_BINS:
                 self._width *= 2.0
                 self._early = _binned(self._early, self._width)
 
     def arrays(self) -> tuple[FloatArray, FloatArray]:
-        """Return times and values. [s], [K]"""
+        """Return times (readings,) [s] and values (readings,) [degC]."""
         with self._lock:
             early, late = self._early, np.array(self._late).reshape(-1, 2).T
         return np.hstack([early[0], late[0]]), np.hstack([early[1], late[1]])
 
 
 def _binned(points: FloatArray, width: float) -> FloatArray:
-    """Return means over bins of a width (3, bins)."""
+    """Return time, value and weight (3, bins) of points (3, n), as weighted means over bins of a width [s]."""
     starts = np.flatnonzero(np.diff(np.floor(points[0] / width), prepend=-np.inf))
     count = np.add.reduceat(points[2], starts)
     return np.vstack([np.add.reduceat(row * points[2], starts) / count for row in points[:2]] + [count])
@@ -280,7 +297,7 @@ def _binned(points: FloatArray, width: float) -> FloatArray:
 
 @dataclass
 class _State:
-    """What the logger knows while it runs."""
+    """State of a running log: the board's last number and time, what was heard and is missing, resolutions by ROM."""
 
     number: int = -1
     ms: int = 0
@@ -293,18 +310,18 @@ class _State:
 
 
 class Logger:
-    """A log in the making.
+    """A log that is being written from a board.
 
     Parameters
     ----------
     path : str or Path           The log; continued where it exists.
-    port : callable              Returns the name of the port, or a board within this program; called again after the port was lost.
-    sensors : mapping            The sensor map by ROM.
-    settings : Settings          What the board is told.
-    programme : Programme        What the heaters do, or None.
+    port : callable              Returns the name of the port, or a simulated board; called again after the port was lost.
+    sensors : mapping            ROM -> sensor, the sensor map.
+    settings : Settings          Settings that the board is sent.
+    programme : Programme        Duties of the heaters, or None.
     sync : bool                  Whether each line is forced onto the disk itself.
     clear_latch : bool           Whether heaters that the board has cut off (over-temperature, no sensor) are allowed again.
-    clock, wall : callable       A clock that nobody sets, and the host's clock. [s]
+    clock, wall : callable       A monotonic clock, and the host's wall clock. [s]
 
     Raises
     ------
@@ -356,7 +373,7 @@ class Logger:
             self.mark("cut", "the last line of the previous session was incomplete")
 
     def name_of(self, source: str) -> str:
-        """Return the name of a channel."""
+        """Return the name of a source: that of the map for a sensor, else the source itself."""
         return self.sensors[source].name if source in self.sensors else source
 
     @property
@@ -365,17 +382,22 @@ class Logger:
         return self._clock() - self._begun
 
     def _stamp(self) -> str:
-        """Return the host's time as text."""
+        """Return the wall time as an ISO 8601 stamp in UTC."""
         return datetime.fromtimestamp(self._wall(), UTC).isoformat(timespec="milliseconds")
 
     def mark(self, word: str, text: str) -> None:
-        """Write a mark into the log."""
+        """Write a mark with its word and text into the log."""
         self.last_mark = f"{word}: {text}"
         self.marks[word] += 1
         self.store.write(f"# mark {self.store.session} {self.elapsed:.6f} {word} {text}")
 
     def step(self, timeout: float = 0.2) -> BoardLine | None:
-        """Wait for one line, put it on disk, and return it; None when none came or it was no good line. [s]"""
+        """Wait up to `timeout` seconds for one line, write it to disk, and return it; None where none came or it was damaged.
+
+        Raises
+        ------
+        RecordError   When the board reports a cut-off and the programme heats.
+        """
         self._check_clock()
         self._check_disk()
         if self._port is None and not self._open(timeout):
@@ -383,11 +405,11 @@ class Logger:
         assert self._port is not None
         try:
             data = self._port.read_line(timeout)
-            line = self._take(data) if data else None
+            line = self._store_line(data) if data else None
             for command in self._link.due(self.elapsed, self.state.seconds, self.programme):
                 self._port.write(command)
         except OSError as error:
-            self._lose(error)
+            self._drop_port(error)
             return None
         if self._link.failed:
             self.mark("unanswered", ", ".join(self._link.failed))
@@ -399,17 +421,17 @@ class Logger:
         return line
 
     def ask(self, command: str) -> None:
-        """Send a command with the next step, such as ``identify``."""
+        """Send a command, such as ``identify``, with the next step."""
         self._link.add(command)
 
     @property
     def done(self) -> bool:
-        """Whether the programme has ended and the board has been told."""
+        """Whether the programme has ended and every command is answered."""
         end = self.programme.end if self.programme is not None else None
         return end is not None and self.state.seconds >= end and self._link.idle
 
     def close(self) -> None:
-        """Turn the heaters off, and end the log."""
+        """Turn the heaters off, and close the log."""
         if self._port is not None:
             try:
                 for command in self._link.off():
@@ -418,16 +440,16 @@ class Logger:
                 while self._clock() < until and not self._link.idle:
                     data = self._port.read_line(0.1)
                     if data:
-                        self._take(data)
+                        self._store_line(data)
             except OSError as error:
-                self._lose(error)
+                self._drop_port(error)
             else:
                 self._port.close()
         self.mark("end", f"{self.state.lines} lines, {self.state.missing} missing")
         self.store.close()
 
     def _open(self, timeout: float) -> bool:
-        """Open the port where it is time to try again; return whether it is open."""
+        """Open the port, at most every half second; return whether it is open."""
         if self._clock() - self._tried < 0.5:
             time.sleep(min(timeout, 0.1))
             return False
@@ -447,8 +469,8 @@ class Logger:
         self.state.heard, self._fresh = self.elapsed, True
         return True
 
-    def _lose(self, error: OSError) -> None:
-        """Give a port up that is gone."""
+    def _drop_port(self, error: OSError) -> None:
+        """Close a port that was disconnected, and mark it."""
         assert self._port is not None
         if self._port.begun:
             self.mark("garbled", json.dumps(self._port.begun.decode("latin-1")))
@@ -457,8 +479,8 @@ class Logger:
         self._gone = self.elapsed
         self.mark("port-gone", str(error) or "the port was disconnected")
 
-    def _take(self, data: bytes) -> BoardLine | None:
-        """Put what was read on disk, then look at it."""
+    def _store_line(self, data: bytes) -> BoardLine | None:
+        """Write a line that was read to disk, then parse it and update faults, replies and history; None where it is damaged."""
         text = data.decode("latin-1").rstrip("\r\n")
         try:
             line = parse_line(text)
@@ -470,7 +492,7 @@ class Logger:
         self._fresh = False
         elapsed = self.elapsed
         self.store.write(f"{self.store.session} {elapsed:.6f} {text}")
-        self._count(line, elapsed)
+        self._follow_counters(line, elapsed)
         if line.kind == "R":
             refused = self._link.answered(line.fields)
             if refused:
@@ -484,11 +506,11 @@ class Logger:
         if line.kind == "S":
             self.state.bits[line.fields[0]] = int(line.fields[1])
         if line.kind == "D" and line.fields[0] not in self.watch.faults:
-            self._remember(line.fields[0])
+            self._keep_reading(line.fields[0])
         return line
 
-    def _remember(self, source: str) -> None:
-        """Keep a good reading; where a heater changes, what came before tells no longer where it goes."""
+    def _keep_reading(self, source: str) -> None:
+        """Keep a good reading; a change of a heater clears the history of all sensors."""
         value = self.watch.values[source]
         if len(source) == 16:
             self.history.setdefault(source, History()).add(self.state.seconds, value)
@@ -497,8 +519,8 @@ class Logger:
             for readings in self.history.values():
                 readings.clear()
 
-    def _count(self, line: BoardLine, elapsed: float) -> None:
-        """Follow the board's number and time: what is missing, what was a reset."""
+    def _follow_counters(self, line: BoardLine, elapsed: float) -> None:
+        """Follow the board's number and time; mark missing lines and resets."""
         state = self.state
         if state.number >= 0:
             steps, passed = (line.number - state.number) % (1 << 32), (line.ms - state.ms) % (1 << 32)
@@ -516,9 +538,9 @@ class Logger:
         state.number, state.ms, state.heard, state.lines = line.number, line.ms, elapsed, state.lines + 1
 
     def _check_clock(self) -> None:
-        """Mark a jump of the host's clock, and its time now and then."""
+        """Mark a jump of the host's wall clock, and its time every `_WALL_EVERY` seconds."""
         offset = self._wall() - self._clock()
-        if abs(offset - self._offset) > _JUMP:
+        if abs(offset - self._offset) > _MIN_CLOCK_JUMP:
             self.mark(
                 "clock",
                 f"the host's clock jumped by {offset - self._offset:+.1f} s to {self._stamp()}. The time stamps do not include this jump",
@@ -529,7 +551,7 @@ class Logger:
             self.mark("wall", self._stamp())
 
     def _check_disk(self) -> None:
-        """Try a full disk again."""
+        """Write again after the disk was full, and mark when it became full and when it has room again."""
         if not self.store.full:
             return
         if not self._full:
@@ -542,7 +564,7 @@ class Logger:
 
 
 def _cut_off(why: str, where: str) -> RecordError:
-    """Return the refusal to heat what was cut off."""
+    """Return the error for heaters that the board has cut off."""
     return RecordError(
         f"the board has cut heaters 1 and 2 off: {why}. They stay off. Find the cause and check the hardware; then allow them again "
         "with --clear-latch (clear_latch=True), or log without a heater programme.",

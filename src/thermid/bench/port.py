@@ -18,24 +18,29 @@ _MAKERS = {0x2341: "Arduino", 0x2A03: "Arduino", 0x1A86: "CH340", 0x0403: "FTDI"
 
 
 class LinePort(Protocol):
-    """What a logger reads a board by: a serial port, or a board within this program."""
+    """A port that a logger reads lines from: a serial port, or a simulated board."""
 
     def read_line(self, timeout: float) -> bytes:
-        """Return the next line with its line feed, empty when the time is over before it ends. [s]"""
+        """Return the next line with its line feed; empty where none ends within `timeout` seconds."""
 
     def write(self, text: str) -> None:
         """Send one line."""
 
     @property
     def begun(self) -> bytes:
-        """A line that was not finished."""
+        """Bytes of a line that has not ended."""
 
     def close(self) -> None:
-        """Give the port back."""
+        """Close the port."""
 
 
 def _serial() -> Any:
-    """Return the package pyserial."""
+    """Return the package pyserial.
+
+    Raises
+    ------
+    ThermidError   When it is not installed.
+    """
     try:
         import serial
     except ImportError:
@@ -46,11 +51,11 @@ def _serial() -> Any:
 
 
 def find_port() -> str:
-    """Return the only port that looks like a board.
+    """Return the name of the only port whose USB maker is that of a board.
 
     Raises
     ------
-    RecordError   When none or several do.
+    RecordError   When none or several are.
     """
     _serial()
     from serial.tools import list_ports
@@ -92,7 +97,7 @@ def check_port(name: str) -> None:
 
 
 class Port:
-    """An open port.
+    """An open serial port.
 
     Parameters
     ----------
@@ -112,7 +117,7 @@ class Port:
         self._begun = bytearray()
 
     def read_line(self, timeout: float) -> bytes:
-        """Return the next line with its line feed, empty when the time is over before it ends. What has begun is kept. [s]
+        """Return the next line with its line feed; empty where none ends within `timeout` seconds. Its beginning is kept for the next call.
 
         Raises
         ------
@@ -130,7 +135,7 @@ class Port:
                 return line
 
     def _byte(self, until: float) -> bytes:
-        """Return one byte, empty when the time is over."""
+        """Return one byte; empty where none comes before `until` on the monotonic clock. [s]"""
         if self._fd < 0:
             return bytes(self._serial.read(1)) if time.monotonic() < until else b""
         while True:
@@ -159,11 +164,11 @@ class Port:
 
     @property
     def begun(self) -> bytes:
-        """A line that was not finished."""
+        """Bytes of a line that has not ended."""
         return bytes(self._begun)
 
     def close(self) -> None:
-        """Give the port back."""
+        """Close the port."""
         try:
             self._serial.close()
         except OSError:

@@ -16,7 +16,7 @@ from thermid.base.toml_files import Places, read_toml, resolve_inside
 from thermid.campaign._cache import file_name, log_kept
 from thermid.fit.calibration import LocalSpec
 from thermid.measure.readers import read_record
-from thermid.measure.records import Channel, Record
+from thermid.measure.records import ROLES, Channel, Record
 from thermid.model.deck import load_model
 from thermid.model.elements import literal
 from thermid.model.tree import Model
@@ -246,10 +246,10 @@ def _rebound(channel: Channel, target: str | dict[str, str]) -> Channel:
     """Return a channel with another target."""
     if isinstance(target, str):
         return replace(channel, target=target)
-    (role, path), *more = [(k, v) for k, v in target.items() if k in ("node", "boundary", "load", "command", "prescribed")] or [("", "")]
+    (role, path), *more = [(k, v) for k, v in target.items() if k in ROLES] or [("", "")]
     if not role or more or set(target) - {role, "gain"}:
         raise RecordError(
-            "give a binding exactly one of node, boundary, load, command and prescribed, and for a load a gain; given: "
+            f"give a binding exactly one of {', '.join([*ROLES][:-1])} and {[*ROLES][-1]}, and for a load a gain; given: "
             f"{', '.join(target)}.",
             channel.name,
             code="value.incomplete",

@@ -11,7 +11,7 @@ from thermid.base.units import format_value
 
 
 def positive_seconds(written: object, what: str) -> float:
-    """Return a time above zero, such as a window [s].
+    """Return a time above zero, such as a window, from a number or a text with a unit. [s]
 
     Raises
     ------
@@ -24,7 +24,7 @@ def positive_seconds(written: object, what: str) -> float:
 
 
 def duration_text(value: float) -> str:
-    """Return a time in the unit in which it reads best.
+    """Return a time [s] as text in h from 2 h, in min from 2 min, else in s, with four digits.
 
     >>> duration_text(18000.0)
     '5 h'
@@ -36,7 +36,11 @@ def duration_text(value: float) -> str:
 
 
 def digits(value: float, error: float) -> str:
-    """Return a number with as many decimals as its error has two digits."""
+    """Return a number with the decimals that give its error two digits; with six digits where the error is zero or not finite.
+
+    >>> digits(1.23456, 0.012)
+    '1.235'
+    """
     if not isfinite(error) or error <= 0:
         return f"{value:.6g}"
     decimals = max(0, 1 - floor(log10(error)))
@@ -54,7 +58,7 @@ def short(number: float, digits: int = 2) -> str:
 
 
 def some(names: Sequence[str], noun: str) -> str:
-    """Return up to four names; of more the first, the last and how many.
+    """Return up to four names joined by commas; of more the first, the last and the number.
 
     >>> some(["a", "b", "c", "d", "e"], "records")
     'a ... e (5 records)'
@@ -63,7 +67,7 @@ def some(names: Sequence[str], noun: str) -> str:
 
 
 def pairs(texts: Iterable[str], option: str) -> dict[str, str]:
-    """Return ``PATH=VALUE`` texts as a dictionary.
+    """Return ``NAME=VALUE`` texts as a dictionary; `option` is their place for messages.
 
     Raises
     ------
@@ -79,5 +83,9 @@ def pairs(texts: Iterable[str], option: str) -> dict[str, str]:
 
 
 def with_unit(value: str, unit: str) -> str:
-    """Return a value with a unit, the usual one where none is written."""
+    """Return a value as text with `unit` behind it, unless it has a unit or is no number.
+
+    >>> with_unit("5", "min"), with_unit("5 [h]", "min"), with_unit("end", "min")
+    ('5 [min]', '5 [h]', 'end')
+    """
     return value if "[" in value or not value.replace(".", "").replace("-", "").replace("e", "").isdigit() else f"{value} [{unit}]"

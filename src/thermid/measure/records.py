@@ -1,6 +1,7 @@
 """Records of measured readings and their channels."""
 
 from thermid.measure._record.channel import (
+    ROLES as ROLES,
     SENSOR_FAULT_CODES as SENSOR_FAULT_CODES,
     BoolArray as BoolArray,
     Channel as Channel,

@@ -40,22 +40,22 @@ def deliver(
     within: str | float | None = None,
     at: str = "",
 ) -> Path:
-    """Write a delivery folder and return its `checks.json`: version, hashes, run record, temperatures to be met, deviations when reduced.
+    """Write a delivery folder and return its ``checks.json``.
 
-    The folder holds ``full/`` (the model with its submodels as decks, values laid in), ``values/``, ``scenarios/`` and, where `nodes` or
-    `within` asks for one, ``reduced/``. Everything is loaded and run again from there before it is said to be done.
+    The folder holds ``full/`` (the model with its submodels, values laid in), ``values/``, ``scenarios/`` and, with `nodes` or `within`,
+    ``reduced/``; ``checks.json`` the hashes, temperatures and deviations. All is run again from the folder before this returns.
 
     Parameters
     ----------
     model : Model                   With all its values laid over it.
     scenarios : sequence of path    Scenario files.
     to : path                       The folder, new or empty.
-    values : sequence               What fits found, for the record.
-    nodes, within, at               As in `reduce`.
+    values : sequence               Fitted values, for the record.
+    nodes, within, at               Size or accuracy of the reduced model, and the submodel that is reduced; as in `reduce`.
 
     Raises
     ------
-    DeckError       When the folder holds something, two files have one name, or what is in it does not give the same temperatures again.
+    DeckError       When the folder holds something, two files have one name, or its runs do not give the same temperatures again.
     ScenarioError   As in `reduce`.
     """
     target = Path(to)
@@ -75,7 +75,7 @@ def deliver(
     if not loaded:
         raise DeckError("a delivery needs a scenario, to state the expected result.", model.title, code="value.incomplete")
     small = reduce(model, list(loaded.values()), nodes=nodes, within=within, at=at) if nodes or within is not None else None
-    record = _record(model, loaded, small, at)
+    record = _checks_content(model, loaded, small, at)
     with folder_replacing(target) as folder:
         for name in ("full", "scenarios", *(["values"] if values else []), *(["reduced"] if small is not None else [])):
             (folder / name).mkdir()
@@ -94,11 +94,11 @@ def deliver(
 
 @takes_objects
 def check_delivery(folder: str | os.PathLike[str]) -> dict[str, float]:
-    """Return scenario -> largest difference between what a delivery says must come out and what does. [K]
+    """Return scenario -> largest difference between the delivered temperatures and those of a run of the delivered model. [K]
 
     Raises
     ------
-    DeckError   When a file has changed since it was written, or a temperature is not met.
+    DeckError   When a file has changed since it was written, or a difference exceeds `MAX_DIFFERENCE`.
     """
     base = Path(folder)
     if not (base / "checks.json").is_file():
@@ -120,14 +120,14 @@ def check_delivery(folder: str | os.PathLike[str]) -> dict[str, float]:
     return out
 
 
-def _record(model: Model, scenarios: Mapping[str, Scenario], small: Reduction | None, at: str) -> dict[str, Any]:
-    """Return what stands in checks.json, but for the hashes of the files."""
+def _checks_content(model: Model, scenarios: Mapping[str, Scenario], small: Reduction | None, at: str) -> dict[str, Any]:
+    """Return the content of ``checks.json`` without the hashes of the files."""
     from datetime import UTC, datetime
     from importlib.metadata import version
 
     runs = {name: simulate(model, s) for name, s in scenarios.items()}
     first = next(iter(runs.values()))
-    watched = _watched(model, next(iter(scenarios.values())))
+    watched = _reference_points(model, next(iter(scenarios.values())))
     taken = assumed(model)
     return {
         "schema": 1,
@@ -142,18 +142,19 @@ def _record(model: Model, scenarios: Mapping[str, Scenario], small: Reduction | 
             "machine": platform.machine(),
             "at": datetime.now(UTC).isoformat(timespec="seconds"),
         },
-        "runs": {name: _run(scenarios[name], run, watched) for name, run in runs.items()},
-        **({"reduced": _reduced(small, at or model.title)} if small is not None else {}),
+        "runs": {name: _expected_of_run(scenarios[name], run, watched) for name, run in runs.items()},
+        **({"reduced": _reduced_content(small, at or model.title)} if small is not None else {}),
     }
 
 
-def _watched(model: Model, scenario: Scenario) -> list[str]:
-    """Return the reference points, or every node where none is marked."""
+def _reference_points(model: Model, scenario: Scenario) -> list[str]:
+    """Return the paths of the reference points, or of every node where none is marked."""
     network = network_for(model, scenario)
     return [n.path for n in network.flat.nodes if n.reference_point] or list(network.nodes)
 
 
-def _run(scenario: Scenario, run: Solution, watched: Sequence[str]) -> dict[str, Any]:
+def _expected_of_run(scenario: Scenario, run: Solution, watched: Sequence[str]) -> dict[str, Any]:
+    """Return what a run must give again: temperatures at `CHECK_TIMES` equal times [degC], the highest ones, and the heat balance [J]."""
     times = np.linspace(0.0, scenario.seconds, CHECK_TIMES)
     balance = run.heat_balance()
     heat = {"loads_J": balance.loads, "boundaries_J": balance.boundaries, "stored_J": balance.stored, "residual": balance.relative}
@@ -167,7 +168,8 @@ def _run(scenario: Scenario, run: Solution, watched: Sequence[str]) -> dict[str,
     }
 
 
-def _reduced(small: Reduction, part: str) -> dict[str, Any]:
+def _reduced_content(small: Reduction, part: str) -> dict[str, Any]:
+    """Return masses, nodes and deviations of a reduced model, and which part it stands for."""
     return {
         "part": part,
         "identity": small.model.identity(),
@@ -182,4 +184,5 @@ def _reduced(small: Reduction, part: str) -> dict[str, Any]:
 
 
 def _hash(path: Path) -> str:
+    """Return the SHA-256 of a file as hexadecimal digits."""
     return hashlib.sha256(path.read_bytes()).hexdigest()

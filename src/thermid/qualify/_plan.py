@@ -8,12 +8,13 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, errors_at, nearest, quoted, refuse_unknown
+from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, errors_at, quoted, refuse_unknown
 from thermid.base.extensions import by_grammar, refuse_another_kind
 from thermid.base.files import RESULTS_FILE, read_bytes, write_text
 from thermid.base.results import Result
@@ -32,23 +33,22 @@ if TYPE_CHECKING:
     from thermid.qualify._plan_schema import LockFile, PlanFile, TestTable
 
 
-from datetime import UTC, datetime
-
 AS_RUN = ("log", "state", "deviations", "date", "heat_leaks", "note")
 """What a test's table may gain once it was made; the rest is the plan."""
 
 
 @dataclass(frozen=True, eq=False)
 class Plan(Result):
-    """A qualification plan.
+    """A qualification plan as it was read from its file; nothing was run yet.
 
     Parameters
     ----------
-    path : Path                 Its file.
-    content : PlanFile          As it is written, checked.
-    limits : tuple of Limits    Of the reference points.
-    criteria : dict             Name -> set of criteria, published ones and the project's own.
-    files : dict                File that the plan rests on -> hash: decks, limits, scenarios, and the files that these name in turn.
+    path : Path                 The plan's TOML file.
+    content : PlanFile          Its tables and keys, checked by the grammar.
+    limits : tuple of Limits    Temperature limits of the reference points.
+    criteria : dict             Name -> set of criteria: the published ones and the plan's own.
+    files : dict                File that the plan rests on -> SHA-256: decks, limits, scenarios, and the files that these name in turn.
+    data : Path or None         Folder of logs outside the project.
     """
 
     path: Path
@@ -60,53 +60,53 @@ class Plan(Result):
 
     @property
     def title(self) -> str:
-        """Its title."""
+        """Title of the plan."""
         return self.content.title
 
     @property
     def tests(self) -> tuple[TestTable, ...]:
-        """The tests, in order."""
+        """The tests, in the order of the file."""
         return tuple(self.content.tests)
 
     @cached_property
     def planned(self) -> dict[str, str]:
-        """Key path -> what is planned there, as text: all that may not change once a log was looked at."""
+        """Key path -> planned value as JSON text, and ``file NAME`` -> hash: all that may not change once a log was read.
+
+        Keys that a test gains when it was made (`KEYS_ADDED_AFTER_TEST`), the document's and discrepancies are left out.
+        """
         whole = self.content.model_dump(mode="json")
         whole.pop("document"), whole.pop("discrepancies")
         for test in whole["tests"]:
             for key in AS_RUN:
                 test.pop(key, None)
         whole["tests"] = {t["name"]: t for t in whole["tests"]}
-        return dict(_flat(whole)) | {f"file {name}": sha for name, sha in self.files.items()}
+        return dict(_flat_pairs(whole)) | {f"file {name}": sha for name, sha in self.files.items()}
 
     @cached_property
     def sha256(self) -> str:
-        """Hash of what is planned, the decks and files that it rests on among it; what is added as tests are made does not enter."""
+        """SHA-256 of `planned`, as hexadecimal digits; what is added as tests are made does not change it."""
         return hashlib.sha256(json.dumps(self.planned, sort_keys=True).encode()).hexdigest()
 
     @cached_property
     def knowledge(self) -> Knowledge:
-        """The model with what is known of its values; a campaign is run when this is first asked for."""
-        with errors_at(self.path.name, ", "):
-            return self._load_knowledge()
-
-    def _load_knowledge(self) -> Knowledge:
+        """The model and what is known of its values. A campaign is run when this is first asked for."""
         source, folder = self.content.model, self.path.parent
-        if source.campaign:
-            file = resolve_inside(folder, source.campaign, "model.campaign")
-            data = self.data or (resolve_inside(folder, source.data, "model.data") if source.data else None)
-            campaign = run_stages(file, data=data, cache=file.parent / "results")
-            refuse_unknown([source.stage], campaign.stages, "model.stage", "the campaign has no stage '{}'.", NameNotFoundError)
-            return Knowledge.of_source(campaign[source.stage])
-        model = load_model(resolve_inside(folder, source.deck, "model.deck"))
-        if not source.values:
-            return Knowledge(model)
-        values = filed(resolve_inside(folder, source.values, "model.values"), model)
-        synthetic = bool(values.values.provenance.get("synthetic", False))
-        return Knowledge(values.model, (values.values,), synthetic=synthetic, remarks=values.lines)
+        with errors_at(self.path.name, ", "):
+            if source.campaign:
+                file = resolve_inside(folder, source.campaign, "model.campaign")
+                data = self.data or (resolve_inside(folder, source.data, "model.data") if source.data else None)
+                campaign = run_stages(file, data=data, cache=file.parent / "results")
+                refuse_unknown([source.stage], campaign.stages, "model.stage", "the campaign has no stage '{}'.", NameNotFoundError)
+                return Knowledge.of_source(campaign[source.stage])
+            model = load_model(resolve_inside(folder, source.deck, "model.deck"))
+            if not source.values:
+                return Knowledge(model)
+            values = filed(resolve_inside(folder, source.values, "model.values"), model)
+            synthetic = bool(values.values.provenance.get("synthetic", False))
+            return Knowledge(values.model, (values.values,), synthetic=synthetic, remarks=values.lines)
 
-    def hosted(self, host: str) -> Knowledge:
-        """Return the model on a host of the plan, values under their paths there; the model itself where no host is named."""
+    def knowledge_on(self, host: str) -> Knowledge:
+        """Return the model inside the plan's macro model `host`, its values under their paths there; the bare model for an empty name."""
         if not host:
             return self.knowledge
         table = self.content.hosts[host]
@@ -114,26 +114,27 @@ class Plan(Result):
         return Knowledge(whole, self.knowledge.values, None, self.knowledge.synthetic, at=table.unit)
 
     def limits_on(self, host: str) -> tuple[Limits, ...]:
-        """Return the limits under their paths on a host."""
+        """Return the limits with nodes and loads under their paths in the macro model `host`; as they are for an empty name."""
         if not host:
             return self.limits
         unit = self.content.hosts[host].unit
         return tuple(replace(one, node=f"{unit}.{one.node}", loads=tuple(f"{unit}.{n}" for n in one.loads)) for one in self.limits)
 
     def _summary(self) -> str:
-        """Return the title and what it holds."""
+        """Title, number of tests and number of reference points."""
         return f"{self.title}: {counted(len(self.tests), 'test')}, {counted(len(self.limits), 'reference point')}"
 
 
-def _flat(value: Any, path: str = "") -> list[tuple[str, str]]:
+def _flat_pairs(value: Any, path: str = "") -> list[tuple[str, str]]:
+    """Return (key path joined by dots, value as JSON text) of every value in nested dictionaries; None, "" and [] are left out."""
     if isinstance(value, dict):
-        return [pair for key, inner in value.items() for pair in _flat(inner, f"{path}.{key}" if path else str(key))]
+        return [pair for key, inner in value.items() for pair in _flat_pairs(inner, f"{path}.{key}" if path else str(key))]
     return [(path, json.dumps(value, sort_keys=True))] if value not in (None, "", []) else []
 
 
 @takes_objects
 def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None = None) -> Plan:
-    """Return a qualification plan, checked as far as that goes without running anything.
+    """Return a qualification plan from its TOML file, checked without running anything.
 
     Parameters
     ----------
@@ -142,7 +143,7 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
 
     Raises
     ------
-    DeckError           When it does not follow the grammar, says no objective, test or limit, or a test has no course.
+    DeckError           When it breaks the grammar, has no objective, test or limit, or a test has neither profile nor scenario.
     NameNotFoundError   When a test names a sensor, a set of criteria or a host that the plan does not have.
     """
     target = Path(path)
@@ -151,16 +152,12 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
     refuse_another_kind("thermid.qualify._plan_schema.PlanFile", raw, where)
     # refuse a plan that plans nothing, before its grammar is looked at
     lacking = [k for k in ("title", "objectives", "model", "limits", "sensors", "tests") if not raw.get(k)]
-    if len(lacking) == 6:
-        raise DeckError(
-            "the plan is empty. State before any log is read what the tests must show: title, objectives, [model], [limits], [sensors] and "
-            "[[tests]].",
-            target.name,
-            code="plan.incomplete",
-        )
     if lacking:
         raise DeckError(
-            f"the plan has no {', no '.join(lacking)}. State them before any log is read; a later decision is weak evidence.",
+            "the plan is empty. State before any log is read what the tests must show: title, objectives, [model], [limits], [sensors] and "
+            "[[tests]]."
+            if len(lacking) == 6
+            else f"the plan has no {', no '.join(lacking)}. State them before any log is read; a later decision is weak evidence.",
             target.name,
             code="plan.incomplete",
         )
@@ -178,18 +175,15 @@ def load_plan(path: str | os.PathLike[str], data: str | os.PathLike[str] | None 
     check_parts(content, where)
     for k, test in enumerate(content.tests):
         check_test(content, test, criteria, lambda key, k=k: where(f"tests.{k}.{key}"))  # type: ignore[misc]
-    if content.margins.policy not in POLICIES:
-        policies = "; ".join(POLICIES)
-        raise NameNotFoundError(
-            f"no margin policy '{content.margins.policy}'; there are {policies}.{nearest(content.margins.policy, POLICIES)}",
-            where("margins.policy"),
-        )
+    refuse_unknown(
+        [content.margins.policy], POLICIES, where("margins.policy"), "no margin policy '{}'; there are {known}.", NameNotFoundError
+    )
     logs = Path(data) if data is not None else None
-    return Plan(target, content, limits, criteria, basis(target, content, logs, where), logs)
+    return Plan(target, content, limits, criteria, hashes_of_files(target, content, logs, where), logs)
 
 
 def _limits(limits: str | Mapping[str, Any], folder: Path, where: Places) -> tuple[Limits, ...]:
-    """Return the limits of a plan; errors of a file of their own name the plan too."""
+    """Return the limits that the plan gives as a table or as the name of a file; an error in that file names the plan too."""
     if not isinstance(limits, str):
         return read_limits(limits, lambda key: where(f"limits.{key}" if key else "limits"))
     with errors_at(where("limits"), ", "):
@@ -200,10 +194,10 @@ MAX_FILE_NAME_CHARACTERS = 255
 """Characters that a file's name can have."""
 
 
-def basis(target: Path, content: PlanFile, data: Path | None, where: Callable[[str], str]) -> dict[str, str]:
-    """Return file -> hash: of a deck of the plan, of what its model means; of every other file, of its bytes.
+def hashes_of_files(target: Path, content: PlanFile, data: Path | None, where: Callable[[str], str]) -> dict[str, str]:
+    """Return file -> SHA-256 of every file that a plan rests on: of a deck's meaning (`Model.identity`), else of the bytes.
 
-    A file's name is its way from the plan, or ``data: ...`` in the folder of logs that the plan or the caller names.
+    A file is named by its path relative to the plan, or by ``data: PATH`` in the folder of logs that the plan or the caller names.
 
     Parameters
     ----------
@@ -226,13 +220,13 @@ def basis(target: Path, content: PlanFile, data: Path | None, where: Callable[[s
         file = resolve_inside(folder, name, where("files"))
         if not file.is_file():
             raise DeckError(f"there is no file '{name}'.", target.name, code="file.not-found")
-        for one in _with_named(file, logs, set()):
-            out[_name(one, folder, logs)] = hashlib.sha256(read_bytes(one)).hexdigest()
+        for one in _with_files_named(file, logs, set()):
+            out[_name_in_plan(one, folder, logs)] = hashlib.sha256(read_bytes(one)).hexdigest()
     return out
 
 
-def _name(file: Path, folder: Path, logs: Path | None) -> str:
-    """Return how a file is called: a folder of logs may be somewhere else tomorrow."""
+def _name_in_plan(file: Path, folder: Path, logs: Path | None) -> str:
+    """Return the name of a file in a lock: ``data: PATH`` inside the folder of logs, which may move, else the path relative to the plan."""
     inside = logs is not None and file.is_relative_to(logs.resolve()) and not folder.resolve().is_relative_to(logs.resolve())
     return (
         f"data: {file.relative_to(logs.resolve()).as_posix()}"
@@ -241,10 +235,10 @@ def _name(file: Path, folder: Path, logs: Path | None) -> str:
     )
 
 
-def _with_named(file: Path, logs: Path | None, visited: set[Path]) -> Iterator[Path]:
-    """Yield a file, and every file that it names, at any depth.
+def _with_files_named(file: Path, logs: Path | None, visited: set[Path]) -> Iterator[Path]:
+    """Yield a file and every file that it names, at any depth; `visited` takes in what was yielded.
 
-    Every text in a TOML file that is the name of a file counts, whatever its key: a key that is new tomorrow is not forgotten then.
+    Every text in a TOML file that is the name of a file counts, whatever its key, so that keys added later are not forgotten.
     """
     if file in visited:
         return
@@ -253,11 +247,11 @@ def _with_named(file: Path, logs: Path | None, visited: set[Path]) -> Iterator[P
     if file.suffix == ".toml":
         for key, text in _texts(read_toml(file)[0]):
             for named in _files_named(key, text, file.parent, logs):
-                yield from _with_named(named, logs, visited)
+                yield from _with_files_named(named, logs, visited)
 
 
 def _texts(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
-    """Yield every text of a file with the key that it stands under."""
+    """Yield (key, text) for every text in nested tables and lists; the key is that of the innermost table."""
     if isinstance(value, str):
         yield key, value
     elif isinstance(value, dict):
@@ -269,7 +263,10 @@ def _texts(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
 
 
 def _files_named(key: str, text: str, folder: Path, logs: Path | None) -> list[Path]:
-    """Return the files that a text names, in the folder of logs first; none where it names none, or one outside of the project."""
+    """Return the existing files that a text names, in `logs` before `folder`; empty where it names none inside the project.
+
+    Under the key ``files`` the text is a pattern such as ``*.csv``.
+    """
     if not text or len(text) > MAX_FILE_NAME_CHARACTERS or "\0" in text or "\n" in text:
         return []
     roots = [r.resolve() for r in (project_root(folder), logs) if r is not None]
@@ -288,7 +285,7 @@ RANGES = {"temperature": TEMPERATURE, "pressure": "Pa", "power": "W", "gravity":
 
 
 def check_parts(content: PlanFile, where: Where) -> None:
-    """Refuse what no test could be judged by: sensors without a reason, exclusions of none, ranges that are none.
+    """Refuse sensors without a reason, exclusions of sensors that are not there, and ranges of validity that are no ordered pair.
 
     Raises
     ------
@@ -316,13 +313,13 @@ def check_parts(content: PlanFile, where: Where) -> None:
 
 
 def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, Criteria], where: Where) -> None:
-    """Refuse a test without a name or course of its own, and names and stretches that do not fit.
+    """Refuse a test whose name is taken, that has no course, or that names hosts, sensors, criteria or periods that do not fit.
 
     Raises
     ------
-    DeckError           When it is no test.
+    DeckError           When its name is empty or taken, profile and scenario are missing, a period is no pair, or a waiver has no reason.
     NameNotFoundError   When it names a host, a sensor or criteria that the plan does not have.
-    RecordError         When its rule of stability is none.
+    RecordError         When its rule of stability cannot be read.
     """
     names = [t.name for t in content.tests]
     if not test.name.strip() or names.count(test.name) > 1:
@@ -362,16 +359,16 @@ def check_test(content: PlanFile, test: TestTable, criteria: Mapping[str, Criter
 
 @dataclass(frozen=True)
 class LockStatus:
-    """How a plan stands to its lock.
+    """Whether a plan is still the one that was locked before any log was read.
 
     Parameters
     ----------
-    state : str             open (never locked), locked, changed (since, no log looked at), late (logs looked at before it was locked),
-                            moved (changed after logs were looked at).
-    date : str              Of the lock that counts: the last one before the first look.
-    looked : str            When a log was first looked at; empty where none was.
+    state : str             open (never locked), locked, changed (since the lock, no log read), late (logs were read before the lock) or
+                            moved (changed after logs were read).
+    date : str              Date of the lock that counts: the last one before the first log was read; empty without one.
+    looked : str            Date on which a log was first read; empty where none was.
     changed : tuple of str  Keys that differ from that lock.
-    sha256 : str            Hash of the plan as it is.
+    sha256 : str            Hash of the plan as it is now.
     """
 
     state: str
@@ -382,11 +379,11 @@ class LockStatus:
 
     @property
     def sound(self) -> bool:
-        """Whether what is judged by is what was planned before any log was looked at."""
+        """Whether the plan is unchanged since a lock that is older than the first look at a log."""
         return self.state == "locked"
 
     def __str__(self) -> str:
-        """Return it in words."""
+        """The status as a sentence."""
         keys = ", ".join(self.changed[:6]) + (f" and {len(self.changed) - 6} more" if len(self.changed) > 6 else "")
         return {
             "open": "the plan is not locked. Lock it before any log is read: thermid plan PLAN --lock",
@@ -402,50 +399,54 @@ class LockStatus:
         }[self.state]
 
 
-def _file(plan: Plan) -> Path:
+def _lock_file(plan: Plan) -> Path:
+    """Return the path of the lock: the plan's with ``.lock.json`` as its suffix."""
     return plan.path.with_suffix(".lock.json")
 
 
-def _read(plan: Plan) -> dict[str, Any]:
-    file = _file(plan)
+def _read_lock(plan: Plan) -> dict[str, Any]:
+    """Return the content of the lock file; without one, no locks and no looks."""
+    file = _lock_file(plan)
     if not file.is_file():
         return {"schema": 1, "locks": [], "looks": []}
     lock: LockFile = read_json(file, "thermid.qualify._plan_schema.LockFile")
     return dict(lock.model_dump(by_alias=True))
 
 
-def _write(plan: Plan, data: dict[str, Any]) -> None:
-    write_text(_file(plan), json.dumps(data, indent=1, sort_keys=True), RESULTS_FILE)
+def _write_lock(plan: Plan, data: dict[str, Any]) -> None:
+    """Write the lock file."""
+    write_text(_lock_file(plan), json.dumps(data, indent=1, sort_keys=True), RESULTS_FILE)
 
 
 def _today() -> str:
+    """Return the date of today in UTC, as ``2026-11-29``."""
     return datetime.now(UTC).date().isoformat()
 
 
 @takes_objects
 def lock_plan(plan: Plan, predictions: dict[str, Any] | None = None, date: str = "") -> Path:
-    """Write what is planned with its hash, the date and the pre-test predictions beside the plan, and return the file.
+    """Write what is planned with its hash, the date and the predictions beside the plan, and return that file.
 
-    Older locks and all looks at logs are kept; locking again after a look does not make a plan older than it is.
+    Older locks and all looks at logs stay in the file. A plan that is unchanged since its last lock gets no new one.
 
     Parameters
     ----------
     plan : Plan
-    predictions : dict  What was predicted of each test, as plain numbers.
+    predictions : dict  Predictions of each test before any log, as plain numbers.
     date : str          The day; today by default.
     """
-    data = _read(plan)
+    data = _read_lock(plan)
     if not data["locks"] or data["locks"][-1]["sha256"] != plan.sha256:
         entry = {"sha256": plan.sha256, "date": date or _today(), "planned": plan.planned, "predictions": predictions or {}}
-        entry["looked_beside"] = _beside(plan)
+        entry["looked_beside"] = _hashes_read_by_other_plans(plan)
         data["locks"].append(entry)
-        _write(plan, data)
-    return _file(plan)
+        _write_lock(plan, data)
+    return _lock_file(plan)
 
 
-def _beside(plan: Plan) -> list[str]:
-    """Return the hashes of logs that other plans of the folder have looked at; a copy of a plan does not unsee them."""
-    lock_file, hashes = _file(plan), set()
+def _hashes_read_by_other_plans(plan: Plan) -> list[str]:
+    """Return the hashes of logs that other plans of the folder have read: a copy of a plan cannot be locked as if no log had been read."""
+    lock_file, hashes = _lock_file(plan), set()
     for file in sorted(lock_file.parent.glob("*.lock.json")):
         if file == lock_file:
             continue
@@ -455,21 +456,28 @@ def _beside(plan: Plan) -> list[str]:
 
 
 def note_look(plan: Plan, test: str, sha256: str, date: str = "") -> str:
-    """Note that the log of a test was looked at; return when another log of that test was first looked at, or an empty text.
+    """Write into the lock that the log of a test was read; return the date on which another log of that test was first read, or "".
 
-    The same log again is no new look.
+    A log that was noted already changes nothing.
+
+    Parameters
+    ----------
+    plan : Plan
+    test : str      Name of the test.
+    sha256 : str    Hash of the log.
+    date : str      The day; today by default.
     """
-    data = _read(plan)
+    data = _read_lock(plan)
     others = [one["date"] for one in data["looks"] if one["test"] == test and one["sha256"] != sha256]
     if all((one["test"], one["sha256"]) != (test, sha256) for one in data["looks"]):
         data["looks"].append({"test": test, "sha256": sha256, "date": date or _today(), "locks_before": len(data["locks"])})
-        _write(plan, data)
+        _write_lock(plan, data)
     return str(min(others, default=""))
 
 
 def lock_status(plan: Plan) -> LockStatus:
-    """Return how a plan stands to its lock."""
-    data = _read(plan)
+    """Return whether a plan is still the one that was locked before any log was read."""
+    data = _read_lock(plan)
     locks, looks = data["locks"], data["looks"]
     looked = looks[0]["date"] if looks else ""
     before = locks[: looks[0]["locks_before"]] if looks else locks

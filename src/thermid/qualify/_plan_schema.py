@@ -12,7 +12,7 @@ KINDS = ("thermal cycling", "thermal vacuum", "thermal balance", "humidity", "tr
 
 
 class DocumentTable(StrictTable):
-    """What a report is filed under."""
+    """Number, issue, date and names under which a report is filed."""
 
     number: str = ""
     issue: str = ""
@@ -23,14 +23,14 @@ class DocumentTable(StrictTable):
 
 
 class DifferenceTable(StrictTable):
-    """Something that is tested otherwise than it flies."""
+    """A difference between the tested and the flown hardware, and its effect."""
 
     what: str
     effect: str = ""
 
 
 class ConfigurationTable(StrictTable):
-    """The hardware and its model as they are tested and as they fly."""
+    """The hardware and its model as tested and as flown, and their differences."""
 
     as_tested: str = ""
     as_flown: str = ""
@@ -38,7 +38,7 @@ class ConfigurationTable(StrictTable):
 
 
 class SourceTable(StrictTable):
-    """The model: a deck with its values file, or a stage of a campaign."""
+    """Where the model comes from: a deck with its values file, or a stage of a campaign."""
 
     deck: str = ""
     values: str = ""
@@ -49,14 +49,14 @@ class SourceTable(StrictTable):
 
 
 class HostTable(StrictTable):
-    """A macro model whose unit is the model."""
+    """A macro model (`deck`) whose submodel `unit` is replaced by the model."""
 
     deck: str
     unit: str = "unit"
 
 
 class PlanSensorTable(StrictTable):
-    """A sensor: where it sits, why there, and how far it can be believed."""
+    """A sensor: its node, the reason for its place, accuracy, noise and certificate."""
 
     node: str
     reason: str
@@ -67,21 +67,21 @@ class PlanSensorTable(StrictTable):
 
 
 class MarginTable(StrictTable):
-    """What is added to a predicted temperature."""
+    """The margin policy, and whether the model was correlated in a thermal balance test."""
 
     policy: str = "SMC-S-016"
     balance_tested: bool = False
 
 
 class ExclusionTable(StrictTable):
-    """Sensors that do not count, with reasons, and how large a part of all they may be."""
+    """Sensors that do not count, each with a reason, and the largest share of all sensors that they may be."""
 
     cap: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     reasons: dict[str, str] = {}
 
 
 class ValidityTable(StrictTable):
-    """Where the model was calibrated."""
+    """Conditions under which the model was calibrated: ranges as [lowest, highest], and orientations."""
 
     temperature: list[str] = []
     pressure: list[str] = []
@@ -92,7 +92,7 @@ class ValidityTable(StrictTable):
 
 
 class LogTable(StrictTable):
-    """What was measured, and what a log's columns drive."""
+    """The log of a test: its file, and which boundaries and loads its columns drive."""
 
     file: str
     simulated: str = ""
@@ -135,9 +135,14 @@ class TestTable(StrictTable):
     date: str = ""
     note: str = ""
 
+    @property
+    def state_without_loads(self) -> str:
+        """State of reference points whose limits name no loads: operating or non-operating."""
+        return "operating" if self.operating else "non-operating"
+
 
 class PlanFile(StrictTable):
-    """A qualification plan."""
+    """A qualification plan, the whole file."""
 
     title: str
     use: str = ""
@@ -159,7 +164,7 @@ class PlanFile(StrictTable):
 
 
 class LockTable(StrictTable):
-    """What was planned on a day."""
+    """One lock: the hash and the content of the plan on a day."""
 
     sha256: str
     date: str
@@ -169,7 +174,7 @@ class LockTable(StrictTable):
 
 
 class LookedTable(StrictTable):
-    """A look at the log of a test."""
+    """A note that the log of a test was read, and how many locks there were then."""
 
     test: str
     sha256: str
@@ -178,7 +183,7 @@ class LookedTable(StrictTable):
 
 
 class LockFile(StrictTable):
-    """The locks of a plan and the looks at its logs."""
+    """All locks of a plan, and all looks at its logs."""
 
     lead: ClassVar[str] = "it is no lock of a plan any more. Take it from the version control; a new one would forget the looks."
 
@@ -188,7 +193,7 @@ class LockFile(StrictTable):
 
 
 class MetTable(StrictTable):
-    """What must come out in one scenario."""
+    """Temperatures of a delivered scenario that a run must give again. [s, degC]"""
 
     model_config = ConfigDict(extra="allow")
 
@@ -197,7 +202,7 @@ class MetTable(StrictTable):
 
 
 class ChecksFile(StrictTable):
-    """What a delivery holds and must give; further keys are for its reader."""
+    """``checks.json`` of a delivery: hashes, runs and reference points; further keys are for people."""
 
     lead: ClassVar[str] = "this is not a delivery."
     model_config = ConfigDict(extra="allow")

@@ -28,16 +28,16 @@ from thermid.simulation.runs import prepare
 
 @dataclass(frozen=True)
 class Assumption:
-    """An assumed value and what it does.
+    """An assumed value of the deck, and how far its uncertainty moves a reference point.
 
     Parameters
     ----------
-    path, text, basis : str     In the model; as written; what the deck says that it rests on.
-    spread : float              Standard deviation over the value, by its range or a tenth. [-]
-    effect : float              What that does to the point that it moves most, everything else held. [K]
-    point, run : str            Where and in which run.
+    path, text, basis : str     Its path; the value as written; what the deck says that it rests on.
+    spread : float              Relative standard deviation: by its range, or a tenth. [-]
+    effect : float              Change of the reference point by that standard deviation, all else fixed. [K]
+    point, run : str            The reference point and the test.
     ranged : bool               Whether the deck gave the range.
-    fitted_around : bool        Whether values of the same part were fitted with it; then they take up most of a change.
+    fitted_around : bool        Whether values of the same part were fitted with it; they then take up most of the change.
     """
 
     path: str
@@ -53,17 +53,18 @@ class Assumption:
 
 @dataclass(frozen=True, eq=False)
 class Qualification(Result):
-    """A plan worked through.
+    """A plan with all its tests predicted and judged.
 
     Parameters
     ----------
     plan : Plan
-    lock : LockStatus               How the plan stands to its lock.
+    lock : LockStatus               Whether the plan is the one that was locked.
     trials : tuple of Trial         The tests, in the plan's order.
-    margins : tuple of Margin       Of every reference point on both sides, over the service cases.
+    margins : tuple of Margin       The tightest of every reference point on either side, over the service cases.
     assumptions : tuple             Assumed values, those that move a reference point most first.
-    accepted : tuple of str         Stages that are accepted as they are, whatever their standing.
-    cases : dict                    Test -> margin of every reference point on both sides in it, of which `margins` are the tightest.
+    limits : tuple of Limits        Of the reference points.
+    accepted : tuple of str         Stages that are accepted whatever their standing.
+    cases : dict                    Test -> margin of every reference point on either side in it.
     """
 
     plan: Plan
@@ -82,8 +83,8 @@ class Qualification(Result):
 
     @property
     def service(self) -> tuple[Trial, ...]:
-        """The tests that margins are taken over."""
-        return tuple(service_of(self.trials))
+        """The tests that margins are taken over: those marked `service`, or all."""
+        return tuple(service_tests(self.trials))
 
     @property
     def knowledge(self) -> Knowledge:
@@ -92,17 +93,17 @@ class Qualification(Result):
 
     @property
     def standing(self) -> Standing:
-        """Of the values that every prediction rests on."""
+        """Standing of the values that every prediction rests on, with the accepted stages."""
         return self.knowledge.standing.accept(self.accepted)
 
     @property
     def passed(self) -> bool | None:
-        """Whether nothing failed; None where nothing failed but something is not decided, see `open`."""
+        """Whether no test or margin failed; None where none failed but something is open."""
         return weigh([*(t.passed for t in self.trials), *(m.passed for m in self.margins), *([None] if self.open else [])])
 
     @property
     def open(self) -> tuple[str, ...]:
-        """Why the whole is not decided, as far as it is not; empty where nothing is open."""
+        """Reasons why the verdict is not decided; empty where it is."""
         out = [f"{t.test.name}: {why}" for t in self.trials for why in t.open]
         out += [f"margin of {m.point}, {m.side}: {m.undecided}" for m in self.margins if m.undecided]
         if not self.margins:
@@ -113,12 +114,12 @@ class Qualification(Result):
 
     @property
     def waived(self) -> tuple[str, ...]:
-        """Tests that were waived: held against their limits alone."""
+        """Names of the tests that were waived; their limits alone are judged."""
         return tuple(t.test.name for t in self.trials if t.test.state == "waived")
 
     @property
     def demonstration(self) -> str:
-        """Why this is no qualification of real hardware; empty where nothing speaks against it."""
+        """Why this does not qualify real hardware: assumed parameters, synthetic data; empty where neither is there."""
         parts = []
         if self.assumptions:
             parts.append(f"{len(self.assumptions)} assumed parameters")
@@ -128,7 +129,7 @@ class Qualification(Result):
 
     @cached_property
     def worst(self) -> tuple[str, str, float, float] | None:
-        """Reference point, test, time [s] and room [K] that come nearest to a limit or pass it furthest."""
+        """(reference point, test, time [s], margin [K]) of the smallest margin to a limit, negative beyond it; None without one."""
         rooms = [
             (c.point, t.test.name, c.highest_time if c.limits[1] - c.highest <= c.lowest - c.limits[0] else c.lowest_time, c.room)
             for t in self.trials
@@ -153,12 +154,12 @@ class Qualification(Result):
             "plan": {"state": self.lock.state, "sha256": self.lock.sha256, "locked": self.lock.date, "changed": list(self.lock.changed)},
             "worst": None if worst is None else {"point": worst[0], "test": worst[1], "time_s": worst[2], "room_K": worst[3]},
             "tests": [t.to_dict() for t in self.trials],
-            "margins": [_margin(m) for m in self.margins],
+            "margins": [_margin_as_dict(m) for m in self.margins],
             "assumptions": [{"path": a.path, "effect_K": a.effect, "point": a.point, "test": a.run} for a in self.assumptions],
         }
 
     def _left_out(self) -> dict[str, str]:
-        """Return what the uncertainty of margins does not hold -> which margins."""
+        """Return what the uncertainty of margins does not include -> which margins, in words."""
         margins_by_cause: dict[str, list[str]] = {}
         for m in self.margins:
             for what in m.not_counted:
@@ -166,7 +167,7 @@ class Qualification(Result):
         return {what: "any margin" if len(those) == len(self.margins) else ", ".join(those) for what, those in margins_by_cause.items()}
 
     def __str__(self) -> str:
-        """Return the verdicts as text."""
+        """The verdict, the tests, margins, open points and the first five assumptions, a line for each."""
         words = {True: "PASSED", False: "FAILED", None: "NOT DECIDED"}
         head = f"{self.plan.title}: {words[self.passed]}"
         head += f", {counted(len(self.waived), 'test')} waived: {', '.join(self.waived)}" if self.waived else ""
@@ -193,7 +194,8 @@ class Qualification(Result):
         return [t.test.name for t in self.trials]
 
 
-def _margin(m: Margin) -> dict[str, Any]:
+def _margin_as_dict(m: Margin) -> dict[str, Any]:
+    """Return a margin as a dictionary for JSON: temperatures [degC], margins and uncertainties [K], time [s], as keys say."""
     celsius = {"predicted_C": m.predicted - 273.15, "limit_C": m.limit - 273.15}
     sizes = {"uncertainty_K": m.uncertainty, "acceptance_K": m.policy.acceptance.value, "qualification_K": m.policy.qualification.value}
     flat = {"flat_K": m.flat.value, "flat_left_K": m.flat_left, "bought_K": m.bought}
@@ -209,13 +211,15 @@ def run_plan(
     notice: Callable[[str], None] | None = None,
     accept: Sequence[str] = (),
 ) -> Qualification:
-    """Return a plan worked through: predictions, limits, margins, and the verdict on every log that has come back.
+    """Return a plan with every test predicted, its limits and margins checked, and every log that has come back judged.
+
+    Each log that is read is noted in the plan's lock file.
 
     Parameters
     ----------
     plan : Plan or path     The plan; `load_plan` takes a folder of logs outside the project.
     notice : callable       Called with the name of each test before it is run.
-    accept : sequence       Stages that are accepted as they are: their standing stays and is told.
+    accept : sequence       Stages that are accepted whatever their standing, which is reported all the same.
 
     Raises
     ------
@@ -234,60 +238,62 @@ def run_plan(
             remark = f"its log differs from the one that was first read, on {other}: {why}"
             trial = replace(trial, remarks=(*trial.remarks, remark)) if other else trial
         trials.append(trial)
-    trials = _alike(_informed(trials))
-    effects_by_test = {t.test.name: effects(t.known, t.test.name, t.foresight, {x.node: x.point for x in t.limits}) for t in trials}
+    trials = _with_doubt_of_equal_logs(_with_misfit_of_logs(trials))
+    effects_by_test = {
+        t.test.name: assumption_effects(t.knowledge, t.test.name, t.foresight, {x.node: x.point for x in t.limits}) for t in trials
+    }
     every = [a for several in effects_by_test.values() for a in several]
     cases = {t.test.name: _margins_of(loaded, t, every) for t in trials}
-    margin = _tightest(loaded, [cases[t.test.name] for t in service_of(trials)])
-    return Qualification(loaded, lock_status(loaded), tuple(trials), margin, ranked(every), loaded.limits, tuple(accept), cases)
+    margin = _tightest_margins(loaded, [cases[t.test.name] for t in service_tests(trials)])
+    return Qualification(loaded, lock_status(loaded), tuple(trials), margin, by_largest_effect(every), loaded.limits, tuple(accept), cases)
 
 
-def _informed(trials: Sequence[Trial]) -> list[Trial]:
-    """Return the tests with what the model could not follow in the logs that have come back added to what is expected of all."""
+def _with_misfit_of_logs(trials: Sequence[Trial]) -> list[Trial]:
+    """Return the tests with their predictions widened by the misfit that the logs of the plan show.
+
+    For each node it is the root mean square over its sensors of the residuals' root mean square. [K]
+    """
+    prefixes = [f"{t.knowledge.at}." if t.knowledge.at else "" for t in trials]
     squares: dict[str, list[float]] = {}
-    for t in (t for t in trials if t.correlation is not None):
-        assert t.correlation is not None
-        ahead = f"{t.known.at}." if t.known.at else ""
-        counted = [o for o in t.correlation.overlays if o.sensor not in t.correlation.exclusions.reasons and o.node]
-        for o in counted:
+    for c, ahead in ((t.correlation, ahead) for t, ahead in zip(trials, prefixes, strict=True) if t.correlation is not None):
+        for o in (o for o in c.overlays if o.sensor not in c.exclusions.reasons and o.node):
             squares.setdefault(o.node.removeprefix(ahead), []).append(float(np.mean(o.residuals**2)))
     sizes = {n: float(np.sqrt(np.mean(means))) for n, means in squares.items()}
-
-    def under(t: Trial) -> dict[str, float]:
-        ahead = f"{t.known.at}." if t.known.at else ""
-        return {ahead + n: size for n, size in sizes.items()}
-
     words = "root mean square difference between readings and model in this plan's tests, including the errors of the sensors"
-    return [replace(t, after=widened(t.foresight, under(t), IN_TESTS, words)) for t in trials]
+    return [
+        replace(t, after=widened(t.foresight, {ahead + n: size for n, size in sizes.items()}, IN_TESTS, words))
+        for t, ahead in zip(trials, prefixes, strict=True)
+    ]
 
 
-def _alike(trials: Sequence[Trial]) -> list[Trial]:
-    """Return the tests, with a doubt where two of them came back with the same log."""
-    out = []
-    for t in trials:
+def _with_doubt_of_equal_logs(trials: Sequence[Trial]) -> list[Trial]:
+    """Return the tests; those whose logs are identical name each other in `not_shown`."""
+
+    def doubt(t: Trial) -> tuple[str, ...]:
         same = [o.test.name for o in trials if o is not t and t.log_sha256 and o.log_sha256 == t.log_sha256]
-        doubt = f"its log is identical to that of {', '.join(same)}"
-        out.append(replace(t, not_shown=(*t.not_shown, doubt)) if same else t)
-    return out
+        return (f"its log is identical to that of {', '.join(same)}",) if same else ()
+
+    return [replace(t, not_shown=(*t.not_shown, *doubt(t))) for t in trials]
 
 
-def service_of(trials: Sequence[Trial]) -> list[Trial]:
-    """Return the tests that margins are taken over: those that are marked, or all."""
+def service_tests(trials: Sequence[Trial]) -> list[Trial]:
+    """Return the tests that margins are taken over: those marked `service`, or all where none is."""
     return [t for t in trials if t.test.service] or list(trials)
 
 
 def _margins_of(plan: Plan, t: Trial, every: Sequence[Assumption]) -> tuple[Margin, ...]:
-    """Return the margin of every reference point on each side in one test."""
-    state = {t.test.name: "operating" if t.test.operating else "non-operating"}
-    policy = plan.content.margins
-    more = margins({t.test.name: t.expected}, t.limits, policy.policy, tested=policy.balance_tested, states=state)
+    """Return the margins of every reference point on either side in one test."""
+    name, policy, find = t.test.name, plan.content.margins, t.knowledge.model.canonical
+    spread = [f"scale.{find(n.removeprefix('scale.'))}" if n.startswith("scale.") else find(n) for n in t.test.spread]
+    states = {name: t.test.state_without_loads}
+    more = margins({name: t.expected}, t.limits, policy.policy, tested=policy.balance_tested, states=states)
     mark = "read" if t.course is None or t.course.decides else "memory"
-    moved = {x.point: uncounted(every, x.point, t.test.name, _stated(t)) for x in t.limits}
+    moved = {x.point: assumed_half_width(every, x.point, t.test.name, spread) for x in t.limits}
     return tuple(replace(m, course_mark=mark, assumed=moved[m.point], not_counted=_not_counted(t, m, moved[m.point])) for m in more)
 
 
-def _tightest(plan: Plan, cases: Sequence[Sequence[Margin]]) -> tuple[Margin, ...]:
-    """Return the tightest margin of every reference point on each side over the service cases."""
+def _tightest_margins(plan: Plan, cases: Sequence[Sequence[Margin]]) -> tuple[Margin, ...]:
+    """Return the smallest margin, assumed values counted, of every reference point on either side over the service cases."""
     out: list[Margin] = []
     for one in plan.limits:
         for side in ("cold", "hot"):
@@ -296,14 +302,8 @@ def _tightest(plan: Plan, cases: Sequence[Sequence[Margin]]) -> tuple[Margin, ..
     return tuple(out)
 
 
-def _stated(t: Trial) -> list[str]:
-    """Return the names that a test spreads, as they are in the model."""
-    find = t.known.model.canonical
-    return [f"scale.{find(n.removeprefix('scale.'))}" if n.startswith("scale.") else find(n) for n in t.test.spread]
-
-
 def _not_counted(t: Trial, m: Margin, moved: float) -> tuple[str, ...]:
-    """Return in words what the uncertainty of a margin does not hold."""
+    """Return in words what the uncertainty of a margin does not include; `moved` is the effect of assumed values [K]."""
     out = []
     if m.is_start_value and m.error <= 0:
         out.append("the temperature of the start, which is given, not predicted")
@@ -315,8 +315,8 @@ def _not_counted(t: Trial, m: Margin, moved: float) -> tuple[str, ...]:
     return tuple(out)
 
 
-def ranked(effects_: Sequence[Assumption]) -> tuple[Assumption, ...]:
-    """Return every assumed value once, where it moves a reference point most, the largest effect first."""
+def by_largest_effect(effects_: Sequence[Assumption]) -> tuple[Assumption, ...]:
+    """Return every assumed value once, where it moves a reference point most: largest effect first, those a fit was made around last."""
     best: dict[str, Assumption] = {}
     for a in effects_:
         if a.path not in best or a.effect > best[a.path].effect:
@@ -324,17 +324,19 @@ def ranked(effects_: Sequence[Assumption]) -> tuple[Assumption, ...]:
     return tuple(sorted(best.values(), key=lambda a: (a.fitted_around, -a.effect)))
 
 
-def effects(knowledge: Knowledge, name: str, run: Foresight, nodes: Mapping[str, str]) -> list[Assumption]:
-    """Every assumed value at every reference point in one run; a value that a fit was made around moves less, for the fitted take up most.
+def assumption_effects(knowledge: Knowledge, name: str, run: Foresight, nodes: Mapping[str, str]) -> list[Assumption]:
+    """Return the effect of every assumed value on every reference point in one run.
 
-    Emissivities that a finish tells are in the bands themselves.
+    It is the largest over time of |dT/dp| s, with the sensitivity dT/dp of the run and the standard deviation s of the value. [K] Values
+    with
+    a stated range, which the bands include already, are left out.
 
     Parameters
     ----------
-    knowledge : Known   The model.
-    name : str          Of the run.
-    run : Foresight     What is expected of it.
-    nodes : dict        Node -> name of its reference point.
+    knowledge : Knowledge   The model.
+    name : str              Name of the run.
+    run : Foresight         Its prediction.
+    nodes : dict            Node -> name of its reference point.
     """
     model = knowledge.model
     ahead = f"{knowledge.at}." if knowledge.at else ""
@@ -359,14 +361,16 @@ def effects(knowledge: Knowledge, name: str, run: Foresight, nodes: Mapping[str,
     return out
 
 
-def uncounted(effects_: Sequence[Assumption], point: str, run: str, stated: Sequence[str]) -> float:
-    """Return what assumed values that no fit was made around, and that no spread names, may move a point by: 95 %, together. [K]
+def assumed_half_width(effects_: Sequence[Assumption], point: str, run: str, stated: Sequence[str]) -> float:
+    """Return the 95 % half-width at a point of assumed values: 1.96 times the root of the sum of their squared effects. [K]
+
+    Values that a fit was made around, and those that the test spreads, do not count.
 
     Parameters
     ----------
-    effects_ : sequence Of `effects`.
+    effects_ : sequence Of `assumption_effects`.
     point, run : str    Reference point and run.
-    stated : sequence   Names that are spread in that run, as in the model; ``scale.<load>`` stands for the load's power.
+    stated : sequence   Names that are spread in that run, as in the model; ``scale.LOAD`` stands for the load's power.
     """
     names = {*stated, *(f"{n.removeprefix('scale.')}.power" for n in stated if n.startswith("scale."))}
     sizes = [a.effect for a in effects_ if (a.point, a.run) == (point, run) and not a.fitted_around and a.path not in names]

@@ -41,7 +41,7 @@ from thermid.physics.constants import ATMOSPHERE, ICE_POINT
 from thermid.prediction.bands import Foresight, Knowledge, foresee
 from thermid.qualify._plan import Plan
 from thermid.qualify._profile_runs.conduct import run_profile
-from thermid.qualify._profile_runs.profile_run import ProfileRun, in_short
+from thermid.qualify._profile_runs.profile_run import ProfileRun, verdict_remarks
 from thermid.qualify._profiles.profile import ThermalProfile
 from thermid.qualify._profiles.standards import profile_from
 from thermid.qualify._steadiness.stabilisation import Stability, stability
@@ -60,11 +60,11 @@ MIN_SETTLED_STAY = 3600.0
 """Stays of at least so long end settled. [s]"""
 LEVEL_TOLERANCE = 3.0
 """How far a test's temperature may be off its level: SMC-S-016, 4.7 (read). [K]"""
-MISSING = 0.02
+MAX_UNCOVERED_SHARE = 0.02
 """Share of a test without readings from which it counts as not covered. [-]"""
 GAP_INTERVALS = 5.0
 """A pause is a gap from so many usual intervals on."""
-THERE = 0.9
+MIN_SHARE_AT_LEVEL = 0.9
 """Share of the planned time at a level that must have been spent there. [-]"""
 MIN_EXCHANGE_DEVIATION = 1.0
 """Deviation from which it is asked whether two sensors were exchanged. [K]"""
@@ -72,39 +72,37 @@ MIN_EXCHANGE_DEVIATION = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One test of a plan.
+    """One test of a plan: predicted, checked against its limits, and compared with its log where there is one.
 
     Parameters
     ----------
     test : TestTable                As planned.
-    known : Known                   The model that it was predicted with.
-    foresight : Foresight           What is expected of it.
+    knowledge : Knowledge           The model that it was predicted with.
+    foresight : Foresight           Prediction before any log of the plan was read.
     limits : tuple of Limits        Under their paths in that model.
-    checks : tuple of LimitCheck    What is expected, and what was measured, against the limits.
-    course : ProfileRun or None     Where a profile says the course: its phases.
-    heaters : tuple of HeaterDuty
-    outside : tuple of str          Where it leaves the conditions of the calibration.
-    told : Calibration or None      Readings beside the model in what was done, where a log has come back.
-    correlation : Correlation or None
+    checks : tuple of LimitCheck    Predicted and measured temperatures against the limits.
+    course : ProfileRun or None     The run of its profile, with its phases; None for a scenario.
+    heaters : tuple of HeaterDuty   Duties of its heaters against the margin of their power.
+    outside : tuple of str          Where it leaves the conditions of the calibration, in words.
+    correlation : Correlation or None   The criteria on the residuals; None without a log.
     diagnosis : Diagnosis or None   What would explain the deviations, where a criterion is not met.
     log_sha256 : str                Hash of the log.
     synthetic : bool                Whether the log was made and not measured.
     not_shown : tuple of str        What the log does not show: stretches without readings, levels that were not applied.
     remarks : tuple of str          What else a reader must know of the log.
-    settled : tuple of Stability    Per settled stretch, what the readings say about it being settled.
+    settled : tuple of Stability    For each settled window, whether the readings are stable in it.
     as_logged : dict                Column of a logged boundary -> its lowest and highest reading. [degC]
-    after : Foresight or None       What is expected once the logs of the plan are known: with what the model could not follow in them.
+    after : Foresight or None       Prediction widened by the misfit that the logs of the plan have shown.
     """
 
     test: TestTable
-    known: Knowledge
+    knowledge: Knowledge
     foresight: Foresight
     limits: tuple[Limits, ...]
     checks: tuple[LimitCheck, ...]
     course: ProfileRun | None = None
     heaters: tuple[HeaterDuty, ...] = ()
     outside: tuple[str, ...] = ()
-    told: Calibration | None = field(default=None, repr=False)
     correlation: Correlation | None = None
     diagnosis: Diagnosis | None = None
     log_sha256: str = ""
@@ -117,12 +115,12 @@ class Trial:
 
     @property
     def expected(self) -> Foresight:
-        """What is expected by all that is known: before any log of the plan has come back, the pre-test prediction."""
+        """The prediction with all that is known: `after` once a log of the plan was read, before that `foresight`."""
         return self.after or self.foresight
 
     @property
     def within(self) -> bool | None:
-        """Whether no limit is passed, by what is expected and by what was measured; None where that is not decided."""
+        """Whether no limit is passed, as predicted and as measured; None where that is not decided."""
         outcomes = [c.passed for c in self.checks] + [h.passed for h in self.heaters]
         if not self.checks or (self.course is not None and not self.course.decides):
             outcomes.append(None)
@@ -130,7 +128,7 @@ class Trial:
 
     @property
     def correlated(self) -> bool | None:
-        """Whether every set of criteria is met; None without a log, without criteria, or where the log does not show it."""
+        """Whether every set of criteria is met; None without a log or criteria, or where the log does not show all of the test."""
         if self.correlation is None:
             return None
         outcomes = list(self.correlation.verdicts.values())
@@ -138,17 +136,20 @@ class Trial:
 
     @property
     def passed(self) -> bool | None:
-        """Whether limits and criteria are met. A test without criteria and log is an analysis: its limits alone; see `open`."""
+        """Whether limits and criteria are met; None where that is not decided, for the reasons of `open`.
+
+        A test without criteria and log is an analysis, judged by its limits alone.
+        """
         return weigh([self.within, *([self.correlated] if self._judged else []), *([None] if self.open else [])])
 
     @property
     def _judged(self) -> bool:
-        """Whether criteria have their say: a waived test is held against its limits alone."""
+        """Whether criteria count: there is a log, or criteria wait for one; those of a waived test do not."""
         return self.correlation is not None or (bool(self.test.criteria) and self.test.state != "waived")
 
     @property
     def open(self) -> tuple[str, ...]:
-        """Why the verdict is not decided, as far as it is not; empty where nothing is open."""
+        """Reasons why the verdict is not decided; empty where it is."""
         out = list(dict.fromkeys(c.undecided for c in self.checks if c.undecided))
         if not self.checks:
             out.append("no limit was checked in this test")
@@ -165,11 +166,11 @@ class Trial:
 
     @property
     def worst(self) -> LimitCheck | None:
-        """The check that comes nearest to a limit."""
+        """The check with the smallest distance to a limit, or furthest beyond it; None without a finite one."""
         return min((c for c in self.checks if np.isfinite(c.room)), key=lambda c: c.room, default=None)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it as plain numbers."""
+        """Return verdicts, limits and correlation as plain numbers for JSON: [degC], [K], [s], as the ends of keys say."""
         checks = [
             {
                 "point": c.point,
@@ -192,7 +193,7 @@ class Trial:
         return out
 
     def __str__(self) -> str:
-        """Return it as text."""
+        """Verdicts, the nearest limit, criteria that failed and open points, a line for each."""
         lines = [f"{self.test.name} ({self.test.kind}, {self.test.state}): limits {VERDICTS[self.within]}"]
         if self.course is not None:
             lines[0] += (
@@ -216,9 +217,15 @@ class Trial:
 
 
 def run_test(plan: Plan, test: TestTable) -> Trial:
-    """Return a test of a plan: predicted, held against limits, and judged where its log is there."""
-    knowledge, limits = plan.hosted(test.host), plan.limits_on(test.host)
-    scenario, course = _course(plan, test, knowledge)
+    """Return a test of a plan, predicted and checked against its limits, and compared with its log where the plan names one.
+
+    Raises
+    ------
+    NameNotFoundError   When a limit or a sensor is at a node that the model does not have.
+    ThermidError        When scenario, profile or log cannot be read or run.
+    """
+    knowledge, limits = plan.knowledge_on(test.host), plan.limits_on(test.host)
+    scenario, course = _scenario_and_course(plan, test, knowledge)
     sensors = sensors_of(plan, test)
     # refuse sensors and reference points at nodes that the model does not have
     nodes = [n.path for n in flatten(knowledge.model).nodes]
@@ -229,7 +236,7 @@ def run_test(plan: Plan, test: TestTable) -> Trial:
     step = max(literal(test.every, "s", f"{test.name}, every"), scenario.seconds / MAX_STORED_TIMES)
     times = np.linspace(0.0, scenario.seconds, int(np.ceil(scenario.seconds / step)) + 1)
     foresight = foresee(knowledge, scenario, nodes=points, spread=test.spread, times=times)
-    checks = check_limits(foresight.solution, limits, state=_state(test))
+    checks = check_limits(foresight.solution, limits, state=test.state_without_loads)
     heaters = tuple(
         heater_duty(
             foresight, load, literal(power, "W", f"{test.name}, heaters.{load}"), name=test.name, policy=plan.content.margins.policy
@@ -238,13 +245,13 @@ def run_test(plan: Plan, test: TestTable) -> Trial:
     )
     ahead = f"{knowledge.at}." if knowledge.at else ""
     outside = extrapolations(test, foresight, plan.content.validity, [x.node for x in limits], ahead)
-    remarks = in_short(course) if course is not None else ()
+    remarks = verdict_remarks(course) if course is not None else ()
     trial = Trial(test, knowledge, foresight, limits, checks, course, heaters, outside, remarks=remarks)
     return trial if test.log is None else _judged(plan, trial, scenario, sensors)
 
 
-def _course(plan: Plan, test: TestTable, knowledge: Knowledge) -> tuple[Scenario, ProfileRun | None]:
-    """Return what is done to the model, and its phases where it follows a profile."""
+def _scenario_and_course(plan: Plan, test: TestTable, knowledge: Knowledge) -> tuple[Scenario, ProfileRun | None]:
+    """Return the scenario of a test, and the run of its profile where it has one (else None)."""
     scenario: Scenario | None = None
     if isinstance(test.scenario, str):
         scenario = load_scenario(resolve_inside(plan.path.parent, test.scenario, f"{plan.path.name}, {test.name}"))
@@ -258,7 +265,7 @@ def _course(plan: Plan, test: TestTable, knowledge: Knowledge) -> tuple[Scenario
             base=test.base,
             watch=test.watch,
             equipment=test.equipment,
-            scenario=_beside(scenario, test, knowledge),
+            scenario=_scenario_beside_profile(scenario, test, knowledge),
             every=literal(test.every, "s", f"{test.name}, every"),
         )
         return replace(run.scenario, title=test.name), replace(run, cycles_beside=_cycles_beside(plan, test, run.profile))
@@ -266,12 +273,12 @@ def _course(plan: Plan, test: TestTable, knowledge: Knowledge) -> tuple[Scenario
     return scenario, None
 
 
-def _beside(scenario: Scenario | None, test: TestTable, knowledge: Knowledge) -> Scenario | None:
-    """Return what is done beside a profile: loads, commands, other boundaries.
+def _scenario_beside_profile(scenario: Scenario | None, test: TestTable, knowledge: Knowledge) -> Scenario | None:
+    """Return the scenario that gives loads, commands and other boundaries beside a profile; None where there is none.
 
     Raises
     ------
-    ScenarioError   When it says what the profile says: a time, or the temperature of the chamber.
+    ScenarioError   When it gives what the profile gives: a duration, or the temperature of the chamber.
     """
     if scenario is None:
         return None
@@ -288,9 +295,9 @@ def _beside(scenario: Scenario | None, test: TestTable, knowledge: Knowledge) ->
 
 
 def _cycles_beside(plan: Plan, test: TestTable, profile: ThermalProfile) -> float:
-    """Return how many cycles the other tests of the plan run that count for a profile whose clause asks for a number (`base_cycles`).
+    """Return how many thermal cycles the other tests of the plan add to a profile whose clause requires a number (`base_cycles`).
 
-    They span at least its range, to 0.1 K; tests with steps of their own do not count.
+    Cycling and vacuum tests over at least its range (hot - cold), to 0.1 K, count; tests with steps of their own do not.
     """
     if not profile.has("base_cycles"):
         return 0.0
@@ -301,32 +308,36 @@ def _cycles_beside(plan: Plan, test: TestTable, profile: ThermalProfile) -> floa
 
 
 def sensors_of(plan: Plan, test: TestTable) -> dict[str, tuple[str, Any]]:
-    """Return sensor -> its node in the model of the test, and its table."""
+    """Return sensor -> (its node in the model of the test, its table of the plan)."""
     ahead = f"{plan.content.hosts[test.host].unit}." if test.host else ""
     wanted = test.sensors or list(plan.content.sensors)
     return {s: (ahead + plan.content.sensors[s].node, plan.content.sensors[s]) for s in wanted}
 
 
-def _state(test: TestTable) -> str:
-    """Return the state of points whose limits name no loads."""
-    return "operating" if test.operating else "non-operating"
-
-
 def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, tuple[str, Any]]) -> Trial:
-    """Return a test with its log beside what the model, or another simulation, says of what was done."""
+    """Return a test with its log compared with the model under the logged inputs, or with another simulation (`simulated` of the log).
+
+    Parameters
+    ----------
+    plan, trial : Plan, Trial   The test as predicted.
+    scenario : Scenario         What was planned.
+    sensors : dict              Sensor -> (node, table), as `sensors_of` returns it.
+    """
     test = trial.test
     log = test.log
     assert log is not None
     record = _record(plan, test, log.file, sensors, log.boundaries, log.loads)
     windows = [(literal(a, "s", f"{test.name}, steady"), literal(b, "s", f"{test.name}, steady")) for a, b in test.steady]
-    windows = windows or dwells(trial, [n for n, _ in sensors.values()], record.duration)
+    windows = windows or settled_windows(trial, [n for n, _ in sensors.values()], record.duration)
     comparison: Calibration | None = None
     if log.simulated:
         other = _record(plan, test, log.simulated, sensors, {}, {})
         overlaid = paired(record, other, test.name)
     else:
         base = replace(scenario, start=log.start) if log.start else scenario
-        comparison = compare(trial.known.model, record, scenario=_without(base, log.boundaries.values(), log.loads.values()))
+        comparison = compare(
+            trial.knowledge.model, record, scenario=_without_logged_inputs(base, log.boundaries.values(), log.loads.values())
+        )
         overlaid = overlays(comparison, test.name)
     excluded = plan.content.exclusions
     left_out = Exclusions({s: r for s, r in excluded.reasons.items() if s in {o.sensor for o in overlaid}}, excluded.cap)
@@ -340,48 +351,53 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
     )
     diagnosis = diagnose(comparison) if comparison is not None and correlation.failed and len({o.sensor for o in overlaid}) > 1 else None
     counted = [o for o in overlaid if o.sensor not in left_out.reasons]
-    settled, unsure = settled_by(trial, record, windows, [o.sensor for o in counted])
+    settled, unsure = stability_in_windows(trial, record, windows, [o.sensor for o in counted])
     steady = any("steady" in plan.criteria[n].kinds for n in test.criteria)
     origin = record.origin
-    find = trial.known.model.canonical
+    find = trial.knowledge.model.canonical
     limits = [replace(x, node=find(x.node)) for x in trial.limits]
     readings = [(find(sensors[o.sensor][0]), o.times, o.measured) for o in counted]
     return replace(
         trial,
-        told=comparison,
         correlation=correlation,
         diagnosis=diagnosis,
         log_sha256=origin.sha256,
         synthetic=origin.synthetic,
-        checks=(*trial.checks, *check_readings(readings, limits, trial.foresight.solution, state=_state(trial.test))),
-        not_shown=(*_not_shown(trial, record, counted, windows), *(unsettled(settled) if steady else ())),
+        checks=(*trial.checks, *check_readings(readings, limits, trial.foresight.solution, state=test.state_without_loads)),
+        not_shown=(*_not_shown(trial, record, counted, windows), *(windows_not_stable(settled) if steady else ())),
         remarks=(
             *trial.remarks,
             *([f"its state is '{test.state}', but there is a log. Write state = \"run\""] if test.state == "planned" else []),
-            *exchanged(counted),
+            *exchanged_sensors(counted),
             *unsure,
         ),
         settled=settled,
-        as_logged={c: _ends(record, c) for c in log.boundaries},
+        as_logged={c: _lowest_and_highest(record, c) for c in log.boundaries},
     )
 
 
-def _ends(record: Record, column: str) -> tuple[float, float]:
-    """Return the lowest and highest valid reading of a column. [degC]"""
+def _lowest_and_highest(record: Record, column: str) -> tuple[float, float]:
+    """Return the lowest and highest valid reading of a column; NaN without one. [degC]"""
     channel = record[column]
     celsius = channel.values[channel.valid] - ICE_POINT
     return (float(celsius.min()), float(celsius.max())) if celsius.size else (np.nan, np.nan)
 
 
 def _not_shown(trial: Trial, record: Record, counted: Sequence[Overlay], windows: Sequence[tuple[float, float]]) -> Iterator[str]:
-    """Yield what the log does not show of the test."""
+    """Yield what a log does not show of its test: parts without readings, levels that were not applied, boundaries that were not logged.
+
+    Parameters
+    ----------
+    counted : sequence of Overlay   Sensors that count.
+    windows : sequence              Settled periods (begin, end). [s]
+    """
     test, run = trial.test, trial.foresight.solution
     log = test.log
     assert log is not None
     # a chamber that follows the unit takes its own time; settled stretches that are stated then belong to the log
     own_pace = trial.course is not None and test.steady
-    yield from not_covered(counted, 0.0, record.duration if own_pace else float(run.times[-1]), windows)
-    yield from not_reached(record, run, log.boundaries)
+    yield from uncovered_parts(counted, 0.0, record.duration if own_pace else float(run.times[-1]), windows)
+    yield from levels_not_applied(record, run, log.boundaries)
     if test.kind in ENVIRONMENTAL:
         missing = sorted({*trial.foresight.scenario.boundaries} - {*log.boundaries.values()})
         if missing and not log.simulated:
@@ -389,8 +405,8 @@ def _not_shown(trial: Trial, record: Record, counted: Sequence[Overlay], windows
             yield f"no column of the log gives {listed}, so there is no measurement that its levels were applied"
 
 
-def _without(scenario: Scenario, boundaries: Any, loads: Any) -> Scenario:
-    """Return a scenario without what the log gives itself."""
+def _without_logged_inputs(scenario: Scenario, boundaries: Any, loads: Any) -> Scenario:
+    """Return a scenario without the boundaries, loads and commands that the log gives."""
     remaining = {k: v for k, v in scenario.boundaries.items() if k not in set(boundaries)}
     logged = set(loads)
     return replace(
@@ -404,7 +420,7 @@ def _without(scenario: Scenario, boundaries: Any, loads: Any) -> Scenario:
 def _record(
     plan: Plan, test: TestTable, file: str, sensors: Mapping[str, tuple[str, Any]], boundaries: Mapping[str, str], loads: Mapping[str, str]
 ) -> Record:
-    """Return a log with what its columns are.
+    """Return a log as a record, its columns bound to sensors' nodes, boundaries and loads, with the plan's `prepare` steps done.
 
     Raises
     ------
@@ -423,53 +439,64 @@ def _record(
     return record.prepare(log.prepare) if log is not None and log.prepare else record
 
 
-def settled_by(
+def stability_in_windows(
     trial: Trial, record: Record, windows: Sequence[tuple[float, float]], sensors: Sequence[str]
 ) -> tuple[tuple[Stability, ...], tuple[str, ...]]:
-    """Return what the readings say about every settled stretch by the test's rule, and where they say nothing."""
+    """Return the stability of every settled window by the test's rule, and what the readings leave open, in words.
+
+    Parameters
+    ----------
+    windows : sequence              Settled periods (begin, end). [s]
+    sensors : sequence of str       Channels that are judged.
+    """
     out: list[Stability] = []
     unsure: dict[str, list[str]] = {}
     for begin, end in windows if sensors else ():
         try:
-            verdict = stability(record, trial.test.stable, sensors, since=begin, at=end, run=trial.foresight.solution, unit=trial.known.at)
+            verdict = stability(
+                record, trial.test.stable, sensors, since=begin, at=end, run=trial.foresight.solution, unit=trial.knowledge.at
+            )
         except RecordError as error:
-            unsure.setdefault(f"its steadiness cannot be judged: {error}", []).append(_span(begin, end))
+            unsure.setdefault(f"its steadiness cannot be judged: {error}", []).append(_window_text(begin, end))
             continue
         out.append(verdict)
         if verdict.verdict == "cannot tell":
             unsure.setdefault(f"the readings do not decide whether '{verdict.rule.name}' is met at {verdict.slowest}", []).append(
-                _span(begin, end)
+                _window_text(begin, end)
             )
     more = {why: f" and {len(spans) - 1} more" if len(spans) > 1 else "" for why, spans in unsure.items()}
     return tuple(out), tuple(f"{spans[0]}{more[why]}: {why}" for why, spans in unsure.items())
 
 
-def unsettled(settled: Sequence[Stability]) -> Iterator[str]:
-    """Yield the stretches that count as settled and are not."""
+def windows_not_stable(settled: Sequence[Stability]) -> Iterator[str]:
+    """Yield a sentence for each window that is stated as steady and is not, by a rule that decides."""
     for s in settled:
         worst = s.channels[s.slowest]
         if s.verdict == "not stable" and s.decides and s.stored is not None:
-            yield f"{_span(worst.start, worst.end)} is stated as steady but is not: {s.stored} by '{s.rule.name}' [{s.rule.mark}]"
+            yield f"{_window_text(worst.start, worst.end)} is stated as steady but is not: {s.stored} by '{s.rule.name}' [{s.rule.mark}]"
         elif s.verdict == "not stable" and s.decides:
             yield (
-                f"{_span(worst.start, worst.end)} is stated as steady but is not: {s.slowest} drifts by {3600.0 * worst.rate:+.2f} K/h, "
-                f"the rule is '{s.rule.name}' [{s.rule.mark}]"
+                f"{_window_text(worst.start, worst.end)} is stated as steady but is not: {s.slowest} drifts by {3600.0 * worst.rate:+.2f} "
+                f"K/h, the rule is '{s.rule.name}' [{s.rule.mark}]"
             )
 
 
-def _span(begin: float, end: float) -> str:
+def _window_text(begin: float, end: float) -> str:
+    """Return a period in words: ``the stretch 4 .. 5 h``."""
     return f"the stretch {begin / 3600.0:.4g} .. {end / 3600.0:.4g} h"
 
 
-def dwells(trial: Trial, nodes: Sequence[str], end: float) -> list[tuple[float, float]]:
-    """Return the end of every long stay of a profile at which its unit is expected to be stable. [s]
+def settled_windows(trial: Trial, nodes: Sequence[str], end: float) -> list[tuple[float, float]]:
+    """Return (begin, end) of the end of every long stay of a profile, where the unit is expected to be stable. [s]
 
-    It is the last quarter of a stay, half of `MIN_SETTLED_STAY` at least. Stays where the pretest prediction drifts faster than the
-    stability rule allows are left out: nothing waited for them, as in humidity tests. A rule on stored heat takes all.
+    It is the last quarter of a stay, and at least half of `MIN_SETTLED_STAY`. A stay is left out where the prediction drifts faster than
+    the
+    test's rule allows, as in humidity tests, which wait for nothing; under a rule on stored heat none is.
 
     Parameters
     ----------
-    nodes : sequence    Whose drift counts.
+    trial : Trial       The test, with its profile and prediction.
+    nodes : sequence    Nodes whose drift counts.
     end : float         End of the log; later stays are left out. [s]
     """
     rule, run = rule_of(trial.test.stable), trial.foresight.solution
@@ -484,32 +511,35 @@ def dwells(trial: Trial, nodes: Sequence[str], end: float) -> list[tuple[float, 
     return out
 
 
-def not_covered(overlaid: Sequence[Overlay], begin: float, end: float, windows: Sequence[Window] = ()) -> Iterator[str]:
-    """Yield which part of a test, or of a settled stretch of it, no valid reading covers; sensors with the same lack together.
+def uncovered_parts(overlaid: Sequence[Overlay], begin: float, end: float, windows: Sequence[Window] = ()) -> Iterator[str]:
+    """Yield which part of a test, or of a settled window of it, no valid reading covers; sensors with the same gap together.
 
     Parameters
     ----------
-    overlaid : sequence of Overlay  Readings that count.
-    begin, end : float          Of the test as it is simulated. [s]
-    windows : sequence          Settled stretches. [s]
+    overlaid : sequence of Overlay  Sensors that count.
+    begin, end : float              Of the test as it is simulated. [s]
+    windows : sequence              Settled periods (begin, end). [s]
     """
     lacks: dict[str, list[str]] = {}
     for o in overlaid:
-        missing, longest, start = _missing(o.times, begin, end)
-        if missing > MISSING * (end - begin):
+        missing, longest, start = _time_without_readings(o.times, begin, end)
+        if missing > MAX_UNCOVERED_SHARE * (end - begin):
             text = f"for {duration_text(missing)} of {duration_text(end - begin)}; the longest gap, {duration_text(longest)}, is at "
             lacks.setdefault(f"{text}{start / 3600.0:.2f} h", []).append(o.sensor)
         for a, b in windows:
-            lost, _, _ = _missing(o.times, a, b)
-            if lost > (1.0 - THERE) * (b - a):
+            lost, _, _ = _time_without_readings(o.times, a, b)
+            if lost > (1.0 - MIN_SHARE_AT_LEVEL) * (b - a):
                 text = f"for {duration_text(lost)} of the steady period {a / 3600.0:.4g} .. {b / 3600.0:.4g} h"
                 lacks.setdefault(text, []).append(o.sensor)
     for text, sensors in lacks.items():
         yield f"no reading of {', '.join(sensors)} {text}"
 
 
-def _missing(times: Array, begin: float, end: float) -> tuple[float, float, float]:
-    """Return the time without readings between two instants, the longest gap and its begin. [s]"""
+def _time_without_readings(times: Array, begin: float, end: float) -> tuple[float, float, float]:
+    """Return the time without readings between two instants, the longest gap, and where that begins. [s]
+
+    A gap is longer than `GAP_INTERVALS` median intervals. With fewer than two readings all of it is one gap.
+    """
     inside = times[(times >= begin) & (times <= end)]
     if inside.size < 2:
         return end - begin, end - begin, begin
@@ -520,10 +550,10 @@ def _missing(times: Array, begin: float, end: float) -> tuple[float, float, floa
     return float(sum(g for g, _ in gaps)), float(longest), float(start)
 
 
-def not_reached(record: Record, planned: Solution, boundaries: Mapping[str, str]) -> Iterator[str]:
-    """Yield which planned level of a boundary the log does not show, on either side.
+def levels_not_applied(record: Record, planned: Solution, boundaries: Mapping[str, str]) -> Iterator[str]:
+    """Yield which planned hot or cold level of a boundary the log does not show for long enough.
 
-    What counts is the time spent within the tolerance of the planned extreme, or beyond it.
+    The time within `LEVEL_TOLERANCE` of the planned extreme, or beyond it, must reach `MIN_SHARE_AT_LEVEL` of the planned one.
 
     Parameters
     ----------
@@ -539,7 +569,7 @@ def not_reached(record: Record, planned: Solution, boundaries: Mapping[str, str]
             level = float((sign * trace.kelvin).max())
             wanted = _time_above(trace.times, sign * trace.kelvin, level - LEVEL_TOLERANCE)
             spent = _time_above(times[inside], sign * values[inside], level - LEVEL_TOLERANCE)
-            if spent < THERE * wanted:
+            if spent < MIN_SHARE_AT_LEVEL * wanted:
                 furthest = sign * float((sign * values).max()) - ICE_POINT
                 yield (
                     f"the {word} level of '{boundary}', {sign * level - ICE_POINT:.1f} degC for {duration_text(wanted)}, was not applied: "
@@ -548,7 +578,7 @@ def not_reached(record: Record, planned: Solution, boundaries: Mapping[str, str]
 
 
 def _time_above(times: Array, values: Array, level: float) -> float:
-    """Return how long a trace is at or above a level, by the nearer of its samples. [s]"""
+    """Return how long a trace is at or above a level: the sum of the half-intervals about the samples that are. [s]"""
     if times.size < 2:
         return 0.0
     width = np.gradient(times)
@@ -556,8 +586,8 @@ def _time_above(times: Array, values: Array, level: float) -> float:
     return float(width[values >= level].sum())
 
 
-def exchanged(overlays_: Sequence[Overlay]) -> Iterator[str]:
-    """Yield pairs of sensors whose readings fit far better when they change places."""
+def exchanged_sensors(overlays_: Sequence[Overlay]) -> Iterator[str]:
+    """Yield pairs of sensors whose readings fit three times better (root mean square) when they change places."""
     for k, a in enumerate(overlays_):
         for b in overlays_[k + 1 :]:
             if a.times.size != b.times.size or not np.array_equal(a.times, b.times):
@@ -572,15 +602,15 @@ def exchanged(overlays_: Sequence[Overlay]) -> Iterator[str]:
 
 
 def extrapolations(test: TestTable, run: Foresight, validity: ValidityTable, nodes: Sequence[str], ahead: str = "") -> tuple[str, ...]:
-    """Return in words where a run leaves the conditions under which the model was calibrated; nothing stated is nothing known.
+    """Return in words where a run leaves the conditions of the calibration; conditions that the plan does not state are named too.
 
     Parameters
     ----------
     test : TestTable            The test, with its gravity and orientation.
-    run : Foresight             What is expected of it.
+    run : Foresight             Its prediction.
     validity : ValidityTable    Temperature, pressure, power of the whole unit, gravity and orientation of the calibration.
     nodes : sequence of str     Nodes whose temperature counts.
-    ahead : str                 What the paths of the unit's loads begin with.
+    ahead : str                 Prefix of the paths of the unit's loads.
     """
     out = []
     unsaid = [k for k in ("temperature", "pressure", "power", "gravity", "orientation") if not getattr(validity, k)]
@@ -597,7 +627,7 @@ def extrapolations(test: TestTable, run: Foresight, validity: ValidityTable, nod
             out.append(f"temperature {least:.0f} .. {most:.0f} degC; calibrated {low:.0f} .. {high:.0f} degC")
     if validity.pressure:
         low, high = (literal(t, "Pa", "validity.pressure") for t in validity.pressure)
-        least, most = _pressures(run)
+        least, most = _pressure_range(run)
         if least < low * 0.999 or most > high * 1.001:
             out.append(f"pressure {least:.3g} .. {most:.3g} Pa; calibrated {low:.3g} .. {high:.3g} Pa")
     if validity.power:
@@ -616,8 +646,8 @@ def extrapolations(test: TestTable, run: Foresight, validity: ValidityTable, nod
     return tuple(out)
 
 
-def _pressures(run: Foresight) -> tuple[float, float]:
-    """Return the lowest and highest pressure of a run's gases. [Pa]"""
+def _pressure_range(run: Foresight) -> tuple[float, float]:
+    """Return the lowest and highest pressure of a run's gases; one atmosphere without any. [Pa]"""
     times = run.solution.times
     pressures = [np.asarray(e.pressure.at(times), dtype=float) for e in run.scenario.environment.values()]
     every = [float(x) for p in pressures for x in (np.min(p), np.max(p))] or [ATMOSPHERE]
@@ -625,7 +655,7 @@ def _pressures(run: Foresight) -> tuple[float, float]:
 
 
 def pre_test(plan: Plan) -> dict[str, dict[str, dict[str, Any]]]:
-    """Return test -> sensor -> lowest, highest and last expected temperature, each with its standard error; no log is read."""
+    """Return test -> sensor -> lowest, highest and last predicted temperature, each with its standard error; no log is read. [degC, K]"""
     out: dict[str, dict[str, dict[str, Any]]] = {}
     for test in plan.tests:
         prediction = run_test(plan, test.model_copy(update={"log": None})).foresight.prediction

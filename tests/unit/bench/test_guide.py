@@ -6,7 +6,7 @@ from pathlib import Path
 
 from thermid.bench.bench_files import load_sensors
 from thermid.bench.board import Board, BoardPort
-from thermid.bench.guide import ice_point, tell_apart
+from thermid.bench.guide import ice_point, name_sensors
 from thermid.bench.logger import Logger, Settings
 
 
@@ -39,7 +39,7 @@ def test_the_sensor_that_is_warmed_gets_the_name(tmp_path: Path) -> None:
         return f"T{k}"
 
     log = logger(tmp_path, board)
-    made = tell_apart(log, tmp_path / "sensors.toml", said.append, name)
+    made = name_sensors(log, tmp_path / "sensors.toml", said.append, name)
     log.close()
     assert [each.name for each in made] == ["T2", "T0", "T1"]
     assert {rom: each.name for rom, each in load_sensors(tmp_path / "sensors.toml").items()} == {board.roms[k]: f"T{k}" for k in range(3)}
@@ -48,7 +48,7 @@ def test_the_sensor_that_is_warmed_gets_the_name(tmp_path: Path) -> None:
 def test_nothing_warmed_is_said(tmp_path: Path) -> None:
     said: list[str] = []
     log = logger(tmp_path, Board(Hand([]), 3))
-    assert tell_apart(log, tmp_path / "sensors.toml", said.append, lambda text: "x", patience=10.0) == []
+    assert name_sensors(log, tmp_path / "sensors.toml", said.append, lambda text: "x", patience=10.0) == []
     log.close()
     assert "so 3 sensors have no name" in said[-1]
 

@@ -269,7 +269,7 @@ def test_heaters_that_were_cut_off_need_a_word_before_they_are_on_again(tmp_path
         log = logger(heats)
         until(log, lambda: board.duty[0] == 300)
         with terminal.lock:
-            board._off("overtemp", board.roms[0])
+            board._cut_off_heaters("overtemp", board.roms[0])
         until(log, lambda: "overtemp" in log.marks)
         terminal.unplug()
         until(log, lambda: "port-gone" in log.marks)
@@ -312,8 +312,8 @@ def test_a_board_that_was_cut_off_without_this_log_says_so_at_the_start(tmp_path
 def test_the_first_piece_of_an_open_port_is_no_alarm(tmp_path: Path) -> None:
     log = Logger(tmp_path / "b.log", lambda: "none", sync=False)
     log._fresh = True
-    log._take(b"5,ok*1234\n")
-    log._take(b"5,ok*1234\n")
+    log._store_line(b"5,ok*1234\n")
+    log._store_line(b"5,ok*1234\n")
     log.close()
     first, second = [line for line in (tmp_path / "b.log").read_text().splitlines() if " garbled " in line]
     assert "opened in the middle of this line" in first
@@ -336,7 +336,7 @@ def test_what_a_full_disk_never_took_is_kept_elsewhere(tmp_path: Path, monkeypat
 
     monkeypatch.setattr(stores.os, "write", write)
     for k in range(5):
-        log._take(sealed(f"D,{k},{1000 * k},{made_up_rom(0)},320,ok").encode() + b"\n")
+        log._store_line(sealed(f"D,{k},{1000 * k},{made_up_rom(0)},320,ok").encode() + b"\n")
     log.close()
     assert log.store.rest is not None
     assert log.store.rest.parent == elsewhere

@@ -137,6 +137,28 @@ def test_times(log, stamps, clock, times):
     assert record.origin.start == (None if stamps[0] == "-0.5" else stamps[0])
 
 
+@pytest.mark.parametrize("name", ["min", "t_h", "elapsed_hours", "time_minutes", "hours", "t_days", "run time h"])
+def test_a_time_column_named_by_minutes_or_hours_needs_its_unit(log, name):
+    """`elapsed_hours` was read in seconds without a word, where `elapsed_h` was refused."""
+    with raises_code("record.time-unclear"):
+        read_record(log(f"{name},T\n0.0,20\n0.5,21\n1.0,22\n"), {"n": "T"}, time=name)
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"), [("elapsed_ms", 1e-3), ("milliseconds", 1e-3), ("millis()", 1e-3), ("t_micros", 1e-6), ("microseconds", 1e-6)]
+)
+def test_a_time_column_named_by_parts_of_a_second_is_read_in_them(log, name, factor):
+    assert read_record(log(f"{name},T\n0,20\n5000,21\n10000,22\n"), {"n": "T"}, time=name).times[-1] == pytest.approx(1e4 * factor)
+
+
+@pytest.mark.parametrize("header", ["T ()", "T []"])
+def test_an_empty_bracket_is_no_unit(log, header):
+    """The usual unit is assumed then, and said to be; `millis()` of an Arduino was refused as a plain number."""
+    record = read_record(log(f"millis(),{header}\n0,20\n5000,21\n"), {"n": "T"})
+    assert record.times[-1] == pytest.approx(5.0)
+    assert (record["n"].unit, record["n"].assumed) == ("degC", True)
+
+
 def test_unit_of_the_time_column(log):
     assert read_record(log("time [min],T\n0,20\n1,20\n"), {"T": "T"}).times.tolist() == [0, 60]
     assert read_record(log("time_ms,T\n0,20\n500,20\n"), {"T": "T"}, time="time_ms", units={"time_ms": "ms"}).times.tolist() == [0, 0.5]

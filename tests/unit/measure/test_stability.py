@@ -47,7 +47,9 @@ def test_rules_on_stored_heat():
         channel_stability(record(0.0), "T", rule_of("stored 5 %"))
 
 
-@pytest.mark.parametrize("text", ["3 C", "fast", "0 K/h", "1 K over 0 h", "stored 0 %"])
+@pytest.mark.parametrize(
+    "text", ["3 C", "fast", "0 K/h", "1 K over 0 h", "stored 0 %", "1.2.3 K/h", ". K/h", "1 K over 1.2.3 h", "stored 1.2.3 %"]
+)
 def test_what_is_no_rule(text):
     with pytest.raises(RecordError, match=r"rule of stability|no length"):
         rule_of(text)

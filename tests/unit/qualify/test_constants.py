@@ -12,8 +12,8 @@ import thermid as td
 from thermid.campaign.verdicts import Overlay
 from thermid.prediction.bands import Knowledge, foresee
 from thermid.qualify._plan_schema import TestTable as Planned, ValidityTable
-from thermid.qualify._programme import uncounted
-from thermid.qualify._trial import dwells, exchanged, extrapolations, not_covered, not_reached
+from thermid.qualify._programme import assumed_half_width
+from thermid.qualify._trial import exchanged_sensors, extrapolations, levels_not_applied, settled_windows, uncovered_parts
 from unit.qualify.things import soak, unit
 
 HOUR = 3600.0
@@ -33,18 +33,18 @@ class TestCoverage:
     @pytest.mark.parametrize(("share", "said"), [(0.0195, False), (0.0205, True)])
     def test_two_per_cent_of_a_test_may_be_missing(self, share: float, said: bool) -> None:
         times = without(HOUR, HOUR + share * 10 * HOUR)
-        assert bool([*not_covered([overlay(times)], 0.0, 10 * HOUR)]) is said
+        assert bool([*uncovered_parts([overlay(times)], 0.0, 10 * HOUR)]) is said
 
     @pytest.mark.parametrize(("share", "said"), [(0.097, False), (0.103, True)])
     def test_nine_tenths_of_a_settled_stretch_must_be_there(self, share: float, said: bool) -> None:
         times = without(HOUR, HOUR + share * HOUR)
-        assert bool([*not_covered([overlay(times)], 0.0, 10 * HOUR, [(0.5 * HOUR, 1.5 * HOUR)])]) is said
+        assert bool([*uncovered_parts([overlay(times)], 0.0, 10 * HOUR, [(0.5 * HOUR, 1.5 * HOUR)])]) is said
 
     @pytest.mark.parametrize(("pause", "said"), [(48.0, False), (52.0, True)])
     def test_a_pause_of_five_intervals_is_a_gap(self, pause: float, said: bool) -> None:
         """Every third of the readings follows a pause, so that pauses are a large part of the time."""
         times = np.cumsum(np.tile([10.0, 10.0, pause], 200))
-        assert bool([*not_covered([overlay(times)], float(times[0]), float(times[-1]))]) is said
+        assert bool([*uncovered_parts([overlay(times)], float(times[0]), float(times[-1]))]) is said
 
 
 class TestLevels:
@@ -56,7 +56,7 @@ class TestLevels:
         shown = np.where((times > HOUR) & (times <= HOUR * (1.0 + share)), 343.15 + kelvin, 293.15)
         record = td.Record.from_arrays("log", times, {"AIR": td.Channel.from_array("AIR", shown, unit="K", role="boundary", target="air")})
         run = {"air": SimpleNamespace(times=times, kelvin=planned)}
-        return [*not_reached(record, run, {"AIR": "air"})]  # type: ignore[arg-type]
+        return [*levels_not_applied(record, run, {"AIR": "air"})]  # type: ignore[arg-type]
 
     @pytest.mark.parametrize(("kelvin", "said"), [(-2.9, False), (-3.1, True)])
     def test_within_three_kelvin(self, kelvin: float, said: bool) -> None:
@@ -79,7 +79,7 @@ class TestExchanged:
 
     @pytest.mark.parametrize(("own", "other", "said"), [(1.05, 0.1, True), (0.95, 0.1, False), (3.0, 0.97, True), (3.0, 1.03, False)])
     def test_a_kelvin_off_and_three_times_nearer(self, own: float, other: float, said: bool) -> None:
-        assert bool([*exchanged(self.pair(own, other))]) is said
+        assert bool([*exchanged_sensors(self.pair(own, other))]) is said
 
 
 class TestValidity:
@@ -111,7 +111,7 @@ def test_assumed_values_add_up_to_their_95_per_cent() -> None:
     """Independent of one another: the root of the sum of squares, times 1.96."""
     one = SimpleNamespace(effect=0.3, point="p", run="r", fitted_around=False, path="a.b")
     other = SimpleNamespace(effect=0.4, point="p", run="r", fitted_around=False, path="c.d")
-    assert uncounted([one, other], "p", "r", ()) == pytest.approx(NormalDist().inv_cdf(0.975) * 0.5)  # type: ignore[list-item]
+    assert assumed_half_width([one, other], "p", "r", ()) == pytest.approx(NormalDist().inv_cdf(0.975) * 0.5)  # type: ignore[list-item]
 
 
 @pytest.mark.parametrize("hours", [1.0, 4.0])
@@ -126,5 +126,5 @@ def test_a_stay_is_settled_in_its_last_quarter_or_half_an_hour(hours: float) -> 
         foresight=SimpleNamespace(solution={"n": still}),
     )
     trial.test.stable = Planned(name="hot", kind="other").stable
-    (window,) = dwells(trial, ["n"], 20 * HOUR)  # type: ignore[arg-type]
+    (window,) = settled_windows(trial, ["n"], 20 * HOUR)  # type: ignore[arg-type]
     assert window == (10 * HOUR - max(0.25 * hours, 0.5) * HOUR, 10 * HOUR)

@@ -23,7 +23,7 @@ from thermid.base.extensions import require
 from thermid.base.units import TEMPERATURE
 from thermid.bench.bench_files import load_programme, load_sensors
 from thermid.bench.board import BoardPort, simulated
-from thermid.bench.guide import ice_point as guided_ice_point, tell_apart
+from thermid.bench.guide import ice_point as guided_ice_point, name_sensors
 from thermid.bench.logger import Logger, Settings
 from thermid.bench.port import check_port, find_port
 from thermid.measure.amounts import duration_text, positive_seconds
@@ -182,7 +182,7 @@ def _guided(logger: Logger, sensors: Path | None, identify: bool) -> None:
     assert sensors is not None
     try:
         if identify:
-            tell_apart(logger, sensors, typer.echo, typer.prompt)
+            name_sensors(logger, sensors, typer.echo, typer.prompt)
         else:
             guided_ice_point(logger, sensors, typer.echo, typer.confirm)
     except (KeyboardInterrupt, typer.Abort):

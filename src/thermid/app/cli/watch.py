@@ -45,7 +45,7 @@ from thermid.model.deck import load_model
 from thermid.model.elements import UNJUDGED, Standing, literal
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify.steadiness import Forecast, forecast, stability
-from thermid.qualify.watch import BoundColumns, GrowingLog, TemperatureLimit, Watcher, WatchLook, WatchRequest, played
+from thermid.qualify.watch import BoundColumns, GrowingLog, TemperatureLimit, Watcher, WatchLook, WatchRequest, replayed
 from thermid.simulation.runs import Scenario, simulate
 from thermid.simulation.scenario_files import load_scenario
 from thermid.values.store import model_standing
@@ -137,7 +137,7 @@ def watch(
         line = open_.enter_context(extension("serial_port", PORT, str(log))(log, capture)) if _is_port(log) else None
         path = log if line is None else line.path
         if replay or once:
-            records = played(request.read(path), math.inf if once else step)
+            records = replayed(request.read(path), math.inf if once else step)
         else:
             records = _growing(GrowingLog(path, lambda piece: columns.read(piece, path.stem)), step, since, line)
         look = _looks(records, request, standing, as_json)

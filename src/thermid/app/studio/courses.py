@@ -351,7 +351,7 @@ def _tested(shelf: Shelf, course: Course, progress: Told) -> Outcome:
     file, name = course.of
     done, unread = shelf.qualified(file, progress)
     trial = done[name]
-    title = f"{name} on {trial.known.model.title}"
+    title = f"{name} on {trial.knowledge.model.title}"
     remarks = (*(trial.course.remarks if trial.course is not None else ()), *trial.outside, *unread)
     return Outcome(
         title,

@@ -17,7 +17,7 @@ from thermid.measure.readers import log_cells, name_and_unit
 from thermid.measure.steadiness import StabilityRule
 from thermid.model.elements import UNJUDGED, literal
 from thermid.model.tree import Model
-from thermid.qualify.watch import BoundColumns, TemperatureLimit, Watcher, WatchRequest, roles_in
+from thermid.qualify.watch import BoundColumns, TemperatureLimit, Watcher, WatchRequest, roles_of_paths
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Scenario
 from thermid.values.store import model_standing
@@ -86,7 +86,7 @@ class LiveWatch:
         try:
             known = self._known()
             model = known[list(known)[-1]].fitted_model if isinstance(known, Campaign) else known
-            return {} if model is None else roles_in(compile_network(model))
+            return {} if model is None else roles_of_paths(compile_network(model))
         except ThermidError:
             return {}
 

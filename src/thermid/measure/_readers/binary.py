@@ -41,12 +41,12 @@ Reader = Callable[[bytes, str, str | None], Cells]
 
 
 def in_child(read: Reader, module: str = "") -> Reader:
-    """Return one of the readers below that works in a process of its own.
+    """Return a reader that runs one of the readers below in a process of its own.
 
     Parameters
     ----------
     read : callable     The reader.
-    module : str        Module that it needs, as it is imported; its memory is not that of the file.
+    module : str        Module that it needs, as it is imported; its memory is not counted as that of the file.
     """
 
     def of_bytes(data: bytes, file: str, separator: str | None) -> Cells:
@@ -62,13 +62,13 @@ def in_child(read: Reader, module: str = "") -> Reader:
 
 
 def to_json(data: bytes, reader: str, file: str, separator: str | None) -> dict[str, Any]:
-    """Return the cells that one of the readers finds, as JSON can hold them."""
+    """Return the cells that a reader, given by its name, finds, as JSON can hold them."""
     cells: Cells = globals()[reader](data, file, separator)
     return vars(cells) | {"prompt": sorted(cells.prompt), "layout": vars(cells.layout)}
 
 
 def _check_unpacked_size(size: float, file: str) -> None:
-    """Refuse what unpacks to more than a machine should have to hold.
+    """Refuse a size [bytes] above the cap for unpacked files.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def _check_unpacked_size(size: float, file: str) -> None:
 
 
 def _inflated(data: bytes, most: int) -> int:
-    """Return the length of what zlib packed, counted no further than just beyond `most`."""
+    """Return the unpacked length of zlib data [bytes], counted until it exceeds `most`."""
     engine, out = zlib.decompressobj(), 0
     while out <= most and data and not engine.eof:
         out += len(engine.decompress(data, 1 << 20))
@@ -113,7 +113,7 @@ def tdms(data: bytes, file: str, separator: str | None) -> Cells:
 
 
 def _beginning(groups: Iterator[Mapping[str, Any]]) -> datetime | None:
-    """Return the first start of a waveform or the first stamp of a time channel."""
+    """Return the earliest start of a waveform or stamp of a time channel; None without either."""
     out = []
     for channels in groups:
         for channel in channels.values():
@@ -126,11 +126,17 @@ def _beginning(groups: Iterator[Mapping[str, Any]]) -> datetime | None:
 
 
 def _moment(value: Any) -> datetime:
-    """Return an instant of numpy or of a TDMS property. [UTC]"""
+    """Return an instant of numpy or of a TDMS property as a datetime. [UTC]"""
     return cast("datetime", np.datetime64(value, "us").astype(datetime))
 
 
 def _tdms_series(group: str, channels: Mapping[str, Any], begun: datetime | None, file: str) -> list[ChannelSeries]:
+    """Return the channels of one group with their times.
+
+    Raises
+    ------
+    RecordError   When a channel has no times.
+    """
     time_channel = next((n for n, c in channels.items() if np.issubdtype(c.dtype, np.datetime64)), None)
     time_channel = time_channel or next((n for n in channels if n.lower().partition(" ")[0].partition("[")[0] in _TIMES), None)
     out = []
@@ -152,7 +158,7 @@ def _tdms_series(group: str, channels: Mapping[str, Any], begun: datetime | None
 
 
 def _tdms_times(channel: Any, clock: Any, begun: datetime | None) -> list[float] | None:
-    """Return times of a channel from the start of the file. [s]"""
+    """Return the times of a channel from the start of the file, by its waveform or its group's time channel; None without either. [s]"""
     if channel.properties.get("wf_increment"):
         offset = float(channel.properties.get("wf_start_offset", 0.0))
         start = channel.properties.get("wf_start_time")
@@ -168,7 +174,7 @@ def _tdms_times(channel: Any, clock: Any, begun: datetime | None) -> list[float]
 
 
 def _named(name: str, unit: str) -> str:
-    """Return a name with its unit, where it does not end with one."""
+    """Return ``name [unit]``, or the name where it ends with a unit already or there is none."""
     return f"{name} [{unit}]" if unit and not name.rstrip().endswith(("]", ")")) else name
 
 
@@ -191,7 +197,7 @@ def matlab(data: bytes, file: str, separator: str | None) -> Cells:
 
 
 def _matlab_size(data: bytes) -> int:
-    """Return the bytes of a MATLAB file of version 5 when unpacked, counted no further than just beyond the cap."""
+    """Return the unpacked size of a MATLAB file of version 5, counted no further than just beyond the cap. [bytes]"""
     if len(data) < 128 or data[126:128] not in (b"IM", b"MI"):
         return len(data)
     order, at, out = "<" if data[126:128] == b"IM" else ">", 128, 128
@@ -204,11 +210,11 @@ def _matlab_size(data: bytes) -> int:
 
 
 def _of_series(objects: Mapping[str, Mapping[str, Any]], file: str) -> Vectors:
-    """Return the time and the columns of `timeseries` objects.
+    """Return the time and the columns of `timeseries` objects as vectors.
 
     Raises
     ------
-    RecordError   When two of them have times of their own.
+    RecordError   When two of them have different times.
     """
     out: Vectors = {}
     clock = ""
@@ -229,7 +235,12 @@ def _of_series(objects: Mapping[str, Mapping[str, Any]], file: str) -> Vectors:
 
 
 def of_variables(held: Mapping[str, Any], file: str, series: Vectors | None = None) -> Cells:
-    """Return the cells of the variables of a MATLAB file, and of the columns of its objects; see `matlab`."""
+    """Return the cells of the variables of a MATLAB file and of the columns of its objects (`series`); see `matlab`.
+
+    Raises
+    ------
+    RecordError   When no variable is a time.
+    """
     vectors: Vectors = dict(series or {})
     objects = [name for name, value in held.items() if "MatlabOpaque" in type(value).__name__ or "Function" in type(value).__name__]
     for name, value in held.items():
@@ -247,7 +258,7 @@ def of_variables(held: Mapping[str, Any], file: str, series: Vectors | None = No
 
 
 def _flattened(name: str, value: Any) -> Vectors:
-    """Return the vectors of a variable: columns of a matrix, fields of a structure, signals of a Simulink log."""
+    """Return name -> vector of a variable: columns of a matrix, fields of a structure, signals of a Simulink log."""
     if isinstance(value, np.ndarray | np.void) and value.dtype.names:
         if value.ndim == 0 or value.size == 1:
             fields = np.asarray(value).reshape(-1)[0]
@@ -265,24 +276,23 @@ def _flattened(name: str, value: Any) -> Vectors:
         return {}
     if value.ndim == 1:
         return {name: (value, "")}
-    if value.ndim == 2:
-        return {f"{name}_{k + 1}": (value[:, k], "") for k in range(value.shape[1])}
-    return {}
+    return {f"{name}_{k + 1}": (value[:, k], "") for k in range(value.shape[1])} if value.ndim == 2 else {}
 
 
 def _label(fields: Any) -> str:
+    """Return the label of a Simulink signal; empty where it has none."""
     names = fields.dtype.names or ()
     return str(fields["label"]) if "label" in names and isinstance(fields["label"], str | np.str_) else ""
 
 
 def _clock_of(vectors: Vectors) -> str:
-    """Return the name of the only vector that is called a time, or an empty text."""
+    """Return the name of the first vector that is called a time; empty where none is."""
     hits = [name for name in vectors if re.split(r"[./]", name)[-1].lower().partition(" ")[0] in _TIMES]
     return hits[0] if hits else ""
 
 
 def _of_vectors(vectors: Vectors, file: str, kind: str) -> Cells:
-    """Return the cells of vectors: those as long as the time.
+    """Return the cells of a time vector and of all vectors as long as it.
 
     Raises
     ------
@@ -315,7 +325,7 @@ def _of_vectors(vectors: Vectors, file: str, kind: str) -> Cells:
 
 
 def _clock_texts(times: Any, unit: str, name: str, kind: str) -> tuple[tuple[str, ...], str, str | None, str]:
-    """Return times as cells with their unit, start and name; days of MATLAB and times since a date are understood."""
+    """Return times as cells, with their unit, start and name; days of MATLAB and times since a date are converted."""
     values = np.asarray(times)
     if values.dtype.kind == "M":
         return tuple(np.datetime_as_string(values).tolist()), "", None, name
@@ -333,7 +343,7 @@ def _clock_texts(times: Any, unit: str, name: str, kind: str) -> tuple[tuple[str
 
 
 def _since(values: Any, since: re.Match[str], name: str) -> tuple[tuple[str, ...], str, str | None, str]:
-    """Return times since a date, as netCDF's conventions write them, from the first one."""
+    """Return times since a date, as netCDF's conventions write them, as times from the first one; values as of `_clock_texts`."""
     unit, stamp = spelt(since["unit"]), since["stamp"].strip().removesuffix("UTC").strip()
     try:
         of = parsed_unit(unit)
@@ -389,6 +399,7 @@ def hdf5(data: bytes, file: str, separator: str | None) -> Cells:
 
 
 def _plain(value: Any) -> str:
+    """Return an attribute of a file as text."""
     if isinstance(value, np.ndarray):
         value = value.reshape(-1)[0] if value.size else ""
     return (value.decode() if isinstance(value, bytes) else str(value)).strip()
@@ -444,6 +455,7 @@ def workbook(data: bytes, file: str, separator: str | None) -> Cells:
 
 
 def _numbers(rows: Sequence[Sequence[Any]]) -> int:
+    """Return how many cells of a sheet are numbers."""
     return sum(isinstance(cell, int | float) and not isinstance(cell, bool) for row in rows for cell in row)
 
 

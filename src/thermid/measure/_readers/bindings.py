@@ -12,17 +12,25 @@ from thermid.base.expression import amount
 from thermid.base.units import DIMENSIONLESS, TEMPERATURE, describe, require, unit
 from thermid.measure._readers.headers import LETTERED
 from thermid.measure._readers.power_of_columns import POWER_KEYS
-from thermid.measure._record.channel import INTERPOLATIONS, SAMPLES
+from thermid.measure._record.channel import INTERPOLATIONS, ROLES, SAMPLES, SI_UNITS, Role
 from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart
 
-_ROLE_KEYS: Final = ("node", "boundary", "load", "command", "prescribed")
 _OF_SAMPLES: Final = ("noise", "accuracy", "resolution", "unit", "prompt", "samples", "interpolation", "power")
-_KEYS: Final = ("column", *_ROLE_KEYS, "gain", "full_scale", *_OF_SAMPLES, *KEYS)
+_KEYS: Final = ("column", *ROLES, "gain", "full_scale", *_OF_SAMPLES, *KEYS)
 
 
 @dataclass(frozen=True)
 class Binding:
-    """What is asked of one column; units and errors still as written."""
+    """What is asked of one column; sizes and units still as written.
+
+    Parameters
+    ----------
+    name, column : str      Name of the channel; column of the log.
+    role, target : str      As of `Channel`.
+    full_scale              Power of a load in per cent at 100 %.
+    power                   Formula or table by which a power is computed from columns.
+    part, certificate       Of its sensor.
+    """
 
     name: str
     column: str
@@ -43,7 +51,7 @@ class Binding:
 
 
 def bindings(channels: Mapping[str, object], extra: Mapping[str, Mapping[str, str | float]], where: str) -> list[Binding]:
-    """Return a binding for each channel.
+    """Return a binding for each channel of `read_record`.
 
     Parameters
     ----------
@@ -76,7 +84,7 @@ def bindings(channels: Mapping[str, object], extra: Mapping[str, Mapping[str, st
 
 
 def _one(key: str, written: object, where: str) -> Binding:
-    """Return one binding, from a column name or a table."""
+    """Return one binding, from a column name or a table; refuse keys that are unknown, of a wrong kind, or not for its role."""
     if isinstance(written, str):
         return Binding(key, written, target=key)
     if not isinstance(written, Mapping):
@@ -86,13 +94,13 @@ def _one(key: str, written: object, where: str) -> Binding:
             code="value.wrong-kind",
         )
     refuse_unknown(written, _KEYS, where)
-    for word in ("column", *_ROLE_KEYS, "gain", "unit"):
+    for word in ("column", *ROLES, "gain", "unit"):
         if word in written and not (isinstance(written[word], str) and written[word].strip()):
             raise RecordError(f"{word} = {written[word]!r} is not a text.", where, code="value.wrong-kind")
     for word in ("full_scale", "noise", "accuracy", "resolution"):
         if word in written and (isinstance(written[word], bool) or not isinstance(written[word], str | int | float)):
             raise RecordError(f"{word} = {written[word]!r} is neither a text with a unit nor a number.", where, code="value.wrong-kind")
-    roles = [word for word in _ROLE_KEYS if word in written]
+    roles = [word for word in ROLES if word in written]
     if len(roles) > 1:
         raise RecordError(f"it has the roles {' and '.join(roles)}. Give a channel one role.", where, code="value.incomplete")
     role = roles[0] if roles else "auto"
@@ -147,30 +155,29 @@ def unit_and_quantity(binding: Binding, header_unit: str | None, where: str) -> 
     UnitError     When the unit does not fit the role.
     RecordError   When the unit given and the one in the header differ.
     """
-    drives = binding.role == "command" or binding.gain is not None or binding.full_scale is not None
-    text = binding.unit or header_unit or ("%" if drives else "W" if binding.role == "load" else "degC")
+    in_per_cent = binding.gain is not None or binding.full_scale is not None
+    role = ROLES.get("command" if in_per_cent else binding.role)
+    text = binding.unit or header_unit or (role.unit if role is not None else "degC")
     if binding.unit is None and header_unit is None:
-        _refuse_by_name(binding, drives, where)
+        _refuse_by_name(binding, role, where)
     with errors_at(where):
         of = unit(text)
-        if binding.role == "load" and not drives and of.dimension == DIMENSIONLESS:
+        if role is ROLES["load"] and of.dimension == DIMENSIONLESS:
             raise RecordError(_PER_CENT.format(f"it is in {text}"), code="record.unit-unclear")
         if binding.unit and header_unit and _is_unit(header_unit) and unit(header_unit) != replace(of, text=unit(header_unit).text):
             raise RecordError(
                 f"its header has the unit [{header_unit}], but its unit is given as '{binding.unit}'. Correct one of them.",
                 code="record.unit-contradicts",
             )
-        if binding.role in ("node", "boundary", "prescribed"):
-            require(of.dimension, TEMPERATURE, text, of.absolute)
-        elif binding.role == "load" and not drives:
-            require(of.dimension, "W", text)
+        if role is not None and role is not ROLES["command"]:
+            require(of.dimension, role.slot, text, of.absolute and role.slot == TEMPERATURE)
         elif binding.full_scale is not None and of.dimension != DIMENSIONLESS:
             raise RecordError(
                 f"full_scale is for a column in per cent, and it is in {text}. Leave full_scale out.", code="record.unit-contradicts"
             )
-    if drives:
-        return text, "command"
-    for quantity, si_unit in (("temperature", "K"), ("power", "W"), ("command", "1")):
+    if role is not None:
+        return text, role.quantity
+    for quantity, si_unit in SI_UNITS.items():
         if of.dimension == unit(si_unit).dimension:
             return text, quantity
     return text, describe(of.dimension).removeprefix("an ").removeprefix("a ")
@@ -180,17 +187,18 @@ _PER_CENT: Final = "{}, and a load needs watts. Give full_scale = '... [W]', its
 _DUTY: Final = re.compile(r"pct|percent|per_cent|duty|pwm|%", re.IGNORECASE)
 
 
-def _refuse_by_name(binding: Binding, drives: bool, where: str) -> None:
-    """Refuse a column without a unit whose name says another one than that which would be taken."""
-    if binding.role == "load" and not drives and _DUTY.search(binding.column):
+def _refuse_by_name(binding: Binding, role: Role | None, where: str) -> None:
+    """Refuse a column without a unit whose name states another unit than the usual one of its role: per cent, F or K.
+
+    Raises
+    ------
+    RecordError   With the units that it may have.
+    """
+    if role is ROLES["load"] and _DUTY.search(binding.column):
         raise RecordError(_PER_CENT.format("by its name it is in per cent"), where, code="record.unit-unclear")
     ending = LETTERED.match(binding.column)
-    if (
-        ending
-        and ending["letter"] in "FK"
-        and re.search(r"[a-z0-9]\Z", ending["stem"])
-        and binding.role in ("node", "boundary", "prescribed", "auto")
-    ):
+    warm = role is None or role.quantity == "temperature"
+    if ending and ending["letter"] in "FK" and re.search(r"[a-z0-9]\Z", ending["stem"]) and warm:
         scale = "degF" if ending["letter"] == "F" else "K"
         raise RecordError(
             f"its name ends in '{binding.column[-2:]}', so its unit is unclear: without one it is read in degC. Give "
@@ -202,7 +210,7 @@ def _refuse_by_name(binding: Binding, drives: bool, where: str) -> None:
 
 
 def full_scale(binding: Binding, where: str) -> float | None:
-    """Return the power of a load at 100 %, where it is asked for by it. [W]
+    """Return the power of a load at 100 %; None where it is not given. [W]
 
     Raises
     ------
@@ -242,6 +250,6 @@ def channel_schema() -> dict[str, Any]:
         "certificate": table(("offset", "uncertainty", "at", "date"), ("offset", "uncertainty")),
         "range": {"type": "array", "items": amount_, "minItems": 2, "maxItems": 2},
     }
-    plain = ("column", *_ROLE_KEYS, "gain", "unit")
+    plain = ("column", *ROLES, "gain", "unit")
     properties = {key: nested.get(key) or (text if key in plain else amount_) for key in _KEYS}
     return {"type": "object", "properties": properties, "additionalProperties": False}

@@ -26,7 +26,7 @@ _UNUSED: Final = "\x1f"  # no text log has it: `textfile` refuses control charac
 
 
 def find_column(header: tuple[str, ...], wanted: str, where: str) -> int:
-    """Return the place of a column, asked for by its header as written or by the name before its unit.
+    """Return the place of a column, by its header as written or by the name before its unit.
 
     Raises
     ------
@@ -62,8 +62,7 @@ def decimal_sign(cells: Cells, wanted: str | None) -> str:
     first_of_sign: dict[str, tuple[str, int]] = {}
     for column in cells.columns:
         for sign in {",", "."} - set(first_of_sign):
-            hits = ((cell, cells.lines[row]) for row, cell in enumerate(column) if sign in cell and _FRACTION.match(cell))
-            first = next(hits, None)
+            first = next(((cell, cells.lines[row]) for row, cell in enumerate(column) if sign in cell and _FRACTION.match(cell)), None)
             if first is not None:
                 first_of_sign[sign] = first
     if len(first_of_sign) == 2:
@@ -77,7 +76,7 @@ def decimal_sign(cells: Cells, wanted: str | None) -> str:
 
 
 def numbers(cells: Sequence[str], decimal: str) -> FloatArray | int:
-    """Return the numbers of a column, NaN where one is missing, or the row of the first cell that is text."""
+    """Return the numbers of a column (rows,), NaN where one is missing, or the row of the first cell that is text."""
     if isinstance(cells, NumberColumn) and decimal == ".":
         return cells.values
     joined = _UNUSED.join(cells)
@@ -105,21 +104,21 @@ def numbers(cells: Sequence[str], decimal: str) -> FloatArray | int:
 
 
 def kelvin_sized(values: FloatArray) -> bool:
-    """Whether readings (samples,) would all be hot in degC and usual in kelvin: -50 to 127 degC."""
+    """Whether all readings (samples,) lie from 223 to 400: -50 to 127 degC if they are kelvin, hot if they are degC."""
     return bool(values.size and values.min() >= 223.0 and values.max() <= 400.0)
 
 
 @dataclass(frozen=True, eq=False)
 class NumberColumn(Sequence[str]):
-    """The cells of a column of plain numbers; what stands in the file is looked up where it is asked for.
+    """The cells of a column of plain numbers as a sequence; the text of a cell is looked up in the file when it is asked for.
 
     Parameters
     ----------
-    values : array (rows,)
-    text : str                      Of the file.
+    values : array (rows,)          The numbers.
+    text : str                      Text of the file.
     starts : array (rows + 1,)      Where each line begins, and where one behind the last would.
     mark : str                      Separator.
-    place : int                     Of the column among the others.
+    place : int                     Place of the column among the others.
     """
 
     values: FloatArray
@@ -170,7 +169,7 @@ def _long_table(text: str, file: str, separator: str | None, notes: Sequence[str
 
 
 def _columns(first_rows: Cells, text: str, starts: Any, mark: str) -> list[Sequence[str]] | None:
-    """Return the columns of all rows, numbers and texts as in those that are known; None where a row is not as these."""
+    """Return the columns of all rows, numbers and texts as in the first rows; None where a row differs from these."""
     width = len(first_rows.columns)
     plain = [k for k, column in enumerate(first_rows.columns) if not isinstance(numbers(column, "."), int)]
     values = np.empty((len(plain), starts.size - 1))

@@ -49,7 +49,7 @@ MAX_POINTS = 20000
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """What a course of one log may explain of the other one.
+    """A course of one log in the form in which it may explain one of the other log.
 
     Parameters
     ----------
@@ -63,13 +63,13 @@ class Explanation:
     constants: FloatArray
 
     def rise(self, length: float) -> FloatArray:
-        """Return how much of each column a step has raised after parts of a length (instants, columns). [-]"""
+        """Return 1 - exp(-t / constant) of each column at t = 0.1, 0.3 and 1 times `length` (instants, columns); 1 without responses."""
         if not self.constants.size:
             return np.ones((1, 1))
         return 1.0 - np.exp(-length * np.array([0.1, 0.3, 1.0])[:, None] / self.constants)
 
     def begun(self, shares: FloatArray, length: float) -> float:
-        """Return when a step has raised the first part of what it raises in a length: a mass before the thermometer may be as late. [s]"""
+        """Return when sum_k shares_k (1 - exp(-t / constant_k)) reaches 3 % of its largest value up to `length`; zero without any. [s]"""
         if not self.constants.size:
             return 0.0
         times = np.geomspace(1e-4, 1.0, 200) * length
@@ -79,11 +79,11 @@ class Explanation:
 
 @dataclass(frozen=True, eq=False)
 class LogCourse:
-    """One column over its own clock.
+    """One column of a log over its own clock.
 
     Parameters
     ----------
-    name : str
+    name : str                  Its name.
     power : bool                Whether it is a power, which holds until the next reading; else a temperature.
     times : array (samples,)    From the first sample of its log. [s]
     values : array (samples,)   [W or K]
@@ -98,11 +98,14 @@ class LogCourse:
 
     @property
     def moves(self) -> bool:
-        """Whether it is a course at all."""
+        """Whether it has 8 readings or more that are not all equal."""
         return self.values.size >= 8 and float(np.ptp(self.values)) > 0.0
 
     def responses(self, fine: float, count: int, longest: float) -> Explanation:
-        """Return first-order responses to a power that held its first value before, with time constants up to the longest. [W]"""
+        """Return first-order responses to a power less its first value, on a grid of step `fine` [s].
+
+        Their `count` time constants run from `fine` to `longest` by equal factors. [s], [W]
+        """
         from scipy.signal import lfilter
 
         times = np.arange(0.0, self.times[-1] + fine, fine)
@@ -139,13 +142,15 @@ class CommonStep:
 
 
 def common_step(first: Sequence[LogCourse], second: Sequence[LogCourse]) -> CommonStep | None:
-    """Return the offset that two logs show with the least error, or else the candidate that explains most.
-
-    None where no course of one explains a course of the other.
+    """Return the offset that two logs show with the least error; else the candidate that explains most; None where there is neither.
 
     An error above a tenth of the shorter log is no step either. Temperatures of two places follow a step at different times: two of each
-    log are needed, and what the pairs disagree by is an error of the offset. So is how much later one place may be than the other: a shift
-    may explain a lag whole.
+    log are needed, and their scatter is added to the error. So is the time by which one place may be later than the other: a shift may
+    explain a lag completely.
+
+    Parameters
+    ----------
+    first, second : sequence of LogCourse   Columns of either log.
     """
     offsets = [one for a in first for b in second if a.moves and b.moves and (one := _compared(a, b)) is not None]
     length = min((c.times[-1] for c in (*first, *second) if c.moves), default=0.0)
@@ -160,7 +165,7 @@ def common_step(first: Sequence[LogCourse], second: Sequence[LogCourse]) -> Comm
 
 
 def _as_pairs_agree(offsets: Sequence[CommonStep]) -> list[CommonStep]:
-    """Return offsets, those by a power with the variance by which they differ beyond their own errors (DerSimonian and Laird 1986)."""
+    """Return offsets; those by a power get the variance between pairs beyond their own errors (DerSimonian and Laird 1986)."""
     sure = [f for f in offsets if not (f.lags or f.candidate)]
     weights, values = np.array([f.error**-2.0 for f in sure]), np.array([f.offset for f in sure])
     if len(sure) < 2:
@@ -182,7 +187,7 @@ def _seen_late(cause: LogCourse) -> float:
 
 
 def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
-    """Return the offset between two courses, the second one's clock late on that of the first; None where several are as likely."""
+    """Return the offset between two courses, the second one's clock late on that of the first; None where it is not clear."""
     if not (a.heated and b.heated) and (a.power != b.power or a.heated != b.heated):
         return None  # no power and no heated part acts on the surroundings
     forward = a.power <= b.power  # what explains is the power, or the second of a kind
@@ -230,28 +235,25 @@ def _scatter(course: LogCourse) -> float:
 
 
 def _enough_switches(seen: LogCourse, cause: LogCourse, offset: float) -> bool:
-    """Return whether a course sees two switches of a power, or all that it has: any one rise looks like any other."""
+    """Whether a course covers two switches of a power, or all that it has: any single rise looks like any other."""
     switched = cause.times[1:][np.abs(np.diff(cause.values)) > SWITCH * float(np.ptp(cause.values))]
     inside = np.count_nonzero((switched > -offset) & (switched < seen.times[-1] - offset))
     return bool(inside >= min(2, switched.size))
 
 
 def _ways(effect: LogCourse, cause: LogCourse) -> list[Explanation]:
-    """Return how one course may act on another: several sets of responses where a power acts on a temperature, else as it is."""
+    """Return the forms in which one course may act on another: sets of responses where a power acts on a temperature, else as it is."""
     if cause.power == effect.power:
         return [Explanation(cause.times, cause.values[:, None], np.zeros(0))]
     fine = max(float(np.median(np.diff(cause.times))), cause.times[-1] / MAX_POINTS)
     return [cause.responses(fine, count, max(effect.times[-1], cause.times[-1])) for count in RESPONSES]
 
 
-def _lowest(effect: LogCourse, responses: Explanation, offsets: FloatArray) -> float:
-    return float(offsets[int(np.argmin([_part_unexplained(effect, responses, o) for o in offsets]))])
-
-
 def _refined_offset(effect: LogCourse, responses: Explanation, best: float, spacing: float, step: float) -> float:
-    """Return the offset that leaves least, near one of a spacing. [s]"""
+    """Return the offset that leaves least, looked for within four spacings of `best` in finer and finer steps. [s]"""
     for _ in range(FINER):
-        best = _lowest(effect, responses, best + np.linspace(-4.0, 4.0, 33) * spacing)
+        tried = best + np.linspace(-4.0, 4.0, 33) * spacing
+        best = float(tried[int(np.argmin([_part_unexplained(effect, responses, o) for o in tried]))])
         spacing /= 8.0
         if spacing < 0.05 * step:
             break
@@ -259,18 +261,18 @@ def _refined_offset(effect: LogCourse, responses: Explanation, best: float, spac
 
 
 def _part_unexplained(effect: LogCourse, responses: Explanation, offset: float) -> float:
-    """Return the part of the squares of one course that the other one, later by an offset, leaves; 1 where it explains nothing."""
+    """Return the sum of squared residuals with the other course, later by an offset [s], over that without it; 1 where it explains none."""
     return _compare_at(effect, responses, offset)[0]
 
 
 def _information(seen: LogCourse, made: Explanation, offset: float) -> float:
-    """Return how many readings both courses share at an offset, times the logarithm of what the other one explains of them. [-]"""
+    """Return N log(1 / share unexplained) at an offset [s], with the N readings that both courses share. [-]"""
     left, shared = _compare_at(seen, made, offset)
     return -shared * float(np.log(max(left, 1e-12)))
 
 
 def _compare_at(seen: LogCourse, made: Explanation, offset: float) -> tuple[float, int]:
-    """Return the part of the squares that the other course leaves, and of how many readings."""
+    """Return the sum of squared residuals with the other course over that without it, at an offset [s], and the number of readings."""
     rows, target = _rows(seen, made, offset)
     own = rows.shape[1] - made.columns.shape[1]
     if target.size < 4 * rows.shape[1] or float(np.ptp(rows[:, own])) == 0.0:
@@ -283,7 +285,10 @@ def _compare_at(seen: LogCourse, made: Explanation, offset: float) -> tuple[floa
 
 
 def _rows(effect: LogCourse, responses: Explanation, offset: float) -> tuple[FloatArray, FloatArray]:
-    """Return the rows of the linear model (readings, unknowns), those of the course itself first, and the readings that they explain."""
+    """Return the terms (readings, terms) of the linear model at an offset [s], and the readings that they explain (readings,).
+
+    The terms are 1, the time or decays exp(-t / constant) of earlier heat, and the other course shifted by the offset.
+    """
     thin = slice(None, None, max(1, effect.times.size // MAX_COMPARED_READINGS))
     times, target = effect.times[thin], effect.values[thin]
     inside = (times >= offset) & (times <= offset + responses.times[-1])
@@ -298,7 +303,13 @@ def _rows(effect: LogCourse, responses: Explanation, offset: float) -> tuple[Flo
 
 
 def _solved(rows: FloatArray, target: FloatArray) -> tuple[float, FloatArray]:
-    """Return the squares that a linear model leaves, and the shares of its columns."""
+    """Fit x by least squares, rows x = target; return the sum of squared residuals, and x (terms,).
+
+    Parameters
+    ----------
+    rows : array (readings, terms)      Terms of the linear model.
+    target : array (readings,)          Readings that it explains.
+    """
     scale = np.linalg.norm(rows, axis=0)
     scale[scale == 0.0] = 1.0
     shares = np.linalg.lstsq(rows / scale, target, rcond=None)[0] / scale
@@ -326,7 +337,7 @@ def _error(effect: LogCourse, responses: Explanation, best: float, step: float) 
 
 
 def _widths(step: float, length: float) -> Iterator[float]:
-    """Yield half-widths from a part of a step to the whole length. [s]"""
+    """Yield half-widths by factors of 1.3, from a tenth of a step to the whole length. [s]"""
     width = 0.1 * step
     while width < length:
         yield width

@@ -27,11 +27,11 @@ PROGRAM: Final = f"from {__name__} import serve; serve()"
 
 
 class EndedError(Exception):
-    """The process ended over a call, or raised what is no error of thermid; the text says what, where something is known."""
+    """The process ended during a call, or raised an error that is none of thermid; the text says what, where it is known."""
 
 
 class _Child:
-    """The process that runs functions, for the process that started it; another one after a fork or an end."""
+    """The process that runs functions, and a lock; a new one is started after a fork or an end."""
 
     def __init__(self) -> None:
         self._lock = Lock()
@@ -39,7 +39,7 @@ class _Child:
         self._owner = 0
 
     def ask(self, question: dict[str, Any], data: bytes) -> dict[str, Any]:
-        """Return the answer to a question about some bytes; an empty one where the process ended over it."""
+        """Return the answer to a question about some bytes; empty where the process ended during it."""
         with self._lock:
             process = self._started()
             assert process.stdin is not None
@@ -64,7 +64,7 @@ class _Child:
             return cast("dict[str, Any]", answer)
 
     def _started(self) -> subprocess.Popen[bytes]:
-        """Return the process, started where this one has none."""
+        """Return the process, started where there is none."""
         if self._owner != os.getpid():
             atexit.register(self.close)
         if self._process is None or self._owner != os.getpid() or self._process.poll() is not None:
@@ -72,7 +72,7 @@ class _Child:
         return self._process
 
     def _end(self) -> None:
-        """End the process, whatever it does."""
+        """End the process."""
         if self._process is not None and self._owner == os.getpid():
             self._process.kill()
             self._process.communicate()
@@ -86,6 +86,7 @@ class _Child:
 
 def _start() -> subprocess.Popen[bytes]:
     # a session of its own: the interrupt key is for the process that asks
+    """Start the process that serves questions."""
     pipe = subprocess.PIPE
     return subprocess.Popen(
         [sys.executable, "-P", "-c", PROGRAM], stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL, start_new_session=True
@@ -96,13 +97,13 @@ _CHILD: Final = _Child()
 
 
 def confined(function: Callable[..., Any], data: bytes, memory: float, library: str = "", **options: Any) -> Any:
-    """Return what a function makes of some bytes in a process of its own.
+    """Return the result of a function of some bytes, run in a process of its own.
 
     Parameters
     ----------
     function : callable     Of a module, called with the bytes and the options; it returns what JSON can hold.
     data : bytes
-    memory : float          What it may take beside what the process has with the library. [bytes]
+    memory : float          Memory that it may take beside that of the process with the library. [bytes]
     library : str           Module that the function needs, as it is imported.
     options                 What JSON can hold.
 
@@ -124,7 +125,7 @@ def confined(function: Callable[..., Any], data: bytes, memory: float, library: 
 
 
 def serve() -> None:
-    """Answer questions, one after the other, until there is no more to read."""
+    """Answer questions from the standard input until it ends."""
     questions, answers = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints is no answer
     while question := questions.readline():
@@ -133,7 +134,7 @@ def serve() -> None:
 
 
 def _answer(question: dict[str, Any], source: BinaryIO) -> dict[str, Any]:
-    """Return what a function makes of the bytes that follow a question, or what refuses them; nothing where memory is short."""
+    """Return the result of a function of the bytes that follow a question, or its error; empty where memory was short."""
     data = source.read(question["size"])
     os.environ.pop(CAPS_VARIABLE, None)
     os.environ |= {CAPS_VARIABLE: question["caps"]} if question["caps"] else {}
@@ -152,7 +153,7 @@ def _answer(question: dict[str, Any], source: BinaryIO) -> dict[str, Any]:
 
 
 def _limit(memory: float) -> None:
-    """Let the process have so much more memory [bytes] than it has, and no more; where the system tells how much that is."""
+    """Limit the memory of the process to what it has and so much more [bytes], where the system states how much that is."""
     with contextlib.suppress(ImportError, OSError, ValueError):
         import resource
 

@@ -55,7 +55,7 @@ _WITH_UNIT: Final = re.compile(
 
 
 def is_capture(head: str) -> bool:
-    """Whether most lines of a text have a stamp and an arrow."""
+    """Whether most lines of a text have a stamp and an arrow, ``12:00:01 -> 23.5``."""
     lines = [line for line in head.splitlines() if line.strip()][:50]
     return len(lines) > 1 and sum(bool(_LINE.match(line)) for line in lines[:-1]) > 0.5 * (len(lines) - 1)
 
@@ -82,7 +82,7 @@ def serial_capture(text: str, file: str) -> Cells:
 def _captured(
     header: tuple[str, ...], columns: Sequence[Sequence[str]], numbers: list[int], others: int, file: str, separator: str = ""
 ) -> Cells:
-    """Return the cells of a capture, with a note on lines that hold no samples."""
+    """Return the cells of a capture, with a note on lines that hold no samples (`others`); `numbers` are the lines of its rows."""
     notes = (f"{others} lines of the capture hold no samples and were skipped",) if others > 0 else ()
     return Cells(file, header, columns, numbers, notes, time="time", layout=Layout("serial capture", "", separator))
 
@@ -91,7 +91,7 @@ Lines = list[tuple[int, re.Match[str]]]
 
 
 def _columns(lines: Lines, mark: str) -> tuple[str, Lines]:
-    """Return the header and the lines of samples where most lines hold as many numbers divided by a mark; no lines where they do not."""
+    """Return the header and the lines of samples where many lines hold as many numbers between marks; no lines where they do not."""
     split = [match["text"].split(mark) for _, match in lines]
     numeric = [any(is_number(cell) for cell in row) for row in split]
     widths = Counter(len(row) for row in split if len(row) > 1 and sum(is_number(cell) for cell in row) >= 0.5 * len(row))
@@ -190,7 +190,12 @@ def labview(text: str, file: str) -> Cells:
 
 
 def _keys(lines: list[str], at: int, file: str, mark: str = "\t") -> tuple[dict[str, list[str]], int]:
-    """Return the keys of a header with their cells, and the line after it."""
+    """Return key -> cells of a LabVIEW header, and the number of the line after it.
+
+    Raises
+    ------
+    RecordError   When the header has no end.
+    """
     out: dict[str, list[str]] = {}
     for k in range(at, len(lines)):
         if lines[k].startswith(_END):
@@ -201,7 +206,7 @@ def _keys(lines: list[str], at: int, file: str, mark: str = "\t") -> tuple[dict[
 
 
 def _stamp(segment: dict[str, list[str]]) -> datetime | None:
-    """Return when a segment begins, by its first channel."""
+    """Return the start of a segment by its Date and Time; None where it has none."""
     date, clock = (segment.get(key, [""])[0].strip().replace(",", ".") for key in ("Date", "Time"))
     try:
         day = datetime.strptime(date, "%Y/%m/%d")
@@ -214,7 +219,12 @@ def _stamp(segment: dict[str, list[str]]) -> datetime | None:
 def _segment(
     lines: list[str], at: int, segment: dict[str, list[str]], mark: str, file: str
 ) -> tuple[tuple[str, ...], datetime | None, list[tuple[int, list[str]]], int]:
-    """Return the names of the channels with units, the start, the lines of samples, and the line after the segment."""
+    """Return the names of the channels with units, the start, the (number, cells) of its lines, and the line after the segment.
+
+    Raises
+    ------
+    RecordError   When it has no channels, or these have different times.
+    """
     if at == len(lines):
         raise RecordError(
             "the file ends behind a header, without channels. Export the log again, with its data.", file, code="record.no-samples"
@@ -242,14 +252,19 @@ def _segment(
 
 
 def _named(name: str, unit: str) -> str:
-    """Return the name of a channel with the unit of its segment, once."""
+    """Return the name of a channel with the unit of its segment in brackets, unless it has that unit."""
     return name if not unit or name_and_unit(name)[1] == spelt(unit) or name.lower() == "comment" else f"{name} [{unit}]"
 
 
 def _samples(
     rows: list[tuple[int, list[str]]], segment: dict[str, list[str]], x_columns: str, width: int, file: str
 ) -> tuple[list[float], list[tuple[int, list[str]]]]:
-    """Return times from the start of a segment, and the samples without their X column."""
+    """Return times from the start of a segment [s], and (number, cells) of its samples without their X column.
+
+    Raises
+    ------
+    RecordError   When the samples have no time.
+    """
     begin, step = (_number(segment.get(key, ["0"])[0]) for key in ("X0", "Delta_X"))
     out = []
     for k, (number, row) in enumerate(rows):
@@ -267,7 +282,7 @@ def _samples(
 
 
 def _number(text: str) -> float:
-    """Return a number with a point or a comma; not a number where it is none."""
+    """Return a number with a point or a comma; NaN where it is none."""
     return float(text.strip().replace(",", ".") or "nan") if is_number(text) else float("nan")
 
 
@@ -309,7 +324,12 @@ def influx(text: str, file: str) -> Cells:
 
 
 def _rows(text: str, file: str) -> Iterator[tuple[int, list[str]]]:
-    """Return the rows of a CSV with their line numbers."""
+    """Yield (line number, cells) of the rows of a CSV.
+
+    Raises
+    ------
+    RecordError   When a quotation mark is misplaced.
+    """
     try:
         yield from enumerate(csv.reader(text.split("\n"), strict=True), 1)
     except csv.Error as error:
@@ -360,12 +380,12 @@ def pivoted(cells: Cells) -> Cells:
 
 
 def _is_key(column: Sequence[str]) -> bool:
-    """Whether a column holds few texts, or numbers, that come again and again."""
+    """Whether a column holds few values that come again and again, at most half as many as rows."""
     return 1 <= len({*column}) <= max(1, len(column) // 2)
 
 
 def _remarked(cells: Cells, names: Sequence[str]) -> Cells:
-    """Return cells with a remark where a column distinguishes the rows of several sources."""
+    """Return cells with a note where a column distinguishes the rows of several sources; `names` are the columns' in small letters."""
     for at, name in enumerate(names):
         if name in _KEYS and _is_key(cells.columns[at]) and len(kinds := list(dict.fromkeys(cells.columns[at]))) > 1:
             of = f"'{cells.header[at]}' distinguishes rows of {len(kinds)} sources ({', '.join(kinds[:4])})"
@@ -375,7 +395,12 @@ def _remarked(cells: Cells, names: Sequence[str]) -> Cells:
 
 
 def _as_cells(series: dict[str, tuple[list[str], list[str], list[int]]], file: str, time: str, layout: Layout) -> Cells:
-    """Return the cells of series by name: texts, stamps, lines."""
+    """Return the cells of series, name -> (texts, stamps, lines), on one axis of times.
+
+    Raises
+    ------
+    RecordError   When there are none, or one has two different readings at one time.
+    """
     if not series:
         raise RecordError(
             "the file has a header but no samples below it. Export the log again, with its data.", file, code="record.no-samples"
@@ -424,7 +449,15 @@ def with_units_of_cells(cells: Cells) -> Cells:
 
 
 def _without_units(cells: Cells, at: int) -> tuple[str, tuple[str, ...]] | None:
-    """Return the header and the cells of a column whose cells carry units; None where the first one's is no unit."""
+    """Return the header with a unit, and the cells of a column without theirs; None where its first cell has no known unit.
+
+    Numbers in other units of the same dimension are converted to that of the first cell, as mW to W.
+
+    Raises
+    ------
+    RecordError   When a later cell has no unit, or one of another dimension.
+    UnitError     When a later cell's unit is not known.
+    """
     out, text = [], ""
     name = cells.header[at]
     for row, cell in enumerate(cells.columns[at]):
@@ -465,10 +498,10 @@ class Format:
 
     Parameters
     ----------
-    name : str            What it is called.
+    name : str            Its name.
     known_by : str        What it is recognised by, in words.
-    recognised : function Of the first bytes of a file: whether it is one.
-    read : function       Of all bytes, the name of the file and a separator or None: its cells.
+    recognised : function Whether the first bytes of a file are of it.
+    read : function       (bytes, name of the file, separator or None) -> cells.
     needs : str           Package that reads it, where an extra brings it.
     """
 
@@ -480,7 +513,7 @@ class Format:
 
 
 def _text(read: Callable[[str, str], Cells]) -> Callable[[bytes, str, str | None], Cells]:
-    """Return a reader of bytes of one of text."""
+    """Return a reader of bytes from a reader of text."""
 
     def of_bytes(data: bytes, file: str, separator: str | None) -> Cells:
         text, notes = decoded(data, file)
@@ -492,6 +525,7 @@ def _text(read: Callable[[str, str], Cells]) -> Callable[[bytes, str, str | None
 
 
 def _plain(data: bytes, file: str, separator: str | None) -> Cells:
+    """Return the cells of a text log or a long table."""
     text, notes = decoded(data, file)
     return pivoted(with_units_of_cells(table_of_text(text, file, separator, notes)))
 
@@ -560,7 +594,7 @@ _HEAD: Final = 8192
 
 
 def log_cells(path: Path, separator: str | None = None) -> Cells:
-    """Return the cells of a log in any format that is known.
+    """Return the cells of a log in any known format.
 
     Raises
     ------

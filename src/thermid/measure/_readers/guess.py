@@ -80,7 +80,7 @@ class Column:
 
 
 def columns_of(cells: Cells, decimal: str, times: tuple[int, ...]) -> list[Column]:
-    """Return every column of a log with a guess.
+    """Return every column of a log with a guess of what it is.
 
     Parameters
     ----------
@@ -111,13 +111,20 @@ def columns_of(cells: Cells, decimal: str, times: tuple[int, ...]) -> list[Colum
 
 
 def _is_sink(column: Column) -> bool:
-    """Whether a column is of the surroundings by the word sink alone, which a heat sink has too."""
+    """Whether a column is a guess of surroundings by the word sink alone, which a heat sink has too."""
     match = _SURROUNDINGS.search(column.name)
     return column.guess == "boundary" and match is not None and match[0].lower() == "sink"
 
 
 def _guess(name: str, text: str | None, values: FloatArray, letter: str) -> tuple[str, str, str]:
-    """Return the guess, the unit and the reason; `letter` is the last word of the name, where that may be a unit."""
+    """Return the guess, the unit and the reason.
+
+    Parameters
+    ----------
+    name, text : str        Name of the column, and its unit or None.
+    values : array          Readings (samples,).
+    letter : str            Last word of the name, where it may be a unit.
+    """
     finite = values[np.isfinite(values)]
     if not finite.size:
         return "ignored", text or "", "empty"
@@ -137,13 +144,14 @@ def _guess(name: str, text: str | None, values: FloatArray, letter: str) -> tupl
 
 
 def _temperature(name: str, text: str, why: str) -> tuple[str, str, str]:
+    """Return the guess of a temperature in the unit `text`: boundary where its name is of surroundings, else temperature."""
     if match := _SURROUNDINGS.search(name):
         return "boundary", text, f"{why}, and '{match[0]}' names surroundings"
     return "temperature", text, why
 
 
 def _by_name(name: str, finite: FloatArray, letter: str) -> tuple[str, str, str]:
-    """Return the guess for a column without a unit."""
+    """Return the guess, the unit and the reason for a column without a unit; `letter` as of `_guess`, `finite` its finite readings."""
     if _STATE.search(name) or (finite.size > 2 and np.all(np.diff(finite) == 1) and not _TEMPERATURE.match(name)):
         return "ignored", "", "counts rows or states"
     if counts_time(finite):
@@ -176,7 +184,7 @@ def _by_name(name: str, finite: FloatArray, letter: str) -> tuple[str, str, str]
 
 
 def _with_faults(column: Column) -> Column:
-    """Return a column with its faults and jumps counted."""
+    """Return a column with its codes of faults and jumps; a jump exceeds 8 times the 90 % quantile of steps, 2 K at least."""
     values, heat = column.values, column.guess in ("temperature", "boundary")
     codes = codes_of(values, float(from_si(0.0, column.unit))) if heat else {}
     faults = Counter(codes[v] for v in values.tolist() if v in codes)

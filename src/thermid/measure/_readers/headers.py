@@ -40,6 +40,7 @@ _SPELT: Final = {
     "millis": "ms",
     "milliseconds": "ms",
     "millisecond": "ms",
+    "micros": "us",
     "microseconds": "us",
     "nanoseconds": "ns",
     "minute": "min",
@@ -102,7 +103,7 @@ def is_number(cell: str) -> bool:
 
 
 def spelt(text: str) -> str:
-    """Return a unit as it is written here, of one as loggers write it; any other text as it is.
+    """Return a unit as thermid writes it, of one as loggers write it; any other text as it is.
 
     >>> spelt("Deg C"), spelt("VDC"), spelt("mW")
     ('degC', 'V', 'mW')
@@ -123,8 +124,9 @@ LETTERED: Final = re.compile(r"(?P<stem>.*\w)[_ ](?P<letter>[A-Z])\Z")
 def name_and_unit(header: str) -> tuple[str, str | None]:
     """Return the name and the unit of a header; None where it names no unit.
 
-    A unit stands in a bracket of any kind at the end, whatever it says: one that nobody knows is refused later and never dropped. Plain
-    units also count after a comma, a slash or an underscore, and in a bracket before other words, as loggers write them.
+    A unit stands in a bracket of any kind at the end, whatever it says: one that nobody knows is refused later and never dropped, and an
+    empty bracket is none. Plain units also count after a comma, a slash or an underscore, and in a bracket before other words, as loggers
+    write them.
 
     >>> name_and_unit("T1 [degC]"), name_and_unit("T1 (°F)"), name_and_unit("P, mW"), name_and_unit("T/°C")
     (('T1', 'degC'), ('T1', 'degF'), ('P', 'mW'), ('T', 'degC'))
@@ -140,7 +142,7 @@ def name_and_unit(header: str) -> tuple[str, str | None]:
         if text.endswith(right) and opening in text[1:]:
             name, _, inner = text[: -len(right)].rpartition(opening)
             if right not in inner and name.strip():
-                return name.strip(" ,/"), spelt(inner)
+                return name.strip(" ,/"), spelt(inner) or None
     for opening, right in _BRACKETS[:2]:
         name, _, rest = text.partition(opening)
         inner, closed, tail = rest.partition(right)
@@ -157,19 +159,19 @@ _SUFFIXES: Final = frozenset(("degC", "degF", "mW", "uW", "kW", "%", "ms", "us",
 
 
 def plainly(name: str) -> str:
-    """Return a name as it is compared with usual ones: in small letters, but of up to three letters as written."""
+    """Return a name as it is compared with usual ones: in small letters, or as written where it has up to three."""
     return name.strip().lower() if len(name.strip()) > 3 else name.strip()
 
 
 class Header(NamedTuple):
-    """Names of columns, with their units where a row of units stands below, and whether one does."""
+    """Names of columns, each with its unit where a row of units stands below, and whether one does."""
 
     names: tuple[str, ...]
     units: bool
 
 
 def with_units_row(rows: Sequence[Sequence[str]]) -> tuple[Header, int]:
-    """Return the header, and how many rows below it are none of samples: units, and what a logger did (Avg, Smp)."""
+    """Return the header of rows, and how many rows below the first hold no samples: units, and what a logger did (Avg, Smp)."""
     names = tuple(name.strip() or f"column {at}" for at, name in enumerate(rows[0], 1))
     extra, units = 0, False
     for row in rows[1:3]:
@@ -187,14 +189,14 @@ def with_units_row(rows: Sequence[Sequence[str]]) -> tuple[Header, int]:
 
 
 def _with_unit(name: str, text: str) -> str:
-    """Return a name with the unit of the row below; words of loggers that stand for no unit are left out."""
+    """Return a name with the unit below it in brackets, unless it has that unit or the cell stands for none."""
     plain = text.strip("[](){} ")
     stated = not plain or plain.upper() in ("TS", "RN") or name.endswith(f"[{plain}]") or _unit_of(name) == spelt(plain)
     return name if stated else f"{name} [{plain}]"
 
 
 def refuse_two_units(names: Sequence[str], below: Sequence[str]) -> None:
-    """Refuse a row of units that contradicts the names above it.
+    """Refuse a row of units that contradicts units in the names above it.
 
     Raises
     ------
@@ -307,23 +309,28 @@ def one_line_of_names(rows: Lines, numbers: Sequence[int]) -> tuple[list[str], s
 
 
 def _counts_channels(cells: Sequence[str]) -> bool:
-    """Whether cells number channels, or are empty."""
+    """Whether all cells number channels or are empty."""
     return all(re.match(_NUMBERING, _bare_name(cell)) for cell in cells if cell)
 
 
 def _bare_name(cell: str) -> str:
-    """Return a name without the unit behind it."""
+    """Return a name without a unit that loggers write behind it."""
     return name_and_unit(cell)[0] if _unit_of(cell) else cell
 
 
 def _unit_of(cell: str) -> str:
-    """Return the unit of a name where it is one that loggers write, else nothing."""
+    """Return the unit in a name where it is one that loggers write, else an empty text."""
     unit_text = name_and_unit(cell)[1] if cell else None
     return unit_text if unit_text in _PLAIN else ""
 
 
 def _common_unit(column: Sequence[str], numbers: Sequence[int]) -> str:
-    """Return the unit that the names of one column have; they must not differ."""
+    """Return the unit in the names of one column; empty where none has one.
+
+    Raises
+    ------
+    RecordError   When two differ.
+    """
     stated = {unit: number for cell, number in zip(column, numbers, strict=True) if (unit := _unit_of(cell))}
     if len(stated) > 1:
         both = " and ".join(f"[{unit}] in line {number}" for unit, number in stated.items())
@@ -332,19 +339,20 @@ def _common_unit(column: Sequence[str], numbers: Sequence[int]) -> str:
 
 
 def _twice(names: Sequence[str]) -> bool:
+    """Whether a name occurs twice; empty ones do not count."""
     held = [name for name in names if name]
     return len({*held}) < len(held)
 
 
 def _identifies(cells: Lines, line: int, clock: set[int]) -> bool:
-    """Whether one line names every column that any line names, the time excepted, and none like another."""
+    """Whether one line names every column that any line names, but for the time, and no two alike."""
     every = {at for row in cells for at, cell in enumerate(row) if cell} - clock
     held = [cells[line][at] for at in sorted(every)]
     return bool(held) and all(held) and not _twice(held)
 
 
 def _filled(cells: Lines, line: int) -> list[str]:
-    """Return the names of a line, its empty cells filled from the nearest of the others, that of the time first."""
+    """Return the names of a line, its empty cells filled from the nearest other line, a usual name of a time first."""
     others = [row for k, row in reversed(list(enumerate(cells))) if k != line]
     out = []
     for at, cell in enumerate(cells[line]):
@@ -354,7 +362,7 @@ def _filled(cells: Lines, line: int) -> list[str]:
 
 
 def _combined(cells: Lines, lines: Sequence[int], clock: set[int]) -> tuple[list[str], list[int]]:
-    """Return the names of all lines, the upper first; of a time column its usual name."""
+    """Return the names of some lines joined by blanks, the upper first, and these lines; a time column has its usual name."""
     out = []
     for at in range(len(cells[0])):
         held = list(dict.fromkeys(cells[k][at] for k in lines if cells[k][at]))
@@ -365,7 +373,7 @@ def _combined(cells: Lines, lines: Sequence[int], clock: set[int]) -> tuple[list
 
 
 def _spread(row: Sequence[str], clock: set[int]) -> list[str]:
-    """Return a line with each name also in the empty cells to its right, as sheets write cells that span several columns."""
+    """Return a line with each name also in the empty cells to its right, as sheets write cells that span columns."""
     out: list[str] = []
     for at, cell in enumerate(row):
         out.append(cell if cell or at in clock or not out or at - 1 in clock else out[-1])

@@ -114,7 +114,12 @@ def read_record(
 
 
 def _check_tables(path: str | Path, **tables: Mapping[str, object]) -> None:
-    """Refuse arguments that are no dictionaries, and units that are no texts."""
+    """Refuse arguments of `read_record` that are no dictionaries, and units that are no texts.
+
+    Raises
+    ------
+    RecordError   With the argument.
+    """
     for word, argument in tables.items():
         if not isinstance(argument, Mapping):
             raise RecordError(f"`{word}` takes a dictionary, not {argument!r}.", str(path), code="value.wrong-kind")
@@ -124,7 +129,7 @@ def _check_tables(path: str | Path, **tables: Mapping[str, object]) -> None:
 
 
 def parts_between_restarts(path: str | Path) -> list[str]:
-    """Return a text log cut where the counter that is its clock begins again: each part below the lines above the samples.
+    """Return the texts of a log cut where the counter that is its clock begins again; each part keeps the lines above the samples.
 
     Raises
     ------
@@ -146,7 +151,7 @@ def parts_between_restarts(path: str | Path) -> list[str]:
 
 
 def temperature_columns(path: str | Path, time: str | None = None, separator: str | None = None) -> list[str]:
-    """Return the columns of a log that seem to be temperatures, of surroundings too.
+    """Return the names of a log's columns that seem to be temperatures, of surroundings too.
 
     `time` and `separator` are those of `read_record`.
 
@@ -163,9 +168,15 @@ def temperature_columns(path: str | Path, time: str | None = None, separator: st
 def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times: FloatArray) -> Channel:
     """Return one channel in SI.
 
+    Parameters
+    ----------
+    cells, binding : Cells, Binding     The log, and what is asked of the column.
+    parsed : list                       Each column as numbers (samples,), or as the row of its first text.
+    times : array (samples,)            [s]
+
     Raises
     ------
-    RecordError   When its column holds text.
+    RecordError   When its column holds text, or its unit is unclear.
     """
     if binding.power is not None:
         return _power(cells, binding, parsed, times)
@@ -208,7 +219,12 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int], tim
 
 
 def _samples(cells: Cells, parsed: list[FloatArray | int], at: int) -> FloatArray:
-    """Return the readings (samples,) of a column as its cells have them, infinite where an instrument says that it is overloaded."""
+    """Return the readings (samples,) of a column in its own unit, infinite where an instrument states an overload.
+
+    Raises
+    ------
+    RecordError   When a cell is text.
+    """
     samples = parsed[at]
     if isinstance(samples, int):
         text = cells.columns[at][samples]
@@ -221,7 +237,7 @@ def _samples(cells: Cells, parsed: list[FloatArray | int], at: int) -> FloatArra
 
 
 def _power(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times: FloatArray) -> Channel:
-    """Return a channel whose power follows from columns. [W]"""
+    """Return a channel whose power is computed from columns. [W]"""
     where = f"{cells.file}, channels.{binding.name}"
 
     def column(name: str) -> tuple[FloatArray, str | None]:
@@ -254,7 +270,12 @@ def _power(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times
 
 
 def _refuse_by_size(samples: FloatArray, quantity: str, name: str, where: str) -> None:
-    """Refuse readings without a unit that look like kelvin, and powers without one that run from 0 to exactly 100, as per cent do."""
+    """Refuse readings without a unit that look like kelvin, and powers without one that run from 0 to exactly 100, as per cent do.
+
+    Raises
+    ------
+    RecordError   With the range of the readings.
+    """
     finite = samples[np.isfinite(samples)]
     if quantity == "temperature" and kelvin_sized(finite):
         raise RecordError(
@@ -273,7 +294,7 @@ def _refuse_by_size(samples: FloatArray, quantity: str, name: str, where: str) -
 
 
 def _masked(channel: Channel, reasons: Mapping[str, list[int]]) -> Channel:
-    """Return a channel with the rows masked that the log itself calls faults."""
+    """Return a channel with rows masked that the log itself calls faults; `reasons` is reason -> rows."""
     valid, masks = channel.valid.copy(), {}
     for reason, rows in reasons.items():
         masks[reason] = np.zeros_like(valid)
@@ -285,7 +306,10 @@ def _masked(channel: Channel, reasons: Mapping[str, list[int]]) -> Channel:
 def _questions(
     times: FloatArray, clock: Clock, read: Times, channels_read: Sequence[Channel], bare: Mapping[str, FloatArray]
 ) -> tuple[str, ...]:
-    """Return what the log leaves open of the channels that are read, and of `bare` columns without a unit: restarts of a board."""
+    """Return the questions that the log leaves open: restarts, units, repeated stamps, a lost hour, hidden switches.
+
+    `bare` are the columns without a unit.
+    """
     warm = [c for c in channels_read if c.quantity == "temperature"]
     return (
         *board_restarts(times, bare),
@@ -297,18 +321,18 @@ def _questions(
 
 
 class _Readings(Mapping[str, FloatArray]):
-    """Readings by the name of their channel, in the unit of the log, NaN where there is none; made where they are asked for."""
+    """Readings by the name of their channel (samples,), in the unit of the log, NaN where there is none; computed on access."""
 
     def __init__(self, channels: Sequence[Channel]) -> None:
         self._channels = {c.name: c for c in channels}
 
     def __getitem__(self, name: str) -> FloatArray:
-        """Those of a channel."""
+        """Return the readings of a channel."""
         c = self._channels[name]
         return np.where(c.valid, from_si(c.values, c.unit), np.nan)
 
     def __iter__(self) -> Iterator[str]:
-        """Names."""
+        """Iterate over the names."""
         return iter(self._channels)
 
     def __len__(self) -> int:
@@ -317,7 +341,7 @@ class _Readings(Mapping[str, FloatArray]):
 
 
 def _bare_numbers(cells: Cells, clock: Clock, parsed: list[FloatArray | int]) -> dict[str, FloatArray]:
-    """Return the columns without a unit that hold numbers, but for the times."""
+    """Return name -> numbers (samples,) of the columns without a unit, but for the times."""
     heads = [name_and_unit(header) for header in cells.header]
     rest = (k for k in range(len(heads)) if k not in clock.places and heads[k][1] is None)
     return {heads[k][0]: column for k in rest if not isinstance(column := parsed[k], int)}
@@ -336,7 +360,7 @@ def _origin(cells: Cells, clock: Clock, times: Times, parsed: list[FloatArray | 
 
 
 def _one_per_stamp(times: FloatArray, channels: list[Channel]) -> tuple[FloatArray, list[Channel], str]:
-    """Return one sample for each stamp, and a note where several had one."""
+    """Return times and channels with one sample for each stamp: the mean, of a held channel the last; and a note where some repeat."""
     new = np.diff(times, prepend=-np.inf) > 0
     if new.all():
         return times, channels, ""
@@ -355,14 +379,14 @@ def _one_per_stamp(times: FloatArray, channels: list[Channel]) -> tuple[FloatArr
 
 
 def _mean_valid(channel: Channel, group: np.ndarray, first: np.ndarray) -> tuple[FloatArray, BoolArray]:
-    """Return the mean of the valid samples of each group."""
+    """Return the mean of the valid samples of each group (groups,), and where there is one; `group` (samples,) numbers the groups."""
     count = np.bincount(group, channel.valid, minlength=first.size)
     total = np.bincount(group, np.where(channel.valid, channel.values, 0.0), minlength=first.size)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan), count > 0
 
 
 def _last_valid(channel: Channel, group: np.ndarray, last: np.ndarray) -> tuple[FloatArray, BoolArray]:
-    """Return the last valid sample of each group."""
+    """Return the last valid sample of each group (groups,), and where there is one; `last` is each group's last sample."""
     place = np.maximum.accumulate(np.where(channel.valid, np.arange(group.size), -1))[last]
     valid = (place >= 0) & (group[place] == group[last])
     return np.where(valid, channel.values[place], np.nan), valid
@@ -370,11 +394,11 @@ def _last_valid(channel: Channel, group: np.ndarray, last: np.ndarray) -> tuple[
 
 @dataclass(frozen=True, eq=False)
 class PlainTable:
-    """A table of text.
+    """A table of text whose columns are read in units, such as a weather file.
 
     Parameters
     ----------
-    cells : Cells   What stands in it.
+    cells : Cells   Its cells.
     time : str      The time column; by default the only one with a usual name.
     """
 
@@ -383,7 +407,7 @@ class PlainTable:
 
     @property
     def file(self) -> str:
-        """The name of the file."""
+        """Name of the file."""
         return self.cells.file
 
     @cached_property
@@ -398,10 +422,17 @@ class PlainTable:
 
     @cached_property
     def _decimal(self) -> str:
+        """Decimal sign of the file."""
         return decimal_sign(self.cells, None)
 
     @cached_property
     def _clock(self) -> tuple[FloatArray, str | None]:
+        """Times (samples,) [s] and the first stamp, None for numbers.
+
+        Raises
+        ------
+        RecordError   When the time column is not clear, has fewer than two times, or these do not increase.
+        """
         try:
             clock = clock_column(self.cells, self.time)
         except NameNotFoundError:
@@ -435,6 +466,12 @@ class PlainTable:
         return self._clock[1]
 
     def _at(self, name: str) -> int:
+        """Return the place of a column.
+
+        Raises
+        ------
+        NameNotFoundError   When there is no such column.
+        """
         refuse_unknown([name], self.names, self.file, "no column '{}'.", NameNotFoundError)
         return self.names.index(name)
 
@@ -484,5 +521,5 @@ class PlainTable:
 
 
 def read_plain(path: str | Path, time: str | None = None) -> PlainTable:
-    """Return a plain table of a file, in any format of `formats`; lines that start with '#' are comments."""
+    """Read a file as a plain table, in any format that `log_cells` knows; lines that start with '#' are comments."""
     return PlainTable(log_cells(Path(path)), time)

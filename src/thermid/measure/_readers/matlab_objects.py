@@ -27,12 +27,12 @@ _DEEPEST: Final = 8
 
 
 class _NotSoError(Exception):
-    """The subsystem is not laid out as it is known."""
+    """The subsystem has another layout than the known one."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Subsystem:
-    """What all objects of a file hold.
+    """The tables of all objects of a file.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ class _Subsystem:
     objects : list of tuple     (class, block of simple properties, block of others) of each object, from 1.
     simple, other : list        Blocks of (name, kind, value) triples.
     values : list               The cells that kind 1 points to.
-    names : list of str
+    names : list of str         Names of classes and properties.
     """
 
     classes: list[str]
@@ -52,7 +52,12 @@ class _Subsystem:
 
     @classmethod
     def read(cls, table: bytes, values: list[Any]) -> _Subsystem:
-        """Return the tables of the first cell of the subsystem."""
+        """Parse the tables in the first cell of the subsystem.
+
+        Raises
+        ------
+        _NotSoError   When they are laid out otherwise.
+        """
         version, count = struct.unpack_from("<II", table, 0)
         if not (2 <= version <= 4 and count < 100000):
             raise _NotSoError(f"version {version}")
@@ -66,7 +71,12 @@ class _Subsystem:
         return cls(classes, objects, list(_blocks(words[1])), list(_blocks(words[3])), values, names)
 
     def fields(self, number: int, deep: int = 0) -> tuple[str, dict[str, Any]]:
-        """Return class and stored properties of an object; objects among them are structures too."""
+        """Return class and stored properties of an object; objects among them become structures too.
+
+        Raises
+        ------
+        _NotSoError   When there is no such object, or objects are nested too deep.
+        """
         if not 0 < number < len(self.objects) or deep > _DEEPEST:
             raise _NotSoError(f"object {number}")
         of, simple, other = self.objects[number]
@@ -82,7 +92,7 @@ class _Subsystem:
         return self.classes[of], out
 
     def opened(self, value: Any, deep: int = 0) -> Any:
-        """Return a value; what stands for an object as its properties."""
+        """Return a value, or the properties of the object that it stands for."""
         number = _object_number(value)
         return value if number is None else self.fields(number, deep + 1)[1]
 
@@ -101,7 +111,7 @@ def _blocks(words: Any) -> Iterator[list[tuple[int, int, int]]]:
 
 
 def _object_number(value: Any) -> int | None:
-    """Return the number of the object that a value stands for; None where it is none."""
+    """Return the number of the object that a value stands for; None where it stands for none."""
     if not isinstance(value, np.ndarray) or value.dtype != np.uint32:
         return None
     flat = value.reshape(-1)
@@ -118,7 +128,7 @@ def objects_of(data: bytes, file: str) -> dict[str, Mapping[str, Any]]:
 
     Raises
     ------
-    RecordError     When the objects are not laid out as those of MATLAB R2010b to R2024 are.
+    RecordError     When the objects are not laid out as those of MATLAB R2010b to R2024.
     """
     from scipy.io import loadmat
     from scipy.io.matlab import varmats_from_mat
@@ -164,7 +174,7 @@ def _cells(subsystem: bytes) -> list[Any]:
 def series_of(properties: Mapping[str, Any]) -> dict[str, Any] | None:
     """Return `Time` (samples,) and `Data` (samples, columns) of a `timeseries`; None for another object.
 
-    A time that MATLAB stores as start, increment and length is made of these.
+    A time that MATLAB stores as start, increment and length is computed from these.
     """
     data, clock = _stored(properties, "Data"), _stored(properties, "TimeInfo")
     times = _stored(properties, "Time")
@@ -183,5 +193,5 @@ def series_of(properties: Mapping[str, Any]) -> dict[str, Any] | None:
 
 
 def _stored(properties: Mapping[str, Any], name: str) -> Any:
-    """Return a property, which MATLAB stores under its name or with an underscore behind it; an empty array where there is none."""
+    """Return a property, stored under its name or with an underscore behind it; an empty array where there is none."""
     return properties.get(f"{name}_", properties.get(name, np.zeros(0)))

@@ -37,7 +37,7 @@ RESTARTED: Final = "counter restarted"
 
 @dataclass(frozen=True, eq=False)
 class PowerReadings:
-    """A power that follows from columns.
+    """A power computed from columns.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class PowerReadings:
 
 
 def power_readings(entry: object, column: ColumnOf, times: FloatArray, where: str) -> PowerReadings:
-    """Return the power that `power` of a channel asks for.
+    """Return the power that the key `power` of a channel describes.
 
     Parameters
     ----------
@@ -83,7 +83,12 @@ def power_readings(entry: object, column: ColumnOf, times: FloatArray, where: st
 
 
 def _of_product(table: Mapping[str, Any], column: ColumnOf, times: FloatArray) -> PowerReadings:
-    """Return volts times amperes and the like."""
+    """Return volts * amperes, volts^2 / ohms, amperes^2 * ohms or watts, times duty and share. [W]
+
+    Raises
+    ------
+    RecordError   When the factors make no power.
+    """
     factors = frozenset(table) - {"duty", "share", "units"}
     if factors not in _PRODUCTS:
         raise RecordError(
@@ -96,7 +101,7 @@ def _of_product(table: Mapping[str, Any], column: ColumnOf, times: FloatArray) -
 
 
 def _slot(key: str, table: Mapping[str, Any], column: ColumnOf) -> Any:
-    """Return what a key of the table gives in SI: a column, or a number with its unit; 1 for a factor that is not there."""
+    """Return the value of a key of the table in SI: a column (samples,), or a number with its unit; 1 for a missing factor."""
     if key not in table:
         return 1.0
     text = str(table[key])
@@ -112,7 +117,12 @@ def _slot(key: str, table: Mapping[str, Any], column: ColumnOf) -> Any:
 
 
 def _column_with_unit(name: str, column: ColumnOf, usual: Mapping[str, str]) -> tuple[FloatArray, Unit]:
-    """Return readings and unit of a column; `usual` says the unit where the log has none, and else a last word W, V or A."""
+    """Return readings and unit of a column; without a unit in the log, that of `usual`, else a last word W, V or A of its name.
+
+    Raises
+    ------
+    RecordError   When none gives a unit.
+    """
     values, text = column(name)
     text = text or usual.get(name) or (m["letter"] if (m := LETTERED.match(name)) and m["letter"] in "WVA" else None)
     if text is None:
@@ -124,7 +134,12 @@ def _column_with_unit(name: str, column: ColumnOf, usual: Mapping[str, str]) -> 
 
 
 def _of_formula(text: str, column: ColumnOf, units: Mapping[str, str], times: FloatArray) -> PowerReadings:
-    """Return the value of a formula of columns, each in SI by its unit."""
+    """Return the value of a formula of columns, each in SI by its unit. [W]
+
+    Raises
+    ------
+    RecordError   When it names no column, or is no power.
+    """
     quoted = {f"column{k}": name for k, name in enumerate(dict.fromkeys(_QUOTED.findall(text)))}
     plain = text
     for place, name in quoted.items():
@@ -141,9 +156,13 @@ def _of_formula(text: str, column: ColumnOf, units: Mapping[str, str], times: Fl
 
 
 def _of_counter(joules: FloatArray, share: float, times: FloatArray) -> PowerReadings:
-    """Return the mean power since the stamp before, times the `share` of it that heats the part; the first stamp has that of the second.
+    """Return the mean power (J_k - J_(k-1)) / (t_k - t_(k-1)) times the `share` that heats the part; the first is that of the second. [W]
 
-    A step down is a restart.
+    A step down is a restart, and NaN.
+
+    Raises
+    ------
+    RecordError   When energy is no column.
     """
     if np.ndim(joules) == 0:
         raise RecordError("energy is a column: a counter that grows.", code="value.wrong-kind")

@@ -29,7 +29,7 @@ _OF_DAY = re.compile(r"(?:^|[ T])(\d{1,2}):(\d{2})(?::(\d{2}))?")
 
 
 def unit_question(columns: Mapping[str, FloatArray]) -> Iterator[str]:
-    """Ask whether readings are in degrees Fahrenheit.
+    """Yield a question where readings without a unit look like degrees Fahrenheit: the coldest begins at 59 to 95.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def unit_question(columns: Mapping[str, FloatArray]) -> Iterator[str]:
 
 
 def repeated_stamps(times: FloatArray, columns: Mapping[str, FloatArray]) -> Iterator[str]:
-    """Name time stamps with several different readings.
+    """Yield a sentence where several rows of one time stamp have different readings.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ def repeated_stamps(times: FloatArray, columns: Mapping[str, FloatArray]) -> Ite
 
 
 def lost_hour(times: FloatArray, stamps: Sequence[str], temperatures: Mapping[str, FloatArray]) -> Iterator[str]:
-    """Ask whether an hour without readings is the beginning of summer time.
+    """Yield a question where one gap, of an hour and at night, without a change of temperature may be the beginning of summer time.
 
     Parameters
     ----------
@@ -98,13 +98,13 @@ def lost_hour(times: FloatArray, stamps: Sequence[str], temperatures: Mapping[st
 
 
 def begins_again(counter: FloatArray) -> BoolArray:
-    """Return where a counter (samples,) falls back to near its beginning, as that of a board does which restarts."""
+    """Return where a counter falls back below a tenth of its highest count (samples,), as that of a board that restarts."""
     back = np.diff(counter, prepend=counter[:1]) < 0.0
     return np.asarray(back & (counter - min(float(np.nanmin(counter)), 0.0) < RESTART * np.fmax.accumulate(counter)))
 
 
 def counts_time(values: FloatArray) -> bool:
-    """Whether readings (samples,) without a unit are a counter of milliseconds: steps alike but for restarts, far above degC."""
+    """Whether readings (samples,) without a unit are a counter of milliseconds: equal steps between restarts, and 1000 or more."""
     if values.size < 8 or not np.all(np.isfinite(values)) or float(values.max()) < 1000.0:
         return False
     steps = np.diff(values)[~begins_again(values)[1:]]
@@ -113,7 +113,7 @@ def counts_time(values: FloatArray) -> bool:
 
 
 def board_restarts(times: FloatArray, columns: Mapping[str, FloatArray]) -> Iterator[str]:
-    """Name restarts of a board, by a counter of milliseconds beside the stamps.
+    """Yield a sentence where a counter of milliseconds beside the stamps shows restarts of the board.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def board_restarts(times: FloatArray, columns: Mapping[str, FloatArray]) -> Iter
 
 
 def hidden_switches(times: FloatArray, powers: Mapping[str, FloatArray]) -> Iterator[str]:
-    """Name changes of a power at a moment that no reading shows.
+    """Yield a sentence for each change of a power within a gap between its readings.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ import numpy as np
 from thermid.base.errors import NameNotFoundError, RecordError, errors_at
 from thermid.base.units import require, unit
 from thermid.measure._readers.columns import find_column, numbers
-from thermid.measure._readers.headers import COUNTED, DATED, MISSING, TIME_NAMES, is_time_name, name_and_unit, plainly
+from thermid.measure._readers.headers import COUNTED, DATED, MISSING, TIME_NAMES, is_time_name, name_and_unit, plainly, spelt
 from thermid.measure._readers.questions import begins_again
 from thermid.measure._readers.textfile import Cells
 from thermid.measure._record.channel import FloatArray
@@ -60,7 +60,7 @@ class Clock:
 
     Parameters
     ----------
-    places : tuple of int   Its columns: one, or that of the date and that of the time.
+    places : tuple of int   Places of its columns: one, or that of the date and that of the time.
     name : str              Name without unit.
     header : str            As written.
     texts : sequence        Cells; date and time joined by a space.
@@ -82,7 +82,7 @@ class Times:
     ----------
     values : array (samples,)   Times; from the first stamp where the log has stamps or times since 1970. [s]
     start : str or None         First stamp as written; of times since 1970 the date they stand for.
-    notes : tuple of str        What a reader must know.
+    notes : tuple of str        Remarks for a reader.
     kind : str                  How the cells were read, in words.
     zone : str                  Time zone, where the log names one.
     """
@@ -95,11 +95,11 @@ class Times:
 
 
 def clock_column(cells: Cells, wanted: str | None) -> Clock:
-    """Return the time column: as named, else by its name, else the only one whose cells are stamps.
+    """Return the time column: the one named, else by its name, else the only one whose cells are stamps.
 
     Raises
     ------
-    NameNotFoundError   When it is not there, or none is named and none can be told.
+    NameNotFoundError   When it is not there, or none is named and none is clear.
     RecordError         When several could be it.
     """
     names = [name_and_unit(header)[0] for header in cells.header]
@@ -120,6 +120,7 @@ def clock_column(cells: Cells, wanted: str | None) -> Clock:
 
 
 def _joined(cells: Cells, names: list[str], date: int, clock: int) -> Clock:
+    """Return the clock of a date and a clock time in two columns, given by their places."""
     texts = tuple(f"{d.strip()} {c.strip()}" for d, c in zip(cells.columns[date], cells.columns[clock], strict=True))
     return Clock((date, clock), f"{names[date]} {names[clock]}", cells.header[clock], texts, None)
 
@@ -137,6 +138,13 @@ def _kinds(cells: Cells) -> tuple[list[int], list[int]]:
 
 
 def _by_name_or_content(cells: Cells, names: list[str], dates: list[int], clocks: list[int]) -> int:
+    """Return the place of the time column by the names of columns, else by cells that are stamps or by units of time.
+
+    Raises
+    ------
+    NameNotFoundError   When none is clear.
+    RecordError         When several could be it.
+    """
     hits = [at for at, name in enumerate(names) if is_time_name(name, TIME_NAMES)]
     if len(hits) == 1:
         return hits[0]
@@ -183,28 +191,35 @@ def _by_name_or_content(cells: Cells, names: list[str], dates: list[int], clocks
 
 
 def _stamp_columns(cells: Cells) -> list[int]:
+    """Return the places of columns whose first and last cells are stamps."""
     return [at for at, column in enumerate(cells.columns) if is_stamp(column[0]) and is_stamp(column[-1])]
 
 
 def _numeric(cells: Cells, at: int) -> bool:
+    """Whether the first and last cells of a column are numbers."""
     column = cells.columns[at]
     return all(isinstance(numbers((cell.strip().replace(",", "."),), "."), np.ndarray) and cell.strip() for cell in (column[0], column[-1]))
 
 
 def _rises(cells: Cells, at: int) -> bool:
-    """Whether a column has numbers that end above their begin."""
+    """Whether a column has numbers, and its last is above its first."""
     column = cells.columns[at]
     return _numeric(cells, at) and float(column[0].replace(",", ".")) < float(column[-1].replace(",", "."))
 
 
 def _falls_back(cells: Cells, at: int) -> bool:
-    """Whether a column is a counter that begins again, as that of a board which restarts."""
+    """Whether a column is a counter that begins again, as that of a board that restarts."""
     counted = numbers(cells.columns[at], ".") if _numeric(cells, at) else 0
     return isinstance(counted, np.ndarray) and bool(begins_again(counted).any())
 
 
-MILLISECONDS: Final = ("ms", "millis", "millis()")
-"""Ends of names of columns that count milliseconds."""
+_PARTS_OF_A_SECOND: Final = {"ms": "milliseconds", "us": "microseconds", "ns": "nanoseconds"}
+"""Unit at the end of a time column's name by which its numbers are read -> the unit in words."""
+
+
+def _unit_of_name(name: str) -> str:
+    """Return the unit that the last word of a time column's name is, such as ``h`` of elapsed_hours; else that word."""
+    return spelt(re.split("[_ ]", name)[-1].lower().removesuffix("()"))
 
 
 def read_times(cells: Cells, clock: Clock, decimal: str, form: str | None, unit_text: str | None, unit_is_given: bool = False) -> Times:
@@ -269,7 +284,12 @@ def read_times(cells: Cells, clock: Clock, decimal: str, form: str | None, unit_
 
 
 def _counted(cells: Cells, clock: Clock, parsed: FloatArray, unit_text: str | None, unit_is_given: bool) -> Times:
-    """Return times that are numbers."""
+    """Return times that are numbers: since 1970, or in the unit of the column.
+
+    Raises
+    ------
+    RecordError   When one is no time, or the unit is not clear.
+    """
     name = clock.name
     odd = np.flatnonzero(~np.isfinite(parsed))
     if odd.size:
@@ -293,13 +313,19 @@ def _counted(cells: Cells, clock: Clock, parsed: FloatArray, unit_text: str | No
     if unit_text is None:
         _refuse_serial_days(parsed, cells, name)
     values = parsed * factor
-    usual = "milliseconds, by its name" if factor == 1e-3 else "seconds, no unit in the log"
-    kind = unit_text or ("s" if name.lower().endswith(("_s", "seconds")) else usual)
+    word = _PARTS_OF_A_SECOND.get(_unit_of_name(name), "")
+    usual = f"{word}, by its name" if word else "seconds, no unit in the log"
+    kind = unit_text or ("s" if name.lower().endswith(("_s", "seconds")) and not word else usual)
     return Times(values, cells.start, _questioned(values, cells, name, unit_text, unit_is_given), kind)
 
 
 def _questioned(times: FloatArray, cells: Cells, name: str, unit_text: str | None, unit_is_given: bool) -> tuple[str, ...]:
-    """Refuse a step or length that no thermal test has, unless its unit was asked for; return a remark on one that few have."""
+    """Return a remark on an unusual step of times [s]; refuse a step or length that no thermal test has, unless its unit was given.
+
+    Raises
+    ------
+    RecordError   With the step and the length.
+    """
     step = float(np.median(np.diff(times))) if times.size > 1 else 0.0
     length = float(times[-1] - times[0])
     shown = f"a step of {duration_text(step)} and a length of {duration_text(length)}"
@@ -319,17 +345,23 @@ def _questioned(times: FloatArray, cells: Cells, name: str, unit_text: str | Non
 
 
 def _factor(cells: Cells, name: str, unit_text: str | None) -> float:
-    """Return the seconds in one step of the time column's unit."""
+    """Return the seconds in one unit of the time column; without a unit, one or what its name says.
+
+    Raises
+    ------
+    RecordError   When its name ends in min, h or d and no unit is given.
+    UnitError     When the unit is not of time.
+    """
     if unit_text is None:
-        tail = name.rpartition("_")[2] if "_" in name else name
-        if tail in ("min", "h"):
+        tail = _unit_of_name(name)
+        if tail in ("min", "h", "d"):
             raise RecordError(
-                f"its name ends in '{tail}', but without a unit it is read in seconds. Give units={{'{name}': '{tail}'}} or 's', or "
-                f"write the unit into the header: '{name} [{tail}]'.",
+                f"its name ends in a unit, '{tail}', but without one in the header it is read in seconds. Give "
+                f"units={{'{name}': '{tail}'}} or 's', or write the unit into the header: '{name} [{tail}]'.",
                 cells.where(None, name),
                 code="record.time-unclear",
             )
-        return 1e-3 if tail.lower() in MILLISECONDS else 1.0
+        return float(unit(tail).factor) if tail in _PARTS_OF_A_SECOND else 1.0
     with errors_at(cells.where(None, name)):
         of = unit(unit_text)
         require(of.dimension, "s", unit_text, of.absolute)
@@ -337,7 +369,12 @@ def _factor(cells: Cells, name: str, unit_text: str | None) -> float:
 
 
 def _refuse_serial_days(times: FloatArray, cells: Cells, name: str) -> None:
-    """Refuse times that look like days of a spreadsheet (since 1900) or of MATLAB (since year 0): less than an hour apart as days."""
+    """Refuse times that look like days of a spreadsheet (since 1900) or of MATLAB (since year 0), less than an hour apart as days.
+
+    Raises
+    ------
+    RecordError   With the date.
+    """
     first, last = float(times[0]), float(times[-1])
     if not 0.0 < last - first < 0.04 * (times.size - 1):
         return
@@ -353,7 +390,12 @@ def _refuse_serial_days(times: FloatArray, cells: Cells, name: str) -> None:
 
 
 def _stamped(cells: Cells, clock: Clock, form: str | None) -> Times:
-    """Return times that are stamps, from the first."""
+    """Return times that are stamps, from the first one.
+
+    Raises
+    ------
+    RecordError   When one cannot be read, or the order of day and month is ambiguous.
+    """
     first = clock.texts[0].strip()
     match = re.search(r"\b((?:GMT|UTC)(?:[+-]\d{1,2}(?::?\d\d)?)?)", clock.header)
     zone = match[1] if match else ""
@@ -369,11 +411,11 @@ def _stamped(cells: Cells, clock: Clock, form: str | None) -> Times:
 
 
 def stamp_seconds(texts: Sequence[str], file: str = "") -> FloatArray:
-    """Return stamps or numbers of any known form as times on one axis, unsorted. [s]
+    """Return stamps or numbers of any known form as times on one axis (samples,), in the order given. [s]
 
     Raises
     ------
-    RecordError   When one is no time, or day and month cannot be told.
+    RecordError   When one is no time, or the order of day and month is ambiguous.
     """
     cells = Cells(file, ("time",), [tuple(texts)], list(range(1, len(texts) + 1)), ())
     clock = Clock((0,), "time", "time", tuple(texts), None)
@@ -387,12 +429,19 @@ def stamp_seconds(texts: Sequence[str], file: str = "") -> FloatArray:
 
 
 def _epoch(first: float) -> tuple[str, float] | None:
-    """Return the unit of time since 1970 that a number can be, and its number in a second; None where it can be none."""
+    """Return the unit of time since 1970 that a number can be, and how many of it are a second; None where it can be none."""
     return next(((text, factor) for text, factor in _EPOCHS if _SINCE_1970[0] * factor <= first <= _SINCE_1970[1] * factor), None)
 
 
 def _by_order(cells: Cells, clock: Clock, sort: bool = False) -> tuple[FloatArray, str, tuple[str, ...]]:
-    """Return seconds from the first stamp of dates in numbers, the order of day, month and year, and a note."""
+    """Return seconds from the first stamp of dates in numbers (samples,), the order of day, month and year, and notes.
+
+    With `sort` stamps may run back, as in long tables.
+
+    Raises
+    ------
+    RecordError   When no order of the three fits, or several do and differ.
+    """
     matches = []
     for row, cell in enumerate(clock.texts):
         match = NUMERIC.match(cell.strip())
@@ -440,7 +489,12 @@ def _by_order(cells: Cells, clock: Clock, sort: bool = False) -> tuple[FloatArra
 
 
 def _chosen(cells: Cells, clock: Clock, times_by_order: dict[str, FloatArray]) -> str:
-    """Return the only order that is left, or the one in which no day is missing where the others have leaps."""
+    """Return the only order that is left, or the one in which no day is missing where the others have gaps.
+
+    Raises
+    ------
+    RecordError   When several remain that differ.
+    """
     first = next(iter(times_by_order.values()))
     if len(times_by_order) == 1:
         return next(iter(times_by_order))
@@ -460,7 +514,7 @@ def _chosen(cells: Cells, clock: Clock, times_by_order: dict[str, FloatArray]) -
 
 
 def _form(text: str, order: str) -> str:
-    """Return the format of `datetime.strptime` of a stamp."""
+    """Return the format of `datetime.strptime` of a stamp in an order of day and month."""
     match = NUMERIC.match(text.strip())
     assert match is not None
     sign = match["sign"]
@@ -475,7 +529,12 @@ def _form(text: str, order: str) -> str:
 
 
 def _clock_times(cells: Cells, clock: Clock, form: re.Pattern[str], kind: str) -> FloatArray:
-    """Return seconds from the first clock time; a step back of more than half a day passes midnight."""
+    """Return seconds from the first clock time (samples,); a step back of more than half a day passes midnight.
+
+    Raises
+    ------
+    RecordError   When a cell has another form.
+    """
     out = np.empty(len(clock.texts))
     for row, cell in enumerate(clock.texts):
         match = form.match(cell.strip())
@@ -490,20 +549,25 @@ def _clock_times(cells: Cells, clock: Clock, form: re.Pattern[str], kind: str) -
 
 
 def _day_seconds(hour: str, minute: str, second: str | None, half: str | None) -> float:
-    """Return the seconds since midnight of a clock time of 24 hours, or of 12 with the letter of AM or PM."""
+    """Return the seconds since midnight of a clock time of 24 hours, or of 12 with the letter of AM or PM (`half`)."""
     hours = int(hour) if half is None else int(hour) % 12 + (12 if half in "Pp" else 0)
     return 3600.0 * hours + 60.0 * int(minute) + float((second or "0").replace(",", "."))
 
 
 def _past_midnight(of_day: FloatArray) -> FloatArray:
-    """Return times that go on past midnight, from zero; hours above 23 show a stopwatch, which has no midnight."""
+    """Return times of day (samples,) as times from the first that go on past midnight; hours above 23 show a stopwatch. [s]"""
     nights = np.cumsum(np.diff(of_day, prepend=of_day[0]) < -_HALF_DAY)
     days = nights.astype(np.float64) * (2 * _HALF_DAY if of_day.max() < 2 * _HALF_DAY else 0.0)
     return np.asarray(np.round(of_day + days - of_day[0], 9))
 
 
 def _plain_stamps(cells: Cells, clock: Clock) -> FloatArray:
-    """Return seconds from the first stamp, of ISO 8601 or with the month as a word."""
+    """Return seconds from the first stamp (samples,), of ISO 8601 or with the month as a word.
+
+    Raises
+    ------
+    RecordError   When a cell is neither.
+    """
 
     def refusal(cell: str, error: ValueError) -> str:
         return (
@@ -515,7 +579,12 @@ def _plain_stamps(cells: Cells, clock: Clock) -> FloatArray:
 
 
 def _by_form(cells: Cells, clock: Clock, form: str) -> FloatArray:
-    """Return seconds from the first stamp of a form that was asked for."""
+    """Return seconds from the first stamp (samples,) of a given form; of clock times without a date past midnight too.
+
+    Raises
+    ------
+    RecordError   When a cell does not have that form.
+    """
     stamps = _datetimes(
         cells,
         clock,
@@ -530,7 +599,18 @@ def _by_form(cells: Cells, clock: Clock, form: str) -> FloatArray:
 
 
 def _datetimes(cells: Cells, clock: Clock, parse: Callable[[str], datetime], refusal: Callable[[str, ValueError], str]) -> list[datetime]:
-    """Return the stamps of a column, all with a time zone or none."""
+    """Return the stamps of a column, all with a time zone or none.
+
+    Parameters
+    ----------
+    cells, clock : Cells, Clock     The log and its time column.
+    parse : callable                Text -> stamp; raises ValueError.
+    refusal : callable              (cell, error) -> text of the error.
+
+    Raises
+    ------
+    RecordError   When a cell cannot be parsed, or only some have a time zone.
+    """
     stamps: list[datetime] = []
     for row, cell in enumerate(clock.texts):
         try:
@@ -547,7 +627,7 @@ def _datetimes(cells: Cells, clock: Clock, parse: Callable[[str], datetime], ref
 
 
 def _since_first(stamps: Sequence[datetime]) -> FloatArray:
-    """Return seconds from the first stamp."""
+    """Return seconds from the first stamp (samples,)."""
     return np.array([(stamp - stamps[0]).total_seconds() for stamp in stamps])
 
 
@@ -585,7 +665,7 @@ def zone_of_stamp(text: str) -> str:
 
 
 def of_day(match: re.Match[str]) -> float:
-    """Return the seconds since midnight of a stamp."""
+    """Return the seconds since midnight of a matched stamp, in UTC where it has a zone."""
     if match["h"] is None:
         return 0.0
     fraction = float(f"0.{match['f']}") if match["f"] else 0.0
@@ -593,6 +673,7 @@ def of_day(match: re.Match[str]) -> float:
 
 
 def _offset(zone: str | None) -> float:
+    """Return the offset of a time zone such as +01:00; zero for UTC or none. [s]"""
     if not zone or zone[0] not in "+-":
         return 0.0
     digits = zone[1:].replace(":", "")
@@ -600,11 +681,12 @@ def _offset(zone: str | None) -> float:
 
 
 def _years(text: str) -> int:
+    """Return a year of four or two digits as a number; of two in the 2000s."""
     return int(text) if len(text) > 2 else 2000 + int(text)
 
 
 def day_number(year: str, month: str, day: str) -> int | None:
-    """Return the number of a day, or None where there is no such day."""
+    """Return the ordinal number of a day; None where there is no such day."""
     if len(month) > 2 or len(day) > 2 or len(year) == 3:
         return None
     try:
@@ -614,7 +696,12 @@ def day_number(year: str, month: str, day: str) -> int | None:
 
 
 def one_stamp(text: str) -> datetime:
-    """Return an ISO 8601 stamp, or one with the month as a word."""
+    """Return the datetime of an ISO 8601 stamp, or of one with the month as a word.
+
+    Raises
+    ------
+    ValueError   When it is neither.
+    """
     if text[:1].isdigit() and text[4:5] in "-0123456789":
         return datetime.fromisoformat(text)
     match = _NAMED.match(text) or _AMERICAN.match(text)

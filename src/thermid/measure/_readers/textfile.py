@@ -45,14 +45,14 @@ _CONTROL: Final = bytes(set(range(32)) - set(b"\t\n\r\f")) + b"\x7f"
 
 @dataclass(frozen=True)
 class Layout:
-    """How a log is laid out.
+    """How a log is laid out, for a person.
 
     Parameters
     ----------
     format : str       Name of the format.
     encoding : str     Encoding of its text; empty where it is no text.
     separator : str    Separator of its columns in words.
-    preamble : int     Lines above the header that hold no samples.
+    preamble : int     Number of lines above the header that hold no samples.
     units_row : bool   Whether units stand in a row of their own.
     """
 
@@ -65,7 +65,7 @@ class Layout:
 
 @dataclass(frozen=True)
 class Cells:
-    """The cells of a log.
+    """The cells of a log by column, before they are numbers.
 
     Parameters
     ----------
@@ -73,16 +73,16 @@ class Cells:
     header : tuple of str            Names as written.
     columns : sequence of sequences  Cells by column, in file order: texts, in a tuple or a `NumberColumn`.
     lines : sequence of int          Line number of each row.
-    notes : tuple of str             What a reader must know: encoding, separator, a dropped line.
-    synthetic : bool                 Whether its first lines state this.
-    reasons : mapping                Rows that are masked, by column and reason; of a log that names its faults.
-    resolution : mapping             Step of a sensor, as text, where the log itself says it, by column.
-    certificates : mapping           The same for its certificate.
+    notes : tuple of str             Remarks for a reader: encoding, separator, a dropped line.
+    synthetic : bool                 Whether its first lines state that it is synthetic.
+    reasons : mapping                Column -> reason -> masked rows, of a log that names its faults.
+    resolution : mapping             Column -> step of the sensor as text, where the log states it.
+    certificates : mapping           Column -> certificate of the sensor, where the log states it.
     prompt : frozenset of str        Columns with a row at every change.
     commas : bool                    Whether a cell may hold a comma.
-    time : str                       Name of the time column, where the format itself says it.
-    start : str or None              When the times begin, where they are numbers and the format says it.
-    layout : Layout                  How the cells stand in the file, for a reader.
+    time : str                       Name of the time column, where the format states it.
+    start : str or None              Start of the times, where they are numbers and the format states it.
+    layout : Layout                  How the cells stand in the file.
     """
 
     file: str
@@ -101,7 +101,7 @@ class Cells:
     layout: Layout = field(default_factory=lambda: Layout())
 
     def where(self, row: int | None = None, column: str = "") -> str:
-        """Return a place for a message: file, line, column."""
+        """Return a place for a message: file, line of a row, column."""
         line = "" if row is None else f":{self.lines[row]}"
         return f"{self.file}{line}" + (f", column '{column}'" if column else "")
 
@@ -112,7 +112,7 @@ def holds_cells(line: str) -> bool:
 
 
 def _plain_header(line: str, mark: str) -> str:
-    """Return a header without its quotation marks, where no name needs them."""
+    """Return a header line without its quotation marks, where no name needs them."""
     if line.count('"') % 2:
         return line
     try:
@@ -124,7 +124,7 @@ def _plain_header(line: str, mark: str) -> str:
 
 
 def _columns(lines: list[tuple[int, str]], mark: str) -> list[tuple[str, ...]] | None:
-    """Return the columns, header included, of lines without quotation marks that all have as many cells; None where they do not."""
+    """Return the columns, header included, of lines without quotation marks; None where the lines differ in their number of cells."""
     if len({line.count(mark) for _, line in lines}) != 1:
         return None
     cells = mark.join([line for _, line in lines]).split(mark)
@@ -213,7 +213,12 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
 
 
 def _refuse_odd_rows(rows: list[list[str]], numbers: list[int], width: int, mark: str, file: str) -> None:
-    """Refuse samples that are not as wide as their header, and a first one that may number the columns."""
+    """Refuse samples that are not `width` cells wide, and a first one that may number the columns.
+
+    Raises
+    ------
+    RecordError   With the line.
+    """
     if counts_columns(rows):
         raise RecordError(
             f"'{mark.join(rows[0])}' may number the columns: only the lines below it have decimals. Put '#' before the line, or, if it "
@@ -231,7 +236,7 @@ def _refuse_odd_rows(rows: list[list[str]], numbers: list[int], width: int, mark
 
 
 def _ends_with_separator(rows: list[list[str]]) -> int:
-    """Return how many lines from the first on end with a separator that the samples below them do not end with."""
+    """Return how many lines from the first on end with a separator, where the samples below do not."""
     width = len(rows[0])
     for at, row in enumerate(rows[:_HEAD]):
         if len(row) == width - 1:
@@ -261,11 +266,12 @@ def _with_one_line_of_names(
 
 
 def _encoding(notes: Sequence[str]) -> str:
+    """Return the encoding that notes of `decoded` state."""
     return next((note.split()[2].rstrip(",") for note in notes if note.startswith("read as ")), "UTF-8")
 
 
 def _without_repeats(lines: list[tuple[int, str]]) -> tuple[list[tuple[int, str]], list[int]]:
-    """Return the lines without those that stood above the first samples already, and the numbers of what was left out."""
+    """Return the lines without repeats of those above the first samples, and the numbers of the repeats."""
     first = next((at for at, (_, line) in enumerate(lines[:LOOKED_AT]) if TIMELY.search(line) or _has_number(line)), len(lines))
     heads = {line for _, line in lines[:first]}
     again = [number for number, line in lines[first:] if line in heads] if heads else []
@@ -278,6 +284,7 @@ def _without_repeats(lines: list[tuple[int, str]]) -> tuple[list[tuple[int, str]
 
 
 def _has_number(line: str) -> bool:
+    """Whether a line holds a number between separators."""
     return any(is_number(cell.strip('" ')) for mark in SEPARATORS for cell in line.split(mark))
 
 
@@ -305,7 +312,7 @@ def _below_preamble(lines: list[tuple[int, str]], separator: str | None) -> tupl
 
 
 def _comment_above(every: list[tuple[int, str]], first: int, mark: str, width: int) -> list[str] | None:
-    """Return the names of the columns where the line above the samples is a comment with as many."""
+    """Return the names of the columns where the line above line `first` is a comment with `width` names, else None."""
     if first < 2:
         return None
     line = every[first - 2][1].strip()
@@ -314,7 +321,7 @@ def _comment_above(every: list[tuple[int, str]], first: int, mark: str, width: i
 
 
 def _cells_of_lines(lines: list[tuple[int, str]], mark: str) -> list[list[str]]:
-    """Return the cells of each line by itself; a quotation mark out of place divides nothing."""
+    """Return the cells of each line; a line with a misplaced quotation mark is one cell."""
     out = []
     for _, line in lines:
         if '"' not in line:
@@ -328,11 +335,12 @@ def _cells_of_lines(lines: list[tuple[int, str]], mark: str) -> list[list[str]]:
 
 
 def _holds_samples(row: Sequence[str]) -> bool:
+    """Whether a row has two cells or more and a number among them."""
     return len(row) > 1 and any(is_number(cell) for cell in row)
 
 
 def _longest_run(rows: list[list[str]]) -> tuple[int, int]:
-    """Return the first line and the length of the longest run of lines with as many cells and a number in each."""
+    """Return the first row and the length of the longest run of rows with as many cells and a number in each."""
     best, start = (0, 0), 0
     for at in range(len(rows) + 1):
         inside = at < len(rows) and _holds_samples(rows[at]) and (at == start or len(rows[at]) == len(rows[start]))
@@ -344,9 +352,9 @@ def _longest_run(rows: list[list[str]]) -> tuple[int, int]:
 
 
 def _header_above(rows: list[list[str]], start: int) -> int:
-    """Return the line that can be the header of the samples, or -1: the highest of wordy lines of their width that stand on one another.
+    """Return the index of the row that can be the header of the samples from row `start` on; -1 where none can.
 
-    At most three lines above the samples are looked at; rows of units between do not count.
+    It is the highest of adjacent rows of names of their width, among the three above the samples; rows of units between do not count.
     """
     near = [at for at in range(start - 1, max(start - 4, -1), -1) if len(rows[at]) in (len(rows[start]), len(rows[start]) + 1)]
     wordy = [at for at in near if _wordy(rows[at])]
@@ -365,7 +373,7 @@ def _header_above(rows: list[list[str]], start: int) -> int:
 
 
 def _first_of_names(rows: list[list[str]], numbers: list[int], head: int) -> int:
-    """Return the first of the lines of names directly above each other, of which `head` is the last."""
+    """Return the first of the rows of names directly above each other, of which row `head` is the last."""
     first = head
     while 0 < first > head + 1 - MOST_NAMES and numbers[first] == numbers[first - 1] + 1 and may_name(rows[first], len(rows[head])):
         above = rows[first - 1]
@@ -420,17 +428,22 @@ def read_bytes(place: Path) -> bytes:
 
 
 def decoded(data: bytes, file: str) -> tuple[str, list[str]]:
-    """Return the text of a file with plain line ends, and notes on how it was read."""
+    """Return the text of a file with plain line ends, and notes on its encoding.
+
+    Raises
+    ------
+    RecordError   When it is no text.
+    """
     text, notes = _decoded(data, file)
     return text.replace("\r\n", "\n").replace("\r", "\n"), notes
 
 
 def _decoded(data: bytes, file: str) -> tuple[str, list[str]]:
-    """Return the text of some bytes.
+    """Return the text of some bytes, and notes on its encoding.
 
     Raises
     ------
-    RecordError   When they hold what no text holds.
+    RecordError   When they hold control characters that no text has.
     """
     binary = "this is a binary file, not a text log" + (" (a workbook or archive)" if data[:2] == b"PK" else "") + ". Export it as CSV."
     try:
@@ -450,7 +463,7 @@ def _decoded(data: bytes, file: str) -> tuple[str, list[str]]:
 
 
 def _unmarked(data: bytes) -> str | None:
-    """Return the encoding of two bytes a letter that no mark states: of Latin letters the second byte is zero, or the first."""
+    """Return the encoding of UTF-16 text without a mark, by the zero bytes of Latin letters; None for other bytes."""
     for zero, order in ((1, "utf-16-le"), (0, "utf-16-be")):
         if len(data) > 3 and not any(data[zero:200:2]) and all(data[1 - zero : 200 : 2]):
             return order
@@ -458,7 +471,7 @@ def _unmarked(data: bytes) -> str | None:
 
 
 def _split(lines: list[tuple[int, str]], mark: str) -> list[int]:
-    """Return the number of columns of each line."""
+    """Return the number of cells of each line; empty where quotation marks do not match."""
     try:
         return [len(row) for row in csv.reader((line for _, line in lines), delimiter=mark)]
     except csv.Error:
@@ -466,7 +479,7 @@ def _split(lines: list[tuple[int, str]], mark: str) -> list[int]:
 
 
 def _separator(lines: list[tuple[int, str]], wanted: str | None, file: str) -> str:
-    """Return the separator: as given, or the only one that gives every line as many columns as the header.
+    """Return the separator: as given, or the only one that gives every line as many cells as the header.
 
     Raises
     ------
@@ -502,7 +515,12 @@ def _separator(lines: list[tuple[int, str]], wanted: str | None, file: str) -> s
 
 
 def _rows(lines: list[tuple[int, str]], mark: str, file: str) -> tuple[list[list[str]], list[int]]:
-    """Return the rows and their line numbers."""
+    """Return the rows of cells and their line numbers.
+
+    Raises
+    ------
+    RecordError   When a quotation mark is misplaced.
+    """
     reader = csv.reader((line for _, line in lines), delimiter=mark, strict=True)
     rows, numbers = [], []
     try:
@@ -518,7 +536,10 @@ def _rows(lines: list[tuple[int, str]], mark: str, file: str) -> tuple[list[list
 
 
 def _without_cut_line(rows: list[list[str]], columns: int, whole: bool) -> tuple[list[list[str]], bool]:
-    """Drop the last row where writing stopped in the middle: columns are missing, or no line end follows and its last cell is no number."""
+    """Return the rows without a last one that was cut while it was written, and whether it was.
+
+    It has fewer cells than there are columns, or no line end follows and its last cell is no number.
+    """
     if not rows:
         return rows, False
     last = rows[-1]
@@ -529,15 +550,15 @@ def _without_cut_line(rows: list[list[str]], columns: int, whole: bool) -> tuple
 
 
 class ChannelSeries(NamedTuple):
-    """Samples of one sensor.
+    """Samples of one sensor with times of their own.
 
     Parameters
     ----------
     name : str                  With its unit in a bracket, where known.
     texts : sequence of str     Its cells.
-    times : sequence of float   Their times on an axis common to all series; they need not be in order. [s]
-    stamps : sequence of str    The same as the file has them.
-    lines : sequence of int     Where they stand in the file.
+    times : sequence of float   Their times on an axis common to all series, in any order. [s]
+    stamps : sequence of str    The times as the file has them.
+    lines : sequence of int     Their lines in the file.
     """
 
     name: str
@@ -550,7 +571,14 @@ class ChannelSeries(NamedTuple):
 def merged(
     series: Sequence[ChannelSeries], file: str, time: str, notes: tuple[str, ...], layout: Layout, start: str | None = None
 ) -> Cells:
-    """Return one row for each time of any series; cells of the others are empty there, which the reader masks."""
+    """Return the cells of several series on one axis: a row for each time of any of them, empty cells where a series has none.
+
+    Parameters
+    ----------
+    series : sequence       The series.
+    file, time : str        Name of the file, and header of the time column.
+    notes, layout, start    As in `Cells`.
+    """
     rows: dict[float, tuple[str, int]] = {}
     for channel_series in series:
         for t, stamp, line in zip(channel_series.times, channel_series.stamps, channel_series.lines, strict=True):
@@ -561,15 +589,11 @@ def merged(
         values: Mapping[float, str] = dict(zip(channel_series.times, channel_series.texts, strict=True))
         columns.append(tuple(values.get(t, "") for t in axis))
     header = (time, *(channel_series.name for channel_series in series))
-    return Cells(file, header, columns, [rows[t][1] for t in axis], notes, time=_bare(time), start=start, layout=layout)
-
-
-def _bare(time: str) -> str:
-    return time.partition(" [")[0]
+    return Cells(file, header, columns, [rows[t][1] for t in axis], notes, time=time.partition(" [")[0], start=start, layout=layout)
 
 
 def text_of(value: object) -> str:
-    """Return a number, stamp or text as a cell."""
+    """Return a number, stamp or text as the text of a cell; empty for None and NaN."""
     if value is None:
         return ""
     if isinstance(value, bool):

@@ -23,7 +23,32 @@ from thermid.measure.amounts import duration_text, positive_seconds
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-ROLES: Final = ("auto", "node", "boundary", "load", "command", "prescribed")
+
+class Role(NamedTuple):
+    """What a channel is to a model.
+
+    Parameters
+    ----------
+    quantity : str      What its readings are.
+    slot : str          Dimension that they must have: a unit, or `temperature`.
+    unit : str          Unit that is taken where nothing states one.
+    drives : bool       Whether the readings are an input of the model; else they are compared with it.
+    """
+
+    quantity: str
+    slot: str
+    unit: str
+    drives: bool
+
+
+ROLES: Final = {
+    "node": Role("temperature", TEMPERATURE, "degC", drives=False),
+    "boundary": Role("temperature", TEMPERATURE, "degC", drives=True),
+    "load": Role("power", "W", "W", drives=True),
+    "command": Role("command", "1", "%", drives=True),
+    "prescribed": Role("temperature", TEMPERATURE, "degC", drives=True),
+}
+"""Role, a key in the table of a channel -> what it is. A channel without one is 'auto': the model decides by the name of its target."""
 HELD: Final = frozenset({"power", "command"})
 """Quantities that keep their value until the next sample (zero-order hold); all others run straight from sample to sample."""
 
@@ -33,12 +58,13 @@ SAMPLES: Final = ("instant", "average")
 INTERPOLATIONS: Final = ("linear", "previous")
 """What holds between two samples: a straight line, or the sample before."""
 
-_SI: Final = {"temperature": "K", "power": "W", "command": "1"}
+SI_UNITS: Final = {"temperature": "K", "power": "W", "command": "1"}
+"""Quantity -> its SI unit; a quantity that is not here has the unit 1."""
 
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a record came from. Trimmed, filtered and resampled copies keep it, so it is the identity of the data.
+    """Where the samples of a record came from. Trimmed, filtered and resampled copies keep it as the identity of the data.
 
     Parameters
     ----------
@@ -46,7 +72,7 @@ class Origin:
     sha256 : str            Hash of the parsed samples, see `digest`.
     start : str or None     First stamp as written, where the log has stamps.
     columns : tuple of str  Column names in file order, without their units.
-    rows : int              Lines with samples.
+    rows : int              Number of lines with samples.
     time : str              Name of the time column.
     synthetic : bool        Whether the samples were made and not measured.
     questions : tuple       What the log leaves open and its owner can answer, in words: a unit, an hour, two readings at one time.
@@ -77,7 +103,7 @@ def digest(columns: Iterable[tuple[str, ArrayLike]]) -> str:
 
 
 def frozen(values: ArrayLike, kind: Any) -> NDArray[Any]:
-    """Return a copy that cannot be written to."""
+    """Return a copy as an array of a dtype `kind` that cannot be written to."""
     copy = np.array(values, dtype=kind)
     copy.flags.writeable = False
     return copy
@@ -157,7 +183,7 @@ class Channel(Shown):
                 masks[reason] = frozen(masks.get(reason, False) | (bare & part), np.bool_)
         refuse_unknown([self.samples], ("", *SAMPLES), where, "its samples are 'instant' or 'average', not '{}'.", RecordError)
         refuse_unknown([self.interpolation], ("", *INTERPOLATIONS), where, "no interpolation '{}'; it is one of {known}.", RecordError)
-        refuse_unknown([self.role], ROLES, where, "no role '{}'; it is one of {known}.", RecordError)
+        refuse_unknown([self.role], ("auto", *ROLES), where, "no role '{}'; it is one of {known}.", RecordError)
         for word, size, least in (
             ("noise", self.noise, "above"),
             ("accuracy", self.accuracy, "not below"),
@@ -165,7 +191,7 @@ class Channel(Shown):
         ):
             if size is not None and not (np.isfinite(size) and (size > 0 or (size == 0 and least == "not below"))):
                 raise RecordError(f"its {word} is {size:g}; a finite number {least} zero is needed.", where, code="value.outside-range")
-        for key, value in (("values", values), ("valid", valid), ("masks", masks), ("unit", self.unit or _SI.get(self.quantity, "1"))):
+        for key, value in (("values", values), ("valid", valid), ("masks", masks), ("unit", self.unit or SI_UNITS.get(self.quantity, "1"))):
             object.__setattr__(self, key, value)
 
     @cached_property
@@ -192,7 +218,7 @@ class Channel(Shown):
 
     @property
     def noise_seen(self) -> float:
-        """What one reading of a temperature shows of noise: `white_noise`, at least what rounding to its steps leaves. [K]"""
+        """max(white_noise, step / sqrt(12)): the noise that one reading of a temperature shows. [K]"""
         return max(self.white_noise, self.step / math.sqrt(12.0))
 
     @property
@@ -227,17 +253,18 @@ class Channel(Shown):
         UnitError     When temperatures have no unit, or a unit is of something else.
         """
         kind = str(fields.get("quantity", "temperature"))
-        sizes = {w: amount(fields[w], _SI.get(kind, "1"), f"channel '{name}', {w}") for w in SIZES if fields.get(w) is not None}
+        sizes = {w: amount(fields[w], SI_UNITS.get(kind, "1"), f"channel '{name}', {w}") for w in SIZES if fields.get(w) is not None}
         with errors_at(f"channel '{name}'"):
             with_unit = quantity(values, unit=unit) if unit else stated(values)
-            if with_unit is not None and kind in _SI:
-                require_unit(with_unit.unit, TEMPERATURE if kind == "temperature" else _SI[kind])
+            if with_unit is not None and kind in SI_UNITS:
+                require_unit(with_unit.unit, TEMPERATURE if kind == "temperature" else SI_UNITS[kind])
             if with_unit is None and kind == "temperature":
                 with_unit = quantity(si_values(values, TEMPERATURE), unit="K")
         samples = np.asarray(values if with_unit is None else with_unit.si, dtype=np.float64)
         return cls(name, samples, np.isfinite(samples), unit="" if with_unit is None else with_unit.unit.text, **fields | sizes)
 
     def _summary(self) -> str:
+        """Name, quantity, target, and how many samples are valid."""
         seat = f" of {self.target}" if self.target else ""
         return f"{self.name}: {self.quantity or 'samples'}{seat}, {int(np.count_nonzero(self.valid))} of {self.values.size} samples valid"
 
@@ -253,12 +280,17 @@ class Channel(Shown):
         return {reason: int(np.count_nonzero(mask)) for reason, mask in self.masks.items()}
 
     @property
+    def drives(self) -> bool:
+        """Whether its role makes it an input of the model; not so of a channel without a role."""
+        return self.role in ROLES and ROLES[self.role].drives
+
+    @property
     def held(self) -> bool:
-        """Whether a sample holds until the next one."""
+        """Whether a sample holds until the next one: by `interpolation`, else true of powers and commands."""
         return self.quantity in HELD if not self.interpolation else self.interpolation == "previous"
 
     def masked(self, where: ArrayLike, reason: str) -> Channel:
-        """Return the same channel with some valid samples masked.
+        """Return the channel with its valid samples masked where the array `where` (samples,) is True, for a reason.
 
         Raises
         ------
@@ -270,7 +302,7 @@ class Channel(Shown):
         return replace(self, valid=self.valid & ~new, masks=masks).checked()
 
     def checked(self) -> Channel:
-        """Return the channel itself.
+        """Return the channel itself if it has a valid sample.
 
         Raises
         ------
@@ -286,13 +318,18 @@ class Channel(Shown):
         return self
 
     def taken(self, keep: BoolArray) -> Channel:
-        """Return the channel at some of its samples."""
+        """Return the channel at the samples where `keep` (samples,) is True.
+
+        Raises
+        ------
+        RecordError   When none of these is valid.
+        """
         masks = {reason: mask[keep] for reason, mask in self.masks.items()}
         return replace(self, values=self.values[keep], valid=self.valid[keep], masks=masks).checked()
 
 
 def ranged(channel: Channel, part: SensorPart) -> tuple[Channel, str]:
-    """Return the channel with readings at or beyond the sensor's range masked, and what was masked, in words; empty for nothing."""
+    """Return the channel with readings at or beyond the sensor's range masked, and a sentence on that; empty for none."""
     outside = channel.valid & ((channel.values <= part.low) | (channel.values >= part.high))
     if not outside.any():
         return channel, ""
@@ -301,7 +338,10 @@ def ranged(channel: Channel, part: SensorPart) -> tuple[Channel, str]:
 
 
 def certified(channel: Channel, certificate: SensorCertificate) -> tuple[Channel, str]:
-    """Return the channel with its readings corrected and its accuracy narrowed by a certificate, and what was done, in words."""
+    """Return the channel corrected by a certificate, with its remaining accuracy, and a sentence on that.
+
+    Mean and standard deviation of the correction are those of `SensorCertificate.combined`.
+    """
     mean, sd = certificate.combined(channel.accuracy)
     date = f" of {certificate.date}" if certificate.date else ""
     correction = f"{certificate.offset:+.3g} +- {certificate.uncertainty:.2g} K at {format_value(certificate.at, 'degC')}"
@@ -315,7 +355,7 @@ def certified(channel: Channel, certificate: SensorCertificate) -> tuple[Channel
 
 
 def with_sensor(channel: Channel, part: SensorPart | None, certificate: SensorCertificate | None, where: str) -> tuple[Channel, list[str]]:
-    """Return a channel with its sensor's range and certificate applied, and what that did, in words.
+    """Return a channel with its sensor's range and certificate applied, and sentences on what they did.
 
     Raises
     ------
@@ -342,20 +382,20 @@ EVEN: Final = 0.01
 
 
 def usual_step(times: FloatArray) -> float:
-    """Return the median of the intervals; zero for a single sample [s]."""
+    """Return the median interval of times (samples,); zero for a single sample. [s]"""
     return float(np.median(np.diff(times))) if times.size > 1 else 0.0
 
 
 def gap_from(times: FloatArray) -> float:
-    """Return the interval from which on samples are missing: five times what nine of ten intervals reach [s].
+    """Return the interval from which samples are missing: five times the 90 % quantile of all intervals. [s]
 
-    A log may change its rate; the tenth longest interval follows that better than the median does.
+    A log may change its rate, which this quantile follows better than the median does.
     """
     return 5.0 * float(np.quantile(np.diff(times), 0.9, method="lower")) if times.size > 1 else 0.0
 
 
 def even_step(times: FloatArray) -> float | None:
-    """Return the step of an even grid (every interval within 1 % of their mean), or None [s]."""
+    """Return the mean interval where every interval is within 1 % of it; None where times are uneven. [s]"""
     steps = np.diff(times)
     if steps.size == 0:
         return None
@@ -364,13 +404,8 @@ def even_step(times: FloatArray) -> float | None:
 
 
 def gap_limit(times: FloatArray, valid: BoolArray, step: float, max_gap: str | float | None) -> float:
-    """Return the longest interval that is bridged [s].
-
-    It is as given, or else five times what nine of ten intervals between valid samples reach, and never less than two steps.
-    """
-    if max_gap is not None:
-        return positive_seconds(max_gap, "max_gap")
-    return max(gap_from(times[valid]), 2.0 * step)
+    """Return the longest interval bridged: `max_gap`, or five times the 90 % quantile of valid intervals, at least two steps. [s]"""
+    return positive_seconds(max_gap, "max_gap") if max_gap is not None else max(gap_from(times[valid]), 2.0 * step)
 
 
 class SampleTable(NamedTuple):
@@ -390,16 +425,16 @@ class SampleTable(NamedTuple):
 
 @dataclass(frozen=True)
 class SecondClock:
-    """A clock beside a record's own, known within ranges only: a time t on it is ``offset + rate t``. A fit finds both.
+    """A second clock of a record, known within ranges only: its time t is ``offset + rate t`` on the record's own. A fit finds both.
 
     Parameters
     ----------
-    channels : tuple of str         What was logged on it.
-    offset, rate : (low, high)      Where they are looked for. [s, -]
-    at : (offset, rate)             Those at which the record holds these channels. [s, -]
-    times : (first, last)           Of the log with the other clock, to which the fit counts. [s]
+    channels : tuple of str         Channels that were logged on it.
+    offset, rate : (low, high)      Ranges in which they lie. [s, -]
+    at : (offset, rate)             Values at which the record holds these channels until a fit. [s, -]
+    times : (first, last)           Times of the record before it was joined. [s]
     step : float                    Median interval of the log on this clock. [s]
-    offset_is : str                 What its offset is called: a delay where the clock is the record's own.
+    offset_is : str                 Name of the offset in results: a delay where the clock is the record's own.
     """
 
     channels: tuple[str, ...]
@@ -413,7 +448,7 @@ class SecondClock:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Samples:
-    """What a `Record` holds, with the same fields, and what of it is looked at without changing it."""
+    """The fields of a `Record` and what reads them; methods that return a changed record are added there."""
 
     name: str
     times: FloatArray
@@ -500,7 +535,7 @@ class Samples:
 
     @property
     def step(self) -> float:
-        """Median interval of the channel with most readings; those of other clocks stand between its own [s]."""
+        """Median interval of the channel with most readings; channels of other clocks do not count. [s]"""
         read = (np.isfinite(c.values) for c in self.channels.values())
         return usual_step(self.times[max(read, key=np.count_nonzero, default=slice(None))])
 
@@ -509,6 +544,11 @@ class Samples:
 
         Masked stretches are bridged: by a straight line, or by holding the last value of a held channel. Before the first and after the
         last valid sample the nearest one is taken. An interval longer than `max_gap` counts as bridged too. [s]
+
+        Raises
+        ------
+        NameNotFoundError   When there is no such channel.
+        RecordError         When all of its samples are masked.
         """
         channel = self.channel(name).checked()
         gap = gap_limit(self.times, channel.valid, 0.0, max_gap)
@@ -526,7 +566,7 @@ class Samples:
 
 
 def _moment(record: Samples, written: object, what: str) -> float:
-    """Return a time on the record's axis [s]."""
+    """Return a time on the record's axis, from a number, a text with a unit, "start" or "end". [s]"""
     if isinstance(written, str) and written.strip() in ("start", "end"):
         return float(record.times[0 if written.strip() == "start" else -1])
     try:
@@ -536,11 +576,11 @@ def _moment(record: Samples, written: object, what: str) -> float:
 
 
 def stretch(record: Samples, start: object, end: object, what: str) -> tuple[BoolArray, str]:
-    """Return the samples from start to end, and the stretch in words.
+    """Return which samples lie from start to end (samples,), and that period in words.
 
     Raises
     ------
-    RecordError   When the end is not after the start, or no sample lies between.
+    RecordError   When the end is before the start, or no sample lies between.
     """
     low, high = _moment(record, start, what), _moment(record, end, what)
     text = f"{format_value(low, 's')} to {format_value(high, 's')}"
@@ -556,11 +596,11 @@ def stretch(record: Samples, start: object, end: object, what: str) -> tuple[Boo
 
 
 def within_log(record: Samples, time: object, what: str) -> None:
-    """Refuse the time of a question that lies beyond the end of a log.
+    """Refuse a time that lies beyond the end of a log.
 
     Raises
     ------
-    RecordError   With where the log ends.
+    RecordError   With the time at which the log ends.
     """
     moment, last = _moment(record, time, what), float(record.times[-1])
     if moment > last + record.step:
@@ -586,7 +626,10 @@ SWITCHED: Final = 8
 
 
 def _step_of(channel: Channel) -> float:
-    """Return the step that the readings of a sensor show. [SI]"""
+    """Return the step that the readings of a sensor show, zero where they show none. [SI]
+
+    It is the distance of levels of which nine tenths, by readings, lie whole numbers of steps apart, within `ON_GRID`.
+    """
     readings = channel.values[channel.valid]
     levels, count = np.unique(np.round(readings, 6), return_counts=True)
     if levels.size == 1 and channel.quantity == "temperature" and readings.size >= SWITCHED:
@@ -603,7 +646,7 @@ def _step_of(channel: Channel) -> float:
 
 
 def _last_digit(value: float, text: str) -> float:
-    """Return the step of the last decimal digit of a value in a unit; zero where it has more than six. [SI]"""
+    """Return the step of the last decimal digit of an SI value written in the unit `text`; zero where it has more than six. [SI]"""
     of = read_unit(text)
     shown = (value - float(of.offset)) / float(of.factor)
     for digits in range(MAX_DECIMALS + 1):
@@ -613,7 +656,7 @@ def _last_digit(value: float, text: str) -> float:
 
 
 def unrounded(times: FloatArray, values: FloatArray) -> FloatArray:
-    """Return a slow signal behind readings in steps: straight lines between the middles of its changes.
+    """Return a slow signal behind readings in steps: straight lines between the middles of its changes (samples,).
 
     A reading changes where the signal passes the middle between two steps.
     """
@@ -643,10 +686,10 @@ MIN_OTHER_READINGS: Final = 8
 
 
 def codes_of(values: FloatArray, zero: float = -273.15) -> dict[float, str]:
-    """Return value -> what it stands for, of the readings (samples,) of a temperature that are none.
+    """Return value -> meaning, of the readings (samples,) of a temperature that are codes of faults.
 
-    A value stands alone where it is farther from all others than these range, and others come before and after it: no part with a heat
-    capacity goes there and back between two samples.
+    Codes are overloads, those of common sensors, values below absolute zero, and values that stand alone: farther from all others than
+    these range, with others before and after, since no part with a heat capacity goes there and back between two samples.
 
     Parameters
     ----------
@@ -668,7 +711,7 @@ def codes_of(values: FloatArray, zero: float = -273.15) -> dict[float, str]:
 
 
 def _leaps(values: FloatArray, code: float) -> bool:
-    """Whether a value differs from the line between its neighbours: 85 is a fault in a log at 20 and none in one that passes it."""
+    """Whether a value differs from the line between its neighbours: 85 is a fault in a log at 20, and none in one that passes 85."""
     here = np.isin(values, list(SENSOR_FAULT_CODES))
     if here.all():
         return True
@@ -677,7 +720,7 @@ def _leaps(values: FloatArray, code: float) -> bool:
 
 
 def _alone(values: FloatArray) -> float | None:
-    """Return the lowest or highest value where it stands alone."""
+    """Return the lowest or highest of values (samples,) where it stands alone, see `codes_of`; else None."""
     for end in (float(values.max()), float(values.min())) if values.size else ():
         here = values == end
         others = values[~here]
@@ -691,7 +734,7 @@ def _alone(values: FloatArray) -> float | None:
 
 
 def strays(channel: Channel) -> dict[float, str]:
-    """Return value -> what it stands for, of the valid readings of a channel that are no temperatures. [the unit of its file]"""
+    """Return value -> meaning, of the valid readings of a channel that are codes of faults. [the unit of its file]"""
     if channel.quantity != "temperature":
         return {}
     written = channel.values + channel.correction  # a code is what the sensor said, not what a certificate makes of it
@@ -701,7 +744,7 @@ def strays(channel: Channel) -> dict[float, str]:
 
 
 def stray_readings(records: Sequence[Samples]) -> tuple[str, ...]:
-    """Return the readings of records that are codes of faults and no temperatures, with the step of `prepare` that masks them."""
+    """Return a sentence for each channel with codes of faults, with the step of `prepare` that masks them."""
     out = []
     for r in records:
         for c in r.channels.values():
@@ -719,11 +762,11 @@ def stray_readings(records: Sequence[Samples]) -> tuple[str, ...]:
 
 
 def open_questions(records: Sequence[Samples]) -> tuple[str, ...]:
-    """Return what the owner of the logs should answer first: readings that are codes of faults, and the questions of each log."""
+    """Return what the owner of the logs should answer first: codes of faults, and the questions of each log."""
     questions = (f"record '{r.name}': {question}" for r in records for question in r.origin.questions)
     return (*stray_readings(records), *dict.fromkeys(questions))
 
 
 def codes_to_mask(codes: Iterable[float], channel: Channel) -> list[str]:
-    """Return codes as `prepare` takes them."""
+    """Return codes as texts with the channel's unit, as `prepare` takes them."""
     return [f"{code:.10g} [{channel.unit}]" for code in codes]

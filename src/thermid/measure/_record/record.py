@@ -24,6 +24,7 @@ from thermid.base.results import PlottedTrace, Result, Row
 from thermid.base.units import TEMPERATURE, counted, format_value, from_si, in_si, unit
 from thermid.measure._record import windows
 from thermid.measure._record.channel import (
+    ROLES,
     BoolArray,
     Channel,
     FloatArray,
@@ -132,7 +133,12 @@ class Record(Samples, Result):
         return cls.from_arrays(name, axis, channels_of_frame, synthetic=synthetic)
 
     def select(self, *names: str) -> Record:
-        """Return the record with these channels only."""
+        """Return the record with these channels only.
+
+        Raises
+        ------
+        NameNotFoundError   When there is none of a name.
+        """
         return replace(self, channels={name: self.channel(name) for name in names})
 
     def with_channels(self, *channels: Channel) -> Record:
@@ -144,7 +150,7 @@ class Record(Samples, Result):
 
     @takes_objects
     def with_sensor(self, name: str, **keys: object) -> Record:
-        """Return the record with more said of a channel's sensor, as a campaign says it: ``lag="20 [s]"``, ``certificate={...}``.
+        """Return the record with more known of a channel's sensor, by the keys of a campaign: ``lag="20 [s]"``, ``certificate={...}``.
 
         Raises
         ------
@@ -176,7 +182,7 @@ class Record(Samples, Result):
         return replace(self, times=self.times[inside], channels=channels, steps=steps)
 
     def shift_start(self) -> Record:
-        """Return the record with times from zero."""
+        """Return the record with its first time subtracted from all times."""
         first = float(self.times[0])
         return replace(self, times=self.times - first, steps=(*self.steps, f"shift_start: {first:.6g} s taken from all times"))
 
@@ -349,7 +355,18 @@ class Record(Samples, Result):
 
     @takes_objects
     def mask(self, channel: str, start: str | float = "start", end: str | float = "end", reason: str = "masked by hand") -> Record:
-        """Return the record with a stretch of a channel masked, both ends included."""
+        """Return the record with a stretch of a channel masked, both ends included.
+
+        Parameters
+        ----------
+        channel : str               The channel.
+        start, end : str or float   As in `trim`.
+        reason : str                Reason under which the samples are counted.
+
+        Raises
+        ------
+        RecordError   When no valid sample would remain.
+        """
         measured = self.channel(channel)
         inside, text = stretch(self, start, end, f"mask of '{channel}'")
         masked = measured.masked(inside, reason)
@@ -357,7 +374,12 @@ class Record(Samples, Result):
 
     @takes_objects
     def masked_where(self, channel: str, where: BoolArray, reason: str) -> Record:
-        """Return the record with the samples of a channel masked where an array (samples,) is True."""
+        """Return the record with samples of a channel masked where an array of truth values (samples,) is True.
+
+        Raises
+        ------
+        RecordError   When it is no such array, or no valid sample would remain.
+        """
         measured, chosen = self.channel(channel), np.asarray(where)
         if chosen.dtype != np.bool_ or chosen.shape != self.times.shape:
             raise RecordError(
@@ -399,7 +421,7 @@ class Record(Samples, Result):
         return replace(joint, second=clock, steps=(*joint.steps[:-1], f"joined with {other.origin.file}, whose clock is {between}"))
 
     def _joined(self, other: Record, offset: float, rate: float, slowest: float) -> Record:
-        """Return the channels of both at one offset [s] and rate."""
+        """Return the channels of both, a time t of the other at ``offset + rate t`` [s]; `slowest` is the lowest rate of its range."""
         if not slowest > 0:
             raise RecordError(
                 f"the rate of a clock must be above zero; its lowest value is {slowest:g}.", other.name, code="value.outside-range"
@@ -448,7 +470,7 @@ class Record(Samples, Result):
                       or the record has an unknown clock already.
         """
         chosen = [n for n, c in self.channels.items() if c.role in ("load", "command")] if channels is None else list(channels)
-        compared = [n for n in chosen if self.channel(n).role not in ("load", "command", "boundary", "prescribed")]
+        compared = [n for n in chosen if not self.channel(n).drives]
         if compared or not chosen:
             what = f"'{compared[0]}' is no load, command or boundary" if compared else "the record has no load or command"
             raise RecordError(
@@ -494,7 +516,19 @@ class Record(Samples, Result):
         limit: str | float = SETTLED,
         name: str = "",
     ) -> SteadyPoint[Record]:
-        """Return the mean of a settled stretch with its uncertainty, corrected for stored heat and drift; see `steadiness.steady_point`."""
+        """Return the mean of a settled stretch with its uncertainty, corrected for stored heat and drift.
+
+        Parameters
+        ----------
+        start, end : str or float   The stretch, as in `trim`.
+        tau : str, float or dict    Slowest time constant, or channel -> its own, for the correction rate tau. [s]
+        limit : str or float        Drift above which a temperature is not settled. [K/s]
+        name : str                  Name of the point; the record's with the stretch when empty.
+
+        Raises
+        ------
+        RecordError   When a channel drifts faster than the limit beyond doubt, or has fewer than 8 readings.
+        """
         return steady_point(self, start, end, tau, limit, name)
 
     def prepare(self, steps: Iterable[Mapping[str, object]]) -> Record:
@@ -587,11 +621,16 @@ class Record(Samples, Result):
         )
 
     def _noted(self, text: str, *changed: Channel) -> Record:
-        """Return the record with changed channels and one more step."""
+        """Return the record with changed channels and one more step in words."""
         return replace(self.with_channels(*changed), steps=(*self.steps, text))
 
     def _window(self, written: object, what: str) -> float:
-        """Return a window that fits into the record [s]."""
+        """Return a window that is not longer than the record. [s]
+
+        Raises
+        ------
+        RecordError   When it is, or is not above zero.
+        """
         window = positive_seconds(written, f"{what}, window")
         if window > self.duration:
             raise RecordError(
@@ -602,7 +641,12 @@ class Record(Samples, Result):
         return window
 
     def _filtered(self, powers: bool, what: str) -> list[Channel]:
-        """Return the channels that a filter acts on: temperatures, and powers when asked."""
+        """Return the channels that a filter acts on: temperatures, and powers when asked.
+
+        Raises
+        ------
+        RecordError   When there is none.
+        """
         chosen = [
             channel for channel in self.channels.values() if channel.quantity == "temperature" or (powers and channel.quantity == "power")
         ]
@@ -615,7 +659,12 @@ class Record(Samples, Result):
         return chosen
 
     def _temperatures(self, names: Sequence[str] | None, what: str) -> list[Channel]:
-        """Return the named temperature channels, or all of them."""
+        """Return the named temperature channels, or all of them.
+
+        Raises
+        ------
+        RecordError   When a named channel is no temperature.
+        """
         if names is None:
             return self._filtered(False, what)
         chosen = [self.channel(name) for name in ([names] if isinstance(names, str) else names)]
@@ -627,11 +676,11 @@ class Record(Samples, Result):
         return chosen
 
     def _masked_since(self, channel: Channel) -> int:
-        """Count the samples of a channel that are valid here and masked there."""
+        """Return how many samples are valid in this record and masked in `channel`."""
         return int(np.count_nonzero(self.channels[channel.name].valid & ~channel.valid))
 
     def _lost(self, masked: Sequence[Channel]) -> str:
-        """Return the samples that were masked of each channel, in words."""
+        """Return how many samples of each channel were masked, in words."""
         return ", ".join(f"{channel.name} {self._masked_since(channel)}" for channel in masked)
 
     def _as_traces(self) -> Sequence[PlottedTrace]:
@@ -669,12 +718,12 @@ class Record(Samples, Result):
         return frame
 
     def _ipython_key_completions_(self) -> list[str]:
-        """Return the channels."""
+        """Return the names of the channels."""
         return list(self.channels)
 
 
 def without_strays(record: Record) -> tuple[Record, tuple[str, ...]]:
-    """Return a record with readings masked that are no temperatures, and what was masked, a sentence for each channel."""
+    """Return a record with codes of faults masked, and a sentence for each channel on what was masked."""
     remarks, cleaned = [], record
     for name, channel in record.channels.items():
         codes = strays(channel)
@@ -687,7 +736,7 @@ def without_strays(record: Record) -> tuple[Record, tuple[str, ...]]:
 
 
 def _spread(channel: Channel, places: np.ndarray, samples: int) -> Channel:
-    """Return a channel whose samples take some places among more, with nothing between them."""
+    """Return a channel with its samples at some of `samples` places (indices) and nothing between them."""
     values, valid = np.full(samples, np.nan), np.zeros(samples, dtype=bool)
     values[places], valid[places] = channel.values, channel.valid
     masks = {reason: np.zeros(samples, dtype=bool) for reason in channel.masks}
@@ -697,7 +746,7 @@ def _spread(channel: Channel, places: np.ndarray, samples: int) -> Channel:
 
 
 def _interleaved(one: Samples, other: Samples, there: FloatArray) -> tuple[FloatArray, dict[str, Channel]]:
-    """Return the times of two logs as one [s], the second one's at `there`, and the channels of both on them.
+    """Return the times of two logs as one axis [s], and the channels of both on it; `there` are the second one's times.
 
     Times that differ by rounding only are one time.
     """
@@ -713,7 +762,12 @@ def _interleaved(one: Samples, other: Samples, there: FloatArray) -> tuple[Float
 
 
 def _range(written: Any, slot: str, name: str, where: str) -> tuple[float, float]:
-    """Return the range of a clock's offset or rate, or of a delay."""
+    """Return the (low, high) of a clock's offset or rate, or of a delay; equal for a single value.
+
+    Raises
+    ------
+    RecordError   When it has not two ends, or the first is the higher.
+    """
     several = isinstance(written, tuple | list)
     if several and len(written) != 2:
         raise RecordError(f"the range of the {name} has two ends, not {len(written)}.", where, code="value.wrong-kind")
@@ -726,7 +780,7 @@ def _range(written: Any, slot: str, name: str, where: str) -> tuple[float, float
 
 
 class Step(NamedTuple):
-    """A method of `Record` and its options: the first `required` must be given."""
+    """A method of `Record` as a step of a campaign file: the first `required` of its options must be given."""
 
     method: str
     required: int
@@ -748,7 +802,12 @@ STEPS: Final = {
 
 
 def _options(step: Step, written: object, where: str) -> dict[str, object]:
-    """Return the options of one step by name."""
+    """Return the options of one step by name, from a table, a list, one value or true.
+
+    Raises
+    ------
+    RecordError   When an option is unknown or missing, or there are too many values.
+    """
     if isinstance(written, Mapping):
         refuse_unknown(written, step.options, where, "no option '{}'; there are {known}.")
         options = dict(written)
@@ -768,7 +827,7 @@ def _options(step: Step, written: object, where: str) -> dict[str, object]:
 
 
 def _texts(values: FloatArray, text: str) -> list[str]:
-    """Return SI values as numbers in a unit, short where the short form gives the same SI value again."""
+    """Return SI values as numbers in the unit `text`, as short as gives the same SI values again."""
     of = unit(text)
     numbers = from_si(values, of).tolist()
     texts = [f"{number:.17g}" for number in numbers]
@@ -790,7 +849,7 @@ def _si_unit(channel: Channel) -> str:
 
 
 def _channel_line(channel: Channel) -> str:
-    """Return one channel in words."""
+    """Return one channel as a line of the summary."""
     shown = channel.values[channel.valid]
     role = f"{channel.role} {channel.target}" if channel.target else channel.role
     parts = [f"{channel.name}: {channel.quantity}, {role}"]
@@ -808,12 +867,13 @@ def _channel_line(channel: Channel) -> str:
     return "; ".join(parts)
 
 
-ROLES: Final = {"node": "temperature", "boundary": "temperature", "prescribed": "temperature", "load": "power", "command": "command"}
-"""Role of a column of a frame -> its quantity."""
-
-
 def _seconds(times: Any, where: str) -> FloatArray:
-    """Return the times of a frame; stamps count from the first. [s]"""
+    """Return the times of a frame, stamps from the first one. [s]
+
+    Raises
+    ------
+    RecordError   When they do not increase strictly.
+    """
     with errors_at(where):
         axis = seconds(times)
     if axis.size < 2 or not np.all(np.diff(axis) > 0.0):
@@ -824,7 +884,12 @@ def _seconds(times: Any, where: str) -> FloatArray:
 
 
 def _channel_of(column: str, values: FloatArray, table: Mapping[str, Any], name: str) -> Channel:
-    """Return a column of a frame as a channel."""
+    """Return a column of a frame as a channel, by its table of unit, role and target.
+
+    Raises
+    ------
+    RecordError   When a key is unknown or missing, or the unit does not fit the role.
+    """
     where = f"{name}, {column}"
     if not isinstance(table, Mapping):
         raise RecordError(f"give a table such as {{'unit': 'degC', 'node': 'case'}}, not {table!r:.60}.", where, code="value.wrong-kind")
@@ -834,18 +899,15 @@ def _channel_of(column: str, values: FloatArray, table: Mapping[str, Any], name:
         raise RecordError(
             f"give its unit, and one of {', '.join(ROLES)}: {{'unit': 'degC', 'node': 'case'}}.", where, code="value.incomplete"
         )
-    of, slot = unit(str(table["unit"])), {"temperature": "K", "power": "W"}.get(ROLES[roles[0]], "")
-    if slot and of.dimension != unit(slot).dimension:
-        raise RecordError(f"'{of.text}' is no unit of a {ROLES[roles[0]]}.", where, code="unit.wrong-dimension")
-    sizes = {
-        key: amount(table[key], "K" if ROLES[roles[0]] == "temperature" else of.text, where)
-        for key in ("noise", "accuracy")
-        if key in table
-    }
+    of, role = unit(str(table["unit"])), ROLES[roles[0]]
+    warm = role.quantity == "temperature"
+    if of.dimension != unit("K" if warm else role.slot).dimension and role.quantity != "command":
+        raise RecordError(f"'{of.text}' is no unit of a {role.quantity}.", where, code="unit.wrong-dimension")
+    sizes = {key: amount(table[key], "K" if warm else of.text, where) for key in ("noise", "accuracy") if key in table}
     return Channel.from_array(
         column,
         values,
-        quantity=ROLES[roles[0]],
+        quantity=role.quantity,
         role=roles[0],
         target=str(table[roles[0]]),
         column=column,

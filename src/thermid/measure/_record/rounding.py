@@ -22,7 +22,7 @@ BLURS = 61
 
 
 def _terms(step: float, blur: float) -> Array:
-    """Return the variances of the terms of the series. [K^2]"""
+    """Return the variances of the terms m = 1, 2, ...: step^2 / (2 pi^2 m^2) exp(-(2 pi m blur / step)^2) (terms,). [K^2]"""
     m = np.arange(1, TERMS + 1)
     return np.asarray(step**2 / (2.0 * np.pi**2 * m**2) * np.exp(-((2.0 * np.pi * m * blur / step) ** 2)))
 

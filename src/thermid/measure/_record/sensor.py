@@ -33,14 +33,14 @@ KEYS: Final = (*_NUMBERS, "mass", "specific_heat", "lead", "certificate", "range
 
 @dataclass(frozen=True)
 class SensorCertificate:
-    """What a comparison at one temperature found, the ice point for instance.
+    """Result of a comparison of a sensor at one temperature, such as the ice point.
 
     Parameters
     ----------
-    offset : float        Reading less temperature. [K]
-    uncertainty : float   Standard deviation of that. [K]
-    at : temperature      Of the comparison: ``td.celsius(0)`` or a text; kept in kelvin.
-    date : str            When.
+    offset : float        Reading minus temperature. [K]
+    uncertainty : float   Standard deviation of the offset. [K]
+    at : temperature      Temperature of the comparison: ``td.celsius(0)`` or a text; kept in kelvin.
+    date : str            Date of the comparison.
     """
 
     offset: float
@@ -55,7 +55,7 @@ class SensorCertificate:
 
     @classmethod
     def read(cls, written: object, where: str) -> SensorCertificate:
-        """Return it from a table with offset, uncertainty, at and date.
+        """Return a certificate from a table with offset, uncertainty, at and date; one that is made is returned as it is.
 
         Raises
         ------
@@ -78,7 +78,10 @@ class SensorCertificate:
         return certificate
 
     def combined(self, accuracy: float | None) -> tuple[float, float]:
-        """Return mean and standard deviation of the constant error, of the certificate together with the accuracy of the type. [K]"""
+        """Return mean and standard deviation of the constant error by the certificate (o, u) and the accuracy a of the type. [K]
+
+        Mean w o and standard deviation sqrt(w) u with w = a^2 / (a^2 + u^2); w = 1 where no accuracy is known.
+        """
         if accuracy is None:
             return self.offset, self.uncertainty
         share = accuracy**2 / (accuracy**2 + self.uncertainty**2)
@@ -87,17 +90,17 @@ class SensorCertificate:
 
 @dataclass(frozen=True)
 class SensorPart:
-    """What a temperature sensor does besides reading with noise and a constant error; zero or None for what it does not do.
+    """Properties of a temperature sensor besides noise and constant error; zero or None where it does not have them.
 
     Parameters
     ----------
     gain_accuracy : float           Standard deviation of the relative error of its scale. [-]
-    gain_about : temperature        At which that error is nothing: ``td.celsius(0)`` or a text; kept in kelvin.
-    correlation_time : float        Of its noise, which then falls off as ``exp(-t / time)``. [s]
+    gain_about : temperature        Temperature at which that error is zero: ``td.celsius(0)`` or a text; kept in kelvin.
+    correlation_time : float        Of its noise, whose correlation falls as ``exp(-t / time)``. [s]
     lag, lag_accuracy : float       Time constant with which it follows its node, and standard deviation of that. [s]
-    capacitance : float             Its own heat capacity, which its node has to warm too. [J/K]
-    lead_conductance : float        Of its leads. [W/K]
-    lead_to : str                   The node or boundary to which they lose heat.
+    capacitance : float             Heat capacity, which its node must warm too. [J/K]
+    lead_conductance : float        Conductance of its leads. [W/K]
+    lead_to : str                   Node or boundary to which they lose heat.
     low, high : temperature         Range, infinite where it is open; a reading at or beyond its ends says nothing. Kept in kelvin.
     """
 
@@ -120,11 +123,11 @@ class SensorPart:
 
     @classmethod
     def read(cls, table: Mapping[str, Any], where: str) -> SensorPart | None:
-        """Return it from the keys of a channel's table, or None where they say nothing.
+        """Return the sensor of a channel's table, or None where no key describes it.
 
         Raises
         ------
-        RecordError   When a value is negative, or something is said by half: a mass without its specific heat, a lead without its end.
+        RecordError   When a value is negative, or one of two keys is missing: a mass's specific heat, the end of a lead.
         """
         if not any(key in table for key in KEYS):
             return None
@@ -153,16 +156,22 @@ class SensorPart:
 
     @property
     def touches(self) -> bool:
-        """Whether it changes the temperatures: it lags, stores or leads heat away."""
+        """Whether it changes the temperatures of the model: it lags, stores heat, or leads heat away."""
         return bool(self.lag or self.capacitance or self.lead_conductance)
 
     @property
     def worth(self) -> dict[str, float]:
-        """Its lag and heat capacity, with what stands for the one that is not given. [s], [J/K]"""
+        """Its lag [s] and heat capacity [J/K] in a model, with small values for the one that is not given."""
         return {"lag": self.lag or LAG_OF_BARE_CAPACITY, "capacitance": self.capacitance or BEAD}
 
 
 def _table(written: object, keys: tuple[str, ...], where: str) -> Mapping[str, Any]:
+    """Return a table itself if it is one and has no other keys than these.
+
+    Raises
+    ------
+    RecordError   When it is none, or a key is unknown.
+    """
     if not isinstance(written, Mapping):
         raise RecordError(f"{written!r} is not a table. Give a table with {', '.join(keys)}.", where, code="value.wrong-kind")
     refuse_unknown(written, keys, where)
@@ -170,7 +179,12 @@ def _table(written: object, keys: tuple[str, ...], where: str) -> Mapping[str, A
 
 
 def _lead(written: object, where: str) -> tuple[float, str]:
-    """Return conductance [W/K] and other end of the leads."""
+    """Return the conductance [W/K] and the other end of the leads.
+
+    Raises
+    ------
+    RecordError   When one is missing, or the conductance is negative.
+    """
     table = _table(written, ("conductance", "to"), where)
     if set(table) != {"conductance", "to"}:
         raise RecordError(
@@ -183,6 +197,12 @@ def _lead(written: object, where: str) -> tuple[float, str]:
 
 
 def _limits(written: object, where: str) -> tuple[float, float]:
+    """Return the lowest and highest reading of a range. [K]
+
+    Raises
+    ------
+    RecordError   When it is no pair in order.
+    """
     if not isinstance(written, list | tuple) or len(written) != 2:
         raise RecordError(
             f"{written!r} is not a range. Write the lowest and the highest reading, ['-55 [degC]', '125 [degC]'].",

@@ -41,13 +41,13 @@ TAU_ERROR: Final = 0.2
 
 @dataclass(frozen=True)
 class StabilityRule:
-    """A rule that says when a temperature counts as stable.
+    """A rule by which a temperature counts as stable.
 
     Parameters
     ----------
     name : str          As it is written: ``3 C/h``.
-    rate : float        Change per time that is allowed; of a rule on stored energy, the share of the power that may be stored. [K/s or -]
-    window : float      Time over which the change is taken; zero where the rule says none. [s]
+    rate : float        Rate that is allowed; of a rule on stored heat, the share of the power that may be stored. [K/s or -]
+    window : float      Time over which the change is taken; zero where the rule states none. [s]
     source : str        Standard and clause.
     mark : str          How the number is known: read, secondary, memory or project.
     stored : bool       Whether it is a rule on the heat that is still being stored.
@@ -59,11 +59,6 @@ class StabilityRule:
     source: str
     mark: str
     stored: bool = False
-
-    @property
-    def change(self) -> float:
-        """Change that the window allows; zero for a rule without a window. [K]"""
-        return 0.0 if self.stored else self.rate * self.window
 
     def __str__(self) -> str:
         """The rule with its source and mark."""
@@ -85,14 +80,15 @@ RULES: Final[Mapping[str, StabilityRule]] = {
 }
 """Rules by name."""
 
+_DIGITS = r"\d+\.?\d*|\.\d+"
 _RATE = re.compile(
-    r"(?P<size>[\d.]+(?:e-?\d+)?)\s*(?:C|K|degC)\s*(?P<per>/\s*h|/\s*min)?(?:\s+over\s+(?P<span>[\d.]+)\s*(?P<unit>h|min))?\Z"
+    rf"(?P<size>(?:{_DIGITS})(?:e-?\d+)?)\s*(?:C|K|degC)\s*(?P<per>/\s*h|/\s*min)?(?:\s+over\s+(?P<span>{_DIGITS})\s*(?P<unit>h|min))?\Z"
 )
-_STORED = re.compile(r"stored\s+(?P<share>[\d.]+)\s*%\Z")
+_STORED = re.compile(rf"stored\s+(?P<share>{_DIGITS})\s*%\Z")
 
 
 def rule_of(rule: str | StabilityRule) -> StabilityRule:
-    """Return a rule by its name, or a rule of the project's own: ``0.5 K/h``, ``0.3 C/h over 2 h``, ``1 K over 3 h``, ``stored 3 %``.
+    """Return a rule by its name, or parse one of the project's own: ``0.5 K/h``, ``0.3 C/h over 2 h``, ``1 K over 3 h``, ``stored 3 %``.
 
     Raises
     ------
@@ -154,14 +150,14 @@ def effective_samples(residuals: FloatArray, fitted: int = 2) -> float:
 
 
 def verdict_of(size: float, error: float, allowed: float) -> str:
-    """Return whether a size lies within what is allowed: beyond two standard errors, or not to be told."""
+    """Return ``stable`` where |size| + 2 error <= allowed, ``not stable`` where |size| - 2 error > allowed, else ``cannot tell``."""
     if abs(size) + DOUBT_IN_ERRORS * error <= allowed:
         return "stable"
     return "not stable" if abs(size) - DOUBT_IN_ERRORS * error > allowed else "cannot tell"
 
 
 def spans(record: Samples, first: float, end: float) -> Iterator[tuple[float, bool]]:
-    """Yield ever longer windows up to an end, from 5 minutes on, and whether each is the last. [s]
+    """Yield ever longer windows up to a time `end`, from 5 minutes on and at most back to `first`, and whether each is the last. [s]
 
     A rule without a window of its own is judged on the shortest one whose error lets the question be answered.
     """
@@ -173,15 +169,15 @@ def spans(record: Samples, first: float, end: float) -> Iterator[tuple[float, bo
 
 
 class _Line(NamedTuple):
-    """Straight line through readings: slope and level at a time, the error of each by scatter, and what rounding to steps adds to both.
+    """A straight line through readings: level + rate (t - at), with the errors of both.
 
     Parameters
     ----------
-    rate, level : float                 Slope and level at a time. [SI/s], [SI]
+    rate, level : float                 Slope, and level at the time `at`. [SI/s], [SI]
     noise_of_rate, noise : float        Their standard errors by scatter. [SI/s], [SI]
-    rounding : array (2, causes)        What independent causes do to level and rate. [SI], [SI/s]
-    scatter : float                     About the line. [SI]
-    worth : float                       Effective readings.
+    rounding : array (2, causes)        Effects of independent causes of rounding on level and rate. [SI], [SI/s]
+    scatter : float                     Standard deviation about the line. [SI]
+    worth : float                       Effective number of readings.
     """
 
     rate: float
@@ -194,21 +190,24 @@ class _Line(NamedTuple):
 
     @property
     def rate_error(self) -> float:
-        """Standard error of the slope. [SI/s]"""
+        """Standard error of the slope: sqrt(noise_of_rate^2 + sum of squared rounding effects). [SI/s]"""
         return float(np.hypot(self.noise_of_rate, np.linalg.norm(self.rounding[1])))
 
     def error(self, ahead: float) -> float:
-        """Return the standard error of level and slope times a time ahead [s]. [SI]"""
+        """Return the standard error of level + `ahead` rate, a time ahead [s]. [SI]"""
         return float(np.linalg.norm([self.noise, ahead * self.noise_of_rate, *(self.rounding[0] + ahead * self.rounding[1])]))
 
 
 def _line(t: FloatArray, y: FloatArray, at: float, step: float, noise: float | None, where: str, what: str) -> _Line:
-    """Return the line through readings.
+    """Return the least-squares line through readings.
+
+    With n' effective readings of scatter s the errors are s / sqrt(n') of the level and that over std(t) of the rate, both times Student's
+    sqrt(f / (f - 2)), f = max(n' - 2, 3).
 
     Parameters
     ----------
     t, y : array (samples,)   Readings. [s], [SI]
-    at : float                Where its level is taken. [s]
+    at : float                Time at which its level is taken. [s]
     step : float              Smallest step of the sensor. [SI]
     noise : float or None     Before rounding, where it is stated. [SI]
     where, what : str         For the refusal: whose readings, and what they are needed for.
@@ -243,10 +242,10 @@ TRIED_MEANS, TRIED_CORRELATION_TIMES, TRIED_VARIANCE_RATIOS = 60, 8, 10
 
 
 def _wandering(t: FloatArray, y: FloatArray, line: _Line, at: float) -> _Line:
-    """Return a line with errors averaged over what its autocorrelated noise may be.
+    """Return a line with errors averaged over models of its autocorrelated noise, by their likelihood; never smaller than before.
 
-    A stretch of a few correlation times does not know its own autocorrelation: each of a grid of noise models, white noise plus exponential
-    correlations, counts as likely as it is (restricted likelihood of Patterson and Thompson, Biometrika 58 (1971) 545).
+    A stretch of a few correlation times does not show its own autocorrelation, so each of a grid of models (white noise plus exponential
+    correlations) counts by its restricted likelihood (Patterson and Thompson, Biometrika 58 (1971) 545). Parameters as of `_line`.
     """
     edges = np.linspace(t[0], t[-1], min(TRIED_MEANS, t.size) + 1)
     place = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, edges.size - 2)
@@ -280,15 +279,15 @@ def _wandering(t: FloatArray, y: FloatArray, line: _Line, at: float) -> _Line:
 
 @dataclass(frozen=True)
 class ChannelStability:
-    """What readings say about one channel at one time.
+    """Stability of one channel at one time.
 
     Parameters
     ----------
     name : str              The channel.
     rate : float            Drift over the window, by regression. [K/s]
-    error : float           Its standard error: noise with its correlation, and the steps of the sensor. [K/s]
+    error : float           Its standard error: correlated noise, and the steps of the sensor. [K/s]
     start, end : float      The window. [s]
-    samples : int           Readings in it.
+    samples : int           Number of readings in it.
     verdict : str           ``stable``, ``not stable``, or ``cannot tell``; empty where a rule judges all channels together.
     """
 
@@ -309,10 +308,10 @@ class ChannelStability:
 
 
 def channel_stability(record: Samples, name: str, rule: StabilityRule, at: float | None = None, since: float = -np.inf) -> ChannelStability:
-    """Return whether one channel is stable at a time by a rule on its rate.
+    """Judge whether one channel is stable at a time by a rule on its rate.
 
-    A rule with a window takes the readings of that window. A rule without one takes the shortest stretch up to that time whose error lets
-    the question be answered, from 5 minutes on.
+    A rule with a window takes the readings of that window. A rule without one takes the shortest window whose error lets the question be
+    answered, from 5 minutes on.
 
     Parameters
     ----------
@@ -320,7 +319,7 @@ def channel_stability(record: Samples, name: str, rule: StabilityRule, at: float
     name : str                  The channel.
     rule : StabilityRule        A rule on the rate.
     at : float                  Time of the question; the last reading when None. [s]
-    since : float               Nothing before this time is looked at: when the conditions last changed. [s]
+    since : float               Time at which conditions last changed; nothing before it counts. [s]
 
     Raises
     ------
@@ -370,13 +369,15 @@ def channel_drift(record: Samples, name: str, start: float, end: float) -> Chann
 
 
 def _judged(record: Samples, name: str, rule: StabilityRule, start: float, end: float) -> ChannelStability:
-    """Return what the readings of one window say by a rule on the rate."""
+    """Return the stability of one channel over one window by a rule on the rate."""
     drift = channel_drift(record, name, start, end)
     return replace(drift, verdict=verdict_of(drift.rate, drift.error, rule.rate))
 
 
 def since_when(record: Samples, name: str, rule: StabilityRule, since: float = -np.inf) -> float | None:
-    """Return the earliest time from which a channel stays stable to the end of the record, to a 120th of it, or None. [s]
+    """Return the earliest time from which a channel stays stable to the end of the record; None where it is not stable. [s]
+
+    It is found to a 120th of the record, looking back from its end.
 
     Parameters
     ----------
@@ -407,13 +408,13 @@ class SteadyValue:
     ----------
     name : str                  The channel.
     value : float               Where it would have settled, or its mean where nothing was corrected. [SI]
-    error : float               Standard error: noise with its correlation, steps of the sensor, drift. [SI]
+    error : float               Standard error: correlated noise, steps of the sensor, drift. [SI]
     accuracy : float or None    Of the instrument, not part of the error. [SI]
-    rate, rate_error : float    Drift. [SI per s]
-    correction : float          What was added to the mean for stored heat and drift. [SI]
-    samples : int               Readings.
-    independent : float         As many readings without correlation would say as much.
-    quantity : str
+    rate, rate_error : float    Drift and its standard error. [SI per s]
+    correction : float          Added to the mean for stored heat and drift: rate tau. [SI]
+    samples : int               Number of readings.
+    independent : float         Effective number of readings.
+    quantity : str              Quantity of the channel.
     """
 
     name: str
@@ -438,7 +439,7 @@ class SteadyValue:
 
 @dataclass(frozen=True, eq=False)
 class SteadyPoint(Generic[R]):
-    """A settled stretch of a record.
+    """A settled stretch of a record: mean values that count as a steady state.
 
     Parameters
     ----------
@@ -446,7 +447,7 @@ class SteadyPoint(Generic[R]):
     start, end : float      On the record's own axis. [s]
     values : dict           Channel -> `SteadyValue`.
     source : Record         The record that it was taken from.
-    corrected : bool        Whether a time constant was given to correct by.
+    corrected : bool        Whether a time constant was given for the correction.
     """
 
     name: str
@@ -485,7 +486,7 @@ class SteadyPoint(Generic[R]):
         )
 
     def __str__(self) -> str:
-        """Every channel, and what was not corrected."""
+        """Every channel with its error, and what was not corrected."""
         lines = [f"{self.name}: mean of {duration_text(self.end - self.start)}", *(f"  {v}" for v in self.values.values())]
         if not self.corrected:
             lines.append(
@@ -504,13 +505,13 @@ def steady_point(
     ----------
     record : Samples
     start, end : str or float   The stretch, as in `trim`.
-    tau : str, float or dict    Slowest time constant of the parts, or channel -> its own: what is stored is then taken off. [s]
+    tau : str, float or dict    Slowest time constant of the parts, or channel -> its own, for the correction. [s]
     limit : str or float        Drift above which a temperature is not settled. [K/s]
     name : str                  Name of the point; the record's with the stretch when empty.
 
     Raises
     ------
-    RecordError   When a channel drifts faster than the limit beyond doubt, or has fewer than 8 readings; the message says the rate.
+    RecordError   When a channel drifts faster than the limit beyond doubt, or has fewer than 8 readings; the message states the rate.
 
     Notes
     -----
@@ -533,7 +534,21 @@ def steady_point(
 
 
 def _value(where: str, channel: Channel, times: FloatArray, inside: np.ndarray, tau: float, most: float, corrected: bool) -> SteadyValue:
-    """Return one channel over the stretch."""
+    """Return one channel over the stretch: level + tau rate, with its error.
+
+    Parameters
+    ----------
+    where : str             Name of the record.
+    times : array (n,)      Times of the stretch. [s]
+    inside : array (samples,)   Which samples of the record these are.
+    tau : float             Time constant; zero for none. [s]
+    most : float            Drift above which a temperature is not settled. [K/s]
+    corrected : bool        Whether any channel is corrected; else half the drift is added to the error.
+
+    Raises
+    ------
+    RecordError   When it drifts faster than `most` beyond doubt, or has fewer than 8 readings.
+    """
     valid = channel.valid[inside]
     y, t = channel.values[inside][valid], times[valid]
     place = f"{where}, {channel.name}"

@@ -12,7 +12,10 @@ _CELLS = 1_000_000
 
 
 def _gathered(times: FloatArray, values: FloatArray, valid: BoolArray, window: float) -> Iterator[tuple[slice, FloatArray]]:
-    """Yield rows of samples within half a window of each time, NaN where there is none; a block of rows at a time bounds memory."""
+    """Yield blocks of times, and for each the samples within half a window of it (times, width), NaN where there is none.
+
+    Blocks bound the memory.
+    """
     half = 0.5 * window * (1 + 1e-9) + 1e-12 * float(np.abs(times).max())
     first, last = np.searchsorted(times, times - half, "left"), np.searchsorted(times, times + half, "right")
     samples = np.where(valid, values, np.nan)
@@ -35,7 +38,7 @@ def _middle(rows: FloatArray) -> FloatArray:
 
 
 def moving_median(times: FloatArray, values: FloatArray, valid: BoolArray, window: float) -> FloatArray:
-    """Return the median of the valid samples within half a window either side of each sample; at the ends the window is cut, not mirrored.
+    """Return the median of the valid samples within half a window of each time; at the ends the window is cut, not mirrored.
 
     Parameters
     ----------
@@ -51,7 +54,9 @@ def moving_median(times: FloatArray, values: FloatArray, valid: BoolArray, windo
 
 
 def hampel(times: FloatArray, values: FloatArray, valid: BoolArray, window: float) -> tuple[FloatArray, FloatArray]:
-    """Return the moving median and the robust standard deviation about it, 1.4826 times the median absolute deviation.
+    """Return the moving median m and 1.4826 times the median of |values - m| in the window, the robust standard deviation.
+
+    Arguments are those of `moving_median`.
 
     Notes
     -----
@@ -68,12 +73,14 @@ def hampel(times: FloatArray, values: FloatArray, valid: BoolArray, window: floa
 def low_pass(values: FloatArray, valid: BoolArray, step: float, window: float) -> FloatArray:
     """Return samples of an even grid through a second-order Butterworth low-pass, forward and backward, so that nothing shifts in time.
 
+    The amplitude of a period p falls by 1 / (1 + (window / p)^4).
+
     Parameters
     ----------
     values : array (samples,)   Samples.
     valid : array (samples,)    False where masked; masked stretches of up to a window are bridged, longer ones split the signal.
     step : float                Step of the grid. [s]
-    window : float              Period at the cut-off (-6 dB after both passes); above two steps. [s]
+    window : float              Period at which half the amplitude remains; above two steps. [s]
     """
     from scipy.signal import butter, sosfiltfilt
 
@@ -91,7 +98,7 @@ def low_pass(values: FloatArray, valid: BoolArray, step: float, window: float) -
 
 
 def _around(times: FloatArray, valid: BoolArray, grid: FloatArray) -> tuple[FloatArray, np.ndarray, np.ndarray]:
-    """Return the times of the valid samples and, for each grid time, the index of the last one before and the first one after it."""
+    """Return the times of the valid samples and, for each grid time, the index among them of the last before and the first after it."""
     valid_times = times[valid]
     near = 1e-9 * max(float(valid_times[-1] - valid_times[0]), usual_step(grid))
     before = np.searchsorted(valid_times, grid + near, "right") - 1
@@ -100,7 +107,14 @@ def _around(times: FloatArray, valid: BoolArray, grid: FloatArray) -> tuple[Floa
 
 
 def interpolate(times: FloatArray, values: FloatArray, valid: BoolArray, grid: FloatArray, max_gap: float) -> tuple[FloatArray, BoolArray]:
-    """Return straight lines between valid samples at the times of a grid, and where they hold: not beyond the ends or in a gap."""
+    """Return straight lines between valid samples at the times of a grid, and where they hold (grid,): not beyond the ends or in a gap.
+
+    Parameters
+    ----------
+    times, values, valid : array (samples,)     The samples. [s]
+    grid : array (grid,)                        Times that are asked for. [s]
+    max_gap : float                             Longest interval that is bridged. [s]
+    """
     valid_times, before, after = _around(times, valid, grid)
     inside = (before >= 0) & (after < valid_times.size)
     low, high = np.maximum(before, 0), np.minimum(after, valid_times.size - 1)
@@ -109,7 +123,10 @@ def interpolate(times: FloatArray, values: FloatArray, valid: BoolArray, grid: F
 
 
 def hold(times: FloatArray, values: FloatArray, valid: BoolArray, grid: FloatArray, max_gap: float) -> tuple[FloatArray, BoolArray]:
-    """Return the last valid sample at the times of a grid, and where it holds: not before the first one or in a gap."""
+    """Return the last valid sample at the times of a grid, and where it holds (grid,): not before the first one or in a gap.
+
+    Arguments are those of `interpolate`.
+    """
     valid_times, before, after = _around(times, valid, grid)
     low, high = np.maximum(before, 0), np.minimum(after, valid_times.size - 1)
     span = np.where(after < valid_times.size, valid_times[high], grid) - valid_times[low]

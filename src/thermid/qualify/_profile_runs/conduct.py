@@ -26,12 +26,12 @@ from thermid.model.elements import Constant, Signal, TableSignal, multiplied
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.qualify._profile_runs.profile_run import Phase, ProfileRun, SettledWater
-from thermid.qualify._profiles.profile import ProfileStep, ThermalProfile, ordered
+from thermid.qualify._profiles.profile import ProfileStep, ThermalProfile, check_level_order
 from thermid.simulation.network import Environment, compile_network
 from thermid.simulation.runs import Scenario, network_for, simulate
 from thermid.simulation.solver import Assembled, Engine, Options, Traces, Wiring, settle
 
-TAIL = 1e6
+HELD_AFTER_END = 1e6
 """Time for which the conditions at the end of a course can be held. [s]"""
 SIMULATED_WINDOW: Final = 60.0
 """Window of a rule that names none, on a simulated trace. [s]"""
@@ -50,14 +50,14 @@ MOIST_SAMPLES = 400
 
 @dataclass(frozen=True)
 class ChamberConditions:
-    """What is held at one time.
+    """Conditions in the chamber at one time.
 
     Parameters
     ----------
     chamber : float             Temperature of the chamber. [K]
     power : bool                Whether the unit is switched on.
-    pressure : float or None    Of the gas in the chamber; None where nothing is said. [Pa]
-    humidity : float or None    Relative. [-]
+    pressure : float or None    Of the gas in the chamber; None where the profile gives none. [Pa]
+    humidity : float or None    Relative humidity; None where the profile gives none. [-]
     """
 
     chamber: float
@@ -68,44 +68,46 @@ class ChamberConditions:
 
 @dataclass(frozen=True)
 class Timeline:
-    """The course of a test so far: conditions at the ends of stretches; power jumps, everything else runs straight (a pressure by factors).
+    """Conditions over the course of a test so far.
+
+    Between two times temperature and humidity run straight and pressure by equal factors; power jumps.
 
     Parameters
     ----------
-    times : tuple of float      Ends of stretches, from zero. [s]
-    states : tuple              Conditions at those times; power is that of the stretch that follows.
+    times : tuple of float                  Ends of stretches, from zero. [s]
+    states : tuple of ChamberConditions     Conditions at those times; power is that of the stretch that follows.
     """
 
     times: tuple[float, ...]
     states: tuple[ChamberConditions, ...]
 
     def then(self, span: float, after: ChamberConditions) -> Timeline:
-        """Return the course with one more stretch; power acts from its beginning."""
+        """Return the course with one more stretch of a duration `span` [s] to the conditions `after`; power changes at its beginning."""
         last = replace(self.states[-1], power=after.power)
         return Timeline((*self.times, self.times[-1] + span), (*self.states[:-1], last, after))
 
     def scenario(self, base: Scenario, bench: ChamberSetup, title: str, tail: float = 0.0) -> Scenario:
-        """Return the scenario of the whole course, with what holds at its end held for a time more. [s]"""
+        """Return the scenario of the whole course beside `base`; the conditions at its end hold for a further time `tail`. [s]"""
         end = self.times[-1] + tail
         # a stretch is looked at beyond its end; the whole course, without a tail, is refused where a signal ends before it
         base = base.mapped(lambda s: s.held_on()) if tail else base
         changes: dict[str, Any] = {}
-        chamber = _course_of(self.times, [s.chamber for s in self.states])
+        chamber = _piecewise_signal(self.times, [s.chamber for s in self.states])
         changes["boundaries"] = {name: chamber for name in bench.chamber}
-        changes |= bench.switched(base, _course_of(self.times, [float(s.power) for s in self.states], stepped=True))
+        changes |= bench.switched(base, _piecewise_signal(self.times, [float(s.power) for s in self.states], stepped=True))
         if self.states[0].pressure is not None:
-            thin = _by_factors(self.times, [s.pressure or 0.0 for s in self.states], bench.ground)
+            thin = _pressure_signal(self.times, [s.pressure or 0.0 for s in self.states], bench.ground)
             changes["environment"] = {gas: replace(base.environment.get(gas, Environment()), pressure=thin) for gas in bench.gases}
         return replace(base.with_(**changes), title=title, duration=end)
 
     def humidity(self) -> Signal | None:
-        """Return the relative humidity over the course, or None where nothing is said. [-]"""
+        """Return the relative humidity over the course as a signal; None where the profile gives none. [-]"""
         humidities = [s.humidity for s in self.states]
-        return None if any(h is None for h in humidities) else _course_of(self.times, [float(h or 0.0) for h in humidities])
+        return None if any(h is None for h in humidities) else _piecewise_signal(self.times, [float(h or 0.0) for h in humidities])
 
 
-def _course_of(times: tuple[float, ...], values: list[float], *, stepped: bool = False) -> Signal:
-    """Return values at the ends of stretches as a signal that runs straight between them, or jumps; of two at one time the later holds."""
+def _piecewise_signal(times: tuple[float, ...], values: list[float], *, stepped: bool = False) -> Signal:
+    """Return values at times as a signal: straight lines, or jumps if `stepped`; of two values at one time the later holds."""
     if len(set(values)) == 1:
         return Constant(values[0])
     t, v = np.array(times), np.array(values)
@@ -117,8 +119,11 @@ def _course_of(times: tuple[float, ...], values: list[float], *, stepped: bool =
     return TableSignal(t[change], v[change], hold=True)
 
 
-def _by_factors(times: tuple[float, ...], values: list[float], ground: float) -> Signal:
-    """Return a pressure that goes by equal factors; a point on the ground after the end keeps its laws the same in every leg."""
+def _pressure_signal(times: tuple[float, ...], values: list[float], ground: float) -> Signal:
+    """Return a pressure through `values` at `times` that changes by equal factors: p(t) = p0 (p1 / p0)^((t - t0) / (t1 - t0)). [Pa]
+
+    A point at `ground` long after the end makes every leg's gas laws those of a pressure that changes.
+    """
     t, p = [times[0]], [values[0]]
     for k in range(1, len(times)):
         if times[k] <= times[k - 1]:
@@ -128,7 +133,9 @@ def _by_factors(times: tuple[float, ...], values: list[float], ground: float) ->
         share = np.arange(1, points + 1) / points
         t += (times[k - 1] + share * (times[k] - times[k - 1])).tolist()
         p += (values[k - 1] * (values[k] / values[k - 1]) ** share).tolist()
-    return TableSignal(np.array([*t, times[-1] + 2.0 * TAIL, times[-1] + 3.0 * TAIL]), np.array([*p, values[-1], ground]))
+    return TableSignal(
+        np.array([*t, times[-1] + 2.0 * HELD_AFTER_END, times[-1] + 3.0 * HELD_AFTER_END]), np.array([*p, values[-1], ground])
+    )
 
 
 @dataclass(frozen=True)
@@ -138,14 +145,14 @@ class ChamberSetup:
     Parameters
     ----------
     model : Model
-    base : Scenario             What else is done to it.
+    base : Scenario             Inputs that the profile does not give.
     chamber : tuple of str      Boundaries that are the chamber: its gas, its shroud, its plate.
     equipment : tuple of str    Loads that are switched off and on.
     gases : tuple of str        Gas nodes whose pressure is the chamber's.
-    ground : float              Pressure of the room. [Pa]
-    options : Options
-    memory : str                Why stretches cannot be run apart (a thermostat's state, a clock); empty where they can.
-    memo : Memo                 Stretches that were made ready.
+    ground : float              Ambient pressure. [Pa]
+    options : Options           Of the integrator.
+    memory : str                Why stretches cannot be run one by one (a thermostat's state, a clock); empty where they can.
+    memo : Memo                 Legs that were made.
     """
 
     model: Model
@@ -159,30 +166,25 @@ class ChamberSetup:
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     def switched(self, base: Scenario, on: Signal) -> dict[str, Any]:
-        """Return commands and loads with the equipment switched."""
-        commands: dict[str, Any] = {}
-        loads: dict[str, Any] = {}
-        for load in self.equipment:
-            kind = "loads" if load in base.loads else "commands"
-            command = getattr(base, kind).get(load, Constant(1.0))
-            (loads if kind == "loads" else commands)[load] = multiplied(command, on)
-        return {"commands": commands, "loads": loads}
+        """Return the commands and loads of the equipment, each multiplied by the signal `on` (0 or 1)."""
+        driven = {load: multiplied(base.loads[load], on) for load in self.equipment if load in base.loads}
+        rest = (load for load in self.equipment if load not in driven)
+        return {"loads": driven, "commands": {load: multiplied(base.commands.get(load, Constant(1.0)), on) for load in rest}}
 
     def leg(self, past: Timeline, after: ChamberConditions, span: float) -> Leg:
-        """Return the stretch that follows a course: the way to other conditions in a time, or conditions held (`span` zero). [s]
+        """Return the stretch after a course: the way to the conditions `after` in `span` seconds, or these held where `span` is zero.
 
-        Where a model remembers what was before (`memory`) it holds the whole past; else it begins at zero and is made once for each pair of
-        conditions.
+        With a `memory` it includes the whole past. Otherwise it begins at zero, and one leg serves all equal pairs of conditions.
         """
         before = replace(past.states[-1], power=after.power)
         if self.memory:
             course = past.then(span, after) if span else past.then(0.0, after)
-            return Leg.of_scenario(self, course.scenario(self.base, self, "profile", tail=TAIL), past.times[-1])
+            return Leg.of_scenario(self, course.scenario(self.base, self, "profile", tail=HELD_AFTER_END), past.times[-1])
 
         def make() -> Leg:
             course = Timeline((0.0, span), (before, after)) if span else Timeline((0.0,), (after,))
             return Leg.of_scenario(
-                self, replace(course.scenario(self.base, self, "profile", tail=TAIL), initial={}, start=Kelvin(293.15)), 0.0
+                self, replace(course.scenario(self.base, self, "profile", tail=HELD_AFTER_END), initial={}, start=Kelvin(293.15)), 0.0
             )
 
         return self.memo.value((before, after, span), make)
@@ -190,12 +192,15 @@ class ChamberSetup:
 
 @dataclass(frozen=True)
 class Leg:
-    """One stretch, ready to be run from any state.
+    """One stretch of a test, ready to be run from any state.
 
     Parameters
     ----------
     bench : ChamberSetup
-    begin : float   Time at which it begins on the clock of its scenario. [s]
+    wiring : Wiring         The network with its inputs.
+    engine : Engine         The integrator.
+    assembled : Assembled   Values and start.
+    begin : float           Time at which it begins on the clock of its scenario. [s]
     """
 
     bench: ChamberSetup
@@ -206,14 +211,17 @@ class Leg:
 
     @classmethod
     def of_scenario(cls, bench: ChamberSetup, scenario: Scenario, begin: float) -> Leg:
-        """Return the leg of a scenario."""
+        """Return the leg of a scenario that begins at a time of its clock. [s]"""
         wiring = Wiring(network_for(bench.model, scenario), scenario)
         engine = Engine(wiring)
         assembled = wiring.assemble()
         return cls(bench, wiring, engine, engine.started(assembled) if begin or bench.memory else assembled, begin)
 
     def run(self, state: Array | None, times: Array) -> tuple[Array, Array]:
-        """Return temperatures (times, nodes) and those at the last time (nodes,), from a state at time zero. [K]"""
+        """Return temperatures (times, nodes) at times from the beginning of the leg, and those at the last one (nodes,). [K]
+
+        `state` (nodes,) are the temperatures at the beginning; None, or a model with memory, takes the scenario's start.
+        """
         a = self.assembled if self.bench.memory or state is None else replace(self.assembled, initial=state)
         axis = times + self.begin
         end = float(axis[-1])
@@ -225,47 +233,38 @@ class Leg:
         """Nodes in the order of a state."""
         return self.assembled.reduced.nodes
 
-    @property
-    def capacities(self) -> Array:
-        """Capacitances (nodes,) in the order of a state. [J/K]"""
-        return self.engine.capacities(self.assembled)
-
     def named(self, temperatures: Array, names: tuple[str, ...], times: Array) -> Array:
-        """Return temperatures (times, names) of some nodes out of those of a state. [K]"""
+        """Return temperatures (times, names) of nodes by name, of temperatures (times, nodes) in the order of a state. [K]"""
         axis = times + self.begin
         traces = Traces(self.wiring, self.assembled, axis, self.nodes, temperatures, np.zeros((*temperatures.shape, 0)))
         return np.column_stack([traces.temperature(n) for n in names])
 
     def power(self, state: Array) -> float:
-        """Return the heat that all loads put in at a state. [W]"""
+        """Return the sum of |power| of all loads at a state (nodes,). [W]"""
         rows = self.wiring.network.boundaries
         now = np.array([self.begin])
         outer = [float(self.wiring.boundary(b, now, self.assembled.offsets)[0]) for b in rows]
         powers = self.engine.powers(self.assembled, np.ascontiguousarray([[*state, *outer]]), now)
         return float(sum(abs(p[0]) for p in powers.values()))
 
-    def chamber_at(self, time: float) -> float:
-        """Return the temperature of the chamber at a time from the beginning. [K]"""
-        return float(self.wiring.boundary(self.bench.chamber[0], np.array([self.begin + time]), self.assembled.offsets)[0])
-
     def steady(self, names: tuple[str, ...]) -> Mapping[str, float] | None:
-        """Return where nodes settle under what is held, or None where nothing settles. [K]"""
+        """Return node -> steady temperature under the conditions of the leg; None where there is none or the model has memory. [K]"""
         if self.bench.memory:
             return None
         try:
-            settled, _ = settle(self.engine, self.assembled, self.begin + 0.5 * TAIL)
+            settled, _ = settle(self.engine, self.assembled, self.begin + 0.5 * HELD_AFTER_END)
         except (SolverError, ScenarioError):
             return None
-        return dict(zip(names, self.named(settled[None, :], names, np.array([0.5 * TAIL]))[0].tolist(), strict=True))
+        return dict(zip(names, self.named(settled[None, :], names, np.array([0.5 * HELD_AFTER_END]))[0].tolist(), strict=True))
 
     def slowest(self, state: Array) -> float:
-        """Return the longest time constant at a state. [s]"""
-        constants = self.engine.time_constants(self.assembled, state, self.begin + 0.5 * TAIL)
+        """Return the longest time constant at a state (nodes,); zero where there is none. [s]"""
+        constants = self.engine.time_constants(self.assembled, state, self.begin + 0.5 * HELD_AFTER_END)
         return float(constants[0]) if constants.size else 0.0
 
 
-def memory_of(model: Model, scenario: Scenario) -> str:
-    """Return why stretches cannot be run apart, or an empty text."""
+def reason_for_one_run(model: Model, scenario: Scenario) -> str:
+    """Return why stretches cannot be run one by one: a thermostat, an input or a gas with a clock of its own; empty where they can."""
     flat = network_for(model, scenario).flat
     for load in flat.loads:
         for word, why in (
@@ -286,14 +285,14 @@ def memory_of(model: Model, scenario: Scenario) -> str:
 
 
 @dataclass(frozen=True)
-class Reached:
-    """When and how a rule came to hold.
+class WaitResult:
+    """When and how a rule of stability came to hold.
 
     Parameters
     ----------
     after : float       Time waited. [s]
-    slowest : str       The node that held it up.
-    rate : float        How fast that node still changes. [K/s]
+    slowest : str       The node that was stable last.
+    rate : float        Its rate over the window before. [K/s]
     """
 
     after: float
@@ -302,17 +301,17 @@ class Reached:
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """What is waited for.
+class WaitRequest:
+    """A rule of stability to wait for.
 
     Parameters
     ----------
     rule : StabilityRule
     watch : tuple of str            Nodes that must be stable.
-    base : str                      Node that must be at its level too; empty for none.
-    level, tolerance : float        [K]
-    longest : float                 Time after which it is given up. [s]
-    where : str                     For the message.
+    base : str                      Node that must also be at its level; empty for none.
+    level, tolerance : float        Level of the base, and how far it may be off. [K]
+    longest : float                 Time after which the wait is given up. [s]
+    where : str                     Place for messages.
     average : float                 Time over which temperatures are averaged first, for heaters that switch; zero for none. [s]
     """
 
@@ -327,17 +326,17 @@ class Wanted:
 
     @property
     def window(self) -> float:
-        """The window over which changes are taken. [s]"""
+        """Time over which changes are taken: the rule's, or a minute. [s]"""
         return self.rule.window or SIMULATED_WINDOW
 
 
-def wait(leg: Leg, state: Array, wanted: Wanted) -> Reached:
-    """Return when the rule holds for every watched node, found between two outputs by a straight line.
+def wait_until_stable(leg: Leg, state: Array, wanted: WaitRequest) -> WaitResult:
+    """Return when the rule holds for every watched node, interpolated between two outputs.
 
     Raises
     ------
     SolverError     When it does not hold within the longest wait; with the node, its rate and the rule.
-    ScenarioError   When a rule on stored heat is to be asked of averages.
+    ScenarioError   When a rule on stored heat is asked of averages.
     """
     if wanted.average and wanted.rule.stored:
         raise ScenarioError(
@@ -356,7 +355,7 @@ def wait(leg: Leg, state: Array, wanted: Wanted) -> Reached:
         axis = axis if wanted.average else _thinned(axis, step)
         run, _ = leg.run(state, axis)
         times, traces = np.append(0.0, axis), np.vstack((state, run))
-        excess, movers = _excess(leg, wanted, times, traces)
+        excess, movers = _rule_excess(leg, wanted, times, traces)
         held = np.flatnonzero(excess <= 0.0)
         if held.size:
             k = int(held[0])
@@ -364,43 +363,51 @@ def wait(leg: Leg, state: Array, wanted: Wanted) -> Reached:
             if k and np.isfinite(excess[k - 1]):
                 after -= float((times[k] - times[k - 1]) * excess[k] / (excess[k] - excess[k - 1]))
             slowest = wanted.watch[movers[max(k - 1, int(np.flatnonzero(np.isfinite(excess))[0]))]]
-            return Reached(after, slowest, _rate(leg, wanted, times, traces, slowest, after))
+            return WaitResult(after, slowest, _rate_over_window(leg, wanted, times, traces, slowest, after))
         if reach >= wanted.longest:
-            raise SolverError(_never(leg, wanted, times, traces, int(movers[-1])), wanted.where)
+            raise SolverError(_not_stable_message(leg, wanted, times, traces, int(movers[-1])), wanted.where)
         reach *= 2.0
 
 
 def _thinned(axis: NDArray[np.floating[Any]], step: float) -> Array:
-    """Return output times: whole windows stay dense, and a long wait is looked at less often."""
+    """Return at most about `MAX_OUTPUTS` of evenly spaced times: of a long wait pairs of neighbours, one `step` apart."""
     if axis.size <= MAX_OUTPUTS:
         return np.asarray(axis, dtype=np.float64)
     coarse = np.linspace(axis[0], axis[-1], MAX_OUTPUTS // 2)
     return np.unique(np.concatenate([np.round(coarse / step) * step, np.round(coarse / step) * step - step]))[1:]
 
 
-def _excess(leg: Leg, wanted: Wanted, times: Array, traces: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Return by how much the rule is missed at each time (infinite before it can be asked), and which watched node is furthest from it."""
-    of = _averaged(leg.named(traces, wanted.watch, times), times, wanted.average)
+def _rule_excess(leg: Leg, wanted: WaitRequest, times: Array, traces: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Return by how much the rule is exceeded at each time (times,), and the index of the node furthest from it (times,).
+
+    It is max over nodes of (T_max - T_min in the window) - rate window [K]; of a rule on stored heat |sum C dT| / window - share power [W].
+    With a base plate it is at least |T_base - level| - tolerance. Before one whole window it is infinite.
+    """
+    of = _trailing_mean(leg.named(traces, wanted.watch, times), times, wanted.average)
     before = np.searchsorted(times, times - wanted.window - 1e-6 * wanted.window)
     is_due = times >= (wanted.window + wanted.average) * (1.0 - 1e-9)
-    spans = np.stack([_spread(of, before, k) if is_due[k] else np.full(of.shape[1], np.inf) for k in range(times.size)])
+    never = np.full(of.shape[1], np.inf)
+    spans = np.stack([np.ptp(of[before[k] : k + 1], axis=0) if is_due[k] else never for k in range(times.size)])
     movers = np.argmax(np.where(np.isfinite(spans), spans, -1.0), axis=1)
     if wanted.rule.stored:
-        heat = traces @ leg.capacities
+        heat = traces @ leg.engine.capacities(leg.assembled)
         power = leg.power(traces[-1])
         stored = np.array([abs(heat[k] - heat[before[k]]) / wanted.window if is_due[k] else np.inf for k in range(times.size)])
         excess = stored - wanted.rule.rate * power if power > 0 else np.full(times.size, np.inf)
     else:
         excess = spans.max(axis=1) - wanted.rule.rate * wanted.window
     if wanted.base:
-        base = _averaged(leg.named(traces, (wanted.base,), times), times, wanted.average)[:, 0]
+        base = _trailing_mean(leg.named(traces, (wanted.base,), times), times, wanted.average)[:, 0]
         off = np.abs(base - wanted.level) - wanted.tolerance
         excess = np.maximum(excess, off)
     return excess, movers
 
 
-def _averaged(of: Array, times: Array, average: float) -> Array:
-    """Return temperatures averaged over the time before each output (times, nodes); outputs are evenly spaced. [K]"""
+def _trailing_mean(of: Array, times: Array, average: float) -> Array:
+    """Return temperatures (times, nodes) averaged over the time `average` before each output, by trapezoids; times are evenly spaced. [K]
+
+    Outputs before one whole average stay as they are.
+    """
     if not average:
         return of
     step = float(times[1] - times[0])
@@ -411,23 +418,17 @@ def _averaged(of: Array, times: Array, average: float) -> Array:
     return out
 
 
-def _spread(of: Array, before: NDArray[np.int64], k: int) -> Array:
-    """Return by how much each node moved within the window that ends at an output."""
-    part = of[before[k] : k + 1]
-    return np.asarray(part.max(axis=0) - part.min(axis=0))
-
-
-def _rate(leg: Leg, wanted: Wanted, times: Array, traces: Array, node: str, time: float) -> float:
-    """Return the rate of a node over the window that ends at a time. [K/s]"""
-    of = _averaged(leg.named(traces, (node,), times), times, wanted.average)[:, 0]
+def _rate_over_window(leg: Leg, wanted: WaitRequest, times: Array, traces: Array, node: str, time: float) -> float:
+    """Return (T(time) - T(time - window)) / window of a node. [K/s]"""
+    of = _trailing_mean(leg.named(traces, (node,), times), times, wanted.average)[:, 0]
     now, then = np.interp([time, time - wanted.window], times, of)
     return float((now - then) / wanted.window)
 
 
-def _never(leg: Leg, wanted: Wanted, times: Array, traces: Array, mover: int) -> str:
-    """Return why a wait was given up: node, rate, rule, and what to do."""
+def _not_stable_message(leg: Leg, wanted: WaitRequest, times: Array, traces: Array, mover: int) -> str:
+    """Return why a wait was given up, and what to do: node, rate, rule, and the steady state if there is one."""
     node = wanted.watch[mover]
-    rate = _rate(leg, wanted, times, traces, node, float(times[-1]))
+    rate = _rate_over_window(leg, wanted, times, traces, node, float(times[-1]))
     rule, waited = wanted.rule.name, duration_text(wanted.longest)
     text = f"it is not stable by the rule '{rule}' after {waited}: '{node}' still changes by {3600.0 * rate:+.3g} K/h"
     steady = leg.steady((node, *([wanted.base] if wanted.base else [])))
@@ -455,7 +456,7 @@ def _never(leg: Leg, wanted: Wanted, times: Array, traces: Array, mover: int) ->
     return f"{text}, on its way to {steady[node] - ICE_POINT:.2f} degC.{more} Allow a longer wait (longest_wait), or another rule."
 
 
-def bench_of(
+def chamber_setup(
     model: Model,
     profile: ThermalProfile,
     chamber: str | Sequence[str],
@@ -463,7 +464,14 @@ def bench_of(
     base: Scenario,
     options: Options,
 ) -> tuple[ChamberSetup, ChamberConditions]:
-    """Return the model in its chamber, and the conditions at the start."""
+    """Return the model in its chamber, and the conditions at the start.
+
+    Arguments are those of `run_profile`; `base` is the scenario with the inputs that the profile does not give.
+
+    Raises
+    ------
+    ScenarioError   When a name is no boundary or load, or a boundary has no temperature.
+    """
     network = compile_network(model, prescribed=tuple(base.prescribed))  # the steps say in which gas it runs
     chosen = (chamber,) if isinstance(chamber, str) else tuple(chamber)
     if not chosen and len(network.boundaries) != 1:
@@ -499,15 +507,15 @@ def bench_of(
         start=base.start if base.start != "" else Kelvin(ambient),
     )
     gases = tuple(n for n in names if n in base.environment) or (("*",) if thin else ())
-    memory = memory_of(model, scenario.with_(boundaries={name: Constant(ambient) for name in names}))
+    memory = reason_for_one_run(model, scenario.with_(boundaries={name: Constant(ambient) for name in names}))
     bench = ChamberSetup(model, scenario, names, switched, gases, profile.ground, options, memory)
     humid = profile.value("humidity") if profile.has("humidity") else None
     first = next((s.power for s in steps if s.power is not None), True)
     return bench, ChamberConditions(ambient, bool(first), profile.ground if thin else None, humid)
 
 
-def watched(bench: ChamberSetup, watch: Sequence[str]) -> tuple[str, ...]:
-    """Return the nodes that must be stable."""
+def nodes_to_watch(bench: ChamberSetup, watch: Sequence[str]) -> tuple[str, ...]:
+    """Return the nodes that must be stable: those named in `watch`, or all that store heat."""
     network = network_for(bench.model, bench.base)
     if watch:
         return tuple(network.find(n) for n in watch)
@@ -531,24 +539,28 @@ def run_profile(
     options: Options | None = None,
     progress: Callable[[int, int, float], None] | None = None,
 ) -> ProfileRun:
-    """Return a profile run on a model, phase by phase: ways, waits, dwells, off times and starts.
+    """Run a profile on a model: ways, waits until the unit is stable, dwells, off times and starts.
 
     Parameters
     ----------
     model : Model
     profile : ThermalProfile
     chamber : str or sequence       Boundaries that are the chamber (gas, shroud, plate); needed where the model has several.
-    base : str                      Base plate: the levels then hold there, the chamber goes as far as that needs, and the plate must be
-                                    within the tolerance before a dwell begins. Without it the levels are those of the chamber.
-    watch : sequence                Nodes that must be stable; all that store heat where none is named.
-    equipment : sequence            Loads that power switches; all without a thermostat or a controller where none is named.
-    scenario : Scenario             What else is done: other boundaries, loads, environment, start.
+    base : str                      Base plate. Levels then apply to it: the chamber is set so that it settles there, and it must be within
+                                    the tolerance before a dwell begins. Without it levels apply to the chamber.
+    watch : sequence                Nodes that must be stable; all that store heat by default.
+    equipment : sequence            Loads that power switches; by default all without a thermostat or a controller.
+    scenario : Scenario             Other inputs: boundaries, loads, environment, start.
     values : dict                   Parameters in place of the deck's.
-    chamber_ramp : str or float     What the chamber can, where that is less than the profile asks for. [K/s]
+    chamber_ramp : str or float     Fastest rate of the chamber, where it is below that of the profile. [K/s]
     every : str or float            Interval of the stored samples. [s]
     options : Options               Of the integrator.
-    progress : callable             Told after each step its number, how many there are, and the time reached in seconds; at the end of them
-                                    again with each pass of the humidity's balance. What it raises ends the run.
+    progress : callable             Called after each step with its number, the number of steps and the time reached [s]; after the last
+                                    also with each pass of the humidity's balance. An exception of it ends the run.
+
+    Returns
+    -------
+    run : ProfileRun                Its phases, and the whole course as one solution.
 
     Raises
     ------
@@ -556,29 +568,30 @@ def run_profile(
     SolverError     When the unit does not become stable within the longest wait; with the node, its rate and the rule.
     """
     if {"hot", "cold"} & set(profile.used):
-        ordered(profile)
+        check_level_order(profile)
     if values:
         model = model.with_values(values, profile.title)
-    limit = float("inf") if chamber_ramp is None else _chamber_ramp(chamber_ramp)
-    bench, start = bench_of(model, profile, chamber, equipment, scenario or Scenario(profile.title), options or Options())
-    course = _Course(bench, profile, start, watched(bench, watch), base and network_for(bench.model, bench.base).find(base), limit)
+    limit = float("inf") if chamber_ramp is None else amount(chamber_ramp, "K/s", "chamber_ramp")
+    if limit <= 0.0:
+        raise ScenarioError("the chamber's rate of change must be above zero.", "chamber_ramp", code="value.outside-range")
+    bench, start = chamber_setup(model, profile, chamber, equipment, scenario or Scenario(profile.title), options or Options())
+    course = _Course(bench, profile, start, nodes_to_watch(bench, watch), base and network_for(bench.model, bench.base).find(base), limit)
     for k, step in enumerate(profile.steps, 1):
         course.do(step)
         if progress is not None:
             progress(k, len(profile.steps), course.plan.times[-1])
-    return _finished(course, every, progress)
-
-
-def _chamber_ramp(ramp: str | float) -> float:
-    """Return what a chamber can. [K/s]"""
-    rate = amount(ramp, "K/s", "chamber_ramp")
-    if rate <= 0.0:
-        raise ScenarioError("the chamber's rate of change must be above zero.", "chamber_ramp", code="value.outside-range")
-    return rate
+    return _as_profile_run(course, every, progress)
 
 
 class _Course:
-    """The test so far: conditions, state, phases."""
+    """A test while it is run: conditions and temperatures reached, and the phases so far.
+
+    Parameters
+    ----------
+    watch : tuple of str    Nodes that must be stable.
+    base : str              Base plate; empty for none.
+    limit : float           Fastest rate of the chamber. [K/s]
+    """
 
     def __init__(
         self, bench: ChamberSetup, profile: ThermalProfile, start: ChamberConditions, watch: tuple[str, ...], base: str, limit: float
@@ -586,8 +599,7 @@ class _Course:
         self.bench, self.profile, self.watch, self.base, self.limit = bench, profile, watch, base, limit
         self.plan = Timeline((0.0,), (start,))
         first = Leg.of_scenario(bench, self.plan.scenario(bench.base, bench, profile.title, tail=1.0), 0.0)
-        self.first = first.engine.started(first.assembled).initial
-        self.state: Array = self.first
+        self.state: Array = first.engine.started(first.assembled).initial
         self.last, self.ran = first, 0.0
         self.phases: list[Phase] = []
         self.rule: StabilityRule | None = rule_of(profile.word("stable", "")) if profile.has("stable") else None
@@ -596,11 +608,11 @@ class _Course:
 
     @property
     def now(self) -> ChamberConditions:
-        """The conditions that hold."""
+        """Conditions at the time that is reached."""
         return self.plan.states[-1]
 
     def do(self, step: ProfileStep) -> None:
-        """Do one step: the way there, the wait, the stay."""
+        """Run one step: the way to its conditions, the wait, the stay."""
         power = self.now.power if step.power is None else step.power
         after = replace(self.now, power=power)
         if step.pressure is not None:
@@ -611,18 +623,18 @@ class _Course:
             self.level = step.target
             home = step.cycle == 0 and not step.wait  # back to the room: nobody asks for the base plate
             after = replace(after, chamber=step.target if home else self._set_point(after, step.target))
-        span = self._span(step, after)
+        span = self._way_duration(step, after)
         if span > 0.0:
-            self._pass(step, after, span, "way")
+            self._run_for(step, after, span, "way")
         else:
             self.plan = self.plan.then(0.0, after)
         if step.wait:
             self._wait(step)
         if step.dwell > 0.0:
-            self._pass(step, self.now, step.dwell, "stay")
+            self._run_for(step, self.now, step.dwell, "stay")
 
-    def _span(self, step: ProfileStep, after: ChamberConditions) -> float:
-        """Return how long the way to other conditions takes. [s]"""
+    def _way_duration(self, step: ProfileStep, after: ChamberConditions) -> float:
+        """Return how long the way to other conditions takes: the step's time or |dT| / ramp, at least |dT| / the chamber's limit. [s]"""
         way = abs(after.chamber - self.now.chamber)
         moving = way > 0.0 or after.pressure != self.now.pressure or after.humidity != self.now.humidity
         if not moving:
@@ -634,7 +646,14 @@ class _Course:
         return max(wanted, least)
 
     def _set_point(self, after: ChamberConditions, level: float) -> float:
-        """Return the temperature of the chamber at which the base plate settles at its level. [K]"""
+        """Return the temperature of the chamber at which the base plate settles at a level, by the secant method. [K]
+
+        Without a base plate, or where nothing settles, it is the level itself.
+
+        Raises
+        ------
+        ScenarioError   When no temperature brings it there.
+        """
         if not self.base:
             return level
         chamber, tries = level, []  # type: float, list[tuple[float, float]]
@@ -659,21 +678,26 @@ class _Course:
             code="value.outside-range",
         )
 
-    def _pass(self, step: ProfileStep, after: ChamberConditions, span: float, kind: str) -> None:
-        """Run on for a time, on the way to other conditions or under the same."""
+    def _run_for(self, step: ProfileStep, after: ChamberConditions, span: float, kind: str) -> None:
+        """Run on for a time `span` [s]: on the ``way`` to the conditions `after`, or at a ``stay`` under them; a phase is added."""
         leg = self.bench.leg(self.plan, after, span if kind == "way" else 0.0)
         _, final = leg.run(self._state_for(leg), np.array([span]))
-        self._note(step, leg, final, span, kind, "", "", 0.0)
-        self.plan, self.state, self.last, self.ran = self.plan.then(span, after), final, leg, span
+        self._add_phase(step, leg, after, final, span, kind)
 
     def _state_for(self, leg: Leg) -> Array:
-        """Return where the unit is in the order of a leg's nodes: a joint whose gas is being pumped out is a node of its own there. [K]"""
+        """Return the temperatures reached in the order of a leg's nodes; a joint's gas is a node only while it is pumped out. [K]"""
         if leg.nodes == self.last.nodes:
             return self.state
         return np.asarray(self.last.named(self.state[None, :], leg.nodes, np.array([self.ran]))[0])
 
     def _wait(self, step: ProfileStep) -> None:
-        """Run on until the unit is stable."""
+        """Run on until the rule holds; a phase is added.
+
+        Raises
+        ------
+        ScenarioError   When the profile has no rule.
+        SolverError     When it does not hold within the longest wait.
+        """
         if self.rule is None:
             raise ScenarioError(
                 "it waits for a stable unit, but the rule is missing. Give one: stable = '3 C/h'.",
@@ -684,21 +708,33 @@ class _Course:
         base = self.base if np.isfinite(tolerance) else ""
         where = f"{self.profile.title}, {step.name}"
         average = self.profile.value("average") if self.profile.has("average") else 0.0
-        wanted = Wanted(self.rule, self.watch, base, self.level, tolerance, self.profile.value("longest_wait"), where, average)
+        wanted = WaitRequest(self.rule, self.watch, base, self.level, tolerance, self.profile.value("longest_wait"), where, average)
         leg = self.bench.leg(self.plan, self.now, 0.0)
         begun = self._state_for(leg)
-        reached = wait(leg, begun, wanted)
+        reached = wait_until_stable(leg, begun, wanted)
         _, final = leg.run(begun, np.array([reached.after]))
-        self._note(step, leg, final, reached.after, "wait", self.rule.name, reached.slowest, reached.rate)
-        self.plan, self.state, self.last, self.ran = self.plan.then(reached.after, self.now), final, leg, reached.after
+        self._add_phase(step, leg, self.now, final, reached.after, "wait", self.rule.name, reached.slowest, reached.rate)
 
-    def _note(self, step: ProfileStep, leg: Leg, final: Array, span: float, kind: str, rule: str, slowest: str, rate: float) -> None:
-        """Write a phase down: what moved, what is left to go."""
+    def _add_phase(
+        self,
+        step: ProfileStep,
+        leg: Leg,
+        after: ChamberConditions,
+        final: Array,
+        span: float,
+        kind: str,
+        rule: str = "",
+        slowest: str = "",
+        rate: float = 0.0,
+    ) -> None:
+        """Add a phase that ends in the conditions `after` at temperatures `final` (nodes,) [K] after `span` seconds, and go on from there.
+
+        It states the node that is furthest from its steady state then. Rule, slowest node and its rate [K/s] are those of a wait.
+        """
         kelvin = leg.named(final[None, :], self.watch, np.array([span]))[0]
         steady = leg.steady(self.watch) if kind != "way" else None
         to_go = {n: steady[n] - float(t) for n, t in zip(self.watch, kelvin, strict=True)} if steady else {}
         furthest = max(to_go, key=lambda n: abs(to_go[n])) if to_go else ""
-        chamber = self.now.chamber if kind != "way" else leg.chamber_at(span)
         base = float(leg.named(final[None, :], (self.base,), np.array([span]))[0, 0]) if self.base else None
         self.phases.append(
             Phase(
@@ -708,7 +744,7 @@ class _Course:
                 self.plan.times[-1],
                 span,
                 self.now.power if step.power is None else step.power,
-                chamber,
+                after.chamber,
                 rule,
                 slowest,
                 rate,
@@ -717,10 +753,16 @@ class _Course:
                 base,
             )
         )
+        self.plan, self.state, self.last, self.ran = self.plan.then(span, after), final, leg, span
 
 
-def _finished(course: _Course, every: str | float, progress: Callable[[int, int, float], None] | None) -> ProfileRun:
-    """Return the run: the whole course as one solution, its moisture, its remarks."""
+def _as_profile_run(course: _Course, every: str | float, progress: Callable[[int, int, float], None] | None) -> ProfileRun:
+    """Return the run: the whole course simulated once more as one solution, with its moisture and remarks.
+
+    Raises
+    ------
+    ScenarioError   When the interval of output is not above zero.
+    """
     bench, profile, plan = course.bench, course.profile, course.plan
     scenario = plan.scenario(bench.base, bench, profile.title)
     step = amount(every, "s", "every")

@@ -17,35 +17,55 @@ from thermid.simulation.runs import Scenario, Solution, Trace
 
 
 class WetSurface(Protocol):
-    """What this room reads of the water on one surface: its name, times (n,) [s], margin to the dew point (n,) [K], film (n,) [kg/m^2]."""
+    """Water on one surface: times (n,) [s], margin to the dew point (n,) [K], film (n,) [kg/m^2], times condensing and wet [s]."""
 
     @property
-    def surface(self) -> str: ...
+    def surface(self) -> str:
+        """Name of the surface."""
+
     @property
-    def gas(self) -> str: ...
+    def gas(self) -> str:
+        """Gas above it."""
+
     @property
-    def times(self) -> Array: ...
+    def times(self) -> Array:
+        """Times (n,). [s]"""
+
     @property
-    def margin(self) -> Array: ...
+    def margin(self) -> Array:
+        """Temperature of the surface less the dew point (n,). [K]"""
+
     @property
-    def film(self) -> Array: ...
+    def film(self) -> Array:
+        """Water on it (n,). [kg/m^2]"""
+
     @property
-    def condensing(self) -> float: ...
+    def condensing(self) -> float:
+        """Time during which water condenses. [s]"""
+
     @property
-    def wet(self) -> float: ...
+    def wet(self) -> float:
+        """Time during which it is wet. [s]"""
 
 
 class SettledWater(Protocol):
-    """What this room reads of moisture along a run, which the optional part of sites and moisture works out."""
+    """Moisture along a run, as the optional room of sites computes it."""
 
     @property
-    def surfaces(self) -> Mapping[str, WetSurface]: ...
+    def surfaces(self) -> Mapping[str, WetSurface]:
+        """Name of a surface -> the water on it."""
+
     @property
-    def dew_points(self) -> Mapping[str, Array]: ...
+    def dew_points(self) -> Mapping[str, Array]:
+        """Gas -> its dew point (n,). [K]"""
+
     @property
-    def solution(self) -> Solution: ...
+    def solution(self) -> Solution:
+        """The run, with the heat of condensation and evaporation."""
+
     @property
-    def warnings(self) -> tuple[str, ...]: ...
+    def warnings(self) -> tuple[str, ...]:
+        """Remarks, in words."""
 
 
 @dataclass(frozen=True)
@@ -54,17 +74,17 @@ class Phase:
 
     Parameters
     ----------
-    name : str                  Of its step.
+    name : str                  Name of its step.
     cycle : int                 0 before the first and after the last.
     kind : str                  ``way`` (conditions change), ``wait`` (until stable) or ``stay`` (for a time).
     start, duration : float     [s]
     power : bool                Whether the unit is on.
     chamber : float             Temperature of the chamber at its end. [K]
-    rule : str                  What was waited for; empty otherwise.
-    slowest : str               Of a wait, the node that held it up.
-    rate : float                Of a wait, how fast that node still changes at its end. [K/s]
-    furthest : str              The node that is furthest from where it would settle; empty on a way.
-    unfinished : float or None  How far that is: what the rule left unfinished. [K]
+    rule : str                  Rule of stability of a wait; empty otherwise.
+    slowest : str               Of a wait, the node that was stable last.
+    rate : float                Of a wait, the rate of that node at its end. [K/s]
+    furthest : str              The node that is furthest from its steady temperature at the end; empty on a way.
+    unfinished : float or None  Steady temperature less temperature of that node. [K]
     base : float or None        Temperature of the base plate at its end. [K]
     """
 
@@ -84,7 +104,7 @@ class Phase:
 
     @property
     def end(self) -> float:
-        """[s]"""
+        """Time at which it ends. [s]"""
         return self.start + self.duration
 
 
@@ -96,13 +116,13 @@ class ProfileRun(Result):
     ----------
     profile : ThermalProfile
     phases : tuple of Phase
-    scenario : Scenario         The whole course, as a scenario that can be run again.
-    solution : Solution         The whole course.
-    moisture : td.site.Moisture      Of a humidity test, else None.
-    notes : tuple of str        What came up while it ran.
-    base : str                  The base plate; empty where none was named.
-    chamber : tuple of str      Boundaries that are the chamber.
-    cycles_beside : float       Cycles over the same range that other tests of the unit run.
+    scenario : Scenario             The whole course, as a scenario that can be run again.
+    solution : Solution             The run of that scenario.
+    moisture : td.site.Moisture     Of a humidity test, else None.
+    notes : tuple of str            Remarks made while it ran.
+    base : str                      The base plate; empty where none was named.
+    chamber : tuple of str          Boundaries that are the chamber.
+    cycles_beside : float           Cycles over the same range that other tests of the unit run.
     """
 
     profile: ThermalProfile
@@ -120,12 +140,12 @@ class ProfileRun(Result):
         return self.solution[name]
 
     def __iter__(self) -> Iterator[Phase]:
-        """Go through the phases."""
+        """Iterate over the phases."""
         return iter(self.phases)
 
     @property
     def duration(self) -> float:
-        """[s]"""
+        """Duration of the whole course. [s]"""
         return self.phases[-1].end if self.phases else 0.0
 
     @property
@@ -135,27 +155,27 @@ class ProfileRun(Result):
 
     @property
     def decides(self) -> bool:
-        """Whether a verdict may rest on it: no number of the profile comes from memory."""
+        """Whether a verdict may use it: no number of the profile comes from memory."""
         return self.profile.decides
 
     @property
     def trust(self) -> str:
-        """Say in words how far the profile's numbers can be relied on."""
+        """How far the profile's numbers can be relied on, in words."""
         return self.profile.trust
 
     @property
     def waited(self) -> float:
-        """Time spent waiting for the unit. [s]"""
+        """Sum of the durations of all waits. [s]"""
         return sum(p.duration for p in self.phases if p.kind == "wait")
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What a reader must know: of the profile, of the run, of the solution."""
-        of_run = (*_level(self), *_ramp(self), *_unfinished(self), *_wet(self))
+        """Remarks on the profile, the run and the solution."""
+        of_run = (*_level_remarks(self), *_ramp_remarks(self), *_unfinished_remarks(self), *_water_remarks(self))
         return (*self.profile.check(self.cycles_beside), *self.notes, *of_run, *self.solution.warnings)
 
     def as_object(self) -> dict[str, Any]:
-        """Return the run as JSON holds it: SI units, temperatures in Celsius where a key ends in ``_C``."""
+        """Return the run as plain numbers for JSON: SI units, temperatures in Celsius where a key ends in ``_C``."""
         phases = [
             {
                 "name": p.name,
@@ -195,14 +215,14 @@ class ProfileRun(Result):
         }
 
     def __str__(self) -> str:
-        """The phases as a table, and the extremes of every node."""
+        """The phases as a table, the extremes of every node, and remarks."""
         total = (
             f"{self.profile.title} on {self.solution.title}: {duration_text(self.duration)}, including {duration_text(self.waited)} "
             "of waiting"
         )
         wide = max(len(p.name) for p in self.phases)
         lines = [total, f"  {'at':>8}  {'for':>9}  {'cycle':>5}  {'phase':<{wide + 7}}  {'unit':<4}  {'chamber':>8}"]
-        lines += [_line(p, wide) for p in self.phases]
+        lines += [_phase_text(p, wide) for p in self.phases]
         width = max(len(n) for n in self.solution.nodes)
         for n in self.solution.nodes:
             if n not in self.chamber:
@@ -215,8 +235,8 @@ class ProfileRun(Result):
         return self.solution._as_traces()
 
 
-def _line(p: Phase, wide: int) -> str:
-    """Return one phase as a line."""
+def _phase_text(p: Phase, wide: int) -> str:
+    """Return a phase as a line of the table, with names `wide` characters wide."""
     name = f"{p.name}, wait" if p.kind == "wait" else p.name
     cycle, power = str(p.cycle) if p.cycle else "", "on" if p.power else "off"
     text = f"  {p.start / 3600.0:6.2f} h  {duration_text(round(p.duration, 1)):>9}  {cycle:>5}  {name:<{wide + 7}}  {power:<4}"
@@ -232,36 +252,36 @@ NEGLIGIBLE_REMAINDER = 0.5
 """What is left unfinished and not worth a remark. [K]"""
 
 
-def in_short(run: ProfileRun) -> tuple[str, ...]:
-    """Return what belongs beside the verdict of a run: cycles, what dwells leave unfinished, where water settles."""
-    return (*run.profile.check(run.cycles_beside), *_unfinished(run), *_wettest(run))
+def verdict_remarks(run: ProfileRun) -> tuple[str, ...]:
+    """Return the remarks that belong beside a verdict: cycles, unfinished dwells, the wettest surface."""
+    return (*run.profile.check(run.cycles_beside), *_unfinished_remarks(run), *_wettest_remark(run))
 
 
-def _wettest(run: ProfileRun) -> Iterator[str]:
-    """Say in one line where most water settles."""
+def _wettest_remark(run: ProfileRun) -> Iterator[str]:
+    """Yield one sentence on all surfaces with condensation, naming the one with the thickest film."""
     wet_surfaces = [s for s in run.moisture.surfaces.values() if s.condensing > 0.0] if run.moisture is not None else []
     if wet_surfaces:
         worst, wet = max(wet_surfaces, key=lambda s: float(s.film.max())), max(s.wet for s in wet_surfaces)
         many = f"{len(wet_surfaces)} surfaces" if len(wet_surfaces) > 1 else "one surface"
-        film = _film(float(worst.film.max()))
+        film = _film_text(float(worst.film.max()))
         yield f"water condenses on {many}, most on '{worst.surface}': {film}; wet for {duration_text(wet)} at most"
 
 
-def _film(kilograms: float) -> str:
-    """Return a film of water in words; two digits."""
+def _film_text(kilograms: float) -> str:
+    """Return a film of water [kg/m^2] in g/m^2 with two significant digits."""
     grams = 1e3 * kilograms
     return f"{round(grams, -1):.0f} g/m^2" if grams >= 100.0 else f"{grams:.2g} g/m^2"
 
 
-def _level(run: ProfileRun) -> Iterator[str]:
-    """Say where the levels hold when no base plate was named."""
+def _level_remarks(run: ProfileRun) -> Iterator[str]:
+    """Yield a remark where no base plate was named, so that levels are those of the chamber."""
     waits = [p for p in run.phases if p.kind == "wait"]
     if waits and not run.base:
         yield "no base plate was named, so the levels are those of the chamber and the rule applies to the slowest node"
 
 
-def _ramp(run: ProfileRun) -> Iterator[str]:
-    """Compare how fast the base plate went from level to level with what the profile asks for, and say by how much it lags."""
+def _ramp_remarks(run: ProfileRun) -> Iterator[str]:
+    """Yield the rates of the base plate over nine tenths of each way and its lag behind the chamber, and whether that is too slow."""
     if not run.base:
         return
     trace, lags, means = run[run.base], [], []
@@ -286,8 +306,8 @@ def _ramp(run: ProfileRun) -> Iterator[str]:
         yield f"that is slower than the least rate of the profile, {60.0 * run.profile.value('ramp_least'):.3g} K/min"
 
 
-def _unfinished(run: ProfileRun) -> Iterator[str]:
-    """Say what the rule of stability left to go when a dwell began."""
+def _unfinished_remarks(run: ProfileRun) -> Iterator[str]:
+    """Yield the largest distance from a steady temperature at the end of a wait, where it is `NEGLIGIBLE_REMAINDER` or more."""
     waits = [p for p in run.phases if p.kind == "wait" and p.unfinished is not None and abs(p.unfinished) >= NEGLIGIBLE_REMAINDER]
     if waits:
         worst = max(waits, key=lambda p: abs(p.unfinished or 0.0))
@@ -297,8 +317,8 @@ def _unfinished(run: ProfileRun) -> Iterator[str]:
         )
 
 
-def _wet(run: ProfileRun) -> Iterator[str]:
-    """Say where water settles in a humidity test."""
+def _water_remarks(run: ProfileRun) -> Iterator[str]:
+    """Yield for each surface with condensation how long, when and how far it is below the dew point, and the film."""
     if run.moisture is None:
         return
     for s in run.moisture.surfaces.values():
@@ -306,5 +326,5 @@ def _wet(run: ProfileRun) -> Iterator[str]:
             k = int(s.margin.argmin())
             yield (
                 f"water condenses on '{s.surface}' for {duration_text(s.condensing)}: {-s.margin[k]:.1f} K below the dew point at "
-                f"{s.times[k] / 3600.0:.2f} h; wet for {duration_text(s.wet)}, up to {_film(float(s.film.max()))}"
+                f"{s.times[k] / 3600.0:.2f} h; wet for {duration_text(s.wet)}, up to {_film_text(float(s.film.max()))}"
             )

@@ -24,14 +24,14 @@ from thermid.qualify._profiles.numbers import SLOTS, USUAL, WORDS
 
 @dataclass(frozen=True)
 class Number:
-    """A number or word of a profile.
+    """A number or word of a profile with its source.
 
     Parameters
     ----------
     value : float or str    [SI]
-    slot : str              Its unit; empty for a word.
-    mark : str              How it is known; see `MARKS`.
-    clause : str            Where it stands.
+    slot : str              Unit of the number; empty for a word.
+    mark : str              How it is known: read, project, secondary or memory.
+    clause : str            Clause of the standard.
     note : str              What a reader must know beside it.
     """
 
@@ -43,7 +43,7 @@ class Number:
 
     @property
     def text(self) -> str:
-        """The value with its unit, as a file holds it."""
+        """The value with a usual unit, as a profile file holds it: ``60 [degC]``, ``3 [K/min]``, ``2 [h]``."""
         if isinstance(self.value, str):
             return self.value
         v = self.value
@@ -59,9 +59,16 @@ class Number:
 def number(name: str, spec: Any, mark: str, clause: str, where: str) -> Number:
     """Return a number from what a file or a caller writes: a value, or a table of value, mark, clause and note.
 
+    Parameters
+    ----------
+    name : str              Name of the number, a key of `SLOTS` or `WORDS`.
+    spec : Number, str, float or table
+    mark, clause : str      Those of the profile, where the table has none.
+    where : str             Place for messages.
+
     Raises
     ------
-    ScenarioError   When there is no such number, mark or word.
+    ScenarioError   When there is no such number, mark or word, or a number other than a temperature is below zero.
     UnitError       When its unit does not fit.
     """
     place = f"{where}, {name}"
@@ -93,7 +100,11 @@ def number(name: str, spec: Any, mark: str, clause: str, where: str) -> Number:
 
 
 def typed(name: str, text: str) -> str | float:
-    """Return what a person wrote for a number of a profile, in its usual unit where there is none; a word as it is."""
+    """Return what a person typed for a number as a profile reads it: with its usual unit where none is written, a word as it is.
+
+    >>> typed("hot", "60"), typed("cycles", "8"), typed("hot", "333 [K]")
+    ('60 [degC]', 8.0, '333 [K]')
+    """
     slot = SLOTS.get(name)
     try:
         value = float(text)
@@ -106,14 +117,14 @@ def typed(name: str, text: str) -> str | float:
 
 @dataclass(frozen=True)
 class Equivalence:
-    """``cycles`` over ``range`` are worth cycles (range / dT)^exponent over dT.
+    """A fatigue law: ``cycles`` over ``range`` are worth N = cycles (range / dT)^exponent cycles over a range dT.
 
     Parameters
     ----------
-    cycles : float      Cycles of the standard, those in vacuum among them.
+    cycles : float      Cycles that the clause requires, those in vacuum included.
     range : float       From cold to hot. [K]
-    exponent : float    Of the law of fatigue.
-    clause : str        Where it stands.
+    exponent : float    Exponent of the law.
+    clause : str        Clause of the standard.
     """
 
     cycles: float
@@ -122,7 +133,7 @@ class Equivalence:
     clause: str
 
     def exact(self, span: float) -> float:
-        """Return the cycles over a range [K], not rounded."""
+        """Return cycles (range / span)^exponent, the cycles over a range `span` [K], not rounded."""
         return float(self.cycles * (self.range / span) ** self.exponent)
 
 
@@ -135,16 +146,16 @@ EQUIVALENCE: Final[Mapping[str, Equivalence]] = {
 
 
 def equivalent_cycles(cold: str | float, hot: str | float, level: str | Equivalence = "qualification") -> int:
-    """Return how many cycles between two temperatures are worth those of a level, rounded up.
+    """Return N = cycles (range / (hot - cold))^exponent, rounded up: the cycles between two temperatures that a level requires.
 
     Parameters
     ----------
     cold, hot : str or float        The range that is run. [K]
-    level : str or Equivalence      qualification, protoqualification, acceptance, or a law of the project's own.
+    level : str or Equivalence      qualification, protoqualification, acceptance, or a fatigue law of the project's own.
 
     Raises
     ------
-    ScenarioError   When cold does not lie below hot, or there is no such level.
+    ScenarioError   When cold is not below hot, or there is no such level.
 
     References
     ----------
@@ -164,12 +175,12 @@ def equivalent_cycles(cold: str | float, hot: str | float, level: str | Equivale
 
 @dataclass(frozen=True)
 class ProfileStep:
-    """One step of a profile. What is None stays as it was.
+    """One step of a profile; whatever is None stays as it was.
 
     Parameters
     ----------
-    name : str                  What it is.
-    cycle : int                 The cycle that it belongs to, from 1; 0 before the first and after the last.
+    name : str                  Name for tables.
+    cycle : int                 Its cycle, from 1; 0 before the first and after the last.
     target : float or None      Temperature that the chamber goes to. [K]
     over : float or None        Time in which it goes there. [s]
     ramp : float or None        Rate at which it goes there, where no time is given. [K/s]
@@ -194,8 +205,8 @@ class ProfileStep:
     mark: str = "read"
 
 
-def _read(profile: ThermalProfile, row: Mapping[str, Any], where: str) -> ProfileStep:
-    """Return a step as a file writes it; a value may be the name of a number of the profile."""
+def _step_from_row(profile: ThermalProfile, row: Mapping[str, Any], where: str) -> ProfileStep:
+    """Return a step of a profile from its table in a file, in SI; `where` is its place for messages."""
 
     def value(key: str, slot: str) -> float | None:
         text = row.get(key)
@@ -230,8 +241,8 @@ def _read(profile: ThermalProfile, row: Mapping[str, Any], where: str) -> Profil
     )
 
 
-def _cycling(profile: ThermalProfile, count: int) -> Iterator[ProfileStep]:
-    """Yield the steps of cycles between hot and cold."""
+def _cycle_steps(profile: ThermalProfile, count: int) -> Iterator[ProfileStep]:
+    """Yield the steps of `count` cycles between hot and cold: pump down, plateaus, return to ambient, let in gas."""
     value, has = profile.value, profile.has
     ramp, powered = value("ramp"), profile.word("starts", "never") != "never"
     if has("pressure"):
@@ -242,7 +253,7 @@ def _cycling(profile: ThermalProfile, count: int) -> Iterator[ProfileStep]:
     order = (first, "cold" if first == "hot" else "hot")
     for k in range(1, count + 1):
         for side in order:
-            yield from _plateau(profile, side, k, count, ramp, powered)
+            yield from _plateau_steps(profile, side, k, count, ramp, powered)
     if profile.word("last", order[1]) != order[1]:
         yield ProfileStep(f"to {first}, closing half cycle", 0, value(first), None, ramp, wait=True, power=powered)
         yield ProfileStep(f"{first}, closing half cycle", 0, dwell=value("dwell") if has("dwell") else 0.0)
@@ -251,8 +262,12 @@ def _cycling(profile: ThermalProfile, count: int) -> Iterator[ProfileStep]:
         yield ProfileStep("let in gas", 0, pressure=profile.ground, over=600.0)
 
 
-def _plateau(profile: ThermalProfile, side: str, k: int, count: int, ramp: float, powered: bool) -> Iterator[ProfileStep]:
-    """Yield one stay at hot or cold: there, stable, dwell, off, start, operation until the soak is over."""
+def _plateau_steps(profile: ThermalProfile, side: str, k: int, count: int, ramp: float, powered: bool) -> Iterator[ProfileStep]:
+    """Yield the steps at one side, hot or cold, of cycle `k` of `count`: the way there, dwell, power off, start, and operation.
+
+    The stay lasts as long as the longest of soak, and dwell, off time and operation one after the other. `ramp` is in K/s; `powered` says
+    whether the unit is on.
+    """
     value = profile.value
 
     def at_ends(name: str) -> float:
@@ -281,19 +296,20 @@ KINDS: Final = ("thermal cycling", "thermal vacuum", "thermal balance", "humidit
 
 @dataclass(frozen=True)
 class ThermalProfile(Result):
-    """A profile of an environmental test.
+    """A test profile: its numbers with their clauses, and the steps that follow from them.
 
     Parameters
     ----------
-    title : str                     What it is.
+    title : str                     Title.
     kind : str                      Thermal cycling, thermal vacuum, thermal balance or humidity.
     standard, edition, clause : str Where it comes from.
-    level : str                     Qualification, acceptance, a category; empty where there is one.
+    level : str                     Qualification, acceptance, a category; empty where the profile has only one.
     numbers : dict                  Name -> `Number`.
-    predicted : pair or None        Lowest and highest predicted temperature, the model's uncertainty in them. [K]
+    predicted : pair or None        Lowest and highest predicted temperature, the model's uncertainty included. [K]
     plan : tuple of dict            Steps as written; empty where they follow from the numbers.
     step_mark : str                 How the numbers in written steps are known.
     note : str                      What a reader must know.
+    ground : float                  Ambient pressure. [Pa]
     """
 
     title: str
@@ -310,11 +326,11 @@ class ThermalProfile(Result):
     ground: float = field(default=ATMOSPHERE, repr=False)
 
     def __getitem__(self, name: str) -> Number:
-        """Return a number; hot and cold follow from the predicted range where they are not given.
+        """Return a number. Hot and cold follow from the predicted range where they are not given, middle is their mean.
 
         Raises
         ------
-        ScenarioError   When the profile has none of that name, or the range is not known.
+        ScenarioError   When the profile has none of that name, or the predicted range is not known.
         """
         if name in self.numbers:
             return self.numbers[name]
@@ -328,7 +344,12 @@ class ThermalProfile(Result):
         raise ScenarioError(f"a profile has no '{name}'.{nearest(name, [*SLOTS, *WORDS])}", self.title, code="name.unknown")
 
     def _level(self, side: str) -> Number:
-        """Return hot or cold from what was predicted, the margin, and the least range."""
+        """Return hot as max(predicted highest + margin, hot_least), or cold as min(predicted lowest - margin, cold_least). [K]
+
+        Raises
+        ------
+        ScenarioError   When there is no margin, or neither a prediction nor a least level.
+        """
         margin, least = self.numbers.get("margin"), self.numbers.get(f"{side}_least")
         if margin is None or (self.predicted is None and least is None):
             raise ScenarioError(
@@ -350,23 +371,28 @@ class ThermalProfile(Result):
         return name in self.numbers
 
     def value(self, name: str) -> float:
-        """Return a number. [SI]"""
+        """Return a number in SI.
+
+        Raises
+        ------
+        ScenarioError   When it is a word, or not there.
+        """
         number = self[name].value
         if isinstance(number, str):
             raise ScenarioError(f"its {name} is a word, not a number: {number}.", self.title, code="value.wrong-kind")
         return number
 
     def word(self, name: str, otherwise: str) -> str:
-        """Return a word, or another where it is not given."""
+        """Return a word, or `otherwise` where it is not given."""
         return str(self.numbers[name].value) if name in self.numbers else otherwise
 
     @property
     def steps(self) -> tuple[ProfileStep, ...]:
-        """What is done, one step after the other, every cycle written out.
+        """The steps one after the other, with every cycle written out.
 
         Raises
         ------
-        ScenarioError   When a number that the steps need is missing.
+        ScenarioError   When a number that the steps need is missing, or cycles are no whole number from 1 to the cap.
         """
         wanted = self.value("cycles")
         count = int(wanted) if math.isfinite(wanted) else 0
@@ -381,16 +407,16 @@ class ThermalProfile(Result):
                 f"the number of cycles must be whole, at least one, not {self['cycles'].text}.", self.title, code="value.outside-range"
             )
         if not self.plan:
-            return tuple(_cycling(self, count))
+            return tuple(_cycle_steps(self, count))
         out: list[ProfileStep] = []
         for k in range(1, count + 1):
-            written = (_read(self, row, f"{self.title}, step {n}") for n, row in enumerate(self.plan, 1))
+            written = (_step_from_row(self, row, f"{self.title}, step {n}") for n, row in enumerate(self.plan, 1))
             out += [replace(s, cycle=s.cycle or k) for s in written]
         return tuple(out)
 
     @property
     def used(self) -> Mapping[str, Number]:
-        """Numbers that the steps stand on, hot and cold worked out."""
+        """Name -> number that the steps use, with hot and cold computed; without the numbers that these were computed from."""
         out = {k: n for k, n in self.numbers.items() if k not in ("margin", "hot_least", "cold_least")}
         wanted = (
             ("hot", "cold") if not self.plan else [w for w in ("hot", "cold") if any(row.get("to") in (w, "middle") for row in self.plan)]
@@ -399,25 +425,25 @@ class ThermalProfile(Result):
 
     @property
     def mark(self) -> str:
-        """The weakest mark of its numbers: read, project, secondary or memory."""
+        """The weakest mark of its numbers, steps and rule of stability: read, project, secondary or memory."""
         marks = [n.mark for n in self.used.values()] + [row.get("mark", self.step_mark) for row in self.plan]
         rule = rule_of(self.word("stable", "")) if self.has("stable") else None
         return weakest([*marks, *([] if rule is None or self.numbers["stable"].mark == "project" else [rule.mark])])
 
     @property
     def from_memory(self) -> tuple[str, ...]:
-        """Names of the numbers that were written down from memory."""
+        """Names of the numbers that were written down from memory; ``steps`` for written steps."""
         steps = ("steps",) if any(row.get("mark", self.step_mark) == "memory" for row in self.plan) else ()
         return tuple(k for k, n in self.used.items() if n.mark == "memory") + steps
 
     @property
     def decides(self) -> bool:
-        """Whether a verdict may rest on it: no number of it comes from memory."""
+        """Whether a verdict may use it: none of its numbers comes from memory."""
         return not self.from_memory and self.mark != "memory"
 
     @property
     def trust(self) -> str:
-        """Say in words how far its numbers can be relied on."""
+        """How far its numbers can be relied on, in words."""
         if self.decides:
             words = {
                 "read": "every number was read in the standard",
@@ -429,14 +455,16 @@ class ThermalProfile(Result):
 
     @property
     def equivalence(self) -> Equivalence | None:
-        """How many cycles its clause asks for over which range; None where it asks for none."""
+        """The fatigue law by which its clause requires a number of cycles; None where it requires none."""
         if not self.has("base_cycles"):
             return None
         clause = self["base_cycles"].clause
         return Equivalence(self.value("base_cycles"), self.value("base_range"), self.value("range_exponent"), clause)
 
     def missing_cycles(self, beside: float = 0.0) -> float:
-        """Return how many cycles it lacks of those that its clause asks for over its range; zero or less where none.
+        """Return N - cycles - beside: how many cycles it lacks of the N that its clause requires over its range; negative for a surplus.
+
+        It is zero where the clause requires no number.
 
         Parameters
         ----------
@@ -449,7 +477,7 @@ class ThermalProfile(Result):
         return need - self.value("cycles") - beside
 
     def check(self, beside: float = 0.0) -> tuple[str, ...]:
-        """Check the profile: order against condensation, cycles against the range, levels in the wrong order.
+        """Return remarks on the profile: condensation at cold ends, too few cycles, numbers from memory.
 
         Parameters
         ----------
@@ -457,16 +485,16 @@ class ThermalProfile(Result):
 
         Raises
         ------
-        ScenarioError   When its levels stand in the wrong order.
+        ScenarioError   When its cold level is not below its hot one.
         """
         if "hot" in self.used or "cold" in self.used:
-            ordered(self)
-        return (*_condensation(self), *_count(self, beside), *([] if self.decides else [self.trust]))
+            check_level_order(self)
+        return (*_condensation_remarks(self), *_cycle_count_remarks(self, beside), *([] if self.decides else [self.trust]))
 
     def with_(
         self, *, predicted: Any = None, steps: Sequence[Mapping[str, Any]] | None = None, title: str = "", **numbers: Any
     ) -> ThermalProfile:
-        """Return the profile with numbers changed; what is given counts as the project's own.
+        """Return the profile with numbers, steps, title or predicted range changed; new numbers are marked as the project's own.
 
         Raises
         ------
@@ -477,7 +505,7 @@ class ThermalProfile(Result):
             rule_of(str(new["stable"].value))
         changed = replace(self, numbers={**self.numbers, **new}, title=title or self.title)
         if predicted is not None:
-            changed = replace(changed, predicted=pair_of(predicted, self.title))
+            changed = replace(changed, predicted=predicted_range(predicted, self.title))
         if steps is None:
             return changed
         place = Places(f"{self.title}, steps")
@@ -489,12 +517,17 @@ class ThermalProfile(Result):
         write_text(path, as_toml(self), PROFILE)
 
     def __str__(self) -> str:
-        """The profile as a table, with clauses and marks."""
+        """The profile as a table with clauses and marks."""
         return as_text(self)
 
 
-def pair_of(pair: Any, where: str) -> tuple[float, float]:
-    """Return the predicted range (lowest, highest). [K]"""
+def predicted_range(pair: Any, where: str) -> tuple[float, float]:
+    """Return a predicted range as (lowest, highest), from a pair of temperatures. [K]
+
+    Raises
+    ------
+    ScenarioError   When it is no pair, or its lowest is not below its highest.
+    """
     if not isinstance(pair, Sequence | Quantity) or isinstance(pair, str) or len(pair) != 2:
         raise ScenarioError("give predicted as a pair: the lowest and the highest predicted temperature.", where, code="value.incomplete")
     low, high = (literal(v, TEMPERATURE, f"{where}, predicted") for v in pair)
@@ -512,10 +545,10 @@ SHOWN_STEPS = 16
 
 
 def as_text(profile: ThermalProfile) -> str:
-    """Return a profile as a table: numbers with clause and mark, then the steps of the first cycle, then what there is to remark."""
+    """Return a profile as a table: numbers with clause and mark, the first steps, remarks."""
     head = [profile.title, f"  {profile.kind}, {profile.standard} {profile.edition}, {profile.clause}".rstrip(" ,")]
     head += [f"  {profile.note}"] if profile.note else []
-    numbers = _numbers(profile)
+    numbers = _numbers_to_show(profile)
     width = max(len(k) for k in numbers)
     wide = max(len(n.text) for n in numbers.values())
     rows = [
@@ -525,7 +558,7 @@ def as_text(profile: ThermalProfile) -> str:
     lines = [*head, *rows]
     try:
         steps = profile.steps
-        lines += ["  steps:", *(f"    {_step(s)}" for s in steps[:SHOWN_STEPS])]
+        lines += ["  steps:", *(f"    {_step_text(s)}" for s in steps[:SHOWN_STEPS])]
         lines += [f"    ... {len(steps) - SHOWN_STEPS} more"] if len(steps) > SHOWN_STEPS else []
         lines += [f"  remark: {r}" for r in profile.check()]
     except ThermidError as error:
@@ -533,16 +566,16 @@ def as_text(profile: ThermalProfile) -> str:
     return "\n".join([*lines, f"  trust: {profile.trust}"])
 
 
-def _numbers(profile: ThermalProfile) -> Mapping[str, Number]:
-    """Return the numbers to show; hot and cold worked out where that is possible."""
+def _numbers_to_show(profile: ThermalProfile) -> Mapping[str, Number]:
+    """Return `used`, or the numbers as given where hot and cold cannot be computed."""
     try:
         return profile.used
     except ThermidError:
         return profile.numbers
 
 
-def _step(step: ProfileStep) -> str:
-    """Return a step in words."""
+def _step_text(step: ProfileStep) -> str:
+    """Return a step as a line: ``1 to hot: to 60 degC at 3 K/min, until stable  on``."""
     parts = []
     if step.target is not None:
         how = f" in {step.over / 60.0:.4g} min" if step.over is not None else f" at {60.0 * (step.ramp or 0.0):.3g} K/min"
@@ -561,7 +594,7 @@ def _step(step: ProfileStep) -> str:
 
 
 def as_toml(profile: ThermalProfile) -> str:
-    """Return a profile as a file, every number with its mark."""
+    """Return a profile as the text of a profile file, every number with its mark."""
     words = ("title", "kind", "standard", "edition", "clause", "level", "note")
     lines = ["[profile]", *(f"{w} = {toml_value(getattr(profile, w))}" for w in words if getattr(profile, w))]
     if profile.plan:
@@ -579,12 +612,12 @@ def as_toml(profile: ThermalProfile) -> str:
     return "\n".join([*lines, ""])
 
 
-def ordered(profile: ThermalProfile) -> None:
-    """Check that cold lies below hot.
+def check_level_order(profile: ThermalProfile) -> None:
+    """Refuse a profile whose cold level is not below its hot level.
 
     Raises
     ------
-    ScenarioError   When it does not.
+    ScenarioError   When it is not.
     """
     cold, hot = profile["cold"], profile["hot"]
     if float(cold.value) >= float(hot.value):
@@ -595,8 +628,8 @@ def ordered(profile: ThermalProfile) -> None:
         )
 
 
-def _condensation(profile: ThermalProfile) -> Iterator[str]:
-    """Compare the first and the last half cycle with the rule against condensation: both hot."""
+def _condensation_remarks(profile: ThermalProfile) -> Iterator[str]:
+    """Yield a remark for the first and the last half cycle where it is cold, below ambient: water may then condense on the unit."""
     if profile.kind != "thermal cycling" or profile.plan:
         return
     low = [s for s in profile.steps if s.target is not None and s.target < profile.value("ambient")]
@@ -611,8 +644,8 @@ def _condensation(profile: ThermalProfile) -> Iterator[str]:
             )
 
 
-def _count(profile: ThermalProfile, beside: float) -> Iterator[str]:
-    """Compare the count of cycles with the one that the range asks for, in this and in other tests together."""
+def _cycle_count_remarks(profile: ThermalProfile, beside: float) -> Iterator[str]:
+    """Yield a remark where the required number of cycles is not that of the clause's own range, or the profile has fewer."""
     law = profile.equivalence
     if law is None:
         return

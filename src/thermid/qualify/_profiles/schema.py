@@ -12,7 +12,7 @@ from thermid.qualify._profiles.numbers import SLOTS, WORDS
 
 
 class NumberTable(StrictTable):
-    """A number of a profile, and how it is known."""
+    """A number of a profile with its source: mark, clause, note."""
 
     value: Amount
     mark: str | None = None
@@ -21,7 +21,7 @@ class NumberTable(StrictTable):
 
 
 class StepTable(StrictTable):
-    """One step; a value may be the name of a number of the profile."""
+    """One step of a profile; a value may be the name of one of its numbers, such as ``hot``."""
 
     name: str = "step"
     cycle: Annotated[Whole, Field(ge=0)] = 0
@@ -40,7 +40,7 @@ NumberField: TypeAlias = Annotated[Any, in_form(Amount, (NumberTable, ()))]
 
 
 class ProfileHead(StrictTable):
-    """What a profile is like, and what it is called."""
+    """All keys of a profile except its numbers, which are added from `SLOTS` and `WORDS`."""
 
     fault: ClassVar[type[ThermidError]] = ScenarioError
 
@@ -63,7 +63,7 @@ ProfileTable: Any = create_model("ProfileTable", __base__=ProfileHead, __doc__="
 
 
 class ProfileFile(StrictTable):
-    """A profile in a table of its own."""
+    """A profile file: the table ``[profile]``."""
 
     fault: ClassVar[type[ThermidError]] = ScenarioError
 

@@ -15,7 +15,7 @@ from thermid.base.extensions import by_grammar, grammar_of, refuse_another_kind
 from thermid.base.toml_files import Places, read_toml
 from thermid.measure.steadiness import rule_of
 from thermid.qualify._profiles.numbers import SLOTS, WORDS
-from thermid.qualify._profiles.profile import KINDS, Number, ThermalProfile, number, pair_of
+from thermid.qualify._profiles.profile import KINDS, Number, ThermalProfile, number, predicted_range
 
 LIBRARY: Final = Path(__file__).parent / "library"
 PROJECT_NUMBERS: Final = {"ambient": "23 [degC]", "longest_wait": "72 [h]"}
@@ -24,12 +24,12 @@ PROJECT_NUMBERS: Final = {"ambient": "23 [degC]", "longest_wait": "72 [h]"}
 
 @lru_cache(maxsize=1)
 def _library() -> tuple[Mapping[str, Any], ...]:
-    """Return the standards as they are in the package."""
+    """Return the profiles of the standards, as read from the package's files."""
     return tuple(read_toml(file)[0] for file in sorted(LIBRARY.glob("*.toml")))
 
 
 def profile_names() -> dict[str, dict[str, tuple[str, ...]]]:
-    """Return standard -> name of a profile -> its levels."""
+    """Return standard -> profile -> its levels."""
     out: dict[str, dict[str, tuple[str, ...]]] = {}
     for data in _library():
         out[data["standard"]] = {name: tuple(p.get("levels", ())) for name, p in data["profiles"].items()}
@@ -37,7 +37,12 @@ def profile_names() -> dict[str, dict[str, tuple[str, ...]]]:
 
 
 def _standard(name: str) -> Mapping[str, Any]:
-    """Return the data of a standard, found by its name or another that it goes by."""
+    """Return the data of a standard by its name or one of its aliases, in any case of letters.
+
+    Raises
+    ------
+    ScenarioError   When there is none of that name.
+    """
     names = {alias.casefold(): data for data in _library() for alias in (data["standard"], *data.get("aliases", ()))}
     if name.casefold() not in names:
         titles = [data["standard"] for data in _library()]
@@ -57,9 +62,9 @@ def profile_of(standard: str, name: str = "", *, level: str = "", predicted: Any
     Parameters
     ----------
     standard : str      The standard, ``"SMC-S-016"``.
-    name : str          The profile, ``"unit thermal cycle"``; not needed where there is one.
-    level : str         Level or category; the first where none is given.
-    predicted : pair    Lowest and highest predicted temperature, with the uncertainty of the model added. [K]
+    name : str          The profile, ``"unit thermal cycle"``; may be left out where the standard has one.
+    level : str         Level or category; the first by default.
+    predicted : pair    Lowest and highest predicted temperature, the model's uncertainty included. [K]
     **changes           Numbers in place of the standard's: ``cycles=2``, ``hot="55 [degC]"``.
 
     Raises
@@ -103,7 +108,7 @@ def profile_of(standard: str, name: str = "", *, level: str = "", predicted: Any
         spec.get("clause", base.get("clause", "")),
         spec.get("note", base.get("note", "")),
     )
-    pair = None if predicted is None else pair_of(predicted, title)
+    pair = None if predicted is None else predicted_range(predicted, title)
     profile = ThermalProfile(title, kind, data["standard"], data["edition"], clause, level, table, pair, plan, data["mark"], note)
     return profile.with_(**changes) if changes else profile
 
@@ -113,11 +118,11 @@ OWN_TABLE: Final[Mapping[str, Number]] = {k: number(k, v, "project", "", "profil
 
 @takes_objects
 def load_profile(path: str | os.PathLike[str]) -> ThermalProfile:
-    """Return the profile of a TOML file: its table ``[profile]`` says what it is like and what is different.
+    """Return the profile of a TOML file: its table ``[profile]`` names a profile of a standard and the numbers that differ from it.
 
     Raises
     ------
-    ScenarioError   When a key is unknown, or what it is like does not exist.
+    ScenarioError   When a key is unknown, or the named profile does not exist.
     DeckError       When the file cannot be read.
     """
     file = Path(path)
@@ -129,7 +134,13 @@ def load_profile(path: str | os.PathLike[str]) -> ThermalProfile:
 
 
 def profile_from(data: Mapping[str, Any], where: str | Callable[[str], str], stem: str = "profile") -> ThermalProfile:
-    """Return the profile of a table ``[profile]``; a plan file may hold one.
+    """Return the profile of a table ``[profile]``, as in a profile file or a plan.
+
+    Parameters
+    ----------
+    data : table            The table.
+    where : str or callable Name of the file, or key -> its place, for messages.
+    stem : str              Title where the table has none.
 
     Raises
     ------
@@ -142,7 +153,7 @@ def profile_from(data: Mapping[str, Any], where: str | Callable[[str], str], ste
     data = by_grammar("thermid.qualify._profiles.schema.ProfileTable", data, at).written
     numbers = {**data.get("numbers", {}), **{k: v for k, v in data.items() if k in SLOTS or k in WORDS}}
     if "like" in data:
-        standard, name = _split(data["like"], place)
+        standard, name = _standard_and_name(data["like"], place)
         profile = profile_of(standard, name, level=data.get("level", ""))
         profile = replace(profile, title=data.get("title", profile.title), note=data.get("note", profile.note))
     else:
@@ -157,11 +168,16 @@ def profile_from(data: Mapping[str, Any], where: str | Callable[[str], str], ste
     profile = replace(profile, numbers={**profile.numbers, **new})
     if "steps" in data:
         profile = replace(profile, plan=tuple(data["steps"]), step_mark=mark)
-    return profile if "predicted" not in data else replace(profile, predicted=pair_of(data["predicted"], place))
+    return profile if "predicted" not in data else replace(profile, predicted=predicted_range(data["predicted"], place))
 
 
-def _split(like: Any, where: str) -> tuple[str, str]:
-    """Return standard and profile of a text such as ``SMC-S-016 unit thermal cycle``."""
+def _standard_and_name(like: Any, where: str) -> tuple[str, str]:
+    """Return (standard, name of the profile) of a text such as ``SMC-S-016 unit thermal cycle``.
+
+    Raises
+    ------
+    ScenarioError   When it does not begin with a standard.
+    """
     text = str(like)
     names = sorted((a for d in _library() for a in (d["standard"], *d.get("aliases", ()))), key=len, reverse=True)
     for name in names:

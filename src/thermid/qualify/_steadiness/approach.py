@@ -21,9 +21,9 @@ from thermid.measure.steadiness import effective_samples
 
 MEDIANS_OF_READINGS: Final = 120
 """Medians that stand for the readings."""
-SKIP: Final = 0.3
+SKIPPED_SHARE: Final = 0.3
 """Share of the stretch whose beginning is left to the fast parts, which two exponentials do not describe; decision 067 has the figures."""
-FASTEST: Final = 1.0 / 12.0
+MIN_TIME_CONSTANT_SHARE_TRIED: Final = 1.0 / 12.0
 """Shortest time constant tried, over the stretch."""
 TIME_CONSTANTS_PER_DECADE: Final = 12
 """Time constants tried in each factor of ten."""
@@ -38,7 +38,7 @@ SCALES: Final = np.exp(0.2 * np.linspace(-2.0, 2.0, 9))
 
 @dataclass(frozen=True)
 class Mixture:
-    """A sum of normal distributions.
+    """A weighted sum of normal distributions.
 
     Parameters
     ----------
@@ -51,17 +51,17 @@ class Mixture:
 
     @property
     def mean(self) -> float:
-        """[K]"""
+        """Mean: sum of weights times means. [K]"""
         return float(self.weights @ self.means)
 
     def below(self, value: float) -> float:
-        """Return the probability of lying below a value."""
+        """Return the probability of a value below `value` [K]: sum of weights Phi((value - mean) / spread)."""
         from scipy.special import ndtr
 
         return float(self.weights @ ndtr((value - self.means) / self.spreads))
 
     def quantile(self, share: float) -> float:
-        """Return the value with that share below it. [K]"""
+        """Return the value with the probability `share` below it, by bisection. [K]"""
         keep = self.weights > 1e-6 * self.weights.max()
         part = Mixture(self.weights[keep] / self.weights[keep].sum(), self.means[keep], self.spreads[keep])
         low, high = float((part.means - 9.0 * part.spreads).min()), float((part.means + 9.0 * part.spreads).max())
@@ -73,19 +73,21 @@ class Mixture:
 
 @dataclass(frozen=True, eq=False)
 class Approach:
-    """What the readings of a stretch say about where they go.
+    """Approach of readings to their end, as a weighted mixture of curves.
+
+    A curve is T(t) = c + sum a_k exp(-(t - now) / tau_k), plus gains times the reference behind each tau_k.
 
     Parameters
     ----------
-    start, now : float          Begin and end of the stretch. [s]
-    taus : array (parts, modes) Time constants of every part. [s]
-    weights : array (parts,)    How well each explains the readings.
-    means : array (parts, terms)                Constant, amplitudes at `now`, and gains of the reference.
-    covariances : array (parts, terms, terms)
-    noise : float               Standard deviation of one median about the fit. [K]
-    scatter : float             Standard deviation of one reading about its median. [K]
-    worth : float               As many medians without correlation would say as much.
-    room : Reference or None    The temperature that the readings follow beside their own approach.
+    start, now : float          Begin and end of the readings. [s]
+    taus : array (parts, modes) Time constants tau_k of each curve. [s]
+    weights : array (parts,)    Posterior probability of each curve.
+    means : array (parts, terms)                Posterior mean of c, the amplitudes a_k at `now`, and gains of the reference. [K, -]
+    covariances : array (parts, terms, terms)   Posterior covariance of these.
+    noise : float               Standard deviation of a median about the best curve. [K]
+    scatter : float             Standard deviation of a reading about its median. [K]
+    worth : float               Effective number of medians.
+    room : Reference or None    A temperature that the readings follow, such as the air.
     """
 
     start: float
@@ -101,12 +103,12 @@ class Approach:
 
     @cached_property
     def _spread_factor(self) -> float:
-        """Factor on spreads: few readings do not know their own noise (Student's distribution)."""
+        """Factor sqrt(f / (f - 2)) on standard deviations, f = max(worth - 5, 3): Student's distribution for few readings."""
         free = max(self.worth - 5.0, 3.0)
         return float(np.sqrt(free / (free - 2.0)))
 
-    def _terms(self, at: float) -> FloatArray:
-        """Return what multiplies the terms (parts, terms) at a time; infinity for the end. [K per term]"""
+    def _factors(self, at: float) -> FloatArray:
+        """Return what multiplies each term at a time [s] (parts, terms): 1, exp(-(t - now) / tau_k), the reference. The end is infinity."""
         fall = np.zeros(self.taus.shape) if np.isinf(at) else np.exp(-(at - self.now) / self.taus)
         columns = [np.ones((self.taus.shape[0], 1)), fall]
         if self.room is not None:
@@ -114,23 +116,28 @@ class Approach:
         return np.hstack(columns)
 
     def at(self, time: float, reading: bool = False) -> Mixture:
-        """Return the temperature at a later time, infinity for the end; `reading` adds the scatter of one reading. [K]"""
-        terms = self._terms(time)
+        """Return the distribution of the temperature at a time [s], infinity for the end. [K]
+
+        The variance of each curve is that of its terms, of exponentials that bend (`CURVATURE_ERROR_SHARE` of the change to come), of the
+        noise
+        of medians and, for a single `reading`, of its scatter.
+        """
+        terms = self._factors(time)
         means = np.einsum("pt,pt->p", terms, self.means)
         variances = np.einsum("pt,ptu,pu->p", terms, self.covariances, terms) * self._spread_factor**2
-        stands = np.einsum("pt,pt->p", self._terms(self.now), self.means)
+        stands = np.einsum("pt,pt->p", self._factors(self.now), self.means)
         variances = variances + (CURVATURE_ERROR_SHARE * (means - stands)) ** 2
         # the wander that the fit leaves is there at any later time too
         variances = variances + self.noise**2 + (self.scatter**2 if reading else 0.0)
         return Mixture(self.weights, means, np.sqrt(variances))
 
     def rate(self, time: float) -> FloatArray:
-        """Return the drift that each part expects at a later time (parts,). [K/s]"""
+        """Return dT/dt = -sum a_k exp(-(t - now) / tau_k) / tau_k of each curve at a time (parts,). [K/s]"""
         fall = np.exp(-(time - self.now) / self.taus) / self.taus
         return np.asarray(-np.einsum("pm,pm->p", fall, self.means[:, 1 : 1 + self.taus.shape[1]]))
 
     def slowest(self, share: float) -> float:
-        """Return the time constant that the slowest part lies above with a probability. [s]"""
+        """Return the longest time constant t with P(tau >= t) >= `share`, tau the slowest of a curve. [s]"""
         order = np.argsort(self.taus[:, -1])
         tail = np.cumsum(self.weights[order][::-1])[::-1]
         above = np.flatnonzero(tail >= share)
@@ -139,13 +146,13 @@ class Approach:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """A temperature that the readings follow, seen through every time constant.
+    """A temperature that the readings follow through first-order lags.
 
     Parameters
     ----------
     times, values : array (samples,)    Temperature less its last level. [s], [K]
-    last : float                        Its last level, which is taken to hold. [K]
-    memo : Memo                         It behind time constants.
+    last : float                        Its last level, taken to hold. [K]
+    memo : Memo                         Lagged temperatures by time constant.
     """
 
     times: FloatArray
@@ -154,10 +161,11 @@ class Reference:
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     def filtered(self, tau: float) -> FloatArray:
-        """Return it behind one time constant (samples,), straight between samples. [K]"""
+        """Return it behind a first-order lag, tau dy/dt = u - y, u straight between samples and y(0) = u(0) (samples,). [K]"""
         return self.memo.value(tau, lambda: self._filter(tau))
 
     def _filter(self, tau: float) -> FloatArray:
+        """Compute `filtered` sample by sample, exactly for straight lines."""
         out = np.empty(self.values.size)
         out[0] = self.values[0]
         for k in range(1, self.values.size):
@@ -168,9 +176,9 @@ class Reference:
         return out
 
     def later(self, taus: FloatArray, fall: FloatArray) -> FloatArray:
-        """Return what it still gives at a later time (parts, modes), its last level held. [K]"""
+        """Return its terms at a later time (parts, modes): the last lagged values times `fall`, which is exp(-(t - now) / tau). [K]"""
         ends = np.vectorize(lambda tau: self.filtered(float(tau))[-1])(taus) * fall
-        return _gains(ends)
+        return _mean_and_differences(ends)
 
 
 def approach(
@@ -181,46 +189,55 @@ def approach(
     room: tuple[FloatArray, FloatArray] | None = None,
     bent: float = CURVATURE_SHARE_OF_READINGS,
 ) -> Approach:
-    """Return what readings under constant conditions say about their end.
+    """Fit sums of exponentials to readings under constant conditions, and weigh them by their evidence.
+
+    Readings are reduced to medians without the first `SKIPPED_SHARE`. Each pair of time constants of a grid is one curve, linear in its
+    amplitudes; its weight is prior times evidence (Bayesian model averaging).
 
     Parameters
     ----------
-    times, kelvin : array (samples,)    Readings of the stretch. [s], [K]
-    slowest : float                     Longest time constant that is thought possible. [s]
-    time_constants : sequence of float  Time constants by a model, in place of the search; trusted to 20 %. [s]
-    room : (times, kelvin)              A temperature that the readings follow, such as the air around. [s], [K]
+    times, kelvin : array (samples,)    Readings. [s], [K]
+    slowest : float                     Longest time constant that is possible. [s]
+    time_constants : sequence of float  Time constants of a model, in place of the grid; trusted to 20 %. [s]
+    room : (times, kelvin)              A temperature that the readings follow, such as the air. [s], [K]
     bent : float                        Share of the change in the readings by which exponentials may miss them. [-]
     """
     span = float(times[-1] - times[0])
-    axis, medians, scatter = _medians(times, kelvin, times[0] + SKIP * span)
+    axis, medians, scatter = _medians(times, kelvin, times[0] + SKIPPED_SHARE * span)
     now = float(times[-1])
     reference = None if room is None else _reference(*room, axis)
     scale = max(float(np.ptp(_medians(times, kelvin, float(times[0]))[1])), 1e-3)
     middle = float(medians[-1])
     if time_constants:
-        slow_constants = sorted(t for t in time_constants if np.isfinite(t) and t > span * FASTEST / 3.0)[-3:] or [max(time_constants)]
+        slow_constants = sorted(t for t in time_constants if np.isfinite(t) and t > span * MIN_TIME_CONSTANT_SHARE_TRIED / 3.0)[-3:] or [
+            max(time_constants)
+        ]
         taus = SCALES[:, None] * np.array(slow_constants)[None, :]
         prior = np.exp(-0.5 * np.linspace(-2.0, 2.0, SCALES.size) ** 2)
     else:
-        taus = _pairs(span, slowest)
+        taus = _time_constant_pairs(span, slowest)
         prior = np.ones(taus.shape[0])
     designs = np.stack([_design(axis, now, row, reference) for row in taus])
     terms = designs.shape[2]
-    _, _, residuals_of_each, _ = _ridge(designs, medians - middle, scale, taus.shape[1], 1e-6 * scale)
+    _, _, residuals_of_each, _ = _bayesian_regression(designs, medians - middle, scale, taus.shape[1], 1e-6 * scale)
     residuals = residuals_of_each[int(np.argmin(np.einsum("pb,pb->p", residuals_of_each, residuals_of_each)))]
     worth = effective_samples(residuals, terms + 2)
     factor = medians.size / worth
     noise = float(np.sqrt(residuals @ residuals / max(medians.size - factor * (terms + 2), medians.size / 4.0)))
     noise = max(noise, scatter / 12.0, 1e-6 * scale)
     size = float(np.hypot(noise, bent * np.ptp(medians)) * factor**0.5)
-    means, covariances, _, evidence = _ridge(designs, medians - middle, scale, taus.shape[1], size)
+    means, covariances, _, evidence = _bayesian_regression(designs, medians - middle, scale, taus.shape[1], size)
     means[:, 0] += middle
     weights = prior * np.exp(evidence - evidence.max())
     return Approach(float(times[0]), now, taus, weights / weights.sum(), means, covariances, noise, scatter, worth, reference)
 
 
 def _medians(times: FloatArray, kelvin: FloatArray, begin: float) -> tuple[FloatArray, FloatArray, float]:
-    """Return times and medians of bins, and the scatter of readings about them (by their median deviation). [s], [K], [K]"""
+    """Return times [s] and medians [K] of bins from `begin` on, and the standard deviation of readings about them. [K]
+
+    It is the median absolute deviation over 0.6745. Up to `MEDIANS_OF_READINGS` readings are taken as they are, with that of successive
+    differences over sqrt(2).
+    """
     late = times >= begin
     t, y = times[late], kelvin[late]
     if t.size <= MEDIANS_OF_READINGS:
@@ -232,19 +249,19 @@ def _medians(times: FloatArray, kelvin: FloatArray, begin: float) -> tuple[Float
     filled = [g for g in groups if g.any()]
     axis = np.array([t[g].mean() for g in filled])
     # a mean of the middle half resists spikes as a median does, and is not bound to the steps of a sensor
-    medians = np.array([_middle(y[g]) for g in filled])
+    medians = np.array([_interquartile_mean(y[g]) for g in filled])
     off = np.concatenate([y[g] - m for g, m in zip(filled, medians, strict=True)])
     return axis, medians, float(np.median(np.abs(off)) / 0.6745)
 
 
-def _middle(values: FloatArray) -> float:
-    """Return the mean of the middle half."""
+def _interquartile_mean(values: FloatArray) -> float:
+    """Return the mean of the middle half of some values."""
     cut = values.size // 4
     return float(np.sort(values)[cut : values.size - cut].mean())
 
 
 def _reference(times: FloatArray, kelvin: FloatArray, axis: FloatArray) -> Reference:
-    """Return a reference on the axis of the medians, less its last level."""
+    """Return a reference of (times [s], kelvin) on the times of the medians, less the mean of its last tenth."""
     _, smooth, _ = _medians(times, kelvin, float(times[0]))
     points, _, _ = _medians(times, times, float(times[0]))
     last = float(smooth[-max(smooth.size // 10, 1) :].mean())
@@ -252,9 +269,9 @@ def _reference(times: FloatArray, kelvin: FloatArray, axis: FloatArray) -> Refer
     return Reference(grid, np.interp(grid, points, smooth) - last, last)
 
 
-def _pairs(span: float, slowest: float) -> FloatArray:
-    """Return pairs of time constants (pairs, 2), the slower one second. [s]"""
-    fast = span * FASTEST
+def _time_constant_pairs(span: float, slowest: float) -> FloatArray:
+    """Return pairs of time constants (pairs, 2) of a logarithmic grid up to `slowest`, the slower second, two steps apart at least. [s]"""
+    fast = span * MIN_TIME_CONSTANT_SHARE_TRIED
     top = max(slowest, 3.0 * fast)
     count = max(3, round(TIME_CONSTANTS_PER_DECADE * np.log10(top / fast)) + 1)
     grid = np.geomspace(fast, top, count)
@@ -262,25 +279,38 @@ def _pairs(span: float, slowest: float) -> FloatArray:
 
 
 def _design(axis: FloatArray, now: float, taus: FloatArray, room: Reference | None) -> FloatArray:
-    """Return the terms (bins, terms): a constant, the exponentials, the reference behind each time constant."""
+    """Return the terms of a curve at times `axis` (bins, terms): 1, exp(-(t - now) / tau) for each tau, the reference behind each."""
     columns = [np.ones(axis.size), *(np.exp(-(axis - now) / tau) for tau in taus)]
     if room is not None:
         where = np.searchsorted(room.times, axis)
-        columns += list(_gains(np.column_stack([room.filtered(float(tau))[where] for tau in taus])).T)
+        columns += list(_mean_and_differences(np.column_stack([room.filtered(float(tau))[where] for tau in taus])).T)
     return np.column_stack(columns)
 
 
-def _gains(behind: FloatArray) -> FloatArray:
-    """Return what gains multiply (..., modes): the mean of the reference behind all time constants, and each other's difference from it."""
+def _mean_and_differences(behind: FloatArray) -> FloatArray:
+    """Return columns (rows, modes) as their mean and, but for the first column, their differences from it."""
     mean = behind.mean(axis=1)
     return np.column_stack([mean, *(behind[:, k] - mean for k in range(1, behind.shape[1]))])
 
 
-def _ridge(x: FloatArray, y: FloatArray, scale: float, modes: int, size: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return means (parts, terms) and covariances of the terms of every part, what is left of the readings, and the log of its evidence.
+def _bayesian_regression(
+    x: FloatArray, y: FloatArray, scale: float, modes: int, size: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return posterior means (parts, terms), covariances, residuals (parts, bins) and log evidence (parts,) of linear models.
 
-    `x` are the terms (parts, bins, terms), `y` the readings (bins,). Before any reading, the end lies within a few times the change seen,
-    each amplitude (at the beginning of the readings) within once that change, and the reference is followed with a gain of one.
+    With terms X of a part, prior mean m and standard deviations S = diag(s), noise `size` and A = 1 + S X'X S / size^2: covariance S A^-1
+    S,
+    mean m + S A^-1 S X'(y - X m) / size^2, log evidence -(r'r / size^2 - b'A^-1 b) / 2 - log det(A) / 2 with r = y - X m, b = S X'r /
+    size^2.
+
+    Parameters
+    ----------
+    x : array (parts, bins, terms)  Terms: 1, `modes` exponentials, the reference.
+    y : array (bins,)               Readings less their last. [K]
+    scale : float                   Change that was seen: the prior of the end is 3 times it, that of an amplitude at the first bin once.
+                                    [K]
+    modes : int                     Number of exponentials; prior of the reference's gain is 1 +- 0.1, of differences 0 +- 0.5.
+    size : float                    Standard deviation of a median. [K]
     """
     parts, _, terms = x.shape
     begin = np.maximum(np.abs(x[:, 0, 1 : 1 + modes]), 1e-12)

@@ -11,9 +11,10 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import RecordError, ScenarioError
 from thermid.base.expression import amount
+from thermid.base.linear_algebra import Bools
 from thermid.base.results import Result, Row
 from thermid.measure.amounts import duration_text, positive_seconds, short
-from thermid.measure.records import BoolArray, FloatArray, Record, stretch, within_log
+from thermid.measure.records import FloatArray, Record, stretch, within_log
 from thermid.measure.steadiness import StabilityRule, rule_of
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
@@ -37,7 +38,7 @@ MAX_UNSEEN_SLOWNESS: Final = 10.0
 
 @dataclass(frozen=True)
 class IntervalEstimate:
-    """A temperature with its interval. [K]"""
+    """A temperature with the ends of its interval. [K]"""
 
     value: float
     low: float
@@ -45,29 +46,29 @@ class IntervalEstimate:
 
     @property
     def error(self) -> float:
-        """Half of the interval. [K]"""
+        """Half-width of the interval. [K]"""
         return 0.5 * (self.high - self.low)
 
     def __str__(self) -> str:
-        """In Celsius."""
+        """Value and interval in Celsius."""
         return f"{self.value - ICE_POINT:.2f} degC ({self.low - ICE_POINT:.2f} to {self.high - ICE_POINT:.2f})"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class EndForecast:
-    """What every forecast of a channel's end says.
+    """Forecast of where a channel ends, common to `Forecast` and `ModelForecast`.
 
     Parameters
     ----------
-    channel : str               Where the readings came from.
+    channel : str               The channel.
     start, now : float          Begin and end of the readings that were used. [s]
-    latest : float              Where it stands now. [K]
-    final : IntervalEstimate    Where it ends, with its interval, whether declined or not.
+    latest : float              Its temperature now. [K]
+    final : IntervalEstimate    Final temperature with its interval, also where it is declined. [K]
     declined : str              Why the final temperature is not forecast; empty where it is.
-    within : float              Half of the interval that was asked for, at most. [K]
+    within : float              Largest half-width of an interval that is accepted. [K]
     level : float               Probability of the interval.
     rule : StabilityRule        Rule of stability.
-    holds : float or None       Time at which that rule will hold, as likely earlier as later; None where it is not to be seen. [s]
+    holds : float or None       Time at which that rule will hold, with a probability of one half; None where it is not to be seen. [s]
     """
 
     channel: str
@@ -83,11 +84,11 @@ class EndForecast:
 
     @property
     def saved(self) -> float | None:
-        """Time that need not be waited until the rule holds; None where that is not to be seen. [s]"""
+        """max(holds - now, 0): time that need not be waited until the rule holds; None where that is not to be seen. [s]"""
         return None if self.holds is None else max(self.holds - self.now, 0.0)
 
     def _object(self, slow: float | None, holds_late: float | None, by_model: bool) -> dict[str, Any]:
-        """Return it as JSON holds it; what was not asked is null."""
+        """Return it as JSON holds it; numbers that a kind of forecast does not have are null."""
         final = self.final
         return {
             "channel": self.channel,
@@ -109,12 +110,12 @@ class EndForecast:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Forecast(EndForecast, Result):
-    """What a channel will do under conditions that stay as they are; what is not named here is as in `EndForecast`.
+    """Forecast of a channel under conditions that stay as they are; further fields are those of `EndForecast`.
 
     Parameters
     ----------
-    record : str                Where the readings came from.
-    slow : float                Time constant that the readings cannot exclude. [s]
+    record : str                Name of the record.
+    slow : float                Longest time constant that the readings do not exclude. [s]
     holds_late : float or None  Time at which the rule will hold with a probability of 95 %. [s]
     by_model : bool             Whether time constants came from a model.
     reference : float or None   Level of the reference at which all this holds. [K]
@@ -129,7 +130,12 @@ class Forecast(EndForecast, Result):
     _step: float = field(repr=False)
 
     def reading(self, time: str | float, level: float | None = None) -> IntervalEstimate:
-        """Return what one reading at a later time will say, with the same probability or another.
+        """Return what one reading at a later time will be, with its interval.
+
+        Parameters
+        ----------
+        time : str or float     The time. [s]
+        level : float           Probability of the interval; that of the forecast by default.
 
         Raises
         ------
@@ -142,11 +148,11 @@ class Forecast(EndForecast, Result):
                 f"{self.record}, {self.channel}",
                 code="value.outside-range",
             )
-        return estimate(with_step(self._approach.at(at, reading=True), self._step), level or self.level)
+        return median_and_interval(with_rounding(self._approach.at(at, reading=True), self._step), level or self.level)
 
     @property
     def drift(self) -> float:
-        """Drift that the readings cannot tell from none. [K/s]"""
+        """The smallest drift that the readings can show: twice the spread of the curves' rates, at least 2 noise / duration. [K/s]"""
         rates = self._approach.rate(self.now)
         mean = float(self._approach.weights @ rates)
         spread = float(np.sqrt(self._approach.weights @ (rates - mean) ** 2))
@@ -157,7 +163,7 @@ class Forecast(EndForecast, Result):
         return self._object(self.slow, self.holds_late, self.by_model)
 
     def _risk(self) -> str:
-        """Return what may be wrong with the final temperature."""
+        """Return what may be wrong with the final temperature, in words."""
         often = f"{100 * (1 - self.level):.3g} of 100 such forecasts are wrong"
         if self.by_model:
             return f"{often}, if the model includes every slow part"
@@ -168,7 +174,7 @@ class Forecast(EndForecast, Result):
         )
 
     def __str__(self) -> str:
-        """The forecast in words, with what it saves and risks."""
+        """The forecast in words, with the time that it saves and its risk."""
         watched = duration_text(self.now - self.start)
         head = f"{self.channel} of {self.record}: {self.latest - ICE_POINT:.2f} degC after {watched}"
         lines = [head]
@@ -191,27 +197,27 @@ class Forecast(EndForecast, Result):
         return "\n".join(lines)
 
     def _as_rows(self) -> list[Row]:
-        """Return where it will end. [degC]"""
-        e = self.final
-        return [{"channel": self.channel, "final_C": e.value - ICE_POINT, "low_C": e.low - ICE_POINT, "high_C": e.high - ICE_POINT}]
+        """Return the final temperature, None where it is declined, with its interval. [degC]"""
+        e, final = self.final, None if self.declined else self.final.value - ICE_POINT
+        return [{"channel": self.channel, "final_C": final, "low_C": e.low - ICE_POINT, "high_C": e.high - ICE_POINT}]
 
 
-def with_step(mixture: Mixture, step: float) -> Mixture:
-    """Return a mixture with the steps of the sensor in its spreads."""
+def with_rounding(mixture: Mixture, step: float) -> Mixture:
+    """Return a mixture whose variances include step^2 / 12, those of readings rounded to a step. [K]"""
     return Mixture(mixture.weights, mixture.means, np.sqrt(mixture.spreads**2 + step**2 / 12.0))
 
 
-def estimate(mixture: Mixture, level: float) -> IntervalEstimate:
-    """Return the median of a mixture with its interval."""
+def median_and_interval(mixture: Mixture, level: float) -> IntervalEstimate:
+    """Return the median of a mixture, with the interval of a probability `level` about it. [K]"""
     return IntervalEstimate(mixture.quantile(0.5), mixture.quantile(0.5 - level / 2.0), mixture.quantile(0.5 + level / 2.0))
 
 
-def _limit(slowest: str | float | None, span: float, where: str) -> float:
-    """Return the longest time constant that is thought possible. [s]
+def _longest_time_constant(slowest: str | float | None, span: float, where: str) -> float:
+    """Return the longest time constant that is possible: as given, or `MAX_UNSEEN_SLOWNESS` times the duration `span` of the readings. [s]
 
     Raises
     ------
-    RecordError   When it is far below the stretch of readings, or beyond all reason.
+    RecordError   When it is below a tenth of the duration or above 1e6 times it.
     """
     limit = positive_seconds(slowest, "slowest") if slowest is not None else MAX_UNSEEN_SLOWNESS * span
     if limit < MIN_TIME_CONSTANT_SHARE * span:
@@ -246,15 +252,15 @@ def forecast(
     model: Model | None = None,
     scenario: Scenario | None = None,
 ) -> Forecast:
-    """Return where a channel will end if conditions stay as they are, or why that cannot be said.
+    """Forecast where a channel ends if conditions stay as they are, or state why that cannot be said.
 
     Parameters
     ----------
     record : Record
-    channel : str               The channel; not needed where the record has one temperature.
+    channel : str               The channel; may be left out where the record has one temperature.
     since, until : str or float The stretch to use, from the last change of conditions on, as in `Record.trim`.
     rule : str                  Rule of stability that the test waits for.
-    within : str or float       Half of the interval, at most; a wider forecast is declined. [K]
+    within : str or float       Largest half-width of the interval; a wider forecast is declined. [K]
     level : float               Probability of the interval.
     reference : str             Channel that the temperature follows, such as the air; its last level is taken to hold.
     slowest : str or float      Longest time constant that the unit can have, where that is known; ten times the stretch otherwise. [s]
@@ -265,13 +271,13 @@ def forecast(
     RecordError     When readings are too few, or a name does not fit.
     ScenarioError   When a model comes without a scenario.
     """
-    name = channel or _only(record)
+    name = channel or _only_temperature(record)
     within_log(record, until, f"{record.name}, forecast")
     inside, _ = stretch(record, since, until, f"{record.name}, forecast")
     times, kelvin = _readings(record, name, inside, level)
     span = float(times[-1] - times[0])
-    limit = _limit(slowest, span, f"{record.name}, {name}, slowest")
-    constants = _of_model(model, scenario)
+    limit = _longest_time_constant(slowest, span, f"{record.name}, {name}, slowest")
+    constants = _model_time_constants(model, scenario)
     room = None
     if reference:
         air = record.channel(reference)
@@ -283,7 +289,7 @@ def forecast(
     if not half > 0.0:
         raise RecordError(f"half of an interval is above zero, not {half:g} K.", f"{record.name}, within", code="value.outside-range")
     step = record.channel(name).step
-    final, slow = estimate(with_step(guard.at(float("inf")), step), level), guard.slowest(SLOW_SHARE)
+    final, slow = median_and_interval(with_rounding(guard.at(float("inf")), step), level), guard.slowest(SLOW_SHARE)
     return Forecast(
         record=record.name,
         channel=name,
@@ -291,7 +297,7 @@ def forecast(
         now=curve.now,
         latest=curve.at(curve.now).mean,
         final=final,
-        declined="" if final.error <= half else _reason(final, half, slow, span, bool(constants), slowest is not None, level),
+        declined="" if final.error <= half else _why_declined(final, half, slow, span, bool(constants), slowest is not None, level),
         within=half,
         level=level,
         slow=slow,
@@ -305,8 +311,13 @@ def forecast(
     )
 
 
-def _readings(record: Record, name: str, inside: BoolArray, level: float) -> tuple[FloatArray, FloatArray]:
-    """Return the readings of a stretch. [s], [K]"""
+def _readings(record: Record, name: str, inside: Bools, level: float) -> tuple[FloatArray, FloatArray]:
+    """Return times and valid readings of a temperature in a stretch. [s], [K]
+
+    Raises
+    ------
+    RecordError   When it is no temperature, has fewer than `MIN_FORECAST_READINGS`, or `level` is not from 0.5 to 1.
+    """
     measured, where = record.channel(name), f"{record.name}, {name}"
     if measured.quantity != "temperature":
         raise RecordError(f"it is a {measured.quantity}; temperatures are forecast.", where, code="record.does-not-apply")
@@ -322,8 +333,8 @@ def _readings(record: Record, name: str, inside: BoolArray, level: float) -> tup
     return record.times[keep], measured.values[keep]
 
 
-def _only(record: Record) -> str:
-    """Return the one temperature of a record.
+def _only_temperature(record: Record) -> str:
+    """Return the name of the only temperature of a record.
 
     Raises
     ------
@@ -336,8 +347,13 @@ def _only(record: Record) -> str:
     return record.measured[0]
 
 
-def _of_model(model: Model | None, scenario: Scenario | None) -> Sequence[float]:
-    """Return the time constants of a model under conditions. [s]"""
+def _model_time_constants(model: Model | None, scenario: Scenario | None) -> Sequence[float]:
+    """Return the time constants of a model under conditions; empty without a model. [s]
+
+    Raises
+    ------
+    ScenarioError   When there is no scenario.
+    """
     if model is None:
         return ()
     if scenario is None:
@@ -350,8 +366,8 @@ def _of_model(model: Model | None, scenario: Scenario | None) -> Sequence[float]
     return tuple(float(t) for t in constants if np.isfinite(t))
 
 
-def _reason(final: IntervalEstimate, within: float, slow: float, span: float, by_model: bool, limited: bool, level: float) -> str:
-    """Return why a final temperature is declined."""
+def _why_declined(final: IntervalEstimate, within: float, slow: float, span: float, by_model: bool, limited: bool, level: float) -> str:
+    """Return why a final temperature is declined, in words: slow parts, or noise."""
     text = (
         f"The final temperature could be from {final.low - ICE_POINT:.1f} to {final.high - ICE_POINT:.1f} degC ({100 * level:g} %), "
         "wider than the "
@@ -375,7 +391,7 @@ def _time_rule_holds(curve: Approach, rule: StabilityRule, probability: float, s
     def holds(at: float) -> bool:
         """Whether the change over the window that ends at a time is within the rule, with that probability over the curves."""
         begin = max(at - window, curve.start)
-        moved = np.einsum("pt,pt->p", curve._terms(at) - curve._terms(begin), curve.means)
+        moved = np.einsum("pt,pt->p", curve._factors(at) - curve._factors(begin), curve.means)
         return float(curve.weights @ (np.abs(moved) <= rule.rate * window)) >= probability
 
     low = max(curve.now, curve.start + rule.window)

@@ -39,11 +39,11 @@ from thermid.simulation.runs import Solution
 
 @dataclass(frozen=True)
 class Stored:
-    """How much heat a unit still takes up, beside its power.
+    """Heat that a unit still takes up, compared with its power.
 
     Parameters
     ----------
-    watts, error : float    Heat that it takes up, below zero where it gives heat off; its standard error. [W]
+    watts, error : float    Heat that it takes up, negative where it gives heat off; its standard error. [W]
     power : float           Mean power of its loads over the window. [W]
     start, end : float      The window. [s]
     verdict : str           ``stable``, ``not stable``, or ``cannot tell``.
@@ -59,7 +59,7 @@ class Stored:
     nodes: Mapping[str, float]
 
     def __str__(self) -> str:
-        """The heat, its share of the power, and what that means."""
+        """The heat, its share of the power, and the verdict."""
         share, sure = 100.0 * self.watts / self.power, 100.0 * self.error / self.power
         size = f"{self.watts:+.3g} +- {self.error:.2g} W" if self.error else f"{self.watts:+.3g} W"
         part = f"{share:+.2g} +- {sure:.1g} %" if self.error else f"{share:+.2g} %"
@@ -72,12 +72,12 @@ class Stored:
 
 @dataclass(frozen=True)
 class Remaining:
-    """How far a temperature still has to go.
+    """Change of a temperature that is still to come.
 
     Parameters
     ----------
-    value, low, high : float    The change to come, with its 95 % interval. [K]
-    basis : str                 What it rests on: rate times time constant, or the readings themselves.
+    value, low, high : float    The change, with its 95 % interval. [K]
+    basis : str                 How it was found: rate times time constant, or from the readings alone.
     """
 
     value: float
@@ -92,18 +92,18 @@ class Remaining:
 
 @dataclass(frozen=True)
 class Stability(Result):
-    """Whether temperatures are stable by a rule.
+    """Verdict of a rule of stability on a record or a run.
 
     Parameters
     ----------
     title : str                 The record or run.
     rule : StabilityRule
     at : float                  Time of the question. [s]
-    channels : dict             Name -> what its readings, or its trace, say.
-    remaining : dict            Name -> how far it still has to go.
+    channels : dict             Name -> rate, error and verdict of one channel or node.
+    remaining : dict            Name -> change that is still to come.
     since : dict                Name -> time from which it is stable; None where it is not. [s]
-    tau : float or None         Time constant that the remaining change stands on. [s]
-    stored : Stored or None     Of a rule on stored heat: what all of the unit takes up.
+    tau : float or None         Time constant by which the remaining change was computed. [s]
+    stored : Stored or None     Heat that the unit takes up, for a rule on stored heat.
     """
 
     title: str
@@ -117,12 +117,12 @@ class Stability(Result):
 
     @property
     def slowest(self) -> str:
-        """The channel that is furthest from stable."""
+        """The channel with the largest |rate| + 2 standard errors."""
         return max(self.channels, key=lambda n: abs(self.channels[n].rate) + DOUBT_IN_ERRORS * self.channels[n].error)
 
     @property
     def verdict(self) -> str:
-        """``stable``, ``not stable``, or ``cannot tell``: that of the worst channel, or of the heat that all take up together."""
+        """``stable``, ``not stable`` or ``cannot tell``: the worst of the channels', or that of the stored heat."""
         if self.stored is not None:
             return self.stored.verdict
         verdicts = {c.verdict for c in self.channels.values()}
@@ -130,16 +130,16 @@ class Stability(Result):
 
     @property
     def stable(self) -> bool:
-        """Whether every channel is stable beyond doubt."""
+        """Whether every channel is stable beyond two standard errors."""
         return self.verdict == "stable"
 
     @property
     def decides(self) -> bool:
-        """Whether a verdict may rest on the rule: it was not written down from memory."""
+        """Whether a verdict may use the rule: its number does not come from memory."""
         return self.rule.mark != "memory"
 
     def as_object(self) -> dict[str, Any]:
-        """Return it as JSON holds it."""
+        """Return it as plain numbers for JSON. [SI]"""
         return {
             "rule": self.rule.name,
             "source": self.rule.source,
@@ -166,7 +166,7 @@ class Stability(Result):
         }
 
     def __str__(self) -> str:
-        """The verdict, every channel, what is left to go."""
+        """The verdict, and every channel with the change that is still to come."""
         lines = [f"{self.title}: {self.verdict} by '{self.rule.name}' ({self.rule.source}; {self.rule.mark}); slowest: {self.slowest}"]
         lines += [] if self.stored is None else [f"  {self.stored}"]
         for name, c in self.channels.items():
@@ -199,19 +199,19 @@ def stability(
     run: Solution | None = None,
     unit: str = "",
 ) -> Stability:
-    """Return whether temperatures are stable by a rule, which is the slowest, and what the rule leaves unfinished.
+    """Judge whether temperatures are stable by a rule: the verdict, the slowest channel, and the change still to come.
 
     Parameters
     ----------
     of : Record, Solution or ProfileRun     A log, or a simulated run.
     rule : str              A named rule, or one of the project's own: ``0.5 K/h``, ``0.3 C/h over 2 h``.
     channels : iterable     Channels of a log, nodes of a run; every measured temperature, every node without a given temperature.
-    since, at : str, float  When conditions last changed, and the time of the question.
-    tau : str or float      Slowest time constant, for what is left to go; of a run its own, of a log what its readings say. [s]
+    since, at : str, float  When conditions last changed, and the time of the question. [s]
+    tau : str or float      Slowest time constant, for the remaining change; by default a run's own, or what the readings of a log show. [s]
     reference : str         Channel of a log that the temperatures follow, such as the air.
     run : Solution          For a rule on stored heat (``stored 3 %``) and a log: a run of the model under the same conditions, which gives
                             capacitances and powers. Every node that stores heat must be measured.
-    unit : str              For such a rule: the submodel that is the unit; all of the model where none is named.
+    unit : str              For such a rule: the submodel that is the unit; all of the model by default.
 
     Raises
     ------
@@ -235,6 +235,7 @@ def _of_record(
     run: Solution | None,
     unit: str,
 ) -> Stability:
+    """Judge a log; arguments as of `stability`, times in s."""
     within_log(record, at, f"{record.name}, stability")
     inside, _ = stretch(record, since, at, f"{record.name}, stability")
     times = record.times[inside]
@@ -255,21 +256,21 @@ def _of_record(
     for name, c in states.items():
         valid = cut.channel(name).valid
         if tau is not None:
-            remaining[name] = _rate_times(c, tau)
+            remaining[name] = _rate_times_tau(c, tau)
         elif np.count_nonzero(valid) >= MIN_FORECAST_READINGS:
-            remaining[name] = _by_readings(cut.times[valid], cut.channel(name).values[valid], room)
+            remaining[name] = _remaining_by_readings(cut.times[valid], cut.channel(name).values[valid], room)
     return Stability(record.name, rule, end, states, remaining, stable_since, tau, stored)
 
 
-def _rate_times(c: ChannelStability, tau: float) -> Remaining:
-    """Return rate times time constant, with the errors of both. [K]"""
+def _rate_times_tau(c: ChannelStability, tau: float) -> Remaining:
+    """Return the remaining change rate tau, with twice the standard error sqrt((error tau)^2 + (0.2 rate tau)^2). [K]"""
     value = c.rate * tau
     error = 2.0 * float(np.hypot(c.error * tau, TAU_ERROR * value))
     return Remaining(value, value - error, value + error, f"rate times a time constant of {duration_text(tau)}")
 
 
-def _by_readings(times: FloatArray, kelvin: FloatArray, room: tuple[FloatArray, FloatArray] | None) -> Remaining:
-    """Return what the readings themselves say of the change to come. [K]"""
+def _remaining_by_readings(times: FloatArray, kelvin: FloatArray, room: tuple[FloatArray, FloatArray] | None) -> Remaining:
+    """Return the remaining change that readings (samples,) show, as a forecast of them does. [s], [K]"""
     curve = approach(times, kelvin, MAX_UNSEEN_SLOWNESS * float(times[-1] - times[0]), room=room, bent=GUARD)
     now, end = curve.at(curve.now).mean, curve.at(float("inf"))
     return Remaining(end.quantile(0.5) - now, end.quantile(0.025) - now, end.quantile(0.975) - now, "by the readings alone")
@@ -278,6 +279,12 @@ def _by_readings(times: FloatArray, kelvin: FloatArray, room: tuple[FloatArray, 
 def _of_solution(
     run: Solution, rule: StabilityRule, names: tuple[str, ...], since: str | float, at: str | float, tau: float | None, unit: str
 ) -> Stability:
+    """Judge a run; arguments as of `stability`, times in s.
+
+    Raises
+    ------
+    RecordError   When the rule's window is not within the run.
+    """
     begin = 0.0 if since == "start" else positive_seconds(since, "since")
     end = float(run.times[-1]) if at == "end" else positive_seconds(at, "at")
     slow = tau if tau is not None else next((float(t) for t in run.time_constants if np.isfinite(t)), None)
@@ -293,13 +300,13 @@ def _of_solution(
         stored, states = _stored_in_run(run, rule, end - window, end, unit)
     else:
         nodes = names or tuple(n for n in run.nodes if n not in run._run.network.boundaries)
-        states = {n: _moved(run, n, rule, end - window, end) for n in nodes}
-    remaining = {n: _rate_times(c, slow) for n, c in states.items()} if slow is not None else {}
+        states = {n: _node_stability(run, n, rule, end - window, end) for n in nodes}
+    remaining = {n: _rate_times_tau(c, slow) for n, c in states.items()} if slow is not None else {}
     return Stability(f"{run.title}, {run.scenario}", rule, end, states, remaining, {}, slow, stored)
 
 
-def _moved(run: Solution, node: str, rule: StabilityRule, start: float, end: float) -> ChannelStability:
-    """Return how far a simulated node moved within a window, by a rule on the rate."""
+def _node_stability(run: Solution, node: str, rule: StabilityRule, start: float, end: float) -> ChannelStability:
+    """Judge a simulated node by the range of its temperature over the window, (T_max - T_min) / window. [K/s]"""
     trace, window = run[node], end - start
     inside = (trace.times >= start) & (trace.times <= end)
     course = np.concatenate([trace.at(np.array([start, end])), trace.celsius[inside]])
@@ -309,7 +316,7 @@ def _moved(run: Solution, node: str, rule: StabilityRule, start: float, end: flo
 
 
 def _capacities(run: Solution, unit: str) -> dict[str, float]:
-    """Return node of a unit -> its capacitance at the end of a run. [J/K]"""
+    """Return node -> capacitance at the end of a run, of the nodes of a unit that store heat. [J/K]"""
     network = run._run.network
     ahead = f"{unit}." if unit else ""
     out = {}
@@ -322,12 +329,12 @@ def _capacities(run: Solution, unit: str) -> dict[str, float]:
     return out
 
 
-def _power(run: Solution, unit: str, start: float, end: float) -> float:
-    """Return the mean power of a unit's loads over a window, each without its sign. [W]
+def _mean_power(run: Solution, unit: str, start: float, end: float) -> float:
+    """Return the mean of the sum of |power| of a unit's loads between two times. [W]
 
     Raises
     ------
-    RecordError   When there is none to compare with.
+    RecordError   When it is zero.
     """
     ahead = f"{unit}." if unit else ""
     axis = np.linspace(start, end, 61)
@@ -343,7 +350,7 @@ def _power(run: Solution, unit: str, start: float, end: float) -> float:
 
 
 def _stored_in_run(run: Solution, rule: StabilityRule, start: float, end: float, unit: str) -> tuple[Stored, dict[str, ChannelStability]]:
-    """Return what a simulated unit takes up over a window, and the rate of every node.
+    """Return the heat that a simulated unit takes up, sum of C (T(end) - T(start)) / (end - start), and the rate of every node.
 
     Raises
     ------
@@ -352,7 +359,7 @@ def _stored_in_run(run: Solution, rule: StabilityRule, start: float, end: float,
     capacities = _capacities(run, unit)
     rates = {n: float(np.diff(run[n].at(np.array([start, end])))[0]) / (end - start) for n in capacities}
     nodes = {n: c * rates[n] for n, c in capacities.items()}
-    watts, power = sum(nodes.values()), _power(run, unit, start, end)
+    watts, power = sum(nodes.values()), _mean_power(run, unit, start, end)
     stored = Stored(watts, 0.0, power, start, end, verdict_of(watts, 0.0, rule.rate * power), nodes)
     return stored, {n: ChannelStability(n, rate, 0.0, start, end, 2, "") for n, rate in rates.items()}
 
@@ -360,9 +367,11 @@ def _stored_in_run(run: Solution, rule: StabilityRule, start: float, end: float,
 def _stored_in_log(
     record: Record, channels: Sequence[str], rule: StabilityRule, end: float, run: Solution | None, unit: str = ""
 ) -> tuple[Stored, dict[str, ChannelStability]]:
-    """Return what readings say that a unit still takes up, and the rate of every channel.
+    """Return the heat that a unit takes up by its readings, sum of C dT/dt over nodes, and the rate of every channel.
 
-    The window is the shortest stretch up to the end whose error lets the question be answered, from 5 minutes on.
+    The window is the shortest one up to the end whose error lets the question be answered, from 5 minutes on. A node with several sensors
+    has
+    the mean of their rates.
 
     Parameters
     ----------
@@ -406,7 +415,7 @@ def _stored_in_log(
         nodes = {n: c * float(np.mean([drift[name].rate for name in sits[n]])) for n, c in capacities.items()}
         errors = [c * drift[name].error / len(sits[n]) ** 0.5 for n, c in capacities.items() for name in sits[n]]
         watts, error = sum(nodes.values()), float(np.sqrt(np.sum(np.square(errors))))
-        power = _power(run, unit, end - span, end)
+        power = _mean_power(run, unit, end - span, end)
         verdict = verdict_of(watts, error, rule.rate * power)
         if last or verdict != "cannot tell":
             break

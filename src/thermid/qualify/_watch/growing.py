@@ -25,11 +25,11 @@ from thermid.simulation.runs import Scenario
 
 Places = NDArray[np.intp]
 
-RAW: Final = 1200.0
+RAW_TIME: Final = 1200.0
 """What stays as it was read, for what readings alone show. [s]"""
 MIN_READINGS: Final = 240
 """Readings that stay at least, however far apart."""
-RECENT: Final = 4800.0
+RECENT_TIME: Final = 4800.0
 """What is averaged over `MAX_BLOCK` at most: twice the window of the filter. [s]"""
 MEAN_WINDOW: Final = 60.0
 """What is averaged where a longer stretch is not complete. [s]"""
@@ -41,34 +41,34 @@ ROWS_PER_E_FOLD: Final = 250.0
 """Rows in which the time since the beginning grows by e."""
 MAX_ROWS: Final = 6000
 """Rows of averages at most, beyond which powers are averaged too."""
-SPIKES: Final = 8
+MIN_SPIKE_CHANGES: Final = 8
 """Usual changes, or noises, by which a reading lies off those around it to count as a spike."""
-ROW: Final = 3
+MAX_SPIKE_READINGS: Final = 3
 """Readings in a row that may be a spike."""
-RARE: Final = 0.05
+MAX_SPIKE_SHARE: Final = 0.05
 """Part of the readings up to which those far from their neighbours are spikes."""
 MIN_GAP: Final = 300.0
 """Without readings from which on the state of the unit is open, and ten times their interval. [s]"""
-MINUTE: Final = 60.0
+TIME_BETWEEN_MOMENTS: Final = 60.0
 """Between the moments at which a log is judged. [s]"""
 FIRST_READINGS: Final = 10
 """Readings from which a log is judged."""
 MIN_NOISE: Final = 0.05
 """Noise of a reading at least, where nobody stated it. [K]"""
-CALM: Final = 600.0
+MIN_TIME_BETWEEN_PLATEAUS: Final = 600.0
 """Without a switch of a power before one that begins another plateau; powers that cycle faster do not. [s]"""
 CHUNK_BYTES: Final = 1 << 18
 """Bytes that are read at once."""
 MAX_UNREAD_LINES: Final = 20
 """Lines that a log is read from, or its refusal is said."""
-TRIES: Final = 3
+MAX_FAILED_LOOKS: Final = 3
 """Looks at a log that cannot be read any more before that is an error; the last line may be half written."""
-HEADS: Final = 200
+MAX_HEAD_LINES: Final = 200
 """Lines at the beginning within which header and first samples stand."""
 
 
 def switches(record: Record) -> Bools:
-    """Return the samples at which a logged power or command was switched (samples,); noise of a power meter is no switch."""
+    """Return the samples at which any logged power or command was switched (samples,)."""
     out = np.zeros(record.times.size, dtype=bool)
     for c in record.channels.values():
         if c.held:
@@ -76,23 +76,30 @@ def switches(record: Record) -> Bools:
     return out
 
 
-def plateaus(record: Record, plan: Scenario | None) -> Array:
-    """Return when known powers were switched after `CALM` seconds without that, by a log or a plan that counts from its beginning. [s]"""
+def plateau_starts(record: Record, plan: Scenario | None) -> Array:
+    """Return when known powers were switched, at least `MIN_TIME_BETWEEN_PLATEAUS` after the switch before. [s]
+
+    They are those of the log, and those of a plan on the log's clock.
+    """
     signals = [] if plan is None else [s for _, s in plan.signals() if isinstance(s, TableSignal) and s.held]
     planned = [record.times[0] + s.corners() for s in signals]
     times = np.unique(np.concatenate([record.times[switches(record)], *planned]))
     times = times[(times > record.times[0]) & (times < record.times[-1])]  # what changes at the last reading has not acted yet
-    return np.asarray(times[np.diff(times, prepend=record.times[0]) >= CALM])
+    return np.asarray(times[np.diff(times, prepend=record.times[0]) >= MIN_TIME_BETWEEN_PLATEAUS])
 
 
-def thinned(record: Record, raw: float = RAW, block: float = 0.0) -> Record:
-    """Return a record with readings averaged, as the module says; the record itself where nothing is.
+def with_block_means(record: Record, raw: float = RAW_TIME, block: float = 0.0) -> Record:
+    """Return a record with old readings averaged over blocks; the record itself where none are.
+
+    Readings of the last `raw` seconds stay. Up to `RECENT_TIME` ago they are averaged over `MAX_BLOCK` at most, before that over 1/250 of
+    the
+    time since a power last changed, so that rows grow with the logarithm of the duration.
 
     Parameters
     ----------
     record : Record
     raw : float         How far back readings stay as they are [s]; at least `MIN_READINGS` of them do, unless it is zero.
-    block : float       Over how long recent readings are averaged at least. [s]
+    block : float       Least length of the blocks of recent readings. [s]
     """
     since = record.times - record.times[0]
     step = _raw_step(record)
@@ -100,9 +107,9 @@ def thinned(record: Record, raw: float = RAW, block: float = 0.0) -> Record:
     last = np.maximum.accumulate(np.where(switched, np.arange(since.size), 0))
     alone = switched | np.concatenate([[True], switched[:-1]])
     alone[: min(2, since.size)] = True  # a record begins where it began
-    begins = _begins(since, since - since[last], alone, step, raw, block)
+    begins = _block_starts(since, since - since[last], alone, step, raw, block)
     if begins.size > MAX_ROWS + max(raw / max(step, 1e-9), MIN_READINGS if raw else 0.0):
-        begins = _begins(since, since, np.arange(since.size) < 2, step, raw, block)
+        begins = _block_starts(since, since, np.arange(since.size) < 2, step, raw, block)
     if begins.size == since.size:
         return record
     count = np.diff(begins, append=since.size)
@@ -111,17 +118,28 @@ def thinned(record: Record, raw: float = RAW, block: float = 0.0) -> Record:
 
 
 def _raw_step(record: Record) -> float:
-    """Return the time between readings as they come now. [s]"""
+    """Return the median interval of the latest readings. [s]"""
     return usual_step(record.times[-MIN_READINGS:])
 
 
-def _begins(since: Array, changed: Array, alone: Bools, step: float, raw: float, block: float) -> Places:
-    """Return the samples that begin a stretch, of times since the beginning and since a power changed [s]; each stretch is complete."""
+def _block_starts(since: Array, changed: Array, alone: Bools, step: float, raw: float, block: float) -> Places:
+    """Return the indices of samples (blocks,) at which a block of averaged readings begins; a reading that stays alone is a block.
+
+    Parameters
+    ----------
+    since, changed : array (samples,)   Time since the beginning, and since a power last changed. [s]
+    alone : array (samples,)            Whether a sample must not be averaged with others.
+    step : float                        Interval of the readings. [s]
+    raw, block : float                  As of `with_block_means`. [s]
+    """
     age, every = since[-1] - since, np.arange(since.size)
     wide = np.floor(ROWS_PER_E_FOLD * np.log1p(changed / (ROWS_PER_E_FOLD * max(step, MAX_BLOCK))))
-    middle, short = (_stretches(since, size, step) for size in (MEAN_WINDOW, max(block, _block(float(since[-1])))))
+    middle, short = (  # the number of the block that each sample lies in; its own where readings come no faster than blocks
+        np.floor(since / size + 1e-9) if step < size else np.arange(since.size, dtype=float)
+        for size in (MEAN_WINDOW, max(block, _block_length(float(since[-1]))))
+    )
     out, done = [], 0
-    for place, far in ((wide, RECENT), (middle, RECENT), (short, max(raw, MIN_READINGS * step) if raw else -1.0)):
+    for place, far in ((wide, RECENT_TIME), (middle, RECENT_TIME), (short, max(raw, MIN_READINGS * step) if raw else -1.0)):
         firsts = np.flatnonzero((np.diff(place, prepend=-1.0) != 0.0) | alone)
         end = int(firsts[np.searchsorted(firsts, int(np.searchsorted(-age, -far)), side="right") - 1]) if far >= 0.0 else since.size
         if end > done:
@@ -130,60 +148,62 @@ def _begins(since: Array, changed: Array, alone: Bools, step: float, raw: float,
     return np.concatenate([*out, every[done:]])
 
 
-def _stretches(since: Array, size: float, step: float) -> Array:
-    """Return the number of the stretch of a length [s] that every sample lies in; each its own where readings come no faster."""
-    return np.floor(since / size + 1e-9) if step < size else np.arange(since.size, dtype=float)
-
-
-def _block(duration: float) -> float:
-    """Return over how long readings of a log of a length are averaged, halved while the log is short. [s]"""
+def _block_length(duration: float) -> float:
+    """Return the block length for a log of a duration: `MAX_BLOCK` halved until the log has 1000 of them. [s]"""
     return float(MAX_BLOCK * 2.0 ** min(0.0, np.floor(np.log2(max(duration, 1e-9) / (AVERAGES_PER_LOG * MAX_BLOCK)))))
 
 
-def blocked(record: Record, least: float = 0.0) -> Record:
-    """Return a record as fit and filter take it: no stretch shorter than `least` [s], each complete, with the noise of a mean."""
+def block_means(record: Record, least: float = 0.0) -> Record:
+    """Return a record for fit and filter: means over complete blocks of at least `least` seconds, with the noise of a mean."""
     step, ends = _raw_step(record), record.times - record.times[0]
-    block = max(_block(float(ends[-1])), least)
+    block = max(_block_length(float(ends[-1])), least)
     complete = step >= block or ends[-1] % block >= block - 1.5 * step
-    blocks = thinned(record if complete else part(record, 0, int(np.searchsorted(ends, block * (ends[-1] // block) - 1e-9))), 0.0, block)
+    blocks = with_block_means(
+        record if complete else part(record, 0, int(np.searchsorted(ends, block * (ends[-1] // block) - 1e-9))), 0.0, block
+    )
     read = {
-        n: noise_of(record, n) for n, c in record.channels.items() if c.role == "node" or (c.role == "auto" and c.quantity == "temperature")
+        n: reading_noise(record, n)
+        for n, c in record.channels.items()
+        if c.role == "node" or (c.role == "auto" and c.quantity == "temperature")
     }
     many = max(block / max(step, 1e-9), 1.0)
-    return blocks.with_channels(*(replace(blocks.channel(n), noise=_of_mean(record.channel(n), noise, many)) for n, noise in read.items()))
+    return blocks.with_channels(
+        *(replace(blocks.channel(n), noise=_noise_of_mean(record.channel(n), noise, many)) for n, noise in read.items())
+    )
 
 
 def without_spikes(record: Record) -> Record:
-    """Return a record without up to three readings in a row that lie far from those around them, and without what came after a late jump.
+    """Return a record with spikes masked: up to three readings in a row that lie far from the median about them.
 
-    Where more than `RARE` of the readings lie so, what is measured moves like that, and all stay.
+    Readings after a jump at the very end are masked too, until more of them show whether it stays. Where more than `MAX_SPIKE_SHARE` of the
+    readings are far, the quantity moves like that, and all stay.
     """
     cleaned = []
     for c in record.channels.values():
         valid_samples = np.flatnonzero(c.valid)
-        if c.role not in ("node", "auto") or c.quantity != "temperature" or valid_samples.size < 2 * SPIKES:
+        if c.role not in ("node", "auto") or c.quantity != "temperature" or valid_samples.size < 2 * MIN_SPIKE_CHANGES:
             continue
         values = c.values[valid_samples]
         steps = np.abs(np.diff(values))
-        least = SPIKES * max(float(np.median(steps)) / 0.6745, noise_of(record, c.name))
-        # readings (samples,) less the median of twice `ROW` others about each, of fewer at the ends
+        least = MIN_SPIKE_CHANGES * max(float(np.median(steps)) / 0.6745, reading_noise(record, c.name))
+        # readings (samples,) less the median of twice `MAX_SPIKE_READINGS` others about each, of fewer at the ends
         beside = np.zeros(values.size)
-        for half in range(1, ROW + 1):
+        for half in range(1, MAX_SPIKE_READINGS + 1):
             about = np.lib.stride_tricks.sliding_window_view(values, 2 * half + 1)
             beside[half : values.size - half] = values[half : values.size - half] - np.median(about, axis=1)
         far = np.abs(beside) > least
-        if far.mean() > RARE:
+        if far.mean() > MAX_SPIKE_SHARE:
             continue
-        late = np.flatnonzero(steps[-ROW:] > least)  # whether what jumped last comes back is not known yet
+        late = np.flatnonzero(steps[-MAX_SPIKE_READINGS:] > least)  # whether what jumped last comes back is not known yet
         if late.size:
-            far[steps.size - min(ROW, steps.size) + int(late[0]) + 1 :] = True
+            far[steps.size - min(MAX_SPIKE_READINGS, steps.size) + int(late[0]) + 1 :] = True
         if far.any():
             cleaned.append(c.masked(np.isin(np.arange(c.values.size), valid_samples[far]), "spike"))
     return record.with_channels(*cleaned) if cleaned else record
 
 
-def smoothed(record: Record) -> Record:
-    """Return a record whose logged powers are means over `MEAN_WINDOW` between their switches: the noise of a power meter heats nothing."""
+def with_smooth_powers(record: Record) -> Record:
+    """Return a record whose logged powers are means over `MEAN_WINDOW` between their switches: a power meter's noise heats nothing."""
     since, smooth_powers = record.times - record.times[0], []
     for c in record.channels.values():
         if c.quantity == "power" and c.held and c.valid.all() and c.white_noise > 0.0:
@@ -194,17 +214,20 @@ def smoothed(record: Record) -> Record:
     return record.with_channels(*smooth_powers) if smooth_powers else record
 
 
-def gap_from(record: Record) -> float:
-    """Return the time without readings from which on the state of the unit is open. [s]"""
+def min_gap(record: Record) -> float:
+    """Return the interval without readings from which the state of the unit is unknown: ten median intervals, at least 300 s. [s]"""
     return max(MIN_GAP, 10.0 * record.step)
 
 
 def after_gaps_left_out(record: Record) -> Record:
-    """Return a record without the readings for as long after a gap as it lasted, where inputs are logged: there they were not."""
-    if not any(c.role in ("boundary", "load", "command", "prescribed") for c in record.channels.values()):
+    """Return a record with temperatures masked after each gap for as long as it lasted, where inputs are logged too.
+
+    During the gap the inputs are not known, so the model's temperatures after it are not either.
+    """
+    if not any(c.drives for c in record.channels.values()):
         return record
     lengths, wide = np.diff(record.times), np.zeros(record.times.size, dtype=bool)
-    for k in np.flatnonzero(lengths > gap_from(record)):
+    for k in np.flatnonzero(lengths > min_gap(record)):
         if lengths[k] > 0.01 * (record.times[k] - record.times[0]):  # else it is a stretch of means
             wide |= (record.times >= record.times[k + 1]) & (record.times < record.times[k + 1] + lengths[k])
     if not wide.any():
@@ -213,45 +236,45 @@ def after_gaps_left_out(record: Record) -> Record:
     return record.with_channels(*(c.masked(wide, "after a gap") for c in nodes))
 
 
-def noise_of(record: Record, name: str) -> float:
+def reading_noise(record: Record, name: str) -> float:
     """Return the noise of a reading: as stated, or what the latest readings show, at least `MIN_NOISE`. [K]"""
     channel = record.channel(name)
     if channel.noise:
         return channel.noise
-    return max(part_of(channel, max(channel.values.size - MIN_READINGS, 0), channel.values.size).white_noise, MIN_NOISE)
+    return max(channel_slice(channel, max(channel.values.size - MIN_READINGS, 0), channel.values.size).white_noise, MIN_NOISE)
 
 
-def _of_mean(channel: Channel, noise: float, many: float) -> float:
-    """Return the noise of a mean of readings: of white noise less; of correlated noise, and of rounding that equal ones share, not. [K]"""
+def _noise_of_mean(channel: Channel, noise: float, many: float) -> float:
+    """Return the noise of a mean of `many` readings: noise / sqrt(many) if it is white, plus the rounding that equal readings share. [K]"""
     white = noise if channel.part is not None and channel.part.correlation_time else noise / many**0.5
-    recent = part_of(channel, max(channel.values.size - MIN_READINGS, 0), channel.values.size)
+    recent = channel_slice(channel, max(channel.values.size - MIN_READINGS, 0), channel.values.size)
     rounding = (recent if channel.resolution is None else channel).step / 12.0**0.5
     equal = recent.values.size / (1.0 + np.count_nonzero(np.diff(recent.values[recent.valid])))
     return float(np.hypot(white, rounding * max(equal / many, 1.0) ** 0.5))
 
 
-def part_of(channel: Channel, begin: int, end: int) -> Channel:
-    """Return a channel from one sample to before another."""
+def channel_slice(channel: Channel, begin: int, end: int) -> Channel:
+    """Return a channel from sample `begin` to before `end`."""
     return replace(channel, values=channel.values[begin:end], valid=channel.valid[begin:end], masks={})
 
 
 def part(record: Record, begin: int, end: int) -> Record:
-    """Return a record from one sample to before another; at least two."""
+    """Return a record from sample `begin` to before `end`, with two samples at least."""
     begin, end = min(begin, max(end - 2, 0)), max(end, min(2, record.times.size))
     if begin == 0 and end == record.times.size:
         return record
-    return replace(record, times=record.times[begin:end], channels={n: part_of(c, begin, end) for n, c in record.channels.items()})
+    return replace(record, times=record.times[begin:end], channels={n: channel_slice(c, begin, end) for n, c in record.channels.items()})
 
 
-def latest(record: Record) -> Record:
-    """Return the readings that stayed as they were read."""
+def raw_readings(record: Record) -> Record:
+    """Return the last readings of a record, which stay as they were read."""
     size = record.times.size
-    begin = int(np.searchsorted(record.times, record.times[-1] - RAW))
+    begin = int(np.searchsorted(record.times, record.times[-1] - RAW_TIME))
     return part(record, max(min(begin, size - MIN_READINGS), 0), size)
 
 
-def played(record: Record, every: float) -> Iterator[Record]:
-    """Yield a log that ended as if it grew, at moments some time apart [s]."""
+def replayed(record: Record, every: float) -> Iterator[Record]:
+    """Yield a finished log as if it grew: the record up to each of moments `every` seconds apart."""
     times, taken = record.times, 0
     at = float(times[0])
     while taken < times.size:
@@ -263,9 +286,9 @@ def played(record: Record, every: float) -> Iterator[Record]:
 
 
 class LogClock:
-    """The moments at which a log is judged, by its own clock: reading `FIRST_READINGS`, each doubling in its first minute, every minute.
+    """The moments at which a log is judged: its tenth reading, then each doubling in its first minute, then every minute.
 
-    Each is the first reading at or after such a time, so what is said of a log depends on the log alone, not on when somebody looks.
+    Each is the first reading at or after such a time of the log, so that advice does not depend on when somebody looks.
     """
 
     def __init__(self) -> None:
@@ -273,39 +296,39 @@ class LogClock:
         self._kept: Record | None = None
 
     def moments(self, record: Record) -> Iterator[Record]:
-        """Yield the record as it was at every moment since the last call, older readings averaged as `thinned` does.
+        """Yield the record at every moment since the last call, older readings averaged as in `with_block_means`.
 
         Parameters
         ----------
-        record : Record     The log up to now; what came since the last moment is as it was read.
+        record : Record     The log so far; what came since the last moment is as it was read.
         """
         taken = 0
         if self._kept is None:
             self.begin = float(record.times[0])
         else:
             taken = int(np.searchsorted(record.times, self._kept.times[-1], side="right"))
-        minute = np.maximum((record.times - self.begin) / MINUTE + 1e-9, np.finfo(float).tiny)
+        minute = np.maximum((record.times - self.begin) / TIME_BETWEEN_MOMENTS + 1e-9, np.finfo(float).tiny)
         number = np.floor(np.where(minute < 1.0, np.log2(minute), minute))
         ends = 1 + np.flatnonzero(np.diff(number, prepend=number[0]) > 0.0)
         if self._kept is None:
             ends = np.union1d(ends[ends > FIRST_READINGS], FIRST_READINGS) if record.times.size >= FIRST_READINGS else ends[:0]
         for end in ends[ends > taken]:
-            self._kept = thinned(part(record, 0, end) if self._kept is None else _extended(self._kept, record, taken, end))
+            self._kept = with_block_means(part(record, 0, end) if self._kept is None else _extended(self._kept, record, taken, end))
             taken = int(end)
             yield self._kept
 
 
 def _with_step(channel: Channel) -> Channel:
-    """Return a temperature with the step that its readings show, which their means do not."""
+    """Return a temperature channel with the step that its latest readings show, which means of them no longer do."""
     if channel.resolution is not None or channel.role not in ("node", "auto") or channel.quantity != "temperature":
         return channel
-    recent = part_of(channel, max(channel.values.size - MIN_READINGS, 0), channel.values.size)
+    recent = channel_slice(channel, max(channel.values.size - MIN_READINGS, 0), channel.values.size)
     step = recent.step if np.unique(recent.values[recent.valid]).size > 1 else 0.0
     return replace(channel, resolution=step) if step > 0.0 else channel
 
 
 def _averaged(channel: Channel, first: Places, count: Places) -> Channel:
-    """Return a channel with the means of the valid samples of every stretch."""
+    """Return a channel with the mean of the valid samples of each block; `first` and `count` (blocks,) are its first sample and size."""
     valid: Bools = channel.valid
     many = np.add.reduceat(valid.astype(float), first)
     total = np.add.reduceat(np.where(valid, channel.values, 0.0), first)
@@ -314,14 +337,14 @@ def _averaged(channel: Channel, first: Places, count: Places) -> Channel:
     return replace(channel, values=values, valid=many > 0.0, masks={})
 
 
-def followed_by(record: Record, later: Record) -> Record:
-    """Return a record with the samples of another one that come after it."""
+def continued_by(record: Record, later: Record) -> Record:
+    """Return a record with the samples of `later` that come after its last one."""
     begin = int(np.searchsorted(later.times, record.times[-1], side="right"))
     return record if begin == later.times.size else _extended(record, later, begin, later.times.size)
 
 
 def _extended(record: Record, other: Record, begin: int, end: int) -> Record:
-    """Return a record with some samples of another one after its own."""
+    """Return a record with the samples `begin` to before `end` of another record behind its own."""
     channels = {}
     for name, c in record.channels.items():
         more = other.channel(name)
@@ -331,22 +354,27 @@ def _extended(record: Record, other: Record, begin: int, end: int) -> Record:
 
 
 def read_whole_lines(path: Path, read: Callable[[Path], Record]) -> Record:
-    """Return a log without a last line that is still being written: half of a number is a number, and would be a spike.
+    """Return a log without a last line that may be half written; half of a number would be a spike.
+
+    Parameters
+    ----------
+    path : Path         The log.
+    read : callable     File -> its record.
 
     Raises
     ------
     RecordError   When it cannot be read.
     """
-    before = _ended(path)
+    before = _ends_with_whole_line(path)
     record = read(path)
     dropped = any(UNFINISHED in note for note in record.steps)
-    if (before and _ended(path)) or dropped or record.times.size < 3:
+    if (before and _ends_with_whole_line(path)) or dropped or record.times.size < 3:
         return record
     return replace(record.trim(float(record.times[0]), float(record.times[-2])), steps=(*record.steps, f"the last line {UNFINISHED}"))
 
 
-def _ended(path: Path) -> bool:
-    """Whether a file ends with a whole line; a log of the bench has checksums, and one that is packed or not there is whole by itself."""
+def _ends_with_whole_line(path: Path) -> bool:
+    """Whether a file ends with a line end; true of bench logs, which have checksums, and of packed, binary, empty or missing files."""
     if not path.is_file():
         return True
     with path.open("rb") as file:
@@ -358,9 +386,9 @@ def _ended(path: Path) -> bool:
 
 
 class GrowingLog:
-    """A log that somebody writes to; only what is new is read, with its first lines before it, which say what the columns are.
+    """A log that is still written to. Each call reads only what is new, below the first lines, which say what the columns are.
 
-    A log that cannot be read in pieces (packed, binary) is read whole at every look.
+    A log that cannot be read in pieces (packed, binary) is read whole each time.
 
     Parameters
     ----------
@@ -373,11 +401,12 @@ class GrowingLog:
         self._forget()
 
     def _forget(self) -> None:
+        """Begin again, as with a new file."""
         self._at, self._head, self.whole, self._failed = 0, b"", False, 0
         self._kept: Record | None = None
 
     def record(self) -> Record | None:
-        """Return what there is by now, what came since the last call as it was read; None before two samples.
+        """Return the log so far; None before two samples.
 
         Raises
         ------
@@ -391,7 +420,7 @@ class GrowingLog:
         if size < self._at:  # written anew
             self._forget()
         if self._kept is not None:
-            self._kept = thinned(self._kept)
+            self._kept = with_block_means(self._kept)
         while not self.whole and self._more(size):
             pass
         if self.whole:
@@ -399,7 +428,7 @@ class GrowingLog:
                 latest = self._read(self.path)
             except (MissingDataError, RecordError) as error:
                 self._failed += 1
-                if self._kept is None or self._failed < TRIES:
+                if self._kept is None or self._failed < MAX_FAILED_LOOKS:
                     return self._kept
                 raise RecordError(
                     f"what was written after {self._kept.times[-1]:.0f} s cannot be read: {error.message} Start the watch again on a new "
@@ -412,7 +441,7 @@ class GrowingLog:
         return self._kept
 
     def _more(self, size: int) -> bool:
-        """Take the next piece; whether there was one."""
+        """Read the next piece up to the size [bytes]; return whether there was one."""
         with self.path.open("rb") as file:
             file.seek(self._at)
             piece = file.read(min(CHUNK_BYTES, size - self._at))
@@ -432,14 +461,14 @@ class GrowingLog:
             self.whole = True
             return False
         else:
-            self._kept = followed_by(self._kept, parsed)
+            self._kept = continued_by(self._kept, parsed)
         self._at += len(piece)
         return True
 
     def _beginning(self, piece: bytes, parsed: Record) -> bytes:
-        """Return the fewest first lines that read as the beginning of the record."""
+        """Return the fewest first lines of a piece that read as the beginning of its record."""
         lines = piece.splitlines(keepends=True)
-        for count in range(2, min(HEADS, len(lines)) + 1):
+        for count in range(2, min(MAX_HEAD_LINES, len(lines)) + 1):
             head = b"".join(lines[:count])
             first = self._parsed(head)
             if first is not None and first.times.size > 1 and abs(first.times[0] - parsed.times[0]) < 1e-3 * parsed.step:
@@ -447,7 +476,7 @@ class GrowingLog:
         return piece
 
     def _parsed(self, text: bytes) -> Record | None:
-        """Return the record of a piece; None where it is too short for one."""
+        """Return the record of a piece of the log; None where it is too short for one."""
         with scratch() as folder:
             try:
                 return self._read(write_bytes(folder / self.path.name, text, COPY))

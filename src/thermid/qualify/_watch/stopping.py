@@ -26,7 +26,7 @@ from thermid.simulation.runs import Scenario
 
 RISK: Final = 0.01
 """Probability of one wrong stop on a plateau, at most: in a whole test where no known power is switched."""
-GROWN: Final = 1.15
+DECISION_GROWTH: Final = 1.15
 """By how much the time watched grows from one decision to the next."""
 MAX_DOUBLING_TIME: Final = 600.0
 """Up to which the time watched doubles from one decision to the next. [s]"""
@@ -41,33 +41,33 @@ STOP, WAIT, DECLINED = "stop", "wait", "declined"
 
 @dataclass(frozen=True)
 class TemperatureLimit:
-    """A limit on where a channel ends. [K]"""
+    """A limit on the final temperature of a channel. [K]"""
 
     channel: str
     above: bool
     value: float
 
     def undecided(self, low: float, high: float) -> bool:
-        """Whether an interval lies on both sides of it."""
+        """Whether an interval low .. high [K] contains the limit."""
         return low <= self.value <= high
 
     def __str__(self) -> str:
-        """As it is written."""
+        """Channel, sign and limit in Celsius."""
         return f"{self.channel}{'>' if self.above else '<'}{short(self.value - ICE_POINT)} degC"
 
 
 @dataclass(frozen=True)
 class StopAdvice:
-    """What is advised at one moment.
+    """Advice at one moment.
 
     Parameters
     ----------
     word : str                  ``stop``, ``wait`` or ``declined``.
-    because : str               In words.
-    decisions : int             How many there were up to now.
-    level : float               Level of the intervals at the last one. [-]
+    because : str               The reason, in words.
+    decisions : int             Number of decisions so far.
+    level : float               Probability of the intervals at the last one. [-]
     ends : dict                 Channel -> its `Forecast` or `ModelForecast` at the last one.
-    holds : float or None       When the rule of stability will hold for all channels, as likely earlier as later. [s]
+    holds : float or None       When the rule of stability will hold for all channels, with a probability of one half. [s]
     at : float                  Time of the decision. [s]
     """
 
@@ -81,17 +81,17 @@ class StopAdvice:
 
 
 class Stopping:
-    """Decisions of one test.
+    """The decisions of one test on when to stop.
 
     Parameters
     ----------
-    rule : StabilityRule    The plan's own; advice never says that it holds where it does not.
-    within : float          Half of the interval of where a channel ends, at most. [K]
-    limits : sequence       Limits on where channels end; a stop needs each decided.
-    risk : float            Of one wrong stop in the whole test. [-]
+    rule : StabilityRule    The plan's own rule of stability.
+    within : float          Largest half-width of the interval of a final temperature. [K]
+    limits : sequence       Limits on final temperatures; a stop needs each decided.
+    risk : float            Probability of one wrong stop on a plateau, shared by `DECISIONS` decisions and all channels. [-]
     required : bool         Whether the plan's rule must hold before a stop is advised.
-    model, scenario         A model that is fitted to the readings, and what the log does not say of the test.
-    more                    Without a model passed on to `forecast`: reference, slowest.
+    model, scenario         A model that is fitted to the readings, and the inputs that the log does not have.
+    more                    Without a model, further arguments of `forecast`: reference, slowest.
     """
 
     def __init__(
@@ -111,65 +111,65 @@ class Stopping:
         self.last: StopAdvice | None = None
 
     def due(self, record: Record) -> bool:
-        """Whether the time watched has grown enough for the next decision, or a power was switched since the last one."""
+        """Whether the next decision is due: the time watched has grown enough, or a power was switched since the last one."""
         if self.last is not None and record.times[-1] > self.changed >= self.last.at:
             return True
-        return self._since(record) >= min(2.0 * self._watched, max(GROWN * self._watched, MAX_DOUBLING_TIME))
+        return self._time_watched(record) >= min(2.0 * self._watched, max(DECISION_GROWTH * self._watched, MAX_DOUBLING_TIME))
 
-    def _since(self, record: Record) -> float:
-        """Return the time watched: since the beginning, or since a known power was switched. [s]"""
+    def _time_watched(self, record: Record) -> float:
+        """Return the time since the beginning, or since a known power was switched. [s]"""
         return float(record.times[-1]) - max(float(record.times[0]), self.changed)
 
     def decide(self, record: Record, names: tuple[str, ...], settles: Mapping[str, float] | None = None, doubt: str = "") -> StopAdvice:
-        """Return the advice on a record, a new decision where one is due, else the last one.
+        """Return the advice on a record: a new decision where one is due, else the last one.
 
         Parameters
         ----------
         record : Record     All readings since conditions last changed.
         names : tuple       Channels that must end.
-        settles : dict      Channel -> where a model settles; a forecast that ends elsewhere is declined. [K]
-        doubt : str         What is wrong with the test or its model; nothing is then stopped.
+        settles : dict      Channel -> steady temperature of the model; a forecast that ends elsewhere is declined. [K]
+        doubt : str         What is wrong with the test or its model; nothing is stopped then.
         """
         if self.last is None or self.due(record):
             self._forecast(record, names, settles or {}, doubt)
         assert self.last is not None
-        return self._advised(record, names, self.last, doubt)
+        return self._advice_now(record, names, self.last, doubt)
 
     def _forecast(self, record: Record, names: tuple[str, ...], settles: Mapping[str, float], doubt: str) -> None:
-        """Take the next decision."""
+        """Make the next decision; `last` is then its advice."""
         anew = self.last is not None and self.changed >= self.last.at
         self.count = 1 if anew else self.count + 1
-        self._watched = self._since(record)
+        self._watched = self._time_watched(record)
         level = 1.0 - self.risk / (DECISIONS * len(names))
         ends, why = ({}, "") if doubt else self._ends(record, names, level)
         holds = [f.holds for f in ends.values()]
         late = None if not ends or any(h is None for h in holds) else max(h for h in holds if h is not None)
-        self.last = self._advice(record, ends, why or self._apart(ends, settles), late, level, doubt)
+        self.last = self._advice(record, ends, why or self._model_contradicts(ends, settles), late, level, doubt)
 
-    def _advised(self, record: Record, names: tuple[str, ...], last: StopAdvice, doubt: str) -> StopAdvice:
-        """Return the advice of this moment: the last decision, withdrawn by a doubt, or a stop where the plan's rule is met as expected."""
+    def _advice_now(self, record: Record, names: tuple[str, ...], last: StopAdvice, doubt: str) -> StopAdvice:
+        """Return the last decision as it holds now: declined by a doubt, or a stop where the readings meet the plan's rule."""
         now = float(record.times[-1])
         if doubt:
             return replace(last, word=DECLINED, because=doubt)
         expected = last.holds is not None and last.holds <= now
-        if last.word == STOP or not expected or self._undecided(last.ends) or not self._steady(record, names):
+        if last.word == STOP or not expected or self._undecided_limits(last.ends) or not self._rule_is_met(record, names):
             return last
         open_ = "" if last.word == WAIT else f" Where the channels end is not known: {last.because}"
         return replace(last, word=STOP, because=f"the readings meet the plan's rule '{self.rule.name}'.{open_}", at=now)
 
-    def _steady(self, record: Record, names: tuple[str, ...]) -> bool:
-        """Whether the readings of every channel meet the plan's rule beyond doubt."""
+    def _rule_is_met(self, record: Record, names: tuple[str, ...]) -> bool:
+        """Whether the readings of every channel meet the plan's rule beyond two standard errors."""
         try:
             return all(channel_stability(record, n, self.rule, since=self.changed).verdict == "stable" for n in names)
         except RecordError:
             return False
 
-    def _undecided(self, ends: Mapping[str, AnyForecast]) -> list[TemperatureLimit]:
-        """Return the limits on either side of which a channel may end."""
+    def _undecided_limits(self, ends: Mapping[str, AnyForecast]) -> list[TemperatureLimit]:
+        """Return the limits that lie within the interval of their channel's final temperature."""
         return [m for m in self.limits if m.channel in ends and m.undecided(ends[m.channel].final.low, ends[m.channel].final.high)]
 
     def _ends(self, record: Record, names: tuple[str, ...], level: float) -> tuple[dict[str, AnyForecast], str]:
-        """Return where channels end, and why not where one has no forecast."""
+        """Return channel -> forecast at a probability `level`, and why there is none, in words."""
         ends: dict[str, AnyForecast] = {}
         why = ""
         if self.settling is not None:
@@ -185,8 +185,8 @@ class Stopping:
                 why = why or error.message
         return ends, why
 
-    def _apart(self, ends: Mapping[str, AnyForecast], settles: Mapping[str, float]) -> str:
-        """Return that readings end elsewhere than the model settles; nothing where they do not."""
+    def _model_contradicts(self, ends: Mapping[str, AnyForecast], settles: Mapping[str, float]) -> str:
+        """Return a sentence where readings end further than `within` from where the model settles; empty where they do not."""
         apart = {n: ends[n].final.value - t for n, t in settles.items() if n in ends and not ends[n].declined}
         far = max(apart, key=lambda n: abs(apart[n]), default="")
         if not far or abs(apart[far]) <= self.within:
@@ -199,6 +199,7 @@ class Stopping:
     def _advice(
         self, record: Record, ends: Mapping[str, AnyForecast], why: str, late: float | None, level: float, doubt: str
     ) -> StopAdvice:
+        """Return the advice of a decision: declined for a doubt or a wide interval, wait for the plan's rule, or stop."""
         now = float(record.times[-1])
 
         def advice_of(word: str, because: str) -> StopAdvice:
@@ -212,7 +213,7 @@ class Stopping:
         if open_:
             worst = max(open_, key=lambda f: f.final.error)
             return advice_of(DECLINED, f"{worst.channel}: {worst.declined}")
-        undecided = self._undecided(ends)
+        undecided = self._undecided_limits(ends)
         if undecided:
             m = undecided[0]
             f = ends[m.channel].final
@@ -221,18 +222,19 @@ class Stopping:
         holds = late is not None and late <= now
         if self.required and not holds:
             return advice_of(
-                WAIT, f"the final temperature is known, but the plan requires that '{self.rule.name}' is met{_when(late, now)}."
+                WAIT,
+                f"the final temperature is known, but the plan requires that '{self.rule.name}' is met{_when_text(late, now)}.",
             )
         rule = (
             ""
             if holds
-            else f" The plan's rule '{self.rule.name}' is not met yet{_when(late, now)}. Check in the plan whether the test may end."
+            else f" The plan's rule '{self.rule.name}' is not met yet{_when_text(late, now)}. Check in the plan whether the test may end."
         )
         return advice_of(
             STOP, f"waiting longer does not change the verdict: every channel ends within +- {short(self.within)} K of its forecast.{rule}"
         )
 
 
-def _when(late: float | None, now: float) -> str:
-    """Return when a rule will hold, in brackets, by the clock of the log: the advice stands while time goes on."""
+def _when_text(late: float | None, now: float) -> str:
+    """Return when a rule will hold, in brackets, by the clock of the log; empty where that has passed or is not known."""
     return "" if late is None or late <= now else f" (expected at {duration_text(late)})"

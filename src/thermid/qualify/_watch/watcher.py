@@ -24,25 +24,30 @@ from thermid.measure.records import Channel, Record
 from thermid.model.elements import Constant
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify._watch.columns import roles_in
 from thermid.qualify._watch.growing import (
     FIRST_READINGS,
     MIN_NOISE,
     LogClock,
     after_gaps_left_out,
-    blocked,
-    gap_from,
-    latest,
-    noise_of,
-    plateaus,
-    smoothed,
+    block_means,
+    min_gap,
+    plateau_starts,
+    raw_readings,
+    reading_noise,
     switches,
+    with_smooth_powers,
     without_spikes,
 )
-from thermid.qualify._watch.live_fit import CAPACITANCE_SPREAD, TRUST, unknowns_of
+from thermid.qualify._watch.live_fit import (
+    CAPACITANCE_SPREAD,
+    CONDUCTANCE_SPREAD,
+    SuspectValue,
+    suspect_values,
+    unknowns_with_priors,
+    unlogged_ambients,
+)
 from thermid.qualify._watch.stopping import WAIT, StopAdvice, Stopping
-from thermid.qualify._watch.suspects import SuspectValue, ambients_of, suspects_of
-from thermid.simulation.network import compile_network
+from thermid.simulation.network import Network, compile_network
 from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import Traces, settle
 
@@ -50,27 +55,27 @@ MIN_JUMP_CHANGES: Final = 8.0
 """Usual changes between neighbours by which a reading that jumps exceeds them, all at once, while what it measures cannot."""
 LEAST_JUMP: Final = 3.0
 """The same at least. [K]"""
-GONE: Final = 3
+MISSING_READINGS: Final = 3
 """Readings in a row that are missing."""
-STAYS: Final = 60.0
+JUMP_STAYS_TIME: Final = 60.0
 """How long readings must stay where they jumped to; sensors of simple boards are off by some kelvin for seconds. [s]"""
-STUCK: Final = 60
+STUCK_READINGS: Final = 60
 """Readings in a row without any change, of a sensor that changed before."""
-MOVING: Final = 0.05
+MIN_MOVING_SHARE: Final = 0.05
 """Share of neighbours that noise had apart by two steps before, from which a sensor that does not change is stuck."""
 
 
 @dataclass(frozen=True)
 class Alarm:
-    """Something that went wrong.
+    """A fault of a sensor or of the unit.
 
     Parameters
     ----------
-    kind : str          ``sensor``, ``joint``, ``air``, ``power``, or ``heat path``.
+    kind : str          ``sensor``, ``joint``, ``air``, ``power``, ``heat path`` or ``ambient``.
     suspect : str       Channel or path.
     since : float       When it began, about. [s]
     because : str       In words.
-    gain : float        Rise of the log-likelihood; infinite for what readings alone show. [-]
+    gain : float        Increase of the log-likelihood; infinite for what readings alone show. [-]
     """
 
     kind: str
@@ -80,117 +85,124 @@ class Alarm:
     gain: float
 
     def __str__(self) -> str:
-        """On one line."""
+        """Kind, suspect and reason on one line."""
         return f"{self.kind}: {self.suspect}: {self.because}"
 
 
 def sensor_alarms(record: Record, names: Sequence[str], changed: Sequence[float] | Array = ()) -> list[Alarm]:
-    """Return the sensors whose readings are none: missing, stuck, or jumped further than what they measure can.
+    """Return an alarm for each sensor whose readings are missing, stuck, or jumped further than a temperature can.
 
     Parameters
     ----------
     record : Record
     names : sequence        Channels.
-    changed : sequence      When a known power was switched; a jump just after that is none. [s]
+    changed : sequence      When a known power was switched; a jump just after that is no alarm. [s]
     """
-    channels = [record.channel(name) for name in names]
-    alarms = [_of_readings(c.name, record.times, c.values, c.valid, np.asarray(changed)) for c in channels]
-    return [a for a in alarms if a is not None]
+    return [a for c in map(record.channel, names) if (a := _sensor_alarm(c, record.times, np.asarray(changed))) is not None]
 
 
-def pending(record: Record, names: Sequence[str]) -> bool:
-    """Whether the last readings of a sensor jumped, or are missing, and too few came since to say whether it is off."""
+def jump_undecided(record: Record, names: Sequence[str]) -> bool:
+    """Whether the last readings of a sensor jumped or are missing, and too few came since to say whether it is faulty."""
     for name in names:
         channel = record.channel(name)
         if not channel.valid[-1]:
             return True
         times, steps = record.times[channel.valid], np.diff(channel.values[channel.valid])
-        late = times[1:] > record.times[-1] - 1.5 * STAYS
+        late = times[1:] > record.times[-1] - 1.5 * JUMP_STAYS_TIME
         if late.any() and np.abs(steps[late]).max() > _min_jump(steps):
             return True
     return False
 
 
 def _min_jump(steps: Array) -> float:
-    """Return the step between neighbours that counts as a jump. [K]"""
+    """Return the smallest step between neighbours that is a jump: 8 usual steps, at least `LEAST_JUMP`. [K]
+
+    The usual step is the larger of the median over 0.6745 and the 90 % quantile over 1.645, of |steps|.
+    """
     usual = max(float(np.median(np.abs(steps))) / 0.6745, float(np.quantile(np.abs(steps), 0.9)) / 1.645, 1e-3)
     return max(MIN_JUMP_CHANGES * usual, LEAST_JUMP)
 
 
-def _of_readings(name: str, times: Array, kelvin: Array, valid: Bools, changed: Array) -> Alarm | None:
-    if valid.size >= GONE and not valid[-GONE:].any():
+def _sensor_alarm(channel: Channel, times: Array, changed: Array) -> Alarm | None:
+    """Return the alarm of one channel by its readings (samples,), or None: no reading, a jump that stays, or no change."""
+    name, valid = channel.name, channel.valid
+    if valid.size >= MISSING_READINGS and not valid[-MISSING_READINGS:].any():
         last = np.flatnonzero(valid)
         since = float(times[last[-1] + 1]) if last.size else float(times[0])
         return Alarm("sensor", name, since, f"no reading since {since:.0f} s", float("inf"))
-    t, y = times[valid], kelvin[valid]
-    if y.size < 2 * GONE + 2:
+    t, y = times[valid], channel.values[valid]
+    if y.size < 2 * MISSING_READINGS + 2:
         return None
     steps = np.diff(y)
     far = np.flatnonzero(np.abs(steps) > _min_jump(steps))
     usual = float(np.median(np.diff(t)))
     for k in far[::-1]:  # a spike comes back, a sensor that is off stays
-        if np.any((changed <= t[k + 1]) & (changed > t[k] - STAYS)):
+        if np.any((changed <= t[k + 1]) & (changed > t[k] - JUMP_STAYS_TIME)):
             continue
-        before, after = y[(t > t[k] - STAYS) & (t <= t[k])], y[(t > t[k]) & (t <= t[k + 1] + STAYS)]
-        enough = min(before.size, after.size) >= 2 * GONE and t[-1] >= t[k + 1] + STAYS and t[k + 1] - t[k] < GONE * usual
+        before, after = y[(t > t[k] - JUMP_STAYS_TIME) & (t <= t[k])], y[(t > t[k]) & (t <= t[k + 1] + JUMP_STAYS_TIME)]
+        enough = (
+            min(before.size, after.size) >= 2 * MISSING_READINGS
+            and t[-1] >= t[k + 1] + JUMP_STAYS_TIME
+            and t[k + 1] - t[k] < MISSING_READINGS * usual
+        )
         if not enough or abs(float(np.median(after) - np.median(before))) < 0.7 * abs(steps[k]):
             continue
         if max(np.ptp(before), np.ptp(after)) < 0.5 * abs(steps[k]):  # else it jumps about, and what it reads is its noise
             words = f"jumped by {short(float(steps[k]))} K between two readings at {t[k + 1]:.0f} s and stayed there"
             return Alarm("sensor", name, float(t[k + 1]), words, float("inf"))
-    if y.size > 3 * STUCK and not steps[-STUCK:].any():
+    if y.size > 3 * STUCK_READINGS and not steps[-STUCK_READINGS:].any():
         begin = int(np.flatnonzero(steps)[-1]) + 1 if steps.any() else 0
-        if _noisy(steps[max(begin - 2 * STUCK, 0) : begin]):
+        if _noise_exceeds_steps(steps[max(begin - 2 * STUCK_READINGS, 0) : begin]):
             return Alarm("sensor", name, float(t[begin]), f"has not changed since {t[begin]:.0f} s", float("inf"))
     return None
 
 
-def _noisy(steps: Array) -> bool:
+def _noise_exceeds_steps(steps: Array) -> bool:
     """Whether noise moves readings by two of their smallest steps or more, so that 60 equal ones in a row are no chance."""
-    if steps.size < STUCK or not steps.any():
+    if steps.size < STUCK_READINGS or not steps.any():
         return False
     smallest = float(np.abs(steps[steps != 0.0]).min())
-    return bool(np.mean(np.abs(steps - np.median(steps)) > 1.5 * smallest) > MOVING)
+    return bool(np.mean(np.abs(steps - np.median(steps)) > 1.5 * smallest) > MIN_MOVING_SHARE)
 
 
-DRIVEN: Final = 1e-3
+MODEL_NOISE: Final = 1e-3
 """Wiener noise on every node where nobody says how far the model can be trusted: 0.06 K in an hour. [K/s^0.5]"""
 WINDOW: Final = 2400.0
 """How far back a fault is looked for. [s]"""
 BEGINNINGS: Final = (60.0, 120.0, 180.0, 300.0, 480.0, 780.0, 1260.0, 2100.0)
 """Before now, when a fault may have begun. [s]"""
-NEARER: Final = 12
+TRIED_AGAIN: Final = 12
 """Further beginnings that are tried about the best one."""
-CLOSER: Final = 10.0
+CLOSE_LOOK_BLOCK: Final = 10.0
 """Over what a closer look averages readings, where no node is faster than five times that. [s]"""
-CERTAIN: Final = 20.0
+MIN_GAIN: Final = 20.0
 """Rise of the log-likelihood from which a fault is named: chance makes one in 2e8 of a single question, and a day of looks asks 1e5."""
-CLEARER: Final = 2.0
+MIN_GAIN_LEAD: Final = 2.0
 """By how much the named one must exceed that of every other kind; closer ones are named together."""
 OFF: Final = 10.0
 """Times its noise that a logged power must have to be a candidate."""
-CHANGE: Final = 1.0
+TRIED_CHANGE: Final = 1.0
 """By which a suspected value is changed either way for its signature, of its logarithm."""
 FITTED: Final = (
-    f"the structure of the deck; its conductances, coefficients and powers to {100 * TRUST:g} %, "
+    f"the structure of the deck; its conductances, coefficients and powers to {100 * CONDUCTANCE_SPREAD:g} %, "
     f"its capacitances to {100 * CAPACITANCE_SPREAD:g} %"
 )
 """What a fit to the readings takes as given."""
 MIN_CAUSE_DEVIATIONS: Final = 4.0
-"""Mean of neighbouring innovations, in its standard deviations, from which a cause is looked for: a gain of `CERTAIN` is a mean of 6."""
-STANDS: Final = 300.0
+"""Mean of neighbouring innovations, in its standard deviations, from which a cause is looked for: a gain of `MIN_GAIN` is a mean of 6."""
+BELIEF_SPACING: Final = 300.0
 """Between the beliefs from which a closer look can begin. [s]"""
 SPREAD_AFTER_GAP: Final = 10.0
 """Spread of every node after a gap. [K]"""
-MORE: Final = 0.5
+MIN_GROWTH_OF_MEAN: Final = 0.5
 """By how much such a mean must exceed that of the last closer look, where that found no cause, before the next one."""
-CONFIRMED: Final = 90.0
+CONFIRMATION_TIME: Final = 90.0
 """How long what the model's suspects explain must last before it is named: a sensor that jumps looks like anything at first. [s]"""
 
 
 @dataclass(frozen=True)
 class NodeBand:
-    """A node, or what a noise adds, as the filter has it now: value and 95 % half-width [K], and whether a sensor reads it."""
+    """Temperature of a node by the filter: value and 95 % half-width [K], and whether a sensor reads it."""
 
     name: str
     value: float
@@ -200,15 +212,15 @@ class NodeBand:
 
 @dataclass(frozen=True)
 class WatchLook:
-    """What one look at a running test says.
+    """Result of one look at a running test.
 
     Parameters
     ----------
     at : float                  Time of the last reading. [s]
-    advice : StopAdvice             Stop, wait or declined.
-    alarms : tuple of Alarm     What went wrong, the surest first.
-    nodes : tuple of NodeBand   Of a model; empty without one.
-    assumed : tuple of str      What nobody said and was taken.
+    advice : StopAdvice         Stop, wait or declined.
+    alarms : tuple of Alarm     Faults.
+    nodes : tuple of NodeBand   Temperatures of the model's nodes; empty without a model.
+    assumed : tuple of str      Assumptions, in words.
     """
 
     at: float
@@ -235,11 +247,11 @@ class WatchLook:
         }
 
     def __str__(self) -> str:
-        """The alarms, the advice, where channels end, what nobody measures, and what was taken."""
+        """Alarms, advice, forecasts, nodes without a sensor, and assumptions."""
         return "\n".join([self.without_inputs(), *(f"  assumed: {a}" for a in self.assumed)])
 
     def without_inputs(self) -> str:
-        """Return it in words without what was taken, which stays the same from look to look."""
+        """Return it in words without the assumptions, which stay the same from look to look."""
         lines = [f"ALARM {m}" for m in self.alarms]
         word = {"stop": "stop now", "wait": "wait", "declined": "declined"}[self.advice.word]
         lines.append(f"after {duration_text(self.at)}: {word}: {self.advice.because}")
@@ -257,13 +269,13 @@ class WatchLook:
 
 @dataclass
 class _Filter:
-    """What the filter carries from look to look, of the last window only.
+    """State of the Kalman filter from look to look, of the last window only.
 
     Parameters
     ----------
     time : float            Up to which readings were taken. [s]
-    belief : Belief         Then; None before the first reading.
-    stands : list           Time and belief at the looks of the last window, where closer looks begin.
+    belief : Belief         Mean and covariance of the nodes then; None before the first reading.
+    stands : list           Earlier times and beliefs within the window, from which a closer look can begin.
     errors : dict           Sensor -> times and innovations in units of their standard deviations.
     fastest : float         Shortest time constant. [s]
     """
@@ -275,9 +287,9 @@ class _Filter:
     fastest: float = 0.0
 
     def take(self, window: _Window, now: float) -> None:
-        """Take what a filter found since the last look."""
+        """Take in the beliefs and innovations of a filtered stretch that ends at `now` [s]; forget those before the window."""
         grid = window.dynamics.grid
-        between = [int(np.searchsorted(grid, at)) for at in np.arange(STANDS, float(grid[-1]), STANDS)]
+        between = [int(np.searchsorted(grid, at)) for at in np.arange(BELIEF_SPACING, float(grid[-1]), BELIEF_SPACING)]
         self.stands += [(self.time, self.belief), *((self.time + float(grid[k]), window.beliefs[k]) for k in between)]
         while len(self.stands) > 1 and self.stands[1][0] <= now - WINDOW:
             del self.stands[0]
@@ -292,36 +304,45 @@ class _Filter:
 
     @property
     def largest(self) -> float:
-        """The largest mean of neighbouring innovations in units of its own standard deviation. [-]"""
+        """The largest standardised mean of neighbouring innovations over all sensors. [-]"""
         return max((_largest_mean(standard) for _, standard in self.errors.values()), default=0.0)
 
 
 def _largest_mean(standard: Array) -> float:
-    """Return the largest mean of 1, 2, 4, ... neighbours in units of its own standard deviation. [-]"""
+    """Return the largest |sum of n neighbours| / sqrt(n) over n = 1, 2, 4, ... of standardised innovations (samples,). [-]"""
     sums = np.concatenate([[0.0], np.cumsum(standard)])
     lengths = 2 ** np.arange(int(np.log2(max(standard.size, 1))) + 1)
     return max((float(np.abs(sums[n:] - sums[:-n]).max()) / n**0.5 for n in lengths if n < sums.size), default=0.0)
 
 
+def roles_of_paths(network: Network) -> dict[str, str]:
+    """Return path -> what a column can be bound to there: node, boundary or load."""
+    return {
+        **dict.fromkeys(network.nodes, "node"),
+        **dict.fromkeys(network.boundaries, "boundary"),
+        **{load.path: "load" for load in network.flat.loads},
+    }
+
+
 @dataclass
 class Watcher:
-    """A running test.
+    """A running test that is watched: advice when to stop, and alarms.
 
     Parameters
     ----------
-    stopping : Stopping     What decides when to stop.
+    stopping : Stopping     Decides when to stop.
     channels : tuple        Temperatures that must end.
-    model : Model or None   Of the unit; without one nodes without sensors and faults of the unit are not known.
-    scenario : Scenario     What the log does not say: constant boundaries, powers, starts.
+    model : Model or None   Of the unit; without one, nodes without sensors and faults of the unit are not known.
+    scenario : Scenario     Inputs that the log does not have: constant boundaries, powers, starts.
     driven : float          Wiener noise on every node. [K/s^0.5]
-    remarks : tuple of str  What else was taken, said with every look.
+    remarks : tuple of str  Further assumptions, stated with every look.
     """
 
     stopping: Stopping
     channels: tuple[str, ...]
     model: Model | None = None
     scenario: Scenario | None = None
-    driven: float = DRIVEN
+    driven: float = MODEL_NOISE
     remarks: tuple[str, ...] = ()
     _filter: _Filter | None = field(default=None, init=False, repr=False)
     _nodes: tuple[NodeBand, ...] = field(default=(), init=False, repr=False)
@@ -335,7 +356,7 @@ class Watcher:
     _named: dict[str, Alarm] = field(default_factory=dict, init=False, repr=False)
 
     def look(self, record: Record) -> WatchLook:
-        """Return what a log says by now: at the last moment of its own clock, whenever and however often one looks.
+        """Return the advice and alarms at the last moment of the log's own clock, so that they do not depend on when one looks.
 
         Parameters
         ----------
@@ -343,7 +364,7 @@ class Watcher:
                             look is as it was read.
         """
         for moment in self._clock.moments(record):
-            self._last = self._judged(moment)
+            self._last = self._judge(moment)
         if self._last is not None:
             return self._last
         few = StopAdvice(
@@ -351,23 +372,23 @@ class Watcher:
         )
         return WatchLook(float(record.times[-1]), few, (), (), self._assumed(record))
 
-    def _judged(self, record: Record) -> WatchLook:
-        """Return what a log says at a moment."""
-        recent, record = latest(record), smoothed(without_spikes(record))
-        blocks = blocked(record)
+    def _judge(self, record: Record) -> WatchLook:
+        """Return the look at one moment: sensor alarms, then the model's fit and filter, then the decision."""
+        recent, record = raw_readings(record), with_smooth_powers(without_spikes(record))
+        blocks = block_means(record)
         calm = after_gaps_left_out(blocks)
-        changed = plateaus(record, self.scenario)
+        changed = plateau_starts(record, self.scenario)
         self.stopping.changed = max(changed, default=self.stopping.changed)
         off = sensor_alarms(recent, self.channels, np.append(changed, recent.times[switches(recent)]))
         broken = {a.suspect for a in off}
         names = tuple(n for n in self.channels if n not in broken)
-        fitted = self.stopping.due(blocks) and self._fitted(calm, names, True)
-        nodes, alarms = self._filtered(record, blocks, names, fitted) if self.model is not None and names else ((), [])
-        for a in (*off, *self._lasting(alarms, recent, names)):
+        fitted = self.stopping.due(blocks) and self._refit(calm, names, True)
+        nodes, alarms = self._nodes_and_alarms(record, blocks, names, fitted) if self.model is not None and names else ((), [])
+        for a in (*off, *self._confirmed(alarms, recent, names)):
             self._named.setdefault(f"{a.kind} {a.suspect}", a)
         doubt = f"there is an alarm: {next(iter(self._named.values()))}" if self._named else ""
         doubt = doubt or ("readings differ from the model's forecast; the cause is not known yet." if alarms else "")
-        settles = self._settles(blocks) if self.model is not None and names and not doubt and self.stopping.due(blocks) else {}
+        settles = self._steady_temperatures(blocks) if self.model is not None and names and not doubt and self.stopping.due(blocks) else {}
         advice = (
             self.stopping.decide(calm, names, settles, doubt)
             if names
@@ -376,19 +397,20 @@ class Watcher:
         return WatchLook(float(record.times[-1]), advice, tuple(self._named.values()), nodes, self._assumed(recent))
 
     def _assumed(self, record: Record) -> tuple[str, ...]:
+        """Return the assumptions in words: the model's error, fitted values, noise that nobody stated."""
         if self.model is None:
             return ("no model is given, so faults of the unit and nodes without a sensor cannot be detected",)
-        silent = [f"{n} {short(noise_of(record, n))} K" for n in self.channels if not record.channel(n).noise]
+        silent = [f"{n} {short(reading_noise(record, n))} K" for n in self.channels if not record.channel(n).noise]
         noise = [f"noise as the latest readings show it, because none is stated: {', '.join(silent)}"] if silent else []
         fitted = () if self.stopping.settling is None else (FITTED,)
         error = f"error of the model: {self.driven * 60.0:.2g} K per root of an hour on every node"
         return (error, *fitted, *noise, *self._unlogged(record), *self.remarks)
 
     def _unlogged(self, record: Record) -> tuple[str, ...]:
-        """Return which powers are the deck's, and that what is logged stays as it was last."""
+        """Return in words which powers are the deck's, and which inputs are held as last logged."""
         assert self.model is not None
         if self._roles is None:
-            self._roles = roles_in(compile_network(self.model))
+            self._roles = roles_of_paths(compile_network(self.model))
         bound = {c.target or c.name for c in record.channels.values()}
         driven = bound | {*(self.scenario.loads if self.scenario is not None else ())}
         unlogged = [p for p, role in self._roles.items() if role == "load" and p not in driven]
@@ -396,18 +418,18 @@ class Watcher:
         deck = (f"power of {', '.join(unlogged)}: the deck's, because no column gives it",) if unlogged else ()
         return (*deck, *((f"forecasts hold with {', '.join(last)} as last logged",) if last else ()))
 
-    def _lasting(self, alarms: list[Alarm], record: Record, names: Sequence[str]) -> list[Alarm]:
-        """Return what was found, once it lasts and no sensor's jump is pending; one fault of the unit is named."""
+    def _confirmed(self, alarms: list[Alarm], record: Record, names: Sequence[str]) -> list[Alarm]:
+        """Return the alarms once they last `CONFIRMATION_TIME` and no sensor's jump is undecided; none after a fault was named."""
         now = float(record.times[-1])
         if not alarms or self._named:
             self._since = None
             return []
         if self._since is None:
             self._since = now
-        return alarms if now - self._since >= CONFIRMED and not pending(record, names) else []
+        return alarms if now - self._since >= CONFIRMATION_TIME and not jump_undecided(record, names) else []
 
-    def _settles(self, record: Record) -> dict[str, float]:
-        """Return where the model settles with the inputs as they are now: channel -> temperature. [K]"""
+    def _steady_temperatures(self, record: Record) -> dict[str, float]:
+        """Return channel -> steady temperature of the model with the inputs as they are now. [K]"""
         assert self.model is not None
         experiment = bind(self.model, record, self.scenario, errors={})
         engine = Bench.of_experiment(experiment, ()).engine
@@ -417,8 +439,8 @@ class Watcher:
         traces = Traces(engine.wiring, a, np.array([last]), engine.nodes, settled[None, :], np.zeros((1, settled.size, 0)))
         return {o.sensor: float(traces.temperature(o.node)[0]) for o in experiment.observations if o.sensor in self.channels}
 
-    def _fitted(self, record: Record, names: Sequence[str], due: bool) -> bool:
-        """Fit the model's values, and let the filter pass the last window again with them; whether they moved."""
+    def _refit(self, record: Record, names: Sequence[str], due: bool) -> bool:
+        """Fit the model's values; return whether they moved. The filter then passes the last window again with them."""
         settling = self.stopping.settling
         if settling is None or not names or self._named:
             return False
@@ -433,26 +455,35 @@ class Watcher:
             self._filter = _Filter(*self._filter.stands[0])
         return settling.values is not before
 
-    def _filtered(self, whole: Record, record: Record, names: Sequence[str], fitted: bool) -> tuple[tuple[NodeBand, ...], list[Alarm]]:
-        """Return the nodes as they are now, and what the model's suspects explain that no other values of the model do."""
-        f = self._passed(record, names)
+    def _nodes_and_alarms(
+        self, whole: Record, record: Record, names: Sequence[str], fitted: bool
+    ) -> tuple[tuple[NodeBand, ...], list[Alarm]]:
+        """Return the nodes now, and the suspects of the model that explain innovations which no fit of its values does.
+
+        Parameters
+        ----------
+        whole, record : Record  The record, and its block means.
+        names : sequence        Channels without an alarm.
+        fitted : bool           Whether the model was fitted at this moment already.
+        """
+        f = self._advance_filter(record, names)
         self._cleared = min(self._cleared, f.largest)
-        if self._named or f.largest <= max(MIN_CAUSE_DEVIATIONS, self._cleared + MORE):
+        if self._named or f.largest <= max(MIN_CAUSE_DEVIATIONS, self._cleared + MIN_GROWTH_OF_MEAN):
             return self._nodes, []
-        if not fitted and self._fitted(after_gaps_left_out(record), names, False):
-            f = self._passed(record, names)
+        if not fitted and self._refit(after_gaps_left_out(record), names, False):
+            f = self._advance_filter(record, names)
         settling = self.stopping.settling
         alarms = []
         if f.largest > MIN_CAUSE_DEVIATIONS and (settling is None or settling.values):
             begin, belief = f.stands[0]
             alarms = self._window(
-                self._without_broken(blocked(whole, min(CLOSER, f.fastest / 5.0)), names).trim(begin, "end"), belief
+                self._without_broken(block_means(whole, min(CLOSE_LOOK_BLOCK, f.fastest / 5.0)), names).trim(begin, "end"), belief
             ).alarms()
         self._cleared = 0.0 if alarms else f.largest
         return self._nodes, alarms
 
-    def _passed(self, record: Record, names: Sequence[str]) -> _Filter:
-        """Return the filter after the readings that are new to it."""
+    def _advance_filter(self, record: Record, names: Sequence[str]) -> _Filter:
+        """Return the filter after the readings that are new to it; `_nodes` are then those of now."""
         now = float(record.times[-1])
         if self._filter is None:
             self._filter = _Filter(float(record.times[0]))
@@ -464,21 +495,21 @@ class Watcher:
         return f
 
     def _after_gap(self, f: _Filter, record: Record) -> _Filter:
-        """Return a filter that begins anew after the last gap, where what was not logged may have moved every node."""
+        """Return the filter, begun anew with a wide spread after the last gap: unlogged inputs may have moved every node."""
         times = record.times[np.searchsorted(record.times, f.time) :]
-        gaps = np.flatnonzero(np.diff(times, prepend=f.time) > gap_from(record))
+        gaps = np.flatnonzero(np.diff(times, prepend=f.time) > min_gap(record))
         if not gaps.size or f.belief is None:
             return f
         mean = f.belief.mean
         return _Filter(float(times[gaps[-1]]), Belief(mean, SPREAD_AFTER_GAP * np.eye(mean.shape[1])[None]))
 
     def _without_broken(self, record: Record, names: Sequence[str]) -> Record:
-        """Return a record without the channels that are broken."""
+        """Return a record without the channels that have an alarm."""
         others = {c.name for c in record.channels.values() if c.name in self.channels and c.name not in names}
         return record.select(*(c for c in record.channels if c not in others)) if others else record
 
     def _window(self, record: Record, belief: Belief | None) -> _Window:
-        """Return a stretch of the log passed by the filter, from a belief or the start of the log."""
+        """Return a stretch of the log passed by the filter, from a belief, or from the start of the log where it is None."""
         assert self.model is not None
         settling = self.stopping.settling
         later = None if self.scenario is None else self.scenario.begun(float(record.times[0]) - self._clock.begin)
@@ -487,7 +518,17 @@ class Watcher:
 
 @dataclass(frozen=True, eq=False)
 class _FilterValues:
-    """Values at which a filter runs: free names with their numbers, the sensors' constant errors [K], noises, and what is a sum."""
+    """Values at which the filter runs.
+
+    Parameters
+    ----------
+    names : tuple of str        Free values.
+    x : array (names,)          Their numbers.
+    bias : array (sensors,)     Constant errors of the sensors. [K]
+    sigma : array (sensors,)    Noise of the sensors. [K]
+    driven : array (nodes,)     Wiener noise of the nodes. [K/s^0.5]
+    added : array (names,)      Whether a change is added to a value (temperatures) instead of multiplying it.
+    """
 
     names: tuple[str, ...]
     x: Array
@@ -497,10 +538,10 @@ class _FilterValues:
     added: Bools
 
     def at(self, dynamics: Dynamics, changed: tuple[str, float] = ("", 0.0)) -> At:
-        """Return the dynamics at the values, one suspect or sensor changed either way."""
+        """Return the dynamics at these values, one of them changed by the factor exp(+-1) or by +-1 K; ``sensor k`` is an offset."""
         way, sign = changed
         is_changed = np.array([n == way for n in self.names])
-        x = np.where(is_changed, np.where(self.added, self.x + sign, self.x * np.exp(sign * CHANGE)), self.x)
+        x = np.where(is_changed, np.where(self.added, self.x + sign, self.x * np.exp(sign * TRIED_CHANGE)), self.x)
         bias = self.bias.copy()
         if way.startswith("sensor "):
             bias[int(way.removeprefix("sensor "))] += sign
@@ -510,7 +551,18 @@ class _FilterValues:
 
 @dataclass(frozen=True, eq=False)
 class _Window:
-    """The last stretch of a log, filtered."""
+    """A stretch of a log passed by the filter.
+
+    Parameters
+    ----------
+    dynamics : Dynamics             The model with its sensors and noises.
+    suspects : tuple                Values that a fault would change.
+    values : _FilterValues          Values at which it ran.
+    passing : Passing               The filter.
+    beliefs : tuple of Belief       Mean and covariance of the nodes at the times of the grid.
+    errors, variances : array (innovations,)    Innovations and their variances. [K], [K^2]
+    times, sensors : array (innovations,)       Their times [s] and indices of sensors.
+    """
 
     dynamics: Dynamics
     suspects: tuple[SuspectValue, ...]
@@ -533,23 +585,32 @@ class _Window:
         values: Mapping[str, float],
         wander: Mapping[str, float],
     ) -> _Window:
-        """Return a stretch passed by the filter, from a belief or the start of the log, at what a fit moved the model's values by.
+        """Return a stretch passed by the filter at the values that a fit found.
 
-        `wander` is by how much readings of a sensor count as noisier than they are, because what a fit leaves of them is correlated.
+        Parameters
+        ----------
+        model, record, scenario     The stretch and its inputs.
+        driven : float              Wiener noise on every node. [K/s^0.5]
+        start : Belief or None      Where it begins; the scenario's start where it is None.
+        values : dict               Deviations of values from the model, as `LiveFit.values`.
+        wander : dict               Sensor -> factor on its noise, because its residuals are correlated.
         """
         experiment = bind(model, record, scenario, errors={})
-        free, base, _, relative = unknowns_of(experiment)
+        free, base, _, relative = unknowns_with_priors(experiment)
         keep = np.array([not n.startswith("initial.") for n in free])
         names = tuple(n for n, keeps in zip(free, keep, strict=True) if keeps)
         moved = np.array([values.get(n, 0.0) for n in names])
         x = np.where(relative[keep], base[keep] * np.exp(moved), base[keep] + moved)
         bias = np.array([values.get(f"sensor {o.sensor}", 0.0) for o in experiment.observations])
-        ambients = ambients_of(experiment.network, {c.target or c.name for c in record.channels.values()})
-        names, x = (*names, *(a.path for a in ambients)), np.append(x, [_level(experiment, a.path) for a in ambients])
+        boundaries = experiment.scenario.boundaries
+        ambients = unlogged_ambients(experiment.network, {c.target or c.name for c in record.channels.values()})
+        # the free value of an ambient is its temperature where that is constant, else what is added to it [K]
+        free_ambients = [s.value if isinstance(s := boundaries[a.path], Constant) else 0.0 for a in ambients]
+        names, x = (*names, *(a.path for a in ambients)), np.append(x, free_ambients)
         bench = Bench.of_experiment(experiment, names)
         massive = [n for n, c in experiment.network.numbers().capacitances.items() if c is not None]
         noises = [ProcessNoise(n, "node", WIENER, driven, False) for n in massive]
-        sizes = np.hypot(driven, [_by_powers(experiment, n) for n in massive])
+        sizes = np.hypot(driven, [_noise_by_powers(experiment, n) for n in massive])
         dynamics = Dynamics(bench, noises, {})
         sigma = np.array([o.sigma({o.sensor: MIN_NOISE}) * wander.get(o.sensor, 1.0) for o in experiment.observations])
         values_of = _FilterValues(names, x, bias, sigma, sizes, np.arange(len(names)) >= len(names) - len(ambients))
@@ -557,11 +618,11 @@ class _Window:
         passed = passing.run(keep=True, begin=None if start is None else (0, start))
         i = passed.innovations
         off = {c.target or c.name for c in record.channels.values() if c.held and _is_off(c)}
-        suspects = (*(s for s in suspects_of(experiment.network) if s.kind != "power" or s.whose not in off), *ambients)
+        suspects = (*(s for s in suspect_values(experiment.network) if s.kind != "power" or s.whose not in off), *ambients)
         return cls(dynamics, suspects, values_of, passing, passed.beliefs, i.errors[:, 0], i.variances[:, 0], i.times, i.sensors)
 
     def nodes(self) -> tuple[NodeBand, ...]:
-        """Return the nodes at the end."""
+        """Return every node at the end with its 95 % half-width."""
         last = self.beliefs[-1]
         read = {o.seat for o in self.dynamics.experiment.observations}
         sd = np.sqrt(last.variance[0])
@@ -572,31 +633,35 @@ class _Window:
 
     @property
     def fastest(self) -> float:
-        """The shortest time constant at the end. [s]"""
+        """Shortest time constant at the end, 1 / max |eigenvalue| of the linearised model. [s]"""
         local = self.dynamics.local(self.values.at(self.dynamics), self.beliefs[-1].mean[0], float(self.dynamics.grid[-1]))
         return float(1.0 / max(np.abs(np.linalg.eigvals(local.jacobian)).max(), 1e-12))
 
     def alarms(self) -> list[Alarm]:
-        """Return the suspect that explains the innovations best, where one does beyond doubt, and those that do as well."""
+        """Return the suspect that explains the innovations best, naming others that do as well; none below a gain of `MIN_GAIN`."""
         end = float(self.dynamics.grid[-1])
         backs = [0.0, *(back for back in BEGINNINGS if back < end)]
-        alarms = [a for back in backs[1:] for a in self._began(end - back)]
+        alarms = [a for back in backs[1:] for a in self._alarms_since(end - back)]
         best = max(alarms, key=lambda a: a.gain, default=None)
-        if best is None or best.gain < CERTAIN:
+        if best is None or best.gain < MIN_GAIN:
             return []
         # a beginning that is wrong blames what acts later or sooner: look closer about the best
         k = int(np.argmin(np.abs(np.array(backs) - (end - best.since))))
-        for back in np.linspace(backs[max(k - 1, 0)], backs[min(k + 1, len(backs) - 1)], NEARER + 2)[1:-1]:
-            alarms += self._began(end - float(back))
+        for back in np.linspace(backs[max(k - 1, 0)], backs[min(k + 1, len(backs) - 1)], TRIED_AGAIN + 2)[1:-1]:
+            alarms += self._alarms_since(end - float(back))
         best = max(alarms, key=lambda a: a.gain)
-        alike = {a.suspect: a for a in alarms if a.gain > best.gain - CLEARER}
+        alike = {a.suspect: a for a in alarms if a.gain > best.gain - MIN_GAIN_LEAD}
         if len(alike) == 1:
             return [best]
         others = ", ".join(f"{a.kind} {a.suspect}" for a in alike.values() if a.suspect != best.suspect)
         return [Alarm(best.kind, best.suspect, best.since, f"{best.because}; {others} would explain it as well", best.gain)]
 
-    def _began(self, since: float) -> list[Alarm]:
-        """Return what every suspect explains, had it changed at a time of the window. [s]"""
+    def _alarms_since(self, since: float) -> list[Alarm]:
+        """Return an alarm for each suspect that explains part of the innovations, had it changed at a time of the window. [s]
+
+        With innovations e, variances S and the signature d of a unit change: size a = sum(d e / S) / sum(d^2 / S), gain a^2 sum(d^2 / S) /
+        2.
+        """
         place = max(int(np.searchsorted(self.dynamics.grid, since)) - 1, 0)
         names = [*(s.path for s in self.suspects), *(f"sensor {k}" for k in range(self.values.sigma.size))]
         ways = [(name, sign) for name in names for sign in (-1.0, 1.0)]
@@ -620,6 +685,7 @@ class _Window:
         return out
 
     def _alarm(self, way: str, share: float, gain: float, since: float) -> Alarm:
+        """Return the alarm of a suspect or sensor changed by `share` of the tried change."""
         if way.startswith("sensor "):
             o = self.dynamics.experiment.observations[int(way.removeprefix("sensor "))]
             return Alarm(
@@ -629,13 +695,7 @@ class _Window:
         return Alarm(s.kind, s.whose, since, s.lower if share < 0 else s.higher, gain)
 
 
-def _level(experiment: Experiment, boundary: str) -> float:
-    """Return the free value of a boundary: its temperature where that is constant, else what is added to it. [K]"""
-    signal = experiment.scenario.boundaries[boundary]
-    return signal.value if isinstance(signal, Constant) else 0.0
-
-
-def _by_powers(experiment: Experiment, node: str) -> float:
+def _noise_by_powers(experiment: Experiment, node: str) -> float:
     """Return the Wiener noise of a node by the noise of its logged powers: sigma sqrt(interval) / C. [K/s^0.5]"""
     loads = {load.path for load in experiment.network.flat.loads if load.node == node}
     capacity = experiment.network.numbers().capacitances[node]
@@ -645,6 +705,6 @@ def _by_powers(experiment: Experiment, node: str) -> float:
 
 
 def _is_off(channel: Channel) -> bool:
-    """Whether a logged power is no more than its noise, so that no share of it can be missing."""
+    """Whether a logged power never exceeds `OFF` times its noise, so that no part of it can be missing."""
     readings = channel.values[channel.valid]
     return not readings.size or float(np.abs(readings).max()) <= OFF * channel.white_noise

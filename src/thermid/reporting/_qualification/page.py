@@ -276,7 +276,7 @@ def _leaks(q: Qualification) -> list[PageBlock]:
     rows: list[Line] = []
     for t in q.trials:
         deck = q.plan.content.hosts[t.test.host].deck if t.test.host else ""
-        test_conductors = {p: c for p, c in t.known.model.conductors.items() if c.test_only}
+        test_conductors = {p: c for p, c in t.knowledge.model.conductors.items() if c.test_only}
         flows = t.foresight.solution.heat_flows
         means = [f"{path}: {float(flows[path].mean()):+.3f} W on average" for path in test_conductors if path in flows]
         stated = "; ".join(f"{k} ± {v}" for k, v in t.test.spread.items())

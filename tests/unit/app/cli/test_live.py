@@ -38,7 +38,7 @@ class Fed:
         self.judge = Judge(self.log, "3 C/h")
 
     def say(self, ms: int, body: str, kind: str = "D") -> None:
-        self.log._take(sealed(f"{kind},{self.number},{ms},{body}").encode() + b"\n")
+        self.log._store_line(sealed(f"{kind},{self.number},{ms},{body}").encode() + b"\n")
         self.number += 1
 
     def cycle(self, second: int, celsius: list[float], duty: int = 0) -> None:

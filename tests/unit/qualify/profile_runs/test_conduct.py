@@ -10,7 +10,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import ScenarioError, SolverError
-from thermid.qualify._profile_runs.profile_run import in_short
+from thermid.qualify._profile_runs.profile_run import verdict_remarks
 
 PREDICTED = ("-5 [degC]", "45 [degC]")
 
@@ -69,17 +69,17 @@ def test_the_state_goes_from_phase_to_phase_as_it_is():
     from thermid.qualify._profile_runs import conduct
 
     kept = []
-    own = conduct._finished
+    own = conduct._as_profile_run
 
     def caught(course, *rest):
         kept.append(course.state)
         return own(course, *rest)
 
-    conduct._finished = caught
+    conduct._as_profile_run = caught
     try:
         run = td.qualify.run_profile(box(), cycle(2))
     finally:
-        conduct._finished = own
+        conduct._as_profile_run = own
     last = run.solution.temperatures[-1]
     names = run.solution.nodes
     assert kept[0] == pytest.approx([last[names.index("plate")], last[names.index("core")]], abs=5e-6)
@@ -200,7 +200,7 @@ def test_humidity_is_followed_and_condensation_named():
     assert run.moisture is not None
     assert run.moisture["skin"].condensing > 0.0
     assert any("water condenses on 'skin'" in r for r in run.remarks)
-    (short,) = (r for r in in_short(run) if "water" in r)
+    (short,) = (r for r in verdict_remarks(run) if "water" in r)
     assert short.startswith("water condenses on one surface, most on 'skin': ")
     assert "e+" not in short
 

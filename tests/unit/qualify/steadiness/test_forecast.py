@@ -49,6 +49,9 @@ def test_a_hidden_slow_mass_is_declined_where_one_exponential_would_be_sure():
     hidden = log(3.0, parts=((10.0, 1200.0), (6.0, 20.0 * HOUR)), noise=0.1)
     found = td.bench.forecast(hidden)
     assert "cannot exclude a slow part" in found.declined
+    (row,) = found._as_rows()
+    assert row["final_C"] is None, "a declined forecast has no final temperature in a frame, as in JSON"
+    assert row["low_C"] < row["high_C"]
     assert found.final.low < 320.0 < found.final.high
     t, y = hidden.times[360:], hidden["T"].values[360:]
     trial = [

@@ -9,7 +9,7 @@ import pytest
 
 from thermid.base.errors import ThermidError
 from thermid.model.deck import load_model
-from thermid.qualify._watch.columns import BoundColumns
+from thermid.qualify._watch.request import BoundColumns
 from unit.fit.estimation.rig import rig
 
 ICE = 273.15
@@ -34,8 +34,8 @@ def test_names_of_the_deck_are_bound_and_others_are_listed(tmp_path: Path) -> No
 
 def test_a_german_log_as_told(tmp_path: Path) -> None:
     log = written(tmp_path / "b.csv", "Zeit [s];T1 [°C];Raum [°C];P [W]", CHIP, AIR, WATTS, decimal=",", sign=";")
-    told = {"T1": "chip", "Raum": "air", "P": "heater"}
-    record = BoundColumns(told, model=rig()).read(log, "b")
+    targets = {"T1": "chip", "Raum": "air", "P": "heater"}
+    record = BoundColumns(targets, model=rig()).read(log, "b")
     assert record["T1"].target == "chip"
     assert record["T1"].values[-1] == pytest.approx(CHIP[-1] + ICE)
     assert record["P"].values[0] == pytest.approx(12.0)
@@ -43,10 +43,10 @@ def test_a_german_log_as_told(tmp_path: Path) -> None:
 
 def test_a_duty_has_its_power_at_full_scale(tmp_path: Path) -> None:
     log = written(tmp_path / "c.csv", "time_s,chip [degC],Q1 [%]", CHIP, [50.0] * 60)
-    told = {"chip": "chip", "Q1": "heater"}
-    assert BoundColumns(told, {"Q1": "8 [W]"}, model=rig()).read(log, "c")["Q1"].values[0] == pytest.approx(4.0)
+    targets = {"chip": "chip", "Q1": "heater"}
+    assert BoundColumns(targets, {"Q1": "8 [W]"}, model=rig()).read(log, "c")["Q1"].values[0] == pytest.approx(4.0)
     with pytest.raises(ThermidError, match="full_scale"):
-        BoundColumns(told, model=rig()).read(log, "c")
+        BoundColumns(targets, model=rig()).read(log, "c")
 
 
 def test_two_instances_of_a_part(tmp_path: Path) -> None:
@@ -59,13 +59,13 @@ def test_two_instances_of_a_part(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("told", "words"),
+    ("targets", "words"),
     [({"T1": "chp"}, "has no node, boundary or load 'chp'"), ({"T9": "chip"}, "T9"), ({}, "Bind them: --channel COLUMN=NODE")],
 )
-def test_what_is_refused(tmp_path: Path, told: dict[str, str], words: str) -> None:
+def test_what_is_refused(tmp_path: Path, targets: dict[str, str], words: str) -> None:
     log = written(tmp_path / "e.csv", "time_s,T1 [degC],T2 [degC]", CHIP, AIR)
     with pytest.raises(ThermidError, match=words):
-        BoundColumns(told, model=rig()).read(log, "e")
+        BoundColumns(targets, model=rig()).read(log, "e")
 
 
 def test_without_a_model_temperatures_alone(tmp_path: Path) -> None:

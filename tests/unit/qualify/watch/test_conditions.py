@@ -14,9 +14,18 @@ from thermid.measure.steadiness import rule_of
 from thermid.model.deck import model_from_dict
 from thermid.model.elements import TableSignal
 from thermid.qualify._watch import growing
-from thermid.qualify._watch.growing import after_gaps_left_out, blocked, latest, plateaus, played, smoothed, switches, without_spikes
+from thermid.qualify._watch.growing import (
+    after_gaps_left_out,
+    block_means,
+    plateau_starts,
+    raw_readings,
+    replayed,
+    switches,
+    with_smooth_powers,
+    without_spikes,
+)
+from thermid.qualify._watch.live_fit import unlogged_ambients
 from thermid.qualify._watch.stopping import Stopping
-from thermid.qualify._watch.suspects import ambients_of
 from thermid.qualify._watch.watcher import Watcher, WatchLook
 from unit.fit.estimation.rig import NOISE, deck_of, rig, scenario
 
@@ -62,7 +71,7 @@ def looks(kind: str, every: float) -> list[WatchLook]:
     """Return the looks at a test, one in so many seconds from the tenth minute on."""
     model, said, record = log_of(kind)
     twin = Watcher(Stopping(rule_of("3 C/h"), 1.0, model=model, scenario=said), ("chip", "case"), model, said)
-    return [twin.look(r) for r in played(record, every) if r.duration >= 600.0]
+    return [twin.look(r) for r in replayed(record, every) if r.duration >= 600.0]
 
 
 LONG = [pytest.param(k, 600.0, marks=pytest.mark.campaign) for k in ("power", "plan", "fast", "ambient", "coarse", "spikes")]
@@ -84,8 +93,8 @@ def test_a_switch_withdraws_the_advice_at_once() -> None:
 
 def test_an_ambient_that_nobody_logs_is_a_candidate() -> None:
     network = td.simulation.compile_network(rig())
-    assert [(a.kind, a.path) for a in ambients_of(network, ())] == [("ambient", "air")]
-    assert ambients_of(network, ["air"]) == ()
+    assert [(a.kind, a.path) for a in unlogged_ambients(network, ())] == [("ambient", "air")]
+    assert unlogged_ambients(network, ["air"]) == ()
 
 
 class TestRows:
@@ -101,26 +110,26 @@ class TestRows:
         watts = np.where(np.arange(20000) < 9000, 12.0, 8.0)
         record = self.record(watts)
         assert np.flatnonzero(switches(record)).tolist() == [9000]
-        assert plateaus(record, None).tolist() == [9000.0]
-        assert growing.thinned(record).times.size < 5000
+        assert plateau_starts(record, None).tolist() == [9000.0]
+        assert growing.with_block_means(record).times.size < 5000
 
     def test_a_heater_that_cycles_does_not_fill_the_memory(self) -> None:
         watts = np.where(np.arange(200000) // 30 % 2 == 0, 24.0, 0.0)
-        assert growing.thinned(self.record(watts)).times.size < growing.MAX_ROWS + growing.RAW
-        assert plateaus(self.record(watts), None).size == 0
+        assert growing.with_block_means(self.record(watts)).times.size < growing.MAX_ROWS + growing.RAW_TIME
+        assert plateau_starts(self.record(watts), None).size == 0
 
     def test_a_mean_has_less_noise(self) -> None:
-        kept = blocked(self.record(np.full(6000, 12.0)))
+        kept = block_means(self.record(np.full(6000, 12.0)))
         assert np.median(np.diff(kept.times)) == growing.MAX_BLOCK
         assert kept["T"].noise == pytest.approx(0.1 / 2.0**0.5, rel=0.02)
 
     def test_what_stays_as_it_was_read(self) -> None:
         record = self.record(np.full(6000, 12.0))
-        np.testing.assert_allclose(latest(growing.thinned(record)).times, record.times[-1201:], atol=2.0)
+        np.testing.assert_allclose(raw_readings(growing.with_block_means(record)).times, record.times[-1201:], atol=2.0)
 
     def test_powers_between_switches_lose_their_noise(self) -> None:
         watts = np.where(np.arange(3000) < 1000, 12.0, 8.0)
-        kept = smoothed(self.record(watts))["P"].values
+        kept = with_smooth_powers(self.record(watts))["P"].values
         assert np.abs(kept - watts).max() < 0.015
 
     def test_spikes_go_and_a_step_stays(self) -> None:

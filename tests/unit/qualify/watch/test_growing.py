@@ -12,7 +12,7 @@ from thermid.base.errors import NameNotFoundError, RecordError
 from thermid.measure.readers import read_record
 from thermid.measure.records import Channel, Record
 from thermid.qualify._watch import growing
-from thermid.qualify._watch.growing import GrowingLog, thinned
+from thermid.qualify._watch.growing import GrowingLog, with_block_means
 from unit.bench.bench import Sheet
 
 ICE = 273.15
@@ -44,7 +44,7 @@ def test_pieces_are_the_whole(tmp_path: Path, stamps: bool, monkeypatch: pytest.
         with path.open("a") as file:
             file.write(rows(begin, end, stamps))
         kept = log.record()
-    whole = thinned(read(path))
+    whole = with_block_means(read(path))
     assert kept is not None
     assert not log.whole
     np.testing.assert_allclose(kept.times, whole.times)
@@ -151,7 +151,7 @@ def test_a_log_that_cannot_be_followed_any_more_is_an_error(tmp_path: Path, late
     with path.open("a") as file:
         file.write(later)
     with pytest.raises(RecordError, match="after 399 s cannot be read"):  # noqa: PT012
-        for _ in range(growing.TRIES):
+        for _ in range(growing.MAX_FAILED_LOOKS):
             kept = log.record()
             assert kept is not None
             assert kept.times[-1] == 399.0
@@ -166,28 +166,28 @@ class TestThinned:
         )
 
     def test_rows_grow_with_the_logarithm(self) -> None:
-        sizes = [thinned(self.long(h)).times.size for h in (10.0, 20.0, 40.0)]
+        sizes = [with_block_means(self.long(h)).times.size for h in (10.0, 20.0, 40.0)]
         assert np.diff(sizes).max() < growing.ROWS_PER_E_FOLD
         assert sizes[-1] < 3500
 
     def test_means_lie_on_the_course_and_recent_readings_stay(self) -> None:
-        kept = thinned(self.long(20.0))
+        kept = with_block_means(self.long(20.0))
         true = ICE + 22.0 + 20.0 * (1.0 - np.exp(-kept.times / 900.0))
         assert np.abs(kept["T"].values - true).max() < 0.005
-        late = kept.times > kept.times[-1] - growing.RECENT
+        late = kept.times > kept.times[-1] - growing.RECENT_TIME
         np.testing.assert_allclose(np.diff(kept.times[late]), 5.0)
 
     def test_again_and_again_loses_little(self) -> None:
-        once = thinned(self.long(20.0))
-        again = thinned(thinned(thinned(once)))
+        once = with_block_means(self.long(20.0))
+        again = with_block_means(with_block_means(with_block_means(once)))
         assert again.times.size > 0.95 * once.times.size
 
     def test_where_a_power_changes_nothing_is_averaged(self) -> None:
-        kept = thinned(self.long(20.0))
+        kept = with_block_means(self.long(20.0))
         place = int(np.searchsorted(kept.times, 9000.0))
         assert kept.times[place] == 9000.0
         assert set(kept["P"].values) == {4.0, 2.0}
 
     def test_a_short_record_stays(self) -> None:
         record = self.long(1.0)
-        assert thinned(record) is record
+        assert with_block_means(record) is record

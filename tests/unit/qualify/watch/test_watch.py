@@ -13,7 +13,7 @@ from thermid.base.errors import ThermidError
 from thermid.measure.records import Record
 from thermid.measure.steadiness import rule_of
 from thermid.qualify._watch.stopping import DECISIONS, Stopping, TemperatureLimit
-from thermid.qualify._watch.watcher import Watcher, sensor_alarms, suspects_of
+from thermid.qualify._watch.watcher import Watcher, sensor_alarms, suspect_values
 from unit.fit.estimation.rig import logged, rig, run, scenario
 
 ICE = 273.15
@@ -153,7 +153,7 @@ class TestModel:
     def test_suspects_are_values_of_the_deck(self) -> None:
         import thermid as td
 
-        found = {s.whose: s.kind for s in suspects_of(td.simulation.compile_network(rig()))}
+        found = {s.whose: s.kind for s in suspect_values(td.simulation.compile_network(rig()))}
         assert found == {"pad": "joint", "screws": "joint", "fins": "air", "lid_air": "air", "heater": "power"}
 
     def test_an_alarm_ends_advice_to_stop(self) -> None:
