@@ -1,6 +1,6 @@
 // Build: palette, canvas, sheet; below them the log, the text, what check says and what a run gave.
 import { render } from "preact";
-import { useEffect, useRef } from "preact/hooks";
+import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import { Canvas, free, hidden, letter } from "./canvas";
 import { dropped, Log } from "./log";
 import { Results } from "./results";
@@ -35,7 +35,7 @@ function Check() {
 
 function Saving() {
   const box = useRef<HTMLDialogElement>(null), shown = diff.value;
-  useEffect(() => { if (shown) box.current?.showModal(); else box.current?.close(); }, [shown]);
+  useLayoutEffect(() => { if (shown) box.current?.showModal(); else box.current?.close(); }, [shown]);
   return (
     <dialog ref={box} aria-labelledby="diff-title" onClose={() => { diff.value = null; }}>
       <h2 id="diff-title">Save {shown?.files.join(", ")}</h2>
