@@ -86,7 +86,7 @@ function Build() {
         <button key={s.name} type="button" data-shape={s.name} aria-pressed={armed?.shape.name === s.name} title={s.words} disabled={s.name === "submodel" && !state.decks.length} onClick={() => arm(s, free())}><span class={`icon ${s.name}`} aria-hidden="true" />{s.name}<kbd>{s.key.toUpperCase()}</kbd></button>
       ))}</aside>
       <main aria-label="Model">
-        <p class="hint" role="status">{armed ? `${armed.shape.name}: ${armed.ends.length ? `from ${armed.ends.join(", ")} to …` : armed.shape.ends === 1 ? "choose a node" : "choose the first node"} (Esc ends it)` : others.length ? `Only in the text: ${others.map(([t, n]) => `${n} ${t}`).join(", ")}` : ""}</p>
+        <p class="hint" role="status">{armed ? `${armed.shape.name}: ${armed.ends.length ? `from ${armed.ends.join(", ")} to …` : armed.shape.ends === 1 ? "choose a node" : "choose the first node"} (Esc ends it)` : others.length ? `Only in the text: ${others.map(([t, n]) => `${t} (${n})`).join(", ")}` : ""}</p>
         <Canvas />
       </main>
       <aside class="sheet" aria-label="Values"><Sheet /></aside>

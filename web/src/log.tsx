@@ -31,7 +31,7 @@ export function Row({ column, bound, known, taken, errors = false }: { column: C
   return (
     <tr data-column={name}>
       <th scope="row" draggable onDragStart={(e) => e.dataTransfer?.setData("text/x-column", name)} title="Drag to a node, or choose at the right">{name}</th>
-      <td class="num">{shown(column.low)} … {shown(column.high)}</td>
+      <td class="num">{column.low !== undefined && `${shown(column.low)} … ${shown(column.high)}`}</td>
       <td>{column.open ? <><input class="unit" type="text" aria-label={`Unit of ${name}`} value={unit.text} placeholder="unit" aria-invalid={unit.why ? "true" : undefined} onInput={(e) => unit.setText(e.currentTarget.value)} onChange={() => value && void unit.sent(bind(value))} /><Why id={`unit ${name}`} why={unit.why} now={bound?.unit ?? ""} /></> : nice(column.unit)}</td>
       <td class="soft">{column.guess}: {nice(column.why)}</td>
       <td>{offered.length > 0 || value ? <select aria-label={`${name} is`} value={value} onChange={(e) => void choice.sent(bind(e.currentTarget.value))}>
