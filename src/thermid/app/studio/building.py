@@ -505,7 +505,7 @@ class Building:
             literal(end, "s", name)
         others = _joined(self.draft.documents[CAMPAIGN].content["records"][hosts[name]])
         return self.draft.edited(
-            {CAMPAIGN: [_join_edit(hosts[name], {**others, name: {**others[name], "offset": ends if len(ends) == 2 else ends[0]}})]}
+            {CAMPAIGN: [_join_edit(hosts[name], {**others, name: {**others[name], "offset": ends if ends[1:] else ends[0]}})]}
         )
 
     def _first_limit(self, table: Mapping[str, Any]) -> str:
@@ -720,7 +720,7 @@ def _joined(record: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
 def _join_edit(host: str, joined: Mapping[str, Mapping[str, Any]]) -> Edit:
     """Return the edit that joins a record with these alone."""
     keys, tables = ("records", host, "joined"), [*joined.values()]
-    return Edit(keys, tables[0] if len(tables) == 1 else tables) if tables else Edit(keys)
+    return Edit(keys, tables if tables[1:] else tables[0]) if tables else Edit(keys)
 
 
 def _words(offset: Any) -> str:

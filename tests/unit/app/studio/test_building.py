@@ -442,7 +442,7 @@ def test_the_log_of_a_supply_belongs_to_the_test_that_another_logger_saw(tmp_pat
     low, high = map(float, state["records"][-1]["offset"].split(" to "))
     assert low < 0.0 < high  # the fit finds it
     assert [r for r in state["records"] if r["use"] != "fit"] == [{**joined, "offset": state["records"][-1]["offset"]}]
-    assert state["held"] == {}, "the other log has the room"
+    assert state["held"] == {}  # the other log has the room
     state = do(building, "offset", record="supply", value="0")
     assert state["records"][-1] == joined
     for wrong, code in (("soon", "value.wrong-kind"), ("3 [K]", "unit.wrong-dimension")):

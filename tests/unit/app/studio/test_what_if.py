@@ -91,7 +91,8 @@ def test_a_factor_that_is_no_number_is_refused_with_its_place(deck: Path, factor
     with pytest.raises(ThermidError) as refused:
         Building(deck).compared({"factors": {"heater": factor}})
     assert refused.value.where == "factors.heater"
-    assert Building(deck).compared({"factors": {"heater": "1.5"}})["changes"] == ("heater: 1.5 times its power, 5 [W] in the deck",)
+    said, number = (Building(deck).compared({"factors": {"heater": f}})["changes"] for f in ("1.5", 1.5))
+    assert said == number != ()
 
 
 def test_unknown_names_are_refused(deck: Path) -> None:
