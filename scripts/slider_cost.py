@@ -25,6 +25,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 from studio.browser import Page, page, studio
 from studio.large import dense_campaign, values_campaign
 
+FEW = 10_000
+"""Entries of the log below which no further part waits; while a page is traced, some always come."""
 TICK = os.sysconf("SC_CLK_TCK")
 STEP = """
 const s = document.getElementById(arguments[0]); s.value = arguments[1]; s.dispatchEvent(new Event('input', { bubbles: true }));
@@ -77,7 +79,10 @@ def measure(shown: Page, slider: str, low: float, high: float, steps: int) -> di
 
 def tasks(shown: Page, begun: float, ended: float) -> list[float]:
     """Return how long the tasks of the page's main thread took between two times of the system's clock, by the thread's own clock. [ms]"""
-    told = (json.loads(entry["message"])["message"] for entry in shown.driver.get_log("performance"))
+    entries: list[dict[str, str]] = []
+    while len(batch := shown.driver.get_log("performance")) > FEW:  # the driver hands out a part at a time, the oldest first
+        entries += batch
+    told = (json.loads(entry["message"])["message"] for entry in (*entries, *batch))
     trace = [m["params"] for m in told if m["method"] == "Tracing.dataCollected"]
     main = {(e["pid"], e["tid"]) for e in trace if e["name"] == "thread_name" and e["args"]["name"] == "CrRendererMain"}
     runs = (e for e in trace if (e["pid"], e["tid"]) in main and e["name"].endswith("RunTask") and "tdur" in e)

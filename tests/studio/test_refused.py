@@ -121,3 +121,28 @@ def test_the_focus_goes_on_after_a_name(person: Person) -> None:
     assert person.at("#field-capacitance")
     person.fill("#sheet-name", "cover")
     assert person.at("#sheet-name")
+
+
+def test_what_if_marks_the_field_that_is_refused(person: Person) -> None:
+    """Letters for a factor were no answer of the server at all; of a wrong ambient the field said nothing."""
+    page = person.page
+    person.click("[data-pane=if]")
+    page.until("document.querySelector('#if-run')", 15)
+    marked = (
+        "return [...document.querySelectorAll('.whatif [aria-invalid=true]')].map((e) => e.dataset.boundary || e.dataset.factor || e.id)"
+    )
+    for field, name, wrong, right in (
+        ("[data-boundary=room]", "room", "warm", "35"),
+        ("[data-factor=heater]", "heater", "1,5", "1.5"),
+        ("#if-duration", "if-duration", "0", "6"),
+        ("#if-start", "if-start", "hot", "30"),
+    ):
+        person.fill(field, wrong)
+        page.until("document.querySelector('.whatif .why')", 15)
+        assert page.run(marked) == [name]
+        person.fill(field, right)
+        page.until("document.querySelector('#changes')", 30)
+        assert page.run(marked) == []
+    said = page.run("return [...document.querySelectorAll('#changes li')].map((e) => e.textContent)")
+    assert len(said) == 4
+    assert page.serious(False) == []

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -116,6 +116,17 @@ def test_a_stretch_of_a_run_is_zoomed_by_keys(shown: Page) -> None:
     shown.clean()
 
 
+def test_a_number_of_a_profile_that_is_refused_is_marked(shown: Page) -> None:
+    """The message stood above, and the number in its field as if it counted."""
+    for number, wrong in (("hot", "3 [W]"), ("stable", "warm")):
+        field = f"[data-number={number}]"
+        shown.run(SET, field, wrong)
+        shown.until(f"document.querySelector('{field}').getAttribute('aria-invalid') === 'true'", 15)
+        shown.run(SET, field, "")
+        shown.until(f"document.querySelector('{field}').getAttribute('aria-invalid') === null", 15)
+    shown.clean()
+
+
 def test_a_long_run_is_stopped(shown: Page) -> None:
     shown.run(CHOOSE, "SMC-S-016 unit thermal cycle, qualification")
     shown.until("document.querySelector('[data-number=cycles]')")
@@ -168,9 +179,9 @@ def test_a_log_that_grows_is_followed(folder: Path) -> None:
     file = folder / "growing.csv"
     file.write_text("time_s,T_CASE [degC],T_LID [degC]\n" + "".join(lines(0, 60)), encoding="utf-8")
 
-    def grow() -> None:
+    def grow(first: int, last: int) -> None:
         with file.open("a", encoding="utf-8") as out:
-            for text in lines(60, 420):  # each line in two pieces, as a logger without line buffering leaves them
+            for text in lines(first, last):  # each line in two pieces, as a logger without line buffering leaves them
                 for piece in (text[:-3], text[-3:]):
                     out.write(piece)
                     out.flush()
@@ -181,16 +192,9 @@ def test_a_log_that_grows_is_followed(folder: Path) -> None:
         assert "not stable" in shown.text("#bench-verdict")
         assert "Where T_CASE will end is not known yet" in shown.text("#bench-verdict")
         rows = "Number(document.getElementById('bench-title').textContent.match(/([0-9]+) rows/)[1])"
-        writer = threading.Thread(target=grow)
-        writer.start()
-        counts = [shown.run(f"return {rows}")]
-        while writer.is_alive():
-            time.sleep(0.3)
-            counts.append(shown.run(f"return {rows}"))
-        writer.join()
-        shown.until(f"{rows} === 420", 30)
-        assert len(set(counts)) >= 3  # it followed while it grew, and not only in the end
-        assert counts == sorted(counts)
+        for first, last in pairwise((60, 180, 300, 420)):
+            grow(first, last)
+            shown.until(f"{rows} === {last}", 30)
         shown.until("document.getElementById('bench-verdict').textContent.includes('✓ stable')", 30)
         assert "20 \u00d7 not a number" in shown.text("#channels")
         shown.run(SET, "#slowest", "0.4")

@@ -1,6 +1,6 @@
 // Build: palette, canvas, sheet; below them the log, the text, what check says and what a run gave.
 import { render } from "preact";
-import { useEffect, useRef } from "preact/hooks";
+import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import { Canvas, free, hidden, letter } from "./canvas";
 import { dropped, Log } from "./log";
 import { Results } from "./results";
@@ -35,7 +35,7 @@ function Check() {
 
 function Saving() {
   const box = useRef<HTMLDialogElement>(null), shown = diff.value;
-  useEffect(() => { if (shown) box.current?.showModal(); else box.current?.close(); }, [shown]);
+  useLayoutEffect(() => { if (shown) box.current?.showModal(); else box.current?.close(); }, [shown]);
   return (
     <dialog ref={box} aria-labelledby="diff-title" onClose={() => { diff.value = null; }}>
       <h2 id="diff-title">Save {shown?.files.join(", ")}</h2>
@@ -86,7 +86,7 @@ function Build() {
         <button key={s.name} type="button" data-shape={s.name} aria-pressed={armed?.shape.name === s.name} title={s.words} disabled={s.name === "submodel" && !state.decks.length} onClick={() => arm(s, free())}><span class={`icon ${s.name}`} aria-hidden="true" />{s.name}<kbd>{s.key.toUpperCase()}</kbd></button>
       ))}</aside>
       <main aria-label="Model">
-        <p class="hint" role="status">{armed ? `${armed.shape.name}: ${armed.ends.length ? `from ${armed.ends.join(", ")} to …` : armed.shape.ends === 1 ? "choose a node" : "choose the first node"} (Esc ends it)` : others.length ? `Only in the text: ${others.map(([t, n]) => `${n} ${t}`).join(", ")}` : ""}</p>
+        <p class="hint" role="status">{armed ? `${armed.shape.name}: ${armed.ends.length ? `from ${armed.ends.join(", ")} to …` : armed.shape.ends === 1 ? "choose a node" : "choose the first node"} (Esc ends it)` : others.length ? `Only in the text: ${others.map(([t, n]) => `${t} (${n})`).join(", ")}` : ""}</p>
         <Canvas />
       </main>
       <aside class="sheet" aria-label="Values"><Sheet /></aside>

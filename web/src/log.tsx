@@ -31,9 +31,9 @@ export function Row({ column, bound, known, taken, errors = false }: { column: C
   return (
     <tr data-column={name}>
       <th scope="row" draggable onDragStart={(e) => e.dataTransfer?.setData("text/x-column", name)} title="Drag to a node, or choose at the right">{name}</th>
-      <td class="num">{shown(column.low)} … {shown(column.high)}</td>
+      <td class="num">{column.low !== undefined && `${shown(column.low)} … ${shown(column.high)}`}</td>
       <td>{column.open ? <><input class="unit" type="text" aria-label={`Unit of ${name}`} value={unit.text} placeholder="unit" aria-invalid={unit.why ? "true" : undefined} onInput={(e) => unit.setText(e.currentTarget.value)} onChange={() => value && void unit.sent(bind(value))} /><Why id={`unit ${name}`} why={unit.why} now={bound?.unit ?? ""} /></> : nice(column.unit)}</td>
-      <td class="soft">{column.guess}: {column.why}</td>
+      <td class="soft">{column.guess}: {nice(column.why)}</td>
       <td>{offered.length > 0 || value ? <select aria-label={`${name} is`} value={value} onChange={(e) => void choice.sent(bind(e.currentTarget.value))}>
         <option value="">not used</option>
         {[...offered, ...(value && !offered.includes(value) ? [value] : [])].map((o) => <option key={o} value={o}>{o.replace(":", " ")}</option>)}
@@ -45,13 +45,15 @@ export function Row({ column, bound, known, taken, errors = false }: { column: C
   );
 }
 
-// what the fit does with a log: it uses it, or is judged on it
+// what the fit does with a log: it uses it, is judged on it, or it is that of another logger of one test
 function Uses({ log }: { log: string }) {
-  const { records } = draft.value!, mine = records.find((r) => r.name === log)!, use = (how: string) => command({ do: "use", record: log, how });
+  const { records } = draft.value!, mine = records.find((r) => r.name === log)!, hosts = records.filter((r) => r.use !== "joined" && r.name !== log);
+  const use = (to: string) => command({ do: "use", record: log, how: to.startsWith("joined") ? "joined" : to, host: to.slice(7) });
   return (
     <div class="bar" id="records">
-      <label>Log <select id="record" value={mine.file} onChange={(e) => command({ do: "log", file: e.currentTarget.value })}>{records.map((r) => <option key={r.name} value={r.file}>{r.file}{r.use === "fit" ? "" : ", held out"}</option>)}</select></label>
-      <label><select id="use" aria-label={`What the fit does with ${log}`} value={mine.use} onChange={(e) => use(e.currentTarget.value)}><option value="fit">the fit uses it</option><option value="held out">held out of the fit, which is judged on it</option></select></label>
+      <label>Log <select id="record" value={mine.file} onChange={(e) => command({ do: "log", file: e.currentTarget.value })}>{records.map((r) => <option key={r.name} value={r.file}>{r.file}{r.use === "fit" ? "" : `, ${r.use}`}</option>)}</select></label>
+      <label><select id="use" aria-label={`What the fit does with ${log}`} value={mine.host ? `joined ${mine.host}` : mine.use} onChange={(e) => use(e.currentTarget.value)}><option value="fit">the fit uses it</option><option value="held out">held out of the fit, which is judged on it</option>{hosts.map((r) => <option key={r.name} value={`joined ${r.name}`}>of the same test as {r.name}, by another logger</option>)}</select></label>
+      {mine.use === "joined" && <label>begins <Typed id="offset" class="unit" inputMode="decimal" now={mine.offset!} unit="s" of={log} send={(value) => command({ do: "offset", record: log, value })} /> s after it{mine.offset!.includes(" to ") && "; the fit finds when"}</label>}
       {mine.use === "held out" && <><label>RMSE of each sensor at most <Typed id="limit" class="unit" inputMode="decimal" now={number(mine.limit)} unit="K" of={log} send={(v) => command({ do: "limit", record: log, value: kelvin(v) })} /> K</label><span class="soft">Correlate judges it when the stage was run.</span></>}
       <button id="take-out" type="button" onClick={() => use("none")}>Take it out</button>
     </div>

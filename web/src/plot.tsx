@@ -102,7 +102,7 @@ function options(host: HTMLElement, now: { p: Props; s: Shown }): uPlot.Options 
   const axis = { stroke: ink, font, grid, ticks: mark };
   const digits = (v: number, all: number[]) => { const step = all.length > 1 ? Math.abs(all[1]! - all[0]!) : 1; return v.toFixed(Math.max(0, Math.min(4, -Math.floor(Math.log10(step) + 1e-9) + (step / 10 ** Math.floor(Math.log10(step)) === 2.5 ? 1 : 0)))); };
   return {
-    mode: 2, width: host.clientWidth, height: host.clientHeight, legend: { show: false }, padding: [15, strip ? 0 : 12, 0, 0],
+    mode: 2, width: host.clientWidth, height: host.clientHeight, legend: { show: false }, padding: [15, strip ? 0 : 20, 0, 0],
     scales: { x: { time: false, auto: false, range: (_, a, b) => [a, b] }, y: { auto: false, range: (_, a, b) => [a, b] }, r: { auto: false, range: (_, a, b) => [a, b] } },
     series: [{}, ...now.p.lines.map(() => ({ facets: [{ scale: "x", auto: false }, { scale: "y", auto: false }], paths: path }))] as uPlot.Series[],
     axes: [
@@ -121,7 +121,7 @@ function options(host: HTMLElement, now: { p: Props; s: Shown }): uPlot.Options 
         g.fillStyle = css("--soft"); g.font = `${11 * r}px system-ui, sans-serif`; g.textBaseline = "alphabetic"; g.textAlign = "right"; g.fillText(now.p.unit ?? "°C", left - 4 * r, top - 5 * r);
         if (!strip) return;
         const y = (v: number) => u.valToPos(v, "r", true), sigma = now.p.sigma || 0;
-        g.textAlign = "left"; g.fillText("K", left + width + 4 * r, y(now.s.rest) - 4 * r);
+        g.textAlign = "left"; g.fillText("K", left + width + 4 * r, y(now.s.rest) - 9 * r);
         g.fillStyle = css("--accent"); g.globalAlpha = 0.13; g.fillRect(left, y(2 * sigma), width, y(-2 * sigma) - y(2 * sigma)); g.globalAlpha = 1;
       }],
       draw: [(u) => { now.p.over?.(u, now.s); frames.push(performance.now() - begun); if (frames.length > 2000) frames.splice(0, 1000); }],

@@ -2,7 +2,7 @@
 import { computed, effect, signal } from "@preact/signals";
 import { frames } from "./plot";
 import { ask, type Curve } from "./server";
-import { error, errors } from "./state";
+import { error, errors, say } from "./state";
 
 export interface Told { state: string; stage: string; accepted?: boolean; because: string }
 export interface Stage { name: string; state: string; why: string; below: string[]; sensors: Record<string, number>; standing: string; because: string; usable: boolean; told: Told; verdicts: { record: string; text: string }[]; open: string; edition: number; says?: string }
@@ -39,7 +39,7 @@ export const misfit = (c: Curve) => (c.rmse ?? 0) / (c.sigma || 1);
 export const order = signal<string[]>([]); // sensors, the worst first
 
 export async function tried<T>(make: () => Promise<T>): Promise<T | null> {
-  try { error.value = ""; return await make(); } catch (e) { error.value = String((e as Error).message ?? e); return null; }
+  try { error.value = ""; return await make(); } catch (e) { say(e); return null; }
 }
 
 // what was moved comes back when the page is loaded anew or the stage opened again; it is this tab's alone
@@ -71,9 +71,10 @@ export async function open(name: string) {
   time.value = hottest();
   if (made.fitted && made.measured) found.value = { title: "What the stage's fit says", values: {}, warnings: made.warnings.length ? made.warnings : ["none"], text: "" };
   sort();
-  if (Object.keys(values.value).length) await move();
+  await null; // tiles have a width now, and it says how many points are seen
+  await move(true);
   void surroundings();
-  for (const f of entered) void f();
+  await Promise.all([...entered].map((f) => f()));
 }
 export const FEW = 16;
 

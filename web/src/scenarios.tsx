@@ -4,7 +4,9 @@ import { useMemo } from "preact/hooks";
 import { after, begin, busy, desk, entered, stage, studio, tried, values } from "./project";
 import { PHASES, over, swatch, under, type Limit, type Marks, type Phase } from "./marks";
 import { Plot, colour, dash, hour, scheme, type Line } from "./plot";
-import { ask, nice, shown } from "./server";
+import { ask, nice, shown, type Refused } from "./server";
+import { refused } from "./state";
+import { OneOf } from "./typed";
 
 interface Course { key: string; title: string; group: string; kind: string }
 interface Shelf { courses: Course[]; boundaries: string[]; nodes: string[]; limits: string[]; source: string; fitted: boolean }
@@ -23,7 +25,7 @@ const LEVELS = ["hot", "cold", "cycles", "dwell", "ramp", "stable"], UNITS: Reco
 const MARKS: Record<string, string> = { kept: "✓", "passed a limit": "✗", "margin not met": "✗", "not met": "✗", "not decided": "?", open: "–" };
 const shelf = signal<Shelf | null>(null), profile = signal<Profile | null>(null), outcome = signal<Outcome | null>(null), running = signal(false), focus = signal(""), zoom = signal<[number, number] | null>(null);
 interface Asked { course: string; lowest: string; highest: string; numbers: Record<string, string>; off: string[]; base: string; gas: string; state: string; uncertain: boolean }
-const plain: Asked = { course: "", lowest: "", highest: "", numbers: {}, off: [], base: "", gas: "air", state: "operating", uncertain: false }, asked = signal<Asked>(plain);
+const plain: Asked = { course: "", lowest: "", highest: "", numbers: {}, off: [], base: "", gas: "air", state: "operating", uncertain: false }, asked = signal<Asked>(plain), wrong = signal<Refused | null>(null);
 
 const course = () => shelf.value?.courses.find((c) => c.key === asked.value.course);
 const body = () => {
@@ -37,7 +39,9 @@ async function describe() {
   const mine = ++describing;
   if (course()?.kind !== "profile") { profile.value = null; return; }
   const got = await tried(() => ask<Profile>("profile", body()));
-  if (got && mine === describing) profile.value = got;
+  if (mine !== describing) return;
+  wrong.value = got ? null : refused.value;
+  if (got) profile.value = got;
 }
 function set(more: Partial<Asked>, told = true) { asked.value = { ...asked.value, ...more }; if (told) void describe(); }
 
@@ -74,7 +78,7 @@ function Form() {
         <label>Profile, scenario or test <select id="course" value={a.course} onChange={(e) => set({ course: e.currentTarget.value, numbers: {}, lowest: "", highest: "" })}>{[...groups].map(([name, list]) => <optgroup key={name} label={name}>{list.map((c) => <option key={c.key} value={c.key}>{c.title}</option>)}</optgroup>)}</select></label>
         {isProfile && <>
           <div class="pair"><label>lowest predicted [°C] <input id="lowest" type="number" step="any" value={a.lowest} onChange={(e) => both({ lowest: e.currentTarget.value })} /></label><label>highest predicted [°C] <input id="highest" type="number" step="any" value={a.highest} onChange={(e) => both({ highest: e.currentTarget.value })} /></label></div>
-          <div id="numbers" class="pair">{numbers.map((n) => <label key={`${a.course} ${n}`}>{n}{UNITS[n] && ` [${UNITS[n]}]`} <input type="text" data-number={n} autocomplete="off" value={a.numbers[n] ?? ""} placeholder={bare(told!.numbers[n]?.text ?? "")} onChange={(e) => set({ numbers: { ...a.numbers, [n]: e.currentTarget.value } })} /></label>)}</div>
+          <div id="numbers" class="pair">{numbers.map((n) => <label key={`${a.course} ${n}`}>{n}{UNITS[n] && ` [${UNITS[n]}]`} <OneOf of={n === "stable" ? "stability" : `, ${n}`} refused={wrong.value} on="change" data-number={n} now={a.numbers[n] ?? ""} placeholder={bare(told!.numbers[n]?.text ?? "")} send={(to) => set({ numbers: { ...a.numbers, [n]: to } })} /></label>)}</div>
           <fieldset><legend>Chamber</legend><div id="chamber">{s!.boundaries.map((b) => <label key={b}><input type="checkbox" value={b} checked={!a.off.includes(b)} onChange={(e) => set({ off: e.currentTarget.checked ? a.off.filter((x) => x !== b) : [...a.off, b] }, false)} /> {b}</label>)}</div></fieldset>
           <label>Levels hold <select id="base" value={a.base} onChange={(e) => set({ base: e.currentTarget.value }, false)}><option value="">the chamber's</option>{s!.nodes.map((n) => <option key={n} value={n}>at {n}</option>)}</select></label></>}
         {(kind === "scenario" || kind === "record") && <label>Gas <select id="scenario-gas" value={a.gas} onChange={(e) => set({ gas: e.currentTarget.value }, false)}><option value="air">as it says</option><option value="vacuum">vacuum</option><option value="printed">without convection, as printed</option></select></label>}

@@ -1,5 +1,5 @@
 // The property sheet: every value of what is chosen with its unit and where it comes from; what nobody gave yet is red.
-import { useEffect, useRef, useState } from "preact/hooks";
+import { useEffect, useLayoutEffect, useRef, useState } from "preact/hooks";
 import { nice, type Element, type Field } from "./server";
 import { arm, chosen, command, draft, element, focusName } from "./state";
 import { Typed, useTyped, Why } from "./typed";
@@ -35,7 +35,8 @@ function Value({ of, field }: { of: Element; field: Field }) {
 
 export function Sheet() {
   const one = element.value, state = draft.value, name = useRef<HTMLInputElement>(null), wanted = focusName.value;
-  useEffect(() => { if (wanted) { name.current?.focus(); name.current?.select(); } }, [wanted]);
+  // before the page is painted: a letter that is typed at once belongs to the name, and adds nothing
+  useLayoutEffect(() => { if (wanted) { name.current?.focus(); name.current?.select(); } }, [wanted]);
   if (!one || !state) return <p class="soft">Choose a node or a line to see its values.</p>;
   const place = state.places[one.name], keys = [one.table, one.name], shown = one.fields.filter((f) => f.given), rest = one.fields.filter((f) => !f.given);
   const heat = one.fields.some((f) => f.name === "mass" && f.given) ? "mass" : one.shape === "massless" ? "massless" : "capacitance";

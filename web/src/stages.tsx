@@ -43,7 +43,7 @@ export function StageDetail() {
   return (
     <div id="stage-detail" class="bar">
       <button type="button" id="run-stage" disabled={busy.value} onClick={runStage}>Run {x.name}{undone.length ? ` and ${undone.join(", ")} below it` : x.state === "done" ? " again" : ""}</button>
-      <span class="soft grow">{nice(`${stands}. ${x.below.length ? `Takes values of ${x.below.join(", ")}; ` : "Takes values of no other stage; "}${above.length ? `hands its own to ${above.join(", ")}.` : "hands its own to none."}`)}</span>
+      <span class="soft grow">{nice(`${stands}.${x.below.length ? ` Takes values of ${x.below.join(", ")}.` : ""}${above.length ? ` Hands its own to ${above.join(", ")}.` : ""}`)}</span>
       {x.standing && <p class="verdict clamp" tabIndex={0} data-word={x.usable ? "not decided" : "passed a limit"}><span><strong>{x.usable ? "?" : "✗"}</strong> {nice(`${x.because}.`)}</span></p>}
       {!x.standing && x.open && <p class="verdict" data-word="not decided"><strong>? not judged</strong> {nice(`${x.open}.`)}</p>}
       {x.verdicts.map((v) => <details key={v.record} class="detail judged" data-verdict={v.record}><summary>{nice(v.text.split("\n")[0]!)}</summary><pre tabIndex={0}>{nice(v.text)}</pre></details>)}

@@ -1,12 +1,12 @@
 // What the page knows: the draft as the server has it, and what is chosen in the page.
 import { batch, computed, signal } from "@preact/signals";
-import { ask, type Draft, type Element, type Job, type Shape } from "./server";
+import { ask, type Draft, type Element, type Job, type Refused, type Shape } from "./server";
 
 export const draft = signal<Draft | null>(null);
 export const chosen = signal(""); // "table/name"
 export const tool = signal<{ shape: Shape; ends: string[] } | null>(null);
 export const job = signal<Job>({});
-export const error = signal("");
+export const error = signal(""), refused = signal<Refused>({ where: "", why: "" });
 export const diff = signal<{ diff: string; files: string[] } | null>(null);
 export const pane = signal<"log" | "text" | "check" | "results" | "if">("log");
 export const focusName = signal(0); // raised where the sheet's name field is to have the focus
@@ -28,12 +28,17 @@ export function told<T>(make: () => Promise<T>): Promise<T | null> {
       error.value = "";
       return out;
     } catch (e) {
-      error.value = String((e as Error).message ?? e);
+      say(e);
       return null;
     } finally { waiting--; }
   });
   last = next;
   return next;
+}
+
+export function say(e: unknown) {
+  const { message, where = "", why = "" } = e as Error & Partial<Refused>;
+  error.value = String(message ?? e); refused.value = { where, why };
 }
 
 export async function command(body: Record<string, unknown>): Promise<Draft | null> {

@@ -2,22 +2,24 @@
 import { signal } from "@preact/signals";
 import { useEffect } from "preact/hooks";
 import { Tile } from "./results";
-import { ask, nice, shown, type Compared, type Conditions } from "./server";
-import { command, draft, error, told } from "./state";
+import { ask, nice, shown, type Compared, type Conditions, type Refused } from "./server";
+import { command, draft, error, refused, told } from "./state";
+import { OneOf } from "./typed";
 
 const conditions = signal<Conditions | null>(null), result = signal<Compared | null>(null);
 const asked = signal<{ boundaries: Record<string, string>; factors: Record<string, string>; duration: string; start: string; gas: string }>({ boundaries: {}, factors: {}, duration: "", start: "", gas: "air" });
-const finish = signal(""), lacking = signal("");
+const finish = signal(""), lacking = signal(""), wrong = signal<Refused | null>(null);
 
 const highest = (v: Float32Array) => v.reduce((a, b) => Math.max(a, b), -Infinity);
 
 async function run(more: Record<string, string> = {}) {
-  const a = asked.value, degrees = (v: string) => (/[[]/.test(v) ? v : `${v} [degC]`), kept = (o: Record<string, string>) => Object.entries(o).filter(([, v]) => v.trim());
+  const a = asked.value, in_ = (v: string, unit: string) => (v.trim() && Number.isFinite(Number(v)) ? `${v} [${unit}]` : v.trim()), kept = (o: Record<string, string>) => Object.entries(o).filter(([, v]) => v.trim());
   const body = {
-    boundaries: Object.fromEntries(kept(a.boundaries).map(([k, v]) => [k, degrees(v)])), factors: Object.fromEntries(kept(a.factors).map(([k, v]) => [k, Number(v)])),
-    duration: a.duration.trim() && (/[[]/.test(a.duration) ? a.duration : `${a.duration} [h]`), start: a.start.trim() && degrees(a.start), gas: a.gas, ...more,
+    boundaries: Object.fromEntries(kept(a.boundaries).map(([k, v]) => [k, in_(v, "degC")])), factors: Object.fromEntries(kept(a.factors)),
+    duration: in_(a.duration, "h"), start: in_(a.start, "degC"), gas: a.gas, ...more,
   };
   result.value = await told(() => ask<Compared>("draft/compare", body));
+  wrong.value = result.value ? null : refused.value;
 }
 
 export function WhatIf() {
@@ -27,10 +29,10 @@ export function WhatIf() {
   return (
     <div class="whatif">
       <form onSubmit={(e) => { e.preventDefault(); void run(); }}>
-        {Object.entries(c.boundaries).map(([n, v]) => <label key={n}>{n} <input type="text" inputMode="decimal" data-boundary={n} placeholder={shown(v)} value={a.boundaries[n] ?? ""} onInput={(e) => set({ boundaries: { ...a.boundaries, [n]: e.currentTarget.value } })} /> °C</label>)}
-        {c.loads.map((n) => <label key={n}>{n} × <input type="text" inputMode="decimal" data-factor={n} placeholder="1" value={a.factors[n] ?? ""} onInput={(e) => set({ factors: { ...a.factors, [n]: e.currentTarget.value } })} /></label>)}
-        <label>duration <input id="if-duration" type="text" inputMode="decimal" placeholder={shown(c.hours)} value={a.duration} onInput={(e) => set({ duration: e.currentTarget.value })} /> h</label>
-        <label>start <input id="if-start" type="text" inputMode="decimal" placeholder="as it is" value={a.start} onInput={(e) => set({ start: e.currentTarget.value })} /> °C</label>
+        {Object.entries(c.boundaries).map(([n, v]) => <label key={n}>{n} <OneOf of={`boundaries.${n}`} refused={wrong.value} inputMode="decimal" data-boundary={n} placeholder={shown(v)} now={a.boundaries[n] ?? ""} send={(to) => set({ boundaries: { ...a.boundaries, [n]: to } })} /> °C</label>)}
+        {c.loads.map((n) => <label key={n}>{n} × <OneOf of={`factors.${n}`} refused={wrong.value} inputMode="decimal" data-factor={n} placeholder="1" now={a.factors[n] ?? ""} send={(to) => set({ factors: { ...a.factors, [n]: to } })} /></label>)}
+        <label>duration <OneOf of=", duration" refused={wrong.value} id="if-duration" inputMode="decimal" placeholder={shown(c.hours)} now={a.duration} send={(duration) => set({ duration })} /> h</label>
+        <label>start <OneOf of=", start" refused={wrong.value} id="if-start" inputMode="decimal" placeholder="as it is" now={a.start} send={(start) => set({ start })} /> °C</label>
         <label>gas <select id="if-gas" value={a.gas} onChange={(e) => set({ gas: e.currentTarget.value })}><option value="air">as it is</option><option value="vacuum">vacuum</option><option value="printed">without, as printed</option></select></label>
         <button id="if-run" class="main" type="submit">Run</button>
       </form>

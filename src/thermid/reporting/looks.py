@@ -7,4 +7,5 @@ from thermid.reporting._pictures.look import (
     clocks_of as clocks_of,
     look as look,
     named_apart as named_apart,
+    offset_range as offset_range,
 )

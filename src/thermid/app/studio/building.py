@@ -41,12 +41,14 @@ from thermid.campaign.stages import request_of
 from thermid.campaign.start import ACCURACY, VERDICT_NOISES, VERDICT_SHARE_OF_RANGE, word
 from thermid.campaign.verdicts import Criteria
 from thermid.fit.calibration import Calibration, Request, build_problem, fit
-from thermid.measure.amounts import short
+from thermid.measure.amounts import short, with_unit
 from thermid.measure.readers import name_and_unit, read_record
 from thermid.measure.records import Record
 from thermid.model.deck import Edit
+from thermid.model.elements import literal
 from thermid.model.tree import Model, parameter_table
 from thermid.reporting.diagrams import card_places
+from thermid.reporting.looks import clocks_of, look, offset_range
 from thermid.reporting.objects import fit_object
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Scenario
@@ -83,9 +85,9 @@ class Building:
         """Return everything that the page shows of the draft."""
         draft, text = self.draft, self.draft.deck.text
         log = self._bound()
-        elements = [self._logged(e, log) for e in sheets(draft.deck)]
-        content = draft.deck.content
-        logged = {c.get("boundary") for c in (log or {"channels": {}})["channels"].values() if isinstance(c, Mapping)}
+        content, channels = draft.deck.content, self._together(log)
+        elements = [self._logged(e, channels) for e in sheets(draft.deck)]
+        logged = {c.get("boundary") for c in channels}
         course = self._stage().get("scenario", {}).get("boundaries", {})
         held = {n: str(course.get(n, "")) for n in content.get("needs", []) if n not in logged}
         unseen = {t: {*v} - schedules(content) if t == "controls" else v for t, v in content.items() if isinstance(v, Mapping)}
@@ -137,11 +139,22 @@ class Building:
                 out[name] = _beside(place, out.values())
         return out
 
-    def _logged(self, element: dict[str, Any], log: Mapping[str, Any] | None) -> dict[str, Any]:
-        """Return an element as the page shows it: the power of a load that a column of the log gives is not missing."""
-        channels = log["channels"] if log is not None else {}
-        columns = [c for c, t in channels.items() if isinstance(t, Mapping) and t.get("load") == element["name"]]
-        if element["table"] != "loads" or not columns:
+    def _together(self, log: Mapping[str, Any] | None) -> list[Mapping[str, Any]]:
+        """Return what the columns of a log are, and those of the logs of other loggers that belong to the same test."""
+        if log is None:
+            return []
+        records = self.draft.documents[CAMPAIGN].content["records"]
+        host = next((n for n in records if log["record"] in _joined(records[n])), log["record"])
+        return [
+            c
+            for n in (host, *_joined(records[host]))
+            for c in records.get(n, {"channels": {}})["channels"].values()
+            if isinstance(c, Mapping)
+        ]
+
+    def _logged(self, element: dict[str, Any], channels: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+        """Return an element as the page shows it: the power of a load that a column of a log gives is not missing."""
+        if element["table"] != "loads" or not any(t.get("load") == element["name"] for t in channels):
             return element
         return {**element, "logged": "logged", "fields": [f | {"missing": False} for f in element["fields"]]}
 
@@ -185,11 +198,15 @@ class Building:
         return {"record": open_ones[0], "file": table["file"], "channels": table["channels"], "columns": columns, **shown}
 
     def _records(self) -> list[dict[str, Any]]:
-        """Return the logs of the stage: those that its fit uses, then those that are held out, each with the limit of its RMSE."""
+        """Return the logs of the stage: of its fit, held out with the limit of its RMSE, then those that are joined with one of these."""
         content = self.draft.documents[CAMPAIGN].content
         stage, held = self._stage(), self._verdicts()
         out = [{"name": n, "use": "fit"} for n in stage.get("records", [])]
         out += [{"name": n, "use": "held out", "limit": str(v["criteria"].get("rmse", ""))} for n, v in held.items()]
+        hosts = {r["name"]: _joined(content["records"].get(r["name"], {})) for r in out}
+        out += [
+            {"name": n, "use": "joined", "host": host, "offset": _words(t["offset"])} for host, of in hosts.items() for n, t in of.items()
+        ]
         files = {n: t["file"] for n, t in content["records"].items() if "file" in t}
         return [r | {"file": files[r["name"]]} for r in out if r["name"] in files]
 
@@ -388,8 +405,9 @@ class Building:
     def _log(self, body: Body) -> Draft:
         """Return the draft with a log of the folder as a record, looked at; one that is a record already stays as it is.
 
-        The first log of a stage is fitted, a further one held out until `_use` says otherwise. Its columns are bound as those of the log
-        that was looked at before, and others as their names and units suggest.
+        The first log of a stage is fitted; until `_use` says otherwise a further one is held out, or joined with the last one of the fit
+        where it has no sensor to be judged by. Its columns are bound as those of the log that was looked at before, and others as their
+        names and units suggest.
         """
         file, content = text_of(body, "file"), self.draft.documents[CAMPAIGN].content
         path, folder = self._inside(file), self.draft.documents[CAMPAIGN].path.parent
@@ -400,7 +418,11 @@ class Building:
             table = {**table, "channels": self._proposed(table, self._bound())}
             edits.append(Edit(("records", name), table))
         if name not in {r["name"] for r in self._records()}:
-            edits += self._use_edits(name, "held out" if self._stage().get("records") else "fit", table)
+            judged = any(isinstance(c, str) or "node" in c for c in table["channels"].values())
+            further = "held out" if judged or not table["channels"] else "joined"
+            host = (self._bound() or {"record": ""})["record"]
+            hosts = [r["name"] for r in self._records() if r["use"] != "joined"]
+            edits += self._use_edits(name, further if hosts else "fit", table, host if host in hosts else hosts[-1] if hosts else "")
         draft, self._opened = self.draft.edited({CAMPAIGN: edits}), name
         return draft
 
@@ -414,12 +436,12 @@ class Building:
         return self.draft.edited({CAMPAIGN: [Edit(("records", name), table)]})
 
     def _use(self, body: Body) -> Draft:
-        """Return the draft with a log used by the fit, held out of it to be judged, or taken out of the stage."""
+        """Return the draft with a log used by the fit, held out of it to be judged, joined with the last one of the fit, or taken out."""
         name, how = text_of(body, "record"), text_of(body, "how")
-        refuse_unknown([how], ("fit", "held out", "none"), "log", "no use '{}' of a log.", NameNotFoundError)
+        refuse_unknown([how], ("fit", "held out", "joined", "none"), "log", "no use '{}' of a log.", NameNotFoundError)
         refuse_unknown([name], [r["name"] for r in self._records()], "log", "no log '{}'.", NameNotFoundError)
         content = self.draft.documents[CAMPAIGN].content
-        edits = self._use_edits(name, how, content["records"][name])
+        edits = self._use_edits(name, how, content["records"][name], text_of(body, "host"))
         stage = self._stage()["name"]
         others = [r for s in content["stages"] if s["name"] != stage for r in s.get("records", [])]
         others += [v["record"] for v in content.get("verdicts", []) if v["model"] != stage]
@@ -427,8 +449,16 @@ class Building:
             edits.append(Edit(("records", name)))
         return self.draft.edited({CAMPAIGN: edits})
 
-    def _use_edits(self, name: str, how: str, table: Mapping[str, Any]) -> list[Edit]:
-        """Return the edits that make a record one of the fit, one that is held out, or none of the stage."""
+    def _use_edits(self, name: str, how: str, table: Mapping[str, Any], host: str) -> list[Edit]:
+        """Return the edits that make a record one of the fit, one that is held out, one that is joined with a host, or none of the stage.
+
+        Raises
+        ------
+        NameNotFoundError   When there is no such host.
+        """
+        if how == "joined":
+            hosts = [r["name"] for r in self._records() if r["use"] != "joined" and r["name"] != name]
+            refuse_unknown([host], hosts, "log", "no log '{}' that another one could be joined with.", NameNotFoundError)
         verdicts, records = self.draft.documents[CAMPAIGN].content.get("verdicts", []), self._stage().get("records", [])
         held, place = self._verdicts(), ("stages", self._place_of_stage(), "records")
         edits = []
@@ -442,7 +472,41 @@ class Building:
         if how == "held out" and name not in held:
             verdict = {"model": self._stage()["name"], "record": name, "criteria": {"rmse": self._first_limit(table)}}
             edits.append(Edit(("verdicts", len(verdicts)), verdict) if verdicts else Edit(("verdicts",), [verdict]))
-        return edits
+        return edits + self._join_edits(name, host if how == "joined" else "", table)
+
+    def _join_edits(self, name: str, host: str, table: Mapping[str, Any]) -> list[Edit]:
+        """Return the edits that join a record with another one, begun as late after it as the two logs show, or with none."""
+        records = self.draft.documents[CAMPAIGN].content["records"]
+        after = {n: {k: t for k, t in _joined(r).items() if k != name} for n, r in records.items()}
+        if host:
+            clock = clocks_of([look(self._inside(t["file"]), time=t.get("time")) for t in (records[host], table)])[0]
+            # a fit finds one clock, by a step of power that both logs show
+            finds = host in self._stage().get("records", []) and all(
+                isinstance(t["offset"], str) for of in after.values() for t in of.values()
+            )
+            late: Any = f"{clock.get('at', clock)['offset'] or 0.0:.4g} [s]"
+            if finds and "at" in clock and not clock["at"]["candidate"]:
+                late = [f"{end} [s]" for end in offset_range(clock)]
+            after[host][name] = {"record": name, "offset": late}
+        return [_join_edit(n, now) for n, now in after.items() if now != _joined(records[n])]
+
+    def _offset(self, body: Body) -> Draft:
+        """Return the draft with another time by which a joined log begins after its host, or two between which a fit finds it.
+
+        Raises
+        ------
+        ThermidError   When no such log is joined, or the text is no time.
+        """
+        name, value = text_of(body, "record"), text_of(body, "value")
+        hosts = {r["name"]: r["host"] for r in self._records() if r["use"] == "joined"}
+        refuse_unknown([name], hosts, "log", "no log '{}' is joined with another.", NameNotFoundError)
+        ends = [with_unit(end.strip(), "s") for end in value.split(" to ")]
+        for end in ends:
+            literal(end, "s", name)
+        others = _joined(self.draft.documents[CAMPAIGN].content["records"][hosts[name]])
+        return self.draft.edited(
+            {CAMPAIGN: [_join_edit(hosts[name], {**others, name: {**others[name], "offset": ends if ends[1:] else ends[0]}})]}
+        )
 
     def _first_limit(self, table: Mapping[str, Any]) -> str:
         """Return a limit of the RMSE that a person may change: as `thermid init` has it, of the sensor that is allowed most."""
@@ -533,6 +597,7 @@ class Building:
         "use": _use,
         "limit": _limit,
         "bind": _bind,
+        "offset": _offset,
         "free": _free,
         "take fit": _take_fit,
         "restart": lambda s, b: Draft.opened(s.path, s.draft.stage),
@@ -644,6 +709,23 @@ class Building:
             if target.is_file() and read_bytes(target) == data:
                 return f"logs/{target.name}"
         raise DeckError("there are too many logs of this name.", "log", code="studio.not-now")
+
+
+def _joined(record: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """Return record -> how it is joined with one."""
+    tables = record.get("joined", [])
+    return {t["record"]: {"offset": "0 [s]", **t} for t in ([tables] if isinstance(tables, Mapping) else tables)}
+
+
+def _join_edit(host: str, joined: Mapping[str, Mapping[str, Any]]) -> Edit:
+    """Return the edit that joins a record with these alone."""
+    keys, tables = ("records", host, "joined"), [*joined.values()]
+    return Edit(keys, tables if tables[1:] else tables[0]) if tables else Edit(keys)
+
+
+def _words(offset: Any) -> str:
+    """Return the offset of a joined log as a page shows it, in seconds; a range has two ends."""
+    return " to ".join(end.removesuffix(" [s]") for end in ([offset] if isinstance(offset, str) else offset))
 
 
 def _warm(binding: Any) -> bool:

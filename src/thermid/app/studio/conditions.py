@@ -12,6 +12,7 @@ from thermid.app.studio.curves import MAX_SENT_POINTS, text_of
 from thermid.app.studio.desk import Desk
 from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, refuse_unknown
 from thermid.model.deck import Edit
+from thermid.model.elements import literal
 from thermid.model.tree import Model, parameter_table
 from thermid.physics.constants import ICE_POINT
 from thermid.physics.finishes import FINISHES
@@ -64,7 +65,7 @@ def changed(desk: Desk, body: Mapping[str, Any]) -> Conditions:
     ----------
     desk : Desk     Whose run it is.
     body : dict     ``run``; ``boundaries`` name -> temperature, ``factors`` load -> factor of its power, ``duration`` and ``start``, each a
-                    text with its unit as the command takes it; ``gas``.
+                    text with its unit as the command takes it, a factor a number too; ``gas``.
 
     Raises
     ------
@@ -79,7 +80,7 @@ def changed(desk: Desk, body: Mapping[str, Any]) -> Conditions:
         before = f"{_at_start(scenario, name):.4g} °C at the start" if name in scenario.boundaries else "not given"
         conditions = _then(conditions, scenario=conditions.scenario.with_(boundaries={name: text}), words=f"{name}: {before}, now {text}")
     for name, factor in factors.items():
-        conditions = _powered(conditions, name, float(factor))
+        conditions = _powered(conditions, name, literal(factor, "1", f"factors.{name}"))
     if duration := text_of(body, "duration"):
         longer = conditions.scenario.with_(duration=duration)
         held = longer.mapped(lambda s: s.held_on()) if longer.seconds > scenario.seconds else longer

@@ -98,7 +98,9 @@ def thinned(values: Array, limit: int = POINTS_PER_LINE) -> NDArray[np.int64]:
     lowest = begins + np.where(np.isnan(padded), np.inf, padded).argmin(axis=1)
     highest = begins + np.where(np.isnan(padded), -np.inf, padded).argmax(axis=1)
     breaks = np.flatnonzero(gaps & ~np.append(False, gaps[:-1]))
-    return np.unique(np.concatenate([[0, values.size - 1], lowest, highest, breaks]))
+    chosen = np.zeros(values.size, bool)
+    chosen[np.concatenate([[0, values.size - 1], lowest, highest, breaks])] = True
+    return np.flatnonzero(chosen)
 
 
 def nice_ticks(low: float, high: float, about: int) -> list[float]:

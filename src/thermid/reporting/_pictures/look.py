@@ -489,7 +489,9 @@ def clock_lines(looks: Sequence[Look]) -> list[str]:
     fitted = max(ranged, key=lambda f: f["at"]["error"], default=None)
     for f in clocks:
         if f in ranged and f is not fitted:
-            lines.append(f"  a fit finds one clock at a time: that of {f['file']} is stated here, and is within {' .. '.join(_range(f))}")
+            lines.append(
+                f"  a fit finds one clock at a time: that of {f['file']} is stated here, and is within {' .. '.join(offset_range(f))}"
+            )
     pairs = ", ".join(f'{{ record = "{f["record"]}", offset = {_offset(f, f is fitted)} }}' for f in clocks)
     stated = [f for f in clocks if "at" in f and f is not fitted and not f["at"]["by_stamps"] and not f["at"]["candidate"]]
     errors = ", ".join(f"{f['record']} +- {_digits(f['at']['error'], 2)} s" for f in stated)
@@ -545,14 +547,14 @@ def _offset(clock: dict[str, Any], fitted: bool) -> str:
     other.
     """
     if fitted:
-        low, high = _range(clock)
+        low, high = offset_range(clock)
         return f'["{low} [s]", "{high} [s]"]'
     at = clock.get("at")
     late = clock["offset"] if at is None or at["by_stamps"] else None if at["candidate"] else at["offset"]
     return '"... [s]"' if late is None else f'"{_digits(late, 4) if late is not clock["offset"] else format(late, ".6g")} [s]"'
 
 
-def _range(clock: dict[str, Any]) -> tuple[str, str]:
+def offset_range(clock: dict[str, Any]) -> tuple[str, str]:
     """Return the ends of the range that errors of steps leave for an offset, as written. [s]"""
     late, reach = round(clock["at"]["offset"], 3), MAX_OFFSET_ERRORS * clock["at"]["error"]
     return _digits(late - reach, 4), _digits(late + reach, 4)

@@ -430,6 +430,49 @@ def test_a_log_that_is_chosen_again_keeps_its_record(tmp_path: Path) -> None:
     assert building.draft.documents["campaign"].text == before
 
 
+def test_the_log_of_a_supply_belongs_to_the_test_that_another_logger_saw(tmp_path: Path) -> None:
+    """It was held out of the fit, which had the power of the deck, and judged on sensors that it has not."""
+    head, *rows = (line.split(",") for line in write_log(tmp_path / "whole.csv").read_text(encoding="utf-8").splitlines())
+    warm = "\n".join(",".join(cells[:-1]) for cells in (head, *rows))
+    fed = "\n".join(f"{cells[0]},{cells[-1]}" for cells in (head, *rows))
+    building, state = _with_log(tmp_path, warm.encode())
+    assert next(f["missing"] for e in state["elements"] if e["name"] == "heater" for f in e["fields"] if f["name"] == "power")
+    state = do(building, "log", file=building.stored_log("supply.csv", fed.encode()))
+    joined = {"name": "supply", "use": "joined", "host": "run", "offset": "0", "file": "logs/supply.csv"}
+    low, high = map(float, state["records"][-1]["offset"].split(" to "))
+    assert low < 0.0 < high  # the fit finds it
+    assert [r for r in state["records"] if r["use"] != "fit"] == [{**joined, "offset": state["records"][-1]["offset"]}]
+    assert state["held"] == {}  # the other log has the room
+    state = do(building, "offset", record="supply", value="0")
+    assert state["records"][-1] == joined
+    for wrong, code in (("soon", "value.wrong-kind"), ("3 [K]", "unit.wrong-dimension")):
+        with raises_code(code):
+            do(building, "offset", record="supply", value=wrong)
+    free = ["joint.contact_conductance", "skin.effective_htc"]
+    do(building, "free", paths=free)
+    building.fit()
+    building.jobs.wait()
+    found = building.jobs.state()["result"]["fitted"]
+    record = read_record(tmp_path / "whole.csv", _with_log(_made(tmp_path / "at once"))[1]["log"]["channels"])
+    truth = calibrate(building.model, record, free).values
+    assert {p: found[p]["value"] for p in free} == {p: pytest.approx(truth[p].value, rel=1e-3) for p in free}
+    content = building.draft.documents["campaign"].content
+    assert do(building, "use", record="supply", how="held out")["records"][-1]["use"] == "held out"
+    assert "joined" not in building.draft.documents["campaign"].text
+    with raises_code("name.unknown", NameNotFoundError):
+        do(building, "use", record="supply", how="joined", host="supply")
+    do(building, "use", record="supply", how="joined", host="run")
+    do(building, "offset", record="supply", value="0")
+    assert building.draft.documents["campaign"].content == content
+    do(building, "use", record="supply", how="none")
+    assert [*building.draft.documents["campaign"].content["records"]] == ["run"]
+
+
+def _made(folder: Path) -> Path:
+    folder.mkdir()
+    return folder
+
+
 def test_logs_of_one_name_are_two_records(tmp_path: Path) -> None:
     building, _ = _with_log(tmp_path)
     (tmp_path / "day2").mkdir()

@@ -13,7 +13,7 @@ import pytest
 
 from thermid.app.cli.app import main
 from thermid.app.studio.building import Building
-from thermid.base.errors import NameNotFoundError
+from thermid.base.errors import NameNotFoundError, ThermidError
 from thermid.model.deck import toml_text
 from two_masses import DECK, write_log
 
@@ -83,6 +83,16 @@ def test_a_refused_vacuum_names_its_surfaces_and_each_way_goes_on(deck: Path) ->
     ends = [made["curves"][0]["after"][-1] for made in (split, printed, building.compared({"gas": "vacuum"}))]
     assert ends[0] == pytest.approx(ends[2], abs=0.5)
     assert ends[1] > ends[2]  # an upper bound
+
+
+@pytest.mark.parametrize("factor", ["1,5", "", None, [2.0], "3 [W]"])
+def test_a_factor_that_is_no_number_is_refused_with_its_place(deck: Path, factor: object) -> None:
+    """Letters came as null, and the answer was an error of the server."""
+    with pytest.raises(ThermidError) as refused:
+        Building(deck).compared({"factors": {"heater": factor}})
+    assert refused.value.where == "factors.heater"
+    said, number = (Building(deck).compared({"factors": {"heater": f}})["changes"] for f in ("1.5", 1.5))
+    assert said == number != ()
 
 
 def test_unknown_names_are_refused(deck: Path) -> None:
