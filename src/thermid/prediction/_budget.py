@@ -651,11 +651,11 @@ def combined(weights: Array, rows: Array) -> Array:
     """Return sums (targets, members) of rows (sources, members) by weights (targets, sources).
 
     Summed source by source: a matrix product rounds differently for another number of members, and a member shall not depend on how many
-    there are. Members lie side by side, two at least, since `einsum` sums along what lies closest.
+    there are. Members lie side by side, the first one twice, since `einsum` sums along what lies closest.
     """
-    used, members = np.flatnonzero(weights.any(axis=0)), rows.shape[1]
-    several = np.ascontiguousarray(rows[used] if members > 1 else np.repeat(rows[used], 2, axis=1))
-    return np.asarray(np.einsum("ts,sm->tm", np.ascontiguousarray(weights[:, used]), several)[:, :members])
+    used = np.flatnonzero(weights.any(axis=0))
+    several = np.ascontiguousarray(np.column_stack([rows[used], rows[used, :1]]))
+    return np.asarray(np.einsum("ts,sm->tm", np.ascontiguousarray(weights[:, used]), several)[:, : rows.shape[1]])
 
 
 @takes_objects

@@ -309,7 +309,6 @@ class OnDemand(TyperCommand):
         MissingExtraError   When an optional part of thermid that it needs is not installed.
         """
         module, _, function = f"thermid.app.cli.{self.place.function}".rpartition(".")
-        first = module not in sys.modules
         gc.disable()  # what is imported stays: looking through it for garbage, now or at the end, is a fifth of a first result
         try:
             callback = getattr(import_module(module), function)
@@ -318,15 +317,14 @@ class OnDemand(TyperCommand):
                 raise
             raise MissingExtraError(missing([error.name or self.place.extra], f"thermid {self.name}")) from error
         finally:
-            if first:
+            if not gc.get_freeze_count():
                 gc.freeze()
             gc.enable()
-        lines = "\n".join(f"  {example}" for example in self.place.examples)
-        exits = "\n".join(f"  {code:<5}{meaning}" for code, meaning in EXITS.items())
-        info = CommandInfo(name=self.name, callback=callback, epilog=f"\b\nExamples:\n{lines}\n\n\b\nExit codes:\n{exits}")
+        exits = (f"  {code:<5}{meaning}" for code, meaning in EXITS.items())
+        epilog = "\n".join(("\b\nExamples:", *(f"  {e}" for e in self.place.examples), "\n\b\nExit codes:", *exits))
         whole, trust = (
             get_command_from_info(entry, pretty_exceptions_short=False, rich_markup_mode=None)
-            for entry in (info, CommandInfo(name="trust", callback=_trusting))
+            for entry in (CommandInfo(name=self.name, callback=callback, epilog=epilog), CommandInfo(name="trust", callback=_trusting))
         )
         if self.name == "check" or any(p.name == "campaign" for p in whole.params):
             whole.params.insert(-1, trust.params[0])
