@@ -317,7 +317,7 @@ class OnDemand(TyperCommand):
                 raise
             raise MissingExtraError(missing([error.name or self.place.extra], f"thermid {self.name}")) from error
         finally:
-            if not gc.get_freeze_count():
+            if getattr(sys.modules["__main__"], "main", None) is main:  # in a process of its own: others look at what refers to what
                 gc.freeze()
             gc.enable()
         exits = (f"  {code:<5}{meaning}" for code, meaning in EXITS.items())
