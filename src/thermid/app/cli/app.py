@@ -320,8 +320,14 @@ class OnDemand(TyperCommand):
             if getattr(sys.modules["__main__"], "main", None) is main:  # in a process of its own: others look at what refers to what
                 gc.freeze()
             gc.enable()
-        exits = (f"  {code:<5}{meaning}" for code, meaning in EXITS.items())
-        epilog = "\n".join(("\b\nExamples:", *(f"  {e}" for e in self.place.examples), "\n\b\nExit codes:", *exits))
+        epilog = "\n".join(
+            (
+                "\b\nExamples:",
+                *(f"  {example}" for example in self.place.examples),
+                "\n\b\nExit codes:",
+                *(f"  {code:<5}{meaning}" for code, meaning in EXITS.items()),
+            )
+        )
         whole, trust = (
             get_command_from_info(entry, pretty_exceptions_short=False, rich_markup_mode=None)
             for entry in (CommandInfo(name=self.name, callback=callback, epilog=epilog), CommandInfo(name="trust", callback=_trusting))
