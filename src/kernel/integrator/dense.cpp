@@ -13,6 +13,7 @@ void Outputs::dense_start() {
     for (int k = 0; k < nk_; ++k) {
         Noise& z = step_.noise[k];
         if (!z.active) continue;
+        for (auto* v : {&z.sb, &z.sc}) v->resize(state_.S.size());  // of hundreds of inputs hardly any is active
         std::fill(unit_.begin(), unit_.end(), 0.0);
         unit_[k] = 1.0;
         std::fill(dir_.begin(), dir_.end(), 0.0);

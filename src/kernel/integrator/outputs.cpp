@@ -112,7 +112,8 @@ THERMID_CLONES void cubic(double* c, size_t stride, const Ends x, double h, int 
 // The same for sensitivities, (terms, nodes x np): the polynomials through values and derivatives at both ends of the step, as dense() does.
 void Outputs::sensitivity_terms(const int* obs, int nobs) {
     const size_t np = np_, stride = padded(nobs * np_);
-    slope_terms_.resize((POWERS + 2 * static_cast<size_t>(nk_)) * stride);
+    const auto active = std::count_if(step_.noise.begin(), step_.noise.end(), [](const Noise& z) { return z.active; });
+    slope_terms_.resize((POWERS + 2 * static_cast<size_t>(active)) * stride);
     for (int j = 0; j < nobs; ++j) {
         const size_t from = obs[j] * np;
         const Ends e{state_.S.data() + from, step_.S1.data() + from, step_.sd0.data() + from, step_.sd1.data() + from, step_.sdd0.data() + from, step_.sdd1.data() + from};

@@ -90,7 +90,6 @@ Step::Step(const Setup& s) : e(s.p, s.coef), factors(s), in(s.nk), hint(s.nk, -1
     for (int k = 0; k < s.nk; ++k) {
         if (!s.p.inputs[k].sampled()) continue;
         for (auto* v : {&noise[k].b, &noise[k].ab, &noise[k].aab, &noise[k].db, &noise[k].c}) v->assign(n, 0.0);
-        for (auto* v : {&noise[k].sb, &noise[k].sc}) v->assign(m, 0.0);
     }
     acc_con.assign(s.p.con.size(), 0.0);
     acc_load.assign(s.p.load.size(), 0.0);

@@ -274,7 +274,7 @@ def _sources(network: Network, wiring: Wiring, numbers: Numbers, writer: Writer)
         power: Formula | float = load.coefficients[0]  # type: ignore[assignment]  # formulas stand where numbers do
         if load.signal.startswith("load ") and load.form != "table":
             gain = wiring.scenario.gains.get(load.name)
-            power = numbers.values[gain] if gain else 1.0 if f"watts {load.name}" in wiring.signals else power
+            power = numbers.values[gain] if gain else 1.0 if load.name in wiring.scenario.loads else power
         if load.node not in network.nodes or (load.form == "signal" and (signal == Constant(0.0) or float(power) == 0.0)):
             continue
         sensor = "" if load.form == "signal" else load.node

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from itertools import pairwise
 from statistics import NormalDist
 from typing import Any
@@ -407,15 +408,17 @@ def _follow_commands(bands: Mapping[str, SensorBand], scenario: Scenario) -> lis
     controller answers to what the model misses, so that such a residual is no noise. The variance of a correlation of two series that
     remember is the mean of the products of their autocorrelations (Bartlett, J. R. Stat. Soc. 98 (1935) 536).
     """
+    logged = {load: course for load, course in scenario.loads.items() if isinstance(course, TableSignal)}
+    # once for all sensors of the same instants
+    means = cache(lambda course, middle: np.array([course.mean_over(x, y) for x, y in pairwise(middle)]))
     out = []
     for name, b in bands.items():
         edges = np.linspace(b.times[0], b.times[-1], min(max(b.times.size // 2, 3), SLICES) + 1)
         place = np.clip(np.searchsorted(edges, b.times, side="right") - 1, 0, edges.size - 2)
         slope = np.diff(stretch_means(b.measured - b.predicted, place, edges.size - 1))
         middle = 0.5 * (edges[1:] + edges[:-1])
-        logged = {load: ("power", course) for load, course in scenario.loads.items() if isinstance(course, TableSignal)}
-        for load, (what, course) in {**logged, **{n: ("command", s) for n, s in scenario.commands.items()}}.items():
-            between = np.array([course.mean_over(x, y) for x, y in pairwise(middle)])
+        for load, course in (*logged.items(), *scenario.commands.items()):
+            between = means(course, tuple(middle.tolist()))
             if np.ptp(between) <= 0.0 or np.ptp(slope) <= 0.0:
                 continue
             first, second = slope - slope.mean(), between - between.mean()
@@ -425,8 +428,8 @@ def _follow_commands(bands: Mapping[str, SensorBand], scenario: Scenario) -> lis
             if abs(correlation) > CHANCE_DEVIATIONS * spread and abs(correlation) > MIN_CORRELATION:
                 chance = f"correlation {correlation:+.2f}, by chance +- {spread:.2f}"
                 out.append(
-                    f"what {name} misses grows with the {what} of '{load}' ({chance}): its power or its delay may be wrong. In "
-                    "closed loop the controller also reacts to errors of the model"
+                    f"what {name} misses grows with the {'command' if load in scenario.commands else 'power'} of '{load}' ({chance}): its "
+                    "power or its delay may be wrong. In closed loop the controller also reacts to errors of the model"
                 )
     return out
 

@@ -402,7 +402,7 @@ def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
         signal = wiring.signals[f"load {load.path}"]
         first = next(r for r in numbers.loads if r.name == load.path)
         mean = float(np.mean(signal.at(np.linspace(0.0, scenario.seconds, 101))))
-        powers[load.path] = mean * (1.0 if f"watts {load.path}" in wiring.signals else value_of(first.coefficients[0]))
+        powers[load.path] = mean * (1.0 if load.path in wiring.scenario.loads else value_of(first.coefficients[0]))
     out: list[str] = [f"INCOMPLETE: {what}" for what in wiring.network.flat.names.model.missing_parts()]
     out += [part.message() for part in unreached(wiring.network, numbers, powers)]
     if wiring.start is not None and wiring.start.kind == STEADY and (held_text := wiring.held_at(wiring.start.time)):

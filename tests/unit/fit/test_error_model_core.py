@@ -37,10 +37,15 @@ def _dense(wander: Wander, times: Array, noise: Array) -> Array:
     return wander.covariance(times) + np.diag(noise**2)
 
 
+def _white(times: Array, columns: Array, noise: Array, wanders: list[Wander]) -> tuple[Array, Array]:
+    out = np.empty((len(wanders), *columns.shape))
+    return out, innovations(times, columns, noise, wanders, out)
+
+
 @pytest.mark.parametrize("wander", [Wander(0.0, 1.0), Wander(0.3, 400.0), Wander(2.0, 60.0)])
 def test_innovations_are_what_the_dense_covariance_makes_white(wander: Wander) -> None:
     times, rows, values, noise = _run(1)
-    (white, _), (log_det, _) = innovations(times, np.column_stack([rows, values]), noise, [wander, Wander(0.1, 100.0)])
+    (white, _), (log_det, _) = _white(times, np.column_stack([rows, values]), noise, [wander, Wander(0.1, 100.0)])
     dense = _dense(wander, times, noise)
     whole = np.column_stack([rows, values])
     assert white.T @ white == pytest.approx(whole.T @ np.linalg.solve(dense, whole), rel=1e-8, abs=1e-8)
@@ -54,7 +59,7 @@ def test_posterior_and_evidence_are_those_of_dense_conditioning() -> None:
     runs, dense_rows, covariances, every = [], [], [], []
     for seed in (1, 2):
         times, rows, values, noise = _run(seed)
-        (white,), (log_det,) = innovations(times, np.column_stack([rows, values]), noise, [wander])
+        (white,), (log_det,) = _white(times, np.column_stack([rows, values]), noise, [wander])
         runs.append(RunRows.of_rows(white, SHARED, log_det))
         dense_rows.append(rows)
         covariances.append(_dense(wander, times, noise))

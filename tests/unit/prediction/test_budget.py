@@ -168,3 +168,12 @@ def test_a_member_depends_on_its_number_alone() -> None:
     every, some = budget.members(4, 0, 9), budget.members(4, 3, 5)
     assert set(every) == set(budget.targets)
     assert all(np.array_equal(some[t], every[t][3:8]) for t in every)
+
+
+def test_a_member_is_the_same_among_however_many() -> None:
+    rng = np.random.default_rng(5)
+    weights, rows = rng.normal(size=(7, 64)) * (rng.random(64) < 0.8), rng.normal(size=(64, 33))
+    written_out = sum(weights[:, s, None] * rows[s] for s in np.flatnonzero(weights.any(axis=0)))
+    for several in (slice(0, 1), slice(0, 2), slice(4, 9), slice(0, 33)):
+        for members in (rows, np.asfortranarray(rows)):
+            assert np.array_equal(budget.combined(weights, members[:, several]), written_out[:, several])

@@ -308,22 +308,29 @@ class OnDemand(TyperCommand):
         ------
         MissingExtraError   When an optional part of thermid that it needs is not installed.
         """
-        module, _, function = self.place.function.partition(".")
-        gc.disable()  # what is imported stays: looking through it for garbage is a seventh of a first result
+        module, _, function = f"thermid.app.cli.{self.place.function}".rpartition(".")
+        gc.disable()  # what is imported stays: looking through it for garbage, now or at the end, is a fifth of a first result
         try:
-            callback = getattr(import_module(f"thermid.app.cli.{module}"), function)
+            callback = getattr(import_module(module), function)
         except ModuleNotFoundError as error:
             if not self.place.extra:
                 raise
             raise MissingExtraError(missing([error.name or self.place.extra], f"thermid {self.name}")) from error
         finally:
+            if getattr(sys.modules["__main__"], "main", None) is main:  # in a process of its own: others look at what refers to what
+                gc.freeze()
             gc.enable()
-        lines = "\n".join(f"  {example}" for example in self.place.examples)
-        exits = "\n".join(f"  {code:<5}{meaning}" for code, meaning in EXITS.items())
-        info = CommandInfo(name=self.name, callback=callback, epilog=f"\b\nExamples:\n{lines}\n\n\b\nExit codes:\n{exits}")
+        epilog = "\n".join(
+            (
+                "\b\nExamples:",
+                *(f"  {example}" for example in self.place.examples),
+                "\n\b\nExit codes:",
+                *(f"  {code:<5}{meaning}" for code, meaning in EXITS.items()),
+            )
+        )
         whole, trust = (
             get_command_from_info(entry, pretty_exceptions_short=False, rich_markup_mode=None)
-            for entry in (info, CommandInfo(name="trust", callback=_trusting))
+            for entry in (CommandInfo(name=self.name, callback=callback, epilog=epilog), CommandInfo(name="trust", callback=_trusting))
         )
         if self.name == "check" or any(p.name == "campaign" for p in whole.params):
             whole.params.insert(-1, trust.params[0])

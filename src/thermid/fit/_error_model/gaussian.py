@@ -43,8 +43,8 @@ class Wander:
         return np.asarray(self.size**2 * np.exp(-np.abs(times[:, None] - times) / self.time))
 
 
-def innovations(times: Array, columns: Array, noise: Array, wanders: Sequence[Wander]) -> tuple[Array, Array]:
-    """Return columns made white (wanders, m, k), and the logarithms (wanders,) of the determinants of what they were divided by.
+def innovations(times: Array, columns: Array, noise: Array, wanders: Sequence[Wander], out: Array) -> Array:
+    """Write columns made white, and return the logarithms (wanders,) of the determinants of what they were divided by.
 
     Readings with an Ornstein-Uhlenbeck process and white noise are passed through the Kalman filter of the process; innovation k over
     ``sqrt(S_k)`` is white and of variance one. What is done to the readings is done to the columns of H.
@@ -55,12 +55,12 @@ def innovations(times: Array, columns: Array, noise: Array, wanders: Sequence[Wa
     columns : array (m, k)  [K]
     noise : array (m,)      Standard deviation of the white noise. [K]
     wanders : sequence      Processes that are tried.
+    out : array (wanders, m, k)     Where the white columns go.
     """
     at, white = (np.asarray(x, dtype=float).tobytes() for x in (times, noise))
     filters = [_filter_of(at, white, w) for w in wanders]
     memory, scales, gains = (np.stack([f[k] for f in filters], axis=1)[:, :, None] for k in range(3))
     log_dets = np.array([f[3] for f in filters])
-    out = np.empty((len(wanders), times.size, columns.shape[1]))
     state, apart = np.zeros_like(out[:, 0]), np.empty_like(out[:, 0])
     for k, row in enumerate(columns):  # in place: new memory costs as much as the sums
         state *= memory[k]
@@ -68,7 +68,7 @@ def innovations(times: Array, columns: Array, noise: Array, wanders: Sequence[Wa
         np.divide(apart, scales[k], out=out[:, k])
         apart *= gains[k]
         state += apart
-    return out, log_dets
+    return log_dets
 
 
 @lru_cache(maxsize=128)

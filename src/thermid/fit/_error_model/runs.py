@@ -278,6 +278,8 @@ class SensorRows:
 
 def run_rows(traces: Sequence[SensorRows], wanders: Sequence[Wander], shared: int) -> list[RunRows]:
     """Return what a run's sensors say of unknowns, the first of which other runs share, with each of several processes."""
-    parts = [innovations(t.times, np.column_stack([t.rows, t.residuals]), t.noise, wanders) for t in traces]
-    every, logs = np.concatenate([rows for rows, _ in parts], axis=1), sum((log for _, log in parts), np.zeros(len(wanders)))
+    sizes = [t.times.size for t in traces]
+    every, logs = np.empty((len(wanders), sum(sizes), traces[0].rows.shape[1] + 1)), np.zeros(len(wanders))
+    for t, white in zip(traces, np.split(every, np.cumsum(sizes)[:-1], axis=1), strict=True):
+        logs += innovations(t.times, np.column_stack([t.rows, t.residuals]), t.noise, wanders, white)
     return [RunRows.of_rows(rows, shared, float(log)) for rows, log in zip(every, logs, strict=True)]

@@ -202,7 +202,7 @@ class _Draft:
 
     def _symbol(self, k: int, s: Symbol) -> FmuVariable:
         """Return a parameter or an input."""
-        parameters, signals = self.wiring.network.flat.parameters, self.wiring.signals
+        parameters = self.wiring.network.flat.parameters
         if s.kind == "parameter":
             parameter, dimension = parameters.table[s.path].parameter, parameters.dimension(s.path)
             bounds = parameter.walls
@@ -210,7 +210,7 @@ class _Draft:
         if s.kind == "boundary":
             what = f"temperature of boundary '{s.path}'"
             return FmuVariable(structured("T", s.path), told.VALUE, k, "input", _KELVIN, s.start, (0.0, None), what)
-        if f"watts {s.path}" in signals:
+        if s.path in self.wiring.scenario.loads:
             return FmuVariable(structured("load", s.path), told.VALUE, k, "input", _WATT, s.start, description=f"power of load '{s.path}'")
         what = f"command of load '{s.path}': its power is that of the model times this"
         return FmuVariable(structured("load", s.path), told.VALUE, k, "input", PLAIN, s.start, description=what)

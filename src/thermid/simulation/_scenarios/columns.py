@@ -10,7 +10,6 @@ from typing import Any
 from thermid.base.errors import ScenarioError, errors_at
 from thermid.base.toml_files import resolve_inside
 from thermid.base.units import TEMPERATURE
-from thermid.measure.readers import read_plain, read_record
 from thermid.model.elements import Signal, TableSignal, conducted
 
 
@@ -49,6 +48,8 @@ class LogColumns:
         """
         if not (isinstance(value, Mapping) and "file" in value):
             return value
+        from thermid.measure.readers import read_plain, read_record  # a tenth of a first result, which names no log
+
         file, name, time = resolve_inside(self.folder, value["file"], where), value["column"], value.get("time")
         if file == self.cut:
             raise ScenarioError(

@@ -105,9 +105,9 @@ class Curvature:
 def load_inputs(network: Network, scenario: Scenario, numbers: Numbers) -> dict[str, Signal]:
     """Return input name -> signal for every load row; a load without signal is on at full power.
 
-    A power given by the scenario is marked ``watts <load>``: it stands in place of the deck's own.
+    A power given by the scenario stands in place of the deck's own.
     """
-    out: dict[str, Signal] = {}
+    rows, out = {row.signal for row in numbers.loads}, dict[str, Signal]()
     for load in network.flat.loads:
         command: Signal = scenario.commands.get(load.path, Constant(1.0))
         if load.flux is not None:
@@ -125,10 +125,10 @@ def load_inputs(network: Network, scenario: Scenario, numbers: Numbers) -> dict[
                     scenario.title,
                     code="model.element-not-supported",
                 )
-            out[f"watts {load.path}"] = watts
             command = watts
         out[f"load {load.path}"] = command
-        out[f"curve {load.path}"] = Constant(0.0) if watts is not None else Mixed(Curvature(), (command,))
+        if f"curve {load.path}" in rows:
+            out[f"curve {load.path}"] = Constant(0.0) if watts is not None else Mixed(Curvature(), (command,))
         if "sine.amplitude" in load.fields:
             period = value_of(numbers.values[load.fields["sine.period"]])
             wave: Signal = Constant(0.0) if watts is not None else Sine(0.0, 1.0, period)
@@ -853,7 +853,7 @@ class Wiring:
         if load in self.scenario.gains:
             gain: Number = numbers.values[self.scenario.gains[load]]
             return gain * values[scale] if scale in values else gain
-        if f"watts {load}" in self.signals:
+        if load in self.scenario.loads:
             return values.get(scale, 1.0)
         return watts * values[scale] if scale in values else watts
 
@@ -1035,7 +1035,7 @@ def levels_of(signals: Mapping[str, Signal], length: float, title: str, most: in
 def _shown(name: str) -> str:
     """Return what an input is called in a sentence."""
     kind, _, rest = name.partition(" ")
-    return rest if kind in ("boundary", "load", "curve", "sine", "watts") else f"the gas of {rest}" if rest else name
+    return rest if kind in ("boundary", "load", "curve", "sine") else f"the gas of {rest}" if rest else name
 
 
 def _level(store: HeatStore, kelvin: Number) -> Number:
