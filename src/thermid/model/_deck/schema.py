@@ -53,7 +53,7 @@ from thermid.model._parts.facing import Facing, degrees
 from thermid.model._parts.kinds import CARRIED_BY, KINDS
 from thermid.model._parts.parameter import Parameter
 from thermid.physics.gas import GASES, gas_named
-from thermid.physics.view_factors import SHAPES, Placed, placed_factors
+from thermid.physics.view_factors import SHAPES, PlacedFace, placed_factors
 
 LIQUID = "liquid"
 """What a stream names that no pressure touches."""
@@ -297,18 +297,18 @@ class PlaceTable(StrictTable):
     radius: str | Real | None = None
     inside: bool = False
 
-    def placed(self, where: str) -> Placed:
+    def placed(self, where: str) -> PlacedFace:
         """Return the face in space."""
         fields_given = {key for key, value in self if value not in (None, False)}
         radius = literal(self.radius, "m", where) if self.radius is not None else 0.0
         centre, axis = _metres(self.centre, where), _metres(self.axis, where)
         if fields_given == {"corner", "sides"} and self.sides:
-            face = Placed("rectangle", _metres(self.corner, where), _metres(self.sides[0], where), _metres(self.sides[1], where))
+            face = PlacedFace("rectangle", _metres(self.corner, where), _metres(self.sides[0], where), _metres(self.sides[1], where))
         elif fields_given == {"centre", "normal", "radius"} and self.normal:
             x, y, z = self.normal
-            face = Placed("disc", centre, (x, y, z), radius=radius)
+            face = PlacedFace("disc", centre, (x, y, z), radius=radius)
         elif fields_given in ({"centre", "axis", "radius"}, {"centre", "axis", "radius", "inside"}):
-            face = Placed("cylinder", centre, axis, radius=radius, inside=self.inside)
+            face = PlacedFace("cylinder", centre, axis, radius=radius, inside=self.inside)
         else:
             raise DeckError(
                 "give a place as corner and sides; or centre, normal and radius; or centre, axis and radius, and inside.",

@@ -16,7 +16,7 @@ from thermid.model._parts.elements import Enclosure, Surface
 from thermid.model._parts.kinds import Law
 from thermid.model._parts.takes import Take, exposed_area
 from thermid.physics.constants import STEFAN_BOLTZMANN
-from thermid.physics.enclosure import absorbing_areas, exchange_areas_of, factor_faults
+from thermid.physics.enclosure import absorbing_areas, check_view_factors, exchange_areas_of
 from thermid.physics.view_factors import SHAPES
 
 SAME_AREA: Final = 0.01
@@ -110,7 +110,7 @@ class FaceExchange:
             )
         size, names = np.array([value_of(a) for a in areas]), [f.name for f in self.faces]
         factors, sized, areas = self._factors(size, names, areas)
-        factor_faults(factors, sized, names, self.where, closed=not self.rest)
+        check_view_factors(factors, sized, names, self.where, closed=not self.rest)
         if not self.rest and all(value_of(a) == 0.0 for a in dark):
             raise DeckError(
                 f"no face of '{self.path}' absorbs, so the sun in it goes round for ever. Give one an absorptance.",
@@ -143,7 +143,7 @@ class FaceExchange:
         if self.enclosure.exchange_factors:
             return self._imported(areas, size, names)
         factors, size, areas = self._factors(size, names, areas)
-        factor_faults(factors, size, names, self.where, closed=not self.rest)
+        check_view_factors(factors, size, names, self.where, closed=not self.rest)
         if self.rest:
             lost = np.maximum(1.0 - factors.sum(axis=1), 0.0)
             opening = float(lost @ size)
@@ -170,7 +170,7 @@ class FaceExchange:
     def _imported(self, areas: list[Number], size: Array, names: list[str]) -> list[list[Number]]:
         """Return exchange areas from given exchange factors: the mean of both directions, which must agree. [m^2]"""
         factors = np.array(self.enclosure.exchange_factors)
-        factor_faults(factors - np.diag(np.diag(factors)), size, names, self.where, closed=False)
+        check_view_factors(factors - np.diag(np.diag(factors)), size, names, self.where, closed=False)
         places = range(len(names))
         return [[0.5 * (areas[i] * factors[i, j] + areas[j] * factors[j, i]) for j in places] for i in places]
 

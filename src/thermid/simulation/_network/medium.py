@@ -22,7 +22,7 @@ from thermid.model.elements import ACCOMMODATION, Constant, Curve, Law, MadeIn, 
 from thermid.model.tree import Flat, FlatConductor, bare, gas_nodes, still, surrounding
 from thermid.physics.constants import AMBIENT_DEFAULT, ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.convection import duct_nusselt, fin_efficiency
-from thermid.physics.correlations import forced_plate_nusselt, signed_gap, signed_nusselt
+from thermid.physics.correlations import forced_plate_nusselt, gap_nusselt_table, nusselt_table
 from thermid.physics.gas import MolecularGas, free_molecular_htc, gas_named
 from thermid.physics.plates import DISC_SHAPE_FACTOR
 from thermid.physics.radiation import radiation_coefficient
@@ -228,7 +228,7 @@ def gap(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRow, ...]
     if "tilt" not in c.words:
         return (still,)
     fluid = gas.at(ANCHOR)
-    x, y = signed_gap(degrees(c.words["tilt"]), literal(c.words["aspect"], "1"), float(fluid.prandtl))
+    x, y = gap_nusselt_table(degrees(c.words["tilt"]), literal(c.words["aspect"], "1"), float(fluid.prandtl))
     curve = Curve("difference", x, y, None, (conductivity_curve(gas), _root_curve(gas, False)), interpolation="smooth")
     buoyancy = STANDARD_GRAVITY * float(fluid.expansion_at(ANCHOR) / (fluid.kinematic_viscosity * fluid.thermal_diffusivity()))
     root = buoyancy**0.25 * distance**0.75 * inside.natural
@@ -249,7 +249,7 @@ def correlated(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRo
     for k, speed in enumerate(state.levels or (state.wind * (state.pressure / ATMOSPHERE),)):
         # a stream at another pressure has the Reynolds number of one as much slower
         forced = float(forced_plate_nusselt(speed * _plain(length) / float(fluid.kinematic_viscosity), prandtl)) if speed > 0.0 else 0.0
-        x, y, least = signed_nusselt(name, orientation, prandtl, forced, c.where)
+        x, y, least = nusselt_table(name, orientation, prandtl, forced, c.where)
         film = (_one() if forced else conductivity_curve(gas), _root_curve(gas, forced > 0.0))
         curve = Curve("difference", x, y, None, film, interpolation="smooth")
         signal = f"{state.gust} {k}" if state.gust else ""
