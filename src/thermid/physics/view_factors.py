@@ -270,7 +270,7 @@ class PlacedFace:
         return np.where(on & (far > near) & np.isfinite(far), far, np.inf), falling < 0.0
 
     def _cylinder_hits(self, start: Array, ray: Array, near: float) -> tuple[Array, Flags]:
-        """Return `hit_distances` of a cylinder's side, for starts relative to its foot: the nearer root of a quadratic, within its length."""
+        """Return `hit_distances` of a cylinder's side, for starts relative to its foot: the nearer root of a quadratic on its length."""
         length, axis = float(np.linalg.norm(self.first)), _unit(np.array(self.first))
         flat, toward = start - np.outer(start @ axis, axis), ray - np.outer(ray @ axis, axis)
         a, b, c = np.sum(toward**2, axis=1), np.sum(flat * toward, axis=1), np.sum(flat**2, axis=1) - self.radius**2
