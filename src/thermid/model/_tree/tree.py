@@ -417,6 +417,12 @@ class Names:
             raise NameNotFoundError(f"no surface '{raw}'.{nearest(rest, surfaces)} Declare it under surfaces.", model.where(key))
         return own_prefix + rest, owner, own_prefix
 
+    def knows(self, raw: str) -> bool:
+        """Return whether a node or boundary has a name; aliases are accepted."""
+        path = self.model.canonical(raw)
+        path = self._alias.get(path, path)
+        return path in self.nodes or path in self.boundaries
+
     def find(self, raw: str, where: str = "") -> str:
         """Return the canonical path of a node or boundary named by a scenario, a record or a caller."""
         path = self.model.canonical(raw)

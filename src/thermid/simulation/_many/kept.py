@@ -53,7 +53,7 @@ class JobFolder:
 
     @classmethod
     def below(cls, folder: str | os.PathLike[str], key: str) -> JobFolder:
-        """Return the place of a job below a folder, which is made."""
+        """Return the folder of the job with a key below `folder`; it is created, and half-written files below are removed."""
         place = Path(folder) / key
         place.mkdir(parents=True, exist_ok=True)
         for job_folder in (place, *Path(folder).glob("[0-9a-f]" * 16)):  # a job that was killed may never be asked again
@@ -61,7 +61,7 @@ class JobFolder:
         return cls(place)
 
     def load(self, name: str) -> dict[str, NDArray[Any]] | None:
-        """Return what a task left, or None; what cannot be read counts as not there."""
+        """Return the arrays by name that a finished task saved; None where its file is missing or cannot be read."""
         try:
             with (self.place / f"{name}.npz").open("rb") as file, np.load(file) as data:
                 return dict(data)
@@ -69,6 +69,6 @@ class JobFolder:
             return None
 
     def save(self, name: str, arrays: Mapping[str, Any]) -> None:
-        """Keep arrays; the file appears when it is whole."""
+        """Save arrays by name under the name of a task; the file appears when it is whole."""
         with replacing(self.place / f"{name}.npz", RESULTS_FILE) as half:
             np.savez(half, **arrays)
