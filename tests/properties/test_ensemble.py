@@ -29,7 +29,7 @@ def _draws(case: Case) -> dict[str, np.ndarray[Any, Any]]:
 
 
 def _capacitances(case: Case) -> dict[str, float]:
-    numbers = td.prepare(case.model, case.run())._wiring.network.numbers().values
+    numbers = td.prepare(case.model, case.run()).wiring.network.numbers().values
     return {f"{n}.capacitance": float(numbers[f"{n}.capacitance"]) for n, fields in case.deck["nodes"].items() if "capacitance" in fields}
 
 

@@ -37,11 +37,11 @@ class Gas:
     diffusivity: Number = None
 
     def expansion_at(self, mean: Number) -> Number:
-        """Volumetric expansion, given or that of an ideal gas at the mean temperature [1/K]."""
+        """Volumetric expansion: the given one, else 1/T of an ideal gas at the mean temperature T in kelvin [1/K]."""
         return 1 / mean if self.expansion is None else self.expansion
 
     def thermal_diffusivity(self) -> Number:
-        """Thermal diffusivity, given or from viscosity and Prandtl number [m^2/s]."""
+        """Thermal diffusivity: the given one, else nu / Pr of kinematic viscosity and Prandtl number [m^2/s]."""
         return self.kinematic_viscosity / self.prandtl if self.diffusivity is None else self.diffusivity
 
 
@@ -50,7 +50,7 @@ AIR_300K = Gas(0.0263, 15.89e-6, 0.707)
 
 
 def air_viscosity(temperature: Number) -> Number:
-    """Dynamic viscosity of dry air, Sutherland's law [Pa s].
+    """Dynamic viscosity of dry air, Sutherland's law 1.458e-6 T^1.5 / (T + 110.4) with T in kelvin [Pa s].
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def air_viscosity(temperature: Number) -> Number:
 
 
 def air_conductivity(temperature: Number) -> Number:
-    """Conductivity of dry air, a law of Sutherland's form [W/(m K)].
+    """Conductivity of dry air, 2.64638e-3 T^1.5 / (T + 245.4 * 10^(-12 / T)) with T in kelvin [W/(m K)].
 
     Parameters
     ----------
@@ -92,7 +92,9 @@ def air_conductivity(temperature: Number) -> Number:
 
 
 def air_specific_heat(temperature: Number) -> Number:
-    """Specific heat of dry air at constant pressure [J/(kg K)].
+    """Specific heat of dry air at constant pressure, a polynomial of fourth degree in t = T / 1000 K [J/(kg K)].
+
+    1034.09 - 284.887 t + 781.6818 t^2 - 497.0786 t^3 + 107.7024 t^4.
 
     Parameters
     ----------
@@ -114,7 +116,7 @@ def air_specific_heat(temperature: Number) -> Number:
 
 
 def air_density(temperature: Number, pressure: Number = ATMOSPHERE) -> Number:
-    """Density of dry air as an ideal gas [kg/m^3].
+    """Density of dry air as an ideal gas, p / (R T) with R = `DRY_AIR_GAS_CONSTANT` [kg/m^3].
 
     Parameters
     ----------
@@ -136,7 +138,7 @@ def air_density(temperature: Number, pressure: Number = ATMOSPHERE) -> Number:
 
 
 def dry_air(temperature: Number, pressure: Number = ATMOSPHERE) -> Gas:
-    """Properties of dry air for the convection correlations.
+    """Properties of dry air for the convection correlations: k, nu = mu / rho, Pr = mu cp / k and the expansion 1/T.
 
     Parameters
     ----------

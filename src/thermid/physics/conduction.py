@@ -189,9 +189,9 @@ def fin_conductances(htc: Number, perimeter: Number, conductivity: Number, cross
 def spreading_resistance(
     conductivity: Number, source_area: Number, plate_area: Number, thickness: Number, htc: Number | None = None
 ) -> Number:
-    """Resistance by which heat of a small source spreads in a plate, to the mean temperature of the source [K/W].
+    """Spreading resistance of a small source in the middle of a plate, to the mean temperature of the source [K/W].
 
-    Beside the slab t / (k A) of the whole plate. Areas of any compact shape count as discs of the same area; the source lies in the middle.
+    Add the slab t / (k A) of the whole plate for the resistance to its far side. Areas of any compact shape count as discs of that area.
 
     Parameters
     ----------

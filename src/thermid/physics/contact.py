@@ -111,7 +111,7 @@ def plastic_contact_conductance(conductivity: Number, slope: Number, roughness: 
 
 
 def bolt_conductance(thread: str, count: Number = 1, *, stiff: bool = True) -> Number:
-    """Conductance of bolted joints [W/K].
+    """Conductance of `count` bolted joints of one thread: `count` times the value of one in `BOLTS` [W/K].
 
     Parameters
     ----------
@@ -168,13 +168,13 @@ def bolt_preload(torque: Number, diameter: Number, nut_factor: Number = NUT_FACT
 
 
 def bolt_zone(washer: Number, diameter: Number, thickness: Number) -> Number:
-    """Area of a joint that one screw presses together, a ring around its hole [m^2].
+    """Area of a joint that one screw presses together, a ring around its hole: pi (r^2 - (d/2)^2) with r = D/2 + `CONE` t [m^2].
 
     Parameters
     ----------
-    washer : float      Outer diameter of washer or head. [m]
-    diameter : float    Of the hole. [m]
-    thickness : float   Of the plate under it. [m]
+    washer : float      Outer diameter D of washer or head. [m]
+    diameter : float    Diameter d of the hole. [m]
+    thickness : float   Thickness t of the plate under the washer. [m]
 
     References
     ----------

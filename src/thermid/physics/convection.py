@@ -84,7 +84,7 @@ def effective_htc(power: Number, area: Number, rise: Number) -> Number:
 def effective_htc_error(
     power: float, area: float, rise: float, *, power_error: float = 0.0, area_error: float = 0.0, rise_error: float = 0.0
 ) -> float:
-    """Error of `effective_htc`, one sigma, from independent errors of its three inputs [W/(m^2 K)].
+    """Standard error of `effective_htc` h from independent errors of its inputs, |h| sqrt((dQ/Q)^2 + (dA/A)^2 + (dT/T)^2) [W/(m^2 K)].
 
     Parameters
     ----------
@@ -111,7 +111,9 @@ LAMINAR, TURBULENT = 2300.0, 4000.0
 
 
 def rectangle_nusselt(aspect: Number) -> Number:
-    """Nusselt number of developed laminar flow in a rectangular duct, walls at one temperature [-].
+    """Nusselt number of developed laminar flow in a rectangular duct, walls at one temperature, on the hydraulic diameter [-].
+
+    7.541 (1 - 2.610 a + 4.970 a^2 - 5.119 a^3 + 2.702 a^4 - 0.548 a^5) with the aspect a.
 
     Parameters
     ----------
@@ -131,16 +133,17 @@ def rectangle_nusselt(aspect: Number) -> Number:
 
 
 def duct_nusselt(reynolds: Number, prandtl: Number, slenderness: Number, developed: Number = 3.66) -> Number:
-    """Mean Nusselt number of a stream in a duct with walls at one temperature [-].
+    """Mean Nusselt number of a stream in a duct with walls at one temperature, on the hydraulic diameter [-].
 
-    Laminar with a thermal entrance up to Re = 2300, turbulent from 4000, between them a straight line in Re.
+    With s the slenderness: laminar up to Re = 2300, (Nu_d^3 + 0.7^3 + max(1.615 (Re Pr s)^(1/3) - 0.7, 0)^3)^(1/3); turbulent from 4000,
+    0.0214 (Re^0.8 - 100) Pr^0.4 (1 + s^(2/3)), above Pr = 1.5 with 0.012 (Re^0.87 - 280) in front; a straight line in Re between them.
 
     Parameters
     ----------
     reynolds : float        On the hydraulic diameter, up to 1e6. [-]
     prandtl : float         0.5 to 500. [-]
     slenderness : float     Hydraulic diameter over length, up to 1. [-]
-    developed : float       Laminar, far from the entrance: 3.66 of a circle, `rectangle_nusselt`. [-]
+    developed : float       Nu_d, laminar and far from the entrance: 3.66 of a circle, `rectangle_nusselt`. [-]
 
     References
     ----------

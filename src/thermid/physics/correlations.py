@@ -62,14 +62,8 @@ class NusseltLaw:
 
 
 def _mcadams(rayleigh: float, prandtl: float, away: bool) -> float:
-    """The larger of both laws, so that it has no jump."""
-    if not away:
-        return float(horizontal_plate_down_nusselt(rayleigh))
-    return float(max(0.54 * rayleigh**0.25, 0.15 * rayleigh ** (1.0 / 3.0)))
-
-
-def _body(rayleigh: float, prandtl: float, away: bool) -> float:
-    return float(body_nusselt(rayleigh, prandtl))
+    """Nusselt number of a horizontal plate: max(0.54 Ra^(1/4), 0.15 Ra^(1/3)) where gas leaves it freely (`away`), else 0.27 Ra^(1/4)."""
+    return float(max(0.54 * rayleigh**0.25, 0.15 * rayleigh ** (1.0 / 3.0)) if away else horizontal_plate_down_nusselt(rayleigh))
 
 
 _CHURCHILL = "Churchill and Chu, Int. J. Heat Mass Transfer 18 (1975) 1323; Incropera, 6th ed., Eqs. 9.26 and 9.27"
@@ -93,20 +87,26 @@ CORRELATIONS: Final = {
         NusseltLaw(
             "Nu_horizontal_plate_McAdams", _mcadams, 1e4, 1e11, True, SQUARE / 4.0, "McAdams; Incropera, 6th ed., Eqs. 9.30 to 9.32"
         ),
-        NusseltLaw("Nu_body", _body, 0.0, 1e9, False, CONVEX_SHAPE_FACTOR, "Lee, Yovanovich, Jafarpur, J. Thermophysics 5 (1991) 208"),
+        NusseltLaw(
+            "Nu_body",
+            lambda rayleigh, prandtl, away: float(body_nusselt(rayleigh, prandtl)),
+            *(0.0, 1e9, False, CONVEX_SHAPE_FACTOR, "Lee, Yovanovich, Jafarpur, J. Thermophysics 5 (1991) 208"),
+        ),
     )
 }
 
 
 def correlation(name: str, orientation: str = "vertical", where: str = "") -> NusseltLaw:
-    """Return a correlation by its name; without one, the usual one of an orientation.
+    """Return a correlation by its name; for an empty name the usual one of an orientation ('vertical', 'up' or 'down').
+
+    `where` is the place in the deck, for messages.
 
     Raises
     ------
     DeckError   When there is none of that name, its library is missing, or the orientation does not fit.
     """
     refuse_unknown([orientation], ORIENTATIONS, where, "the orientation '{}' is not one of {known}.", DeckError)
-    row = CORRELATIONS.get(name or DEFAULTS[orientation]) or _of_library(name, where)
+    row = CORRELATIONS.get(name or DEFAULTS[orientation]) or _ht_correlation(name, where)
     if "vertical_plate" in row.name and orientation != "vertical":
         raise DeckError(
             f"'{row.name}' is for vertical plates, but the orientation is '{orientation}'. Change one of them.",
@@ -122,8 +122,8 @@ def correlation(name: str, orientation: str = "vertical", where: str = "") -> Nu
     return row
 
 
-def _of_library(name: str, where: str) -> NusseltLaw:
-    """Return a function of `ht` as a correlation."""
+def _ht_correlation(name: str, where: str) -> NusseltLaw:
+    """Return the function `name` of the library `ht` as a correlation without limits; refuse one that is missing or not Nu(Pr, Gr)."""
     hint = nearest(name, CORRELATIONS)
     if not name.startswith("Nu_"):
         raise DeckError(
@@ -164,7 +164,9 @@ def _of_library(name: str, where: str) -> NusseltLaw:
 
 
 def forced_plate_nusselt(reynolds: Number, prandtl: Number) -> Number:
-    """Mean Nusselt number of a plate in a stream along it, laminar and then turbulent from Re = 5e5 [-].
+    """Mean Nusselt number of a plate in a stream along it, on its length [-].
+
+    0.664 Re^(1/2) Pr^(1/3) up to Re = 5e5, laminar; (0.037 Re^0.8 - 871) Pr^(1/3) above, where it turns turbulent.
 
     Parameters
     ----------
@@ -186,10 +188,11 @@ def forced_plate_nusselt(reynolds: Number, prandtl: Number) -> Number:
 
 
 @lru_cache(maxsize=256)
-def signed_nusselt(name: str, orientation: str, prandtl: float, forced: float = 0.0, where: str = "") -> tuple[Array, Array, float]:
-    """Return points of Nu beyond conduction over the signed fourth root of Ra, and the Nusselt number of gas at rest that it stands on.
+def nusselt_table(name: str, orientation: str, prandtl: float, forced: float = 0.0, where: str = "") -> tuple[Array, Array, float]:
+    """Return x, y and Nu_rest: the table y(x) of Nu - Nu_rest over x = sign(dT) Ra^(1/4), and Nu_rest of gas at rest [-].
 
-    A positive root is a surface warmer than its gas. Conduction and convection are joined smoothly, and a stream by the cubes.
+    x > 0 is a surface warmer than its gas. For each sign Nu^3 = N^3 + forced^3, N^8 = max(Nu_law(Ra), s)^8 + Nu_rest^8 - s^8, where s is
+    what the law gives at rest and Nu_rest the largest of s and the law's least value: conduction and convection are joined smoothly.
 
     Parameters
     ----------
@@ -213,8 +216,7 @@ def signed_nusselt(name: str, orientation: str, prandtl: float, forced: float = 
         sides.append((joined**3 + forced**3) ** (1.0 / 3.0) - least)
     middle = (least**3 + forced**3) ** (1.0 / 3.0) - least
     x = np.concatenate((-root[::-1], [0.0], root))
-    y = np.concatenate((sides[0][::-1], [middle], sides[1]))
-    return x, y, least
+    return x, np.concatenate((sides[0][::-1], [middle], sides[1])), least
 
 
 WIDE_GAP_ASPECT: Final = 12.0
@@ -240,21 +242,21 @@ class GapLaw:
 
     @property
     def name(self) -> str:
-        """Whose correlation it is."""
+        """Authors of the correlation that holds for its aspect."""
         return "Hollands, ElSherbiny, Raithby" if self.aspect >= WIDE_GAP_ASPECT else "Hollands, Catton"
 
     @property
     def high(self) -> float:
-        """Largest Rayleigh number for which it was found. [-]"""
+        """Largest Rayleigh number for which the correlation holds. [-]"""
         return 1e8 if self.tilt in (0.0, 180.0) else 2e7 if self.aspect >= WIDE_GAP_ASPECT or self.tilt == 90.0 else 1e7
 
     @property
     def scatter(self) -> float:
-        """How far measurements lie from it, as a share of Nu - 1. [-]"""
+        """Largest deviation of measurements from the correlation, as a share of Nu - 1. [-]"""
         return SCATTER[self.aspect >= WIDE_GAP_ASPECT]
 
     def nusselt(self, rayleigh: float, prandtl: float, first_warm: bool = True) -> float:
-        """Return the Nusselt number on the thickness; `first_warm` says which plate is warmer."""
+        """Return `gap_nusselt` on the thickness; with the second plate warmer (`first_warm` False) the tilt counts as 180 - tilt."""
         return gap_nusselt(rayleigh, self.tilt if first_warm else 180.0 - self.tilt, self.aspect, prandtl)
 
 
@@ -300,7 +302,10 @@ def gap_nusselt(rayleigh: float, tilt: float, aspect: float, prandtl: float = 0.
 
 
 def _lying_gap(rayleigh: float, tilt: float) -> float:
-    """Hollands' law of a wide gap, up to 60 degrees."""
+    """Hollands' law of a wide gap at a tilt p up to 60 degrees, with R = Ra cos p and (x)+ = max(x, 0) [-].
+
+    Nu = 1 + 1.44 (1 - 1708 / R)+ (1 - 1708 sin(1.8 p)^1.6 / R)+ + ((R / 5830)^(1/3) - 1)+.
+    """
     tall = rayleigh * math.cos(math.radians(tilt))
     cell = max(0.0, 1.0 - 1708.0 / tall)
     turned = 1.0 - 1708.0 * math.sin(1.8 * math.radians(tilt)) ** 1.6 / tall
@@ -308,7 +313,11 @@ def _lying_gap(rayleigh: float, tilt: float) -> float:
 
 
 def _upright_gap(rayleigh: float, aspect: float, prandtl: float) -> float:
-    """ElSherbiny's law of a wide upright gap; Catton's of others."""
+    """Nusselt number of an upright gap: ElSherbiny's law of a wide one, Catton's of one with an aspect A below 12 [-].
+
+    Wide: the largest of 0.0605 Ra^(1/3), (1 + (0.104 Ra^0.293 / (1 + (6310 / Ra)^1.36))^3)^(1/3) and 0.242 (Ra / A)^0.272. Others, with
+    D = Ra Pr / (0.2 + Pr): 0.18 D^0.29 below A = 2, else 0.22 D^0.28 A^(-1/4). Never below 1.
+    """
     if aspect >= WIDE_GAP_ASPECT:
         turning = (1.0 + (0.104 * rayleigh**0.293 / (1.0 + (6310.0 / rayleigh) ** 1.36)) ** 3) ** (1.0 / 3.0)
         return float(max(0.0605 * rayleigh ** (1.0 / 3.0), turning, 0.242 * (rayleigh / aspect) ** 0.272, 1.0))
@@ -317,8 +326,11 @@ def _upright_gap(rayleigh: float, aspect: float, prandtl: float) -> float:
 
 
 @lru_cache(maxsize=256)
-def signed_gap(tilt: float, aspect: float, prandtl: float) -> tuple[Array, Array]:
-    """Return points of Nu - 1 of a closed gap over the signed fourth root of Ra; a positive root is a warmer first plate."""
+def gap_nusselt_table(tilt: float, aspect: float, prandtl: float) -> tuple[Array, Array]:
+    """Return the table of Nu - 1 of a closed gap over x = sign(T_first - T_second) Ra^(1/4), as x and values [-].
+
+    `tilt` [deg] and `aspect` [-] as in `GapLaw`; Ra on the thickness.
+    """
     law = GapLaw(tilt, aspect)
     root = np.unique(np.concatenate((np.geomspace(0.05, 2.0, 12), np.geomspace(2.0, 120.0, 500), np.geomspace(120.0, 3000.0, 60))))
     warm, cold = ([law.nusselt(float(u) ** 4, prandtl, side) - 1.0 for u in root] for side in (True, False))

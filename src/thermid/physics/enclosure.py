@@ -21,7 +21,9 @@ RECIPROCITY = 1e-3
 
 
 def exchange_areas(factors: Array, areas: Array, emissivities: Array) -> Array:
-    """Return the exchange area of every pair of faces (faces, faces). [m^2]
+    """Return the exchange area S of every pair of faces (faces, faces): heat from i to j is S_ij sigma (T_i^4 - T_j^4). [m^2]
+
+    S_ij = e_i A_i sum_k F_ik J_kj, with J_kj the radiosity of face k while face j alone emits; both directions of a pair are averaged.
 
     Parameters
     ----------
@@ -42,15 +44,18 @@ def exchange_areas(factors: Array, areas: Array, emissivities: Array) -> Array:
 
 
 def _sent(area_factors: Array, areas: Array, emissivities: Array) -> Array:
-    """Return the radiosity of each face (faces, faces) with one face after the other emitting as one black unit."""
+    """Return the radiosity J (faces, faces) of each face while one face after the other (columns) emits as one black unit.
+
+    Solves (diag(A) - (1 - e) A F) J = diag(e A), with `area_factors` A F [m^2].
+    """
     return np.asarray(np.linalg.solve(np.diag(areas) - (1.0 - emissivities)[:, None] * area_factors, np.diag(emissivities * areas)))
 
 
 def absorbing_areas(factors: Array, areas: Sequence[Number], absorptances: Sequence[Number]) -> list[list[Number]]:
-    """Return what each face absorbs of a flux that falls on another first, with every diffuse reflection between them (faces, faces). [m^2]
+    """Return the heat (faces, faces) that each face absorbs of a unit flux falling on another one, all diffuse reflections counted. [m^2]
 
-    H = H0 + F R H, with R the reflectances: irradiance that comes from outside and from the others. What face i absorbs is a_i A_i H_i.
-    Columns are the faces on which the flux falls; in a closed enclosure each sums to its area.
+    Row i, column j is M_ij = a_i A_i ((1 - F R)^-1)_ij with the reflectances R = diag(1 - a): the irradiances obey H = H0 + F R H, with H0
+    the flux on face j alone. In a closed enclosure column j sums to the area of face j.
 
     Parameters
     ----------
@@ -69,40 +74,43 @@ def absorbing_areas(factors: Array, areas: Sequence[Number], absorptances: Seque
     size = np.array([value_of(a) for a in areas])
     spread = np.linalg.inv(np.eye(size.size) - factors * (1.0 - share))
     values = (share * size)[:, None] * spread
-    absorbing: list[list[Number]] = [[float(v) for v in row] for row in values]
-    free = next((x.gradient.size for x in (*areas, *absorptances) if isinstance(x, Dual)), 0)
-    if not free:
-        return absorbing
-    gradient = np.zeros((*values.shape, free))
+    gradient = np.zeros((*values.shape, _free_parameters(*areas, *absorptances)))
     for k, (area, absorptance) in enumerate(zip(areas, absorptances, strict=True)):
         if isinstance(area, Dual):
             gradient[k] += share[k] * spread[k][:, None] * area.gradient
         if isinstance(absorptance, Dual):
             gradient[k] += size[k] * spread[k][:, None] * absorptance.gradient
             gradient -= np.outer(values @ factors[:, k], spread[k])[..., None] * absorptance.gradient
-    return [[Dual(v, gradient[i, j]) for j, v in enumerate(row)] for i, row in enumerate(values.tolist())]
+    return _with_gradients(values, gradient)
+
+
+def _free_parameters(*numbers: Number) -> int:
+    """Return the length of the gradients of numbers; zero where none carries derivatives."""
+    return next((x.gradient.size for x in numbers if isinstance(x, Dual)), 0)
+
+
+def _with_gradients(values: Array, gradient: Array) -> list[list[Number]]:
+    """Return a matrix (faces, faces) as rows of numbers with their gradients (faces, faces, free); plain floats where free is zero."""
+    rows: list[list[float]] = values.tolist()
+    return [[Dual(v, gradient[i, j]) if gradient.size else v for j, v in enumerate(row)] for i, row in enumerate(rows)]
 
 
 def exchange_areas_of(factors: Array, areas: Sequence[Number], emissivities: Sequence[Number]) -> list[list[Number]]:
-    """Return the exchange areas of faces whose areas and emissivities carry derivatives; see `exchange_areas`. [m^2]"""
+    """Return `exchange_areas` (faces, faces) as rows of numbers, with derivatives where areas or emissivities carry them. [m^2]"""
     size = np.array([value_of(a) for a in areas])
     grey = np.array([value_of(e) for e in emissivities])
     values = exchange_areas(factors, size, grey)
-    exchange: list[list[Number]] = [[float(v) for v in row] for row in values]
-    free = next((x.gradient.size for x in (*areas, *emissivities) if isinstance(x, Dual)), 0)
-    if not free:
-        return exchange
-    gradient = np.zeros((*values.shape, free))
-    for numbers, derivative in ((areas, _by_area), (emissivities, _by_emissivity)):
+    gradient = np.zeros((*values.shape, _free_parameters(*areas, *emissivities)))
+    for numbers, derivative in ((areas, _derivative_by_area), (emissivities, _derivative_by_emissivity)):
         for k, number in enumerate(numbers):
             if isinstance(number, Dual):
                 one = derivative(factors, size, grey, k)
                 gradient += 0.5 * (one + one.T)[..., None] * number.gradient
-    return [[Dual(v, gradient[i, j]) for j, v in enumerate(row)] for i, row in enumerate(values.tolist())]
+    return _with_gradients(values, gradient)
 
 
-def _by_area(factors: Array, areas: Array, grey: Array, k: int) -> Array:
-    """Return d (exchange areas) / d area k, view factors kept."""
+def _derivative_by_area(factors: Array, areas: Array, grey: Array, k: int) -> Array:
+    """Return d S_ij / d A_k (faces, faces) of the exchange areas before averaging, view factors kept; `grey` are the emissivities. [-]"""
     area_factors = areas[:, None] * factors
     sent = _sent(area_factors, areas, grey)
     more = np.zeros_like(area_factors)
@@ -114,8 +122,8 @@ def _by_area(factors: Array, areas: Array, grey: Array, k: int) -> Array:
     return np.asarray(grey[:, None] * (more @ sent + area_factors @ change))
 
 
-def _by_emissivity(factors: Array, areas: Array, grey: Array, k: int) -> Array:
-    """Return d (exchange areas) / d emissivity k."""
+def _derivative_by_emissivity(factors: Array, areas: Array, grey: Array, k: int) -> Array:
+    """Return d S_ij / d e_k (faces, faces) of the exchange areas before averaging; `grey` are the emissivities. [m^2]"""
     area_factors = areas[:, None] * factors
     sent = _sent(area_factors, areas, grey)
     right = np.zeros_like(area_factors)
@@ -127,8 +135,8 @@ def _by_emissivity(factors: Array, areas: Array, grey: Array, k: int) -> Array:
     return np.asarray(out)
 
 
-def factor_faults(factors: Array, areas: Array, names: Sequence[str], where: str, closed: bool = True) -> None:
-    """Check given view factors: no negative one, reciprocity, and sums of one.
+def check_view_factors(factors: Array, areas: Array, names: Sequence[str], where: str, closed: bool = True) -> None:
+    """Refuse view factors that are negative, violate reciprocity A_i F_ij = A_j F_ji, or whose rows do not sum to one.
 
     Parameters
     ----------

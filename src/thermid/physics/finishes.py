@@ -30,7 +30,7 @@ class Finish:
 
     @property
     def basis(self) -> str:
-        """Range and where it comes from, as a deck's value quotes it."""
+        """Text of the range and its sources, as a deck's value quotes it."""
         return (
             f"finish '{self.name}', {self.low:g} to {self.high:g}: {self.source}; "
             f"{f'read: {self.read}' if self.read else 'not checked again'}"

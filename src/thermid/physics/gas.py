@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from thermid.base.errors import DeckError, look_up
-from thermid.physics._number import Number
+from thermid.physics._number import Number, plain
 from thermid.physics.air import Gas
 from thermid.physics.constants import ATMOSPHERE
 
@@ -42,37 +42,37 @@ class MolecularGas:
 
     @property
     def constant(self) -> float:
-        """Specific gas constant. [J/(kg K)]"""
+        """Specific gas constant R, the molar one over the molar mass. [J/(kg K)]"""
         return MOLAR_GAS_CONSTANT / self.molar_mass
 
     def ratio(self, temperature: Number) -> Number:
-        """Ratio of specific heats [-]."""
+        """Ratio of specific heats cp / (cp - R) at a temperature in kelvin [-]."""
         cp = self.cp(temperature)
         return cp / (cp - self.constant)
 
     def cp(self, temperature: Number) -> Number:
-        """Specific heat at constant pressure [J/(kg K)]."""
+        """Specific heat at constant pressure, at a temperature in kelvin [J/(kg K)]."""
         return _fitted(self.specific_heat, temperature)
 
     def k(self, temperature: Number) -> Number:
-        """Conductivity [W/(m K)]."""
+        """Conductivity at a temperature in kelvin [W/(m K)]."""
         return _fitted(self.conductivity, temperature)
 
     def mu(self, temperature: Number) -> Number:
-        """Viscosity [Pa s]."""
+        """Dynamic viscosity at a temperature in kelvin [Pa s]."""
         return _fitted(self.viscosity, temperature)
 
     def at(self, temperature: Number, pressure: Number = ATMOSPHERE) -> Gas:
-        """Properties for the convection correlations."""
+        """Properties for the convection correlations at a temperature [K] and a pressure [Pa]: k, mu / rho, mu cp / k and 1/T."""
         density = pressure / (self.constant * temperature)
         k, mu = self.k(temperature), self.mu(temperature)
-        return Gas(k, mu / density, mu * _fitted(self.specific_heat, temperature) / k, 1.0 / temperature)
+        return Gas(k, mu / density, mu * self.cp(temperature) / k, 1.0 / temperature)
 
 
 def _fitted(fit: Fit, temperature: Number) -> Number:
+    """Return y0 exp(a x + b x^2) with x = ln(T / 300 K) of a fit (y0, a, b) at temperatures in kelvin, in the unit of y0."""
     x = np.log(np.asarray(temperature) / REFERENCE)
-    out = fit[0] * np.exp(x * (fit[1] + x * fit[2]))
-    return float(out) if np.ndim(out) == 0 else out
+    return plain(fit[0] * np.exp(x * (fit[1] + x * fit[2])))
 
 
 GASES: Final = {
@@ -123,7 +123,7 @@ def mean_free_path(gas: MolecularGas, temperature: Number, pressure: Number) -> 
 
 
 def knudsen_number(gas: MolecularGas, temperature: Number, pressure: Number, gap: Number) -> Number:
-    """Mean free path over gap [-].
+    """Knudsen number of a gas in a gap, its mean free path over the gap [-].
 
     Parameters
     ----------
@@ -165,9 +165,9 @@ def free_molecular_htc(gas: MolecularGas, temperature: Number, pressure: Number,
 
 
 def gap_htc(gas: MolecularGas, temperature: Number, pressure: Number, gap: Number, accommodation: Number = 1.0) -> Number:
-    """Coefficient of a gas at rest between parallel plates at any pressure [W/(m^2 K)].
+    """Coefficient of a gas at rest between parallel plates at any pressure, 1 / (L / k + 1 / h_fm) [W/(m^2 K)].
 
-    Sherman's interpolation: the resistances of the continuum, L / k, and of free molecules add up.
+    Sherman's interpolation: the resistances of the continuum, L / k of the gap L, and of free molecules, h_fm of `free_molecular_htc`, add.
 
     Parameters
     ----------

@@ -69,12 +69,12 @@ class Settling:
 
     @property
     def differs(self) -> bool:
-        """Whether no usual meaning of settled makes them agree."""
+        """Whether m c / (h A) lies outside all time constants that the usual meanings of settled (98, 99 and 99.9 %) give."""
         return not min(self.from_data) <= self.from_mass <= max(self.from_data)
 
     @property
     def ratio(self) -> float:
-        """Capacitance that the data need, by 99 % of the rise, over m c. [-]"""
+        """Time constant from the data, by 99 % of the rise, over that from the mass: above 1 for a test slower than m c / (h A). [-]"""
         return self.from_data[1] / self.from_mass
 
 
@@ -206,7 +206,7 @@ def compare_htc(
     >>> round(found.effective, 3), round(found.error, 2), round(found.theoretical, 3)
     (2.208, 0.13, 6.798)
     """
-    q, a, hot, cold, tall = _settled(power, area, surface, ambient, height)
+    q, a, hot, cold, tall = _checked_inputs(power, area, surface, ambient, height)
     rise = hot - cold
     errors = [
         amount(v, s, n) for v, s, n in ((sensor, "K", "sensor"), (power_error, "W", "power_error"), (area_error, "m^2", "area_error"))
@@ -214,7 +214,11 @@ def compare_htc(
     effective = effective_htc(q, a, rise)
     error = effective_htc_error(q, a, rise, power_error=errors[1], area_error=errors[2], rise_error=errors[0] * math.sqrt(2.0))
     faces = tuple(amount(x, "m", "box") for x in box) if box is not None else None
-    correlations, remarks = _heard(hot, cold, tall, faces, _gas(air, (hot + cold) / 2))
+    gas = _gas(air, (hot + cold) / 2)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ThermidWarning)
+        correlations = _correlations(hot, cold, tall, faces, gas)
+    remarks: list[str] = [CodedText(str(w.message), w.message.code) for w in caught if isinstance(w.message, ThermidWarning)]
     for text in remarks:
         warnings.warn(ThermidWarning(text), stacklevel=2)
     radiation = None if emissivity is None else float(linearised_htc(emissivity, hot, cold))
@@ -233,18 +237,10 @@ def _gas(air: Gas | tuple[float, float, float] | None, temperature: float) -> Ga
     return Gas(*air) if isinstance(air, tuple) else air or dry_air(temperature)
 
 
-def _heard(hot: float, cold: float, height: float, box: tuple[float, ...] | None, air: Gas) -> tuple[tuple[HtcEstimate, ...], list[str]]:
-    """Return the coefficients, and what their functions warned of."""
-    with warnings.catch_warnings(record=True) as heard:
-        warnings.simplefilter("always", ThermidWarning)
-        numbers = _correlations(hot, cold, height, box, air)
-    return numbers, [CodedText(str(w.message), w.message.code) for w in heard if isinstance(w.message, ThermidWarning)]
-
-
 def _biot(
     parts: Mapping[str, tuple[str | float, str | float]], effective: float, theoretical: float, remarks: list[str]
 ) -> dict[str, tuple[float, float]]:
-    """Return part -> Biot number at both coefficients, and remark where one node is not enough."""
+    """Return part -> Biot numbers h L / k at the effective and the theoretical coefficient; add a remark for each part above 0.1."""
     out = {}
     for name, (length, conductivity) in parts.items():
         path = amount(length, "m", name) / amount(conductivity, "W/(m K)", name)
@@ -253,10 +249,10 @@ def _biot(
     return out
 
 
-def _settled(
+def _checked_inputs(
     power: str | float, area: str | float, surface: str | float, ambient: str | float, height: str | float
 ) -> tuple[float, float, float, float, float]:
-    """Return what was measured in SI, if it makes a coefficient."""
+    """Return power [W], area [m^2], surface and ambient temperature [K] and height [m]; refuse those that make no coefficient."""
     q, a, tall = amount(power, "W", "power"), amount(area, "m^2", "area"), amount(height, "m", "height")
     hot, cold = amount(surface, TEMPERATURE, "surface"), amount(ambient, TEMPERATURE, "ambient")
     if not (a > 0 and tall > 0):
@@ -272,16 +268,17 @@ def _settled(
 
 
 def _correlations(hot: float, cold: float, height: float, box: tuple[float, ...] | None, air: Gas) -> tuple[HtcEstimate, ...]:
-    """Return the coefficients of the faces, the one to compare with last."""
+    """Return the coefficients of the faces at surface and ambient temperatures [K], the one to compare with last.
+
+    The vertical plate alone, or with a `box` (length, width) [m] also its horizontal faces and the mean over all six, weighted by area.
+    """
     mean = (hot + cold) / 2
     rayleigh = rayleigh_number(hot - cold, height, mean, air)
     side = HtcEstimate("vertical plate, laminar (Churchill and Chu; Eq. 7)", vertical_plate_htc(hot, cold, height, air), rayleigh)
+    out = [side]
     if rayleigh > LAMINAR_LIMIT:
         turbulent = vertical_plate_htc_all(hot, cold, height, air)
-        side_all = HtcEstimate("vertical plate, laminar and turbulent (Churchill and Chu)", turbulent, rayleigh)
-        out = [side, side_all]
-    else:
-        out = [side]
+        out.append(HtcEstimate("vertical plate, laminar and turbulent (Churchill and Chu)", turbulent, rayleigh))
     if box is None:
         return tuple(out)
     length, width = box
@@ -296,7 +293,7 @@ def _correlations(hot: float, cold: float, height: float, box: tuple[float, ...]
 
 
 def _box_remark(area: float, height: float, length: float, width: float) -> list[str]:
-    """State this where the area given is not that of the box given."""
+    """Return a remark where the area given [m^2] differs by more than 2 % from the outside of the box given [m]; else nothing."""
     outside = 2 * (length * width + height * (length + width))
     if abs(outside - area) <= 0.02 * area:
         return []
@@ -307,7 +304,10 @@ def _box_remark(area: float, height: float, length: float, width: float) -> list
 
 
 def _meaning(effective: float, error: float, theoretical: float, radiation: float | None, q: float, a: float, rise: float) -> list[str]:
-    """Return what the difference can and cannot mean."""
+    """Return remarks on effective less expected coefficient: what their difference can mean, judged by two standard errors.
+
+    Expected is theoretical plus radiation; the standard error is sqrt(error^2 + (0.15 theoretical)^2).
+    """
     doubt = math.hypot(error, CORRELATION_ERROR * theoretical)
     expected = theoretical + (radiation or 0.0)
     what = "convection and radiation" if radiation is not None else "convection alone"
@@ -341,7 +341,10 @@ def _meaning(effective: float, error: float, theoretical: float, radiation: floa
 
 
 def _settling(capacitance: str | float | None, after: str | float | None, conductance: float, remarks: list[str]) -> Settling | None:
-    """Return the two time constants, and remark when they differ."""
+    """Return the time constants C / (h A) and t / -ln(1 - s) for s = 98, 99 and 99.9 %, None where an input is missing.
+
+    Adds a remark where the first lies outside the others. `conductance` is h A. [W/K]
+    """
     if capacitance is None or after is None:
         return None
     heat, time = amount(capacitance, "J/K", "capacitance"), amount(after, "s", "settled_after")

@@ -47,7 +47,7 @@ class Material:
 
     @property
     def basis(self) -> str:
-        """Where a value of it comes from, as a deck quotes it."""
+        """Text of the source of its values, as a deck quotes it."""
         return f"catalogue: {self.name}; {self.source}; {self.read or NOT_CHECKED}"
 
 
@@ -59,7 +59,7 @@ def materials() -> Mapping[str, Material]:
 
 
 def _material(name: str, row: Mapping[str, object], table: Mapping[str, Mapping[str, object]]) -> Material:
-    """Return one row of the table: its source in full, its class as ranges, its printed diffusivity in SI."""
+    """Return the material of one row of materials.toml: its source in full, its class as ranges, diffusivity from mm^2/s to m^2/s."""
     row = dict(row)
     source = ", ".join(str(text) for text in (table["sources"][str(row.pop("source"))], row.pop("page", "")) if text)
     spread = table["classes"][str(row.pop("class"))]
@@ -102,10 +102,10 @@ _SPELT = (
 
 
 def _in_own_spelling(name: str) -> str:
-    """Return a name in small letters, as the table spells it."""
+    """Return a name in small letters with the table's spelling: 'Aluminum' -> 'aluminium', 'AL6061' -> 'aluminium 6061'."""
     return reduce(lambda text, spelling: re.sub(spelling[0], spelling[1], text), _SPELT, name.lower())
 
 
 def _words(name: str) -> set[str]:
-    """Return the words and numbers of a name, in the spelling of the table."""
+    """Return the words and numbers of a name in the spelling of the table: 'AL6061' -> {'aluminium', '6061'}."""
     return {*re.findall(r"[a-zäöüß]+\d*|\d+[a-z]*", _in_own_spelling(name))}

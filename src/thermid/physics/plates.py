@@ -70,7 +70,7 @@ def _prandtl_factor(prandtl: Number) -> Number:
 
 
 def vertical_plate_nusselt(rayleigh: Number, prandtl: Number) -> Number:
-    """Mean Nusselt number of an isothermal vertical plate, laminar [-].
+    """Mean Nusselt number of an isothermal vertical plate, laminar: 0.68 + 0.670 Ra^(1/4) / (1 + (0.492/Pr)^(9/16))^(4/9) [-].
 
     Parameters
     ----------
@@ -92,7 +92,8 @@ def vertical_plate_nusselt(rayleigh: Number, prandtl: Number) -> Number:
 def vertical_plate_nusselt_all(rayleigh: Number, prandtl: Number) -> Number:
     """Mean Nusselt number of an isothermal vertical plate, laminar and turbulent [-].
 
-    In air within 7 % of the laminar law below Ra = 1e7, and 33 % above it at 1e9, where the laminar law gives way.
+    (0.825 + 0.387 Ra^(1/6) / (1 + (0.492/Pr)^(9/16))^(8/27))^2: in air within 7 % of the laminar law below Ra = 1e7, and 33 % above it
+    at 1e9, where the laminar law gives way.
 
     Parameters
     ----------
@@ -167,7 +168,7 @@ def _warn_outside(rayleigh: Number, lowest: float, highest: float, what: str, in
 
 
 def vertical_plate_htc(surface: Number, ambient: Number, height: Number, air: Gas = AIR_300K, gravity: float = DOCUMENT_GRAVITY) -> Number:
-    """Free-convection coefficient of an isothermal vertical plate, laminar [W/(m^2 K)].
+    """Free-convection coefficient of an isothermal vertical plate, laminar, Nu k / H by `vertical_plate_nusselt` [W/(m^2 K)].
 
     Parameters
     ----------
@@ -203,7 +204,9 @@ def vertical_plate_htc(surface: Number, ambient: Number, height: Number, air: Ga
 def vertical_plate_htc_all(
     surface: Number, ambient: Number, height: Number, air: Gas = AIR_300K, gravity: float = DOCUMENT_GRAVITY
 ) -> Number:
-    """Free-convection coefficient of an isothermal vertical plate, laminar and turbulent [W/(m^2 K)].
+    """Free-convection coefficient of an isothermal vertical plate, laminar and turbulent, Nu k / H [W/(m^2 K)].
+
+    Nu of `vertical_plate_nusselt_all`, at the Rayleigh number on the height H.
 
     Parameters
     ----------
@@ -234,7 +237,7 @@ def vertical_plate_htc_all(
 def horizontal_plate_up_htc(
     surface: Number, ambient: Number, length: Number, air: Gas = AIR_300K, gravity: float = DOCUMENT_GRAVITY
 ) -> Number:
-    """Free-convection coefficient of a hot plate facing up, or a cold one facing down [W/(m^2 K)].
+    """Free-convection coefficient of a hot plate facing up, or a cold one facing down: Nu k / L [W/(m^2 K)].
 
     Parameters
     ----------
@@ -265,7 +268,7 @@ def horizontal_plate_up_htc(
 def horizontal_plate_down_htc(
     surface: Number, ambient: Number, length: Number, air: Gas = AIR_300K, gravity: float = DOCUMENT_GRAVITY
 ) -> Number:
-    """Free-convection coefficient of a hot plate facing down, or a cold one facing up [W/(m^2 K)].
+    """Free-convection coefficient of a hot plate facing down, or a cold one facing up, 0.27 Ra^(1/4) k / L [W/(m^2 K)].
 
     Parameters
     ----------
@@ -301,6 +304,8 @@ DISC_SHAPE_FACTOR = 3.19
 def body_nusselt(rayleigh: Number, prandtl: Number) -> Number:
     """Mean Nusselt number of an isothermal convex body of any shape in still gas, laminar, on the root of its area [-].
 
+    3.47 + 0.670 Ra^(1/4) / (1 + (0.5/Pr)^(9/16))^(4/9).
+
     Parameters
     ----------
     rayleigh : float or array   Rayleigh number on the root of the area, at most about 1e9. [-]
@@ -321,7 +326,7 @@ def body_nusselt(rayleigh: Number, prandtl: Number) -> Number:
 
 
 def body_htc(surface: Number, ambient: Number, area: Number, air: Gas = AIR_300K, gravity: float = STANDARD_GRAVITY) -> Number:
-    """Natural-convection coefficient of a body in still gas, mean over its area [W/(m^2 K)].
+    """Natural-convection coefficient of a body in still gas, mean over its area: Nu k / sqrt(A) by `body_nusselt` [W/(m^2 K)].
 
     Parameters
     ----------
@@ -347,7 +352,7 @@ def body_htc(surface: Number, ambient: Number, area: Number, air: Gas = AIR_300K
 
 
 def conduction_floor(area: Number, conductivity: Number) -> Number:
-    """The least coefficient of a convex body in a gas that fills a large space: conduction alone [W/(m^2 K)].
+    """Least coefficient of a convex body in a gas that fills a large space, conduction alone: 3.19 k / sqrt(A) [W/(m^2 K)].
 
     Parameters
     ----------

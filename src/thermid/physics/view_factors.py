@@ -22,6 +22,9 @@ from thermid.base.linear_algebra import Array
 def facing_plates(length: float, width: float, distance: float) -> float:
     """View factor between two equal rectangles that face each other. [-]
 
+    With X = length / distance, Y = width / distance: 2 / (pi X Y) [ln sqrt((1 + X^2)(1 + Y^2) / (1 + X^2 + Y^2)) + X sqrt(1 + Y^2) atan(X /
+    sqrt(1 + Y^2)) + Y sqrt(1 + X^2) atan(Y / sqrt(1 + X^2)) - X atan X - Y atan Y].
+
     Parameters
     ----------
     length, width, distance : float   Sides of the plates and the distance between them. [m]
@@ -47,6 +50,9 @@ def facing_plates(length: float, width: float, distance: float) -> float:
 def edge_plates(edge: float, depth: float, height: float) -> float:
     """View factor from a plate, edge by depth, to one at right angles on that edge, edge by height. [-]
 
+    With w = (depth / edge)^2, h = (height / edge)^2, s = w + h and a(x) = sqrt(x) atan(1 / sqrt(x)): (a(w) + a(h) - a(s) + L / 4) /
+    (pi sqrt(w)), L = ln((1+w)(1+h)/(1+s)) + w ln(w(1+s)/((1+w)s)) + h ln(h(1+s)/((1+h)s)).
+
     Parameters
     ----------
     edge, depth, height : float   The common edge, the other side of the first plate and of the second. [m]
@@ -70,7 +76,9 @@ def edge_plates(edge: float, depth: float, height: float) -> float:
 
 
 def facing_discs(radius: float, other_radius: float, distance: float) -> float:
-    """View factor from a disc to a second one on the same axis. [-]
+    """View factor from a disc to a second one on the same axis: (S - sqrt(S^2 - 4 (R2 / R1)^2)) / 2, S = 1 + (1 + R2^2) / R1^2. [-]
+
+    R1 and R2 are the radii over the distance.
 
     Parameters
     ----------
@@ -125,7 +133,7 @@ class Shape:
 
 
 def _from_pairs(areas: list[float], pairs: Mapping[tuple[int, int], float]) -> tuple[Array, Array]:
-    """Return areas and factors; those of the other direction follow by reciprocity."""
+    """Return areas (faces,) [m^2] and view factors (faces, faces) [-] from factors of pairs (i, j); F_ji = F_ij A_i / A_j."""
     size = np.array(areas)
     out = np.zeros((size.size, size.size))
     for (i, j), factor in pairs.items():
@@ -135,16 +143,19 @@ def _from_pairs(areas: list[float], pairs: Mapping[tuple[int, int], float]) -> t
 
 
 def _plates(d: Mapping[str, float]) -> tuple[Array, Array]:
+    """Return areas and view factors of two facing plates by `length`, `width` and `distance` [m]."""
     area = d["length"] * d["width"]
     return _from_pairs([area, area], {(0, 1): facing_plates(d["length"], d["width"], d["distance"])})
 
 
 def _discs(d: Mapping[str, float]) -> tuple[Array, Array]:
+    """Return areas and view factors of two discs on one axis by `first_radius`, `second_radius` and `distance` [m]."""
     first, second = d["first_radius"], d["second_radius"]
     return _from_pairs([math.pi * first**2, math.pi * second**2], {(0, 1): facing_discs(first, second, d["distance"])})
 
 
 def _box(d: Mapping[str, float]) -> tuple[Array, Array]:
+    """Return areas and view factors of the six inner faces of a box: floor, lid, left, right, front, back."""
     x, y, z = d["length"], d["width"], d["height"]
     sides = [(x, y), (x, y), (y, z), (y, z), (x, z), (x, z)]
     normal = (z, z, x, x, y, y)
@@ -154,17 +165,16 @@ def _box(d: Mapping[str, float]) -> tuple[Array, Array]:
             if i // 2 == j // 2:
                 pairs[i, j] = facing_plates(*sides[i], normal[i])
             else:
-                edge = (x, y, z)[3 - _axis(i) - _axis(j)]
+                edge = (x, y, z)[3 - sum((2, 0, 1)[face // 2] for face in (i, j))]  # floor and lid stand across z, sides across x, y
                 pairs[i, j] = edge_plates(edge, sides[i][0] * sides[i][1] / edge, sides[j][0] * sides[j][1] / edge)
     return _from_pairs([a * b for a, b in sides], pairs)
 
 
-def _axis(face: int) -> int:
-    """Return the axis that a face of a box stands across: z for floor and lid, x for left and right, y for front and back."""
-    return (2, 0, 1)[face // 2]
-
-
 def _cylinder_in_cylinder(d: Mapping[str, float]) -> tuple[Array, Array]:
+    """Return areas and view factors of the space between two cylinders on one axis: inner and outer side, bottom and top ring.
+
+    The sides see each other by `_cylinders`; what is left of their view is shared equally by bottom and top.
+    """
     inner, outer, length = d["inner_radius"], d["outer_radius"], d["length"]
     to_inner, to_itself = _cylinders(inner, outer, length)
     areas = np.array([2 * math.pi * inner * length, 2 * math.pi * outer * length, *[math.pi * (outer**2 - inner**2)] * 2])
@@ -196,7 +206,7 @@ MAX_LOST_RAY_SHARE: Final = 2e-3
 
 
 @dataclass(frozen=True)
-class Placed:
+class PlacedFace:
     """A face in space: a rectangle, a disc, or the side of a cylinder, inside or out. Lengths in metres.
 
     Parameters
@@ -217,13 +227,13 @@ class Placed:
 
     @property
     def area(self) -> float:
-        """[m^2]."""
+        """Area of the face: a rectangle |first x second|, a disc pi r^2, the side of a cylinder 2 pi r |first|. [m^2]"""
         if self.kind == "rectangle":
             return float(np.linalg.norm(np.cross(self.first, self.second)))
         return math.pi * self.radius**2 if self.kind == "disc" else 2.0 * math.pi * self.radius * float(np.linalg.norm(self.first))
 
-    def sampled(self, u: Array, v: Array) -> tuple[Array, Array]:
-        """Return points on it and normals there (rays, 3), from two coordinates of 0 to 1 (rays,)."""
+    def sample_points(self, u: Array, v: Array) -> tuple[Array, Array]:
+        """Return points spread evenly over the face [m] and the normals there, each (rays, 3), for coordinates u, v from 0 to 1 (rays,)."""
         origin, first = np.array(self.at), np.array(self.first)
         if self.kind == "rectangle":
             second = np.array(self.second)
@@ -238,11 +248,14 @@ class Placed:
             return origin + self.radius * np.sqrt(u)[:, None] * round_, np.broadcast_to(axis, (u.size, 3))
         return origin + u[:, None] * first + self.radius * round_, -round_ if self.inside else round_
 
-    def met(self, start: Array, ray: Array, near: float) -> tuple[Array, Flags]:
-        """Return the distance at which rays meet it (rays,), infinite where they do not, and whether on the side that radiates."""
+    def hit_distances(self, start: Array, ray: Array, near: float) -> tuple[Array, Flags]:
+        """Return the distance (rays,) [m] at which rays hit the face, infinite where they miss it, and whether they hit its radiating side.
+
+        Rays begin at `start` (rays, 3) [m] in the unit directions `ray` (rays, 3); hits nearer than `near` [m] do not count.
+        """
         origin, first = np.array(self.at), np.array(self.first)
         if self.kind == "cylinder":
-            return self._met_round(start - origin, ray, near)
+            return self._cylinder_hits(start - origin, ray, near)
         normal = _unit(np.cross(first, self.second)) if self.kind == "rectangle" else _unit(first)
         falling = ray @ normal
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -254,10 +267,10 @@ class Placed:
             sides = np.array([self.first, self.second])
             share = offset @ np.linalg.solve(sides @ sides.T, sides).T
             on = (share >= 0.0).all(axis=1) & (share <= 1.0).all(axis=1)
-        good = on & (far > near) & np.isfinite(far)
-        return np.where(good, far, np.inf), falling < 0.0
+        return np.where(on & (far > near) & np.isfinite(far), far, np.inf), falling < 0.0
 
-    def _met_round(self, start: Array, ray: Array, near: float) -> tuple[Array, Flags]:
+    def _cylinder_hits(self, start: Array, ray: Array, near: float) -> tuple[Array, Flags]:
+        """Return `hit_distances` of a cylinder's side, for starts relative to its foot: the nearer root of a quadratic on its length."""
         length, axis = float(np.linalg.norm(self.first)), _unit(np.array(self.first))
         flat, toward = start - np.outer(start @ axis, axis), ray - np.outer(ray @ axis, axis)
         a, b, c = np.sum(toward**2, axis=1), np.sum(flat * toward, axis=1), np.sum(flat**2, axis=1) - self.radius**2
@@ -272,11 +285,12 @@ class Placed:
 
 
 def _unit(vector: Array) -> Array:
+    """Return a vector (3,) scaled to length one."""
     return np.asarray(vector, dtype=float) / float(np.linalg.norm(vector))
 
 
 @lru_cache(maxsize=32)
-def placed_factors(faces: tuple[Placed, ...], names: tuple[str, ...], rays: int = RAYS, where: str = "") -> tuple[Array, Array, float]:
+def placed_factors(faces: tuple[PlacedFace, ...], names: tuple[str, ...], rays: int = RAYS, where: str = "") -> tuple[Array, Array, float]:
     """Return areas [m^2], view factors (faces, faces) [-] of faces in space that may hide one another, and their error [-].
 
     Rays leave every face over its area and by the cosine of their angle, at points of an even sequence in place of random ones, and go to
@@ -296,8 +310,8 @@ def placed_factors(faces: tuple[Placed, ...], names: tuple[str, ...], rays: int 
     --------
     Two squares that face one another at the distance of their side, 0.1998 (Incropera, 6th ed., Fig. 13.4):
 
-    >>> low = Placed("rectangle", (0, 0, 0), (1, 0, 0), (0, 1, 0))
-    >>> high = Placed("rectangle", (0, 0, 1), (0, 1, 0), (1, 0, 0))
+    >>> low = PlacedFace("rectangle", (0, 0, 0), (1, 0, 0), (0, 1, 0))
+    >>> high = PlacedFace("rectangle", (0, 0, 1), (0, 1, 0), (1, 0, 0))
     >>> round(float(placed_factors((low, high), ("low", "high"))[1][0, 1]), 3)
     0.2
     """
@@ -308,9 +322,9 @@ def placed_factors(faces: tuple[Placed, ...], names: tuple[str, ...], rays: int 
     even = (0.5 + np.outer(np.arange(1, rays + 1), golden ** -np.arange(1.0, 5.0))) % 1.0
     shares = np.zeros((count, count))
     for i, face in enumerate(faces):
-        start, normal = face.sampled(even[:, 0], even[:, 1])
-        ray = _lambert(normal, even[:, 2], even[:, 3])
-        crossings = [other.met(start, ray, TOUCHING * spread) for other in faces]
+        start, normal = face.sample_points(even[:, 0], even[:, 1])
+        ray = _cosine_directions(normal, even[:, 2], even[:, 3])
+        crossings = [other.hit_distances(start, ray, TOUCHING * spread) for other in faces]
         far = np.column_stack([d + np.where(front, 0.0, 10.0 * TOUCHING * spread) for d, front in crossings])
         first = np.argmin(far, axis=1)
         hit = np.isfinite(far[np.arange(rays), first])
@@ -333,8 +347,8 @@ def placed_factors(faces: tuple[Placed, ...], names: tuple[str, ...], rays: int 
     return size, joined / size[:, None], error
 
 
-def _lambert(normal: Array, u: Array, v: Array) -> Array:
-    """Return directions by the cosine of their angle to normals (rays, 3), from two coordinates of 0 to 1 (rays,).
+def _cosine_directions(normal: Array, u: Array, v: Array) -> Array:
+    """Return unit directions (rays, 3) about normals (rays, 3), as dense as the cosine of their angle, for u, v from 0 to 1 (rays,).
 
     Points lie evenly in the unit disc and are raised to the hemisphere (Malley).
     """

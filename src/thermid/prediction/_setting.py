@@ -95,7 +95,7 @@ class Setting:
         laws = {p: law for kept_way in way.kept for p, law in kept_way.laws_in(plain).items()}
         network = with_laws(plain, laws)
         wiring = Wiring(network, conditions, ready.free)
-        ready = replace(ready, _wiring=wiring, _engine=Engine(wiring))
+        ready = replace(ready, wiring=wiring, engine=Engine(wiring))
         values_of_way = {ready.canonical(n): x for n, x in way.at.items()}
         at = {n: x + (ready.nominal[n] if n in network.boundaries else 0.0) for n, x in values_of_way.items() if n in ready.free}
         x = ready.vector(ready.with_units(at)) if ready.free else None
@@ -119,7 +119,7 @@ class Setting:
         scales = {n: (h.scale,) if h.into else () for n, h in heats.items()}
         carriers |= {wanted[n]: names for n, names in scales.items()}
         wide = Wiring(*with_heats(network, conditions, heats.values()), (*ready.free, *(s for names in scales.values() for s in names)))
-        return cls(budget, ready, carriers, at, replace(ready, _wiring=wide, _engine=Engine(wide)), sizes)
+        return cls(budget, ready, carriers, at, replace(ready, wiring=wide, engine=Engine(wide)), sizes)
 
     @property
     def _still(self) -> dict[str, Any]:

@@ -27,7 +27,7 @@ from thermid.simulation._solver.large import METHODS, LargeAnswer, Watched, inte
 from thermid.simulation._solver.large_steady import conductances, settle_large
 from thermid.simulation._solver.problem import Options, break_times
 from thermid.simulation._solver.sparse import NONE, Grid, LoadGroup, RowGroup, SparseNetwork
-from thermid.simulation._solver.wiring import check_start, held_inputs, held_means, levels_of, mean_of, mean_span
+from thermid.simulation._solver.wiring import check_start, held_inputs, held_means, level_instants, mean_of, mean_span
 
 if TYPE_CHECKING:
     import xarray
@@ -45,7 +45,7 @@ REMEMBERED_STEPS = 6
 
 @dataclass(frozen=True, eq=False)
 class BlockSolution(Solution):
-    """What came out of a block. `nodes` are what was watched, then the boundaries.
+    """The solution of a `Block`; its `nodes` are the watched quantities, then the boundaries.
 
     Parameters
     ----------
@@ -63,23 +63,27 @@ class BlockSolution(Solution):
     _network: SparseNetwork = field(repr=False, kw_only=True)
     _scenario: Scenario = field(repr=False, kw_only=True)
     _answer: LargeAnswer | None = field(repr=False, kw_only=True)
-    _again: Again | None = field(default=None, repr=False, kw_only=True)
+    _again: BlockRerun | None = field(default=None, repr=False, kw_only=True)
 
     def __getitem__(self, name: str) -> Trace:
-        """Return the trace of what was watched, or of a boundary."""
+        """Return the temperature of a watched quantity, such as ``hottest`` or ``+x``, or of a boundary over time."""
         refuse_unknown([name], self.nodes, self.title, "'{}' was not watched.{near} Name it in 'watch' of the run.", NameNotFoundError)
         k = self.nodes.index(name)
         return Trace(name, self.times, self.temperatures[:, k], self._turnings(k), BlockDense(self, k) if self._again else None)
 
+    def __contains__(self, name: object) -> bool:
+        """Whether a watched quantity or a boundary has this name."""
+        return name in self.nodes
+
     def _turnings(self, column: int) -> Turnings | None:
-        """Return the turning points of what was watched, or of a boundary; None where the run did not follow it."""
+        """Return the turning points of a column of `nodes` between the stored times; None where the run did not follow it."""
         watched = self._watched.shape[1]
         if self._answer is None or column >= watched:
             return None if self._answer is None else self._network.boundary_turnings(column - watched, float(self._scenario.seconds))
         return self._answer.turnings[column] if self._answer.turnings is not None else None
 
     def refined(self, nodes: Iterable[str] = (), most: int | None = None) -> Solution:
-        """Return the run as it is: what was watched is known at the stored times and at its own turning points."""
+        """Return the solution itself: watched quantities are known at the stored times and at their own turning points."""
         return self
 
     @cached_property
@@ -90,7 +94,7 @@ class BlockSolution(Solution):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """What a reader must know."""
+        """Warnings of the run: no path to a boundary, and what a steady start was taken for."""
         return self._remarks
 
     def field(self, time: float) -> Array:
@@ -115,7 +119,7 @@ class BlockSolution(Solution):
         return out
 
     def heat_balance(self) -> HeatBalance:
-        """Return where the heat of the run went, by the integrator's own weights.
+        """Return heat put in by heaters, heat into boundaries and heat stored over the run, by the integrator's own weights. [J]
 
         Raises
         ------
@@ -154,6 +158,20 @@ class BlockSolution(Solution):
             code="model.element-not-supported",
         )
 
+    @cached_property
+    def shares(self) -> dict[str, Array]:
+        """Empty: a block has no controls."""
+        return {}
+
+    @cached_property
+    def modes(self) -> dict[str, tuple[str, ...]]:
+        """Empty: a block has no controls."""
+        return {}
+
+    def slopes(self, node: str) -> Array:
+        """Refused: methods of large networks carry no derivatives."""
+        return self.sensitivity(node, "any free name")
+
     def sensitivity(self, node: str, name: str) -> Array:
         """Refused: methods of large networks carry no derivatives."""
         raise NameNotFoundError(
@@ -171,8 +189,8 @@ class BlockSolution(Solution):
 
 
 @dataclass(frozen=True, eq=False)
-class Again:
-    """How a block's run is made again at other times.
+class BlockRerun:
+    """What it takes to make a block's run again for other output times.
 
     Parameters
     ----------
@@ -182,7 +200,7 @@ class Again:
     watched : tuple of Watched      In the order of the solution's columns.
     options : Options               Of the integrator; the method that was chosen.
     where : str                     For messages.
-    name : callable                 Place of a cell -> its name.
+    name : callable                 Place of a cell -> its name, for messages.
     """
 
     network: SparseNetwork
@@ -196,17 +214,17 @@ class Again:
 
     def at(self, times: Array) -> Array:
         """Return what is watched (times, watched) [K] at increasing times (times,) [s]."""
-        fields: Array = self.memo.value(times.tobytes(), lambda: self._watched_at(times), most=4)
-        return fields
 
-    def _watched_at(self, times: Array) -> Array:
-        none = np.zeros(0)
-        return integrate(self.network, self.initial, self.end, times, self.watched, none, self.options, self.where, self.name).watched
+        def run() -> Array:
+            run_arguments = (self.network, self.initial, self.end, times, self.watched, np.zeros(0))
+            return integrate(*run_arguments, self.options, self.where, self.name).watched
+
+        return self.memo.value(times.tobytes(), run, most=4)
 
 
 @dataclass(frozen=True, eq=False)
 class BlockDense:
-    """The course of what was watched of a block, or of a boundary, at any time; see `Dense`.
+    """Temperature of a watched quantity or a boundary of a block at any time; see `Dense`.
 
     Parameters
     ----------
@@ -260,19 +278,18 @@ def simulate_block(
     initial, statistics, start_remark = _start(block, scenario, network, opts, where)
     answer = integrate(network, initial, scenario.seconds, wanted, watched, field_times, opts, where, block.name, opts.extremes)
     grid = {"fields": answer.fields.reshape(-1, *block.cells), "final_field": answer.final.reshape(block.cells), "field_times": field_times}
-    method = str(answer.statistics["method"]).removesuffix(" + CG")
-    options = replace(opts, method=method, extremes=False)
-    again = Again(network, initial, float(scenario.seconds), tuple(watched), options, where, block.name)
+    options = replace(opts, method=str(answer.statistics["method"]).removesuffix(" + CG"), extremes=False)
+    again = BlockRerun(network, initial, float(scenario.seconds), tuple(watched), options, where, block.name)
     statistics = {**answer.statistics, **({"start": statistics} if statistics else {})}
     return _solution(block, scenario, network, names, wanted, answer.watched, statistics, grid, answer, again, start_remark)
 
 
 def steady_block(block: Block, scenario: Scenario, time: float = 0.0, kind: str = "") -> BlockSolution:
-    """Return the steady temperatures of a block with the inputs of one time held, as a solution of one time; see `steady`.
+    """Return the steady temperatures of a block with the inputs of one time [s] held, as a solution of that time; see `steady`.
 
-    With `kind` ``mean`` their means are held; ``periodic`` is the run over a period that comes back.
+    With `kind` ``mean`` the means of the inputs are held instead; ``periodic`` returns the run over one period whose end is its start.
     """
-    cycle, changing = _rhythm(block, scenario)
+    cycle, changing = _cycle_and_changing(block, scenario)
     if kind and cycle and cycle > scenario.seconds:
         scenario = scenario.with_(duration=cycle)
     if kind == PERIODIC:
@@ -291,27 +308,27 @@ def steady_block(block: Block, scenario: Scenario, time: float = 0.0, kind: str 
 
 
 def steady_levels_of_block(block: Block, scenario: Scenario, most: int) -> tuple[BlockSolution, ...]:
-    """Return the steady state of a block under each combination of levels that its inputs take; see `steady_levels`."""
-    cycle, _ = _rhythm(block, scenario)
+    """Return the steady state of a block under each combination of levels that its inputs take, `most` of them; see `steady_levels`."""
+    cycle, _ = _cycle_and_changing(block, scenario)
     scenario = scenario.with_(duration=max(scenario.seconds, cycle or 0.0))
-    instants = levels_of(_courses(block, scenario), scenario.seconds, scenario.title, most)
+    instants = level_instants(_courses(block, scenario), scenario.seconds, scenario.title, most)
     return tuple(steady_block(block, scenario, t) for t in instants)
 
 
 def _powers(block: Block, scenario: Scenario) -> dict[str, Signal]:
-    """Return heater -> its power. [W]"""
+    """Return heater -> its power over time: that of the scenario or of the block, times its command. [W]"""
     loads, commands = scenario.loads, scenario.commands
     return {n: multiplied(loads.get(n, h.power), commands.get(n, Constant(1.0))) for n, h in block.heaters.items()}
 
 
 def _courses(block: Block, scenario: Scenario) -> dict[str, Signal]:
-    """Return every input of a block: boundaries and powers."""
+    """Return name -> signal of every input of a block: boundary temperatures [K] and heater powers [W]."""
     _check(block, scenario, f"{block.title}, {scenario.title}")
     return {**{b: scenario.boundaries[b] for b in block.boundaries}, **_powers(block, scenario)}
 
 
-def _rhythm(block: Block, scenario: Scenario) -> tuple[float | None, tuple[str, ...]]:
-    """Return after what time all inputs repeat [s], None where they do not, and which of them change."""
+def _cycle_and_changing(block: Block, scenario: Scenario) -> tuple[float | None, tuple[str, ...]]:
+    """Return the common period of all inputs [s], None where they do not repeat, and the names of those that change."""
     changing = {name: s.cycle for name, s in _courses(block, scenario).items() if s.cycle != 0.0}
     return common_cycle(list(changing.values())), tuple(changing)
 
@@ -326,27 +343,20 @@ def _solution(
     statistics: Mapping[str, Any],
     grid: Mapping[str, Array],
     answer: LargeAnswer | None,
-    again: Again | None = None,
+    again: BlockRerun | None = None,
     start_remark: str = "",
 ) -> BlockSolution:
+    """Return the solution of a block from its parts; `watched` (times, names) [K], `grid` the fields by their names in `BlockSolution`."""
     none: Any = None  # a block has no wiring of names
-    more: dict[str, Any] = {
-        "_watched": watched,
-        "_network": network,
-        "_scenario": scenario,
-        "_answer": answer,
-        "_again": again,
-        "block": block,
-        **grid,
-    }
+    more: dict[str, Any] = {"_watched": watched, "_network": network, "_scenario": scenario, "_answer": answer, "_again": again, **grid}
     nodes = (*names, *network.boundaries)
     lost = "" if network.boundaries else "the block has no path to a boundary, so its temperature changes without limit when it is heated"
     remarks = tuple(remark for remark in (lost, start_remark) if remark)
-    return BlockSolution(block.title, scenario.title, times, nodes, (), "ok", statistics, remarks, none, **more)
+    return BlockSolution(block.title, scenario.title, times, nodes, (), "ok", statistics, remarks, none, block=block, **more)
 
 
 def _watched(block: Block, name: str) -> Watched:
-    """Return what is stored under a name."""
+    """Return the watched quantity of a name: mean, hottest, coldest, a face, a heater or a cell; refuse any other name."""
     none, weights = np.zeros(0, dtype=np.int32), np.zeros(0)
     if name in EXTREMES:
         return Watched(EXTREMES[name], none, weights)
@@ -361,7 +371,7 @@ def _watched(block: Block, name: str) -> Watched:
 
 
 def compile_block(block: Block, scenario: Scenario) -> SparseNetwork:
-    """Return a block in a scenario as flat arrays.
+    """Return a block in a scenario as flat arrays: capacitances, links of the grid, rows of its faces, loads and inputs.
 
     Raises
     ------
@@ -395,7 +405,7 @@ def compile_block(block: Block, scenario: Scenario) -> SparseNetwork:
 
 
 def _check(block: Block, scenario: Scenario, where: str) -> None:
-    """Refuse what a block cannot follow."""
+    """Refuse a scenario that a block cannot run: tables it does not have, unknown names, a boundary without a temperature."""
     scenario.check_spans()
     for name in ("gains", "schedule", "prescribed", "environment"):
         if getattr(scenario, name):
@@ -421,7 +431,7 @@ def _check(block: Block, scenario: Scenario, where: str) -> None:
 
 
 def _rows(block: Block, exchange: Exchange, boundaries: tuple[str, ...]) -> list[RowGroup]:
-    """Return the conductors of an exchange; a cell at an edge has one for all its faces."""
+    """Return the conductors of an exchange as groups of one law, convection and radiation apart; an edge cell has one for all its faces."""
     places, area, conductance = exchange_cells(block, exchange)
     second = np.zeros_like(places)
     to = boundaries.index(exchange.to) if exchange.to in boundaries else NONE
@@ -433,20 +443,19 @@ def _rows(block: Block, exchange: Exchange, boundaries: tuple[str, ...]) -> list
         out.append(RowGroup(form, to, places, second, convection_conductance(exchange.htc, area), exchange.exponent))
     if exchange.emissivity:
         coefficients = float(radiation_coefficient(exchange.emissivity, 1.0)) * area
-        out.append(RowGroup("radiation", boundaries.index(exchange.to), places, second, coefficients))
+        out.append(RowGroup("radiation", to, places, second, coefficients))
     return out
 
 
 def _start(block: Block, scenario: Scenario, network: SparseNetwork, options: Options, where: str) -> tuple[Array, Mapping[str, Any], str]:
-    """Return the initial temperatures (cells,) [K], how they were looked for, and what a reader must know of them."""
+    """Return the initial temperatures (cells,) [K], statistics of a search for them, and a remark on a steady start."""
     start = scenario.start
-    steady_start = Start.from_text(start, where)
-    if steady_start is not None:
+    if (steady_start := Start.from_text(start, where)) is not None:
         if scenario.initial:
             raise ScenarioError(
                 "a steady start gives the temperatures of all cells. Leave 'initial' out.", where, code="value.excludes-another"
             )
-        return _settled(block, scenario, network, steady_start, options, where)
+        return _searched_start(block, scenario, network, steady_start, options, where)
     if start == "" and len(network.boundaries) != 1:
         raise ScenarioError(
             "the start is missing. Give a temperature, the name of a boundary, or 'steady'.", where, code="run.input-missing"
@@ -457,11 +466,11 @@ def _start(block: Block, scenario: Scenario, network: SparseNetwork, options: Op
     return initial, {}, ""
 
 
-def _settled(
+def _searched_start(
     block: Block, scenario: Scenario, network: SparseNetwork, start: Start, options: Options, where: str
 ) -> tuple[Array, Mapping[str, Any], str]:
-    """Return what `_start` does for a start that is looked for."""
-    cycle, changing = _rhythm(block, scenario)
+    """Return what `_start` returns, for a start that is steady, steady under mean inputs, or periodic."""
+    cycle, changing = _cycle_and_changing(block, scenario)
     check_start(start, cycle, changing, scenario)
     if start.kind == STEADY:
         return *settle_large(network, start.time, where), held_inputs(changing, start.time)
@@ -473,6 +482,7 @@ def _settled(
 
 
 def _temperature(value: Any, network: SparseNetwork, where: str) -> float:
+    """Return an initial temperature: a number with its unit, or that of a boundary at time zero. [K]"""
     if value in network.boundaries:
         return float(network.boundary(network.boundaries.index(value), np.zeros(1))[0])
     return literal(value, TEMPERATURE, where)
@@ -486,7 +496,7 @@ def _stilled(network: SparseNetwork, span: float) -> SparseNetwork:
 def _periodic(
     network: SparseNetwork, still: SparseNetwork, guess: Array, period: float, options: Options, where: str, name: Callable[[int], str]
 ) -> tuple[Array, dict[str, Any]]:
-    """Return the state (nodes,) that comes back after every period of the inputs [K], and how it was found.
+    """Return the state (nodes,) to which the network returns after every period of its inputs [K], and statistics of the search.
 
     The zero of T(P) - T(0): with the network linearised at the mean of its inputs a mode of rate k misses (1 - exp(-k P)) of its error,
     whose inverse is close to 3/4 + 1 / (k P), a sparse solution with the conductances; what that leaves is brought down by Anderson's
@@ -518,14 +528,17 @@ def _periodic(
             return end, {"method": "Anderson", "periods": run + 1, "missed": size}
         states.append(state)
         steps.append(FAST_MODE_SHARE * missed + solve(network.capacities * missed / period))
-        state = np.maximum(_mixed(states[-REMEMBERED_STEPS:], steps[-REMEMBERED_STEPS:]), 0.1)
+        state = np.maximum(_anderson_step(states[-REMEMBERED_STEPS:], steps[-REMEMBERED_STEPS:]), 0.1)
     raise SolverError(
         f"no state was found that comes back after {period:g} s; it missed by {size:.3g} K.", where, code="run.no-periodic-state"
     )
 
 
-def _mixed(states: list[Array], steps: list[Array]) -> Array:
-    """Return the next state: the combination of earlier ones whose steps cancel best, and its step."""
+def _anderson_step(states: list[Array], steps: list[Array]) -> Array:
+    """Return the next state of Anderson's method: x + f - (dX + dF) g, with g the least-squares solution of dF g = f.
+
+    x is the last of the states (nodes,), f the last of the steps from them, dX and dF the differences of successive states and steps.
+    """
     if len(states) < 2:
         return np.asarray(states[-1] + steps[-1])
     moved, changed = (np.column_stack([b - a for a, b in pairwise(sequence)]) for sequence in (states, steps))

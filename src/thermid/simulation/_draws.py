@@ -15,7 +15,7 @@ from thermid.values.store import uniforms
 
 @takes_objects
 def draw(model: Model, scenario: Scenario, spreads: Mapping[str, Any], members: int, *, seed: int) -> dict[str, Any]:
-    """Return name -> value of every member (members,), independent of each other, as `ensemble` takes them.
+    """Draw random values of every member of an ensemble: name -> values (members,), independent of each other, as `ensemble` takes them.
 
     Numbers are SI; temperatures are a `thermid.base.expression.Quantity`, an array of kelvin by ``np.asarray``.
 
@@ -35,7 +35,6 @@ def draw(model: Model, scenario: Scenario, spreads: Mapping[str, Any], members: 
     """
     if members < 1:
         raise ScenarioError("an ensemble needs at least one member.", model.title, code="value.outside-range")
-    duration = scenario if scenario.seconds > 0 else scenario.with_(duration=1.0)
-    ready = prepare(model, duration, tuple(spreads))
+    ready = prepare(model, scenario if scenario.seconds > 0 else scenario.with_(duration=1.0), tuple(spreads))
     laws = {name: ready.law(name, spread) for name, spread in zip(ready.free, spreads.values(), strict=True)}
     return ready.with_units({name: law.at(uniforms(seed, name, 0, members)) for name, law in laws.items()})

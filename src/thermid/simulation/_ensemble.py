@@ -17,6 +17,7 @@ from time import process_time
 from typing import Any, cast
 
 import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
 from thermid.base.dual import Dual, real_power
@@ -34,7 +35,7 @@ from thermid.simulation._many.tasks import Workers, in_tasks
 from thermid.simulation._solution import Trace
 from thermid.simulation._solver.engine import Engine
 from thermid.simulation._solver.extremes import MemberTurnings
-from thermid.simulation._solver.problem import Options, signal_turnings
+from thermid.simulation._solver.problem import Options, nodes_to_store, signal_turnings
 from thermid.simulation._solver.wiring import Assembled, Wiring
 
 
@@ -83,13 +84,14 @@ class Ensemble(Result):
         return self._traces(self._stored_node(node))
 
     def _refuse_counted(self, node: str) -> None:
+        """Refuse a node that was not stored, and any node where members were counted and their traces dropped."""
         self._stored_node(node)
         if self._counts:
             text = "members were counted, so what each did is not known. Leave 'quantiles' out to keep every trace, or ask for a quantile."
             raise ScenarioError(text, self.title)
 
     def trace(self, member: int, node: str) -> Trace:
-        """Return the trace of a node in one member."""
+        """Return the temperature of a node over time in one member, counted from 0; refuse a member that there is not."""
         if not 0 <= member < self.members:
             raise ScenarioError(
                 f"member {member} does not exist. Members are numbered from 0 to {self.members - 1}.",
@@ -97,12 +99,8 @@ class Ensemble(Result):
                 code="value.outside-range",
             )
         turnings = self.turnings(node)
-        return Trace(
-            self._stored_node(node),
-            self.times,
-            self.temperatures(node)[:, member],
-            turnings.of_member(member) if turnings is not None else None,
-        )
+        of_member = turnings.of_member(member) if turnings is not None else None
+        return Trace(self._stored_node(node), self.times, self.temperatures(node)[:, member], of_member)
 
     def turnings(self, node: str) -> MemberTurnings | None:
         """Return the turning points of a node between samples in every member; None where members were not followed.
@@ -132,7 +130,7 @@ class Ensemble(Result):
         return np.asarray(self._shared(node, share)[0][..., -2] - ICE_POINT if self._counts else np.nanquantile(self.highest(node), share))
 
     def lowest_quantile(self, node: str, share: Any) -> Array:
-        """Return the same of the lowest temperature. [degC]"""
+        """Return the lowest temperature of the run, between samples too, below which that of a share of the members lies. [degC]"""
         return np.asarray(self._shared(node, share)[0][..., -1] - ICE_POINT if self._counts else np.nanquantile(self.lowest(node), share))
 
     def _shared(self, node: str, share: Any) -> tuple[Array, Array]:
@@ -141,6 +139,7 @@ class Ensemble(Result):
         return self._counts[self._stored_node(node)].read(share)
 
     def _of_whole(self, node: str, share: Any) -> Array:
+        """Return quantiles (..., times) of a node whose traces were kept. [K]"""
         check_shares(np.atleast_1d(share), self.title)
         return np.asarray(np.quantile(self._whole(self._stored_node(node)), share, axis=1))
 
@@ -159,24 +158,24 @@ class Ensemble(Result):
 
         Between samples too; of the samples alone where `turnings` is None.
         """
-        return self._furthest(node, 1.0)
+        return self._extremes(node, 1.0)
 
     def lowest(self, node: str) -> Array:
         """Return the lowest temperature (members,) of each member, NaN where it failed; as `highest`. [degC]"""
-        return self._furthest(node, -1.0)
+        return self._extremes(node, -1.0)
 
-    def _furthest(self, node: str, sign: float) -> Array:
+    def _extremes(self, node: str, sign: float) -> Array:
+        """Return the highest (sign 1) or lowest (-1) temperature (members,) of each member. [degC]"""
         self._refuse_counted(node)
-        path = self._stored_node(node)
-        turnings = self._turnings.get(path) or MemberTurnings.joined([])
-        return turnings.furthest(self._traces(path).T, sign) - ICE_POINT
+        turnings = self.turnings(node) or MemberTurnings.joined([])
+        return turnings.furthest(self._traces(self._stored_node(node)).T, sign) - ICE_POINT
 
     def exceedance(self, node: str, limit: Any) -> Array:
         """Return the share (times,) of the members in which a node is above a limit, such as ``"50 [degC]"``. [-]
 
         Members that are above it at any time: ``(ensemble.highest(node) > 50.0).mean()``.
         """
-        self.temperatures(node)
+        self._refuse_counted(node)
         return np.asarray((self._whole(self._stored_node(node)) > kelvin(limit)).mean(axis=1))
 
     def _whole(self, path: str) -> Array:
@@ -185,6 +184,7 @@ class Ensemble(Result):
         return np.delete(traces, list(self.failed), axis=1) if self.failed else traces
 
     def _stored_node(self, node: str) -> str:
+        """Return the canonical path of a node; refuse one that was not stored, and any where no member reached the end."""
         path = self._find(node)
         refuse_unknown([path], self.nodes, self.title, f"'{node}' was not stored. Name it in 'nodes'. Stored: {{known}}.", ScenarioError)
         if len(self.failed) == self.members:
@@ -247,7 +247,7 @@ class _ApartError(Exception):
 
 
 def _all_alike(mask: Bools) -> bool:
-    """Return what a check says of all members.
+    """Return the common answer of a check (members,) for all members.
 
     Raises
     ------
@@ -260,8 +260,8 @@ def _all_alike(mask: Bools) -> bool:
     return False
 
 
-class MemberValues(Dual):
-    """A number with one value per member.
+class MemberValues(NDArrayOperatorsMixin, Dual):
+    """A number with one value per member; arithmetic and comparisons are those of the arrays, by numpy's mixin.
 
     It passes for a number with derivatives, of which it has none, because that is what the model's code lets through untouched.
 
@@ -297,34 +297,6 @@ class MemberValues(Dual):
         """The first member, for a message that is made anew for each."""
         return format(float(self.values[0]), how)
 
-    def __add__(self, other: Any) -> MemberValues:
-        """Sum."""
-        return MemberValues(self.values + _plain(other))
-
-    __radd__ = __add__
-
-    def __neg__(self) -> MemberValues:
-        """Negative."""
-        return MemberValues(-self.values)
-
-    def __pos__(self) -> MemberValues:
-        """Itself."""
-        return self
-
-    def __sub__(self, other: Any) -> MemberValues:
-        """Difference."""
-        return MemberValues(self.values - _plain(other))
-
-    def __rsub__(self, other: Any) -> MemberValues:
-        """Difference, number first."""
-        return MemberValues(_plain(other) - self.values)
-
-    def __mul__(self, other: Any) -> MemberValues:
-        """Product."""
-        return MemberValues(self.values * _plain(other))
-
-    __rmul__ = __mul__
-
     def __truediv__(self, other: Any) -> MemberValues:
         """Quotient."""
         return _quotient(self.values, _plain(other))
@@ -341,46 +313,21 @@ class MemberValues(Dual):
         """Power, number first."""
         return _power(_plain(other), self.values)
 
-    def __lt__(self, other: Any) -> MemberValues:
-        """Where it is smaller."""
-        return MemberValues(self.values < _plain(other))
-
-    def __le__(self, other: Any) -> MemberValues:
-        """Where it is smaller or equal."""
-        return MemberValues(self.values <= _plain(other))
-
-    def __gt__(self, other: Any) -> MemberValues:
-        """Where it is larger."""
-        return MemberValues(self.values > _plain(other))
-
-    def __ge__(self, other: Any) -> MemberValues:
-        """Where it is larger or equal."""
-        return MemberValues(self.values >= _plain(other))
-
-    def __eq__(self, other: object) -> Any:
-        """Where it is equal."""
-        return MemberValues(self.values == _plain(other))
-
-    def __ne__(self, other: object) -> Any:
-        """Where it is not equal."""
-        return MemberValues(self.values != _plain(other))
-
-    __hash__ = None  # type: ignore[assignment]
-
 
 def _plain(x: Any) -> Any:
+    """Return the array (members,) of a `MemberValues`, and anything else unchanged."""
     return x.values if isinstance(x, MemberValues) else x
 
 
 def _quotient(above: Any, below: Any) -> MemberValues:
-    """Return a quotient; division by zero is an error, as it is for one member."""
+    """Return a quotient (members,); division by zero raises ZeroDivisionError, as it does for one member."""
     if _all_alike(np.broadcast_to(np.asarray(below) == 0.0, np.broadcast_shapes(np.shape(above), np.shape(below)))):
         raise ZeroDivisionError("float division by zero")
     return MemberValues(above / below)
 
 
 def _power(base: Any, exponent: Any) -> MemberValues:
-    """Return a power, by the function that serves one member, so that not even the last bit differs."""
+    """Return a power (members,), each by `real_power` as for one member, so that not even the last bit differs."""
     bases, exponents = np.broadcast_arrays(np.asarray(base, dtype=float), np.asarray(exponent, dtype=float))
     out, wrong = np.empty(bases.shape), np.zeros(bases.shape, dtype=bool)
     for k, (b, e) in enumerate(zip(bases.tolist(), exponents.tolist(), strict=True)):
@@ -395,7 +342,7 @@ def _power(base: Any, exponent: Any) -> MemberValues:
 
 @dataclass(frozen=True, eq=False)
 class MembersNumbers:
-    """What the kernel needs of every member.
+    """Numbers of every member as arrays for the kernel.
 
     Parameters
     ----------
@@ -420,7 +367,7 @@ class MembersNumbers:
 
 @dataclass(eq=False)
 class _Collector:
-    """Takes in the numbers of shares of the members."""
+    """Collects the kernel's numbers of all members, assembled share by share; arrays as in `MembersNumbers`."""
 
     wiring: Wiring
     values: Mapping[str, Array]
@@ -433,27 +380,23 @@ class _Collector:
 
     def fill(self, share: Indices) -> None:
         """Assemble a share of the members together, or apart where they differ."""
-        if share.size == 1:
-            for member in share.tolist():
-                self._one(member)
-            return
+        alone = share.size == 1
+        values: dict[str, Any] = {n: float(v[share[0]]) if alone else MemberValues(v[share]) for n, v in self.values.items()}
         try:
-            with np.errstate(over="ignore", invalid="ignore"):
-                self._store(self.wiring.assembled_at({n: MemberValues(v[share]) for n, v in self.values.items()}), share)
+            with np.errstate() if alone else np.errstate(over="ignore", invalid="ignore"):
+                self._store(self.wiring.assembled_at(values), share)
         except _ApartError as apart:
             self.fill(share[apart.mask])
             self.fill(share[~apart.mask])
-        except ThermidError:
-            for member in share.tolist():
-                self._one(member)
-
-    def _one(self, member: int) -> None:
-        try:
-            self._store(self.wiring.assembled_at({n: float(v[member]) for n, v in self.values.items()}), np.array([member]))
         except ThermidError as error:
-            self.refused[member] = str(error)
+            if alone:
+                self.refused[int(share[0])] = str(error)
+                return
+            for member in share:
+                self.fill(np.array([member]))
 
     def _store(self, a: Assembled, share: Indices) -> None:
+        """Write the numbers of an assembly into the columns of a share of the members."""
         for row, number in zip(self.coefficients, a.coefficients, strict=True):
             row[share] = _plain(number)
         for row, number in zip(self.initial, a.initial, strict=True):
@@ -465,13 +408,14 @@ class _Collector:
             self._row(self.offsets, boundary)[share] = _plain(offset)
 
     def _row(self, table: dict[str, Array], name: str) -> Array:
+        """Return the row (members,) of a name in a table, made of NaN where it is new."""
         if name not in table:
             table[name] = np.full(self.members, np.nan)
         return table[name]
 
 
 def assemble_members(wiring: Wiring, values: Mapping[str, Array], members: int) -> MembersNumbers:
-    """Return the numbers of every member.
+    """Return the kernel's numbers of every member; of members whose values are refused the reason.
 
     Parameters
     ----------
@@ -488,7 +432,7 @@ def assemble_members(wiring: Wiring, values: Mapping[str, Array], members: int) 
 
 @dataclass(frozen=True, eq=False)
 class _Recovery:
-    """From the nodes that the kernel stored to any node or boundary."""
+    """Computes the temperature of any node or boundary from those of the nodes that the kernel stored (`kept`)."""
 
     engine: Engine
     numbers: MembersNumbers
@@ -510,7 +454,7 @@ class _Recovery:
 
 @dataclass(frozen=True, eq=False)
 class _GroupRun:
-    """Members that ran together, counted from zero.
+    """Results of a group of members that ran together; members are counted from zero within the group.
 
     Parameters
     ----------
@@ -535,7 +479,7 @@ class _GroupRun:
 
     @property
     def members(self) -> int:
-        """How many there are."""
+        """Number of members of the group."""
         return int(self.recovery.numbers.coefficients.shape[1])
 
     def rows(self, node: str) -> Array:
@@ -546,7 +490,7 @@ class _GroupRun:
 
 @dataclass(frozen=True, eq=False)
 class _Runs:
-    """What every group of members shares, and a task of a worker needs."""
+    """Settings that all groups of members share: what a task needs to run some members at their values."""
 
     engine: Engine
     times: Array
@@ -556,10 +500,10 @@ class _Runs:
     simd: str
 
     def group(self, values: Mapping[str, Array]) -> _GroupRun:
-        """Return the runs of members at values (members,)."""
+        """Run members at values (members,) together, and return their results."""
         engine, members = self.engine, next(iter(values.values())).size
         numbers = _started(engine, assemble_members(engine.wiring, values, members))
-        kept_nodes, end = _needed(engine, self.wanted, numbers), engine.wiring.scenario.seconds
+        kept_nodes, end = nodes_to_store(self.wanted, numbers.weights, engine.nodes), engine.wiring.scenario.seconds
         kernel = engine.members(numbers.coefficients, numbers.initial, self.times, kept_nodes, end, self.options, self.simd)
         stored = kernel.advance(self.times.size, self.threads)
         failed = _failed(engine, kernel, numbers, self.options)
@@ -568,12 +512,11 @@ class _Runs:
         return _GroupRun(_Recovery(engine, numbers, kept_nodes), stored, self.times, failed, turnings, statistics)
 
     def key(self, values: Mapping[str, Array]) -> str:
-        """Return a hash of all that counts at values (members,) depend on."""
+        """Return a hash of all that the counts at values (members,) depend on: model, scenario, values, settings, version."""
         from importlib.metadata import version
 
-        network, scenario = self.engine.wiring.network, self.engine.wiring.scenario
-        run_settings = (scenario, dict(values), self.times, self.wanted, self.options, self.simd, self.at_once, version("thermid"))
-        return digest((cast(Model, network.flat.names.model).identity(), *run_settings))
+        wiring, settings = self.engine.wiring, (self.times, self.wanted, self.options, self.simd, self.at_once, version("thermid"))
+        return digest((cast(Model, wiring.network.flat.names.model).identity(), wiring.scenario, dict(values), *settings))
 
     @property
     def at_once(self) -> int:
@@ -581,20 +524,18 @@ class _Runs:
         return max(min(TRACE_BYTES_AT_ONCE // (8 * self.times.size * max(len(self.wanted), 1)), PILOT) // LANES, 1) * LANES
 
     def counted(self, group: _GroupRun, grids: Mapping[str, CountGrid]) -> Counted:
-        """Return what is kept of a group."""
-        counted = {node: group.rows(node) for node in grids}
-        return Counted.on_grids(grids, counted, group.members, group.failed, group.statistics)
+        """Return the counts of a group's temperatures on the grids of nodes."""
+        return Counted.on_grids(grids, {node: group.rows(node) for node in grids}, group.members, group.failed, group.statistics)
 
 
 def _count(runs: _Runs, values: Mapping[str, Array], grids: Mapping[str, CountGrid]) -> Counted:
-    """Return what is kept of members, of which few run together; a task of a worker."""
-    groups = _shares_of(values, runs.at_once)
-    parts = ((k * runs.at_once, runs.counted(runs.group(v), grids)) for k, v in enumerate(groups))
+    """Return the counts of members at values (members,), run in groups of `runs.at_once`: a task of a worker."""
+    parts = ((k * runs.at_once, runs.counted(runs.group(v), grids)) for k, v in enumerate(_shares_of(values, runs.at_once)))
     return Counted.gathered(parts, next(iter(values.values())).size)
 
 
 def _shares_of(values: Mapping[str, Array], size: int) -> list[dict[str, Array]]:
-    """Return the values (members,) of so many members after another."""
+    """Return values (members,) by name in pieces of `size` members, the last one shorter."""
     members = next(iter(values.values())).size
     return [{n: v[first : first + size] for n, v in values.items()} for first in range(0, members, size)]
 
@@ -612,7 +553,7 @@ def run_members(
     executor: Workers = None,
     job: str | os.PathLike[str] | None = None,
 ) -> Ensemble:
-    """Return the runs of all members.
+    """Run all members at the values of `draws` and return them as an `Ensemble`; arguments as in `ensemble`.
 
     Raises
     ------
@@ -651,12 +592,16 @@ def run_members(
         return ensemble(group.failed, group.statistics, network.find, group.temperature, {}, group.turnings, warnings)
     tasks = [(f"members from {first} on", (runs, v)) for first, v in _tasks(values, members, runs.at_once)]
     parts = [group for _, group in sorted(in_tasks(_Runs.group, tasks, executor), key=itemgetter(0))]
-    failed, turnings = _one_after_another(parts)
+    # members are numbered through all groups; turning points of nodes that were not followed in each group are left out
+    firsts = np.cumsum([0, *(p.members for p in parts)])[:-1].tolist()
+    failed = {first + m: why for first, p in zip(firsts, parts, strict=True) for m, why in p.failed.items()}
+    followed_nodes = [n for n in parts[0].turnings if all(n in p.turnings for p in parts)]
+    turnings = {n: MemberTurnings.joined([(first, p.turnings[n]) for first, p in zip(firsts, parts, strict=True)]) for n in followed_nodes}
     return ensemble(failed, added([p.statistics for p in parts]), network.find, partial(_traces_of, parts), {}, turnings, warnings)
 
 
 def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executor: Workers, job: str | os.PathLike[str] | None) -> Counted:
-    """Return what is kept of all members: the first that reach the end say what grids the others are counted on."""
+    """Return the counts of all members; the first group with a member that reaches the end sets the grids for all."""
     pilots, at, begun = [], 0, process_time()
     grids: dict[str, CountGrid] = {}
     while at < members and not grids:
@@ -683,34 +628,24 @@ def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executo
 
 
 def _file_of(first: int, members: int) -> str:
+    """Return the name of the file in a job's folder with the counts of `members` members from `first` on."""
     return f"counts_{first:07d}_{members}"
 
 
 def _left_in(folder: JobFolder | None, tasks: Mapping[int, Mapping[str, Array]], grids: Mapping[str, CountGrid]) -> dict[int, Counted]:
-    """Return first member -> what an earlier run of a job left of the tasks."""
-    if folder is None:
-        return {}
-    sizes = {first: next(iter(v.values())).size for first, v in tasks.items()}
-    loaded = {first: Counted.read(folder.load(_file_of(first, size)), grids) for first, size in sizes.items()}
-    return {first: part for first, part in loaded.items() if part is not None}
+    """Return first member -> counts of the tasks that an earlier run of the job finished; nothing without a folder."""
+    files = {first: _file_of(first, next(iter(v.values())).size) for first, v in tasks.items()} if folder is not None else {}
+    return {first: part for first, f in files.items() if folder is not None and (part := Counted.read(folder.load(f), grids)) is not None}
 
 
 def _tasks(values: Mapping[str, Array], members: int, at_once: int) -> list[tuple[int, dict[str, Array]]]:
-    """Return the shares of tasks: the first member, and the values of all."""
+    """Return the tasks of an ensemble: first member and values of each, in whole groups of `at_once`, about `TASKS` of them."""
     size = at_once * max(1, -(-members // (TASKS * at_once)))
     return [(k * size, v) for k, v in enumerate(_shares_of(values, size))]
 
 
-def _one_after_another(parts: Sequence[_GroupRun]) -> tuple[dict[int, str], dict[str, MemberTurnings]]:
-    """Return failures and turning points of all groups; nodes that were not followed in each are left out."""
-    firsts = np.cumsum([0, *(p.recovery.numbers.coefficients.shape[1] for p in parts)]).tolist()
-    failed = {first + m: why for first, p in zip(firsts, parts, strict=False) for m, why in p.failed.items()}
-    followed = [n for n in parts[0].turnings if all(n in p.turnings for p in parts)]
-    joined = {n: MemberTurnings.joined([(first, p.turnings[n]) for first, p in zip(firsts, parts, strict=False)]) for n in followed}
-    return failed, joined
-
-
 def _traces_of(parts: Sequence[_GroupRun], name: str) -> Array:
+    """Return the temperature (times, members) of a node in all groups, one behind the other. [K]"""
     return np.concatenate([p.temperature(name) for p in parts], axis=1)
 
 
@@ -723,7 +658,7 @@ def _one_by_one(
     shares: Sequence[float],
     warnings: tuple[str, ...],
 ) -> Ensemble:
-    """Return the runs of all members of a model that is not run by the kernel.
+    """Return the ensemble of a model that a program other than the kernel runs, such as an FMU: one member after the other.
 
     Raises
     ------
@@ -756,7 +691,7 @@ def _one_by_one(
 
 
 def _columns(draws: Mapping[str, Any], where: str) -> tuple[dict[str, Array], int]:
-    """Return the values of each name as arrays, and how many members there are."""
+    """Return the values of each name as read-only arrays (members,), and the number of members; refuse unequal or empty ones."""
     try:
         values = {name: np.array(v, dtype=float) for name, v in draws.items()}
     except (TypeError, ValueError):
@@ -771,7 +706,7 @@ def _columns(draws: Mapping[str, Any], where: str) -> tuple[dict[str, Array], in
 
 
 def _started(engine: Engine, numbers: MembersNumbers) -> MembersNumbers:
-    """Return the numbers with a steady start where it was asked for."""
+    """Return the numbers of members with a steady start solved for where the scenario asks for one (initial temperatures of NaN)."""
     waiting = [m for m in np.flatnonzero(np.isnan(numbers.initial).any(axis=0)).tolist() if m not in numbers.refused]
     if not waiting:
         return numbers
@@ -784,20 +719,8 @@ def _started(engine: Engine, numbers: MembersNumbers) -> MembersNumbers:
     return MembersNumbers(numbers.coefficients, initial, numbers.weights, numbers.offsets, refused)
 
 
-def _needed(engine: Engine, wanted: Sequence[str], numbers: MembersNumbers) -> tuple[str, ...]:
-    """Return the nodes that the kernel must store so that the wanted ones can be had."""
-    queue, out = list(wanted), {}  # type: tuple[list[str], dict[str, None]]
-    while queue:
-        node = queue.pop(0)
-        if node in numbers.weights:
-            queue += numbers.weights[node]
-        elif node in engine.nodes:
-            out[node] = None
-    return tuple(out)
-
-
 def _failed(engine: Engine, kernel: Any, numbers: MembersNumbers, options: Options) -> dict[int, str]:
-    """Return member -> why it did not reach the end."""
+    """Return member -> why it did not reach the end, in words: those whose numbers were refused, and those that the kernel gave up."""
     status, node, time = kernel.status, kernel.node, kernel.time
     out = dict(numbers.refused)
     like = engine.wiring.assemble() if engine.refuses else None
@@ -835,6 +758,8 @@ def _turnings(
 
 @dataclass(frozen=True)
 class _Ended:
+    """How the run of one member ended: the kernel's status, the node and time [s] of a failure, the last temperatures (nodes,) [K]."""
+
     status: int
     node: int
     time: float
@@ -842,4 +767,5 @@ class _Ended:
 
 
 def _no_traces(name: str) -> Array:
+    """Refuse the trace of a node: members were counted, so none was stored."""
     raise ScenarioError(f"no trace of '{name}' was stored. Name it in 'nodes'.", code="name.unknown")

@@ -22,7 +22,7 @@ SHOWN_NEIGHBOURS: Final = 3
 
 @dataclass(frozen=True)
 class Path:
-    """The heat of one conductor, positive from its first end to its second.
+    """Heat flow of one conductor in a steady state, positive from its first end to its second.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Path:
 
 @dataclass(frozen=True)
 class NodeBalance:
-    """The heat of one node.
+    """Heat balance of one node in a steady state.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ class HeatMap:
     def of_network(
         cls, network: Network, temperatures: Mapping[str, float], flows: Mapping[str, float], powers: Mapping[str, float]
     ) -> HeatMap:
-        """Return the map of a network at temperatures [K], with the heat of its conductors and loads [W]."""
+        """Return the map of a network: `temperatures` by node [K], `flows` by conductor and `powers` by load [W]."""
         flat = network.flat
         paths = tuple(Path(c.path, c.kind, c.ends, flows[c.path]) for c in flat.conductors if c.path in flows)
         loads = {x.path: (x.node, powers[x.path]) for x in flat.loads if x.path in powers}
@@ -118,7 +118,7 @@ class HeatMap:
         return tuple(out)
 
     def worst(self) -> float:
-        """Return the largest heat that a node lacks, relative to the largest flow or load. [-]"""
+        """Return the largest residual of the balance of a free node, relative to the largest flow or load. [-]"""
         size = max([abs(p.heat) for p in self.paths] + [abs(w) for _, w in self.loads.values()], default=0.0) or 1.0
         return max((abs(b.residual) for b in self.balances() if not b.given), default=0.0) / size
 
@@ -159,7 +159,7 @@ class HeatMap:
         return out
 
     def to_dict(self, groups: Mapping[str, Sequence[str]]) -> dict[str, Any]:
-        """Return all of it for JSON."""
+        """Return conductors, loads, balances, groups and readings as the JSON of ``thermid steady --map`` has them; heats in W."""
         return {
             "conductors": {p.name: {"kind": p.kind, "from": p.ends[0], "to": p.ends[1], "W": p.heat} for p in self.paths},
             "loads": {name: {"into": node, "W": power} for name, (node, power) in self.loads.items()},
@@ -174,10 +174,11 @@ class HeatMap:
         }
 
     def lines(self, groups: Mapping[str, Sequence[str]]) -> list[str]:
-        """Return it as text: between groups, by node, by conductor."""
+        """Return the map as lines of text: heat between groups, balance of each node, heat of each conductor, junctions."""
         return [*self._matrix(groups), *self._nodes(), *self._conductors(), *self._readings()]
 
     def _matrix(self, groups: Mapping[str, Sequence[str]]) -> list[str]:
+        """Return lines of the heat between groups: a matrix, or for many groups a list with the largest first."""
         heat, names = self.between(groups), list(groups)
         if len(names) <= MAX_GROUPS_ON_SCREEN:
             width = max(8, *map(len, names)) + 1
@@ -191,6 +192,7 @@ class HeatMap:
         return [head, *(f"  {w:10.4g}  {a} to {b}" for w, a, b in sorted(pairs, reverse=True))]
 
     def _nodes(self) -> list[str]:
+        """Return a line for each node, hottest first: temperature, loads and heat from its largest neighbours."""
         rows = [f"heat of each node, hottest first [W]; largest residual {self.worst():.1e} of the largest flow"]
         width = max(map(len, self.temperatures))
         for b in self.balances():
@@ -201,12 +203,14 @@ class HeatMap:
         return rows
 
     def _conductors(self) -> list[str]:
+        """Return a line for each conductor, the largest heat first."""
         ordered = sorted(self.paths, key=lambda p: -abs(p.heat))
         width = max((len(p.name) for p in ordered), default=0)
         rows = [f"  {p.heat:10.4g}  {p.name:<{width}} {p.kind}: {p.ends[0]} to {p.ends[1]}" for p in ordered]
         return ["heat of each conductor, largest first [W]", *rows]
 
     def _readings(self) -> list[str]:
+        """Return a line for each package: its junction as a reading of top or board with psi gives it, and as the network has it."""
         if not self.readings:
             return []
         rows = [
@@ -217,10 +221,12 @@ class HeatMap:
 
 
 def _meets(node: str, pattern: str) -> bool:
+    """Return whether a node matches one of the comma-separated patterns, with ``*`` for any text."""
     return any(fnmatchcase(node, part.strip()) for part in pattern.split(","))
 
 
 def _watts(heat: float) -> str:
+    """Return a heat [W] with four digits, and a dot for zero."""
     return f"{heat:.4g}" if heat else "."
 
 

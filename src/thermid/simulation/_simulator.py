@@ -97,7 +97,7 @@ def prepare(
     times: Any = None,
     options: Options | None = None,
 ) -> Simulator:
-    """Return a model and a scenario made ready for many runs at other values.
+    """Compile a model and a scenario once, for many runs at other values of the names in `free`.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ def prepare(
 
 
 def _free_name(network: Network, raw: str) -> str:
-    """Return the canonical form of a name that may change."""
+    """Return the canonical form of a name to be freed: a parameter, a boundary, ``initial.<node>`` or ``scale.<load>``; else refuse it."""
     canonical = network.flat.names.model.canonical
     head, _, rest = (raw if isinstance(raw, str) else canonical(raw)).partition(".")
     if head in ("initial", "scale") and rest:
@@ -153,35 +153,27 @@ class Simulator(Shown):
     Parameters
     ----------
     title : str             The model's.
+    wiring : Wiring         The network and scenario, wired to the kernel's coefficients.
+    engine : Engine         The kernel's problem, and the ways to run it.
     times : array (times,)  Times at which solutions are stored. [s]
     options : Options       Tolerances and limits of the integrator.
     """
 
     title: str
-    _wiring: Wiring = field(repr=False)
-    _engine: Engine = field(repr=False)
+    wiring: Wiring = field(repr=False)
+    engine: Engine = field(repr=False)
     times: Array = field(repr=False)
     options: Options
 
     @property
-    def wiring(self) -> Wiring:
-        """The network and scenario, wired to the kernel's coefficients."""
-        return self._wiring
-
-    @property
-    def engine(self) -> Engine:
-        """What runs it."""
-        return self._engine
-
-    @property
     def free(self) -> tuple[str, ...]:
         """What may change from run to run."""
-        return self._wiring.free
+        return self.wiring.free
 
     @cached_property
     def nominal(self) -> Mapping[str, float]:
         """Free name -> the value it has where none is given. [SI]"""
-        base = self._wiring.network.numbers().values
+        base = self.wiring.network.numbers().values
         out = {}
         for name in self.free:
             head, _, node = name.partition(".")
@@ -190,12 +182,13 @@ class Simulator(Shown):
             elif head == "scale":
                 out[name] = 1.0
             else:
-                out[name] = self._wiring.nominal(node if head == "initial" else name, start=head == "initial")
+                out[name] = self.wiring.nominal(node if head == "initial" else name, start=head == "initial")
         return out
 
     @cached_property
     def _remarks(self) -> tuple[str, ...]:
-        return _warnings(self._wiring, self._wiring.scenario)
+        """Warnings that hold for every run; see `_warnings`."""
+        return _warnings(self.wiring, self.wiring.scenario)
 
     def run(self, values: Mapping[str, float] | None = None, *, sensitivities: bool = False) -> Solution:
         """Return the solution at some values of the free names.
@@ -212,15 +205,15 @@ class Simulator(Shown):
         SolverError         As in `simulate`.
         """
         x = self.vector({} if values is None else values) if self.free else None
-        assembled = self._engine.started(self._wiring.assemble(x, sensitivities), sensitivities)
+        assembled = self.engine.started(self.wiring.assemble(x, sensitivities), sensitivities)
         nodes = assembled.reduced.nodes
         wanted = sensitivities and bool(self.free)
-        options, end = self.options, self._wiring.scenario.seconds
-        answer = self._engine.integrate(assembled, self.times, nodes, end, options, wanted, options.extremes)
-        run = Run(self._wiring, self._engine, assembled, answer, self.times, options)
+        options, end = self.options, self.wiring.scenario.seconds
+        answer = self.engine.integrate(assembled, self.times, nodes, end, options, wanted, options.extremes)
+        run = Run(self.wiring, self.engine, assembled, answer, self.times, options)
         free = self.free if wanted else ()
         return Solution(
-            self.title, self._wiring.scenario.title, self.times, run.all_nodes(), free, "ok", answer.statistics, self._remarks, run
+            self.title, self.wiring.scenario.title, self.times, run.all_nodes(), free, "ok", answer.statistics, self._remarks, run
         )
 
     @takes_objects
@@ -253,7 +246,7 @@ class Simulator(Shown):
             raise ScenarioError(
                 "one parameter is drawn twice, by its path and by an alias. Remove one of them.", self.title, code="name.taken"
             )
-        return run_members(self._engine, values, self.times, self.options, nodes, quantiles, threads, simd, self._remarks, executor, job)
+        return run_members(self.engine, values, self.times, self.options, nodes, quantiles, threads, simd, self._remarks, executor, job)
 
     def settled(self, values: Mapping[str, float] | None = None) -> tuple[dict[str, float], dict[str, Array]]:
         """Return node -> temperature with the inputs of the end held for good [K], and its derivatives (free,) [K per SI unit].
@@ -262,20 +255,20 @@ class Simulator(Shown):
         ------
         SolverError   When nothing settles.
         """
-        wiring, end = self._wiring, self._wiring.scenario.seconds
-        a = self._engine.started(wiring.assemble(self.vector(values or {}), True), True) if self.free else wiring.assemble()
-        temperatures, moves = settle(self._engine, a, end, bool(self.free))
-        traces = Traces(wiring, a, np.array([end]), self._engine.nodes, temperatures[None, :], moves[None, :, :])
+        wiring, end = self.wiring, self.wiring.scenario.seconds
+        a = self.engine.started(wiring.assemble(self.vector(values or {}), True), True) if self.free else wiring.assemble()
+        temperatures, moves = settle(self.engine, a, end, bool(self.free))
+        traces = Traces(wiring, a, np.array([end]), self.engine.nodes, temperatures[None, :], moves[None, :, :])
         names = (*wiring.network.nodes, *wiring.network.boundaries)
         return {n: float(traces.temperature(n)[0]) for n in names}, {n: traces.slope(n)[0] for n in names}
 
     def canonical(self, name: str) -> str:
         """Return the canonical form of a name that may change: of a parameter, a boundary, ``initial.<node>`` or ``scale.<load>``."""
-        return _free_name(self._wiring.network, name)
+        return _free_name(self.wiring.network, name)
 
     def slots(self, name: str) -> tuple[str, str]:
         """Return the units that a value of a free name, and a difference of two, are written in."""
-        wiring = self._wiring
+        wiring = self.wiring
         if name in wiring.parameters:
             literal_ = wiring.network.flat.parameters.table[name].parameter.expression.literal
             text = literal_.unit.text if literal_ is not None else "1"
@@ -286,29 +279,27 @@ class Simulator(Shown):
         return (TEMPERATURE if constant else "K"), "K"
 
     def bounds(self, name: str) -> tuple[float, float]:
-        """Return the bounds that a deck or physics sets for a free name, infinite where none does. [SI]"""
-        least = 0.0 if self.nominal[name] > 0.0 and self._positive(name) else -np.inf
-        if name not in self._wiring.parameters:
-            return least, np.inf
-        parameter = self._wiring.network.flat.parameters.bounded(name)
-        return least if parameter.minimum is None else parameter.minimum, np.inf if parameter.maximum is None else parameter.maximum
+        """Return the bounds that a deck or physics sets for a free name, infinite where none does. [SI]
 
-    def _positive(self, name: str) -> bool:
-        """Return whether a free name is a quantity that cannot be negative, or a factor on a power."""
-        if name not in self._wiring.parameters:
-            return name.startswith("scale.")
-        return self._wiring.network.flat.parameters.dimension(name) in POSITIVE
+        Without a minimum, a value above zero of a quantity that cannot be negative, or a factor on a power, is bounded by zero.
+        """
+        parameters = self.wiring.network.flat.parameters
+        freed = name in self.wiring.parameters
+        positive = parameters.dimension(name) in POSITIVE if freed else name.startswith("scale.")
+        least = 0.0 if self.nominal[name] > 0.0 and positive else -np.inf
+        low, high = (parameters.bounded(name).minimum, parameters.bounded(name).maximum) if freed else (None, None)
+        return least if low is None else low, np.inf if high is None else high
 
     def domain(self, name: str) -> tuple[float, float]:
-        """Return what physics allows of a free name, see `store.domain`. [SI]"""
-        parameters = self._wiring.network.flat.parameters
-        return domain(*self.bounds(name), name in self._wiring.parameters and parameters.dimension(name) == NUMBER)
+        """Return the range that physics allows of a free name, see `thermid.values.store.domain`. [SI]"""
+        parameters = self.wiring.network.flat.parameters
+        return domain(*self.bounds(name), name in self.wiring.parameters and parameters.dimension(name) == NUMBER)
 
     def law(self, name: str, spread: Any) -> Distribution:
-        """Return the law of the value of a free name that a written spread means; "range" is what its deck states. [SI]"""
+        """Return the distribution that a written spread means for a free name; "range" is the range that its deck states. [SI]"""
         path = self.canonical(name)
         where = f"{self.title}, spread of '{path}'"
-        parameter = self._wiring.network.flat.parameters.table[path].parameter if path in self._wiring.parameters else None
+        parameter = self.wiring.network.flat.parameters.table[path].parameter if path in self.wiring.parameters else None
         of_deck = parameter if isinstance(spread, str) and spread == "range" else None
         stated = of_deck.stated_range if of_deck is not None and of_deck.is_range else None
         bounds = self.bounds(path) if stated is None else (stated.low, stated.high)
@@ -331,13 +322,14 @@ class Simulator(Shown):
         """Return values by the names under which they are free. [SI]"""
         if not isinstance(values, Mapping):
             raise ScenarioError(f"it takes a dictionary from names to values, not {values!r:.60}.", self.title, code="value.wrong-kind")
-        named = {_free_name(self._wiring.network, name): value for name, value in values.items()}
+        named = {_free_name(self.wiring.network, name): value for name, value in values.items()}
         refuse_unknown(
             named, self.free, self.title, "'{}' is not free in this simulator. Name it in free= of td.prepare.", NameNotFoundError
         )
         return {name: self._si(name, value) for name, value in named.items()}
 
     def _si(self, name: str, values_given: Any) -> Any:
+        """Return values of a free name in SI: numbers as they are, others by their unit; refuse nan, and a temperature without unit."""
         slot = self.slots(name)[0]
         if slot != TEMPERATURE and isinstance(values_given, float | np.ndarray):
             return values_given
@@ -364,7 +356,7 @@ def ensemble(
     executor: Workers = None,
     job: str | os.PathLike[str] | None = None,
 ) -> Ensemble:
-    """Return the runs of a model at many sets of values.
+    """Run a model at many sets of values and return all runs together.
 
     The same draws and options give the same result bit for bit, with one thread and with many, here and on workers of the same instruction
     set.
@@ -395,7 +387,7 @@ def ensemble(
 
 
 def _warnings(wiring: Wiring, scenario: Scenario) -> tuple[str, ...]:
-    """Return what a reader of a solution must know: parts that warm without limit, bounds that are no predictions."""
+    """Return the warnings of all runs: missing parts, nodes without a path to a boundary, assumed samples, gas, wind and humidity."""
     numbers = wiring.assemble().numbers
     powers = {}
     for load in wiring.network.flat.loads:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, overload
 
 import numpy as np
 
-from thermid.base.dual import Number, value_of
+from thermid.base.dual import value_of
 from thermid.base.errors import NameNotFoundError, ScenarioError, look_up
 from thermid.base.expression import amount, kelvin
 from thermid.base.files import NETCDF, NETCDF_SOURCE, TABLE, replacing
@@ -69,6 +69,7 @@ class Trace(Result):
         return self.turnings.beside(self.times, self.kelvin) if self.turnings is not None else (self.times, self.kelvin)
 
     def _extreme(self, sign: float) -> Extreme:
+        """Return the highest (sign 1) or lowest (sign -1) point of samples and turning points, the first of equals."""
         times, kelvin = self.course
         place = int((sign * kelvin).argmax())
         return Extreme(float(kelvin[place]), float(times[place]), self.turnings is not None)
@@ -99,7 +100,7 @@ class Trace(Result):
         return float(self.kelvin[-1] - self.kelvin[0])
 
     def at(self, time: float | str | Sequence[float] | Array) -> Array:
-        """Temperature at times within the run [s] or at a text such as ``10 [min]``. [degC]
+        """Return the temperature at one or more times within the run [s], or at a text such as ``10 [min]``. [degC]
 
         By the integrator's dense output, for which the run is made again: ask for many times at once. Stored times cost nothing. Where
         only samples are known (`dense` is None), straight lines between them.
@@ -196,7 +197,7 @@ class HeatBalance:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A wiring, its numbers, and what the kernel answered."""
+    """One run of the kernel: wiring, engine and numbers that it was made with, its answer at the stored times (times,) [s]."""
 
     wiring: Wiring
     engine: Engine
@@ -225,8 +226,8 @@ class Run:
         return self.memo.value(times.tobytes(), lambda: self._again(times), most=4)
 
     def _again(self, times: Array) -> Run:
-        method = str(self.answer.statistics["method"]).removesuffix(" + CG")
-        options = replace(self.options, method=method, extremes=False)
+        """Return what `again` keeps: the run integrated once more."""
+        options = replace(self.options, method=str(self.answer.statistics["method"]).removesuffix(" + CG"), extremes=False)
         answer = self.engine.integrate(self.assembled, times, self.assembled.reduced.nodes, self.answer.end, options)
         return replace(self, answer=replace(answer, turnings=self.answer.turnings), times=times)
 
@@ -244,12 +245,13 @@ class Run:
         """The network that was run."""
         return self.wiring.network
 
-    def _index(self, nodes: tuple[str, ...]) -> dict[str, int]:
-        return {n: k for k, n in enumerate(nodes)}
-
     def all_nodes(self) -> tuple[str, ...]:
-        """Nodes, then boundaries: the order of a solution's columns."""
+        """Return nodes, then boundaries: the order of a solution's columns."""
         return (*self.network.nodes, *self.network.boundaries)
+
+    def _by_node(self, temperatures: Array) -> dict[str, Array]:
+        """Return node or boundary -> column of temperatures (times, nodes). [K]"""
+        return {n: temperatures[:, k] for k, n in enumerate(self.all_nodes())}
 
     def time_constants(self, temperatures: Array) -> Array:
         """Return the time constants of the network linearised at temperatures (nodes,), longest first. [s]"""
@@ -260,12 +262,12 @@ class Run:
 
     def flows(self, times: Array, temperatures: Array) -> dict[str, Array]:
         """Return conductor -> heat flow (times,). [W]"""
-        by_node = {n: temperatures[:, k] for n, k in self._index(self.all_nodes()).items()}
+        by_node = self._by_node(temperatures)
         return self.wiring.conductor_flows(self.assembled.numbers, by_node, times, self._shares(by_node, times))
 
     def conductances(self, times: Array, temperatures: Array) -> dict[str, Array]:
-        """Return conductor -> conductance (times,), radiation made linear. [W/K]"""
-        by_node = {n: temperatures[:, k] for n, k in self._index(self.all_nodes()).items()}
+        """Return conductor -> heat flow over the temperature difference of its ends (times,); where that is zero its limit. [W/K]"""
+        by_node = self._by_node(temperatures)
         return self.wiring.conductor_conductances(self.assembled.numbers, by_node, times, self._shares(by_node, times))
 
     def powers(self, times: Array, temperatures: Array) -> dict[str, Array]:
@@ -274,7 +276,7 @@ class Run:
 
     def shares(self, times: Array, temperatures: Array) -> dict[str, Array]:
         """Return control -> its share (times,). [-]"""
-        return self._shares({n: temperatures[:, k] for n, k in self._index(self.all_nodes()).items()}, times)
+        return self._shares(self._by_node(temperatures), times)
 
     def modes(self, times: Array) -> dict[str, Array]:
         """Return control with modes -> number of its mode (times,)."""
@@ -282,11 +284,11 @@ class Run:
         return {name: states[:, self.engine.control_names.index(name)].astype(float) for name in self.engine.machines}
 
     def _shares(self, by_node: Mapping[str, Array], times: Array) -> dict[str, Array]:
+        """Return control -> its share (times,) for temperatures (times,) by node [K]; empty without controls. [-]"""
         if not self.assembled.numbers.controls:
             return {}
         temperatures = {**by_node, **self._controllers(times)}
-        modes = self.modes(times)
-        return self.wiring.shares(self.assembled.numbers, temperatures.__getitem__, times, modes.__getitem__)
+        return self.wiring.shares(self.assembled.numbers, temperatures.__getitem__, times, self.modes(times).__getitem__)
 
     def _controllers(self, times: Array) -> dict[str, Array]:
         """Return state of a controller -> its course (times,). [K]"""
@@ -295,21 +297,22 @@ class Run:
         return {n: run.traces.temperature(n) for n in states}
 
     def out_of_range(self) -> tuple[str, ...]:
-        """Return a sentence for each table that was asked for values outside its points, at a stored time or a turning point."""
+        """Return a remark for each table or correlation used outside its range, at a stored time or at a turning point between them."""
         numbers = self.assembled.numbers
         # the run stored at the turning points of some nodes too
         stamps = [t.times for t in map(self.turnings, read_nodes(self.network, numbers)) if t is not None]
         times = np.union1d(self.times, np.concatenate(stamps)) if stamps else self.times  # numpy.unique would load numpy.ma
         times = times[(times >= self.times[0]) & (times <= self.times[-1])]
         fine = self if times.size == self.times.size else self.again(times)
-        return (*left_tables(self.network, numbers, fine.traces.temperature, fine.times), *outside(self))
+        return (*left_tables(self.network, numbers, fine.traces.temperature, fine.times), *correlation_range_remarks(self))
 
     def _columns(self, temperatures: Array, times: Array) -> Array:
-        by_node = {**dict(zip(self.all_nodes(), temperatures.T, strict=True)), **self._controllers(times)}
+        """Return the kernel's states, then boundaries (times, columns) [K], from temperatures (times, nodes) in `all_nodes` order."""
+        by_node = {**self._by_node(temperatures), **self._controllers(times)}
         return np.column_stack([*self.assembled.reduced.states(by_node), *(by_node[b] for b in self.network.boundaries)])
 
     def open_balance(self) -> tuple[str, ...]:
-        """Return a sentence where the heat balance does not close: a node may store so much that its temperature has no digits for it."""
+        """Return a remark where the heat balance is open by more than `OPEN`, with the node whose rounding explains it; else nothing."""
         balance = self.heat_balance()
         if not balance.relative > OPEN:
             return ()
@@ -379,8 +382,8 @@ class RunDense:
         return self.run.switches
 
 
-def outside(run: Run) -> tuple[str, ...]:
-    """Return a sentence for each correlation whose largest Rayleigh number at a stored time lies outside its range."""
+def correlation_range_remarks(run: Run) -> tuple[str, ...]:
+    """Return a remark for each correlation whose largest Rayleigh number at a stored time is outside its range, and for wide gaps."""
     out = []
     words = {c.path: c.words for c in run.network.flat.conductors}
     for row in run.assembled.numbers.conductors:
@@ -410,20 +413,19 @@ CONVECTS: Final = 1708.0
 
 
 def _convecting_gaps(run: Run) -> tuple[str, ...]:
-    """Return a sentence for each gap so wide that its gas would not stay at rest."""
+    """Return a remark for each gap modelled with gas at rest whose Rayleigh number exceeds `CONVECTS` at a stored time."""
     out, values = [], run.assembled.numbers.values
     for c in run.network.flat.conductors:
         if "gap" not in c.fields or "tilt" in c.words:
             continue
         hot, cold = (run.traces.temperature(end) for end in c.ends)
-        distance: Number = values[c.fields["gap"]]
+        distance = value_of(values[c.fields["gap"]])
         highest = float(np.max(run.network.media.buoyancy(c, 0.5 * (hot + cold), run.times) * np.abs(hot - cold), initial=0.0))
-        highest *= value_of(distance) ** 3
+        highest *= distance**3
         if highest > CONVECTS:
-            width = 1e3 * value_of(distance)
             out.append(
-                f"the gap of '{c.path}', {width:.4g} mm, reaches a Rayleigh number of {highest:.3g}. The model has gas at rest, but "
-                f"convection begins above {CONVECTS:.0f} if the lower plate is warmer, and at about 1e4 between upright plates. Give "
+                f"the gap of '{c.path}', {1e3 * distance:.4g} mm, reaches a Rayleigh number of {highest:.3g}. The model has gas at rest, "
+                f"but convection begins above {CONVECTS:.0f} if the lower plate is warmer, and at about 1e4 between upright plates. Give "
                 "tilt and aspect of the gap to include it"
             )
     return tuple(out)
@@ -455,7 +457,7 @@ class Solution(Result):
     _run: Run = field(repr=False)
 
     def __getitem__(self, name: str) -> Trace:
-        """Return the trace of a node; aliases are accepted."""
+        """Return the temperature over time of a node or boundary; aliases are accepted, an unknown name raises `NameNotFoundError`."""
         run, path = self._run, self._run.network.find(name)
         return Trace(path, self.times, run.traces.temperature(path), run.turnings(path), run.dense(path))
 
@@ -465,13 +467,8 @@ class Solution(Result):
 
     def __contains__(self, name: object) -> bool:
         """Whether a node or boundary has this name; aliases are accepted."""
-        if not isinstance(name, str):
-            return False
-        try:
-            self._run.network.find(name)
-        except NameNotFoundError:
-            return False
-        return True
+        names = self._run.network.flat.names
+        return isinstance(name, str) and names.knows(name)
 
     def __len__(self) -> int:
         """How many nodes and boundaries there are."""
@@ -503,7 +500,7 @@ class Solution(Result):
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
-        """What a reader must know."""
+        """Warnings of the run, in words: of the model, tables and correlations outside their range, an open heat balance."""
         return (*self._remarks, *self._run.out_of_range(), *self._run.open_balance())
 
     @cached_property
@@ -567,7 +564,7 @@ class Solution(Result):
         return self._run.powers(self.times, self.temperatures)
 
     def heat_balance(self) -> HeatBalance:
-        """Return where the heat of the run went."""
+        """Return loads, heat into boundaries, heat stored and residual over the run; see `HeatBalance`. [J]"""
         return self._run.heat_balance()
 
     def to_dict(self, steady: Mapping[str, float] | None, at: Sequence[float]) -> dict[str, Any]:
@@ -601,7 +598,7 @@ class Solution(Result):
         }
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return temperatures, heat flows and powers as a labelled data set."""
+        """Return temperatures [K], heat flows and powers [W] over time as a labelled data set of xarray, with each node's extremes."""
         import xarray
 
         flows, powers = self.heat_flows, self.load_powers
@@ -620,13 +617,13 @@ class Solution(Result):
         return xarray.Dataset(data, coordinates, {"title": self.title, "scenario": self.scenario, "status": self.status})
 
     def to_netcdf(self, path: str | os.PathLike[str]) -> None:
-        """Write the data set as netCDF; MATLAB and Octave open it."""
+        """Write the data set of `to_xarray` as a netCDF file, which MATLAB and Octave can open."""
         with self.to_xarray() as data, replacing(path, NETCDF) as half:
             data.attrs["source"] = NETCDF_SOURCE
             data.to_netcdf(half, engine="h5netcdf")
 
     def to_csv(self, path: str | os.PathLike[str]) -> None:
-        """Write times and temperatures in Celsius, a column per node."""
+        """Write a CSV file with the times [s] and a column of temperatures [degC] per node."""
         header = ",".join(['"time_s"', *(f"{n} [degC]" for n in self.nodes)])
         table = np.column_stack((self.times, self.temperatures - ICE_POINT))
         with replacing(path, TABLE) as half:

@@ -23,7 +23,7 @@ from thermid.simulation._scenarios.scenario import MEAN, PERIODIC, Scenario
 from thermid.simulation._simulator import network_for
 from thermid.simulation._solver.engine import at_rest
 from thermid.simulation._solver.problem import KernelProblem, Traces
-from thermid.simulation._solver.wiring import Assembled, Wiring, held_means, levels_of
+from thermid.simulation._solver.wiring import Assembled, Wiring, held_means, level_instants
 from thermid.simulation._transient import simulate
 
 PERIOD_SAMPLES = 2001
@@ -33,7 +33,7 @@ MOST_LEVELS = 50
 
 
 class Steady(Result, dict[str, float]):
-    """Node -> steady temperature, and which inputs were held. [K]
+    """A steady state: a dictionary node -> temperature [K], with the inputs that it holds for.
 
     Parameters
     ----------
@@ -148,7 +148,7 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
 def _heat(
     problem: KernelProblem, a: Assembled, state: Array, on: NDArray[np.int32], temperatures: Mapping[str, float], instant: float
 ) -> HeatMap:
-    """Return where the heat goes at temperatures [K] with the inputs of one instant [s]."""
+    """Return the heat map at steady temperatures by node [K] and kernel states (nodes,) with the inputs of one instant [s]."""
     wiring, times = problem.wiring, np.array([instant])
     traces = {n: np.array([t]) for n, t in temperatures.items()}
     every = {**traces, **{n: state[[problem.nodes.index(n)]] for n in a.reduced.controllers}}
@@ -163,7 +163,7 @@ def _heat(
 
 
 def _over_a_period(model: Model, scenario: Scenario, cycle: float | None) -> Steady:
-    """Return means, lowest and highest temperatures over a period of the state that comes back after it. [K]"""
+    """Return the periodic state of a model: means over one period, with lowest and highest temperatures. [K]"""
     length = cycle or scenario.seconds or 1.0
     run = simulate(model, replace(scenario, start=PERIODIC, duration=length), times=np.linspace(0.0, length, PERIOD_SAMPLES))
     mean = {n: float(np.trapezoid(run[n].kelvin, run.times)) / length for n in run.nodes}
@@ -210,4 +210,4 @@ def steady_levels(model: Model | Block, scenario: Scenario) -> tuple[Steady, ...
     if length > plain_scenario.seconds:
         plain_scenario = plain_scenario.with_(duration=length)
         wiring = Wiring(network_for(model, plain_scenario), plain_scenario)
-    return tuple(steady(model, plain_scenario, t) for t in levels_of(wiring.signals, length, scenario.title, MOST_LEVELS))
+    return tuple(steady(model, plain_scenario, t) for t in level_instants(wiring.signals, length, scenario.title, MOST_LEVELS))

@@ -46,7 +46,7 @@ def simulate(
     watch: Iterable[str] | None = None,
     fields: Iterable[float] = (),
 ) -> Solution:
-    """Return the temperatures of a model in a scenario.
+    """Simulate a model in a scenario: temperatures of all nodes over time, heat flows and the heat balance.
 
     Parameters
     ----------

@@ -19,6 +19,7 @@ Pair = Annotated[list[Real], Field(min_length=2, max_length=2)]
 
 
 def _known_unit(text: str) -> str:
+    """Return the text of a unit as it is written; one that nobody knows raises `UnitError`."""
     unit(text)
     return text
 
@@ -27,7 +28,7 @@ UnitText = Annotated[str, reads(str, _known_unit)]
 
 
 def _law(table: Any) -> Distribution:
-    """Return the distribution that a table gives by its form and its numbers; a law inside a law likewise."""
+    """Return the distribution of a table such as ``{form = "Normal", mean = 0.0, sd = 1.0}``; a `law` inside it is read in the same way."""
     if not isinstance(table, dict) or not isinstance(table.get("form"), str) or table["form"] not in DISTRIBUTIONS:
         raise DeckError(f"a law has the form {', '.join(DISTRIBUTIONS)}.", code="value.wrong-kind")
     kind: Any = DISTRIBUTIONS[table["form"]]
@@ -86,6 +87,7 @@ class StateTable(StrictTable):
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
+        """Refuse a value of zero or below that was fitted by its logarithm."""
         if self.transform == "log" and not self.value > 0.0:
             raise PydanticCustomError("thermid", "a value that was fitted by its logarithm lies above zero.")
         return self
@@ -176,6 +178,7 @@ class WayTable(StrictTable):
 
     @model_validator(mode="after")
     def _fits(self) -> Self:
+        """Refuse a mean without a number for each column, and a root whose row k does not have k numbers."""
         size = len(self.values) + len(self.columns)
         if len(self.mean) != len(self.columns) or [len(row) for row in self.root] != list(range(1, size + 1)):
             raise PydanticCustomError("thermid", "the mean and the root of a way have a number for each of its values and columns.")
@@ -243,6 +246,7 @@ class ValuesFile(StrictTable):
 
     @model_validator(mode="after")
     def _rows_fit(self) -> Self:
+        """Refuse rows of [[root]] of a value that the file lacks, or with another number of sources than they name."""
         for group in self.root:
             for path, row in (group.__pydantic_extra__ or {}).items():
                 if path not in self.values or len(row) != len(group.sources) or max(group.sources, default=-1) >= len(self.sources):
@@ -284,6 +288,7 @@ class OldValuesFile(StrictTable):
 
     @model_validator(mode="after")
     def _is_square(self) -> Self:
+        """Refuse a covariance that is not as many rows and columns as there are values."""
         try:
             whole = np.array(self.covariance, dtype=float)
         except (ValueError, TypeError):

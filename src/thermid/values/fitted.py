@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -85,15 +85,15 @@ class FittedValue:
     uncut: float = 0.0
 
     def as_parameter(self) -> Parameter:
-        """Return it as a parameter of a model."""
+        """Return the value as a parameter that can be laid over a model; its float is kept exactly."""
         return exact(self.value, self.unit, self.origin)
 
     def shown(self, difference: float) -> float:
-        """Return an SI difference, such as an error, in the value's unit."""
+        """Return an SI difference, such as an error, in the value's unit: divided by its factor, without the offset of a scale."""
         return difference / float(unit(self.unit).factor)
 
     def converted(self, number: float) -> float:
-        """Return an SI number, such as a bound, in the value's unit."""
+        """Return an SI number on the value's own scale, such as a bound, in its unit: 297.15 K is 24 in degC."""
         return from_si(number, self.unit)
 
     @property
@@ -150,7 +150,7 @@ class FittedValues(Shown, Mapping[str, FittedValue]):
         return len(self.items_)
 
     def only(self, paths: Sequence[str]) -> FittedValues:
-        """Return some of the parameters, with all constant errors; what is left out is marginalised.
+        """Return some of the parameters and all constant errors with their covariance; the others are marginalised (left out).
 
         Raises
         ------
@@ -158,24 +158,23 @@ class FittedValues(Shown, Mapping[str, FittedValue]):
         """
         for path in paths:
             self[path]
-        positions = [k for k, (p, v) in enumerate(self.items_.items()) if v.kind != "parameter" or p in paths]
-        items = {p: v for k, (p, v) in enumerate(self.items_.items()) if k in positions}
-        return self._some(positions, items)
+        return self._where(lambda path, v: v.kind != "parameter" or path in paths)
 
     def bare(self) -> FittedValues:
         """Return the parameters without the constant errors of instruments, which are marginalised."""
-        positions = [k for k, v in enumerate(self.items_.values()) if v.kind == "parameter"]
-        return self._some(positions, self.parameters)
+        return self._where(lambda _, v: v.kind == "parameter")
 
-    def _some(self, positions: Sequence[int], items: Mapping[str, FittedValue]) -> FittedValues:
-        """Return the values at some positions."""
-        block = np.ix_(positions, positions)
-        return FittedValues(self.stage, items, self.covariance[block], self.provenance)
+    def _where(self, chosen: Callable[[str, FittedValue], bool]) -> FittedValues:
+        """Return the values for which `chosen` holds, with their block of the covariance."""
+        kept = [chosen(path, v) for path, v in self.items_.items()]
+        items = {p: v for (p, v), stays in zip(self.items_.items(), kept, strict=True) if stays}
+        return FittedValues(self.stage, items, self.covariance[np.ix_(kept, kept)], self.provenance)
 
     def draws(self, members: int, seed: int) -> dict[str, Array]:
         """Return path -> value of every member (members,) for `ensemble`, normal in the fitted forms with their covariance.
 
-        None passes what physics allows, see `deviated`: 1 of an emissivity, zero of what cannot be negative.
+        With L L' the covariance and z standard normal from `seed`, values are v exp(L z) where fitted by the logarithm, else v + L z.
+        No value passes the limits that physics sets, see `deviated`: 1 of an emissivity, zero of what cannot be negative.
         Paths of instances that share a value get the same draws; constant errors of instruments are left out. [SI]
 
         Raises
@@ -206,12 +205,12 @@ class FittedValues(Shown, Mapping[str, FittedValue]):
         return worst(v.standing for v in self.items_.values()) if self.items_ else UNJUDGED
 
     def judged(self, standing: Standing) -> FittedValues:
-        """Return the values with another standing."""
+        """Return the values with one and the same standing for all of them."""
         return replace(self, items_={p: replace(v, standing=standing) for p, v in self.items_.items()})
 
     @property
     def parameters(self) -> dict[str, FittedValue]:
-        """Those that are parameters of a model."""
+        """Path -> value, of those that are parameters of a model: without the constant errors of instruments."""
         return {p: v for p, v in self.items_.items() if v.kind == "parameter"}
 
     @property
@@ -225,7 +224,7 @@ class FittedValues(Shown, Mapping[str, FittedValue]):
         return {p.removeprefix("sensor "): v for p, v in self.items_.items() if v.kind == "sensor"}
 
     def origin(self, path: str) -> str:
-        """Return who set a value."""
+        """Return stage and records that a value comes from, as text."""
         return self[path].origin
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -234,7 +233,7 @@ class FittedValues(Shown, Mapping[str, FittedValue]):
 
 
 def as_store(values: FittedValues) -> Store:
-    """Return fitted values as a store of their own."""
+    """Return fitted values as a `Store` whose sources are the columns of a root of their covariance."""
     records = values.provenance.get("records", {})
     origin = ValueOrigin("fit", values.stage, tuple(records), "", str(values.provenance.get("date", "")))
     states = {}
@@ -250,7 +249,7 @@ def as_store(values: FittedValues) -> Store:
 
 
 def view(store: Store, paths: Sequence[str], stage: str) -> FittedValues:
-    """Return some states of a store as fitted values, with their covariance."""
+    """Return some states of a store as fitted values of a stage, with their covariance; an unknown error has an infinite variance."""
     states = [store[p] for p in paths]
     covariance = store.covariance(paths)
     for k, s in enumerate(states):
@@ -265,7 +264,7 @@ def view(store: Store, paths: Sequence[str], stage: str) -> FittedValues:
 
 
 def _words(state: State) -> str:
-    """Return stage and records of a state, for people."""
+    """Return stage and records of a state as text, of more than four records the first and the last."""
     if state.origin.kind == "hand":
         return f"tuned by hand, {state.origin}"
     records = list(state.origin.records)
@@ -285,17 +284,17 @@ def load_values(path: str | os.PathLike[str]) -> FittedValues:
 
 
 def values_of(store: Store, stage: str) -> FittedValues:
-    """Return all that a stage knew, at every depth, by its store."""
-    paths = [p for p, x in store.states.items() if x.kind != "parameter" or x.acts]
-    values = view(store, paths, stage)
-    every = [provenance_of_fit for provenance_of_fit in store.provenance.values() if "conditions" in provenance_of_fit]
-    conditions = {p: at for provenance_of_fit in every for p, at in provenance_of_fit["conditions"].items()}
-    provenance = {**values.provenance, **({"conditions": conditions} if conditions else {})}
-    return replace(values, provenance=provenance, store=store)
+    """Return all that a stage knew, at every depth, as `FittedValues` with their store; values that a [set] hides everywhere are left out.
+
+    The provenance has the test conditions of all fits in the store under `conditions`.
+    """
+    values = view(store, [p for p, x in store.states.items() if x.kind != "parameter" or x.acts], stage)
+    conditions = {p: at for of_fit in store.provenance.values() for p, at in of_fit.get("conditions", {}).items()}
+    return replace(values, provenance={**values.provenance, **({"conditions": conditions} if conditions else {})}, store=store)
 
 
 def save_store(store: Store, path: str | os.PathLike[str], stage: str) -> None:
-    """Write everything that a stage knows.
+    """Write everything that a stage knows as a TOML file: its states, their sources, the root of their covariance, its provenance.
 
     Parameters
     ----------
@@ -320,7 +319,7 @@ def save_store(store: Store, path: str | os.PathLike[str], stage: str) -> None:
         lines += ["", f"[values.{toml_key(name)}]", *(f"{k} = {toml_value(v)}" for k, v in _as_table(state, store).items())]
     for source in store.sources:
         lines += ["", "[[sources]]", f"name = {toml_value(source.name)}", f"kind = {toml_value(source.kind)}"]
-        lines += [f"law = {toml_value(_law_kept(source.law))}", f"words = {toml_value(source.words)}"]
+        lines += [f"law = {toml_value(_law_table(source.law))}", f"words = {toml_value(source.words)}"]
     for group in _groups(store):
         rows = {p: row for p, row in zip(store.states, store.root[:, group].tolist(), strict=True) if any(row)}
         lines += ["", "[[root]]", f"sources = {toml_value(group)}", *(f"{toml_key(p)} = {toml_value(row)}" for p, row in rows.items())]
@@ -328,7 +327,7 @@ def save_store(store: Store, path: str | os.PathLike[str], stage: str) -> None:
 
 
 def _groups(store: Store) -> Iterable[list[int]]:
-    """Yield the positions of sources of one stage, or of one kind."""
+    """Return groups of positions of a store's sources: those of the data of one fit together, all others by their kind."""
     out: dict[str, list[int]] = {}
     for k, source in enumerate(store.sources):
         out.setdefault(source.name.partition(":")[0] if source.kind == "data" else source.kind, []).append(k)
@@ -336,7 +335,7 @@ def _groups(store: Store) -> Iterable[list[int]]:
 
 
 def _as_table(state: State, store: Store) -> dict[str, Any]:
-    """Return a state as the file holds it; text and error are for people."""
+    """Return a state as the table of a values file; `text` and `error` repeat value and standard error for people."""
     out = {
         "value": state.value,
         "text": f"{from_si(state.value, state.unit):.9g} [{state.unit}]",
@@ -356,22 +355,22 @@ def _as_table(state: State, store: Store) -> dict[str, Any]:
         "history": [_plain(o) for o in state.history],
         "standing": state.standing.as_table(),
     }
-    out |= {"of_logs": True} if state.of_logs else {}
-    return out | ({"prior": list(state.prior)} if state.prior is not None else {})
+    return out | ({"of_logs": True} if state.of_logs else {}) | ({"prior": list(state.prior)} if state.prior is not None else {})
 
 
 def _plain(thing: Any) -> dict[str, Any]:
-    """Return a frozen dataclass of plain values as a table."""
+    """Return a frozen dataclass of plain values as a table, tuples as lists."""
     return {f.name: list(x) if isinstance(x := getattr(thing, f.name), tuple) else x for f in fields(thing)}
 
 
-def _law_kept(law: Any) -> dict[str, Any]:
-    by_field = {f.name: getattr(law, f.name) for f in fields(law)}
-    return {"form": type(law).__name__} | {n: _law_kept(x) if is_dataclass(x) else x for n, x in by_field.items()}
+def _law_table(law: Any) -> dict[str, Any]:
+    """Return a distribution as a table: its class as `form`, and its fields; a distribution inside it likewise."""
+    by_field = ((f.name, getattr(law, f.name)) for f in fields(law))
+    return {"form": type(law).__name__} | {n: _law_table(x) if is_dataclass(x) else x for n, x in by_field}
 
 
 def read_values(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return the content of a values file, whoever wrote it.
+    """Return the content of a values file as a dictionary, written by thermid or by hand; its grammar is not checked here.
 
     Raises
     ------
@@ -387,7 +386,7 @@ def read_values(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def load_store(path: str | os.PathLike[str]) -> tuple[Store, str]:
-    """Return what a values file holds, and the stage whose store it is.
+    """Return the store that a values file holds, and the name of its stage.
 
     Raises
     ------
@@ -423,7 +422,7 @@ def load_store(path: str | os.PathLike[str]) -> tuple[Store, str]:
 
 
 def _read(data: Mapping[str, Any], source_rows: Sequence[Any]) -> Store:
-    """Return the store of a checked file; the laws of its sources are read."""
+    """Return the store of a file of schema 2 that follows its grammar; `source_rows` are its sources, their laws as distributions."""
     states = {name: _state(name, v) for name, v in data["values"].items()}
     sources = tuple(Source(s.name, s.kind, s.law, s.words) for s in source_rows)
     root, order = np.zeros((len(states), len(sources))), {name: k for k, name in enumerate(states)}
@@ -448,10 +447,12 @@ def _read(data: Mapping[str, Any], source_rows: Sequence[Any]) -> Store:
 
 
 def _origin(table: Mapping[str, Any]) -> ValueOrigin:
+    """Return the origin that a table of a values file holds."""
     return ValueOrigin(**{**table, "records": tuple(table["records"])})
 
 
 def _state(name: str, v: Mapping[str, Any]) -> State:
+    """Return the state that the table [values.<name>] of a values file holds; the inverse of `_as_table`."""
     low, high = v["bounds"]
     return State(
         name,
@@ -476,9 +477,10 @@ def _state(name: str, v: Mapping[str, Any]) -> State:
 
 
 def _read_old(data: Mapping[str, Any]) -> Store:
-    """Return the store of a file of schema 1: one group of columns, and what it cannot say as left out.
+    """Return the store of a file of schema 1: a root of its covariance, and a sentence on what such a file lacks as left out.
 
-    It has what was added to a logged boundary, and a factor on a logged power, as kind ``shared``: here they become reading minus truth.
+    Its kind ``shared`` is what was added to a logged boundary, or a factor on a logged power. Here it becomes reading minus truth:
+    0 - x of a boundary, 1 - x of a power.
     """
     stage, provenance = data["stage"], data["provenance"]
     standing = Standing.read(data["standing"]) if "standing" in data else UNJUDGED
@@ -505,7 +507,10 @@ def _read_old(data: Mapping[str, Any]) -> Store:
 
 
 def rooted(covariance: Array, key: str, words: str) -> tuple[Array, tuple[Source, ...]]:
-    """Return a root of a covariance and its columns as sources; a value without a finite error gets a row of zeros."""
+    """Return a root L of a covariance L L' and a standard normal source for each of its columns, named ``key:0``, ``key:1`` and so on.
+
+    A value without a finite error gets a row of zeros. `words` says what the sources are, for people.
+    """
     is_finite = np.isfinite(np.diag(covariance))
     whole = np.where(np.outer(is_finite, is_finite) & np.isfinite(covariance), covariance, 0.0)
     return square_root(whole), tuple(Source(f"{key}:{k}", "data", Normal(), words) for k in range(len(whole)))

@@ -39,22 +39,29 @@ class RangedValue:
 
     @property
     def words(self) -> str:
-        """What it is the range of."""
+        """What its source of error is called: ``the range of 'paint, black' in lid.emissivity``."""
         return f"the range of '{self.stated.name}' in {self.path}" if self.stated.name else f"the range of {self.path}"
 
     def law(self, nominal: float) -> Distribution:
-        """Return its distribution about the value that a model has. [SI]"""
+        """Return its distribution about a model's value: log-normal where value and range are above zero, else normal. [SI]"""
         has_log = self.stated.low > 0.0 and nominal > 0.0
         return LogNormal(nominal, self.stated.log_sd(nominal)) if has_log else Normal(nominal, self.stated.sd)
 
     def sd_left(self, nominal: float, of_assumed: Mapping[str, tuple[float, float]]) -> float:
-        """Return its standard deviation once readings count, by what they say of its paths: see `narrowed`. [SI]"""
+        """Return its standard deviation once readings are counted, see `narrowed`. [SI]
+
+        `of_assumed`: path -> variance of the readings' estimate and its shift; of several of its paths the smallest variance counts.
+        """
         best = min((of_assumed[p] for p in (self.path, *self.also) if p in of_assumed), default=None)
         return float(narrowed(self.law(nominal), nominal, best).variance ** 0.5)
 
 
 def ranged_values(model: Tree, parameters: ParameterSet, without: Collection[str] = ()) -> list[RangedValue]:
-    """Return what a model has with a stated range, but the paths in `without`; twins share their value, parts of one material too."""
+    """Return the values of a model that have a stated range, but for the paths in `without`.
+
+    Twins, and parts of one material, are one `RangedValue`. Two finishes of one name share a source with sqrt(alike) of their standard
+    deviation and have one each for the rest.
+    """
     twins, groups = local_identities(model), dict[str, list[str]]()
     stated = {p: r for p, r in parameters.stated_ranges.items() if p not in without}
     for path, r in stated.items():
@@ -73,12 +80,12 @@ def ranged_values(model: Tree, parameters: ParameterSet, without: Collection[str
 
 
 def without_spread(paths: Sequence[str]) -> str:
-    """Return the words of assumed values that nobody states a spread of."""
+    """Return the sentence part that names assumed values without a stated spread, of more than three the first three."""
     return f"{counted(len(paths), 'assumed value')} without a stated spread ({quoted(paths, 3)})"
 
 
 def range_shares(store: Store, path: str) -> dict[str, float]:
-    """Return stated range -> its part of the variance of a value, the largest first. [-]"""
+    """Return name of a stated range -> its share of the variance of a value, the largest first. [-]"""
     row = store.rows([path])[0]
     whole = float(row @ row)
     parts: dict[str, float] = {}
@@ -90,10 +97,11 @@ def range_shares(store: Store, path: str) -> dict[str, float]:
 
 
 def narrowed(law: Distribution, nominal: float, variance_and_shift: tuple[float, float] | None) -> Distribution:
-    """Return the law of an assumed value once the readings of a fit are counted beside it; `nominal` is the value that the fit took.
+    """Return the distribution of an assumed value once the readings of a fit are counted; `nominal` is the value that the fit assumed.
 
-    With a variance v of the law and V of the readings, ``v V / (v + V)`` is left, and the value would move by ``v / (v + V)`` of what they
-    ask for. The values of the fit stay those of the deck's, so both count as its error, which is never more than was stated.
+    With the variances v of `law` and V of the readings, and the shift d that they ask for, the variance left is s V + (s d)^2 with
+    s = v / (v + V): the value of the fit stays nominal, so the shift s d counts as error. The law itself is returned where no readings are
+    given, or where less than a fifth of its variance would go.
     """
     if variance_and_shift is None or not law.variance:
         return law

@@ -72,7 +72,7 @@ def read_spread(written: Any, slot: str, nominal: float, where: str, *, bounds: 
 
 
 def _form(table: Any, where: str) -> str:
-    """Return the key that names a spread's form."""
+    """Return the form of a spread, 'sd', 'log_sd' or 'low'; refuse a table without a form, or with a key of another one."""
     form = next((f for f in FORMS if isinstance(table, Mapping) and f in table), "")
     if not form or not set(table) <= FORMS[form] or (form == "low" and "high" not in table):
         every = ("sd", "log_sd", "low", "high", "mean")
@@ -82,7 +82,7 @@ def _form(table: Any, where: str) -> str:
 
 
 def _uniform(table: Mapping[str, Any], slot: str, nominal: float, where: str, bounds: tuple[float, float]) -> Uniform:
-    """Return the law between two written ends."""
+    """Return the uniform law between the ends `low` and `high` of a table; refuse ends that are exchanged or pass the bounds."""
     if slot == TEMPERATURE and _absolute(table["low"], where) != _absolute(table["high"], where):
         raise ScenarioError(
             "one end is a temperature and the other a shift in kelvin. Write both in degC, or both in K.",
@@ -104,7 +104,7 @@ def _uniform(table: Mapping[str, Any], slot: str, nominal: float, where: str, bo
 
 
 def _absolute(text: Any, where: str) -> bool:
-    """Return whether a written number is a temperature and no difference of two."""
+    """Return whether a written number is a temperature on a scale (degC, degF) and not a difference in kelvin."""
     number = parse(text).literal if isinstance(text, str) else stated(text)
     if number is None:
         raise ScenarioError(f"{text!r} has no unit. {THREE_WAYS}; a shift is '2 [K]'.", where, code="value.incomplete")
@@ -112,7 +112,7 @@ def _absolute(text: Any, where: str) -> bool:
 
 
 def _value(text: Any, slot: str, nominal: float, where: str) -> float:
-    """Return a written value; of temperatures kelvin is a shift of what they are otherwise. [SI]"""
+    """Return a written value in SI; a number in kelvin for a temperature is a shift from `nominal`, or the shift alone for the slot K."""
     if slot not in (TEMPERATURE, "K"):
         return literal(text, slot, where)
     if _absolute(text, where):
@@ -148,13 +148,14 @@ def deviation(text: Any, slot: str, mean: float, where: str) -> float:
 
 
 def _from_zero(sd: float, where: str) -> float:
+    """Return a standard deviation; refuse one that is negative or not finite."""
     if not (sd >= 0.0 and np.isfinite(sd)):
         raise ScenarioError("a standard deviation must be zero or more.", where, code="value.outside-range")
     return sd
 
 
 def cut(law: Distribution, bounds: tuple[float, float], where: str) -> Distribution:
-    """Return a law without what lies beyond two ends; itself where it does not reach them.
+    """Return a normal or log-normal law truncated to the bounds (low, high); any other law, or one that does not reach them, as it is.
 
     Raises
     ------

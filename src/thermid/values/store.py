@@ -42,7 +42,7 @@ class Distribution(Protocol):
         """Its variance."""
 
     def at(self, share: Array) -> Array:
-        """Return the values below which shares (members,) of all lie."""
+        """Return the quantiles (members,): the values below which shares (members,) of all lie."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Normal:
         return float(ndtr((value - self.mean) / self.sd)) if self.sd > 0.0 else float(value > self.mean)
 
     def moments(self, low: float, high: float) -> tuple[float, float]:
-        """Return mean and mean square between two ends, weighted by the law and not divided by its share there."""
+        """Return the integrals of x p(x) and x^2 p(x) from low to high, with the density p: not divided by the share that lies there."""
         a, b = (low - self.mean) / self.sd, (high - self.mean) / self.sd
         share = self.below(high) - self.below(low)
         # integrals of z and z^2 with the normal density: -density and share - z density, between the ends
@@ -98,16 +98,14 @@ class LogNormal:
 
     def at(self, share: Array) -> Array:
         """Return the quantiles (members,) of shares (members,)."""
-        from scipy.special import ndtri
-
-        return np.asarray(self.median * np.exp(self.log_sd * ndtri(share)))
+        return np.asarray(self.median * np.exp(Normal(0.0, self.log_sd).at(share)))
 
     def below(self, value: float) -> float:
         """Return the probability of less than a value. [-]"""
         return 0.0 if value <= 0.0 else Normal(0.0, self.log_sd).below(float(np.log(value / self.median)))
 
     def moments(self, low: float, high: float) -> tuple[float, float]:
-        """Return mean and mean square between two ends, weighted by the law and not divided by its share there."""
+        """Return the integrals of x p(x) and x^2 p(x) from low to high, with the density p: not divided by the share that lies there."""
         ends = [-np.inf if x <= 0.0 else float(np.log(x / self.median)) for x in (low, high)]
         out = []
         for k in (1, 2):
@@ -141,7 +139,7 @@ class Uniform:
 
 @dataclass(frozen=True)
 class Choice:
-    """One of several things, all as likely, by its number."""
+    """Discrete uniform distribution of the numbers 0 to count - 1."""
 
     count: int
 
@@ -162,7 +160,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Cut:
-    """Truncated distribution: a law without what lies beyond two ends, the bounds of a deck."""
+    """Truncated distribution: a law between two ends, the bounds of a deck, divided by its probability there."""
 
     law: Normal | LogNormal
     low: float
@@ -176,6 +174,7 @@ class Cut:
 
     @property
     def _ends(self) -> tuple[float, float]:
+        """Probabilities of the untruncated law below both ends. [-]"""
         return self.law.below(self.low), self.law.below(self.high)
 
     @property
@@ -197,7 +196,7 @@ class Cut:
 
 @dataclass(frozen=True)
 class Shifted:
-    """A law moved by a number: of a deviation in place of a value."""
+    """Distribution of x + by, where x has the distribution `law`."""
 
     law: Distribution
     by: float
@@ -223,7 +222,7 @@ MIDPOINTS = (np.arange(2000) + 0.5) / 2000
 
 @dataclass(frozen=True)
 class Logarithm:
-    """The logarithm of a positive law over a number."""
+    """Distribution of ln(x / over), where x > 0 has the distribution `law`; its moments are taken over 2000 quantiles."""
 
     law: Distribution
     over: float
@@ -244,10 +243,12 @@ class Logarithm:
 
 
 def _density(z: float) -> float:
+    """Return the standard normal density exp(-z^2 / 2) / sqrt(2 pi)."""
     return float(np.exp(-0.5 * z * z) / np.sqrt(2.0 * np.pi))
 
 
 def _times_density(z: float) -> float:
+    """Return z times the standard normal density; zero at infinite z."""
     return z * _density(z) if np.isfinite(z) else 0.0
 
 
@@ -256,7 +257,7 @@ DISTRIBUTIONS = {kind.__name__: kind for kind in (Normal, LogNormal, Uniform, Ch
 
 
 def uniforms(seed: int, name: str, first: int, members: int) -> Array:
-    """Return numbers (members,) between 0 and 1 of the members from `first` on, of the stream of a name. [-]
+    """Return uniform random numbers (members,) between 0 and 1 of the members `first`, `first` + 1, ... for a seed and a name. [-]
 
     The generator counts (Philox: Salmon et al., Parallel random numbers: as easy as 1, 2, 3, SC11, 2011), one stream per name, one count
     per member. A draw depends on the seed, the name and the member's index alone: not on how many members there are, what else is drawn, or
@@ -269,14 +270,17 @@ def uniforms(seed: int, name: str, first: int, members: int) -> Array:
 
 
 def domain(low: float, high: float, dimensionless: bool) -> tuple[float, float]:
-    """Return what physics allows of a value by its bounds: 0 to 1 of a share, zero or more of what is not negative, else anything. [SI]"""
+    """Return the range that physics allows of a value by the bounds of its deck. [SI]
+
+    0 to 1 for a dimensionless value bounded within 0 and 1 (a share), 0 to infinity where low >= 0, else minus to plus infinity.
+    """
     if dimensionless and 0.0 <= low and high <= 1.0:
         return 0.0, 1.0
     return (0.0, np.inf) if low >= 0.0 else (-np.inf, np.inf)
 
 
 def deviated(value: Array | float, deviation: Array, ends: tuple[float, float]) -> Array:
-    """Return values with a deviation, which near an end of what physics allows grow less and never pass it.
+    """Return value plus deviation (members,), bent so that it never passes the `ends` (low, high) that physics allows.
 
     Towards an end at a distance d a deviation x counts as ``d tanh(x / d)``: a logistic curve, as of a logit, and x itself where it is
     small or the end is at infinity. [SI]
@@ -341,7 +345,7 @@ class ValueOrigin:
     date: str = ""
 
     def __str__(self) -> str:
-        """Who, for people."""
+        """The stage in words, or the kind where it has none."""
         return f"stage '{self.stage}'" if self.stage else self.kind
 
 
@@ -392,7 +396,7 @@ class State:
 
     @property
     def acts(self) -> tuple[str, ...]:
-        """Every place where it acts: no [set] hides it there."""
+        """The paths where it acts: its places without those where a [set] hides it."""
         return tuple(p for p in self.paths if p not in self.hidden)
 
     @property
@@ -401,11 +405,11 @@ class State:
         return float(np.log(self.value)) if self.log else self.value
 
     def as_parameter(self) -> Parameter:
-        """Return it as a parameter of a model."""
+        """Return the value as a parameter that can be laid over a model; its float is kept exactly."""
         return exact(self.value, self.unit, str(self.origin))
 
     def under(self, part: str) -> State:
-        """Return it as it is in a model that has this one as a part; instruments keep their names."""
+        """Return the state with all paths prefixed by ``part.``: as a model has it that uses this one as `part`; instruments stay as is."""
         if self.kind != "parameter":
             return self
         ahead = f"{part}."
@@ -417,7 +421,7 @@ class State:
         return (self.origin, self.value, self.kind) == (other.origin, other.value, other.kind)
 
     def replaces(self, other: State) -> bool:
-        """Whether it was found with the other one known."""
+        """Whether its history names the origin of the other state: it was fitted with that one known."""
         return other.origin in self.history
 
 
@@ -463,7 +467,7 @@ class Store(Shown):
         return f"{counted(len(self.states), 'value')} of fits and files"
 
     def _as_rows(self) -> list[Row]:
-        """Return every value."""
+        """Return a row of path, value and unit for every state."""
         return [{"path": p, "value": s.value, "unit": s.unit} for p, s in self.states.items()]
 
     def __getitem__(self, path: str) -> State:
@@ -484,36 +488,36 @@ class Store(Shown):
         return {p: s for p, s in self.states.items() if s.kind == "parameter"}
 
     def rows(self, paths: Iterable[str]) -> Array:
-        """Return the responses (paths, sources) of some values."""
+        """Return the rows of `root` (paths, sources) of some values."""
         order = {p: k for k, p in enumerate(self.states)}
         return self.root[[order[self[p].path] for p in paths]]
 
     def covariance(self, paths: Iterable[str]) -> Array:
-        """Return the covariance of some values in the fitted form."""
+        """Return the covariance R R' (paths, paths) of some values in the fitted form, with R their rows."""
         rows = self.rows(paths)
         return np.asarray(rows @ rows.T)
 
     def error(self, path: str) -> float:
-        """Return the standard error of a value. [SI]"""
+        """Return the standard error of a value: the length of its row, times the value where it is fitted by its logarithm. [SI]
+
+        Infinite where the error is not known.
+        """
         state = self[path]
         if not state.known:
             return float("inf")
         return float(np.linalg.norm(self.rows([path]))) * (state.value if state.log else 1.0)
 
     def only(self, keep: Callable[[State], bool]) -> Store:
-        """Return what it knows of some values; the others are marginalised."""
-        chosen = [keep(s) for s in self.states.values()]
-        positions = [k for k, stays in enumerate(chosen) if stays]
-        names = list(self.states)
-        states = {names[k]: self.states[names[k]] for k in positions}
+        """Return the store with the states for which `keep` holds alone; the others are marginalised (their rows are left out)."""
+        states = {name: s for name, s in self.states.items() if keep(s)}
         gone = {n for s in self.states.values() if s.path not in states for n in (s.path, *s.paths)}
         provenances = (
             {stage: _provenance_without(provenance, gone) for stage, provenance in self.provenance.items()} if gone else self.provenance
         )
-        return replace(self, states=states, root=self.root[positions], provenance=provenances).trimmed()
+        return replace(self, states=states, root=self.root[[name in states for name in self.states]], provenance=provenances).trimmed()
 
     def in_decks(self, model: Model) -> tuple[Store, tuple[str, ...]]:
-        """Return it without values of logs that a model has no place for, and a remark for each."""
+        """Return the store without values that belong to logs and have no parameter in the model, and a remark for each of these."""
         if not any(s.of_logs for s in self.states.values()):
             return self, ()
         table = parameter_table(model)
@@ -522,20 +526,21 @@ class Store(Shown):
         return self.only(lambda s: s.path not in gone), tuple(f"'{p}' {words.format(s.origin)}" for p, s in gone.items())
 
     def drop(self, *places: str) -> Store:
-        """Return it without what stands at some paths or inside some parts; twins keep what they shared, and instruments stay."""
+        """Return the store without the values at some paths or inside some parts; twins keep what they shared, instruments stay."""
         remaining = self.only(lambda s: s.kind != "parameter" or bool(outside(s.paths, places)))
-
-        def remaining_state(s: State) -> State:
-            paths, hidden = outside(s.paths, places), outside(s.hidden, places)
-            return s if paths == s.paths else replace(s, path=paths[0], paths=paths, hidden=hidden)
-
-        states = {p: remaining_state(s) for p, s in remaining.states.items()}
+        states = {}
+        for p, s in remaining.states.items():
+            paths = outside(s.paths, places)
+            states[p] = s if paths == s.paths else replace(s, path=paths[0], paths=paths, hidden=outside(s.hidden, places))
         names = {p: s.path for p, s in states.items() if p != s.path}
         provenance = {stage: _provenance_renamed(of_stage, names) for stage, of_stage in remaining.provenance.items()}
         return replace(remaining, states={s.path: s for s in states.values()}, provenance=provenance)
 
     def parted(self, apart: Collection[str]) -> Store:
-        """Return it with the places of a value that are among some paths as a state of their own, where it acts elsewhere too."""
+        """Return the store with each state that acts both inside and outside of the paths `apart` divided into one for each side.
+
+        Both halves keep the value and the row, so they stay fully correlated.
+        """
         states, rows = {}, []
         for s, row in zip(self.states.values(), self.root, strict=True):
             halves = [tuple(p for p in s.paths if (p in apart) is side) for side in (True, False)]
@@ -546,7 +551,7 @@ class Store(Shown):
         return replace(self, states=states, root=np.array(rows).reshape(len(rows), len(self.sources)))
 
     def at(self, part: str) -> Store:
-        """Return what it knows inside a part, by paths of the part, instruments among it."""
+        """Return the store of the states inside a part, with paths relative to that part; instruments stay."""
         inner = self.only(lambda s: s.kind != "parameter" or any(inside(p, part) for p in s.paths))
         cut = len(part) + 1
 
@@ -560,9 +565,9 @@ class Store(Shown):
         return replace(inner, states={s.path: s for s in states})
 
     def laid_over(self, model: Model) -> Model:
-        """Return the model with every state laid over it, each over the deck that its stage was of: a [set] above still wins.
+        """Return the model with the value of every state laid over the deck of the submodel that its stage was about; a [set] above wins.
 
-        At a twin elsewhere it is laid over the deck that writes the value in the model of that stage.
+        At a twin outside of that submodel it is laid over the deck that writes the value there.
 
         Raises
         ------
@@ -585,7 +590,7 @@ class Store(Shown):
         return model
 
     def matching(self, model: Model) -> Store:
-        """Return it without states of values that the decks of a model give otherwise by now; these are listed as dropped."""
+        """Return the store without states whose deck value has changed since they were fitted; `dropped` lists these with the reason."""
         tables: dict[str, Mapping[str, Entry]] = {}
         gone: dict[str, Dropped] = {}
         for name, s in self.parameters.items():
@@ -599,7 +604,10 @@ class Store(Shown):
         return replace(self.only(lambda s: s.path not in gone), dropped=(*self.dropped, *gone.values())) if gone else self
 
     def acting_in(self, model: Model) -> tuple[Store, tuple[str, ...]]:
-        """Return it with what a [set] hides marked, and a remark for each; `model` is the model with the states over it."""
+        """Return the store with the paths marked as hidden where a [set] overrides a state, and a remark for each.
+
+        `model` is the model with the states already laid over it.
+        """
         table = parameter_table(model)
         states, remarks = dict(self.states), []
         for name, s in self.parameters.items():
@@ -611,11 +619,11 @@ class Store(Shown):
         return replace(self, states=states), tuple(remarks)
 
     def judged(self, now: Mapping[str, Standing]) -> Store:
-        """Return it with what is now thought of who gave its values, by their words (``stage 'name'``)."""
+        """Return the store with new standings of its values, by the text of their origin: ``stage 'name'`` -> `Standing`."""
         return replace(self, states={p: replace(s, standing=now.get(str(s.origin), s.standing)) for p, s in self.states.items()})
 
     def trimmed(self) -> Store:
-        """Return it without sources that nothing responds to."""
+        """Return the store without sources to which no value responds: without columns of zeros in `root`."""
         used = [bool(column.any()) for column in self.root.T]
         return replace(self, sources=tuple(s for s, u in zip(self.sources, used, strict=True) if u), root=self.root[:, used])
 
@@ -632,7 +640,7 @@ def model_standing(model: Model) -> Standing:
 
 
 def _alike(one: str, other: str) -> bool:
-    """Return whether two written values are the same number, or the same text."""
+    """Return whether two written values are the same text, or equal numbers of one dimension to 1e-12."""
     if one == other:
         return True
     a, b = parse(one).literal, parse(other).literal
@@ -640,7 +648,7 @@ def _alike(one: str, other: str) -> bool:
 
 
 def graft(model: Model, below: Sequence[tuple[str, Store]], untied: Sequence[str] = ()) -> tuple[Store, tuple[str, ...]]:
-    """Return the stores of parts as one store of the whole, and remarks on values of which two states arrive.
+    """Return the stores of parts merged into one store of the whole model, and remarks where two states of one value compete.
 
     Parameters
     ----------
@@ -692,9 +700,10 @@ def graft(model: Model, below: Sequence[tuple[str, Store]], untied: Sequence[str
 
 
 def _at_twins(model: Model, whole: Store, untied: Sequence[str]) -> tuple[Store, list[str]]:
-    """Return a store whose states act at every place of their values, and remarks on the places where none does.
+    """Return a store in which a state acts at all twins of its places in the model, and remarks on the twins where it does not.
 
-    What a stage found for some of the twins in its model alone is no result for others, and neither is one of several.
+    A state does not reach the others where twins have different results, where the stage fitted some of the twins in its model alone, or
+    where the model is cut at them (`untied`).
     """
     decks = rows_of_decks(model)
     if all(len(decks[p][1]) < 2 for s in whole.parameters.values() for p in s.paths if p in decks):
@@ -726,7 +735,7 @@ def _at_twins(model: Model, whole: Store, untied: Sequence[str]) -> tuple[Store,
 
 
 def _by_identity(model: Model, whole: Store) -> dict[tuple[str, str], dict[str, State]]:
-    """Return owner and local path of a value in the model of the stage that gave it -> path -> state."""
+    """Return (owner, local path) of each value, in the model of the stage that gave it -> path in the whole -> state."""
     identities = _Identities(model)
     out: dict[tuple[str, str], dict[str, State]] = {}
     for s in whole.parameters.values():
@@ -738,7 +747,7 @@ def _by_identity(model: Model, whole: Store) -> dict[tuple[str, str], dict[str, 
 
 
 def _twins_places(model: Model, states: Iterable[State]) -> dict[str, str]:
-    """Return path -> part over whose deck a state is laid, of the places outside of the model of its stage."""
+    """Return path -> part over whose deck a state is to be laid, for the paths that lie outside the submodel of its stage."""
     decks_of_model = _Identities(model)
     out = {}
     for s in states:
@@ -751,7 +760,7 @@ def _twins_places(model: Model, states: Iterable[State]) -> dict[str, str]:
 
 
 class _Identities:
-    """Values as the models of stages have them, at the places of these in a model; `decks` has the definition of every part."""
+    """Looks up which value of which deck a path is, seen from any submodel; `decks` has the definition of every part by its path."""
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -759,26 +768,26 @@ class _Identities:
         self._known: dict[str, Mapping[str, Identity]] = {}
 
     def identity(self, path: str, at: str) -> Identity | None:
-        """Return the identity of a path in the model at a place; None where there is no such value."""
+        """Return the identity of a path of the whole, seen from the submodel `at`; None where that has no such value."""
         if at not in self._known:
             self._known[at] = local_identities(self.model.submodel(at) if at else self.model, self.decks.get(at, ""))
         return self._known[at].get(path[len(at) + 1 :] if at else path)
 
 
 class _RemarksByPath:
-    """Paths of a model by what is said of them, with braces where they are named; `decks` as `rows_of_decks` has it."""
+    """Collects remarks on paths: text with ``{}`` in place of the paths -> paths; `decks` as `rows_of_decks` returns it."""
 
     def __init__(self, decks: Mapping[str, tuple[str, tuple[str, ...]]]) -> None:
         self._decks = decks
         self._paths: dict[str, dict[str, None]] = {}
 
     def add(self, paths: Iterable[str], words: str) -> None:
-        """Say something of some paths, of each what is said first."""
+        """Add a remark on some paths; a path that has a remark already keeps that one alone."""
         spoken_of = {p for several in self._paths.values() for p in several}
         self._paths.setdefault(words, {}).update(dict.fromkeys(p for p in paths if p not in spoken_of))
 
     def add_hidden(self, states: Iterable[State], table: Mapping[str, Entry]) -> None:
-        """Say which twins of states keep what a [set] or a cut gives them."""
+        """Add a remark for each twin of a state that a [set] or a cut keeps from taking its value; `table` is `parameter_table`."""
         states = [s for s in states if s.kind == "parameter"]
         reading = {p for s in states for p in s.paths}
         for s in states:
@@ -789,11 +798,11 @@ class _RemarksByPath:
                 self.add([p], f"the result of {s.origin} for {self.places(s.paths)} does not act at {{}}: {why}.")
 
     def places(self, paths: Iterable[str]) -> str:
-        """Return the parts in which paths stand, in words."""
+        """Return the parts in which paths stand as quoted text: 'a' and 'b'."""
         return quoted(list(dict.fromkeys(p.removesuffix(self._decks[p][0]).rstrip(".") for p in paths)))
 
     def remarks(self) -> list[str]:
-        """Return a remark for everything that is said."""
+        """Return the remarks with their paths put in; of more than `MAX_NAMED_VALUES` paths the parts alone."""
         named = {
             words: quoted(list(paths)) if len(paths) <= MAX_NAMED_VALUES else self.places(paths)
             for words, paths in self._paths.items()
@@ -803,7 +812,11 @@ class _RemarksByPath:
 
 
 def _chosen(path: str, several: Sequence[tuple[str, State, Array]]) -> tuple[State, Array, list[str]]:
-    """Return the state of a value of which several arrive, its row, and a remark where another was set aside."""
+    """Return the state that holds of several (part, state, row) for one path, its row, and remarks on states that were set aside.
+
+    Equal and replaced states are dropped. Of an instrument the others are combined; of a parameter the one nearest to the root holds, and
+    two at the same depth raise `DeckError`.
+    """
     candidates: list[tuple[str, State, Array]] = []
     for part, state, row in several:
         if any(s.is_same(state) or s.replaces(state) for _, s, _ in candidates):
@@ -831,7 +844,10 @@ def _chosen(path: str, several: Sequence[tuple[str, State, Array]]) -> tuple[Sta
 
 
 def _combined(states: Sequence[State], rows: Array) -> tuple[State, Array]:
-    """Return what several stages say of one instrument as one state: the best linear unbiased estimate, and its row."""
+    """Return the best linear unbiased estimate of one instrument from several stages, and its row (sources,).
+
+    With the rows R of the states, weights w = (R R')^-1 1 / (1' (R R')^-1 1); the estimate is w' x of the fitted forms x, its row w' R.
+    """
     if len(states) == 1:
         return states[0], rows[0]
     order = sorted(range(len(states)), key=lambda k: states[k].origin.stage)
@@ -845,12 +861,13 @@ def _combined(states: Sequence[State], rows: Array) -> tuple[State, Array]:
 
 
 def _under(path: str, part: str) -> str:
+    """Return a path of a part as the whole has it, ``part.path``; itself for the empty part."""
     return f"{part}.{path}" if part else path
 
 
 @dataclass(frozen=True, eq=False)
 class LaterTable:
-    """A table of a fit's provenance that is made when somebody asks for it.
+    """A table of a fit's provenance that is computed at first use and kept.
 
     Parameters
     ----------
@@ -865,12 +882,12 @@ class LaterTable:
 
     @classmethod
     def of_table(cls, table: Mapping[str, Any]) -> LaterTable:
-        """Return a table that is there."""
+        """Return a later table around one that is computed already."""
         return cls(lambda: table, table["at"], tuple(table.get("without", ())))
 
     @cached_property
     def table(self) -> Mapping[str, Any]:
-        """The table itself."""
+        """The table, with the prefix of its paths as `at` and what was replaced as `without`."""
         return {**self.make(), "at": self.at, **({"without": list(self.without)} if self.without else {})}
 
     def __eq__(self, other: object) -> bool:
@@ -878,21 +895,21 @@ class LaterTable:
         return self.table == (other.table if isinstance(other, LaterTable) else other)
 
     def under(self, ahead: str) -> LaterTable:
-        """Return it with its places by their paths in the model above."""
+        """Return the table for the model above, which has `ahead` before all its paths."""
         return LaterTable(self.original, f"{ahead}{self.at}", self.without)
 
     def original(self) -> Mapping[str, Any]:
-        """Return the table of this place, which those of other places take over; it is made at the first call and kept."""
+        """Return the table as computed for this place; tables for other places are made from it."""
         return self.table
 
 
 def error_table_of(provenance: Mapping[str, Any]) -> Mapping[str, Any] | None:
-    """Return what the provenance of a stage keeps of its model of error; None where it keeps nothing."""
+    """Return the table of the error model in the provenance of a stage; None where it has none."""
     return provenance["errors"].table if "errors" in provenance else None
 
 
 def _provenance(provenance: Mapping[str, Any], part: str) -> Mapping[str, Any]:
-    """Return what is known of a fit, its places by their paths in the model above."""
+    """Return the provenance of a fit with all its paths prefixed by ``part.``, as the model above has them."""
     moved = {n: {_under(p, part): x for p, x in provenance[n].items()} for n in ("conditions", "misfit") if n in provenance}
     structural = {"structural": structural_under(provenance["structural"], f"{part}.")} if part and "structural" in provenance else {}
     errors = {"errors": provenance["errors"].under(f"{part}.")} if part and "errors" in provenance else {}
@@ -900,22 +917,17 @@ def _provenance(provenance: Mapping[str, Any], part: str) -> Mapping[str, Any]:
 
 
 def _provenance_without(provenance: Mapping[str, Any], gone: Collection[str]) -> Mapping[str, Any]:
-    """Return what is kept of a fit without what it says of some of its values."""
-    out = dict(provenance)
-    if "structural" in provenance:
-        structural = provenance["structural"]
-        at = [k for k, name in enumerate(structural["names"]) if name not in gone]
-
-        def some(numbers: Sequence[float]) -> list[float]:
-            return [numbers[k] for k in at]
-
-        assumed = {p: some(moved) for p, moved in structural.get("assumed", {}).items()}
-        out["structural"] = {**structural, "names": some(structural["names"]), "assumed": assumed}
-    return out
+    """Return the provenance of a fit whose structural errors have no columns for the values in `gone`."""
+    if "structural" not in provenance:
+        return provenance
+    structural = provenance["structural"]
+    at = [k for k, name in enumerate(structural["names"]) if name not in gone]
+    assumed = {p: [moved[k] for k in at] for p, moved in structural.get("assumed", {}).items()}
+    return {**provenance, "structural": {**structural, "names": [structural["names"][k] for k in at], "assumed": assumed}}
 
 
 def _provenance_renamed(provenance: Mapping[str, Any], names: Mapping[str, str]) -> Mapping[str, Any]:
-    """Return what is kept of a fit whose values have other names by now."""
+    """Return the provenance of a fit whose structural errors have their values under new names, old -> new."""
     if "structural" not in provenance:
         return provenance
     structural = provenance["structural"]
@@ -923,7 +935,7 @@ def _provenance_renamed(provenance: Mapping[str, Any], names: Mapping[str, str])
 
 
 def structural_under(structural: Mapping[str, Any], ahead: str) -> dict[str, Any]:
-    """Return what a fit keeps of structural errors (`Discrepancy.to_dict`), its places by their paths in the model above.
+    """Return the structural errors of a fit (`Discrepancy.to_dict`) with all paths prefixed, as the model above has them.
 
     Parameters
     ----------

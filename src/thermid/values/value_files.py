@@ -27,7 +27,7 @@ UNIT = Uniform(-math.sqrt(3.0), math.sqrt(3.0))
 
 
 def hand_values(path: Path, model: Model, stage: str, where: str) -> Store:
-    """Return what a values file says of a model, as found by hand at a stage.
+    """Return the store of a values file as values tuned by hand at a stage.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def hand_values(path: Path, model: Model, stage: str, where: str) -> Store:
 
 
 def _as_table(name: str, row: Any, where: str) -> Mapping[str, Any]:
-    """Return a row as a table of what it gives: value and spread."""
+    """Return a row of a hand-written file as a table with `value`, or with `low` and `high`; refuse any other row."""
     table = {"value": row} if isinstance(row, str) else row
     if not isinstance(table, Mapping) or not ({"value"} <= set(table) or {"low", "high"} <= set(table)):
         raise DeckError(f"'{name}' needs a text with a unit, {{ value, sd }} or {{ low, high }}.", where, code="value.wrong-kind")
@@ -70,7 +70,7 @@ def _as_table(name: str, row: Any, where: str) -> Mapping[str, Any]:
 
 
 def _store(rows: Mapping[str, Mapping[str, Any]], model: Model, origin: ValueOrigin) -> Store:
-    """Return the store of rows: each with an error has a source of its own."""
+    """Return the store of hand-written rows, path -> table: each value with an error has a source of its own."""
     values = ParameterSet(model)
     states, sources, sizes = {}, [], []
     for raw, table in rows.items():
@@ -79,20 +79,13 @@ def _store(rows: Mapping[str, Mapping[str, Any]], model: Model, origin: ValueOri
         states[path] = state
         sizes.append(size)
         sources.append(source)
-    left_out = tuple(
-        LeftOut(
-            f"'{p}' was tuned by hand at stage '{origin.stage}' without an error, so the errors here are too small. Give "
-            f"{{ value, sd }} there"
-        )
-        for p, s in states.items()
-        if not s.known
-    )
-    whole = Store(states, tuple(sources), np.diag(np.array(sizes)), left_out=left_out)
-    return whole.trimmed()
+    words = "was tuned by hand at stage '{}' without an error, so the errors here are too small. Give {{ value, sd }} there"
+    left_out = tuple(LeftOut(f"'{p}' {words.format(origin.stage)}") for p, s in states.items() if not s.known)
+    return Store(states, tuple(sources), np.diag(np.array(sizes)), left_out=left_out).trimmed()
 
 
 def _state(path: str, table: Mapping[str, Any], values: ParameterSet, origin: ValueOrigin) -> tuple[State, Source, float]:
-    """Return a state, its source and its standard deviation in the fitted form; zero where no error is given."""
+    """Return the state of a hand-written row, its source of error, and its standard deviation in the fitted form; zero without an error."""
     entry = values.table[path]
     old = entry.parameter
     slot = TEMPERATURE if old.unit in ("degC", "degF") else old.unit or "1"
@@ -113,7 +106,7 @@ def _state(path: str, table: Mapping[str, Any], values: ParameterSet, origin: Va
 
 @dataclass(frozen=True, eq=False)
 class Filed:
-    """What a values file says of a model.
+    """A model with a values file laid over it, and what is to be said of the file.
 
     Parameters
     ----------
@@ -132,7 +125,7 @@ class Filed:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """What a reader must know first."""
+        """All remarks on the file, in the order of importance."""
         return (*self.lacks, *self.gone, *self.hidden)
 
 

@@ -10,14 +10,14 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError
-from thermid.physics.view_factors import SHAPES, Placed, facing_discs, facing_plates, placed_factors
+from thermid.physics.view_factors import SHAPES, PlacedFace, facing_discs, facing_plates, placed_factors
 
 
-def rectangle(corner: Any, first: Any, second: Any) -> Placed:
-    return Placed("rectangle", corner, first, second)
+def rectangle(corner: Any, first: Any, second: Any) -> PlacedFace:
+    return PlacedFace("rectangle", corner, first, second)
 
 
-def box(l: float, w: float, h: float) -> list[Placed]:  # noqa: E741
+def box(l: float, w: float, h: float) -> list[PlacedFace]:  # noqa: E741
     return [
         rectangle((0, 0, 0), (l, 0, 0), (0, w, 0)),
         rectangle((0, 0, h), (0, w, 0), (l, 0, 0)),
@@ -41,11 +41,14 @@ def test_the_inside_of_a_box_is_that_of_the_closed_form(size: tuple[float, float
 
 
 def test_discs_plates_and_cylinders_are_those_of_closed_forms() -> None:
-    discs = [Placed("disc", (0, 0, 0), (0, 0, 1), radius=0.3), Placed("disc", (0, 0, 0.5), (0, 0, -1), radius=0.2)]
+    discs = [PlacedFace("disc", (0, 0, 0), (0, 0, 1), radius=0.3), PlacedFace("disc", (0, 0, 0.5), (0, 0, -1), radius=0.2)]
     assert placed_factors(tuple(discs), ("a", "b"))[1][0, 1] == pytest.approx(facing_discs(0.3, 0.2, 0.5), rel=0.005)
     plates = [rectangle((0, 0, 0), (0.3, 0, 0), (0, 0.2, 0)), rectangle((0, 0, 0.1), (0, 0.2, 0), (0.3, 0, 0))]
     assert placed_factors(tuple(plates), ("a", "b"))[1][0, 1] == pytest.approx(facing_plates(0.3, 0.2, 0.1), rel=0.005)
-    nested = [Placed("cylinder", (0, 0, 0), (0, 0, 1), radius=0.2), Placed("cylinder", (0, 0, 0), (0, 0, 1), radius=0.5, inside=True)]
+    nested = [
+        PlacedFace("cylinder", (0, 0, 0), (0, 0, 1), radius=0.2),
+        PlacedFace("cylinder", (0, 0, 0), (0, 0, 1), radius=0.5, inside=True),
+    ]
     truth = SHAPES["cylinder in cylinder"].factors({"inner_radius": 0.2, "outer_radius": 0.5, "length": 1.0})[1][:2, :2]
     assert placed_factors(tuple(nested), ("a", "b"))[1] == pytest.approx(truth, rel=0.005, abs=1e-9)
 
@@ -79,7 +82,7 @@ def test_a_shield_between_two_plates_hides_what_monte_carlo_says() -> None:
 def test_a_post_hides_walls_from_one_another() -> None:
     """A cylinder in an open square duct: reciprocity holds, and random pairs of points agree."""
     walls = box(1.0, 1.0, 1.0)[2:]
-    post = Placed("cylinder", (0.5, 0.5, 0.0), (0, 0, 1.0), radius=0.3)
+    post = PlacedFace("cylinder", (0.5, 0.5, 0.0), (0, 0, 1.0), radius=0.3)
     areas, found, error = placed_factors((*walls, post), ("left", "right", "front", "behind", "post"))
     rng = np.random.default_rng(1)
     n = 2_000_000

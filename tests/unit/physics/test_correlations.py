@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from thermid.physics.constants import ATMOSPHERE
-from thermid.physics.correlations import CORRELATIONS, correlation, signed_nusselt
+from thermid.physics.correlations import CORRELATIONS, correlation, nusselt_table
 from thermid.physics.gas import GASES, knudsen_number, mean_free_path
 
 REFERENCES = Path(__file__).parents[4] / "shared" / "data" / "reference_values"
@@ -67,7 +67,7 @@ def test_a_table_is_the_correlation_above_conduction(name: str) -> None:
     """Both signs, at the points and where conduction no longer counts."""
     law = CORRELATIONS[name]
     orientation = "up" if law.facing else "vertical"
-    x, y, least = signed_nusselt(name, orientation, 0.71)
+    x, y, least = nusselt_table(name, orientation, 0.71)
     for sign in (1.0, -1.0):
         for k in (200, 250, 300):
             at = 280 + (1 if sign > 0 else -1) * min(k, 280)

@@ -244,3 +244,15 @@ def test_memory_grows_by_few_numbers_a_cell() -> None:
         return float(done.stdout) * (1 if sys.platform == "darwin" else 1024)
 
     assert (peak(47) - peak(5)) / 47**3 < 500  # [bytes]: 1.5 GB at 1e6 would be 1500
+
+
+def test_a_solution_of_a_block_knows_its_names() -> None:
+    """What is watched, and boundaries, are in it; anything else is not."""
+    block = td.Block((0.01, 0.01, 0.01), (2, 2, 2), 100.0, 2700.0, 900.0).held("-z", "room")
+    solution = td.simulate(block, td.Scenario(boundaries={"room": "300 [K]"}, start="310 [K]", duration=1.0), watch=["mean"])
+    assert "mean" in solution
+    assert "room" in solution
+    assert "lid" not in solution
+    assert (solution.shares, solution.modes) == ({}, {})
+    with pytest.raises(td.errors.NameNotFoundError):
+        solution.slopes("mean")

@@ -111,7 +111,7 @@ def test_an_unknown_instruction_set_is_refused() -> None:
 
 def test_numbers_of_all_members_are_those_of_each() -> None:
     many = {**DRAWS, "area": np.linspace(0.05, 0.1, 21), "fan.power": np.linspace(0.0, 2.0, 21)}
-    wiring = td.prepare(MODEL, ROOM, tuple(many))._wiring
+    wiring = td.prepare(MODEL, ROOM, tuple(many)).wiring
     together = assemble_members(wiring, many, 21)
     assert not together.refused
     for k in range(21):

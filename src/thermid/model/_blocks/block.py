@@ -19,14 +19,14 @@ from thermid.model._laws.signal import Constant, Signal, signal
 from thermid.model._tree.model import Model
 
 FACES: Final = ("-x", "+x", "-y", "+y", "-z", "+z")
-"""Cells of a block that is made a model."""
+"""Faces of a block by the direction of their outward normals."""
 CELL: Final = re.compile(r"cell\[(\d+),\s*(\d+),\s*(\d+)\]\Z")
 _NAME: Final = re.compile(r"[A-Za-z]\w*\Z")
 
 
 @dataclass(frozen=True, eq=False)
 class Heater:
-    """Heat put evenly into some cells.
+    """Heat put into some cells of a block, the same in each.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ class Block(Shown):
     exchanges: tuple[Exchange, ...] = ()
 
     def __post_init__(self) -> None:
-        """Turn texts into numbers, and refuse what makes no block."""
+        """Turn texts into SI numbers, and refuse sizes, numbers of cells or properties that make no block."""
         if len(self.size) != 3 or len(self.cells) != 3:
             raise DeckError("give the size and the number of cells of a block in x, y and z.", self.title, code="value.incomplete")
         cells = tuple(int(n) for n in self.cells)
@@ -113,6 +113,7 @@ class Block(Shown):
             object.__setattr__(self, "link_factors", self._factors(self.link_factors))
 
     def _per_cell(self, value: Any, slot: str, name: str) -> Any:
+        """Return a property as one SI number or as an array (nx, ny, nz), all above zero."""
         where = f"{self.title}, {name}"
         if not isinstance(value, np.ndarray):
             return _number(value, slot, where, positive=True)
@@ -123,6 +124,7 @@ class Block(Shown):
         return value.astype(float)
 
     def _factors(self, factors: tuple[Array, Array, Array]) -> tuple[Array, ...]:
+        """Return the factors on links in x, y and z as arrays after checking their shapes and signs. [-]"""
         where = f"{self.title}, link_factors"
         out = []
         for axis, factor in enumerate(factors):
@@ -161,6 +163,7 @@ class Block(Shown):
         return replace(self, heaters={**self.heaters, name: Heater(chosen, signal(power, "W", where))})
 
     def _in_box(self, box: Any, where: str) -> tuple[slice, slice, slice]:
+        """Return the slices of the cells whose centres lie in a box of (from, to) in x, y, z [m]; empty ones where none does."""
         out = []
         for (low, high), step, count in zip(box, self.steps, self.cells, strict=True):
             edges = [_number(v, "m", where) for v in (low, high)]
@@ -222,7 +225,7 @@ class Block(Shown):
 
     @property
     def steps(self) -> tuple[float, float, float]:
-        """Edges of a cell in x, y, z. [m]"""
+        """Lengths of a cell in x, y, z: size / number of cells. [m]"""
         x, y, z = (s / n for s, n in zip(self.size, self.cells, strict=True))
         return x, y, z
 
@@ -237,7 +240,7 @@ class Block(Shown):
         return tuple(dict.fromkeys(e.to for e in self.exchanges))
 
     def capacities(self) -> Array:
-        """Return the capacitance of every cell (cells,). [J/K]"""
+        """Return the capacitance of every cell, density * specific heat * volume (cells,). [J/K]"""
         volume = math.prod(self.steps)
         return np.array(np.broadcast_to(self.density * self.specific_heat * volume, self.cells), dtype=float).ravel()
 
@@ -271,6 +274,7 @@ class Block(Shown):
         return self._places(self.heaters[name].cells)
 
     def _places(self, chosen: tuple[slice, ...]) -> Ints:
+        """Return the numbers (cells,) of the cells in slices of x, y, z: (i ny + j) nz + k."""
         axes = [np.arange(n, dtype=np.int32)[s] for n, s in zip(self.cells, chosen, strict=True)]
         _, ny, nz = self.cells
         places: Ints = (axes[0][:, None, None] * np.int32(ny * nz) + axes[1][:, None] * np.int32(nz) + axes[2]).ravel()
@@ -287,7 +291,7 @@ class Block(Shown):
 
 
 def _number(value: Any, slot: str, where: str, positive: bool = False) -> float:
-    """Return the SI value of a text or a number."""
+    """Return the finite SI value of a text or a number in the unit `slot`, above zero where it must be `positive`."""
     number = amount(value, slot, where)
     if not math.isfinite(number) or (positive and number <= 0):
         raise DeckError(f"the value '{value}' must be finite{' and above zero' if positive else ''}.", where, code="value.outside-range")
@@ -295,6 +299,7 @@ def _number(value: Any, slot: str, where: str, positive: bool = False) -> float:
 
 
 def _faces(text_or_names: str | Iterable[str], where: str) -> tuple[str, ...]:
+    """Return the names of faces, each once, from '+x -x', a list of names, or 'all'."""
     wanted = text_or_names.replace(",", " ").split() if isinstance(text_or_names, str) else list(text_or_names)
     names = FACES if wanted == ["all"] else tuple(wanted)
     unknown = [f for f in names if f not in FACES]
@@ -308,13 +313,17 @@ def _faces(text_or_names: str | Iterable[str], where: str) -> tuple[str, ...]:
 
 
 def _boundary(name: str, where: str) -> str:
+    """Return the name of a boundary, or refuse it where it is no name."""
     if not _NAME.match(name):
         raise DeckError("give the boundary a name of letters, digits and _, beginning with a letter.", where, code="name.not-valid")
     return name
 
 
 def links(block: Block) -> tuple[Array, Array, Array]:
-    """Return the conductance (cells,) from every cell to the next in x, y, z, by the harmonic mean of conductivities; last ones 0. [W/K]"""
+    """Return three arrays (cells,): the conductance from every cell to the next in x, y and z, zero for the last ones. [W/K]
+
+    It is f k A / d with k = 2 k1 k2 / (k1 + k2) of both cells, side A, distance d of the centres, and the block's link factor f.
+    """
     out = []
     for axis in range(3):
         conductances = np.zeros(block.cells)
@@ -330,7 +339,10 @@ def links(block: Block) -> tuple[Array, Array, Array]:
 
 
 def exchange_cells(block: Block, exchange: Exchange) -> tuple[Ints, Array, Array]:
-    """Return the cells of an exchange, each once: places, area over all its faces [m^2], conductance if the faces are held [W/K]."""
+    """Return places (cells,), areas (cells,) [m^2] and conductances to held faces (cells,) [W/K] of the cells of an exchange, each once.
+
+    A cell at several faces has the sum of their areas A and of their conductances  A / (d / (2 k) + 1 / contact),  d the cell's length.
+    """
     cells, areas, conductances = [], [], []
     for face in exchange.faces:
         axis, at = "xyz".index(face[1]), block.face_cells(face)
@@ -345,6 +357,7 @@ def exchange_cells(block: Block, exchange: Exchange) -> tuple[Ints, Array, Array
 
 
 def _face_area(block: Block, axis: int) -> float:
+    """Return the area of the side of one cell that faces along an axis, 0 to 2. [m^2]"""
     return math.prod(s for k, s in enumerate(block.steps) if k != axis)
 
 
@@ -387,7 +400,7 @@ def _block_model(block: Block, offers: tuple[str, ...]) -> Model:
 
 
 def _offered(block: Block, offers: tuple[str, ...]) -> list[int]:
-    """Return the places of the cells that others may attach to, each once."""
+    """Return the numbers of the cells that `offers` names as cells, faces or 'all', each once."""
     places_by_order: dict[int, None] = {}
     for offer in offers:
         places = range(block.count) if offer == "all" else block.face_cells(offer) if offer in FACES else [block.place(offer)]
@@ -396,6 +409,7 @@ def _offered(block: Block, offers: tuple[str, ...]) -> list[int]:
 
 
 def _nodes(block: Block, names: list[str], parameters: dict[str, Any]) -> dict[str, Any]:
+    """Return the deck's nodes, one per cell; what is uniform goes to `parameters`, else each has its capacitance."""
     if isinstance(block.density, np.ndarray) or isinstance(block.specific_heat, np.ndarray):
         return {n: {"capacitance": f"{c!r} [J/K]"} for n, c in zip(names, block.capacities().tolist(), strict=True)}
     parameters |= {"density": f"{block.density!r} [kg/m^3]", "specific_heat": f"{block.specific_heat!r} [J/(kg K)]"}
@@ -404,7 +418,7 @@ def _nodes(block: Block, names: list[str], parameters: dict[str, Any]) -> dict[s
 
 
 def _between(block: Block, names: list[str], parameters: dict[str, Any]) -> dict[str, Any]:
-    """Return the conductors between cells."""
+    """Return the deck's conductors between neighbouring cells; a uniform conductivity goes to `parameters`."""
     uniform = not isinstance(block.conductivity, np.ndarray)
     if uniform:
         parameters["conductivity"] = f"{block.conductivity!r} [W/(m K)]"
@@ -422,7 +436,7 @@ def _between(block: Block, names: list[str], parameters: dict[str, Any]) -> dict
 
 
 def _outside(block: Block, exchange: Exchange, k: int, names: list[str], parameters: dict[str, Any]) -> dict[str, Any]:
-    """Return the conductors of an exchange, its coefficients as parameters."""
+    """Return the deck's conductors from the cells of the k-th exchange to its boundary; coefficients go to `parameters`."""
     out: dict[str, Any] = {}
     laws: dict[str, tuple[str, str, Mapping[str, Any]]] = {}
     if exchange.htc:
@@ -443,6 +457,7 @@ def _outside(block: Block, exchange: Exchange, k: int, names: list[str], paramet
 
 
 def _loads(block: Block, names: list[str], parameters: dict[str, Any]) -> dict[str, Any]:
+    """Return the deck's loads, one per cell of each heater with its equal share; the powers go to `parameters`."""
     out: dict[str, Any] = {}
     for name, heater in block.heaters.items():
         cells = block.heater_cells(name).tolist()

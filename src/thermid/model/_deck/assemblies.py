@@ -56,7 +56,7 @@ class _Values:
         self.set: dict[str, Any] = {}
 
     def take(self, name: str, raw: Any, **details: Any) -> None:
-        """Take a value under its name; `details` is what is said of it beside what is written."""
+        """Add a value to `parameters`, with `details` (source, basis, min, max) that it has not itself; one with names goes to `set`."""
         table = value_table(raw)
         if isinstance(table["value"], str) and self._names(table["value"], name):
             self.set[name] = table
@@ -64,7 +64,7 @@ class _Values:
         self.parameters[name] = table | {k: v for k, v in details.items() if k not in table}
 
     def inner(self, element: str, fields: Mapping[str, Any], *kinds: str, group: str = "") -> dict[str, Any]:
-        """Return the fields of an element of its deck; those with names are set by the deck that uses it."""
+        """Return the fields of an element of the small deck; a field with names of the user's deck becomes 1 here and goes to `set`."""
         slots = {slot: of for kind in kinds for slot, of in KINDS[kind].slots.items()}
         out: dict[str, Any] = {}
         for key, raw in fields.items():
@@ -80,6 +80,7 @@ class _Values:
         return out
 
     def _names(self, text: str, key: str) -> tuple[str, ...]:
+        """Return the names in an expression."""
         try:
             return parse(text).names
         except ThermidError as error:
@@ -154,6 +155,7 @@ class PackageTable(StrictTable):
         return Assembly(deck, bind, {**values.set, **power})
 
     def _check(self, where: Where) -> None:
+        """Refuse a package without a resistance, with a psi in place of one, or whose top leads nowhere."""
         for psi, (theta, reading) in READINGS.items():
             if getattr(self, psi) is not None and getattr(self, theta) is None and (theta == "theta_JB" or self.top or self.lid):
                 raise DeckError(
@@ -229,7 +231,7 @@ class LadderTable(StrictTable):
 
 
 def _rows(file: str, where: str, read: Reader | None) -> list[tuple[list[str], str]]:
-    """Return resistance and capacitance or time of each row of a CSV file, with its place."""
+    """Return ([R, C or tau] as texts, place) of each row of a CSV file."""
     out = []
     for row, place in rows_of_file(file, where, read, ("R",)):
         second = row.get("C", row.get("tau"))
@@ -240,7 +242,7 @@ def _rows(file: str, where: str, read: Reader | None) -> list[tuple[list[str], s
 
 
 def _rung(row: list[str], kind: str, where: str) -> tuple[float, float]:
-    """Return resistance [K/W] and capacitance [J/K] of a row; a Foster row may have a time in place of the latter."""
+    """Return resistance R [K/W] and capacitance C [J/K] of a row of texts; of a Foster row with a time tau, C = tau / R."""
     resistance = plain(row[0], "ladders.R", "K/W", where)
     try:
         literal = parse(row[1]).literal
@@ -301,6 +303,7 @@ def cauer_of_foster(rungs: list[tuple[float, float]], where: str = "") -> list[t
 
 
 def _times(a: Polynomial, b: Polynomial) -> Polynomial:
+    """Return the product of two polynomials."""
     out = [Fraction(0)] * (len(a) + len(b) - 1)
     for i, x in enumerate(a):
         for j, y in enumerate(b):
@@ -309,6 +312,7 @@ def _times(a: Polynomial, b: Polynomial) -> Polynomial:
 
 
 def _plus(a: Polynomial, b: Polynomial) -> Polynomial:
+    """Return the sum of two polynomials."""
     size = max(len(a), len(b))
     padded = ([*polynomial, *[Fraction(0)] * (size - len(polynomial))] for polynomial in (a, b))
     return [x + y for x, y in zip(*padded, strict=True)]
@@ -330,7 +334,11 @@ class CoolerTable(StrictTable):
     current: Raw
 
     def assembly(self, name: str, where: Where, read: Reader | None) -> Assembly:
-        """Return its deck: conduction, the heat that the current pumps from the cold node and into the hot one, half its loss into each."""
+        """Return its deck: conduction K, pumped heat +-S T I at the cold and the hot node, and half the loss R I^2 / 2 into each.
+
+        From the data sheet at T_hot: S = V_max / T_hot, R = V_max (T_hot - dT_max) / (I_max T_hot),
+        K = V_max I_max (T_hot - dT_max) / (2 T_hot dT_max), all times `size`.
+        """
         units = COOLER_UNITS | {"T_hot": "temperature"}
         v, i, d, t = (plain(getattr(self, key), f"coolers.{key}", units[key], where(key)) for key in ("V_max", "I_max", "dT_max", "T_hot"))
         if not d < t:
@@ -364,7 +372,7 @@ class CoolerTable(StrictTable):
         return Assembly(deck, {"cold": self.cold, "hot": self.hot}, values.set)
 
     def _size(self, expected: float, where: Where) -> dict[str, Any]:
-        """Return the factor on all three constants: one, with the misfit of Q_max as its range."""
+        """Return the parameter `size`: one, with Q_max / `expected` [W] as the other end of its range."""
         if self.Q_max is None:
             return {"value": 1, "source": "datasheet", "basis": "V_max, I_max and dT_max at T_hot"}
         share = literal(self.Q_max, "W", where("Q_max")) / expected
@@ -419,6 +427,7 @@ class FanTable(StrictTable):
         return Assembly({"title": f"fan {name}", "parameters": parameters}, {}, values.set)
 
     def _points(self, where: Where) -> list[tuple[float, float]]:
+        """Return flow [m^3/s] and pressure [Pa] of the curve's points; flows must increase and pressures fall."""
         points = [(literal(v, "m^3/s", where("curve")), literal(p, "Pa", where("curve"))) for v, p in self.curve]
         for (v0, p0), (v1, p1) in pairwise(points):
             if not v1 > v0 >= 0.0:
@@ -433,7 +442,7 @@ class FanTable(StrictTable):
         return points
 
     def _resistance(self, where: Where) -> Any:
-        """Return the quadratic resistance, given itself or by one point of the system."""
+        """Return the quadratic resistance as it is given, or as pressure / flow^2 of one point of the system. [Pa s^2/m^6]"""
         if (self.resistance is None) == (self.passes is None):
             raise DeckError(
                 "give either the resistance of the fan's system, or passes = [flow, pressure], a point of its curve.",
@@ -458,7 +467,7 @@ class FanTable(StrictTable):
 
 
 def _lowest(k: int, lines: list[tuple[float, float]], points: list[tuple[float, float]]) -> str:
-    """Return the lowest of the flows of the lines that lie at or above the k-th on its own stretch."""
+    """Return as text min(flow_j, ...) over all lines j that lie at or above line k between its own two points."""
     ends = (points[k][0], points[k + 1][0])
     here = [lines[k][0] + lines[k][1] * v for v in ends]
     above = [j for j, (a, b) in enumerate(lines) if all(a + b * v >= h - 1e-12 * abs(h) for v, h in zip(ends, here, strict=True))]

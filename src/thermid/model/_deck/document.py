@@ -24,14 +24,14 @@ GONE: Final = object()
 
 @dataclass(frozen=True)
 class Renamed:
-    """In place of a value: what stands there keeps its text, comments and place under another name."""
+    """Value of an `Edit` that renames: the entry at the edit's keys gets the key `name` and keeps its text, comments and place."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class Edit:
-    """One command.
+    """One change of a deck: put a value under some keys, rename what stands there, or take it away.
 
     Parameters
     ----------
@@ -46,24 +46,24 @@ class Edit:
 
 @dataclass(frozen=True)
 class _Splice:
-    """A piece of text in the place of another; the other way round it is its own inverse."""
+    """A step of an edit: at position `at` of a text, `old` is replaced by `new`."""
 
     at: int
     old: str
     new: str
 
     def done(self, text: str) -> str:
-        """Return a text with the new piece."""
+        """Return a text in which `old` at `at` is replaced by `new`."""
         return text[: self.at] + self.new + text[self.at + len(self.old) :]
 
     @property
     def inverse(self) -> _Splice:
-        """What takes it back."""
+        """The step that puts `old` back."""
         return _Splice(self.at, self.new, self.old)
 
 
 def _valid(path: Path, content: Mapping[str, Any]) -> None:
-    """Refuse what is no deck, or a deck whose elements or values do not hold together.
+    """Refuse content that is no deck, or a deck with names or units that do not fit.
 
     Raises
     ------
@@ -107,11 +107,11 @@ class DeckDocument:
 
     @property
     def content(self) -> dict[str, Any]:
-        """What it says."""
+        """The tables that its text parses to."""
         return parse_toml(self.text.removeprefix(BOM).replace("\r\n", "\n"))
 
     def edited(self, *edits: Edit) -> DeckDocument:
-        """Return it after some edits, which are undone together; what follows from edits that were undone before is forgotten.
+        """Return the document after some edits, which `undo` takes back together; edits undone before can no longer be redone.
 
         Comments stay, and so do all lines that do not hold what is edited.
 
@@ -129,7 +129,7 @@ class DeckDocument:
         return self._then(text, wanted)
 
     def rewritten(self, text: str) -> DeckDocument:
-        """Return it with another text, which is one edit; new lines end as the others do.
+        """Return the document with another text as one edit; line ends become those of the old text.
 
         Raises
         ------
@@ -143,27 +143,27 @@ class DeckDocument:
         return self._then(text, wanted)
 
     def _then(self, text: str, content: Mapping[str, Any]) -> DeckDocument:
-        """Return it with a text and its content as the next step."""
+        """Return the document with a new text as its next step, after `check` has taken its content."""
         self.check(self.path, content)
         past = (*self.past, _splice(self.text, text)) if text != self.text else self.past
         return replace(self, text=text, past=past, future=())
 
     def undo(self) -> DeckDocument:
-        """Return it before the last edit; itself where there is none."""
+        """Return the document before its last edit; itself where there is none."""
         if not self.past:
             return self
         last = self.past[-1]
         return replace(self, text=last.inverse.done(self.text), past=self.past[:-1], future=(*self.future, last))
 
     def redo(self) -> DeckDocument:
-        """Return it with the last edit that was undone; itself where there is none."""
+        """Return the document with the last undone edit made again; itself where there is none."""
         if not self.future:
             return self
         last = self.future[-1]
         return replace(self, text=last.done(self.text), past=(*self.past, last), future=self.future[:-1])
 
     def with_values(self, values: Mapping[str, Any], basis: str = "") -> DeckDocument:
-        """Return it with values of parameters, by their paths in the model; submodels' go to [set]. Spreads and ranges of old ones go.
+        """Return the document with new values of parameters; those of submodels go to [set]. Spreads and ranges of old values go.
 
         Parameters
         ----------
@@ -188,12 +188,12 @@ class DeckDocument:
         return self.edited(*edits)
 
     def diff(self, before: DeckDocument) -> str:
-        """Return what differs from another state, as a unified diff."""
+        """Return the changes from the document `before` to this one as a unified diff."""
         old, new = (t.removeprefix(BOM).splitlines() for t in (before.text, self.text))
         return "\n".join(difflib.unified_diff(old, new, self.path.name, self.path.name, lineterm="", n=2))
 
     def save(self) -> None:
-        """Write it to its file.
+        """Write its text to its file, unless it stands there already.
 
         Raises
         ------
@@ -223,35 +223,35 @@ class DeckDocument:
         return there
 
     def with_history(self, text: str, past: Sequence[Mapping[str, Any]], future: Sequence[Mapping[str, Any]], new: bool) -> DeckDocument:
-        """Return it with a text and the steps that led there, as `history` gave them: from a journal."""
+        """Return the document with a text and steps as `history` has them, read from a journal."""
         steps = (tuple(_Splice(**s) for s in several) for several in (past, future))
         return replace(self, text=text, past=next(steps), future=next(steps), new=new)
 
     @property
     def history(self) -> dict[str, Any]:
-        """Its text and steps as JSON holds them."""
+        """Its text, its steps done and undone, and whether it is new, as plain values for JSON."""
         return {"text": self.text, "past": [asdict(s) for s in self.past], "future": [asdict(s) for s in self.future], "new": self.new}
 
 
 def _splice(before: str, after: str) -> _Splice:
-    """Return the piece in which two texts differ."""
+    """Return the one step that turns the text `before` into `after`: what lies between their common beginning and end."""
     first = _alike(before, after)
     last = _alike(before[first:][::-1], after[first:][::-1])
     return _Splice(first, before[first : len(before) - last], after[first : len(after) - last])
 
 
 def _alike(one: str, other: str) -> int:
-    """Return how many letters two texts have in common at their beginning."""
+    """Return the length of the common beginning of two texts."""
     return next((k for k, (a, b) in enumerate(zip(one, other, strict=False)) if a != b), min(len(one), len(other)))
 
 
 def _refused(why: str, where: str) -> DeckError:
-    """Return the error of an edit that is not made."""
+    """Return the DeckError of an edit that is refused."""
     return DeckError(why, where, code="output.edit-refused")
 
 
 def _at(content: Mapping[str, Any], keys: Sequence[str | int]) -> Any:
-    """Return what stands under some keys; `GONE` for nothing."""
+    """Return the entry of nested tables under a path of keys; `GONE` where there is none."""
     here: Any = content
     for key in keys:
         if not isinstance(here, Mapping) or key not in here:
@@ -261,7 +261,7 @@ def _at(content: Mapping[str, Any], keys: Sequence[str | int]) -> Any:
 
 
 def _with(content: Any, edit: Edit, name: str) -> Any:
-    """Return content after an edit."""
+    """Return a copy of parsed tables or lists with an edit made; `name` is the place for messages."""
     head, *rest = edit.keys
     out: Any = list(content) if isinstance(content, list) else dict(content)
     if isinstance(out, list):
@@ -288,7 +288,7 @@ def _with(content: Any, edit: Edit, name: str) -> Any:
 
 
 def _rewritten(text: str, edit: Edit, name: str) -> str:
-    """Return a text after an edit, in its own line ends."""
+    """Return TOML text with an edit made, its comments and line ends kept."""
     from tomlkit import dumps, inline_table, parse, table
     from tomlkit.exceptions import TOMLKitError
     from tomlkit.items import AoT, Table
@@ -321,6 +321,6 @@ def _rewritten(text: str, edit: Edit, name: str) -> str:
 
 
 def _ended(text: str, like: str) -> str:
-    """Return a text with the line ends of another."""
+    """Return `text` with CRLF line ends if all of those in `like` are, else as it is."""
     crlf = "\r\n" in like and "\n" not in like.replace("\r\n", "")
     return re.sub(r"(?<!\r)\n", "\r\n", text) if crlf else text

@@ -54,19 +54,19 @@ class ValueTable(StrictTable):
     spread: str | Real | None = None
 
     def table(self) -> dict[str, Any]:
-        """Return what of it was written."""
+        """Return the keys that have a value, as a deck writes them."""
         return {key: value for key, value in self if value not in (None, "")}
 
 
 def _quantity(written: Any) -> Any:
-    """Return the parameter that a text, a number or a table is; a law or a table of points as it is."""
+    """Return a `Parameter` of a text, a number or a table of value and bounds; a power law, a correlation or points stay as they are."""
     if isinstance(written, PowerLawTable | Correlated | Property):
         return written
     return parameter(written.table() if isinstance(written, ValueTable) else written)
 
 
 def _coefficient(written: Any) -> Any:
-    """Return a coefficient of heat transfer; a plain 0, no convection on purpose, needs no unit."""
+    """Return a coefficient of heat transfer as `_quantity` does; 0 (no convection on purpose) needs no unit."""
     if isinstance(written, ValueTable) and written.value in (0, "0"):
         return parameter(written.table() | {"value": NO_CONVECTION})
     return _quantity(NO_CONVECTION if written in (0, "0") else written)
@@ -102,7 +102,7 @@ class Property(StrictTable):
     basis: str = ""
 
     def curve(self, slot: str, where: str, over: str = "temperature", steps: bool = False) -> Curve:
-        """Return the curve through the points, each a text for every slot or for the first two."""
+        """Return the curve through the points: temperature (or difference), value in the unit `slot`, and slope where it is given."""
         slots = ("temperature" if over == "temperature" else "K", slot, SLOPES[slot])
         points = [tuple(literal(v, s, where) for v, s in zip(p, slots, strict=False)) for p in self.points]
         return curve(over, points, where, self.source or "", self.basis, self.interpolation, self.outside, steps)
@@ -147,7 +147,7 @@ class ElementTable(StrictTable):
     test_only: bool = False
 
     def made_of(self, name: str, field: str, where: str) -> Self:
-        """Return the table with a field from the table of materials, unless the field is given beside the material."""
+        """Return this table with `field` taken from the material `name`, unless the field is given beside it."""
         if field in self.model_fields_set:
             return self.model_copy(update={"material": ""})
         try:
@@ -188,7 +188,7 @@ Count: TypeAlias = Annotated[int, Field(strict=True, ge=1)]
 
 
 def _within_cap(count: Any) -> Any:
-    """Return the instances of an array, by rows and columns too, unless they are too many."""
+    """Return the count of an array (number, or rows and columns) unchanged, or refuse more instances than the cap."""
     whole = math.prod(count) if isinstance(count, list) else count or 1
     if whole > cap("instances"):
         text = f"{whole:.4g} instances are too many.{raising('instances')}"
@@ -206,7 +206,7 @@ class UsedTable(StrictTable):
     chain: dict[str, str] = Field(default_factory=dict)
 
     def use_of(self) -> Use:
-        """Return how the part is used."""
+        """Return the table as a `Use`: bindings, values, count and chain."""
         count = () if self.count is None else (self.count,) if isinstance(self.count, int) else tuple(self.count)
         return Use(
             bind={need: node if isinstance(node, str) else node.to for need, node in self.bind.items()},
@@ -220,5 +220,5 @@ class UsedTable(StrictTable):
 
 
 def value_table(raw: Any) -> dict[str, Any]:
-    """Return a value as the table that a deck may write for it."""
+    """Return a raw value as a table with the key `value` and what else is written of it."""
     return raw.table() if isinstance(raw, ValueTable) else {"value": raw}

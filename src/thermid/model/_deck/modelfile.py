@@ -93,6 +93,7 @@ def _model_of_content(
 
 
 def _text_of(path: Path, where: str) -> str:
+    """Return the text of a UTF-8 file, or raise a DeckError at `where`."""
     if not path.is_file():
         near = nearest(path.name, {p.name for p in path.parent.glob(f"*{path.suffix}")})
         raise DeckError(f"there is no file '{path.name}'.{near}", where, code="file.not-found")
@@ -104,7 +105,7 @@ def _text_of(path: Path, where: str) -> str:
 
 @dataclass(frozen=True)
 class _Site:
-    """Where a deck stands, and what is needed to read others.
+    """Where a deck stands, for messages, and how to read the decks and files that it names.
 
     Parameters
     ----------
@@ -118,7 +119,7 @@ class _Site:
     read: Any
 
     def below(self, key: str) -> Callable[[str], str]:
-        """Return places of what stands below a key."""
+        """Return a function from a key below `key` to its place, for messages."""
         return lambda inner: self.where(f"{key}.{inner}" if inner else key)
 
 
@@ -152,7 +153,7 @@ def model_from_dict(
 
 
 def _built(data: Mapping[str, Any], file: str, lines: Mapping[str, int | str], use: Any, read: Any) -> Model:
-    """Return the model of `model_from_dict`, whose values are looked at when they are known: a part's may be set by who uses it."""
+    """Return the model of a deck's content without a look at its values, since those of a part may be set by the deck that uses it."""
     where = Places(file or str(data.get("title", "deck")), lines)
     if data.get("tables"):
         tables = grammar_of(f"{SCHEMA}.tables_of")(data["tables"], where)
@@ -196,12 +197,12 @@ def _built(data: Mapping[str, Any], file: str, lines: Mapping[str, int | str], u
 
 
 def _line(where: Places, key: str) -> int | str | None:
-    """Return the line of an element, or of its group."""
+    """Return the line of a key of a deck, or that of its group; None where neither is known."""
     return where.lines.get(key) or where.lines.get(key.partition(".")[0])
 
 
 def _parts(deck: Any, site: _Site) -> Iterator[tuple[str, Instances]]:
-    """Yield key and parts of everything that a deck uses or that stands for a small deck."""
+    """Yield (key in the deck, `Instances`) for each submodel and each package, ladder, cooler and fan."""
     for name, used in deck.submodels.items():
         key = f"submodels.{name}"
         if isinstance(used.use, Model):

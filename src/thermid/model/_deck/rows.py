@@ -121,7 +121,7 @@ def rows_of_file(name: str, where: str, read: Reader | None, wanted: tuple[str, 
 
 
 def _cell(text: str, unit: str | None) -> Any:
-    """Return what a cell says: a value with the unit of its column, a number, true or false, a list, or a text."""
+    """Return the value of a cell: '<text> [<unit>]' with the unit of its column, a number, true or false, a list, or a text."""
     if BAR in text:
         return [part.strip() for part in text.split(BAR)]
     if unit is not None and "[" not in text:
@@ -132,7 +132,7 @@ def _cell(text: str, unit: str | None) -> Any:
 
 
 def _nested(common: Mapping[str, Any], row: Mapping[str, Any], fields: Any, place: str) -> dict[str, Any]:
-    """Return an element: what every row has, and over it what this one says; a column `top.area` is a field of a group."""
+    """Return the table of one element: the fields common to all rows, replaced by those of this row; `top.area` is a nested key."""
     out: dict[str, Any] = _copied(common)
     for key, value in row.items():
         head = key.partition(".")[0]
@@ -148,10 +148,12 @@ def _nested(common: Mapping[str, Any], row: Mapping[str, Any], fields: Any, plac
 
 
 def _copied(entry: Any) -> Any:
+    """Return a copy of nested tables; other values are not copied."""
     return {key: _copied(value) for key, value in entry.items()} if isinstance(entry, Mapping) else entry
 
 
 def _steps(key: str) -> Iterator[str]:
+    """Yield the nested keys of a column's name: `top.area` is top, area; `values.a.b` is values, a.b."""
     head, _, rest = key.partition(".")
     yield head
     if rest:

@@ -18,6 +18,7 @@ from thermid.model._tree.model import Model
 
 
 def _file_name(title: str) -> str:
+    """Return the name of a deck's file from a title: other characters than letters, digits, _ and - become _."""
     return re.sub(r"[^A-Za-z0-9_-]+", "_", title).strip("_") + ".toml"
 
 
@@ -80,6 +81,7 @@ def _used_by(deck: Path) -> set[str]:
 
 
 def _parts(model: Model) -> Iterator[Model]:
+    """Yield the submodels at every depth."""
     for part in model.submodels.values():
         yield part.model
         yield from _parts(part.model)
@@ -94,6 +96,7 @@ def _equals(path: Path, model: Model) -> bool:
 
 
 def _collect(model: Model, path: Path, files: dict[Path, Model], names: Mapping[str, str]) -> None:
+    """Add a model and its parts to `files`, by the file that each is to be written to."""
     if path in files and files[path].identity() != model.identity():
         raise DeckError(
             f"two different submodels would be saved in the same file '{path.name}'. Give them different titles.", code="name.taken"
@@ -158,7 +161,7 @@ def toml_text(data: dict[str, Any]) -> str:
 
 
 def toml_item(value: Any, top: bool = False) -> Any:
-    """Return a value as the library of TOML holds it: a table at the top of a deck, an inline one elsewhere."""
+    """Return a value as an item of tomlkit: mappings as a table at the `top` of a deck, as inline tables elsewhere."""
     if not isinstance(value, Mapping):
         return value
     from tomlkit import inline_table, table
@@ -186,6 +189,7 @@ def _update(target: MutableMapping[str, Any], data: dict[str, Any], top: bool = 
 
 
 def _plain(value: Any) -> Any:
+    """Return an item of the library of TOML as a plain Python value."""
     return value.unwrap() if hasattr(value, "unwrap") else value
 
 

@@ -53,7 +53,7 @@ from thermid.model._parts.facing import Facing, degrees
 from thermid.model._parts.kinds import CARRIED_BY, KINDS
 from thermid.model._parts.parameter import Parameter
 from thermid.physics.gas import GASES, gas_named
-from thermid.physics.view_factors import SHAPES, Placed, placed_factors
+from thermid.physics.view_factors import SHAPES, PlacedFace, placed_factors
 
 LIQUID = "liquid"
 """What a stream names that no pressure touches."""
@@ -66,7 +66,7 @@ Controlled: TypeAlias = str | list[str]
 
 
 def control_names(written: str | list[str] | None) -> tuple[str, ...]:
-    """Return the names of controls as an element holds them."""
+    """Return one name, a list of names or None as a tuple of names."""
     return () if written is None else (written,) if isinstance(written, str) else tuple(written)
 
 
@@ -88,7 +88,7 @@ class NodeTable(ElementTable):
     reference_point: bool = False
 
     def element(self, where: Where) -> Node:
-        """Return the node."""
+        """Return the node of a deck; `where` gives the place of a field for messages. A DeckError names fields that do not fit."""
         if self.material:
             return self.made_of(self.material, "specific_heat", where("material")).element(where)
         melts = {key: plain(text, key, MELTING[key], where(key)) for key, text in self._plain_melting(where).items()}
@@ -122,7 +122,7 @@ class NodeTable(ElementTable):
         return Node(fields, self.reference_point, self.test_only, next(iter(tables.items()), None), self.stands_for or "", cools)
 
     def _supercooling(self, melts: Mapping[str, float], where: Where) -> Supercooling | None:
-        """Return how far the melt cools before it freezes; None where it does not."""
+        """Return liquidus, degree of supercooling [K] and start of a node that supercools; None without supercooling."""
         if self.supercooling is None:
             if self.starts is not None:
                 raise DeckError(
@@ -154,7 +154,7 @@ class NodeTable(ElementTable):
         return Supercooling(liquidus, degree, self.starts or "solid")
 
     def _plain_melting(self, where: Where) -> dict[str, str]:
-        """Return the texts by which a node melts; nothing where it does not."""
+        """Return the fields of `MELTING` that a node gives as texts; empty where it does not melt, refused where they are not complete."""
         texts = {key: text for key in MELTING if (text := getattr(self, key))}
         if self.enthalpy is not None and self.supercooling is not None and set(texts) == {"melts_to"}:
             return {}
@@ -178,6 +178,7 @@ class FacingTable(StrictTable):
 
 
 def _facing(table: FacingTable) -> Facing:
+    """Return the direction of a surface, angles in degrees."""
     return Facing(degrees(table.tilt), None if table.azimuth is None else degrees(table.azimuth))
 
 
@@ -200,7 +201,7 @@ class SurfaceTable(ElementTable):
     emissivity_control: Controlled | None = None
 
     def element(self, where: Where) -> Surface:
-        """Return the surface."""
+        """Return the surface of a deck; `where` gives the place of a field for messages. A DeckError names fields that do not fit."""
         fields = self.parameters(("area", "htc", "effective_htc", "emissivity", "absorptance"))
         if self.effective_htc is not None and self.htc is not None:
             raise DeckError(
@@ -265,7 +266,7 @@ class JointTable(ElementTable):
     mid: str = ""
 
     def element(self, where: Where) -> Joint:
-        """Return the joint."""
+        """Return the joint of a deck; `where` gives the place of a field for messages. A DeckError names fields that do not fit."""
         fields = self.parameters(("area", "contact_conductance", "conductivity", "thickness", "gap"))
         if {f for f in fields if not f.startswith("gap.")} not in ({"area", "contact_conductance"}, {"area", "conductivity", "thickness"}):
             raise DeckError(
@@ -297,18 +298,18 @@ class PlaceTable(StrictTable):
     radius: str | Real | None = None
     inside: bool = False
 
-    def placed(self, where: str) -> Placed:
-        """Return the face in space."""
+    def placed(self, where: str) -> PlacedFace:
+        """Return the face as a rectangle, disc or cylinder in space, lengths in metres."""
         fields_given = {key for key, value in self if value not in (None, False)}
         radius = literal(self.radius, "m", where) if self.radius is not None else 0.0
         centre, axis = _metres(self.centre, where), _metres(self.axis, where)
         if fields_given == {"corner", "sides"} and self.sides:
-            face = Placed("rectangle", _metres(self.corner, where), _metres(self.sides[0], where), _metres(self.sides[1], where))
+            face = PlacedFace("rectangle", _metres(self.corner, where), _metres(self.sides[0], where), _metres(self.sides[1], where))
         elif fields_given == {"centre", "normal", "radius"} and self.normal:
             x, y, z = self.normal
-            face = Placed("disc", centre, (x, y, z), radius=radius)
+            face = PlacedFace("disc", centre, (x, y, z), radius=radius)
         elif fields_given in ({"centre", "axis", "radius"}, {"centre", "axis", "radius", "inside"}):
-            face = Placed("cylinder", centre, axis, radius=radius, inside=self.inside)
+            face = PlacedFace("cylinder", centre, axis, radius=radius, inside=self.inside)
         else:
             raise DeckError(
                 "give a place as corner and sides; or centre, normal and radius; or centre, axis and radius, and inside.",
@@ -321,6 +322,7 @@ class PlaceTable(StrictTable):
 
 
 def _metres(corner: list[str | Real] | None, where: str) -> tuple[float, float, float]:
+    """Return three lengths in metres; a plain 0 needs no unit, and no list is the origin."""
     x, y, z = (0.0 if v in (0, "0") else literal(v, "m", where) for v in corner or (0, 0, 0))
     return x, y, z
 
@@ -337,7 +339,7 @@ class EnclosureTable(ElementTable):
     rest: str = ""
 
     def element(self, where: Where) -> Enclosure:
-        """Return the enclosure."""
+        """Return the enclosure of a deck; `where` gives the place of a field for messages. A DeckError names fields that do not fit."""
         ways = [w for w in ("shape", "view_factors", "exchange_factors", "places") if getattr(self, w)]
         if len(ways) != 1:
             raise DeckError(
@@ -368,7 +370,7 @@ class EnclosureTable(ElementTable):
         return Enclosure(self.faces, self.shape or "", dimensions, views, exchanges, self.rest, self.test_only)
 
     def _placed_view_factors(self, where: Where) -> tuple[tuple[float, ...], ...]:
-        """Return the view factors of faces that have a place each."""
+        """Return the view factors (faces, faces) of faces that all have a place in space. [-]"""
         if set(self.places) != set(self.faces):
             odd = sorted(set(self.places) ^ set(self.faces))[0]
             raise DeckError(
@@ -380,6 +382,7 @@ class EnclosureTable(ElementTable):
 
 
 def _check_shape(name: str, faces: Mapping[str, str], dimensions: Mapping[str, float], rest: bool, where: str) -> None:
+    """Refuse faces and dimensions that are not those of a shape, and a shape without all faces where nothing takes the rest."""
     shape = SHAPES[name]
     for what, named, allowed in (("faces", faces, shape.faces), ("dimensions", dimensions, shape.dimensions)):
         strange = [g for g in named if g not in allowed]
@@ -421,7 +424,7 @@ class CycleTable(StrictTable):
     period: str | None = None
 
     def cycle(self, where: str) -> Cycle:
-        """Return the factor; its last row ends the period where none is given."""
+        """Return times [s] and factors [-] of one period; the last row ends it where no period is given."""
         times = [literal(t, "s", where) for t in self.times]
         values = [literal(v, "1", where) for v in self.values]
         if self.period is not None:
@@ -490,7 +493,7 @@ class LoadTable(ElementTable):
     control: Controlled | None = None
 
     def element(self, where: Where) -> HeatLoad:
-        """Return the heat load."""
+        """Return the heat load of a deck; `where` gives the place of a field for messages. A DeckError names fields that do not fit."""
         fields = self.parameters(dict.fromkeys(slot.partition(".")[0] for slot in LOAD_SLOTS))
         shape = curve_of(self.table, "W", where(""))
         controls = [c for c in CONTROLS if getattr(self, c) is not None]
@@ -595,7 +598,7 @@ class ControlTable(ElementTable):
     sample: str | None = None
 
     def element(self, where: Where) -> Control:
-        """Return the control."""
+        """Return the control of a deck; `where` gives the place of a field for messages. A DeckError names fields that do not fit."""
         kinds = [k for k in KINDS_OF_CONTROL if getattr(self, k) is not None]
         if len(kinds) != 1:
             kinds_given = f"; given: {' and '.join(kinds)}" if kinds else ""
@@ -629,7 +632,7 @@ class ControlTable(ElementTable):
         return out
 
     def _check(self, kind: str, follows: Mapping[str, float], fields: Mapping[str, Parameter], where: Where) -> None:
-        """Refuse what does not go together in one control."""
+        """Refuse fields that do not go together in one control."""
         if kind != "modes" and (self.transitions or self.starts):
             raise DeckError("starts and transitions apply to modes only.", where(""), code="value.without-effect")
         if kind == "modes" and not (self.starts and self.transitions):
@@ -671,6 +674,7 @@ class ControlTable(ElementTable):
                 )
 
     def _transition(self, t: TransitionTable, where: str) -> ModeChange:
+        """Return a change of mode, which gives exactly one of above, below and after."""
         senses = [s for s in ("above", "below", "after") if getattr(t, s) is not None]
         if len(senses) != 1:
             raise DeckError(
@@ -690,7 +694,7 @@ class MadeInTable(StrictTable):
     wind: str = "0 [m/s]"
 
     def element(self, where: Where) -> MadeIn:
-        """Return the state."""
+        """Return pressure, gravity, wind and gas in which a reduced deck was made. [SI]"""
         slots = {"pressure": "Pa", "gravity": "m/s^2", "wind": "m/s"}
         numbers = {name: plain(getattr(self, name), f"made_in.{name}", slot, where(name)) for name, slot in slots.items()}
         return MadeIn(gas=gas_named(self.gas, where("")).name, **numbers)
@@ -762,7 +766,7 @@ class _ConductorTable(ElementTable):
     carried_by: CarriedBy | None = None
 
     def element(self, where: Where) -> Conductor:
-        """Return the conductor."""
+        """Return the conductor of a deck; `where` gives the place of a field for messages. A DeckError names fields that do not fit."""
         kind = KINDS[self.kind]
         if self.material:
             if "conductivity" not in kind.slots:
@@ -813,7 +817,7 @@ class _ConductorTable(ElementTable):
         return Conductor(self.kind, self.between, fields, law, tuple(self.takes), self.test_only, words, by, self.reversible)
 
     def _of_kind(self, tables: set[str], where: str) -> tuple[dict[str, Parameter], dict[str, str]]:
-        """Return parameters and words after a look whether they are those of the kind; `tables` are fields given over temperature."""
+        """Return the parameters and words of a conductor, which must be those of its kind; `tables` are fields over temperature."""
         kind = KINDS[self.kind]
         fields = self.parameters(name for name in _SLOTS if name in self.model_fields_set)
         words = self.words(_WORDS)
@@ -854,7 +858,7 @@ class SubmodelTable(UsedTable):
     links: dict[str, ConductorTable] = {}  # type: ignore[valid-type]  # made above
 
     def joined(self, where: Where) -> dict[str, Conductor]:
-        """Return the conductors to the next neighbour, their ends by their names inside an instance; both may have one name."""
+        """Return link -> conductor between an instance and its next neighbour, its ends named as inside the two instances."""
         out = {}
         for name, table in self.links.items():
             between = tuple(f"{side}.{end}" for side, end in zip(("here", "next"), table.between, strict=True))  # type: ignore[attr-defined]

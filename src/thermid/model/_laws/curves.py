@@ -71,6 +71,7 @@ class Curve:
         return hash(self._bytes())
 
     def _bytes(self) -> tuple[Any, ...]:
+        """Return all fields, arrays as bytes, so that curves compare and hash by value."""
         return (
             self.over,
             self.x.tobytes(),
@@ -133,7 +134,7 @@ def slopes(curve: Curve) -> NDArray[np.float64]:
 
 
 def ends(curve: Curve) -> tuple[float, float]:
-    """Return the slopes at both ends, by which a table goes on."""
+    """Return the slopes at the first and the last point, along which a table with outside = 'linear' goes on. [SI/K]"""
     if curve.straight:
         first, last = ((curve.y[k + 1] - curve.y[k]) / (curve.x[k + 1] - curve.x[k]) for k in (0, curve.x.size - 2))
         return float(first), float(last)
@@ -142,9 +143,9 @@ def ends(curve: Curve) -> tuple[float, float]:
 
 
 def limited(curve: Curve, positive: bool = True) -> Curve:
-    """Return a table with the limits outside which a run is refused: its outer points, or where a straight line that goes on nears zero.
+    """Return the curve with `limits`: its outer points where outside = 'refuse', or where a line that goes on nears zero; else as it is.
 
-    A quantity that must be above zero (`positive`) goes on as far as the LEAST part of its last value.
+    A quantity that must be above zero (`positive`) goes on down to `MIN_SHARE_OF_LAST` of the value at its last point.
     """
     low, high = -math.inf, math.inf
     if curve.outside == "refuse":
@@ -157,7 +158,7 @@ def limited(curve: Curve, positive: bool = True) -> Curve:
 
 
 def whole(curve: Curve) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64] | None]:
-    """Return points, values and slopes (points,), with what lies outside where the table goes on; no slopes for straight lines."""
+    """Return points, values and slopes (points,), slopes None for straight lines; with outside = 'linear' a far point beyond each end."""
     x, y, d = curve.x, curve.y, None if curve.straight else slopes(curve)
     if curve.outside != "linear":
         return x, y, d
@@ -172,7 +173,11 @@ def whole(curve: Curve) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArr
 def hermite(
     x: NDArray[np.float64], y: NDArray[np.float64], d: NDArray[np.float64], at: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return values and slopes (places,) of the cubic pieces through points with slopes, at places within them, as the kernel has them."""
+    """Return values and slopes (places,) at `at` of the cubic Hermite pieces through points x with values y and slopes d (points,).
+
+    With h = x[k+1] - x[k], t = at - x[k] and j = (y[k+1] - y[k]) / h:  y = y[k] + d[k] t + c2 t^2 + c3 t^3  with
+    c2 = (3 j - 2 d[k] - d[k+1]) / h  and  c3 = (d[k] + d[k+1] - 2 j) / h^2, as in the kernel.
+    """
     k = np.clip(np.searchsorted(x, at, side="right") - 1, 0, x.size - 2)
     width, t = x[k + 1] - x[k], at - x[k]
     jump = (y[k + 1] - y[k]) / width

@@ -75,14 +75,14 @@ def law(
 
 
 def _end(written: Any, slot: str) -> float:
-    """Return an end of the range; a difference may be a plain number of kelvin. [K]"""
+    """Return one end of the range in kelvin; a plain number is a difference in kelvin. [K]"""
     with errors_at("law, between"):
         value = si_value(written, slot)
     return float(written) if value is None else value
 
 
 class _CheckedFunction:
-    """The function, asked for arrays; every answer is checked."""
+    """The user's function, called with arrays (points,); every answer is checked for its shape and for numbers that are not finite."""
 
     def __init__(self, function: Callable[[Any], Any]) -> None:
         self.function = function
@@ -113,6 +113,7 @@ class _CheckedFunction:
         return values
 
     def _one(self, x: float) -> float:
+        """Return the function at one temperature [K], an error of it as a DeckError that names the temperature."""
         try:
             return float(self.function(x))
         except Exception as error:
@@ -121,7 +122,7 @@ class _CheckedFunction:
             ) from error
 
     def slopes(self, at: Array, low: float, high: float) -> Array:
-        """Return the slopes (points,) by central differences, of second order at the ends too, where they lean inward."""
+        """Return the slopes (points,) by central differences of `SLOPE_STEP`; at the ends one-sided ones of second order. [SI/K]"""
         middle = np.clip(at, low + SLOPE_STEP, high - SLOPE_STEP)
         below, right = middle - SLOPE_STEP, middle + SLOPE_STEP
         before, here, after = self(below), self(middle), self(right)
@@ -167,12 +168,12 @@ def _refined(checked: _CheckedFunction, x: Array, tolerance: float) -> tuple[Arr
 
 
 def _interval(x: Array, at: Array) -> Indices:
-    """Return the index of the interval that each place lies in."""
+    """Return the index k (places,) with x[k] <= at < x[k + 1], clipped to the first and last interval."""
     return np.clip(np.searchsorted(x, at, side="right") - 1, 0, x.size - 2)
 
 
 def _refuse_jumps(checked: _CheckedFunction, x: Array, sharp: Indices, largest: float) -> None:
-    """Refuse a function that jumps: its change across a finest interval does not shrink as that is halved on."""
+    """Refuse a function that jumps in one of the intervals `sharp`: the change across it does not shrink as it is bisected 24 times."""
     for k in sharp.tolist():
         ends = np.array([x[k], x[k + 1]])
         values = checked(ends)

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from numbers import Real
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -44,48 +44,53 @@ CONDUCT = ("before", "after", "period", "samples")
 """What may be said of a table and of a column of a log alike."""
 
 
-class _Still:
-    """What does not change in a run: a value. [SI]"""
+class _Endless:
+    """What has no rows: it is known for all times, has no last value to hold, and nothing to cut."""
+
+    span: Span = FOREVER
+    onset = 0.0
+
+    def held_on(self) -> Self:
+        """Return the signal with its last value held: itself."""
+        return self
+
+    def cut(self, begin: float, end: float) -> Self:
+        """Return the signal without its rows outside `begin` .. `end` [s]: itself."""
+        return self
+
+
+class _Still(_Endless):
+    """What has one value all through a run, `value` in SI: the members that `Constant` and `MeanOf` share."""
 
     value: float
 
     @property
-    def span(self) -> Span:
-        """Time that it holds for. [s]"""
-        return FOREVER
-
-    @property
     def extent(self) -> float:
-        """Time by which all that it does has happened. [s]"""
-        return 0.0
-
-    @property
-    def onset(self) -> float:
-        """Time of its first row, zero where it has none. [s]"""
+        """Time of its last event: the last row of a table, one period of a sine, zero of a constant. [s]"""
         return 0.0
 
     @property
     def held(self) -> bool:
-        """Whether it changes by jumps alone."""
+        """Whether it is constant between jumps, as steps are."""
         return True
 
     @property
     def cycle(self) -> float | None:
-        """Time after which it repeats, zero where it never changes, None where it does not repeat. [s]"""
+        """Period after which its values repeat; zero where they never change, None where they do not repeat. [s]"""
         return 0.0
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Lowest and highest value. [SI]"""
+        """Lowest and highest value that it takes. [SI]"""
         return self.value, self.value
 
     def at(self, times: Array) -> Array:
-        """Values (times,) at times [s]. [SI]"""
+        """Return its values (times,) at times [s]. [SI]"""
         return np.full(times.shape, self.value)
 
     @property
     def levels(self) -> Array:
-        """Values that it takes (levels,), those between rows left out. [SI]"""
+        """Values (levels,) of its rows; one of a constant. Those on the lines between rows are left out. [SI]"""
         return np.array([self.value])
 
     def drawn(self, end: float) -> Constant:
@@ -93,15 +98,15 @@ class _Still:
         return Constant(self.value)
 
     def knots(self, begin: float, end: float) -> Array:
-        """Return the times between which it is straight, over a stretch at least. [s]"""
+        """Return the times (knots,), from before `begin` or at it to `end` or beyond, between which it is a straight line. [s]"""
         return np.zeros(1)
 
     def turning_times(self, end: float) -> Array:
-        """Return when it turns from rising to falling, or back, from zero to an end. [s]"""
+        """Return the times (turns,) in 0 .. `end` at which it turns from rising to falling or back; none of a constant. [s]"""
         return np.zeros(0)
 
     def mean_over(self, begin: float, end: float) -> float:
-        """Return its mean over a stretch of time, or its value where the stretch has no length. [SI]"""
+        """Return its mean over `begin` .. `end` [s], the integral over the length; its value at `begin` where the length is zero. [SI]"""
         return self.value
 
 
@@ -111,28 +116,16 @@ class Constant(_Still):
 
     value: float
 
-    def drawn(self, end: float) -> Constant:
-        """Return the signal as a run from zero to `end` [s] sees it: itself."""
-        return self
-
     def shifted(self, seconds: float) -> Constant:
-        """Return the signal as it is from a time on: zero is where that time was."""
-        return self
-
-    def cut(self, begin: float, end: float) -> Constant:
-        """Return the signal without what lies outside a stretch of time. [s]"""
-        return self
-
-    def held_on(self) -> Constant:
-        """Return the signal with its last value held where nothing else is said of the time beyond: itself."""
+        """Return the signal on a clock that starts later: its value at t is the old one at t + `seconds`."""
         return self
 
     def scaled(self, factor: float) -> Constant:
-        """Return the signal times a number."""
+        """Return `factor` times the signal."""
         return Constant(factor * self.value)
 
     def raised(self, shift: float) -> Constant:
-        """Return the signal with a number added."""
+        """Return the signal with `shift` added to every value. [SI]"""
         return Constant(self.value + shift)
 
 
@@ -166,7 +159,7 @@ class TableSignal:
     stamp: Stamp | None = None
 
     def __post_init__(self) -> None:
-        """Refuse tables that are no function of time."""
+        """Refuse a table that is no function of time: shapes that differ, times that do not increase, a period whose ends differ."""
         if self.times.ndim != 1 or self.times.shape != self.values.shape or self.times.size == 0:
             raise ScenarioError("a table needs as many values as times, and at least one.", code="value.shape")
         if not (np.isfinite(self.times).all() and np.isfinite(self.values).all()):
@@ -197,7 +190,11 @@ class TableSignal:
 
     @property
     def span(self) -> Span:
-        """Time that it holds for: to an interval beyond its ends, to a hundredth of its length of no log and before a Series. [s]"""
+        """First and last time at which its value is known; a run beyond is refused. [s]
+
+        `before` = hold reaches back, `after` = hold or repeat, and the steps of a table that was written, reach on for ever. Else a table
+        reaches one interval beyond each end, but at most a hundredth of its length; a log reaches the whole interval.
+        """
         first, last = float(self.times[0]), float(self.times[-1])
         if self.after == "repeat" or self.times.size == 1:
             return FOREVER
@@ -209,7 +206,7 @@ class TableSignal:
 
     @property
     def extent(self) -> float:
-        """Time by which all that it does has happened. [s]"""
+        """Time of its last event: the last row of a table, one period of a sine, zero of a constant. [s]"""
         return float(self.times[-1])
 
     @property
@@ -219,28 +216,28 @@ class TableSignal:
 
     @property
     def held(self) -> bool:
-        """Whether it changes by jumps alone."""
+        """Whether it is constant between jumps, as steps are."""
         return self.hold or self.times.size == 1
 
     @property
     def cycle(self) -> float | None:
-        """Time after which it repeats, zero where it never changes, None where it does not repeat. [s]"""
+        """Period after which its values repeat; zero where they never change, None where they do not repeat. [s]"""
         if self.after == "repeat":
             return float(self.times[-1] - self.times[0])
         return 0.0 if float(np.ptp(self.values)) == 0.0 else None
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Lowest and highest value. [SI]"""
+        """Lowest and highest value that it takes. [SI]"""
         return float(self.values.min()), float(self.values.max())
 
     @property
     def levels(self) -> Array:
-        """Values that it takes (levels,), those between rows left out. [SI]"""
+        """Values (levels,) of its rows; one of a constant. Those on the lines between rows are left out. [SI]"""
         return self.values
 
     def at(self, times: Array) -> Array:
-        """Values (times,) at times [s]; those at the ends beyond what it holds for, which a run never asks for. [SI]"""
+        """Return values (times,) at times [s]: on the line between two rows, or held; at the ends the first and last row. [SI]"""
         if self.after == "repeat":
             times = self.times[0] + np.mod(times - self.times[0], self.times[-1] - self.times[0])
         if self.hold:
@@ -249,7 +246,7 @@ class TableSignal:
         return np.interp(times, self.times, self.values)
 
     def shifted(self, seconds: float) -> TableSignal:
-        """Return the signal as it is from a time on: zero is where that time was."""
+        """Return the signal on a clock that starts later: its value at t is the old one at t + `seconds`."""
         log = None if self.log is None else (self.log[0], self.log[1] + seconds)
         return replace(self, times=self.times - seconds, log=log)
 
@@ -259,15 +256,15 @@ class TableSignal:
         return self.times
 
     def held_on(self) -> TableSignal:
-        """Return the signal with its last value held where nothing else is said of the time beyond."""
+        """Return the signal with `after` = hold, unless it has an `after` already."""
         return self if self.after else replace(self, after="hold")
 
     def within(self, times: Array, where: str) -> Array:
-        """Return values (times,) at times [s], none of which lies beyond what it holds for. [SI]
+        """Return values (times,) at times [s], all of which must lie within `span`; `where` is for the message. [SI]
 
         Raises
         ------
-        ScenarioError   When one does.
+        ScenarioError   When one lies outside.
         """
         first, last = self.span
         beyond = times[(times < first - 1e-6) | (times > last + 1e-6)]
@@ -278,43 +275,43 @@ class TableSignal:
         return self.at(times)
 
     def retimed(self, law: Callable[[Array], Array]) -> TableSignal:
-        """Return the signal with other times for its samples, those of another clock; its ends hold for what that leaves open. [s]"""
+        """Return the signal with its times [s] mapped to those of another clock by `law`; its first and last value then hold."""
         return replace(self, times=law(self.times), before="hold", after=self.after or "hold")
 
     def changed_within(self) -> TableSignal:
-        """Return a signal that was sampled, with each change in the middle of the interval in which it happened."""
+        """Return the signal with each sample that differs from the one before moved half an interval earlier."""
         times, change = self.times.copy(), 1 + np.flatnonzero(np.diff(self.values))
         times[change] -= 0.5 * (self.times[change] - self.times[change - 1])
         return replace(self, times=times)
 
     def largest_changes(self, most: int) -> list[int]:
-        """Return the places of its largest changes, so many at most, the largest first; none below `SMALL_CHANGE` of that."""
+        """Return the indices of the samples after its `most` largest steps, the largest first; none below `SMALL_CHANGE` of that."""
         steps = np.abs(np.diff(self.values))
         large = np.count_nonzero(steps > SMALL_CHANGE * steps.max(initial=0.0))
         return [int(k) + 1 for k in np.argsort(-steps, kind="stable")[: min(most, large)]]
 
     def levelled(self, least: float) -> TableSignal:
-        """Return the signal at its mean between changes from sample to sample that are larger than `least`."""
+        """Return the signal with the samples between two steps larger than `least` [SI] replaced by their mean."""
         stretch = np.append(0, np.cumsum(np.abs(np.diff(self.values)) > least))
         return replace(self, values=(np.bincount(stretch, self.values) / np.bincount(stretch))[stretch], unit="")
 
     def gaps(self, place: int) -> tuple[float, float]:
-        """Return the times from the sample before one of its samples, and to the sample after it. [s]"""
+        """Return the intervals before and after the sample of index `place`; infinite after the last one. [s]"""
         before, after = np.diff(self.times[place - 1 : place + 2], append=np.inf)[:2]
         return float(before), float(after)
 
     def delayed(self, place: int, by: float) -> TableSignal:
-        """Return the signal with one of its samples later. [s]"""
+        """Return the signal with the sample of index `place` later by `by`. [s]"""
         times = self.times.copy()
         times[place] += by
         return replace(self, times=times)
 
     def mapped(self, law: Callable[[Array], Array]) -> TableSignal:
-        """Return what follows from each value by itself; between samples it is as straight, or held, as before."""
+        """Return the signal with `law` applied to its values; lines between samples, or steps, stay so."""
         return replace(self, values=law(self.values), unit="")
 
     def cut(self, begin: float, end: float) -> TableSignal:
-        """Return the signal without what lies outside a stretch of time; one that repeats is kept whole. [s]"""
+        """Return the signal without its rows outside `begin` .. `end` [s], with rows at both ends; one that repeats is kept whole."""
         if self.after == "repeat" or self.times.size == 1:
             return self
         inside = self.times[(self.times > begin) & (self.times < end)]
@@ -323,11 +320,11 @@ class TableSignal:
         return replace(self, times=times, values=self.at(times))
 
     def scaled(self, factor: float) -> TableSignal:
-        """Return the signal times a number."""
+        """Return `factor` times the signal."""
         return replace(self, values=factor * self.values)
 
     def raised(self, shift: float) -> TableSignal:
-        """Return the signal with a number added."""
+        """Return the signal with `shift` added to every value. [SI]"""
         return replace(self, values=self.values + shift)
 
     def drawn(self, end: float) -> TableSignal:
@@ -352,7 +349,7 @@ class TableSignal:
         return replace(self, times=np.append(times, last), values=np.append(values, self.values[-1]), after="hold", log=None)
 
     def turning_times(self, end: float) -> Array:
-        """Return when it turns from rising to falling, or back, and its first and last row, from zero to an end. [s]"""
+        """Return the times (turns,) in 0 .. `end` at which it turns from rising to falling or back, and of its first and last row. [s]"""
         drawn = self.drawn(end)
         steps = np.sign(np.diff(drawn.values))
         turns = np.concatenate(([True], steps[1:] * steps[:-1] <= 0.0, [True])) if steps.size else np.ones(1, dtype=bool)
@@ -360,12 +357,12 @@ class TableSignal:
         return np.asarray(times[(times >= 0.0) & (times <= end)])
 
     def corners(self) -> Array:
-        """Return the times of its rows; of a held table those at which its value changes, the first included. [s]"""
+        """Return the times (corners,) of its rows; of steps the first and those at which the value changes. [s]"""
         changes = np.concatenate(([True], np.diff(self.values) != 0.0)) if self.hold else np.ones(self.times.size, dtype=bool)
         return np.asarray(self.times[changes])
 
     def knots(self, begin: float, end: float) -> Array:
-        """Return the times between which it is straight, over a stretch at least; a held value jumps within a moment. [s]"""
+        """Return the times (knots,) between which it is a straight line; a jump of a held table becomes a line `JUMP_TIME` long. [s]"""
         times = self.drawn(end).times if self.after == "repeat" else self.times
         if not self.hold or times.size < 2:
             return times
@@ -373,7 +370,7 @@ class TableSignal:
         return np.union1d(times, times[1:] - moment)
 
     def mean_over(self, begin: float, end: float) -> float:
-        """Return its mean over a stretch of time, or its value where the stretch has no length. [SI]"""
+        """Return its mean over `begin` .. `end` [s], the integral over the length; its value at `begin` where the length is zero. [SI]"""
         if end <= begin:
             return float(self.at(np.array([begin]))[0])
         whole = self.drawn(end)
@@ -385,7 +382,7 @@ class TableSignal:
 
 
 @dataclass(frozen=True)
-class Sine:
+class Sine(_Endless):
     """A mean and a sine: mean + amplitude sin(2 pi t / period + phase).
 
     Parameters
@@ -403,67 +400,49 @@ class Sine:
     unit: str = ""
 
     def turning_times(self, end: float) -> Array:
-        """Return when it turns from rising to falling, or back, from zero to an end. [s]"""
+        """Return the times (turns,) in 0 .. `end` at which it turns from rising to falling or back; none of a constant. [s]"""
         first = (0.25 - self.phase / (2.0 * np.pi)) % 0.5
         return np.asarray(self.period * np.arange(first, end / self.period, 0.5))
 
     @property
-    def span(self) -> Span:
-        """Time that it holds for. [s]"""
-        return FOREVER
-
-    @property
     def extent(self) -> float:
-        """Time by which all that it does has happened. [s]"""
+        """Time of its last event: the last row of a table, one period of a sine, zero of a constant. [s]"""
         return self.period
 
     @property
-    def onset(self) -> float:
-        """Time of its first row, zero where it has none. [s]"""
-        return 0.0
-
-    @property
     def held(self) -> bool:
-        """Whether it changes by jumps alone."""
+        """Whether it is constant between jumps, as steps are."""
         return False
 
     @property
     def cycle(self) -> float | None:
-        """Time after which it repeats. [s]"""
+        """Period after which its values repeat; zero where the amplitude is. [s]"""
         return self.period if self.amplitude else 0.0
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Lowest and highest value. [SI]"""
+        """Lowest and highest value that it takes. [SI]"""
         return self.mean - abs(self.amplitude), self.mean + abs(self.amplitude)
 
     def at(self, times: Array) -> Array:
-        """Values (times,) at times [s]. [SI]"""
+        """Return its values (times,) at times [s]. [SI]"""
         return self.mean + self.amplitude * np.sin(2.0 * np.pi * times / self.period + self.phase)
 
     def shifted(self, seconds: float) -> Sine:
-        """Return the signal as it is from a time on: zero is where that time was."""
+        """Return the signal on a clock that starts later: its value at t is the old one at t + `seconds`."""
         return replace(self, phase=self.phase + 2.0 * math.pi * math.fmod(seconds / self.period, 1.0))
 
     @property
     def levels(self) -> Array:
-        """Lowest and highest value. [SI]"""
+        """Lowest and highest value that it takes. [SI]"""
         return np.array(self.bounds)
 
-    def held_on(self) -> Sine:
-        """Return the signal with its last value held where nothing else is said of the time beyond: itself, which has no end."""
-        return self
-
-    def cut(self, begin: float, end: float) -> Sine:
-        """Return the signal without what lies outside a stretch of time: itself. [s]"""
-        return self
-
     def scaled(self, factor: float) -> Sine:
-        """Return the signal times a number."""
+        """Return `factor` times the signal."""
         return replace(self, mean=factor * self.mean, amplitude=factor * self.amplitude)
 
     def raised(self, shift: float) -> Sine:
-        """Return the signal with a number added."""
+        """Return the signal with `shift` added to every value. [SI]"""
         return replace(self, mean=self.mean + shift)
 
     def drawn(self, end: float) -> Sine:
@@ -471,11 +450,11 @@ class Sine:
         return self
 
     def knots(self, begin: float, end: float) -> Array:
-        """Return times between which it is straight to 3e-5 of its amplitude. [s]"""
+        """Return times (knots,), `SINE_SAMPLES` in a period, between which it is straight to 3e-5 of its amplitude. [s]"""
         return np.unique(np.linspace(begin, end, max(2, _samples((end - begin) / self.period * SINE_SAMPLES, self.period))))
 
     def mean_over(self, begin: float, end: float) -> float:
-        """Return its mean over a stretch of time, or its value where the stretch has no length. [SI]"""
+        """Return its mean over `begin` .. `end` [s], the integral over the length; its value at `begin` where the length is zero. [SI]"""
         if end <= begin:
             return float(self.at(np.array([begin]))[0])
         rate = 2.0 * math.pi / self.period
@@ -509,7 +488,7 @@ class Mixed:
 
     @property
     def extent(self) -> float:
-        """Time by which all that it does has happened. [s]"""
+        """Time of its last event: the last row of a table, one period of a sine, zero of a constant. [s]"""
         return max(p.extent for p in self.parts)
 
     @property
@@ -519,7 +498,7 @@ class Mixed:
 
     @property
     def held(self) -> bool:
-        """Whether it changes by jumps alone."""
+        """Whether it is constant between jumps, as steps are."""
         return all(p.held for p in self.parts)
 
     @property
@@ -533,11 +512,11 @@ class Mixed:
         return self.drawn(self.extent).bounds
 
     def at(self, times: Array) -> Array:
-        """Values (times,) at times [s]. [SI]"""
+        """Return its values (times,) at times [s]. [SI]"""
         return np.asarray(self.law(*(p.at(times) for p in self.parts)))
 
     def shifted(self, seconds: float) -> Mixed:
-        """Return the signal as it is from a time on: zero is where that time was."""
+        """Return the signal on a clock that starts later: its value at t is the old one at t + `seconds`."""
         return replace(self, parts=tuple(p.shifted(seconds) for p in self.parts))
 
     @property
@@ -546,23 +525,23 @@ class Mixed:
         return self.drawn(self.extent).levels
 
     def held_on(self) -> Mixed:
-        """Return what follows from parts that are held on."""
+        """Return the same law of parts whose last values hold."""
         return replace(self, parts=tuple(p.held_on() for p in self.parts))
 
     def cut(self, begin: float, end: float) -> Mixed:
-        """Return the signal without what lies outside a stretch of time. [s]"""
+        """Return the signal without its rows outside `begin` .. `end` [s]; what has no rows stays as it is."""
         return replace(self, parts=tuple(p.cut(begin, end) for p in self.parts))
 
     def scaled(self, factor: float) -> Mixed:
-        """Return the signal times a number."""
+        """Return `factor` times the signal."""
         return Mixed(np.multiply, (Constant(factor), self))
 
     def raised(self, shift: float) -> Mixed:
-        """Return the signal with a number added."""
+        """Return the signal with `shift` added to every value. [SI]"""
         return Mixed(np.add, (Constant(shift), self))
 
     def drawn(self, end: float) -> Constant | TableSignal:
-        """Return the signal as a run from zero to `end` [s] sees it, halving stretches until straight lines do."""
+        """Return it as a table (of constants a constant) for a run 0 .. `end` [s]; rows are added until lines are within `bend`."""
         parts = [p.drawn(end) for p in self.parts]
         if all(isinstance(p, Constant) for p in parts):
             return Constant(float(self.at(np.zeros(1))[0]))
@@ -574,11 +553,11 @@ class Mixed:
         return TableSignal(*_straightened(drawn.at, times, self.bend), after="hold")
 
     def knots(self, begin: float, end: float) -> Array:
-        """Return the times between which it is straight, over a stretch at least. [s]"""
+        """Return the times (knots,), from before `begin` or at it to `end` or beyond, between which it is a straight line. [s]"""
         return self.drawn(end).knots(begin, end)
 
     def mean_over(self, begin: float, end: float) -> float:
-        """Return its mean over a stretch of time, or its value where the stretch has no length. [SI]"""
+        """Return its mean over `begin` .. `end` [s], the integral over the length; its value at `begin` where the length is zero. [SI]"""
         return self.drawn(end).mean_over(begin, end)
 
 
@@ -598,7 +577,7 @@ class MeanOf(_Still):
     value: float = field(init=False)
 
     def __post_init__(self) -> None:
-        """Take the mean."""
+        """Set `value` to the mean of `of` over 0 .. `length`."""
         object.__setattr__(self, "value", self.of.mean_over(0.0, self.length))
 
     def shifted(self, seconds: float) -> MeanOf:
@@ -606,12 +585,8 @@ class MeanOf(_Still):
         return replace(self, of=self.of.shifted(seconds))
 
     def held_on(self) -> MeanOf:
-        """Return the mean of a signal that is held on."""
+        """Return the mean of the signal with its last value held."""
         return replace(self, of=self.of.held_on())
-
-    def cut(self, begin: float, end: float) -> MeanOf:
-        """Return itself: a mean needs all of its run. [s]"""
-        return self
 
     def scaled(self, factor: float) -> MeanOf:
         """Return the mean times a number."""
@@ -628,7 +603,7 @@ Drawn = Constant | TableSignal | Sine
 
 
 def in_run(signal: Signal, end: float) -> Drawn:
-    """Return a signal as a run from zero to `end` [s] sees it: what jumps at the end itself keeps the value before."""
+    """Return a signal drawn for a run 0 .. `end` [s], as `drawn` does; a jump at `end` itself is left out, so the value before it stays."""
     drawn = signal.drawn(end)
     if not isinstance(drawn, TableSignal) or end <= 0.0:
         return drawn
@@ -679,17 +654,18 @@ def check_span(course: Signal, end: float, where: str) -> None:
 
 
 def _hours(seconds: float) -> str:
+    """Return a time as text, in seconds below an hour and in hours from there on."""
     return f"{seconds:g} s" if seconds < 3600.0 else f"{seconds / 3600.0:.5g} h"
 
 
 def together(signals: Sequence[Drawn], end: float) -> tuple[Array, bool]:
-    """Return the times at which several signals are to be sampled as one table up to `end` [s], and whether all of them are held."""
+    """Return the union of the times (times,) at which signals have rows or bend, up to `end` [s], and whether all of them are steps."""
     held = all(s.held for s in signals)
     return np.unique(np.concatenate([s.times if held and isinstance(s, TableSignal) else s.knots(0.0, end) for s in signals])), held
 
 
 def multiplied(*factors: Signal) -> Signal:
-    """Return the product of signals; that with a constant stays what it is."""
+    """Return the product of signals: of constants a constant, of constants and one signal that signal scaled, else a `Mixed`."""
     number = math.prod(s.value for s in factors if isinstance(s, Constant))
     rest = [s for s in factors if not isinstance(s, Constant)]
     if not rest:
@@ -699,7 +675,7 @@ def multiplied(*factors: Signal) -> Signal:
 
 
 def added(*terms: Signal) -> Signal:
-    """Return the sum of signals; that with a constant stays what it is."""
+    """Return the sum of signals: of constants a constant, of constants and one signal that signal raised, else a `Mixed`."""
     number = math.fsum(s.value for s in terms if isinstance(s, Constant))
     rest = [s for s in terms if not isinstance(s, Constant)]
     if not rest:
@@ -709,15 +685,17 @@ def added(*terms: Signal) -> Signal:
 
 
 def _product(*values: Array) -> Array:
+    """Return the product (times,) of values (times,) of several signals."""
     return np.asarray(np.prod(values, axis=0))
 
 
 def _sum(*values: Array) -> Array:
+    """Return the sum (times,) of values (times,) of several signals."""
     return np.asarray(np.sum(values, axis=0))
 
 
 def joined(before: Signal, instant: float, then: Signal) -> Signal:
-    """Return a signal that gives way to another at an instant; each keeps what it is. [s]"""
+    """Return the signal `before` up to `instant` [s] and `then` from it on, both on the same clock."""
     if instant <= 0.0:
         return then
     whole = before.held_on() if before.span[1] >= instant * (1.0 - 1e-9) else before
@@ -726,15 +704,15 @@ def joined(before: Signal, instant: float, then: Signal) -> Signal:
 
 @dataclass(frozen=True)
 class Until:
-    """The first of two signals while a third is zero, then the second."""
+    """The law of `joined`: the values of one signal while a switch is 0, those of another once it is 1."""
 
     def __call__(self, before: Array, then: Array, gone: Array) -> Array:
-        """Values (times,). [SI]"""
+        """Return `before` where `gone` is below one half, `then` elsewhere (times,). [SI]"""
         return np.where(gone > 0.5, then, before)
 
 
 def common_cycle(cycles: Sequence[float | None]) -> float | None:
-    """Return the time after which all repeat, where it is at most a thousand periods of any; None where there is none. [s]"""
+    """Return the least common multiple of periods; zero without any above zero, None where one is None or it exceeds 1000 of them. [s]"""
     from fractions import Fraction
 
     if any(c is None for c in cycles):
@@ -751,7 +729,10 @@ def common_cycle(cycles: Sequence[float | None]) -> float | None:
 
 
 def _straightened(law: Callable[[Array], Array], times: Array, bend: float) -> tuple[Array, Array]:
-    """Return times and values between which straight lines miss a law by little; stretches of a jump are left alone."""
+    """Return times and law(times), with middles added until straight lines miss the law by at most `bend` of its range there.
+
+    Intervals of a jump, two `JUMP_TIME` or less, are not halved, and none more than `MOST_HALVINGS` times.
+    """
     values = law(times)
     for _ in range(MOST_HALVINGS if math.isfinite(bend) else 0):
         middles = 0.5 * (times[1:] + times[:-1])
@@ -766,7 +747,7 @@ def _straightened(law: Callable[[Array], Array], times: Array, bend: float) -> t
 
 
 def _samples(count: float, period: float) -> int:
-    """Return how many samples a periodic signal needs.
+    """Return `count` rounded up, plus one: the samples that a signal of this period [s] needs.
 
     Raises
     ------
@@ -783,14 +764,14 @@ def _samples(count: float, period: float) -> int:
 
 
 def pulses(period: float, duty: float) -> Signal:
-    """Return what is 1 for a share of every period, first, and 0 for the rest; a period above zero, a duty from 0 to 1. [s, -]"""
+    """Return a signal that is 1 for the first `duty` (0 .. 1) of every `period` [s] and 0 for the rest."""
     if duty in (0.0, 1.0):
         return Constant(duty)
     return TableSignal(np.array([0.0, duty * period, period]), np.array([1.0, 0.0, 1.0]), hold=True, after="repeat")
 
 
 def averages(times: Array, values: Array, **more: Any) -> TableSignal:
-    """Return samples that are means over the intervals that end at their times, as steps; the first interval is as long as the second.
+    """Return steps from samples that are means over the intervals which end at their times (samples,); the first is as long as the second.
 
     Steps keep the integral of every interval, which straight lines between means would not.
     """
@@ -869,7 +850,7 @@ def signal(value: Any, slot: str, where: str = "", held: bool = False) -> Signal
 
 
 def _array(value: Any, slot: str) -> Quantity | None:
-    """Return what states its unit, or a Series or a DataArray of plain numbers, which are SI; a temperature states its unit."""
+    """Return an array with a unit as a Quantity, a Series or DataArray of plain numbers as one in the unit `slot`; None of all else."""
     with_unit = stated(value)
     if with_unit is None and (hasattr(value, "iloc") or hasattr(value, "coords")) and slot != TEMPERATURE:
         return quantity(value, unit=slot)
@@ -877,7 +858,7 @@ def _array(value: Any, slot: str) -> Quantity | None:
 
 
 def _sampled(values: Quantity, slot: str, held: bool) -> TableSignal:
-    """Return the signal of an array that knows its times: a column of a log, by its own clock.
+    """Return a table of values that carry their own times, such as a pandas Series, on their own clock.
 
     Raises
     ------
@@ -917,6 +898,7 @@ def own_signal(value: Any, where: str = "") -> Any:
 
 
 def _column(values: Any, slot: str, where: str) -> Array:
+    """Return the SI values of a list of texts or numbers, each read by `literal`."""
     return np.array([literal(v, slot, where) for v in values])
 
 
@@ -954,7 +936,7 @@ def _from_table(value: Mapping[str, Any], slot: str, where: str, held: bool = Fa
 
 
 def conducted(rows: TableSignal, details: Mapping[str, Any], where: str) -> TableSignal:
-    """Return samples with what is said of them: ``samples``, ``before``, ``after`` and the ``period`` of what repeats.
+    """Return a table with what the keys `samples`, `before`, `after` and `period` of `details` say of it.
 
     Raises
     ------

@@ -92,19 +92,19 @@ class HeatStore:
     melt: Melt | None = None
 
     def level(self, kelvin: Any, liquid: bool = False) -> Array:
-        """Return the temperature that a constant specific heat would show at temperatures, by enthalpy; solid at a melting point. [K]
+        """Return the level at temperatures `kelvin`: (enthalpy over `reference`) as a temperature; NaN stays, solid at a melting point. [K]
 
-        `liquid`: of the melt without crystals, where that is.
+        `liquid`: on the branch of the supercooled melt, if there is one.
         """
         at = np.asarray(kelvin, dtype=float)
         return np.where(np.isnan(at), np.nan, self._at(np.where(np.isnan(at), AMBIENT_DEFAULT, at), liquid)[0])
 
     def share(self, kelvin: Any, liquid: bool = False) -> Array:
-        """Return the specific heat at temperatures over that at the reference. [-]"""
+        """Return c(T) / `reference`, the slope of the level, at temperatures `kelvin` (nodes,); `liquid` as in `level`. [-]"""
         return self._at(np.asarray(kelvin, dtype=float), liquid)[1]
 
     def begins(self, kelvin: Any) -> tuple[Array, Array]:
-        """Return level [K] and specific heat over that at the reference [-] of starts at temperatures; a melt where the deck states it."""
+        """Return `level` [K] and `share` [-] at start temperatures; on the melt's branch above nucleation where it starts liquid."""
         at = np.asarray(kelvin, dtype=float)
         solid = self.level(at), self.share(at)
         if self.melt is None or self.melt.given.starts != "liquid":
@@ -113,6 +113,7 @@ class HeatStore:
         return np.where(melt, self.level(at, True), solid[0]), np.where(melt, self.share(at, True), solid[1])
 
     def _at(self, kelvin: Array, liquid: bool) -> tuple[Array, Array]:
+        """Return level [K] and its slope [-] at temperatures, clipped to those of `MIN_PROPERTY_TEMPERATURE` to the maximum."""
         rise = self.melt.rise if liquid and self.melt is not None else self.rise
         inside = np.clip(kelvin, MIN_PROPERTY_TEMPERATURE, MAX_PROPERTY_TEMPERATURE)
         if not rise.straight:
@@ -124,7 +125,7 @@ class HeatStore:
 
 
 def tabulated(name: str, curve: Curve, where: str) -> Curve:
-    """Return the table of a property after a look at it.
+    """Return the table of the property `name` with its `limits`, after checking its points and values.
 
     Raises
     ------
@@ -186,7 +187,7 @@ def melting(heat: float, liquid: float, latent: float, begins: float, ends: floa
 
 
 def _extended(x: Array, y: Array, d: Array, curve: Curve) -> tuple[Array, Array, Array]:
-    """Return points, integral and integrand carried on to the coldest and hottest temperature: as a line to its limits, or held."""
+    """Return points x, integral y and integrand d, carried on to the coldest and hottest temperature: d on its line, or held."""
     if curve.outside == "linear":
         low, high = curve.limits or (MIN_PROPERTY_TEMPERATURE, MAX_PROPERTY_TEMPERATURE)
         for k, far, slope in zip(
@@ -206,7 +207,7 @@ def _extended(x: Array, y: Array, d: Array, curve: Curve) -> tuple[Array, Array,
 
 
 def _integral(curve: Curve) -> tuple[Array, Array, Array]:
-    """Return points, integral and integrand of a table; exact between them for straight lines, at them for cubic pieces.
+    """Return points x, the integral of the curve from the first point to x, and the curve at x (points,).
 
     The integral of a straight line is a parabola, which is the cubic through its ends with the integrand as slopes.
     """
@@ -245,7 +246,9 @@ def potential(curve: Curve) -> Curve:
 
 @lru_cache(maxsize=64)
 def store(name: str, curve: Curve, supercooling: Supercooling | None = None) -> HeatStore:
-    """Return how a node with a table of specific heat or of enthalpy stores heat.
+    """Return the `HeatStore` of a node with the table `curve` of 'specific_heat' or 'enthalpy' (`name`).
+
+    Its level is  y(T) = T_min + integral of c from T_min to T over c_ref,  c_ref = c at 20 degC, or that of an enthalpy's first piece.
 
     Raises
     ------
@@ -338,7 +341,7 @@ def _enthalpy(curve: Curve) -> tuple[Array, Array, Array]:
 
 
 def _rising(curve: Curve) -> Array:
-    """Return the slopes of a smooth table of enthalpy: its own, or monotone ones, those of its outer pieces at both ends."""
+    """Return the slopes (points,) of a smooth enthalpy: its own, or Fritsch-Butland ones with the outer pieces' slopes at both ends."""
     if curve.d is not None:
         return curve.d
     d = slopes(curve).copy()

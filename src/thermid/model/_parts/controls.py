@@ -84,12 +84,12 @@ class Control:
 
 
 def of_difference(follows: Mapping[str, float]) -> bool:
-    """Return whether what is followed is a difference of temperatures."""
+    """Return whether the weights of what a control follows sum to zero: a difference of temperatures."""
     return abs(sum(follows.values())) < 1e-9
 
 
 def followed(written: object, where: str) -> dict[str, float]:
-    """Return node -> weight from what a deck writes: a node, a list of nodes whose mean is followed, or nodes with weights.
+    """Return node -> weight of its temperature from what a deck writes: a node, a list of nodes (their mean), or nodes with weights.
 
     Raises
     ------
@@ -148,7 +148,7 @@ def named_control(raw: str) -> tuple[str, bool]:
 
 
 def check_modes(control: Control, where: str) -> None:
-    """Refuse modes that do not exist and modes that nothing leads to.
+    """Refuse a control of modes with fewer than two, with a name that is no mode, or with a mode that no transition leads to.
 
     Raises
     ------

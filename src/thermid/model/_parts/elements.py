@@ -124,7 +124,7 @@ class Surface:
 
 
 def finish_emissivity(name: str, where: str) -> Parameter:
-    """Return the emissivity of a finish."""
+    """Return the emissivity of a named finish as a parameter: its typical value with low and high as range. [-]"""
     surface = finish(name, where)
     table = {"value": surface.typical, "min": surface.low, "max": surface.high}
     return parameter(table | {"source": "assumed", "basis": surface.basis}, where)
@@ -201,7 +201,7 @@ class Cycle:
     hold: bool = False
 
     def signal(self) -> Signal:
-        """Return it as a signal."""
+        """Return it as a table that repeats. [s, -]"""
         return TableSignal(np.array(self.times), np.array(self.values), hold=self.hold, after="repeat")
 
 

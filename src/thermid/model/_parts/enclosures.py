@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -16,7 +17,7 @@ from thermid.model._parts.elements import Enclosure, Surface
 from thermid.model._parts.kinds import Law
 from thermid.model._parts.takes import Take, exposed_area
 from thermid.physics.constants import STEFAN_BOLTZMANN
-from thermid.physics.enclosure import absorbing_areas, exchange_areas_of, factor_faults
+from thermid.physics.enclosure import absorbing_areas, check_view_factors, exchange_areas_of
 from thermid.physics.view_factors import SHAPES
 
 SAME_AREA: Final = 0.01
@@ -59,7 +60,10 @@ _Matrix = Callable[[list[Number], list[Number]], list[list[Number]]]
 
 
 def _memorised(memo: Memo, areas: list[Number], shares: list[Number], law: _Matrix) -> list[list[Number]]:
-    """Return what a law makes of areas and shares (faces,): floats, numbers with derivatives, or those of members, one after the other."""
+    """Return law(areas, shares), a matrix (faces, faces), from `memo` if these values were asked for before.
+
+    Areas and shares (faces,) are floats, numbers with derivatives, or arrays over members; members are taken one after the other.
+    """
     numbers: tuple[Any, ...] = (*areas, *shares)
     many: Any = next((x for x in numbers if hasattr(x, "values")), None)
     if many is not None:
@@ -73,7 +77,7 @@ def _memorised(memo: Memo, areas: list[Number], shares: list[Number], law: _Matr
 
 @dataclass(frozen=True, eq=False)
 class FaceExchange:
-    """The exchange areas of an enclosure at the values of its faces; the latest are kept, since every pair asks for them."""
+    """The exchange areas of an enclosure by its faces' values; the latest are kept, since every pair of faces asks for them."""
 
     path: str
     enclosure: Enclosure
@@ -84,13 +88,13 @@ class FaceExchange:
     suns: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     def at(self, values: Mapping[str, Number]) -> list[list[Number]]:
-        """Return the exchange areas (faces, faces), the rest as a last face. [m^2]"""
+        """Return the exchange areas (faces, faces), the rest as a last face: face i gives face j sigma S[i][j] (T_i^4 - T_j^4). [m^2]"""
         areas = [exposed_area(f.path, values[f"{f.path}.area"], f.takes, values, self.where) for f in self.faces]
         grey = [values[f"{f.path}.emissivity"] for f in self.faces]
         return _memorised(self.memo, areas, grey, self._exchange_areas)
 
     def absorbed(self, values: Mapping[str, Number]) -> list[list[Number]]:
-        """Return what each face, and the rest as a last one, absorbs of a flux that falls on each first (faces, faces). [m^2]
+        """Return S (faces, faces), the rest as a last row: face i absorbs S[i][j] q of a solar flux q [W/m^2] that falls on face j. [m^2]
 
         Raises
         ------
@@ -101,6 +105,7 @@ class FaceExchange:
         return _memorised(self.suns, areas, dark, self._absorbed)
 
     def _absorbed(self, areas: list[Number], dark: list[Number]) -> list[list[Number]]:
+        """Return the matrix of `absorbed` for free areas [m^2] and absorptances [-] of the faces."""
         if self.enclosure.exchange_factors:
             raise DeckError(
                 f"what the sun leaves in '{self.path}' is reflected by view factors, and it has exchange factors, which hold those of heat "
@@ -110,7 +115,7 @@ class FaceExchange:
             )
         size, names = np.array([value_of(a) for a in areas]), [f.name for f in self.faces]
         factors, sized, areas = self._factors(size, names, areas)
-        factor_faults(factors, sized, names, self.where, closed=not self.rest)
+        check_view_factors(factors, sized, names, self.where, closed=not self.rest)
         if not self.rest and all(value_of(a) == 0.0 for a in dark):
             raise DeckError(
                 f"no face of '{self.path}' absorbs, so the sun in it goes round for ever. Give one an absorptance.",
@@ -131,6 +136,7 @@ class FaceExchange:
         return factors, size, list(size.tolist())
 
     def _exchange_areas(self, areas: list[Number], grey: list[Number]) -> list[list[Number]]:
+        """Return the matrix of `at` for free areas [m^2] and emissivities [-] of the faces."""
         for face, number in zip(self.faces, grey, strict=True):
             if not 0.0 < value_of(number) <= 1.0:
                 raise DeckError(
@@ -143,7 +149,7 @@ class FaceExchange:
         if self.enclosure.exchange_factors:
             return self._imported(areas, size, names)
         factors, size, areas = self._factors(size, names, areas)
-        factor_faults(factors, size, names, self.where, closed=not self.rest)
+        check_view_factors(factors, size, names, self.where, closed=not self.rest)
         if self.rest:
             lost = np.maximum(1.0 - factors.sum(axis=1), 0.0)
             opening = float(lost @ size)
@@ -168,36 +174,28 @@ class FaceExchange:
         return factors[np.ix_(at, at)], geometric[at]
 
     def _imported(self, areas: list[Number], size: Array, names: list[str]) -> list[list[Number]]:
-        """Return exchange areas from given exchange factors: the mean of both directions, which must agree. [m^2]"""
+        """Return exchange areas S[i][j] = (A_i F_ij + A_j F_ji) / 2 from exchange factors F, whose directions must agree. [m^2]"""
         factors = np.array(self.enclosure.exchange_factors)
-        factor_faults(factors - np.diag(np.diag(factors)), size, names, self.where, closed=False)
+        check_view_factors(factors - np.diag(np.diag(factors)), size, names, self.where, closed=False)
         places = range(len(names))
         return [[0.5 * (areas[i] * factors[i, j] + areas[j] * factors[j, i]) for j in places] for i in places]
 
 
-@dataclass(frozen=True, eq=False)
-class _Recipe:
-    """The law of one pair of faces at some values."""
-
-    exchange: FaceExchange
-    first: int
-    second: int
-
-    def __call__(self, values: Mapping[str, Any]) -> Law:
-        """Return it."""
-        return Law("radiation", (STEFAN_BOLTZMANN * self.exchange.at(values)[self.first][self.second],), "radiation")
+def _pair_law(exchange: FaceExchange, first: int, second: int, values: Mapping[str, Any]) -> Law:
+    """Return the radiation between two faces, sigma S[first][second] [W/K^4], at values, path -> value [SI]."""
+    return Law("radiation", (STEFAN_BOLTZMANN * exchange.at(values)[first][second],), "radiation")
 
 
 @dataclass(frozen=True, eq=False)
 class SunShare:
-    """What one face, or the rest, absorbs of the sun on another, at some values. [m^2]"""
+    """Entry (`to`, `first`) of `FaceExchange.absorbed`: what face `to` absorbs of the sun on face `first`. [m^2]"""
 
     exchange: FaceExchange
     to: int
     first: int
 
     def __call__(self, values: Mapping[str, Any]) -> Number:
-        """Return it."""
+        """Return the entry at values, path -> value [SI]. [m^2]"""
         return self.exchange.absorbed(values)[self.to][self.first]
 
 
@@ -210,13 +208,13 @@ class Enclosed:
     rest: str
 
     def targets(self) -> list[tuple[str, str, SunShare]]:
-        """Return name, node and share of what absorbs the sun on it: itself first, the other faces, the rest."""
+        """Return (name, node, `SunShare`) of everything that absorbs the sun which falls on it: itself first, other faces, the rest."""
         faces = [(f.name, f.node) for f in self.exchange.faces] + ([("rest", self.rest)] if self.rest else [])
         order = [self.place, *(k for k in range(len(faces)) if k != self.place)]
         return [(*faces[k], SunShare(self.exchange, k, self.place)) for k in order]
 
     def fields(self) -> dict[str, str]:
-        """Return the parameters that it follows, path -> path.
+        """Return the parameters that its absorbed areas depend on, path -> path: area, absorptance and joints' areas of every face.
 
         Raises
         ------
@@ -237,7 +235,7 @@ class Enclosed:
 
 
 def pairs(exchange: FaceExchange, rest: str) -> list[Pair]:
-    """Return the radiating pairs of an enclosure.
+    """Return one `Pair` for every two faces of different nodes of an enclosure, the rest as a last face.
 
     Parameters
     ----------
@@ -268,5 +266,5 @@ def pairs(exchange: FaceExchange, rest: str) -> list[Pair]:
     for i, (first, a) in enumerate(nodes):
         for j, (second, b) in enumerate(nodes[:i]):
             if a != b:
-                out.append(Pair(f"{path}.{second}.{first}", (b, a), fields, _Recipe(exchange, j, i)))
+                out.append(Pair(f"{path}.{second}.{first}", (b, a), fields, partial(_pair_law, exchange, j, i)))
     return out

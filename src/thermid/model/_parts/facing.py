@@ -1,4 +1,4 @@
-"""Where a surface looks, for sun and sky."""
+"""Direction of a surface's outward normal, for sun and sky."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Facing:
     azimuth: float | None = None
 
     def __post_init__(self) -> None:
-        """Refuse directions that do not exist."""
+        """Refuse a tilt outside 0 .. 180 degrees or an azimuth outside -180 .. 360 degrees."""
         if not 0.0 <= self.tilt <= 180.0:
             raise DeckError(f"the tilt is {self.tilt:g} degrees. Give 0 (facing up) to 180 (facing down).", code="value.outside-range")
         if self.azimuth is not None and not -180.0 <= self.azimuth <= 360.0:
@@ -52,5 +52,5 @@ def degrees(value: Any, where: str = "") -> float:
 
 
 def facing_to(facing: Facing) -> dict[str, float]:
-    """Return the table that a deck writes."""
+    """Return tilt and azimuth as the table of a deck. [deg]"""
     return {"tilt": facing.tilt} | ({} if facing.azimuth is None else {"azimuth": facing.azimuth})

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any, Final
 
@@ -52,11 +53,11 @@ class Law:
     over: str = "temperature"
 
     def scaled(self, factor: Number) -> Law:
-        """Return the law with its first coefficient multiplied by a factor."""
+        """Return the law with its first coefficient, the conductance-like one, multiplied by `factor`."""
         return replace(self, coefficients=(factor * self.coefficients[0], *self.coefficients[1:]))
 
     def pieces(self) -> tuple[Law, ...]:
-        """Return laws of the kernel that act side by side and are this one.
+        """Return laws of the kernel whose heat flows add up to this one: itself, or of a table with `points` a constant and hinges.
 
         A table of straight lines through (x, y) is ``y_0 + sum_k (s_k - s_(k-1)) (u - x_k)+`` with the slopes s between its points and none
         beyond: a constant and one hinge for each point, all of whose numbers may move, with their derivatives.
@@ -121,6 +122,7 @@ class Kind:
 
 
 def _conduction(f: Fields) -> Law:
+    """Return a conductance, given, as 1 / resistance or as k A / thickness [W/K]; of a table k(T), A / thickness [m]."""
     if "resistance" in f:
         return Law("linear", (1.0 / f["resistance"],))
     if "conductance" in f:
@@ -145,10 +147,12 @@ def _contact(f: Fields) -> tuple[Law, ...]:
 
 
 def _gas(f: Fields) -> Law:
+    """Return gas at rest in a gap: area [m^2], gap [m], accommodation [-] and factor on convection [-], for the medium to fill in."""
     return Law("gas", (f["area"], f["gap"], f.get("accommodation", ACCOMMODATION), f.get("convection_factor", 1.0)), "rest")
 
 
 def _convection(f: Fields) -> Law:
+    """Return htc A [W/K], or (coefficient A) |dT|^exponent, or area and length for a correlation."""
     if "htc.length" in f:
         return Law("natural", (f["area"], f["htc.length"]), "correlation")
     if "htc" in f:
@@ -157,22 +161,24 @@ def _convection(f: Fields) -> Law:
 
 
 def _effective(f: Fields) -> Law:
+    """Return effective_htc A [W/K], convection and radiation together."""
     return Law("linear", (f["effective_htc"] * f["area"],), "mixed")
 
 
 def _radiation(f: Fields) -> Law:
+    """Return sigma F A [W/K^4] with the exchange factor F, or with the emissivity in its place."""
     factor = f["exchange_factor"] if "exchange_factor" in f else f["emissivity"]
     return Law("radiation", (radiation.radiation_coefficient(factor, f["area"]),), "radiation")
 
 
 def _flow(f: Fields) -> Law:
-    """Return the heat capacity rate of a stream; of a gas what its density and specific heat are still to be multiplied with."""
+    """Return flow * density * specific_heat [W/K], one in place of what is not given: a gas named by word adds its own later."""
     flow = f["mass_flow"] if "mass_flow" in f else f["volume_flow"]
     return Law("flow", (flow * f.get("density", 1.0) * f.get("specific_heat", 1.0),))
 
 
 def _duct(f: Fields) -> Law:
-    """Return what a stream in ducts side by side takes from their walls; the medium knows its gas."""
+    """Return the numbers of ducts side by side, of given diameter or width and height, see `_in_duct`; Nu is 3.66 in a round one."""
     count = f.get("count", 1.0)
     if "diameter" in f:
         diameter, section, wet = f["diameter"], 0.25 * math.pi * f["diameter"] ** 2, math.pi * f["diameter"] * f["length"]
@@ -183,7 +189,7 @@ def _duct(f: Fields) -> Law:
 
 
 def _heat_sink(f: Fields) -> Law:
-    """Return what a stream takes from the fins and the base between them of a heat sink whose channels are closed by a shroud."""
+    """Return the numbers of `_in_duct` for a heat sink with a shroud: `count` channels width x height between fins."""
     width, height, count = f["width"], f["height"], f["count"]
     base, fins = count * width * f["length"], 2.0 * count * height * f["length"]
     slope = height * (2.0 / (f["fin_conductivity"] * f["fin_thickness"])) ** 0.5  # times the root of h: m L of a fin
@@ -192,28 +198,26 @@ def _heat_sink(f: Fields) -> Law:
 
 
 def _rectangle(width: Any, height: Any) -> Number:
-    """Return the laminar Nusselt number of a channel."""
+    """Return the Nusselt number of developed laminar flow in a rectangular channel, by its aspect ratio. [-]"""
     nusselt: Number = convection.rectangle_nusselt(np.minimum(width, height) / np.maximum(width, height))
     return nusselt
 
 
 def _in_duct(f: Fields, base: Number, fins: Number, slope: Number, diameter: Number, section: Number, developed: Number) -> Law:
+    """Return the row from which the medium, which knows its gas, makes the conductance between a stream and its walls.
+
+    Wetted area [m^2] of `base` and `fins`, slope = m L / sqrt(h) of a fin, hydraulic diameter [m], length [m], flow over `section`
+    [kg/(s m^2), or m/s where the last number is 1], and the Nusselt number of developed laminar flow [-].
+    """
     flow, by_volume = (f["mass_flow"], 0.0) if "mass_flow" in f else (f["volume_flow"], 1.0)
     return Law("linear", (base, fins, slope, diameter, f["length"], flow / section, developed, by_volume), "duct")
 
 
-def _lead(f: Fields) -> Law:
-    """Return what a lead carries from end to end."""
-    return _fin(f, 0)
-
-
-def _lead_loss(f: Fields) -> Law:
-    """Return what a lead loses from one end to its surroundings."""
-    return _fin(f, 1)
-
-
 def _fin(f: Fields, which: int) -> Law:
-    """Return one conductance of a lead's two-port in air, bare, and with radiation alone where that is known, made linear at 20 degC."""
+    """Return one conductance of a lead as a fin, from end to end (`which` = 0) or from an end outwards (1). [W/K]
+
+    Three numbers: in air, bare, and with radiation alone where the emissivity is known, 4 sigma emissivity T^3 at 20 degC.
+    """
     section = 0.25 * math.pi * f["diameter"] ** 2 if "diameter" in f else f["cross_section"]
     round_ = math.pi * f["diameter"] if "diameter" in f else 2.0 * (math.pi * section) ** 0.5
     shine = 4.0 * STEFAN_BOLTZMANN * AMBIENT_DEFAULT**3 * f["emissivity"] if "emissivity" in f else 0.0
@@ -230,17 +234,18 @@ def _fin(f: Fields, which: int) -> Law:
 
 
 def _table(f: Fields) -> Law:
+    """Return the factor on a deck's table, `scale` or one. [-]"""
     return Law("table", (f.get("scale", 1.0),))
 
 
 def _heat_pipe(f: Fields) -> Law:
-    """Return a conductance that switches with the mean temperature of its ends, half-way at the start temperature."""
+    """Return a conductance that rises on a line from off to on over `transition` [K], half-way at `start_temperature`, the ends' mean."""
     first = f["start_temperature"] - 0.5 * f["transition"]
     return Law("table", (1.0,), points=((first, f["off_conductance"]), (first + f["transition"], f["on_conductance"])))
 
 
 def _bolted(f: Fields) -> tuple[Law, ...]:
-    """Return what screws carry, by a figure for one or by their preload, and a filler on the rest of the joint."""
+    """Return screws, count * conductance_each or plastic contact under their preload [W/K], and a filler k (A - zone) / t beside them."""
     if "conductance_each" in f:
         zone: Number = 0.0
         screws = f["count"] * f["conductance_each"]
@@ -265,7 +270,7 @@ def _bolted(f: Fields) -> tuple[Law, ...]:
 
 
 def _wedge_lock(f: Fields) -> tuple[Law, ...]:
-    """Return what clamped edges carry; the part by gas is what their figure in vacuum lacks."""
+    """Return count * length / resistance_length [W/K]; with a figure in vacuum that as solid and the difference as carried by gas."""
     edges = f["count"] * f["length"]
     whole = edges / f["resistance_length"]
     if "vacuum_resistance_length" not in f:
@@ -280,7 +285,7 @@ def _wedge_lock(f: Fields) -> tuple[Law, ...]:
 
 
 def _spreading(f: Fields) -> Law:
-    """Return a small source on a plate, from the mean of the source to the plate's far side."""
+    """Return 1 / (R_spread + t / (k A_plate)) [W/K], from the mean of a small source to the far side of its plate."""
     if not value_of(f["source_area"]) < value_of(f["plate_area"]):
         raise DeckError(
             'the source must be smaller than its plate. If it covers the plate, use kind = "conduction".', code="value.outside-range"
@@ -344,13 +349,13 @@ KINDS: Final[Mapping[str, Kind]] = {
         _SINK | {"mass_flow": "kg/s", "volume_flow": "m^3/s"},
     ),
     "lead": Kind(
-        _lead,
+        partial(_fin, which=0),
         (_ALL({"conductivity", "length", "diameter"}), _ALL({"conductivity", "length", "cross_section"})),
         {"conductivity": "W/(m K)", "length": "m", "diameter": "m", "cross_section": "m^2", "perimeter": "m", "count": "1"}
         | {"htc": "W/(m^2 K)", "effective_htc": "W/(m^2 K)", "emissivity": "1"},
         optional=_ALL({"perimeter", "count", "htc", "effective_htc", "emissivity"}),
         words=_ALL({"to"}),
-        loss=_lead_loss,
+        loss=partial(_fin, which=1),
     ),
     "heat_pipe": Kind(
         _heat_pipe,

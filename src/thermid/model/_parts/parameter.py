@@ -89,31 +89,31 @@ class Standing:
         return 0 if not open_causes else INADEQUATE if all(s.usable for s in open_causes) else UNUSABLE
 
     def reason(self, of: str = "", link: str = "rests on stage") -> str:
-        """Return the reason in words for a result of stage `of`: its own, or that it rests on another stage."""
+        """Return `because` for a result of stage `of`; where the cause lies in another stage, '<link> '<stage>' (<because>)'."""
         return self.because if not self.because or not self.stage or self.stage == of else f"{link} '{self.stage}' ({self.because})"
 
     def line(self, of: str = "", link: str = "rests on stage") -> str:
-        """Return the line that stands first in a result of stage `of`; empty where there is nothing to be told."""
+        """Return the warning for the top of a result of stage `of`, every cause as 'STATE: reason'; empty where the standing is fair."""
         return "; also ".join(f"{s.state.upper()}{' (accepted)' * s.accepted}: {s.reason(of, link)}" for s in self.causes)
 
     def over(self, text: str, link: str = "rests on stage") -> str:
-        """Return a result as text below the line that must stand first in it."""
+        """Return `text` below the warning `line`; the text alone where the standing is fair."""
         return f"{self.line(link=link)}\n{text}" if not self.fair else text
 
     def accept(self, stages: Container[str]) -> Standing:
-        """Return it with the causes of some stages accepted."""
+        """Return the standing with `accepted` set on its own cause and on those beside it whose stage is in `stages`."""
         beside = tuple(s.accept(stages) for s in self.beside)
         return replace(self, accepted=self.accepted or (not self.fair and self.stage in stages), beside=beside)
 
     def as_table(self) -> dict[str, Any]:
-        """Return it as a file holds it; see `read`."""
+        """Return its fields as a table for a file, from which `read` makes it again."""
         out: dict[str, Any] = {"state": self.state, "because": self.because, "stage": self.stage}
         out |= {"accepted": True} if self.accepted else {}
         return out | ({"beside": [s.as_table() for s in self.beside]} if self.beside else {})
 
     @classmethod
     def read(cls, table: Mapping[str, Any]) -> Standing:
-        """Return what `kept` wrote.
+        """Return the standing that `as_table` wrote as this table.
 
         Raises
         ------
@@ -268,13 +268,13 @@ class Parameter:
         return (0.0 if self.minimum == 0.0 else None), None
 
     def laid_over(self, old: Parameter) -> Parameter:
-        """Return it in the place of another: bounds and note stay unless given anew; a spread and a range go with their value."""
+        """Return this parameter in the place of `old`, whose bounds and note it takes where it has none; a range of `old` is dropped."""
         low, high = (None, None) if old.is_range else (old.minimum, old.maximum)
         low, high = (low if self.minimum is None else self.minimum), (high if self.maximum is None else self.maximum)
         return replace(self, minimum=low, maximum=high, note=self.note or old.note)
 
     def form(self, path: str, dimension: Dimension, value: float) -> tuple[bool, float, float]:
-        """Return whether a value at that path is fitted by its logarithm, and its bounds, infinite where open. [SI]
+        """Return (fitted by its logarithm?, lower bound, upper bound) of a value [SI]; bounds are infinite where none is given.
 
         One that cannot be negative is, unless its minimum is zero, which a logarithm could not reach.
 
@@ -300,7 +300,7 @@ def exact(value: float, unit_text: str, note: str = "") -> Parameter:
 
 
 def _bound(value: Any, expression: Expression, what: str = "bound") -> float | None:
-    """Return a bound, or a spread, in SI: a number in the value's own unit, or a text with its own."""
+    """Return a bound (or a spread, `what`) in SI, given as a number in the unit of the value or as a text with a unit; None stays."""
     if value is None:
         return None
     if isinstance(value, str):
@@ -348,7 +348,7 @@ def _spread(value: Any, out: Parameter) -> str:
 
 
 def _written_number(value: Any) -> str:
-    """Return the text of a number that was given without one."""
+    """Return `repr` of a plain number; of anything else raise a DeckError."""
     try:
         number = math.nan if isinstance(value, bool | str) else float(value)
     except (TypeError, ValueError):
@@ -404,7 +404,7 @@ def check_bounds(value: float, parameter: Parameter, where: str) -> None:
 
     Raises
     ------
-    DeckError   Never moved silently (R6).
+    DeckError   When it lies below the minimum or above the maximum by more than rounding; a value is never moved to its bound.
     """
     for bound, side, beyond in ((parameter.minimum, "minimum", -1.0), (parameter.maximum, "maximum", 1.0)):
         if bound is not None and (value - bound) * beyond > 1e-12 * abs(bound):

@@ -42,26 +42,32 @@ class Range:
 
 
 def _above_zero(why: str) -> Range:
+    """Return finite values above zero, for the reason `why`."""
     return Range("a finite value above zero", why, MIN_FLOAT)
 
 
 def _above_zero_or_infinite(why: str) -> Range:
+    """Return values above zero, infinity too, for the reason `why`."""
     return Range("a value above zero", why, MIN_FLOAT, INFINITE)
 
 
 def _from_zero(why: str) -> Range:
+    """Return finite values from zero on, for the reason `why`."""
     return Range("a finite value, zero or more", why, 0.0)
 
 
 def _share(why: str) -> Range:
+    """Return 0 to 1 with a little rounding at the top, for the reason `why`."""
     return Range("0 to 1", why, 0.0, 1.0 + BOUND_ROUNDING)
 
 
 def _finite(why: str) -> Range:
+    """Return all finite values, for the reason `why`."""
     return Range("a finite number", why)
 
 
 def _nonzero(why: str) -> Range:
+    """Return all finite values but zero, for the reason `why`."""
     return Range("a finite value other than zero", why, nonzero=True)
 
 
@@ -212,6 +218,6 @@ def range_of(kind: str, field: str, slot: str) -> Range:
 
 
 def outside(allowed: Range, slot: str, number: Any, path: str) -> str:
-    """Return what is said of a number outside its range; `slot` is the unit of its field, `path` its parameter."""
+    """Return the message that a number lies outside its range; `slot` is the unit of its field, `path` its parameter."""
     unit = {TEMPERATURE: " K", "1": ""}.get(slot, f" {slot}")
     return f"'{path}' is {value_of(number):.6g}{unit}. Give {allowed.words}: {allowed.why}."

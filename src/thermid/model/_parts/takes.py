@@ -21,7 +21,7 @@ class Take:
 
 
 def exposed_area(surface: str, total: Number, takes: tuple[Take, ...], values: Mapping[str, Number], where: str = "") -> Number:
-    """Return what joints leave of a surface. [m^2]
+    """Return the area of a surface less what joints take of it: total - sum of takes, not below zero. [m^2]
 
     Raises
     ------

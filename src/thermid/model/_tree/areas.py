@@ -33,7 +33,7 @@ class LedgerLine:
 
 @takes_objects
 def ledger(model: Model) -> tuple[LedgerLine, ...]:
-    """Return the areas of every surface of a model, at every depth.
+    """Return the area ledger of a model: for every surface, at every depth, its total and what is exposed, in contact and in gaps.
 
     Raises
     ------

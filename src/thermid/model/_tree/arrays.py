@@ -66,7 +66,7 @@ def instance_name(name: str, place: Place) -> str:
 def made_instances(
     name: str, use: Use, part: Model, definition: str, links: Mapping[str, Conductor], where: Callable[[str], str]
 ) -> Instances:
-    """Return the parts, values and conductors that a table of [submodels] makes.
+    """Return what one table of [submodels] stands for: an instance of `part` at every place, its values, and the links between them.
 
     Parameters
     ----------
@@ -100,6 +100,7 @@ def made_instances(
 
 
 def _check_chain(use: Use, part: Model, where: Callable[[str], str]) -> None:
+    """Refuse a chain over rows and columns, or between names that the part neither needs nor offers."""
     if not use.chain:
         return
     if len(use.count) != 1:
@@ -118,7 +119,7 @@ def _check_chain(use: Use, part: Model, where: Callable[[str], str]) -> None:
 
 
 def _placed(text: str, place: Place) -> str:
-    """Return a text with its indices put in."""
+    """Return a text with {i} and {j} replaced by the indices of a place."""
     for letter, index in zip(INDICES, place, strict=False):
         text = text.replace(f"{{{letter}}}", str(index))
     return text
@@ -139,7 +140,7 @@ def _value(raw: Any, k: int, place: Place, count: int, where: str) -> Parameter:
 def _linked(
     name: str, places: Sequence[Place], links: Mapping[str, Conductor], where: Callable[[str], str]
 ) -> Iterator[tuple[str, Conductor]]:
-    """Yield the conductors between neighbours; the values of the first are those of all."""
+    """Yield name and conductor of every link between neighbours, along each axis; later ones read their values from the first."""
     there = set(places)
     if links and len(places) < 2:
         raise DeckError("links need neighbours. Give a count of 2 or more.", where("links"), code="model.law-refused")
@@ -162,7 +163,7 @@ def _linked(
 
 
 def merged(into: dict[str, Any], more: Mapping[str, Any], where: str) -> None:
-    """Add what a table makes to what the deck writes.
+    """Add elements or values `more` to those of the deck, `into`, in place.
 
     Raises
     ------

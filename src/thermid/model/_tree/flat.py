@@ -43,7 +43,7 @@ class FlatNode:
     stands_for: str = ""
 
     def capacitance(self, values: Mapping[str, Any]) -> Any:
-        """Return m c or C at values of parameters, or None for a massless node. [J/K]"""
+        """Return m c, or C where that is given, at values (path -> value, SI); None for a massless node. [J/K]"""
         if not self.fields:
             return None
         if "capacitance" in self.fields:
@@ -144,7 +144,7 @@ class FlatControl:
         return self.control.kind in ("thermostat", "modes", "pid") or bool(self.control.sample)
 
     def transition(self, name: str) -> tuple[ModeChange, tuple[tuple[str, float], ...]]:
-        """Return a transition and what it follows."""
+        """Return the named transition and the (node, weight) pairs that it follows."""
         return self.control.transitions[name], self.ways[name]
 
 
@@ -209,7 +209,7 @@ class Flat:
 
 
 def allows(allowed: Range, number: Any) -> bool:
-    """Return whether a range has a number, also one with derivatives; of numbers of members all must agree."""
+    """Return whether a number lies in a range; one with derivatives by its value, one of members if all of them do."""
     value: Any = value_of(number)
     return bool(allowed.low <= value <= allowed.high) and not (allowed.nonzero and value == 0.0)
 
@@ -225,6 +225,7 @@ def flatten(model: Tree) -> Flat:
 
 
 def _laid_flat(model: Tree) -> Flat:
+    """Return what `flatten` remembers."""
     names, parameters = Names(model), ParameterSet(model)
     takes = _takes(model, names)
     enclosed, inside = _enclosures(model, names, takes)
@@ -375,7 +376,7 @@ def _surface(
 
 
 def _face(owner: Tree, prefix: str, name: str, surface: Surface, takes: tuple[Take, ...], names: Names, enclosed: bool) -> FlatSurface:
-    """Return a surface as radiation from outside meets it."""
+    """Return what sun and sky need of a surface: node, gas, area and optical fields, facing, and what it sees."""
     key = f"surfaces.{name}"
     fields = {f: f"{prefix}{name}.{f}" for f in ("area", "emissivity", "absorptance") if f in surface.fields}
     to = names.end(owner, prefix, surface.to, key)
@@ -386,7 +387,7 @@ def _face(owner: Tree, prefix: str, name: str, surface: Surface, takes: tuple[Ta
 
 
 def _radiation_without_gas(fields: Mapping[str, Any]) -> Law:
-    """Return the radiation that an effective coefficient holds, which shows without gas."""
+    """Return the radiation row of a surface with an effective coefficient, marked to act only where its gas is gone."""
     law = KINDS["radiation"].recipe(fields)
     assert isinstance(law, Law)
     return replace(law, medium="left")
@@ -437,6 +438,7 @@ def _losses(conductor: FlatConductor) -> list[FlatConductor]:
 
 
 def _load(owner: Tree, prefix: str, name: str, load: HeatLoad, names: Names) -> FlatLoad:
+    """Return a load with canonical node, sensor and controls."""
     key = f"loads.{name}"
     node = names.end(owner, prefix, load.into, key)
     sensor = names.end(owner, prefix, load.sensor, key) if load.sensor else node
@@ -470,6 +472,7 @@ def _controls(owner: Tree, prefix: str, raw: Sequence[str], key: str) -> tuple[s
 
 
 def _control(owner: Tree, prefix: str, name: str, control: Control, names: Names) -> FlatControl:
+    """Return a control with the canonical nodes that it and its transitions follow."""
     key = f"controls.{name}"
 
     def nodes(follows: Mapping[str, float], at: str) -> tuple[tuple[str, float], ...]:
@@ -525,6 +528,7 @@ def _slots(flat: Flat, model: Tree) -> Iterator[tuple[str, str, str, str]]:
 
 
 def _require(fitting: set[tuple[str, str]], parameters: ParameterSet, path: str, slot: str) -> None:
+    """Refuse a value whose dimension is not that of its slot; (unit, slot) pairs found to fit are added to `fitting`."""
     root = parameters.literal_behind(path)
     entry = parameters.table[root]
     literal = entry.parameter.expression.literal
@@ -548,7 +552,7 @@ def gas_nodes(flat: Flat) -> frozenset[str]:
 
 
 def into_gas(flat: Flat, values: Mapping[str, Any]) -> dict[str, list[str]]:
-    """Return gas node -> what radiates to it with an emissivity above zero: surfaces, leads, conductors, enclosures by their rest.
+    """Return gas node -> paths of what radiates into it: surfaces, leads, conductors, enclosures by their rest, if their factor is not 0.
 
     Parameters
     ----------
@@ -574,7 +578,7 @@ def into_gas(flat: Flat, values: Mapping[str, Any]) -> dict[str, list[str]]:
 
 
 def radiates_into(gas: str, radiating: list[str]) -> str:
-    """Return what is said of what radiates into a gas."""
+    """Return the error message that the paths `radiating` radiate into the node `gas`, with what to do."""
     radiates, sees = ("radiate", "they see") if len(radiating) > 1 else ("radiates", "it sees")
     return CodedText(
         f"{quoted(radiating)} {radiates} to '{gas}', which is gas, and gas does not absorb radiation here. Name the wall that {sees}, "
@@ -586,19 +590,19 @@ def radiates_into(gas: str, radiating: list[str]) -> str:
 
 
 def bare(flat: Flat) -> dict[str, str]:
-    """Return surface or lead -> its gas, of those with a convection and without a word on radiation."""
+    """Return surface or lead -> its gas node, of those that have htc but no emissivity: a run in vacuum refuses them."""
     faces = {path: face.to for path, face in flat.faces.items() if face.exchange == "htc" and "emissivity" not in face.fields}
     leads = {_lead(c.path): c.gas for c in flat.conductors if c.kind == "lead" and "htc" in c.fields and "emissivity" not in c.fields}
     return faces | leads
 
 
 def _lead(path: str) -> str:
-    """Return the lead of one of its losses."""
+    """Return the path of a lead from that of the loss at one of its ends."""
     return path.removesuffix(".first").removesuffix(".second")
 
 
 def still(flat: Flat) -> dict[str, str]:
-    """Return surface -> its gas, of those with an emissivity, in no enclosure, and without a word on convection."""
+    """Return surface -> its gas node, of those outside enclosures with an emissivity but no htc: a run with gas refuses them."""
 
     def silent(face: FlatSurface) -> bool:
         return not face.exchange and bool(face.sees) and "emissivity" in face.fields
@@ -615,7 +619,7 @@ def surrounding(flat: Flat) -> frozenset[str]:
 
 
 def streams_of(conductors: Iterable[FlatConductor]) -> tuple[FlatConductor, ...]:
-    """Return the streams between two nodes."""
+    """Return the conductors of kind `flow` that join two different nodes."""
     return tuple(c for c in conductors if c.kind == "flow" and c.ends[0] != c.ends[1])
 
 
@@ -630,13 +634,13 @@ def by_volume(c: FlatConductor) -> bool:
 
 
 def flow_of(c: FlatConductor, values: Mapping[str, Any]) -> Any:
-    """Return the flow of a stream as it is written: of mass [kg/s], or of volume [m^3/s] where its density follows from the gas."""
+    """Return the flow of a stream: mass_flow or volume_flow * density [kg/s]; volume_flow [m^3/s] where no density is written."""
     flow = value_of(values[c.fields["volume_flow" if by_volume(c) else "mass_flow"]])
     return flow * value_of(values[c.fields["density"]]) if "density" in c.fields else flow
 
 
 def unclosed(flat: Flat, values: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Yield place and sentence of each node that does not pass on what enters it, where a stream names its fluid or the node is gas.
+    """Yield (place, message) for each node whose streams do not balance, where a stream names its fluid or the node is gas.
 
     What enters a node and is not passed on leaves it unwritten, at its temperature: the last node of a line. A boundary gives and takes.
 
@@ -661,7 +665,7 @@ def unclosed(flat: Flat, values: Mapping[str, Any]) -> Iterator[tuple[str, str]]
 def _unbalanced(
     node: str, into: Sequence[FlatConductor], out: Sequence[FlatConductor], values: Mapping[str, Any]
 ) -> Iterator[tuple[str, str]]:
-    """Yield what is wrong with the sums of a node."""
+    """Yield (place, message) where the flows into a node and out of it differ by more than `BALANCED`, for any shares of controls."""
     entering, leaving = (sum((flow_of(c, values) for c in part), start=0.0) for part in (into, out))
     sums: dict[tuple[str, ...], Any] = {}
     most: Any = 0.0
@@ -683,7 +687,7 @@ def _unbalanced(
 
 
 def _products(controls: Sequence[str]) -> list[tuple[tuple[str, ...], float]]:
-    """Return the product of controls as a sum: names whose shares are multiplied, and a factor; ``1 - x`` is one less x."""
+    """Return the product of controls expanded to a sum of (names multiplied, factor): x (1 - y) is [(x), 1], [(x, y), -1]."""
     out: list[tuple[tuple[str, ...], float]] = [((), 1.0)]
     for written in controls:
         name, rest = named_control(written)
@@ -703,7 +707,7 @@ def _by_fluid(streams: Sequence[FlatConductor]) -> dict[str, list[FlatConductor]
 
 
 def _met(node: str, streams: Sequence[FlatConductor]) -> Iterator[tuple[str, str]]:
-    """Yield two gases in one node, and volumes of gas beside masses."""
+    """Yield (place, message) where two gases meet in a node, or flows of volume meet flows of mass."""
     gases = {fluid_of(c): c for c in streams if fluid_of(c)}
     if len(gases) > 1:
         (one, a), (two, b) = list(gases.items())[:2]
@@ -719,7 +723,7 @@ def _met(node: str, streams: Sequence[FlatConductor]) -> Iterator[tuple[str, str
 
 
 def unfed(flat: Flat) -> dict[str, str]:
-    """Return what is said of each stream that names no fluid and leaves a gas node that no stream enters, by its path."""
+    """Return stream -> warning, of each stream that names no fluid and leaves a gas node that no stream enters."""
     streams = streams_of(flat.conductors)
     empty = gas_nodes(flat) - {c.ends[1] for c in streams}
     return {
@@ -734,7 +738,7 @@ def unfed(flat: Flat) -> dict[str, str]:
 
 
 def _flow_text(streams: Sequence[FlatConductor], flow: Any, values: Mapping[str, Any]) -> str:
-    """Return a flow with the names of its streams, as volume where all are written so; of many members the first."""
+    """Return a flow as text with the names of its streams: g/s, or l/min where all are flows of volume; of members the first one's."""
     if not streams:
         return "nothing"
     volume = all(by_volume(c) for c in streams)

@@ -60,6 +60,7 @@ def definition_of(model: Tree) -> str:
 
 
 def _hash(tables: Mapping[str, Any]) -> str:
+    """Return 16 hex digits of the SHA-256 of tables, whatever the order of their keys."""
     return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()[:16]
 
 
@@ -71,12 +72,12 @@ def instances(model: Tree, prefix: str = "") -> Iterator[tuple[str, str]]:
 
 
 def inside(path: str, place: str) -> bool:
-    """Return whether a path is a place or lies in it."""
+    """Return whether `path` is `place` itself or begins with it and a dot."""
     return path == place or path.startswith(f"{place}.")
 
 
 def outside(paths: Iterable[str], places: Collection[str]) -> tuple[str, ...]:
-    """Return those of some paths that lie in none of some places: of a value's own, where it still acts once these are gone."""
+    """Return the paths that lie in none of `places`."""
     return tuple(p for p in paths if not any(inside(p, place) for place in places))
 
 
@@ -86,7 +87,7 @@ def depth(place: str) -> int:
 
 
 def rows_of_decks(model: Tree) -> Mapping[str, tuple[str, tuple[str, ...]]]:
-    """Return path -> its name in the deck that has the row, and every path of that row, whatever a [set], cut or layer makes of it."""
+    """Return path -> (its name in the deck that writes it, all paths that this one row of the deck stands for)."""
     of = dict(instances(model))
     rows: dict[tuple[str, str], list[str]] = {}
     for part, prefix in model.walk():
@@ -102,6 +103,7 @@ def local_identities(model: Tree, owner: str = "") -> Mapping[str, Identity]:
 
 
 def _local_identities(model: Tree, owner: str) -> dict[str, Identity]:
+    """Return what `local_identities` remembers."""
     rows = _rows(model, owner)
     classes = _classes(rows)
     states = Counter(key[:2] for key in classes)
@@ -265,6 +267,7 @@ def _prefixes(path: str) -> Iterator[str]:
 
 
 def _classes(rows: Mapping[str, _Row]) -> dict[Key, list[str]]:
+    """Return key -> paths of the rows that share it: one value each."""
     out: dict[Key, list[str]] = {}
     for path, row in rows.items():
         out.setdefault(row.key, []).append(path)
@@ -278,6 +281,7 @@ def _number(parameter: Parameter) -> tuple[str, str]:
 
 
 def _why(row: _Row, count: int, twin: bool) -> str:
+    """Return in words what ties the `count` paths of a row, or keeps one apart from its `twin`."""
     if row.way == "cut":
         return "cut"
     if count == 1:
@@ -328,7 +332,7 @@ def _grouped(fields: Mapping[str, Parameter]) -> dict[str, Any]:
 
 
 def _named(fields: dict[str, Any], words: Mapping[str, str]) -> dict[str, Any]:
-    """Return fields with what is no number beside them."""
+    """Return `fields` with the words added, ``group.name`` inside the table of its group."""
     for name, word in words.items():
         group, _, inner = name.partition(".")
         if inner:
@@ -339,6 +343,7 @@ def _named(fields: dict[str, Any], words: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _curve_to(shape: Curve | None, slot: str) -> dict[str, Any]:
+    """Return a curve as the `table` of a deck, values in the unit `slot`; empty without one."""
     return {} if shape is None else {"table": {"over": shape.over} | _points_to(shape, slot)}
 
 
@@ -398,7 +403,7 @@ def _control_to(control: Control) -> dict[str, Any]:
 
 
 def _controlled(names: Sequence[str], key: str = "control") -> dict[str, Any]:
-    """Return what an element says of its controls."""
+    """Return key -> one name or a list of names; empty without controls."""
     return {} if not names else {key: names[0] if len(names) == 1 else list(names)}
 
 

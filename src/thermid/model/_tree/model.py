@@ -23,6 +23,7 @@ class Model(Tree, Shown):
         return Shown.__repr__(self)
 
     def _summary(self) -> str:
+        """Return its title with the number of elements of each kind."""
         parts = [f"{row['number']} {row['what']}" for row in self._as_rows() if row["number"]]
         return f"{self.title}: {', '.join(parts)}"
 

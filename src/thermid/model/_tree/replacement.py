@@ -58,7 +58,7 @@ class PlaceStart:
     of_part: bool = False
 
     def __str__(self) -> str:
-        """As an assumption."""
+        """Return the start as an assumption in words."""
         whose = f"that of {', '.join(self.twins)}" if self.twins else "its value with the old part"
         return f"{self.path} is {whose}, {short_text(self.text)} within {100 * self.log_sd:.0f} %"
 
@@ -150,7 +150,7 @@ def without_layers(model: Tree) -> Tree:
 
 
 def _above(entry: Entry, old: Tree) -> bool:
-    """Return whether a value was given where the part is installed, and not by a test of the part alone."""
+    """Return whether a value was set by the model around the part, and not by a layer of the part itself."""
     own_layers = {layer.origin for layer in old.layers}
     return entry.origin not in own_layers or any(origin.startswith("[set]") for origin, _ in entry.shadowed)
 
@@ -182,14 +182,14 @@ def _at(model: M, path: str, new: M, full: str, keep: frozenset[str], new_values
 
 
 def _less(layer: Layer, stays: Callable[[str, Parameter], bool]) -> Layer:
-    """Return the values of a layer that stay."""
+    """Return a layer with only the values for which `stays` holds, and ties among them."""
     values = {p: v for p, v in layer.values.items() if stays(p, v)}
     ties = (tuple(p for p in group if p in values) for group in layer.ties)
     return replace(layer, values=values, ties=tuple(t for t in ties if len(t) > 1))
 
 
 def _ports(model: Tree, head: str, new: Tree, path: str) -> dict[str, str]:
-    """Return what the needs of the new part are bound to.
+    """Return need -> node for the new part, as the old one was bound.
 
     Raises
     ------
@@ -301,7 +301,7 @@ class Touching:
     neighbours: set[str] = field(default_factory=set)
 
     def why(self, values: ParameterSet, path: str) -> tuple[list[str], list[str]]:
-        """Return through what a value acts on the part: elements or settings; and the elements elsewhere that it acts on too."""
+        """Return (elements and settings through which the value at `path` acts on the part, elements elsewhere that it acts on)."""
         acts = set(values.downstream([path]))
         touched = [name for name, fields in self.elements.items() if acts & set(fields)]
         touched += sorted(p for p in self.settings if p in acts)
@@ -309,7 +309,7 @@ class Touching:
 
 
 def touching(model: Tree, part: str) -> Touching:
-    """Return what the submodel at a path touches in a model, at every level between them."""
+    """Return the elements, settings and neighbours that attach to the submodel at a path, at every level above it."""
     out = Touching()
     _visit(model, "", part, part, out)
     out.neighbours = {n for n in out.neighbours if not inside(n, part)}
@@ -317,7 +317,7 @@ def touching(model: Tree, part: str) -> Touching:
 
 
 def _visit(model: Tree, prefix: str, rest: str, part: str, out: Touching) -> None:
-    """Collect from a model that holds the part below its submodel ``rest``."""
+    """Add to `out` what a model, which holds the part at `rest` below it, attaches to the part, sets in it, or has elsewhere."""
     fields: dict[str, list[str]] = {}
     for name, key, _ in model.own_parameters():
         if not key.startswith("parameters."):
@@ -339,6 +339,7 @@ def _visit(model: Tree, prefix: str, rest: str, part: str, out: Touching) -> Non
 
 
 def _elsewhere(model: Tree, prefix: str, out: Touching) -> None:
+    """Add the fields of every element of a model that does not hold the part to `out.shared`."""
     for name, key, _ in model.own_parameters():
         if not key.startswith("parameters."):
             out.shared[prefix + name] = prefix + name.partition(".")[0]

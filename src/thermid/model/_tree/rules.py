@@ -60,7 +60,7 @@ class Finding:
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """A model as the rules see it.
+    """A model with its values and conductances computed once, for all rules.
 
     Parameters
     ----------
@@ -118,6 +118,7 @@ class _View:
         return float(f["power"] * f.get("periodic.duty", 1.0) * cycle)
 
     def _conducting(self) -> list[FlatConductor]:
+        """Return the conductors whose conductance is not zero."""
         return [c for c in self.flat.conductors if self.conductances.get(c.path, 0.0) != 0.0]
 
 
@@ -127,6 +128,7 @@ def _refused(error: ThermidError, where: str) -> Finding:
 
 
 def _view(model: Tree, assigned: Mapping[str, float] | None = None) -> _View:
+    """Return the view of a model with its own values, or with `assigned` (path -> SI) in their place."""
     flat = flatten(model)
     values = flat.parameters.evaluate(assigned or {})
     impossible = {
@@ -148,7 +150,7 @@ def _view(model: Tree, assigned: Mapping[str, float] | None = None) -> _View:
 
 
 def _laws(view: _View) -> Iterator[Finding]:
-    """A law that refuses its values, over-allocated areas among them, and negative conductances."""
+    """Yield an error for each conductor whose law refuses its values, joints that take too much area among them, or is negative."""
     yield from view.refused
     for c in view.flat.conductors:
         if view.conductances.get(c.path, 0.0) < 0.0:
@@ -161,7 +163,7 @@ def _laws(view: _View) -> Iterator[Finding]:
 
 
 def _impossible(view: _View) -> Iterator[Finding]:
-    """A value that physics forbids; of several fields that one number stands behind, the first."""
+    """Yield an error for each value that physics forbids; of several fields with one number behind them, the first."""
     places: dict[str, Finding] = {}
     for finding in view.impossible.values():
         places.setdefault(finding.where, finding)
@@ -169,7 +171,7 @@ def _impossible(view: _View) -> Iterator[Finding]:
 
 
 def _capacitances(view: _View) -> Iterator[Finding]:
-    """A node that stores nothing although it is given a mass."""
+    """Yield an error for each node whose mass or capacitance gives no capacitance above zero and finite."""
     for node in view.flat.nodes:
         possible = not set(view.impossible) & set(node.fields.values())
         if node.fields and possible and not 0.0 < view.capacitance(node) < float("inf"):
@@ -178,7 +180,7 @@ def _capacitances(view: _View) -> Iterator[Finding]:
 
 
 def _attached(view: _View) -> Iterator[Finding]:
-    """A node or need that nothing is attached to."""
+    """Yield a warning for each node with a mass, and each need, that nothing is attached to."""
     used = {end for c in view.flat.conductors for end in c.ends} | {end for x in view.flat.loads for end in (x.node, x.sensor)}
     for node in view.flat.nodes:
         if node.path not in used and node.fields:
@@ -199,7 +201,7 @@ def _attached(view: _View) -> Iterator[Finding]:
 
 
 def _missing(view: _View) -> Iterator[Finding]:
-    """What an import could not take over."""
+    """Yield a warning for each thing of the hardware that the model or a part lacks."""
     for what in view.model.missing_parts():
         yield Finding(
             "warning",
@@ -210,7 +212,7 @@ def _missing(view: _View) -> Iterator[Finding]:
 
 
 def _massless(view: _View) -> Iterator[Finding]:
-    """A massless node, or a group of them, whose temperature is undefined."""
+    """Yield an error for each group of massless nodes that reaches no temperature."""
     for group in view.islands():
         if all(not node.fields for node in group):
             names = quoted([n.path for n in group])
@@ -224,7 +226,7 @@ def _massless(view: _View) -> Iterator[Finding]:
 
 
 def _paths(view: _View) -> Iterator[Finding]:
-    """A part from which no heat can leave: the rate at which it warms."""
+    """Yield a warning for each group of nodes with no path to a boundary, and how fast it warms: sum of loads / capacitance."""
     used = {end for c in view.flat.conductors for end in c.ends} | {x.node for x in view.flat.loads}
     for group in view.islands():
         capacitance = sum(view.capacitance(n) for n in group)
@@ -253,7 +255,7 @@ def _paths(view: _View) -> Iterator[Finding]:
 
 
 def _loads(view: _View) -> Iterator[Finding]:
-    """A load whose heat cannot leave, or that goes into a given temperature."""
+    """Yield a warning for each load whose heat cannot leave, or that heats a boundary."""
     outside = {n.path for group in view.islands() for n in group}
     for load in view.flat.loads:
         if load.node in outside:
@@ -274,7 +276,7 @@ def _loads(view: _View) -> Iterator[Finding]:
 
 
 def _shadowed(view: _View) -> Iterator[Finding]:
-    """A value that another one hides; a value of an element that stands where it is used hides nothing."""
+    """Yield a note for each value that hides another of a deck; an element that is written where it is used hides nothing."""
     made_parts = tuple(f"{prefix}{name}." for owner, prefix in view.model.walk() for name, part in owner.submodels.items() if part.made)
     groups: dict[tuple[str, str, str], list[str]] = {}
     table = view.flat.parameters.table
@@ -299,7 +301,7 @@ def _shadowed(view: _View) -> Iterator[Finding]:
 
 
 def _ties(view: _View) -> Iterator[Finding]:
-    """Values that several instances share, and what is cut from its twins."""
+    """Yield a note for values that several instances share, that differ in one of them, or that are cut."""
     literals = {path for path, entry in view.flat.parameters.table.items() if entry.parameter.is_literal}
     identities = {one.paths: one for path, one in local_identities(view.model).items() if path in literals}
     shared: dict[tuple[str, tuple[str, ...]], list[str]] = {}
@@ -380,7 +382,7 @@ def _unused(view: _View) -> Iterator[Finding]:
 
 
 def _exponents(view: _View) -> Iterator[Finding]:
-    """An exponent of natural convection that is unusual."""
+    """Yield a warning for each exponent of natural convection above 1."""
     for c in view.flat.conductors:
         path = c.fields.get("htc.exponent", "")
         if path and view.values[path] > 1.0:
@@ -420,14 +422,14 @@ RISE: Final = 10.0
 
 
 def _lumped(view: _View) -> Iterator[Finding]:
-    """A node whose inside is not at one temperature."""
+    """Yield a note for each node whose inside is not at one temperature, by its Biot number."""
     where = {n.path: n.where for n in view.flat.nodes}
     for node, message in _unlumped(view).items():
         yield Finding("note", where[node], message, code_of(message) or "")
 
 
 def _unlumped(view: _View) -> dict[str, CodedText]:
-    """Return node -> that it is not at one temperature, and what to split."""
+    """Return node -> message, of each node with a Biot number above `LUMPED`, and into how many it should be split."""
     texts = {}
     for node, biot in _lumping(view).items():
         if biot > LUMPED:
@@ -440,7 +442,7 @@ def _unlumped(view: _View) -> dict[str, CodedText]:
 
 
 def unlumped(model: Tree, values: Mapping[str, float]) -> tuple[CodedText, ...]:
-    """Return which nodes are not at one temperature with some values, and what to split.
+    """Return a message for each node whose inside is not at one temperature at given values, and what to split.
 
     Parameters
     ----------
@@ -451,12 +453,12 @@ def unlumped(model: Tree, values: Mapping[str, float]) -> tuple[CodedText, ...]:
 
 
 def _pieces(biot: float) -> int:
-    """Return the pieces of a body of which each is at one temperature: the Biot number of a film along it falls with their square."""
+    """Return ceil(sqrt(biot / LUMPED)), at least 2: n pieces of a body have 1/n^2 of its Biot number."""
     return max(2, math.ceil(math.sqrt(biot / LUMPED)))
 
 
 def _outliers(view: _View) -> Iterator[Finding]:
-    """A value far from those of its peers: the same field of parts, or of conductors of one kind."""
+    """Yield a warning for a value more than `OUTLIER_FACTOR` from the median of at least `PEERS` others of its field."""
     table = view.flat.parameters.table
     kinds = {c.path: c.kind for c in view.flat.conductors}
     peers: dict[tuple[str, str], list[str]] = {}
@@ -480,7 +482,7 @@ def _outliers(view: _View) -> Iterator[Finding]:
 
 
 def _ranges(view: _View) -> Iterator[Finding]:
-    """A formula outside the range in which its source vouches for it."""
+    """Yield a warning for each spreading resistance outside the range of its formula."""
     for c in view.flat.conductors:
         if c.kind == "spreading":
             source, plate, thickness = (view.values[c.fields[f]] for f in ("source_area", "plate_area", "thickness"))
@@ -495,7 +497,7 @@ def _ranges(view: _View) -> Iterator[Finding]:
 
 
 def _test_only(view: _View) -> Iterator[Finding]:
-    """Elements of the bench, which a flight model leaves out, and what hangs on them without being marked."""
+    """Yield a note of the elements marked test_only, and a warning where the model fails without them."""
     marked = [prefix + name for owner, prefix in view.model.walk() for _, name, element in owner.elements() if element.test_only]
     if marked:
         count = "one element is" if len(marked) == 1 else f"{len(marked)} elements are"
@@ -515,7 +517,7 @@ def _test_only(view: _View) -> Iterator[Finding]:
 
 
 def _radiating(view: _View) -> Iterator[Finding]:
-    """Radiation into a gas."""
+    """Yield an error for each gas node that something radiates into."""
     for gas, radiating in into_gas(view.flat, view.values).items():
         where = next(n.where for n in view.flat.nodes if n.path == gas)
         message = radiates_into(gas, radiating)
@@ -523,7 +525,7 @@ def _radiating(view: _View) -> Iterator[Finding]:
 
 
 def _streams(view: _View) -> Iterator[Finding]:
-    """A node whose streams do not carry one mass, and a stream that takes no heat from the node that it leaves."""
+    """Yield an error for each node whose streams do not balance, a warning for each stream that leaves a node nothing enters."""
     for where, message in unclosed(view.flat, view.values):
         yield Finding("error", where, message, code_of(message))
     for path, message in unfed(view.flat).items():
@@ -531,7 +533,7 @@ def _streams(view: _View) -> Iterator[Finding]:
 
 
 def _unsaid(view: _View) -> Iterator[Finding]:
-    """What a surface says nothing of: convection in gas, radiation without; what a run with the other is refused for."""
+    """Yield findings for surfaces and leads without htc or emissivity: a run with gas, or in vacuum, will be refused."""
     place = {path: face.where for path, face in view.flat.faces.items()} | {c.path: c.where for c in view.flat.conductors}
     quiet = list(still(view.flat))
     if quiet:
@@ -563,7 +565,7 @@ def _unsaid(view: _View) -> Iterator[Finding]:
 
 
 def _carried(view: _View) -> Iterator[Finding]:
-    """Constant coefficients to boundaries, most of what leaves the model, of which nothing says what carries the heat."""
+    """Yield a note where constant coefficients without carried_by carry more than half of the heat that leaves the model."""
     around = set(view.flat.names.boundaries)
     leaving = {c.path: c for c in view._conducting() if around & {*c.ends} and not around >= {*c.ends}}
     # radiation is made linear at room temperature, a law with an exponent stands as at 1 K
@@ -581,7 +583,7 @@ def _carried(view: _View) -> Iterator[Finding]:
 
 
 def _sources(view: _View) -> Iterator[Finding]:
-    """Values without a source, where others have one."""
+    """Yield a note of the values without a source, where others have one."""
     literals = {path: entry.parameter for path, entry in view.flat.parameters.table.items() if entry.parameter.is_literal}
     bare = [path for path, parameter in literals.items() if not parameter.source]
     if bare and len(bare) < len(literals):
@@ -630,4 +632,5 @@ def findings(model: Tree) -> tuple[Finding, ...]:
 
 
 def _has(group: list[FlatNode]) -> str:
+    """Return the verb for one node or several."""
     return "has" if len(group) == 1 else "have"

@@ -169,6 +169,7 @@ class Tree:
         return inner.submodel(rest) if rest else inner
 
     def _parts(self) -> str:
+        """Return the end of a message that names the submodels there are."""
         return f" There are {', '.join(self.submodels)}." if self.submodels else " It has none."
 
     def canonical(self, path: str) -> str:
@@ -195,6 +196,7 @@ class Tree:
 
     @property
     def _below(self) -> dict[str, str]:
+        """Aliases of submodels that are names here too -> canonical path; computed once."""
         return self.memo.value("inner aliases", self._inner_aliases)
 
     def every_alias(self) -> dict[str, str]:
@@ -264,7 +266,7 @@ class Tree:
 
 
 def _among(ties: tuple[tuple[str, ...], ...], present: Container[str]) -> tuple[tuple[str, ...], ...]:
-    """Return the groups of what is still there."""
+    """Return the groups of paths without those that are not in `present`; groups of one go."""
     remaining = (tuple(p for p in group if p in present) for group in ties)
     return tuple(group for group in remaining if len(group) > 1)
 
@@ -336,6 +338,7 @@ class Names:
             refuse_unknown([model.canonical(offer)], names, model.where("offers"), missing, NameNotFoundError)
 
     def _collect(self, model: Tree, prefix: str) -> None:
+        """Add the nodes of a model and its parts to `nodes`, those of joints too."""
         self._check_ports(model)
         for name in model.nodes:
             self.nodes[prefix + name] = (model, name)
@@ -345,11 +348,13 @@ class Names:
             self._collect(part.model, f"{prefix}{name}.")
 
     def _bind(self, model: Tree, prefix: str) -> None:
+        """Bind the needs of every part, from the outside in."""
         for name, part in model.submodels.items():
             self._bind_part(model, prefix, name, part)
             self._bind(part.model, f"{prefix}{name}.")
 
     def _bind_part(self, model: Tree, prefix: str, name: str, part: Submodel[Tree]) -> None:
+        """Record which node each need of a part stands for and which one its surfaces see; refuse a need without one."""
         wrong = f"'{name}' needs {', '.join(part.model.needs) or 'nothing'}, not '{{}}'."
         refuse_unknown(part.bind, part.model.needs, model.where(f"submodels.{name}.bind"), wrong, NameNotFoundError)
         for need in part.model.needs:
@@ -396,6 +401,7 @@ class Names:
         return self._seen.get(prefix + model.canonical(raw), node)
 
     def _nearest(self, prefix: str, path: str) -> str:
+        """Return the end of a message that names the nearest node below a prefix."""
         names = [n.removeprefix(prefix) for n in (*self.nodes, *self._alias) if n.startswith(prefix)]
         return nearest(path, names)
 
@@ -416,6 +422,12 @@ class Names:
             surfaces = [s for s in owner.surfaces]
             raise NameNotFoundError(f"no surface '{raw}'.{nearest(rest, surfaces)} Declare it under surfaces.", model.where(key))
         return own_prefix + rest, owner, own_prefix
+
+    def knows(self, raw: str) -> bool:
+        """Return whether a node or boundary has a name; aliases are accepted."""
+        path = self.model.canonical(raw)
+        path = self._alias.get(path, path)
+        return path in self.nodes or path in self.boundaries
 
     def find(self, raw: str, where: str = "") -> str:
         """Return the canonical path of a node or boundary named by a scenario, a record or a caller."""
@@ -499,7 +511,7 @@ def deck_text(entry: Entry) -> str:
 
 
 def _lay(table: dict[str, Entry], model: Tree, prefix: str, raw: str, parameter: Parameter, origin: str, where: str) -> None:
-    """Lay one value over the table; bounds and notes stay unless given anew."""
+    """Put one value in the place of the one at its path, which becomes one of its `shadowed`."""
     path = prefix + model.canonical(raw)
     old = table.get(path)
     if old is None:
@@ -537,6 +549,7 @@ class ParameterSet:
                 check_bounds(values[path], entry.parameter, entry.where)
 
     def _lookup(self, name: str, entry: Entry) -> str:
+        """Return the path of a name in the expression of an entry, or raise with the nearest one."""
         full = entry.scope + name
         if full not in self.table:
             local = [p.removeprefix(entry.scope) for p in self.table if p.startswith(entry.scope)]
@@ -609,7 +622,7 @@ class ParameterSet:
         return self._dimensions[path]
 
     def literal_behind(self, path: str) -> str:
-        """Follow a chain of bare names to the value at its end."""
+        """Return the path at the end of a chain of values that are written as one bare name each; `path` itself where it is none."""
         visited = {path}
         while True:
             names = self._needs[path]
@@ -623,10 +636,11 @@ class ParameterSet:
 
     @cached_property
     def _shares(self) -> frozenset[str]:
+        """Paths of the values behind fields that physics keeps from 0 to 1."""
         return frozenset(self.literal_behind(p) for p in self.table if p.rpartition(".")[2] in SHARES)
 
     def bounded(self, path: str) -> Parameter:
-        """Return a parameter with the walls of its deck; those of a share, such as an emissivity, lie within 0 and 1."""
+        """Return the parameter at a path with its hard bounds as minimum and maximum; those of a share lie within 0 and 1. [SI]"""
         parameter = self.table[path].parameter
         low, high = parameter.walls
         if path in self._shares:

@@ -18,7 +18,7 @@ TALLIED = ("counts", "sums", "keys", "beyond")
 
 @dataclass(frozen=True, eq=False)
 class Counted:
-    """What is kept of members that were counted, numbered from zero.
+    """Counts of members whose traces are not stored, members numbered from zero.
 
     Parameters
     ----------
@@ -45,17 +45,17 @@ class Counted:
         statistics: Mapping[str, Any],
         rows: Mapping[str, NDArray[Any]] | None = None,
     ) -> Counted:
-        """Return what is kept of members: counts of what those that reached the end did (rows, members), and what is kept of every one."""
+        """Return the counts of members on grids: `counted` has the values (rows, members) of those that reached the end, by name."""
         return cls(members, {n: Tally.of_values(grid, counted[n]) for n, grid in grids.items()}, rows or {}, failed, statistics)
 
     @staticmethod
     def grids(pilot: Mapping[str, Array]) -> dict[str, CountGrid]:
-        """Return the grids for what the first members did (rows, members); none where none reached the end."""
+        """Return the grids for the values (rows, members) of the first members by name; none for a name without members at the end."""
         return {n: CountGrid.for_pilot(x[:, :PILOT]) for n, x in pilot.items() if x.size}
 
     @classmethod
     def gathered(cls, parts: Iterable[tuple[int, Counted]], members: int) -> Counted:
-        """Return members in parts, each with the place of its first, in whatever order they come."""
+        """Return the sum of parts, each with the number of its first member, in whatever order they come; `members` in all."""
         tallies: dict[str, Tally] = {}
         rows: dict[str, NDArray[Any]] = {}
         failed: dict[int, str] = {}
@@ -71,7 +71,7 @@ class Counted:
         return cls(members, tallies, rows, dict(sorted(failed.items())), added(statistics))
 
     def arrays(self) -> dict[str, Any]:
-        """Return it as arrays for a file; grids come from the pilot, which is run again."""
+        """Return the counts as arrays by name for a file; grids are not in it, since the pilot that sets them is run again."""
         counts = {f"{part}_{k}": getattr(t, part) for k, t in enumerate(self.tallies.values()) for part in TALLIED}
         rows = {f"rows_{k}": x for k, x in enumerate(self.rows.values())}
         about = [self.members, {str(m): why for m, why in self.failed.items()}, dict(self.statistics), list(self.rows)]
@@ -79,7 +79,7 @@ class Counted:
 
     @classmethod
     def read(cls, arrays: Mapping[str, Any] | None, grids: Mapping[str, CountGrid]) -> Counted | None:
-        """Return what arrays of a file hold; None where they do not."""
+        """Return the counts that `arrays` of a file hold, on their grids; None where the file is missing or holds something else."""
         try:
             if arrays is None:
                 return None
@@ -93,7 +93,7 @@ class Counted:
 
 
 def added(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the statistics of several parts together: sums of numbers, and each text once."""
+    """Return the statistics of several parts together: numbers summed, texts that differ joined by 'and'."""
     out: dict[str, Any] = {}
     for name in dict.fromkeys(n for p in parts for n in p):
         values = [p[name] for p in parts if name in p]

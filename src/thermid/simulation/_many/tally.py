@@ -53,7 +53,11 @@ class CountGrid:
 
     @classmethod
     def for_pilot(cls, pilot: Array) -> CountGrid:
-        """Return the grid for a pilot (rows, members). [K]"""
+        """Return the grid for the values of a pilot (rows, members) [K].
+
+        Bins are the largest power of two within a hundredth of the pilot's standard deviation, wider where all bins together would be too
+        many, and reach a quarter of its range beyond it on each side.
+        """
         low, high = pilot.min(axis=1), pilot.max(axis=1)
         exponents = _exponent(pilot.std(axis=1) / BINS_IN_SPREAD)
         coarsest = np.maximum(exponents, _exponent((high - low) / BINS_IN_SPREAD))
@@ -67,7 +71,7 @@ class CountGrid:
 
 
 def _exponent(width: Array) -> Indices:
-    """Return the exponent of the largest power of two that is no wider, none below the finest."""
+    """Return the largest n (rows,) with 2^n <= width [K], at least `FINEST_BIN`."""
     return np.asarray(np.maximum(np.frexp(np.maximum(width, 2.0**FINEST_BIN))[1] - 1, FINEST_BIN), dtype=np.int64)
 
 
@@ -93,7 +97,7 @@ class Tally:
 
     @classmethod
     def of_values(cls, grid: CountGrid, values: Array) -> Tally:
-        """Return the tally of values (rows, members) that are all finite. [K]"""
+        """Return the counts and moments of values (rows, members), all finite. [K]"""
         at = np.floor(values * np.ldexp(1.0, -grid.exponents)[:, None]).astype(np.int64)
         place = at - grid.first[:, None]
         inside = (place >= 0) & (place < grid.bins[:, None])
@@ -107,7 +111,7 @@ class Tally:
         return cls(grid, values.shape[1], counts, sums, keys, beyond)
 
     def joined(self, other: Tally) -> Tally:
-        """Return the tally of the members of both, which have one grid."""
+        """Return the tally of the members of both tallies, which have the same grid."""
         keys, place = np.unique(np.concatenate([self.keys, other.keys]), return_inverse=True)
         beyond = np.zeros(keys.size, dtype=np.int64)
         np.add.at(beyond, place, np.concatenate([self.beyond, other.beyond]))
@@ -115,7 +119,7 @@ class Tally:
         return Tally(self.grid, self.members + other.members, counts, sums, keys, beyond)
 
     def __reduce__(self) -> tuple[Callable[..., Tally], tuple[Any, ...]]:
-        """Return how to make it anew, its counts in a quarter of their bytes: a worker hands over one table."""
+        """Return how to make it anew for pickling, with its counts compressed to about a quarter of their bytes."""
         return _unpacked, (self.grid, self.members, compress(self.counts.tobytes(), 1), self.sums, self.keys, self.beyond)
 
     @property
@@ -133,7 +137,7 @@ class Tally:
         return np.asarray(out * 2.0**-MOMENT_BITS)
 
     def quantiles(self, shares: Sequence[float]) -> tuple[Array, Array]:
-        """Return the quantiles (shares, rows), and by how much each may be wrong: half a bin. [K]"""
+        """Return the quantiles (shares, rows), interpolated between the middles of bins, and the half width of their bins as error. [K]"""
         wanted = np.asarray(shares, dtype=float) * (self.members - 1)
         below = np.floor(wanted).astype(np.int64)
         quantiles, error = np.empty((2, wanted.size, self.grid.bins.size))
@@ -150,7 +154,7 @@ class Tally:
         return (quantiles, error) if np.ndim(share) else (quantiles[0], error[0])
 
     def _rows(self) -> list[tuple[Array, Array, Indices]]:
-        """Return of each row the bins that hold members, in order: their middles and half widths [K], and how many."""
+        """Return for each row the bins that hold members, in order: middles [K], half widths [K] and numbers of members."""
         grid, out = self.grid, []
         row, level = self.keys >> ROW_BIT, (self.keys >> LEVEL_BIT) & ((1 << ROW_BIT - LEVEL_BIT) - 1)
         index = (self.keys & ((1 << LEVEL_BIT) - 1)) - (1 << LEVEL_BIT - 1)
@@ -167,7 +171,7 @@ class Tally:
 
 
 def _unpacked(grid: CountGrid, members: int, counts: bytes, *others: Any) -> Tally:
-    """Return a tally that was packed."""
+    """Return a tally from what `__reduce__` packed; `counts` are compressed bytes."""
     return Tally(grid, members, np.frombuffer(decompress(counts), dtype=np.uint32), *others)
 
 

@@ -35,7 +35,7 @@ Call = tuple[Callable[..., Any], str, str, tuple[Any, ...]]
 def in_tasks(
     function: Callable[..., Made], tasks: Sequence[tuple[str, tuple[Any, ...]]], workers: Workers, seconds: float = inf
 ) -> Iterator[tuple[int, Made]]:
-    """Yield the position of each task and its result, as they are done; what is not wanted any more is not begun.
+    """Yield the position of each task and its result as they finish; tasks not yet begun are cancelled when the caller stops asking.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def in_tasks(
 
 
 def _pool(workers: Executor | str | int, stack: ExitStack) -> Executor:
-    """Return an executor, which is left open where it is the caller's or keeps itself."""
+    """Return the executor of `workers`: the caller's own, local processes, or a Dask client that `stack` closes."""
     if isinstance(workers, Executor):
         return workers
     if isinstance(workers, int):
@@ -87,6 +87,7 @@ def _pool(workers: Executor | str | int, stack: ExitStack) -> Executor:
 
 
 def _by(pool: Executor, calls: Sequence[Call], whose: str) -> Iterator[tuple[int, Any]]:
+    """Yield position and result of each call as a pool finishes them; raise where a cluster has lost all its workers."""
     open_: set[Future[tuple[int, Any]]] = set()
     try:
         for call in enumerate(calls):
@@ -109,7 +110,7 @@ def _by(pool: Executor, calls: Sequence[Call], whose: str) -> Iterator[tuple[int
 
 
 def _next(ready: Iterator[Future[tuple[int, Any]]]) -> Future[tuple[int, Any]] | None:
-    """Return the next task that is done; None where all are, or none was in time."""
+    """Return the next finished task; None where all are finished, or none finished in time."""
     try:
         return next(ready, None)
     except TimeoutError:
@@ -117,7 +118,7 @@ def _next(ready: Iterator[Future[tuple[int, Any]]]) -> Future[tuple[int, Any]] |
 
 
 def _handed(pool: Executor, call: tuple[int, Call], whose: str) -> Future[tuple[int, Any]]:
-    """Return the future of a task; one that a scheduler would give to a worker which ends at that moment goes to another.
+    """Submit a task and return its future, trying again where the scheduler chose a worker that has just ended.
 
     Raises
     ------
@@ -137,13 +138,13 @@ def _handed(pool: Executor, call: tuple[int, Call], whose: str) -> Future[tuple[
 
 
 def _leave_interrupts() -> None:
-    """Leave the interrupt key to the process that asked: what a worker has begun it ends."""
+    """Ignore the interrupt key in a worker: it finishes what it has begun, and the calling process decides."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @contextmanager
 def _worker_errors_named(whose: str) -> Iterator[None]:
-    """Say in a sentence that a worker ended, whatever the pool or the cluster calls it."""
+    """Raise `ScenarioError` in place of the errors by which a pool or a cluster says that a worker ended; `whose` names the pool."""
     try:
         yield
     except Exception as error:
@@ -153,12 +154,13 @@ def _worker_errors_named(whose: str) -> Iterator[None]:
 
 
 def _lost(whose: str) -> ScenarioError:
+    """Return the error that a worker of a pool ended while it was at work."""
     text = f"a worker {whose} ended while it was at work. Start it again, with more memory if it had too little."
     return ScenarioError(text, code="run.worker-lost")
 
 
 def _done(numbered: tuple[int, Call]) -> tuple[int, Any]:
-    """Return a task's position and result; run where the task is.
+    """Run a task, (position, (function, version, name, arguments)), and return its position and result: what a worker executes.
 
     Raises
     ------

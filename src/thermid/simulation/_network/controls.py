@@ -32,13 +32,15 @@ PHASE: Final = "phase"
 
 
 def state_of(control: str, what: str) -> str:
-    """Return the name of a state of a control: its integral, reading or output."""
+    """Return the name of a state of a control, ``<control> <what>``, with `what` integral, reading, output or phase."""
     return f"{control} {what}"
 
 
 @dataclass(frozen=True, eq=False)
 class FactorForm:
-    """A factor: numbers by their place among the coefficients of its control.
+    """How a control's factor follows temperatures; numbers are places among the coefficients of the control.
+
+    CLAMP: min(max(constant + sum of weight times temperature, low), high); LOOKUP: a table at that sum; OF_STATE: a value for each mode.
 
     Parameters
     ----------
@@ -61,7 +63,10 @@ class FactorForm:
 
 @dataclass(frozen=True, eq=False)
 class GuardForm:
-    """A way from one mode to another: where what it reads passes a level (sign 1 upwards, -1 downwards), or after a delay."""
+    """A transition from mode `before` to mode `after`: when the weighted sum of `nodes` passes `level`, or after a `delay`.
+
+    `sign` is 1 for passing upwards and -1 for downwards; `level`, `delay` and weights are places among the coefficients.
+    """
 
     before: int
     after: int
@@ -73,7 +78,7 @@ class GuardForm:
 
 @dataclass(frozen=True, eq=False)
 class StateForm:
-    """A state of a controller: where it begins (of a node: with its temperature), and what it takes at every sample; none in between."""
+    """A state of a controller: its start (a number in K, or a node whose temperature it takes), and for a sampled one its update."""
 
     name: str
     begins: Number | str
@@ -135,7 +140,7 @@ class ControlRow:
         return None
 
     def factor_of(self, name: str) -> FactorForm:
-        """Return what an element takes of it: its share, or the rest."""
+        """Return the factor that a name stands for: the control's share, or for ``1 - name`` the rest of it."""
         return self.rest if name.startswith(COMPLEMENT) else self.share
 
     def read(self, form: FactorForm, at: Callable[[str], Array], modes: Array, signal: Callable[[int], Any] = lambda _: 1.0) -> Array:
@@ -158,17 +163,18 @@ class ControlRow:
 
 @dataclass
 class _Maker:
-    """Collects the numbers of one control."""
+    """Collects the coefficients of one control while its factors and guards are made."""
 
     name: str
     numbers: list[Number] = field(default_factory=list)
 
     def add(self, number: Number) -> int:
+        """Add a coefficient and return its place."""
         self.numbers.append(number)
         return len(self.numbers) - 1
 
     def clamp(self, constant: Number, weights: Sequence[tuple[str, Number]], low: Number | None, high: Number | None) -> FactorForm:
-        """Return a clamp of a weighted sum."""
+        """Return the factor min(max(constant + sum(weight T_node), low), high); a bound of None does not act."""
         nodes = tuple((node, self.add(weight)) for node, weight in weights)
         low_, high_ = (FREE if bound is None else self.add(bound) for bound in (low, high))
         return FactorForm(CLAMP, self.add(constant), nodes, low_, high_)
@@ -176,23 +182,34 @@ class _Maker:
     def both(
         self, constant: Number, weights: Sequence[tuple[str, Number]], low: Number | None, high: Number | None
     ) -> tuple[FactorForm, FactorForm]:
-        """Return a clamp and what is left of one."""
+        """Return the factors u = `clamp` and 1 - u."""
         share = self.clamp(constant, weights, low, high)
         turned = [(node, -1.0 * weight) for node, weight in weights]
         rest = self.clamp(1.0 - constant, turned, None if high is None else 1.0 - high, None if low is None else 1.0 - low)
         return share, rest
 
+    def switched(self) -> tuple[FactorForm, FactorForm]:
+        """Return the factors of a control of two modes: 0 in the first and 1 in the second, and one less that."""
+        none, one = self.add(0.0), self.add(1.0)
+        return FactorForm(OF_STATE, values=(none, one)), FactorForm(OF_STATE, values=(one, none))
+
+    def sampled(self, taken: FactorForm, sample: float, more: Sequence[StateForm] = ()) -> ControlRow:
+        """Return a control whose output is a state that takes a factor at every sample [s] and holds it in between."""
+        output = state_of(self.name, "output")
+        share, rest = self.both(-ZERO / SPAN, [(output, 1.0 / SPAN)], None, None)
+        states = (StateForm(output, ZERO, taken), *more)
+        return ControlRow(self.name, tuple(self.numbers), share, rest, states=states, sample=sample)
+
 
 def control_row(flat: FlatControl, values: Mapping[str, Any]) -> ControlRow:
-    """Return a control at values of parameters.
+    """Return a control at values of parameters (path -> value in SI), by the recipe of its kind.
 
     Raises
     ------
     DeckError   When a thermostat has no hysteresis, limits are exchanged, or a table has a negative share.
     """
     f = {name: values[path] for name, path in flat.fields.items()}
-    make = _Maker(flat.path)
-    return _RECIPES[flat.control.kind](flat, f, make)
+    return _RECIPES[flat.control.kind](flat, f, _Maker(flat.path))
 
 
 def phase_row(name: str, held: str, melt: Melt) -> ControlRow:
@@ -206,17 +223,18 @@ def phase_row(name: str, held: str, melt: Melt) -> ControlRow:
     """
     make = _Maker(name)
     nodes = ((held, make.add(1.0)),)
-    molten, freezes, none, one = (make.add(number) for number in (melt.molten, melt.freezes, 0.0, 1.0))
-    ways = (GuardForm(0, 1, nodes, molten, 1.0), GuardForm(1, 0, nodes, freezes, -1.0))
-    share, rest = FactorForm(OF_STATE, values=(none, one)), FactorForm(OF_STATE, values=(one, none))
+    ways = (GuardForm(0, 1, nodes, make.add(melt.molten), 1.0), GuardForm(1, 0, nodes, make.add(melt.freezes), -1.0))
+    share, rest = make.switched()
     return ControlRow(name, tuple(make.numbers), share, rest, ("crystals", "liquid"), int(melt.given.starts == "liquid"), ways)
 
 
 def _refuse(flat: FlatControl, message: str) -> None:
+    """Raise `DeckError` with a message at the place of a control."""
     raise DeckError(message, flat.where)
 
 
 def _thermostat(flat: FlatControl, f: Mapping[str, Number], make: _Maker) -> ControlRow:
+    """Return a thermostat as a machine of the modes off and on, with a guard at each of its two temperatures."""
     heats = "thermostat.on_below" in f
     on, off = (f["thermostat.on_below"], f["thermostat.off_above"]) if heats else (f["thermostat.on_above"], f["thermostat.off_below"])
     if value_of(on) == value_of(off):
@@ -233,12 +251,12 @@ def _thermostat(flat: FlatControl, f: Mapping[str, Number], make: _Maker) -> Con
         GuardForm(0, 1, nodes, make.add(on), -1.0 if heats else 1.0),
         GuardForm(1, 0, nodes, make.add(off), 1.0 if heats else -1.0),
     )
-    none, one = make.add(0.0), make.add(1.0)
-    share, rest = FactorForm(OF_STATE, values=(none, one)), FactorForm(OF_STATE, values=(one, none))
+    share, rest = make.switched()
     return ControlRow(flat.path, tuple(make.numbers), share, rest, ("off", "on"), 0, ways)
 
 
 def _modes(flat: FlatControl, f: Mapping[str, Number], make: _Maker) -> ControlRow:
+    """Return a machine of modes: a share for each mode, and a guard for each transition."""
     shares = {name.partition(".")[2]: number for name, number in f.items() if name.startswith("modes.")}
     order = list(shares)
     guards = []
@@ -251,12 +269,15 @@ def _modes(flat: FlatControl, f: Mapping[str, Number], make: _Maker) -> ControlR
             continue
         read = tuple((node, make.add(weight)) for node, weight in nodes)
         guards.append(GuardForm(before, after, read, make.add(level), 1.0 if way.sense == "above" else -1.0))
-    share = FactorForm(OF_STATE, values=tuple(make.add(number) for number in shares.values()))
-    rest = FactorForm(OF_STATE, values=tuple(make.add(1.0 - number) for number in shares.values()))
+    share, rest = (
+        FactorForm(OF_STATE, values=tuple(make.add(number) for number in numbers))
+        for numbers in (shares.values(), [1.0 - number for number in shares.values()])
+    )
     return ControlRow(flat.path, tuple(make.numbers), share, rest, tuple(order), order.index(flat.control.starts), tuple(guards))
 
 
 def _table(flat: FlatControl, f: Mapping[str, Number], make: _Maker) -> ControlRow:
+    """Return a control whose share is a table of what it follows, looked up at all times or at samples."""
     shape = flat.control.curve
     assert shape is not None
     if (shape.y < 0.0).any():
@@ -265,20 +286,16 @@ def _table(flat: FlatControl, f: Mapping[str, Number], make: _Maker) -> ControlR
     if not flat.control.sample:
         share, rest = (FactorForm(LOOKUP, nodes=nodes, curve=curve) for curve in (shape, _mapped(shape, 1.0, -1.0)))
         return ControlRow(flat.path, tuple(make.numbers), share, rest)
-    output = state_of(flat.path, "output")
-    taken = FactorForm(LOOKUP, nodes=nodes, curve=_mapped(shape, ZERO, SPAN))
-    share, rest = make.both(-ZERO / SPAN, [(output, 1.0 / SPAN)], None, None)
-    return ControlRow(flat.path, tuple(make.numbers), share, rest, states=(StateForm(output, ZERO, taken),), sample=flat.control.sample)
+    return make.sampled(FactorForm(LOOKUP, nodes=nodes, curve=_mapped(shape, ZERO, SPAN)), flat.control.sample)
 
 
 def _mapped(shape: Curve, base: float, scale: float) -> Curve:
-    """Return a table whose values are base + scale times those of another."""
-    d = None if shape.straight else scale * slopes(shape)
-    return replace(shape, y=base + scale * shape.y, d=d)
+    """Return a table with the values base + scale y, and slopes scale d, of another one."""
+    return replace(shape, y=base + scale * shape.y, d=None if shape.straight else scale * slopes(shape))
 
 
 def _limits(flat: FlatControl, f: Mapping[str, Number], kind: str) -> tuple[Number, Number, Number]:
-    """Return the band of a controller and the limits of its output."""
+    """Return the band of a controller [K] and the lowest and highest output [-], 0 and 1 by default; refuse exchanged limits."""
     band, low, high = f[f"{kind}.band"], f.get(f"{kind}.lowest", 0.0), f.get(f"{kind}.highest", 1.0)
     if not value_of(low) < value_of(high):
         _refuse(flat, f"'{flat.path}' has limits from {value_of(low):g} to {value_of(high):g}. Give lowest below highest.")
@@ -286,20 +303,18 @@ def _limits(flat: FlatControl, f: Mapping[str, Number], kind: str) -> tuple[Numb
 
 
 def _proportional(flat: FlatControl, f: Mapping[str, Number], make: _Maker) -> ControlRow:
+    """Return a proportional control, u = (setpoint - T) / band between its limits, at all times or at samples."""
     band, low, high = _limits(flat, f, "proportional")
     constant = f["proportional.setpoint"] / band
     weights = [(node, -weight / band) for node, weight in flat.follows]
     if not flat.control.sample:
         share, rest = make.both(constant, weights, low, high)
         return ControlRow(flat.path, tuple(make.numbers), share, rest)
-    output = state_of(flat.path, "output")
-    taken = _held(make, constant, weights, low, high)
-    share, rest = make.both(-ZERO / SPAN, [(output, 1.0 / SPAN)], None, None)
-    return ControlRow(flat.path, tuple(make.numbers), share, rest, states=(StateForm(output, ZERO, taken),), sample=flat.control.sample)
+    return make.sampled(_state_clamp(make, constant, weights, low, high), flat.control.sample)
 
 
-def _held(make: _Maker, constant: Number, weights: Sequence[tuple[str, Number]], low: Number, high: Number) -> FactorForm:
-    """Return what an output takes at a sample: a clamp, as the state of a controller stands."""
+def _state_clamp(make: _Maker, constant: Number, weights: Sequence[tuple[str, Number]], low: Number, high: Number) -> FactorForm:
+    """Return the clamp of a weighted sum as the value of a state in kelvins: ZERO + SPAN times the output."""
     return make.clamp(ZERO + SPAN * constant, [(node, SPAN * weight) for node, weight in weights], ZERO + SPAN * low, ZERO + SPAN * high)
 
 
@@ -330,17 +345,13 @@ def _pid(flat: FlatControl, f: Mapping[str, Number], make: _Maker) -> ControlRow
                 f"the integral time of '{flat.path}' is shorter than its sample time, so the loop would oscillate. Give a "
                 "longer integral time or a shorter sample time.",
             )
-        taken = _held(make, constant, weights, low, high)
+        taken = _state_clamp(make, constant, weights, low, high)
         step = sample / integral
-        states = [
-            StateForm(output, ZERO, taken),
-            StateForm(x, begins, make.clamp(0.0, [(x, 1.0 - step), (output, step)], None, None)),
-        ]
+        states = [StateForm(x, begins, make.clamp(0.0, [(x, 1.0 - step), (output, step)], None, None))]
         if derived:
             share_ = sample / lag
             states.append(StateForm(reading, node, make.clamp(0.0, [(node, share_), (reading, 1.0 - share_)], None, None)))
-        share, rest = make.both(-ZERO / SPAN, [(output, 1.0 / SPAN)], None, None)
-        return ControlRow(flat.path, tuple(make.numbers), share, rest, states=tuple(states), sample=sample)
+        return make.sampled(taken, sample, states)
     share, rest = make.both(constant, weights, low, high)
     rates = [
         LoadRow(x, "signal", x, x, (SPAN / integral,), controls=(flat.path,)),
@@ -354,7 +365,7 @@ def _pid(flat: FlatControl, f: Mapping[str, Number], make: _Maker) -> ControlRow
 
 
 def _lag(state: str, follows: str, level: float, rate: Number) -> LoadRow:
-    """Return rate (T - level) into a state, T that of what it follows."""
+    """Return the load row of the rate d state / dt = rate (T - level) [K/s], with T the temperature of what it follows [K]."""
     return LoadRow(state, "polynomial", state, state, (rate * SPAN, 1.0 / SPAN, 0.0, level + SPAN), follows=follows)
 
 
@@ -362,12 +373,12 @@ _RECIPES: Final = {"thermostat": _thermostat, "modes": _modes, "table": _table, 
 
 
 def control_names(controls: Sequence[str]) -> list[str]:
-    """Return the controls behind the names that an element gives."""
+    """Return the names of controls without the ``1 - `` that takes the rest of one."""
     return [named_control(name)[0] for name in controls]
 
 
 def refuse_controllers(controls: Mapping[str, FlatControl], named: Sequence[str], what: str) -> None:
-    """Refuse what cannot know the mode or state of a control.
+    """Refuse controls with a history (thermostats, modes, PID, sampled ones) for what has none, such as an export.
 
     Parameters
     ----------
@@ -389,7 +400,7 @@ def refuse_controllers(controls: Mapping[str, FlatControl], named: Sequence[str]
 
 
 def refuse_controls(named: Sequence[str], what: str, cure: str) -> None:
-    """Refuse what knows no controls of a deck.
+    """Refuse any control of a deck for what does not support them; `what` names it and `cure` says what to do.
 
     Raises
     ------

@@ -10,7 +10,7 @@ from typing import Any
 from thermid.base.errors import ScenarioError
 from thermid.model.elements import Constant, Signal, literal, signal
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
-from thermid.physics.gas import GASES, gas_named
+from thermid.physics.gas import gas_named
 
 ONE_ATMOSPHERE = Constant(ATMOSPHERE)
 CALM = Constant(0.0)
@@ -66,8 +66,7 @@ class Environment:
             )
         if not (self.gravity >= 0.0 and self.wind.bounds[0] >= 0.0):
             raise ScenarioError("gravity and wind must not be negative. Give their magnitudes.", code="value.outside-range")
-        if self.gas not in GASES:
-            gas_named(self.gas, "environment")
+        gas_named(self.gas, "environment")
         if self.sealed and self.vented:
             raise ScenarioError("a volume is either sealed or vented. Leave one of them out.", code="value.excludes-another")
         if bool(self.vented) != (self.time_constant > 0.0):
@@ -76,7 +75,7 @@ class Environment:
             )
 
     def mapped(self, law: Callable[[Signal], Signal]) -> Environment:
-        """Return the gas with what a law makes of its signals."""
+        """Return the environment with its signals, pressure and wind, replaced by law(signal)."""
         return replace(self, pressure=law(self.pressure), wind=law(self.wind))
 
     def lowest(self) -> float:
@@ -84,7 +83,7 @@ class Environment:
         return float(self.pressure.bounds[0])
 
     def natural(self, pressure: Any) -> Any:
-        """Return how strong natural convection is beside that on the ground, (p/p0)^(1/2) (g/g0)^(1/4) [-]."""
+        """Return the strength of natural convection relative to that on the ground, (p/p0)^(1/2) (g/g0)^(1/4), at pressures [Pa] [-]."""
         return (pressure / ATMOSPHERE) ** 0.5 * (self.gravity / STANDARD_GRAVITY) ** 0.25
 
 

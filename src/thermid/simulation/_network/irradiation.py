@@ -78,20 +78,23 @@ class Irradiation(Shown):
             raise ScenarioError(f"sky_view is {self.sky_view:g}. Give 0 to 1.", "irradiation", code="value.outside-range")
 
     def signals(self) -> dict[str, Signal]:
-        """Return what changes, or may change, by name."""
+        """Return the signals by the names of their fields, without those that are not given."""
         return {name: course for name in (*SOLAR, "infrared", "sky", "stream") if (course := getattr(self, name)) is not None}
 
     def mapped(self, law: Callable[[Signal], Signal]) -> Irradiation:
-        """Return the radiation with what a law makes of its signals."""
+        """Return the radiation with each of its signals replaced by law(signal)."""
         return replace(self, **{name: law(course) for name, course in self.signals().items()})
 
     def sun(self, facing: Facing | None) -> Signal | None:
-        """Return the solar radiation on the surface, or None. [W/m^2]"""
+        """Return the solar radiation on the surface, the sum of its parts; None without any. `facing` plays no part here. [W/m^2]"""
         parts = [getattr(self, name) for name in SOLAR if getattr(self, name) is not None]
         return added(*parts) if parts else None
 
     def longwave(self, facing: Facing | None, around: Signal | None) -> Signal | None:
-        """Return the long-wave radiation beside that of the surroundings, or None. [W/m^2]"""
+        """Return the long-wave radiation beside that of the surroundings: `infrared`, and what a sky sends more than they would. [W/m^2]
+
+        `around` is the temperature of the surroundings [K], which a sky needs; None where nothing is given.
+        """
         parts: list[Signal] = [self.infrared] if self.infrared is not None else []
         if self.sky is not None:
             if around is None:
@@ -100,7 +103,7 @@ class Irradiation(Shown):
                     "model; leave the sky out.",
                     code="value.excludes-another",
                 )
-            parts.append(Mixed(Less(float(self.sky_view or 0.0)), (self.sky, around)))
+            parts.append(Mixed(SkyExchange(float(self.sky_view or 0.0)), (self.sky, around)))
         return added(*parts) if parts else None
 
 
@@ -116,11 +119,11 @@ class Sky(ABC):
 
     @abstractmethod
     def signals(self) -> dict[str, Signal]:
-        """Return what changes, or may change, by name."""
+        """Return its signals by name."""
 
     @abstractmethod
     def mapped(self, law: Callable[[Signal], Signal]) -> Sky:
-        """Return the sky with what a law makes of its signals."""
+        """Return the sky with each of its signals replaced by law(signal)."""
 
     @abstractmethod
     def shifted(self, seconds: float) -> Sky:
@@ -136,8 +139,8 @@ class Sky(ABC):
 
 
 @dataclass(frozen=True)
-class Less:
-    """What a sky of its own temperature sends less than the surroundings whose place it takes; `share` of the view is sky. [-]"""
+class SkyExchange:
+    """Radiation of a sky less that of the surroundings whose place it takes, for a `share` of the view that is sky [-]."""
 
     share: float
 
@@ -174,7 +177,7 @@ def absorbers(flat: Flat, irradiation: Mapping[str, Irradiation | Sky]) -> tuple
 
 
 def _outdoors(flat: Flat, sky: Sky) -> list[str]:
-    """Return the surfaces that look somewhere or stand in the open air."""
+    """Return the paths of the outdoor surfaces: those with `facing`, and those that exchange heat with the sky's air node."""
     air = flat.names.find(sky.air, "sun")
     out = [path for path, face in flat.faces.items() if face.facing is not None or face.to == air]
     if not out:
@@ -231,19 +234,23 @@ def _sunlit(path: str, face: FlatSurface, flux: Any) -> list[FlatLoad]:
 
 
 def _load(path: str, face: FlatSurface, kind: str, share: str, flux: Any) -> FlatLoad:
+    """Return the load ``<path>.<kind>`` of a surface: its area, times the field `share` unless that is empty, times a flux [W/m^2]."""
     fields = {name: face.fields[name] for name in (share, "area") if name}
     by = face.controls if share == "emissivity" else ()
     return FlatLoad(f"{path}.{kind}", face.node, face.node, fields, None, face.where, face.takes, flux, by)
 
 
 def _sun(source: Irradiation | Sky, facing: Facing | None, boundaries: Given) -> Signal:
+    """Return the solar flux on a surface, zero where there is none; boundaries play no part. [W/m^2]"""
     return source.sun(facing) or Constant(0.0)
 
 
 def _stream(flux: Signal, boundaries: Given) -> Signal:
+    """Return the flux of a stream of molecules as it is; boundaries play no part. [W/m^2]"""
     return flux
 
 
 def _longwave(source: Irradiation | Sky, face: FlatSurface, path: str, boundaries: Given) -> Signal:
+    """Return the long-wave flux on a surface, by the temperature of the boundary that it sees; zero where there is none. [W/m^2]"""
     with errors_at(f"irradiation.{path}"):
         return source.longwave(face.facing, boundaries.get(face.sees)) or Constant(0.0)

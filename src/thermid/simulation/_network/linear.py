@@ -19,7 +19,7 @@ from thermid.simulation._network.network import Network, Numbers
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:
-    """dT/dt = A T + B_boundary T_b + B_load Q, massless nodes eliminated.
+    """State space of a linear network, dT/dt = A T + B_boundary T_b + B_load Q, massless nodes eliminated.
 
     Q is the power of each load; heat into a massless node is shared among its neighbours.
 
@@ -63,7 +63,7 @@ class Modes:
 
 @takes_objects
 def state_space(network: Network, numbers: Numbers | None = None) -> StateSpace:
-    """Return the matrices of a linear network.
+    """Return the state-space matrices of a linear network.
 
     Parameters
     ----------
@@ -106,7 +106,10 @@ def state_space(network: Network, numbers: Numbers | None = None) -> StateSpace:
 
 
 def _conductances(network: Network, numbers: Numbers) -> tuple[Array, Array]:
-    """Return the heat into each node by the temperatures of the nodes (nodes, nodes) and of the boundaries (nodes, boundaries). [W/K]"""
+    """Return K (nodes, nodes) and B (nodes, boundaries) with the heat into the nodes Q = K T + B T_b; K has -sum(g) on its diagonal. [W/K]
+
+    A flow counts at its second end alone.
+    """
     index = {name: k for k, name in enumerate(network.nodes)}
     outer = {name: k for k, name in enumerate(network.boundaries)}
     heat, driven = np.zeros((len(index), len(index))), np.zeros((len(index), len(outer)))
@@ -124,7 +127,14 @@ def _conductances(network: Network, numbers: Numbers) -> tuple[Array, Array]:
 
 
 def _weights(network: Network, heat: Array, everything: Array, massless: list[int]) -> Array:
-    """Return what the temperature of each massless node takes from the states, boundaries and loads (massless, all of them)."""
+    """Return the weights (massless, columns of `everything`) of states, boundaries and loads in the temperature of each massless node.
+
+    They solve -K_mm W = E_m, with the rows m of the massless nodes in K and in `everything`.
+
+    Raises
+    ------
+    DeckError   When the temperature of a massless node is undefined.
+    """
     inner = -heat[np.ix_(massless, massless)]
     temperatures = everything.shape[1] - len(network.flat.loads)
     try:
@@ -146,7 +156,10 @@ def _weights(network: Network, heat: Array, everything: Array, massless: list[in
 
 @takes_objects
 def modes(space: StateSpace) -> Modes:
-    """Return the modes of a linear network, slowest first."""
+    """Return the modes of a linear network, slowest first: time constants -1 / k of the eigenvalues k of A, and its eigenvectors.
+
+    With one-way flows A is not symmetric; of complex eigenvalues and vectors the real part is returned.
+    """
     root = np.sqrt(space.capacitances)
     scaled = space.A * root[:, None] / root[None, :]
     if np.allclose(scaled, scaled.T, rtol=1e-12, atol=1e-300):

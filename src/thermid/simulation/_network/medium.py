@@ -22,7 +22,7 @@ from thermid.model.elements import ACCOMMODATION, Constant, Curve, Law, MadeIn, 
 from thermid.model.tree import Flat, FlatConductor, bare, gas_nodes, still, surrounding
 from thermid.physics.constants import AMBIENT_DEFAULT, ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.convection import duct_nusselt, fin_efficiency
-from thermid.physics.correlations import forced_plate_nusselt, signed_gap, signed_nusselt
+from thermid.physics.correlations import forced_plate_nusselt, gap_nusselt_table, nusselt_table
 from thermid.physics.gas import MolecularGas, free_molecular_htc, gas_named
 from thermid.physics.plates import DISC_SHAPE_FACTOR
 from thermid.physics.radiation import radiation_coefficient
@@ -38,8 +38,11 @@ MARKS = ATMOSPHERE * (np.arange(1, 870) / 400.0) ** 3
 """Pressures at which one that changes is sampled, closer where it is low: the same ones wherever a run begins. [Pa]"""
 
 
-def sampled(pressure: Signal, end: float) -> TableSignal:
-    """Return a pressure up to `end` [s] as a table whose root is straight between samples to within a thousandth of its change."""
+def sampled_pressure(pressure: Signal, end: float) -> TableSignal:
+    """Return a pressure up to `end` [s] as a table so fine that its root is straight between rows, to a thousandth of its change. [Pa]
+
+    Rows are those of the signal and, between them, the instants at which it passes one of `MARKS`.
+    """
     drawn = pressure.drawn(end)
     if isinstance(drawn, TableSignal) and drawn.held:
         return drawn
@@ -63,9 +66,9 @@ INTERPOLATED_STREAMS = 12
 """Streams between which a wind that changes is interpolated, denser where it is light: within 2 % of a blend at its own speed. [-]"""
 
 
-def stream(wind: Signal, pressure: Signal, end: float) -> TableSignal:
-    """Return a wind up to `end` [s], as fast as one at one atmosphere with its Reynolds number. [m/s]"""
-    thin = Mixed(Thinned(), (wind, pressure))
+def equivalent_wind(wind: Signal, pressure: Signal, end: float) -> TableSignal:
+    """Return the wind at one atmosphere with the same Reynolds number, w p / p0, up to `end` [s], as a table. [m/s]"""
+    thin = Mixed(ReynoldsWind(), (wind, pressure))
     if thin.held:
         steps = thin.drawn(end)
         return steps if isinstance(steps, TableSignal) else TableSignal(np.zeros(1), steps.at(np.zeros(1)), hold=True)
@@ -79,36 +82,38 @@ def stream(wind: Signal, pressure: Signal, end: float) -> TableSignal:
 
 
 @dataclass(frozen=True)
-class Thinned:
-    """A wind as fast as one at one atmosphere with its Reynolds number."""
+class ReynoldsWind:
+    """Speed of a wind at one atmosphere that has the Reynolds number of one at another pressure."""
 
     def __call__(self, wind: Array, pressure: Array) -> Array:
-        """Return the speed (times,) from wind [m/s] and pressure [Pa]. [m/s]"""
+        """Return w p / p0 (times,) from wind w [m/s] and pressure p [Pa], never below zero. [m/s]"""
         return np.maximum(wind * pressure / ATMOSPHERE, 0.0)
 
 
-def levels_of(course: TableSignal) -> Array:
-    """Return speeds from nothing to the fastest (levels,). [m/s]"""
-    root = np.sqrt(course.bounds[1]) * np.linspace(0.0, 1.0, INTERPOLATED_STREAMS) ** 1.5
-    return np.asarray(root**2)
+def wind_levels(course: TableSignal) -> Array:
+    """Return `INTERPOLATED_STREAMS` speeds (levels,) from zero to the fastest of a wind, denser where it is light. [m/s]"""
+    return np.asarray((np.sqrt(course.bounds[1]) * np.linspace(0.0, 1.0, INTERPOLATED_STREAMS) ** 1.5) ** 2)
 
 
-def shares(course: TableSignal, levels: Array) -> list[TableSignal]:
-    """Return how much of each level a wind has in time; a laminar stream goes with the root of its speed. [-]"""
-    root = np.sqrt(levels)
-    return [course.mapped(partial(_share, root, hat)) for hat in np.eye(levels.size)]
+def level_weights(course: TableSignal, levels: Array) -> list[TableSignal]:
+    """Return the weight of each level in a wind over time, by linear interpolation over the root of the speed. [-]"""
+    return [course.mapped(partial(_hat, np.sqrt(levels), hat)) for hat in np.eye(levels.size)]
 
 
-def _share(root: Array, hat: Array, speed: Array) -> Array:
-    return np.interp(np.sqrt(speed), root, hat)
+def _hat(roots: Array, hat: Array, speed: Array) -> Array:
+    """Return the values (levels,) `hat` over `roots` of speeds, interpolated at the root of a speed (times,) [m/s]."""
+    return np.interp(np.sqrt(speed), roots, hat)
 
 
 def _pairs(x: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> list[tuple[float, float]]:
+    """Return the pairs of neighbours of an array: (x_0, x_1), (x_1, x_2), ..."""
     return list(zip(x[:-1].tolist(), x[1:].tolist(), strict=True))
 
 
 def vented(inside: Signal, outside: Signal, time_constant: float, where: str) -> Signal:
-    """Return the pressure of a volume that follows another: tau dp/dt = p_outside - p.
+    """Return the pressure over time of a volume that is vented to another one: tau dp/dt = p_outside - p, solved exactly. [Pa]
+
+    Between two times of a table the outside is a straight line p0 + s t, for which p = p0 + s (t - tau) + c exp(-t / tau).
 
     Parameters
     ----------
@@ -170,19 +175,19 @@ class GasState:
     gust: str = ""
 
     def named(self, what: str) -> str:
-        """Return the name of an input of this gas; empty where it is constant."""
+        """Return the name ``<what> <key>`` of an input of this gas, such as ``pressure room``; empty where the gas is constant."""
         return f"{what} {self.key}" if self.key else ""
 
 
 @lru_cache(maxsize=64)
 def conductivity_curve(gas: MolecularGas) -> Curve:
-    """Return the conductivity of a gas over that at 300 K, with slopes. [-]"""
+    """Return k(T) / k(300 K) of a gas as a table over temperature, with slopes. [-]"""
     return _over_temperature(lambda t: gas.k(t) / gas.k(ANCHOR))
 
 
 @lru_cache(maxsize=64)
 def _root_curve(gas: MolecularGas, windy: bool) -> Curve:
-    """Return the fourth root of g beta / (nu alpha) over that at 300 K; in wind, times the conductivity."""
+    """Return (beta / (nu alpha))^(1/4) of a gas over its value at 300 K as a table over temperature; `windy`: times k(T) / k(300 K). [-]"""
 
     def buoyancy(t: Any) -> Any:
         at = gas.at(t)
@@ -194,10 +199,12 @@ def _root_curve(gas: MolecularGas, windy: bool) -> Curve:
 
 @lru_cache(maxsize=8)
 def _one() -> Curve:
+    """Return the table that is 1 at all temperatures. [-]"""
     return _over_temperature(lambda t: np.ones(np.shape(t)))
 
 
 def _over_temperature(function: Any) -> Curve:
+    """Return a function of temperature [K] as a table at `POINTS`, with slopes by central differences over 2 mK."""
     step = 1e-3
     slopes = (function(POINTS + step) - function(POINTS - step)) / (2.0 * step)
     return Curve("temperature", POINTS, np.asarray(function(POINTS), dtype=float), np.asarray(slopes, dtype=float))
@@ -210,15 +217,19 @@ def _plain(number: Number) -> float:
 
 
 def _rest(c: FlatConductor, continuum: Number, molecular: Number, state: GasState, signal: str = "") -> ConductorRow:
-    """Return the row of gas at rest: conductance of the continuum [W/K], and that of free molecules over it for each pascal [1/Pa]."""
+    """Return the conductor row of gas at rest, 1 / (1 / G + 1 / (G m p)).
+
+    `continuum` is the conductance G of the continuum [W/K], `molecular` the ratio m of that of free molecules to it for each pascal [1/Pa].
+    """
     law = Law("gas", (continuum, molecular * state.pressure))
     return ConductorRow(c.path, c.ends, law, conductivity_curve(state.gas), signal, state.named("pressure"))
 
 
-def gap(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRow, ...]:
-    """Return the rows of a gap between parallel plates: Sherman's interpolation from continuum to free molecules, and what convects.
+def gap_rows(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRow, ...]:
+    """Return the rows of a gas gap between parallel plates: gas at rest at any pressure (Sherman), and free convection beside it.
 
-    The gas convects where the gap says how it lies: then Ra follows pressure and gravity, and Nu - 1 stands on gas at rest.
+    Only a gap with tilt and aspect convects: its second row is Nu - 1 times the conductance at rest, Ra by pressure and gravity. The law
+    holds area [m^2], distance [m], accommodation and a factor on the convection [-].
     """
     area, distance, share, factor = law.coefficients
     gas = gas_named(c.words["gas"], c.where) if "gas" in c.words else state.gas
@@ -228,7 +239,7 @@ def gap(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRow, ...]
     if "tilt" not in c.words:
         return (still,)
     fluid = gas.at(ANCHOR)
-    x, y = signed_gap(degrees(c.words["tilt"]), literal(c.words["aspect"], "1"), float(fluid.prandtl))
+    x, y = gap_nusselt_table(degrees(c.words["tilt"]), literal(c.words["aspect"], "1"), float(fluid.prandtl))
     curve = Curve("difference", x, y, None, (conductivity_curve(gas), _root_curve(gas, False)), interpolation="smooth")
     buoyancy = STANDARD_GRAVITY * float(fluid.expansion_at(ANCHOR) / (fluid.kinematic_viscosity * fluid.thermal_diffusivity()))
     root = buoyancy**0.25 * distance**0.75 * inside.natural
@@ -236,8 +247,11 @@ def gap(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRow, ...]
     return still, ConductorRow(c.path, c.ends, moving, curve, "", inside.named("natural"))
 
 
-def correlated(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRow, ...]:
-    """Return the rows of a surface with a correlation: gas at rest, and what natural convection and wind add to it."""
+def correlation_rows(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRow, ...]:
+    """Return the rows of a surface with a correlation: gas at rest, and for each wind level what natural and forced convection add to it.
+
+    The law holds area [m^2] and length [m]; Nusselt numbers are those of `nusselt_table`.
+    """
     area, length = law.coefficients
     gas, fluid = state.gas, state.gas.at(ANCHOR)
     name, orientation = c.words.get("htc.correlation", ""), c.words.get("htc.orientation", "vertical")
@@ -249,7 +263,7 @@ def correlated(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRo
     for k, speed in enumerate(state.levels or (state.wind * (state.pressure / ATMOSPHERE),)):
         # a stream at another pressure has the Reynolds number of one as much slower
         forced = float(forced_plate_nusselt(speed * _plain(length) / float(fluid.kinematic_viscosity), prandtl)) if speed > 0.0 else 0.0
-        x, y, least = signed_nusselt(name, orientation, prandtl, forced, c.where)
+        x, y, least = nusselt_table(name, orientation, prandtl, forced, c.where)
         film = (_one() if forced else conductivity_curve(gas), _root_curve(gas, forced > 0.0))
         curve = Curve("difference", x, y, None, film, interpolation="smooth")
         signal = f"{state.gust} {k}" if state.gust else ""
@@ -259,8 +273,8 @@ def correlated(c: FlatConductor, law: Law, state: GasState) -> tuple[ConductorRo
     return still, *moving
 
 
-def ducted(c: FlatConductor, law: Law, state: GasState) -> ConductorRow:
-    """Return the row of a stream in ducts: the coefficient of `duct_nusselt` on base and fins; none without gas.
+def duct_row(c: FlatConductor, law: Law, state: GasState) -> ConductorRow:
+    """Return the row of a stream in ducts: h (base + eta fins), h = Nu k / D by `duct_nusselt`, fin efficiency eta; 0 without gas.
 
     The law holds base and fins [m^2], slope (m L over the root of the coefficient), hydraulic diameter and length [m], mass or volume flow
     over the section, the laminar Nusselt number, and whether the flow is by volume. The gas is at 300 K; a volume flow becomes a mass flow
@@ -290,8 +304,8 @@ def ducted(c: FlatConductor, law: Law, state: GasState) -> ConductorRow:
     return ConductorRow(c.path, c.ends, Law("linear", (htc * area,)))
 
 
-def thinned(c: FlatConductor, law: Law, area: Number, state: GasState) -> tuple[ConductorRow, ...]:
-    """Return the rows of a coefficient that was fitted on the ground, at another pressure or gravity.
+def rarefied_rows(c: FlatConductor, law: Law, area: Number, state: GasState) -> tuple[ConductorRow, ...]:
+    """Return the rows of a coefficient that was fitted on the ground, for another pressure or gravity.
 
     With s = (p/p0)^(1/2) (g/g0)^(1/4), as laminar convection goes, the conductance is s times what was fitted and (1 - s) times that of gas
     at rest, which is rarefied as the pressure falls.
@@ -334,25 +348,29 @@ class Media:
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     def signals(self) -> dict[str, Signal]:
-        """Return what rows of gases that change in time are multiplied by."""
+        """Return the inputs that multiply rows of gases that change in time, by name.
+
+        ``pressure <gas>`` [Pa]; ``natural <gas>`` s and ``rest <gas>`` 1 - s, s as in `Environment.natural`; ``wind <gas> k`` the weight of
+        wind level k, and for a gas that only comes and goes ``gas <gas>`` and ``no gas <gas>``, 1 or 0.
+        """
         out: dict[str, Signal] = {}
         for gas, environment in self.environments.items():
             p = self._pressure(gas, environment)
             if environment.wind.bounds[1] > 0.0 and not (isinstance(p, Constant) and isinstance(environment.wind, Constant)):
-                out |= {f"wind {gas} {k}": w for k, w in enumerate(shares(*self._stream(gas, p, environment)))}
+                out |= {f"wind {gas} {k}": w for k, w in enumerate(level_weights(*self._stream(gas, p, environment)))}
             if isinstance(p, Constant):
                 continue
             if isinstance(p, TableSignal) and self._jumps(p):
                 out[f"gas {gas}"] = p.mapped(_present)
                 out[f"no gas {gas}"] = p.mapped(lambda level: 1.0 - _present(level))
-            natural = sampled(p, self.seconds).mapped(environment.natural)
+            natural = sampled_pressure(p, self.seconds).mapped(environment.natural)
             out[f"pressure {gas}"] = p
             out[f"natural {gas}"] = natural
             out[f"rest {gas}"] = natural.mapped(lambda share: 1.0 - share)
         return out
 
     def _pressure(self, gas: str, environment: Environment) -> Signal:
-        """Return the pressure of a gas node, that of a vented volume worked out."""
+        """Return the pressure of a gas node over time; that of a vented volume is solved from the gas that it is vented to. [Pa]"""
         pressure: Signal = environment.pressure.drawn(self.seconds)
         if not environment.vented:
             return pressure
@@ -369,29 +387,32 @@ class Media:
         return self.memo.value(("pressure", key), lambda: self._pressure(key, self._environment(key)))
 
     def gas(self, gas: str) -> str:
-        """Return which gas a gas node is."""
+        """Return the kind of gas of a gas node, such as 'air'."""
         return self._environment(gas).gas
 
     def _key(self, gas: str) -> str:
+        """Return the key of a gas node among the environments: its own, or ``*``."""
         return gas if gas in self.environments else "*"
 
     def _environment(self, gas: str) -> Environment:
+        """Return the environment of a gas node: its own, that of ``*``, or the laboratory's."""
         return self.environments.get(self._key(gas), GROUND)
 
     def _jumps(self, p: Signal) -> bool:
-        """Return whether a pressure only jumps between that of the ground and vacuum."""
-        if not (isinstance(p, TableSignal) and p.held):
-            return False
-        levels = p.levels
-        air = (levels >= AIR_RANGE[0]) & (levels <= AIR_RANGE[1])
-        return bool((air | (levels <= VACUUM_LIMIT)).all())
+        """Return whether a pressure takes by jumps no values but those of the ground and of vacuum."""
+        in_air = (p.levels >= AIR_RANGE[0]) & (p.levels <= AIR_RANGE[1])
+        return isinstance(p, TableSignal) and p.held and bool((in_air | (p.levels <= VACUUM_LIMIT)).all())
 
     def _state(self, gas: str) -> str:
-        """Return air, vacuum, jumping or thin for a gas node; asked for every conductor of every evaluation, worked out once."""
+        """Return the state of a gas node over the run: 'air' on the ground, 'vacuum', 'jumping' between the two, or 'thin' for any other.
+
+        It is asked for every conductor of every evaluation, and computed once.
+        """
         key = self._key(gas)
         return self.memo.value(("state", key), lambda: self._state_of(key))
 
     def _state_of(self, gas: str) -> str:
+        """Return what `_state` keeps, from the bounds of the pressure and from gravity."""
         environment = self._environment(gas)
         p = self._pressure(gas, environment)
         lowest, highest = p.bounds
@@ -404,7 +425,7 @@ class Media:
         return "jumping" if self._jumps(p) else "thin"
 
     def _gas(self, gas: str, where: str) -> GasState:
-        """Return a gas as rows see it."""
+        """Return a gas node as the rows of its conductors need it: constants, or names of inputs where pressure or wind change."""
         key, environment = self._key(gas), self._environment(gas)
         p = self._pressure(key, environment)
         kind = gas_named(environment.gas, where)
@@ -419,31 +440,31 @@ class Media:
         return replace(base, levels=tuple(self._stream(key, p, environment)[1].tolist()), gust=f"wind {key}")
 
     def _stream(self, key: str, pressure: Signal, environment: Environment) -> tuple[TableSignal, Array]:
-        """Return the wind of a gas in time, thinned as its gas is, and the levels between which it is interpolated. [m/s]"""
+        """Return `equivalent_wind` of a gas over time, and the levels between which it is interpolated. [m/s]"""
 
         def make() -> tuple[TableSignal, Array]:
-            course = stream(environment.wind, pressure, self.seconds)
-            return course, levels_of(course)
+            course = equivalent_wind(environment.wind, pressure, self.seconds)
+            return course, wind_levels(course)
 
         return self.memo.value(("stream", key), make)
 
     def empty(self, gas: str) -> bool:
-        """Return whether there is no gas at a gas node at any time."""
+        """Return whether a gas node is in vacuum during the whole run."""
         return self._state(gas) == "vacuum"
 
     def made_in(self, gas: str) -> MadeIn:
-        """Return pressure, gravity, gas and wind of a room that does not change, to be kept with a model that is reduced there."""
+        """Return the state of a gas node, to be kept with a model that is reduced there: lowest pressure, gravity, gas, highest wind."""
         environment = self._environment(gas)
-        wind = environment.wind.bounds[1]
-        return MadeIn(self.lowest(gas), environment.gravity, environment.gas, wind)
+        return MadeIn(self.lowest(gas), environment.gravity, environment.gas, environment.wind.bounds[1])
 
     def as_made(self, gas: str, made_in: MadeIn) -> bool:
-        """Return whether a gas, ``*`` for every one, is at all times in the state in which a model was reduced."""
+        """Return whether a gas node, ``*`` for every one, stays during the run in the state in which a model was reduced, within 1 %."""
         if gas == "*":
             return all(self.as_made(gas_key, made_in) for gas_key in self.environments if gas_key != "*") and self._as_made("*", made_in)
         return self._as_made(self._key(gas), made_in)
 
     def _as_made(self, key: str, made_in: MadeIn) -> bool:
+        """Return what `as_made` does, for one key of the environments."""
         environment = self._environment(key)
         lowest, highest = self._pressure(key, environment).bounds
         if made_in.pressure <= VACUUM_LIMIT:
@@ -454,24 +475,25 @@ class Media:
         return alike and bool(lowest >= low and highest <= high and (np.abs(winds - made_in.wind) <= 0.01 * made_in.wind).all())
 
     def lowest(self, gas: str) -> float:
-        """Return the lowest pressure that a gas node has. [Pa]"""
-        key = self._key(gas)
-        return self._pressure(key, self._environment(key)).bounds[0]
+        """Return the lowest pressure of a gas node during the run. [Pa]"""
+        return self.pressure(gas).bounds[0]
 
     def changed(self, gas: str) -> bool:
-        """Return whether a gas is at any time another than air on the ground."""
+        """Return whether a gas node is at any time anything but air on the ground."""
         return self._state(gas) != "air" or self._environment(gas).gas != "air"
 
     def buoyancy(self, c: FlatConductor, temperature: Array, times: Array) -> Array:
-        """Return g beta / (nu alpha) (times,) of what fills a gap; times difference and cube of length, Ra. [1/(K m^3)]"""
+        """Return g beta / (nu alpha) (times,) of the gas in a gap; times a difference and the cube of a length it is Ra. [1/(K m^3)]
+
+        `temperature` (times,) is the mean of the gas [K] at `times` (times,) [s].
+        """
         environment = self._environment(c.gas)
         gas = gas_named(c.words.get("gas", environment.gas), c.where)
-        pressure = self._pressure(self._key(c.gas), environment).at(times)
-        at = gas.at(temperature, np.maximum(pressure, 1e-30))
+        at = gas.at(temperature, np.maximum(self.pressure(c.gas).at(times), 1e-30))
         return np.asarray(environment.gravity * at.expansion_at(temperature) / (at.kinematic_viscosity * at.thermal_diffusivity()))
 
     def remarks(self, conductors: Iterable[FlatConductor]) -> tuple[str, ...]:
-        """Return a sentence for each wind that does not reach a fixed coefficient."""
+        """Return a remark for each gas whose wind has no effect on coefficients that are fixed numbers."""
         every, out = list(conductors), []  # type: list[FlatConductor], list[str]
         for gas in dict.fromkeys(c.gas for c in every):
             if self._environment(gas).wind.bounds[1] > 0.0:
@@ -486,7 +508,9 @@ class Media:
         return tuple(out)
 
     def rows(self, c: FlatConductor, law: Law, fields: Mapping[str, Number], emissivity: Number | None) -> tuple[ConductorRow, ...]:
-        """Return the rows that a conductor is, in the state of its gas.
+        """Return the kernel rows of one law of a conductor, in the state of its gas.
+
+        `fields` are the conductor's values [SI], `emissivity` that of its surface or None.
 
         Raises
         ------
@@ -506,10 +530,10 @@ class Media:
         if law.medium in ("rest", "correlation", "duct"):
             at = self._gas(c.gas, c.where)
             if law.medium == "duct":
-                return (ducted(c, law, at),)
+                return (duct_row(c, law, at),)
             if at.pressure == 0.0:
                 return row(Law("linear", (0.0 * law.coefficients[0],)))
-            return gap(c, law, at) if law.medium == "rest" else correlated(c, law, at)
+            return gap_rows(c, law, at) if law.medium == "rest" else correlation_rows(c, law, at)
         if state == "air" and self._environment(c.gas).gas == "air":
             return row(law)
         gone = row(law.scaled(0.0))
@@ -524,7 +548,10 @@ class Media:
     def _changed(
         self, c: FlatConductor, law: Law, fields: Mapping[str, Number], emissivity: Number | None, state: str
     ) -> tuple[ConductorRow, ...]:
-        """Return the rows of a coefficient that was fitted in air on the ground, where the gas is another or changes."""
+        """Return the rows of a coefficient that was fitted in air on the ground, where the gas is thin or comes and goes (`state`).
+
+        With an effective coefficient the radiation that it contains stays where the gas is gone.
+        """
         environment = self._environment(c.gas)
         if environment.gas != "air":
             raise ScenarioError(
@@ -546,10 +573,10 @@ class Media:
         if without_gas:
             share = 1.0 if at.key else 1.0 - at.natural
             radiation = (ConductorRow(c.path, c.ends, Law("radiation", (share * without_gas[0],)), None, at.named("rest")),)
-        return *thinned(c, law, fields["area"], at), *radiation
+        return *rarefied_rows(c, law, fields["area"], at), *radiation
 
     def _radiation_left(self, c: FlatConductor, law: Law, state: str) -> tuple[ConductorRow, ...]:
-        """Return the row of the radiation that an effective coefficient leaves to what its surface sees, for the gas that is gone."""
+        """Return the row of the radiation inside an effective coefficient, to what its surface sees, for the share of gas that is gone."""
         share, signal = {"air": (0.0, ""), "vacuum": (1.0, ""), "jumping": (1.0, f"no gas {self._key(c.gas)}")}.get(state, (0.0, "thin"))
         if signal == "thin":
             at = self._gas(c.gas, c.where)
@@ -557,7 +584,7 @@ class Media:
         return (ConductorRow(c.path, c.ends, law.scaled(0.0 if self.as_printed else share), None, signal),)
 
     def _fin(self, c: FlatConductor, law: Law, state: str) -> tuple[ConductorRow, ...]:
-        """Return the rows of a lead's conductance: that in air, and that without, each for its share of the gas."""
+        """Return the rows of a lead's conductance: the one in air times the share of gas, and the one without gas times the rest."""
         air, bare, *radiating = law.coefficients
 
         def row(conductance: Number, signal: str = "") -> ConductorRow:
@@ -588,6 +615,7 @@ class Media:
 
     @staticmethod
     def _unknown_share(c: FlatConductor) -> ScenarioError:
+        """Return the error that an effective coefficient meets vacuum and nothing says how much of it is radiation."""
         return ScenarioError(
             f"the coefficient of '{c.path}' is effective: it includes radiation, which remains in vacuum. Give the surface's "
             "emissivity or finish. Or use --as-printed: it sets the whole coefficient to zero, and the temperatures are then an "
@@ -597,7 +625,7 @@ class Media:
         )
 
     def _radiation_without_gas(self, c: FlatConductor, fields: Mapping[str, Number], emissivity: Number | None) -> tuple[Number, ...]:
-        """Return the radiation that an effective coefficient leaves without gas."""
+        """Return the coefficient e sigma A [W/K^4] of the radiation that an effective coefficient leaves without gas, as a tuple of one."""
         if emissivity is None:
             raise self._unknown_share(c)
         return (radiation_coefficient(emissivity, fields["area"]),)
@@ -616,8 +644,8 @@ SOLID = ("conduction", "contact", "table", "heat_pipe")
 """Kinds of conductors that gas has no part in."""
 
 
-def refuse_unsaid(media: Media, flat: Flat) -> None:
-    """Refuse surfaces that say nothing of what is left to them in the gas of a run, or without, and reduced models in another gas.
+def check_gas_laws(media: Media, flat: Flat) -> None:
+    """Refuse a run in whose gas, or without it, a surface or lead has no law, and a reduced model in another gas than its own.
 
     Raises
     ------
@@ -655,24 +683,25 @@ def refuse_unsaid(media: Media, flat: Flat) -> None:
 
 
 def _gases(gases: Mapping[str, str]) -> str:
+    """Return the gases of surfaces, path -> gas, as quoted text, each once."""
     return quoted(list(dict.fromkeys(gases.values())))
 
 
 def _where(flat: Flat, path: str) -> str:
-    """Return the place of a surface or of a lead."""
+    """Return the place in a deck of a surface or of a lead."""
     face = flat.faces.get(path)
     return face.where if face else next(c.where for c in flat.conductors if c.path.startswith(path))
 
 
-def traced(media: Media, flat: Flat) -> frozenset[str]:
-    """Return the conductors that keep `TRACE`: to inner gas that is gone at any time and that no load heats."""
+def conductors_with_trace(media: Media, flat: Flat) -> frozenset[str]:
+    """Return the paths of conductors that keep the conductance `TRACE`: to inner gas that is gone at any time and that no load heats."""
     heated = {load.node for load in flat.loads}
     gone = {gas for gas in gas_nodes(flat) - heated if media.lowest(gas) <= VACUUM_LIMIT}
     return frozenset(c.path for c in flat.conductors if c.kind in ("convection", "effective") and c.gas in gone)
 
 
 def gas_remarks(media: Media, flat: Flat, values: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return what stops and what stays in each gas that is gone at any time, and what is not counted where gas is thin or walls are apart.
+    """Return remarks on a run without gas at any time: paths that carry no heat then, paths that stay, radiation that is not modelled.
 
     Parameters
     ----------
@@ -718,14 +747,14 @@ def gas_remarks(media: Media, flat: Flat, values: Mapping[str, Any]) -> tuple[st
 
 
 def _through_gas(flat: Flat) -> dict[str, FlatConductor]:
-    """Return what carries heat through gas alone, or through gas and by radiation: surfaces, gaps, leads by their paths in a deck."""
+    """Return path in the deck -> conductor of all that carries heat through gas: surfaces, gaps, and leads with a coefficient."""
     paths = {c.path: c for c in flat.conductors if c.kind in ("convection", "effective", "gas")}
     leads = (c for c in flat.conductors if c.kind == "lead" and {"htc", "effective_htc"} & set(c.fields))
     return paths | {c.path.removesuffix(".first").removesuffix(".second"): c for c in leads}
 
 
 def _radiates(flat: Flat, path: str, c: FlatConductor, values: Mapping[str, Any]) -> bool:
-    """Return whether something of a surface or lead is left without gas."""
+    """Return whether a surface or lead has an emissivity above zero, so that it still radiates without gas."""
     face = flat.faces.get(path)
     emissivity = face.fields.get("emissivity", "") if face else c.fields.get("emissivity", "")
     return bool(emissivity) and bool(values[emissivity] != 0.0)

@@ -10,6 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import reduce
+from operator import add
 from typing import Any, Final
 
 import numpy as np
@@ -23,14 +25,14 @@ from thermid.model.elements import COMPLEMENT, Curve, HeatStore, Law, exposed_ar
 from thermid.model.tree import Flat, FlatConductor, FlatLoad, FlatNode, Model, flatten, into_gas, radiates_into, streams_of, unclosed
 from thermid.simulation._network.controls import PHASE, ControlRow, control_names, control_row, phase_row, state_of
 from thermid.simulation._network.irradiation import absorbers
-from thermid.simulation._network.medium import TRACE, Media, refuse_unsaid, traced
+from thermid.simulation._network.medium import TRACE, Media, check_gas_laws, conductors_with_trace
 from thermid.simulation._network.rows import ConductorRow, LoadRow
 from thermid.simulation._network.streams import Streams
 
 
 @dataclass(frozen=True, eq=False)
 class Numbers:
-    """The numbers of a network at one set of values, floats or with derivatives.
+    """Capacitances and rows of a network at one set of parameter values; numbers are floats, or carry derivatives.
 
     Parameters
     ----------
@@ -49,7 +51,7 @@ class Numbers:
 
 @dataclass(frozen=True, eq=False)
 class _Reached:
-    """What must be worked out anew when some parameters change."""
+    """Parameters, nodes, conductors and loads that must be evaluated anew when some parameters change."""
 
     paths: tuple[str, ...]
     nodes: tuple[FlatNode, ...]
@@ -59,7 +61,7 @@ class _Reached:
 
 @dataclass(frozen=True, eq=False)
 class Varied:
-    """What depends on some parameters, at one set of their values.
+    """What depends on some parameters, evaluated at one set of their values; the rest of the network is left as it was.
 
     Parameters
     ----------
@@ -111,6 +113,7 @@ class Network:
         return self.memo.value("streams", self._streams)
 
     def _streams(self) -> Streams:
+        """Return the streams of gas at the model's own values; an empty set where no conductor is a flow."""
         if not streams_of(self.flat.conductors):
             return Streams((), {}, {}, {}, self.media)
         return Streams.of_network(self.flat, self.flat.parameters.evaluate({}), self.media)
@@ -137,7 +140,7 @@ class Network:
         return self._at(replaced, self.memo.value(("reached", tuple(replaced)), lambda: self._reached(tuple(replaced))), self._static())
 
     def varied(self, base_parts: Mapping[str, Any], overrides: Mapping[str, Number], names: tuple[str, ...]) -> Varied:
-        """Return what depends on some parameters at other values of these, and only that.
+        """Return everything that depends on some parameters, evaluated at other values of these.
 
         Parameters
         ----------
@@ -154,7 +157,7 @@ class Network:
         return Varied(parts, capacitances, (*conductors, *loads, *controls))
 
     def places(self, base_parts: Mapping[str, Any], names: tuple[str, ...]) -> tuple[int, ...]:
-        """Return where the rows of `varied` stand among all conductors, loads and controls of `numbers`."""
+        """Return the places of the rows of `varied` among all conductors, loads and controls of `numbers`, in that order."""
         changed = self.memo.value(("reached", names), lambda: self._reached(names))
         conductors, loads = {c.path for c in changed.conductors}, {load.path for load in changed.loads}
         moved = [path in conductors for path, rows in base_parts["conductors"].items() for _ in rows]
@@ -167,7 +170,7 @@ class Network:
         return self.memo.value("static", lambda: self._at({}, _Reached(flat.parameters.order, flat.nodes, flat.conductors, flat.loads), {}))
 
     def _at(self, overrides: Mapping[str, Number], changed: _Reached, base_parts: Mapping[str, Any]) -> dict[str, Any]:
-        """Return `base_parts` with what changed evaluated anew."""
+        """Return `base_parts` with changed parameters, nodes, conductors and loads evaluated anew; refuse values that physics forbids."""
         values = self.flat.parameters.evaluate(overrides, changed.paths, base_parts.get("values"))
         for _, where, message in self.flat.impossible(values, changed.paths):
             raise DeckError(message, where)
@@ -184,7 +187,7 @@ class Network:
         return {"values": values, "capacitances": capacitances, "conductors": conductors, "loads": loads}
 
     def _reached(self, names: tuple[str, ...]) -> _Reached:
-        """Return what depends on parameters of some names."""
+        """Return the parameters, nodes, conductors and loads that depend on parameters of some names."""
         flat = self.flat
         changed = flat.parameters.downstream(names)
         touched = set(changed)
@@ -210,6 +213,7 @@ class Network:
         return self.memo.value("controls", self._named_controls)
 
     def _named_controls(self) -> tuple[str, ...]:
+        """Return the controls that an element or a boundary of the scenario names, in the order of the deck."""
         if not self.flat.controls:
             return ()
         by = [*(c.controls for c in self.flat.conductors), *(load.controls for load in self.flat.loads)]
@@ -217,6 +221,7 @@ class Network:
         return tuple(name for name in self.flat.controls if name in named)
 
     def _rows(self, c: FlatConductor, values: Mapping[str, Any]) -> tuple[ConductorRow, ...]:
+        """Return the kernel rows of a conductor at values of parameters: its laws in the state of its gas, with its controls."""
         fields = {name: values[path] for name, path in c.fields.items()}
         if c.takes:
             fields["area"] = exposed_area(c.path, fields["area"], c.takes, values, c.where)
@@ -242,7 +247,7 @@ class Network:
 
 
 def _both_ways(c: FlatConductor, row: ConductorRow) -> tuple[ConductorRow, ...]:
-    """Return a stream that may turn as two, the flow of one of which is zero; any other row as it is."""
+    """Return a reversible stream as two one-way rows, m max(sign, 0) there and back, one of which is zero; any other row as it is."""
     if not c.reversible:
         return (row,)
     flow: Any = value_of(row.law.coefficients[0])
@@ -254,9 +259,7 @@ def _both_ways(c: FlatConductor, row: ConductorRow) -> tuple[ConductorRow, ...]:
 def _capacitance(node: FlatNode, values: Mapping[str, Any]) -> Number | None:
     """Return m c or C, or None for a massless node. [J/K]"""
     capacitance: Number | None = node.capacitance(values)
-    if capacitance is None:
-        return None
-    if not value_of(capacitance) > 0 or not np.isfinite(value_of(capacitance)):
+    if capacitance is not None and not (value_of(capacitance) > 0 and np.isfinite(value_of(capacitance))):
         raise DeckError(
             "a node's capacitance must be above zero and finite. For a massless node leave mass and capacitance out.",
             node.where,
@@ -282,8 +285,9 @@ def _load_rows(load: FlatLoad, values: Mapping[str, Any]) -> tuple[LoadRow, ...]
     control, settings = _control(load, f)
 
     def row(law: str, coefficients: tuple[Number, ...], curve: Curve | None, signal: str) -> LoadRow:
-        numbers = (*coefficients, *settings)
-        return LoadRow(load.path, law, load.node, load.sensor, numbers, curve, f"{signal} {load.path}", control, load.controls)
+        return LoadRow(
+            *(load.path, law, load.node, load.sensor, (*coefficients, *settings)), curve, f"{signal} {load.path}", control, load.controls
+        )
 
     rows = [row(form, (first, *rest), load.curve, "load")]
     if "command_curve" in f:
@@ -294,7 +298,7 @@ def _load_rows(load: FlatLoad, values: Mapping[str, Any]) -> tuple[LoadRow, ...]
 
 
 def _control(load: FlatLoad, f: Mapping[str, Number]) -> tuple[str, tuple[Number, ...]]:
-    """Return the control of a load and its settings, in the kernel's order.
+    """Return the control of a load, 'thermostat', 'proportional' or empty, and its settings in the kernel's order.
 
     Raises
     ------
@@ -325,11 +329,10 @@ def _control(load: FlatLoad, f: Mapping[str, Number]) -> tuple[str, tuple[Number
 def _absorbed(load: FlatLoad, fields: Mapping[str, Any], values: Mapping[str, Any]) -> LoadRow:
     """Return the row of what a surface absorbs: its exposed area, times its absorptance or emissivity, per flux."""
     if load.recipe is not None:
-        return LoadRow(load.path, "signal", load.node, load.sensor, (load.recipe(values),), None, f"load {load.path}", "", load.controls)
-    surface = load.path.rpartition(".")[0]
-    first = exposed_area(surface, fields["area"], load.takes, values, load.where)
-    for name in ("absorptance", "emissivity"):
-        if name in fields:
+        first = load.recipe(values)
+    else:
+        first = exposed_area(load.path.rpartition(".")[0], fields["area"], load.takes, values, load.where)
+        for name in (name for name in ("absorptance", "emissivity") if name in fields):
             first = fields[name] * first
     return LoadRow(load.path, "signal", load.node, load.sensor, (first,), None, f"load {load.path}", "", load.controls)
 
@@ -361,6 +364,7 @@ KEPT_NETWORKS: Final = 8
 
 
 def _compiled(model: Model, media: Media | None, prescribed: tuple[str, ...]) -> Network:
+    """Return what `compile_network` does, made anew."""
     flat = flatten(model)
     if media is not None and media.irradiation:
         flat = replace(flat, loads=(*flat.loads, *absorbers(flat, media.irradiation)))
@@ -377,20 +381,18 @@ def _compiled(model: Model, media: Media | None, prescribed: tuple[str, ...]) ->
             code="model.nothing-to-solve",
         )
     stores = {n.path: n.store for n in flat.nodes if n.store is not None and n.path in nodes}
-    network = Network(
-        model.title, flat, nodes, (*flat.names.boundaries, *driven), media or Media(), driven, stores, traced(media or Media(), flat)
-    )
+    trace = conductors_with_trace(media or Media(), flat)
+    network = Network(model.title, flat, nodes, (*flat.names.boundaries, *driven), media or Media(), driven, stores, trace)
     if media is not None:
-        refuse_unsaid(media, flat)
-    values = network.numbers().values
-    for gas, radiating in into_gas(flat, values).items():
+        check_gas_laws(media, flat)
+    for gas, radiating in into_gas(flat, network.numbers().values).items():
         raise DeckError(radiates_into(gas, radiating), next(n.where for n in flat.nodes if n.path == gas))
     return network
 
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
-    """A network without the massless nodes that could be eliminated.
+    """A network after star-mesh elimination of massless nodes, with heat stores and controllers as nodes of their own.
 
     Parameters
     ----------
@@ -410,7 +412,7 @@ class Reduced:
     controllers: Mapping[str, Number | str] = field(default_factory=dict)
 
     def states(self, temperatures: Mapping[str, Any]) -> list[Any]:
-        """Return what the kernel solves for, in the order of `nodes`, from temperatures of all nodes. [K]"""
+        """Return the kernel's states in the order of `nodes` from temperatures of all nodes [K]: of a heat store its level."""
         held = {level_name: store.level(temperatures[node]) for level_name, (node, store) in self.stored.items()}
         return [held[n] if n in held else temperatures[n] for n in self.nodes]
 
@@ -420,12 +422,15 @@ HEAT_FOLLOWING_RATE: Final = 1e5
 
 
 def held_in(node: str) -> str:
-    """Return the name of the node that holds the heat of another, whose specific heat changes."""
+    """Return the name ``<node> enthalpy`` of the extra node that holds the heat of a node whose specific heat changes."""
     return f"{node} enthalpy"
 
 
 def with_stores(reduced: Reduced, stores: Mapping[str, HeatStore]) -> Reduced:
-    """Return a network in which nodes whose specific heat changes hold their heat in a node of constant capacitance beside them."""
+    """Return the network with an extra node of constant capacitance for each heat store.
+
+    Its temperature is the store's level; a stiff conductor ties the node itself, now massless, to the temperature that belongs to it.
+    """
     if not stores:
         return reduced
     capacitances, rows, stored = dict(reduced.capacitances), list(reduced.conductors), {}
@@ -445,7 +450,7 @@ def with_stores(reduced: Reduced, stores: Mapping[str, HeatStore]) -> Reduced:
 
 
 def with_controllers(reduced: Reduced, controls: Iterable[ControlRow]) -> Reduced:
-    """Return a network with the states of its controllers behind its nodes."""
+    """Return the network with the states of its controllers, of capacitance one, appended to its nodes."""
     states = {state.name: state.begins for row in controls for state in row.states}
     if not states:
         return reduced
@@ -454,7 +459,10 @@ def with_controllers(reduced: Reduced, controls: Iterable[ControlRow]) -> Reduce
 
 
 def eliminable(numbers: Numbers, keep: frozenset[str] = frozenset()) -> tuple[str, ...]:
-    """Return the massless nodes that star to mesh can replace."""
+    """Return the massless nodes that star-mesh elimination can remove: without loads, joined by constant linear conductors alone.
+
+    Nodes in `keep` stay.
+    """
     loaded = {row.node for row in numbers.loads} | {row.sensor for row in numbers.loads}
     loaded |= {node for row in numbers.controls for node in row.followed}
     crooked = {end for row in numbers.conductors if row.form != "linear" or row.signal or row.controls for end in row.ends}
@@ -462,7 +470,7 @@ def eliminable(numbers: Numbers, keep: frozenset[str] = frozenset()) -> tuple[st
 
 
 def reduce_network(network: Network, numbers: Numbers, gone: tuple[str, ...]) -> Reduced:
-    """Return the network without the nodes `gone`.
+    """Return the network after star-mesh elimination of the nodes `gone`: conductors g_i g_j / sum(g) between neighbours of each.
 
     Raises
     ------
@@ -479,7 +487,7 @@ def reduce_network(network: Network, numbers: Numbers, gone: tuple[str, ...]) ->
     recover: list[tuple[str, Mapping[str, Number]]] = []
     for node in gone:
         star = {next(iter(pair - {node})): g for pair, g in mesh.items() if node in pair}
-        total = sum_of(star)
+        total: Number = reduce(add, star.values(), 0.0)
         if not value_of(total) > 0:
             where = next((n.where for n in network.flat.nodes if n.path == node), network.title)
             raise DeckError(
@@ -504,14 +512,6 @@ def reduce_network(network: Network, numbers: Numbers, gone: tuple[str, ...]) ->
     return Reduced(nodes, {n: numbers.capacitances[n] for n in nodes}, tuple(rows_kept), tuple(reversed(recover)))
 
 
-def sum_of(star: Mapping[str, Number]) -> Number:
-    """Return the sum of conductances. [W/K]"""
-    total: Number = 0.0
-    for g in star.values():
-        total = total + g
-    return total
-
-
 @dataclass(frozen=True)
 class Unreached:
     """Nodes that are joined to one another but to no boundary.
@@ -526,7 +526,7 @@ class Unreached:
     rate: float
 
     def message(self) -> CodedText:
-        """Return the finding in words."""
+        """Return the finding in words: which nodes have no path to a boundary, and how fast they warm or cool."""
         named = ", ".join(f"'{n}'" for n in self.nodes)
         many = len(self.nodes) > 1
         word = ("warm" if self.rate > 0 else "cool") + ("" if many else "s")
@@ -568,7 +568,7 @@ def unreached(network: Network, numbers: Numbers, powers: Mapping[str, float]) -
 
 
 def _spread(start: Iterable[str], joined: Mapping[str, set[str]]) -> set[str]:
-    """Return every node that can be reached from `start`."""
+    """Return every node that can be reached from `start` along `joined`, node -> neighbours; `start` is among them."""
     reached, edge = set(start), list(start)
     while edge:
         fresh = joined[edge.pop()] - reached

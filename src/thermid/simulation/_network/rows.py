@@ -48,7 +48,7 @@ CONTROLS: Final[Mapping[str, KernelLaw]] = {name: KernelLaw(*row) for name, row 
 
 
 def conductor_law(form: str, curve: Curve | None = None) -> KernelLaw:
-    """Return the kernel's law of a form; a table is one over the mean temperature or over the difference."""
+    """Return the kernel's law of a form; for 'table' that over the mean temperature or over the difference, as its curve says."""
     over_difference = form == "table" and curve is not None and curve.over == "difference"
     return CONDUCTORS["table of difference" if over_difference else form]
 
@@ -77,12 +77,12 @@ def curve_arrays(curve: Curve, refuse: bool = False) -> tuple[Array, Array, Arra
 
 
 def tables_behind(form: str, curve: Curve) -> tuple[Curve, ...]:
-    """Return the tables that a law looks up, one behind the other; behind those of a potential stands the table as written."""
+    """Return the tables that a law of a form looks up, in the kernel's order: the curve, then its film tables (of a potential one)."""
     return (curve, *(curve.film[:1] if form == "potential" else curve.film))
 
 
 def _evaluated(form: str, coefficients: Sequence[Any], curve: Curve | None, hot: Array, cold: Array) -> Array:
-    """Return heat, its derivatives by both temperatures, by the first and by the second coefficient (5, times), as the kernel has them."""
+    """Return (5, times) from the kernel: heat Q [W], dQ/dT_hot, dQ/dT_cold [W/K], dQ/dc_1, dQ/dc_2 of a law at temperatures [K]."""
     law = conductor_law(form, curve)
     hot, cold = (np.ascontiguousarray(t, dtype=float) for t in np.broadcast_arrays(hot, cold))
     pair = [np.broadcast_to(np.asarray(c, dtype=float), hot.shape) for c in (*coefficients, 0.0)[:2]]
@@ -115,7 +115,7 @@ def conductance(form: str, coefficients: Sequence[Any], curve: Curve | None, hot
 
 @cache
 def same_both_ways(form: str) -> bool:
-    """Return whether a law without tables is the same from its second end to its first: exchanged ends change the sign of its heat only."""
+    """Return whether exchanging the ends of a law without tables only changes the sign of its heat; tried at 290 and 310 K."""
     hot, cold = np.array([310.0, 290.0]), np.array([290.0, 310.0])
     there, back = heat(form, (1.0, 0.3)[: CONDUCTORS[form].coefficients], None, hot, cold)
     return bool(np.isclose(there, -back, rtol=1e-9))
@@ -153,7 +153,7 @@ class ConductorRow:
 
     @property
     def coefficients(self) -> tuple[Number, ...]:
-        """Those of its law."""
+        """Coefficients of its law."""
         return self.law.coefficients
 
     @property

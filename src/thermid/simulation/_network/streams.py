@@ -69,7 +69,7 @@ class Streams:
         return cls(gas, _shares(gas, values, inner), _lines(gas, inner), unfed(flat), media)
 
     def __contains__(self, path: str) -> bool:
-        """Whether a conductor is a stream of gas."""
+        """Whether the conductor at a path is a stream of gas."""
         return path in self.shares
 
     def sources(self, path: str) -> dict[str, float]:
@@ -81,7 +81,10 @@ class Streams:
         return out
 
     def course(self, path: str, temperatures: Mapping[str, Signal]) -> Drawn:
-        """Return the mass flow of a stream over that with its gas at one atmosphere and 20 degC, in time; zero where a gas is gone. [-]
+        """Return the mass flow of a stream over time, relative to that with its gas at one atmosphere and 20 degC. [-]
+
+        For a volume flow sum_n x_n p_n / p0 T0 / T_n over its sources n with shares x_n, for a mass flow 1; zero while any pressure of
+        its line is that of vacuum.
 
         Parameters
         ----------
@@ -109,13 +112,13 @@ class Streams:
         return Mixed(flow, (*pressures, *warm.values())).drawn(self.media.seconds)
 
     def _pressures(self, line: tuple[str, ...]) -> tuple[list[Signal], dict[str, int]]:
-        """Return the pressures of a line, one for all gases that share it, and node -> its place among them."""
+        """Return the distinct pressure signals of the nodes of a line, and node -> place of its signal among them."""
         pressures = {n: self.media.pressure(n) for n in line}
         distinct = {id(s): s for s in pressures.values()}
         return list(distinct.values()), {n: list(distinct).index(id(s)) for n, s in pressures.items()}
 
     def still(self, path: str) -> Drawn:
-        """Return the course of a stream whose sources have 20 degC: what a network without a scenario's temperatures has. [-]"""
+        """Return `course` with all sources at 20 degC: what a network has before a scenario gives temperatures. [-]"""
         return self.memo.value(path, lambda: self.course(path, {}))
 
     def row(self, c: FlatConductor, law: Law) -> ConductorRow:
@@ -127,13 +130,16 @@ class Streams:
 
     @staticmethod
     def _standard(c: FlatConductor) -> float:
-        """Return what a flow as written lacks with its gas at one atmosphere and 20 degC: density and specific heat, multiplied."""
+        """Return the factor from a flow as written to its heat capacity rate at one atmosphere and 20 degC.
+
+        The density for a volume flow, else 1, times the specific heat unless the deck gives it.
+        """
         gas = GASES[fluid_of(c)]
         density = ATMOSPHERE / (gas.constant * AMBIENT_DEFAULT) if by_volume(c) else 1.0
         return density * (1.0 if "specific_heat" in c.fields else float(gas.cp(AMBIENT_DEFAULT)))
 
     def written(self, path: str, rate: float, specific_heat: float) -> tuple[str, float]:
-        """Return the field of a stream and its flow [m^3/s or kg/s] at which it has a heat capacity rate [W/K]; none where it stands still.
+        """Return the deck's field, volume_flow or mass_flow, and the flow [m^3/s or kg/s] that gives a heat capacity rate; 0 without gas.
 
         Parameters
         ----------
@@ -147,11 +153,13 @@ class Streams:
         return ("volume_flow" if by_volume(c) else "mass_flow"), rate / (factor * density * specific_heat) if factor else 0.0
 
     def signals(self) -> dict[str, Signal]:
-        """Return what rows of streams are multiplied by where the pressure of a gas changes in time."""
+        """Return the inputs that multiply rows of streams whose mass changes in time, by `signal_of` their paths. [-]"""
         return {signal_of(c.path): s for c in self.conductors if not isinstance(s := self.still(c.path), Constant)}
 
     def shifted(self, path: str, boundaries: Mapping[str, Signal], offsets: Mapping[str, Number]) -> Number:
-        """Return the factor on a stream's mass of sources that are warmer than their signals, by what is free. [-]
+        """Return the factor on a stream's mass where free offsets make its sources warmer than their signals. [-]
+
+        The ratio of sum_n x_n T0 / T_n with and without the offsets, at the mean temperatures of the run; 1 for a mass flow.
 
         Parameters
         ----------
@@ -207,11 +215,12 @@ class Streams:
 
     @cached_property
     def _named(self) -> dict[str, FlatConductor]:
+        """Path -> conductor of each stream."""
         return {c.path: c for c in self.conductors}
 
     @property
     def _inner(self) -> set[str]:
-        """Nodes that a stream of gas enters."""
+        """Nodes that at least one stream of gas enters."""
         return {c.ends[1] for c in self.conductors}
 
     def _gone(self, path: str, end: float) -> float | None:
@@ -224,12 +233,13 @@ class Streams:
         return float(max(times[none.argmax()], 0.0)) if none.any() else None
 
     def _emptied(self, node: str, end: float) -> bool:
+        """Return whether the pressure of a node is that of vacuum at any time up to `end` [s]."""
         pressure = self.media.pressure(node)
         return bool((pressure.at(np.append(pressure.knots(0.0, end), end)) <= VACUUM_LIMIT).any())
 
 
 def signal_of(path: str) -> str:
-    """Return the name of the input that a stream's row is multiplied by."""
+    """Return the name of the input that multiplies the row of a stream, ``stream <path>``."""
     return f"stream {path}"
 
 
@@ -265,7 +275,7 @@ def _shares(streams: Sequence[FlatConductor], values: Mapping[str, Any], inner: 
 
 
 def _fed(streams: Sequence[FlatConductor], entered: Sequence[str]) -> set[str]:
-    """Return the nodes that a stream from a boundary reaches."""
+    """Return the nodes among `entered` that can be reached along streams from a boundary."""
     after: dict[str, list[str]] = {}
     for c in streams:
         after.setdefault(c.ends[0], []).append(c.ends[1])
@@ -293,4 +303,5 @@ def _lines(streams: Sequence[FlatConductor], inner: set[str]) -> dict[str, tuple
 
 
 def _on_ground(pressure: Signal) -> bool:
+    """Return whether a pressure stays within `AIR_RANGE`, that of the ground."""
     return pressure.bounds[0] >= AIR_RANGE[0] and pressure.bounds[1] <= AIR_RANGE[1]

@@ -15,7 +15,7 @@ from thermid.model.elements import Signal, TableSignal, conducted
 
 @dataclass(frozen=True)
 class LogColumns:
-    """Reads the columns of logs that a scenario file names.
+    """Reader of the columns of logs that a scenario file names, with the rules for their time zero.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ class LogColumns:
 
     @classmethod
     def of_scenario(cls, data: Mapping[str, Any], folder: Path, where: str) -> LogColumns:
-        """Return the reader of a scenario's tables."""
+        """Return the reader for the tables of a scenario file, `data` as read from it, in a folder."""
         ascent, weather = data.get("ascent", {}), data.get("weather", {})
         zeros = {resolve_inside(folder, ascent["file"], f"{where}, ascent"): 0.0} if "file" in ascent else {}
         cut = resolve_inside(folder, weather["file"], f"{where}, weather.file") if "file" in weather and "begin" in weather else None

@@ -29,7 +29,7 @@ PERIODIC = "periodic"
 
 @dataclass(frozen=True)
 class Start:
-    """A start that is looked for.
+    """A start that must be solved for: steady under the inputs of one time, steady under their means, or periodic.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ class Start:
 
     @classmethod
     def from_text(cls, written: str | float, where: str) -> Start | None:
-        """Return what a start says, or None where it is a temperature or a boundary.
+        """Return the steady or periodic start that a text asks for; None where it is a temperature or the name of a boundary.
 
         Raises
         ------
@@ -65,7 +65,7 @@ class Start:
 
 @dataclass(frozen=True)
 class Scenario(Shown):
-    """What is done to a model.
+    """The conditions of a run: what is done to a model.
 
     Values may be written as texts with units, with `thermid.celsius` or `thermid.quantity`, as pairs of times and values, tables or signals
     (see `thermid.model._laws.signal.signal`); they are kept as signals. A temperature always states its unit; times without one are
@@ -152,7 +152,7 @@ class Scenario(Shown):
         self._lay_on_one_clock()
 
     def _lay_on_one_clock(self) -> None:
-        """Shift the signals that have stamps to where these are, seen from the beginning of the run.
+        """Shift signals whose times are stamps so that their time zero is the beginning of the run, by default the earliest stamp.
 
         Raises
         ------
@@ -162,9 +162,9 @@ class Scenario(Shown):
         if self.begins is None and not stamps:
             return
         begins = min(stamps.values()) if self.begins is None else instant(self.begins, f"{self.title}, begins")
-        another = next((place for place, stamp in stamps.items() if stamp.zoned != begins.zoned), "")
-        if another:
-            one, other = ("begins" if self.begins is not None else next(iter(stamps))), another
+        other = next((place for place, stamp in stamps.items() if stamp.zoned != begins.zoned), "")
+        if other:
+            one = "begins" if self.begins is not None else next(iter(stamps))
             raise ScenarioError(
                 f"the stamps of {one} and {other} differ: only one of them has a time zone. Give all of them one, or none.",
                 self.title,
@@ -184,7 +184,7 @@ class Scenario(Shown):
         return float(self.duration)
 
     def media(self) -> Media:
-        """Return the state of every gas, and what falls on outer surfaces."""
+        """Return the environments of all gases, with their signals as the run sees them, and the irradiation of surfaces."""
         gases = {gas: e.mapped(lambda s: in_run(s, self.seconds)) for gas, e in self.environment.items()}
         return Media(gases, self.as_printed, self.irradiation, self.seconds)
 
@@ -199,27 +199,25 @@ class Scenario(Shown):
             yield from ((f"irradiation.{surface}.{k}", v) for k, v in falling.signals().items())
 
     def names(self) -> set[str]:
-        """Names by which `mapped` and `begun` leave something out: of whole tables, or of single signals."""
+        """Return the names that `but` of `mapped` and `begun` accepts: of whole tables, and of single signals."""
         return {name for place, _ in self.signals() for name in (place.partition(".")[2], place.split(".")[1])} | {*SLOTS}
 
     def mapped(self, law: Callable[[Signal], Signal], but: Collection[str] = ()) -> Scenario:
-        """Return the scenario with what a law makes of each signal, but for some: of whole tables (``commands``) or single names."""
+        """Return the scenario with every signal s replaced by law(s), but for the tables (``commands``) or single names in `but`."""
         return replace(self, **self._mapped_tables(law, but))
 
     def _mapped_tables(self, law: Callable[[Signal], Signal], but: Collection[str] = ()) -> dict[str, Any]:
-        """Return the tables of `mapped`."""
-
-        def mapped_table(name: str) -> dict[str, Any]:
-            table = getattr(self, name)
-            return {k: law(v) if isinstance(v, Signal) and not {name, k} & set(but) else v for k, v in table.items()}
-
-        tables: dict[str, Any] = {name: mapped_table(name) for name in SLOTS}
+        """Return field -> table with its signals replaced, of all tables of signals; see `mapped`."""
+        tables: dict[str, Any] = {
+            name: {k: law(v) if isinstance(v, Signal) and not {name, k} & set(but) else v for k, v in getattr(self, name).items()}
+            for name in SLOTS
+        }
         tables["environment"] = {gas: e if gas in but else e.mapped(law) for gas, e in self.environment.items()}
         tables["irradiation"] = {face: falling if face in but else falling.mapped(law) for face, falling in self.irradiation.items()}
         return tables
 
     def begun(self, seconds: float, but: Collection[str] = ()) -> Scenario:
-        """Return the scenario of a run that begins later: all that changes in time as it is from then on, but for some, as `mapped`. [s]
+        """Return the scenario of a run that begins `seconds` later [s]: every signal is shifted, but for those in `but`, see `mapped`.
 
         Sun and sky are worked out anew where their path is known. Tables are shifted and not cut, so nothing of them is lost.
         """
@@ -231,7 +229,7 @@ class Scenario(Shown):
         return replace(moved, irradiation={**moved.irradiation, **skies}, begins=begins)
 
     def driven(self, flat: Flat) -> set[str]:
-        """Return the parameters that have a course of their own, and the numbers behind them: nothing else may move these."""
+        """Return the paths of parameters that a schedule or a gain drives, and of the numbers behind them: a fit may not change these."""
         paths = {flat.names.model.canonical(p) for p in (*self.schedule, *self.gains.values())}
         return {p for n in paths if n in flat.parameters.table for p in (n, flat.parameters.literal_behind(n))}
 
@@ -265,8 +263,7 @@ class Scenario(Shown):
         ------
         ScenarioError   When there is no such field.
         """
-        fields = self.__dataclass_fields__
-        refuse_unknown(changes, fields, self.title, "a scenario has no '{}'.", ScenarioError)
+        refuse_unknown(changes, self.__dataclass_fields__, self.title, "a scenario has no '{}'.", ScenarioError)
         merged: dict[str, Any] = {
             k: {**getattr(self, k), **v} if isinstance(v, Mapping) and isinstance(getattr(self, k), Mapping) else v
             for k, v in changes.items()
@@ -275,7 +272,7 @@ class Scenario(Shown):
 
 
 def _start(written: Any, where: str) -> Any:
-    """Return what a node begins with: a text, read when its names are known, or a temperature. [K]"""
+    """Return a start: a text as it is, since names of boundaries are resolved later, any other value as a temperature. [K]"""
     if isinstance(written, str | Kelvin):
         return written
     with errors_at(where):
@@ -283,14 +280,11 @@ def _start(written: Any, where: str) -> Any:
 
 
 def sampled_logs(scenario: Scenario) -> tuple[str, ...]:
-    """Return a sentence for the columns of logs whose samples nobody said to be averages or instants; none where there are none."""
-    assumed = [
-        place for place, course in scenario.signals() if isinstance(course, TableSignal) and course.log is not None and not course.samples
-    ]
+    """Return a remark that names the columns of logs for which nobody stated whether samples are averages or instants; else nothing."""
+    assumed = {place: s for place, s in scenario.signals() if isinstance(s, TableSignal) and s.log is not None and not s.samples}
     if not assumed:
         return ()
-    tables = {place: s for place, s in scenario.signals() if place in assumed and isinstance(s, TableSignal)}
-    of_series = [place for place, s in tables.items() if s.held and s.log is not None and not s.log[0]]
+    of_series = [place for place, s in assumed.items() if s.held and s.log is not None and not s.log[0]]
     held = f". Each one of {', '.join(of_series)} holds until the next, as in a record" if of_series else ""
     return (
         CodedText(

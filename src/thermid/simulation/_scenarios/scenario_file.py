@@ -37,8 +37,7 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     """
     target = Path(path)
     data, lines = read_toml(target)
-    where = Places(target.name, lines)
-    data = by_grammar("thermid.simulation._scenarios.schema.ScenarioFile", data, where).written
+    data = by_grammar("thermid.simulation._scenarios.schema.ScenarioFile", data, Places(target.name, lines)).written
     fields: dict[str, Any] = {"title": target.stem, **data}
     columns, gases = LogColumns.of_scenario(data, target.parent, target.name), data.get("environment", {})
     for name, slot in SLOTS.items():
@@ -62,6 +61,7 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
 
 
 def _environment(table: Mapping[str, Any], columns: LogColumns, where: str) -> Environment:
+    """Return the environment that a table of a scenario file describes; pressure and wind may be columns of logs."""
     fields = dict(table)
     for name, unit in (("humidity", "1"), ("gravity", "m/s^2"), ("time_constant", "s")):
         fields |= {name: literal(table[name], unit, where)} if name in table else {}
@@ -72,7 +72,7 @@ def _environment(table: Mapping[str, Any], columns: LogColumns, where: str) -> E
 
 
 def _irradiation(table: Mapping[str, Any], columns: LogColumns, where: str) -> Irradiation:
-    """Return what falls on a surface from the table of a scenario file."""
+    """Return the irradiation that a table of a scenario file describes; its signals may be columns of logs."""
     fields = {
         name: value if name == "sky_view" else columns.signal(value, TEMPERATURE if name == "sky" else "W/m^2", where)
         for name, value in table.items()

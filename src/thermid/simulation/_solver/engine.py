@@ -28,11 +28,11 @@ from thermid.simulation._solver.wiring import Assembled, Wiring
 
 
 class Runner(Protocol):
-    """What runs a model in place of the kernel: somebody else's program, such as an FMU."""
+    """Interface of a program that runs a model in place of the kernel, such as an FMU."""
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What a reader of a fit must know."""
+        """Remarks for the reader of a fit, in words."""
         ...
 
     @property
@@ -42,7 +42,7 @@ class Runner(Protocol):
 
     @property
     def powers(self) -> Mapping[str, float]:
-        """Load -> what it takes where nobody gives it. [W], or a plain number."""
+        """Load -> its power where the scenario gives none [W], or a plain number for an input without a unit."""
         ...
 
     def run(self, engine: Engine, a: Assembled, times: Array, nodes: Sequence[str], end: float, gradients: bool) -> Answer:
@@ -55,7 +55,7 @@ LOSSES = {"linear": _kernel.SQUARE, "soft_l1": _kernel.SOFT_L1, "huber": _kernel
 
 @dataclass(frozen=True, eq=False)
 class Weighing:
-    """What the readings of a run are compared by.
+    """Weights with which the readings of a run are compared: standard deviations, constant errors and the loss function.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ MAX_NODES_FOR_MODES = 300  # nodes beyond which modes cost more than any noise a
 
 
 class Exact(NamedTuple):
-    """What the kernel says of a modal run: status, node and time [s] of a failure, stretches, temperatures [K], heats [J] and turnings."""
+    """Answer of the kernel for a modal run: status, node and time [s] of a failure, stretches, temperatures [K], heats [J], turnings."""
 
     status: int
     node: int
@@ -135,7 +135,7 @@ class Exact(NamedTuple):
 
 @dataclass(frozen=True)
 class Effort:
-    """What a run has to do, by which its time is estimated.
+    """Amounts of work of a run, from which the time of each method is estimated.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ class Effort:
 
     @property
     def modal(self) -> float:
-        """Time by modes, as measured: docs/design/simulation.md. [s]"""
+        """Estimated time of the modal solution, a fit to measurements (docs/design/simulation.md). [s]"""
         n = self.nodes
         march = self.stretches * (15.0 + 0.25 * n * (1 + self.sampled)) + self.fresh * (400.0 + 50.0 * n)
         write = self.outputs * (n * (1.0 + 0.1 * n) + 30.0 * self.waves)
@@ -168,7 +168,7 @@ class Effort:
 
     @property
     def integrator(self) -> float:
-        """Time of the integrator where nothing is stiff. [s]"""
+        """Estimated time of the integrator where nothing is stiff, a fit to measurements. [s]"""
         n = self.nodes
         step = 700.0 + 340.0 * n + 0.012 * n**3 + (400.0 if self.sampled else 0.0)
         read = 30.0 * self.stretches if self.sampled else 0.0
@@ -177,7 +177,7 @@ class Effort:
 
 
 class Modal:
-    """The modal solution of one wiring; the same for all values of its unknowns.
+    """The modal solution of one wiring: whether it is possible, when it pays, and how it is run; the same for all values of unknowns.
 
     Parameters
     ----------
@@ -193,7 +193,7 @@ class Modal:
         self._pace: tuple[float, float] | None = None
 
     def refusal(self, method: str, times: Array, end: float, gradients: bool) -> str:
-        """Return why the integrator is to be used, in words; empty when the modes are.
+        """Return why the integrator is used instead of the modes, in words; empty where the modes are used.
 
         Raises
         ------
@@ -211,14 +211,11 @@ class Modal:
         if why or method == "modal":
             return why
         work = self.work(times, end)
-        return (
-            ""
-            if work.modal <= work.integrator
-            else f"an estimated {1e3 * work.modal:.2g} ms by modes, {1e3 * work.integrator:.2g} ms by steps"
-        )
+        slower = f"an estimated {1e3 * work.modal:.2g} ms by modes, {1e3 * work.integrator:.2g} ms by steps"
+        return "" if work.modal <= work.integrator else slower
 
     def work(self, times: Array, end: float) -> Effort:
-        """Return what a run to `end` [s] with outputs at times (times,) [s] has to do."""
+        """Return the amounts of work of a run to `end` [s] with outputs at times (times,) [s]."""
         signals = [self.wiring.signals[name] for name in self.wiring.used]
         tables = [s for s in signals if isinstance(s, TableSignal)]
         key = (times.size, float(times[:1].sum()), float(times[-1:].sum()), end)
@@ -275,14 +272,16 @@ class Modal:
     def run(
         self, a: Assembled, times: Array, nodes: NDArray[np.int32], end: float, turnings: bool = False, sums: tuple[Any, ...] | None = None
     ) -> Exact:
-        """Return temperatures of some nodes at times, from zero to `end` [s]; and turning points of these and of sums, where asked for."""
+        """Run the modal solution from zero to `end` [s]: temperatures of `nodes` (by number) at `times` (times,) [s].
+
+        With `turnings` also the turning points of these nodes and of weighted `sums`, see `Engine._sums`.
+        """
         wanted = np.ascontiguousarray(times, dtype=float)
-        raw = _kernel.modal(self.problem, a.coefficients, a.initial, 0.0, float(end), wanted, nodes, turnings, sums)
-        return Exact(*raw)
+        return Exact(*_kernel.modal(self.problem, a.coefficients, a.initial, 0.0, float(end), wanted, nodes, turnings, sums))
 
 
 def _obstacle(wiring: Wiring) -> str:
-    """Return what keeps a network from being linear with constant coefficients, in words; empty when nothing does."""
+    """Return in words why a network is not linear with constant, symmetric coefficients; empty where it is, so that modes exist."""
     s = wiring.structure
     named: Mapping[int, str] = {k: name for name, k in wiring.used.items()}
 
@@ -318,9 +317,8 @@ class Engine(KernelProblem):
 
     @property
     def runner(self) -> Runner | None:
-        """What runs the model in place of the kernel; None for the kernel itself."""
-        runner: Runner | None = self.wiring.network.flat.names.model.runner
-        return runner
+        """The program that runs the model in place of the kernel; None for the kernel itself."""
+        return self.wiring.network.flat.names.model.runner  # type: ignore[no-any-return]
 
     def _as_large(self, options: Options, gradients: bool, times: Array, end: float) -> bool:
         """Return whether a model is run as a large network: asked for by name, or of a form that can be and cheaper so.
@@ -362,7 +360,9 @@ class Engine(KernelProblem):
         gradients: bool = False,
         extremes: bool = False,
     ) -> Answer:
-        """Return temperatures at times of some nodes, from zero to `end` [s]; with `extremes` their turning points between these too.
+        """Run the numbers `a` from zero to `end` [s] by the method of the options; temperatures of `nodes` at `times` (times,) [s].
+
+        With `gradients` also their derivatives with respect to the free names, with `extremes` their turning points between the times.
 
         Raises
         ------
@@ -408,6 +408,7 @@ class Engine(KernelProblem):
         return Answer(raw.traces, slopes, a.initial, raw.final_temperatures, *energies, end, statistics, raw.on, switched, turnings)
 
     def _by_modes(self, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, extremes: bool) -> Answer:
+        """Return what `integrate` does, by the modal solution."""
         index = self._index()
         gone, sums = self._sums(a) if extremes else ((), None)
         raw = self.modal.run(a, times, ints([index[n] for n in nodes]), end, extremes, sums)
@@ -421,7 +422,7 @@ class Engine(KernelProblem):
         return Answer(raw.traces, slopes, a.initial, raw.final, *energies, end, statistics, off, (), turnings)
 
     def _sums(self, a: Assembled) -> Gone:
-        """Return the eliminated nodes, and each as a sum of temperatures of nodes and boundaries, in the kernel's form."""
+        """Return the eliminated nodes, and their weights on nodes and boundaries as (begins, places, weights); (), None without any."""
         index = self._index()
         parts: dict[str, dict[int, float]] = {}
         for node, star in a.reduced.recover:
@@ -439,7 +440,7 @@ class Engine(KernelProblem):
     def members(
         self, coefficients: Array, initial: Array, times: Array, nodes: Sequence[str], end: float, options: Options, simd: str
     ) -> Any:
-        """Return the kernel's ensemble: coefficients (coefficients, members) [SI] and initial temperatures (nodes, members) [K] of each.
+        """Return the kernel's ensemble for coefficients (coefficients, members) [SI] and initial temperatures (nodes, members) [K].
 
         Raises
         ------
@@ -468,9 +469,15 @@ class Engine(KernelProblem):
         values: Sequence[Array],
         scaled: Sequence[bool] = (),
     ) -> Any:
-        """Return what channels read, in the kernel's form: `values` [K] at ``times[index]``, of a node or a sum over its `parts`.
+        """Return the readings of channels in the kernel's form.
 
-        The node of a channel that is `scaled` counts by the weight that every evaluation gives.
+        Parameters
+        ----------
+        times : array (times,)      Common times of all channels. [s]
+        parts : sequence            Of each channel the nodes whose weighted sum it reads, one or more.
+        index : sequence            Of each channel the places of its readings in `times`.
+        values : sequence           Of each channel its readings. [K]
+        scaled : sequence           Of each channel whether its node counts by a weight that every evaluation gives.
         """
         place = self._index()
         nodes = [place[n] for names in parts for n in names]
@@ -498,7 +505,7 @@ class Engine(KernelProblem):
         gradients: bool = False,
         mesh: Array | None = None,
     ) -> Squares:
-        """Return the least squares of readings, with derivatives or without; no temperature is stored.
+        """Run the numbers `a` and return the least squares of readings, with derivatives or without; no temperature is stored.
 
         Parameters
         ----------
@@ -540,7 +547,7 @@ class Engine(KernelProblem):
         return Squares(raw.triangle, raw.rotated, raw.cost, raw.chi_square, raw.sums, raw.mesh)
 
     def started(self, a: Assembled, gradients: bool = False) -> Assembled:
-        """Return the assembly with a start that is steady where it was asked for."""
+        """Return the numbers with their start solved for where the scenario asks for a steady or periodic one (NaN until then)."""
         unknown = np.isnan(a.initial)
         if not unknown.any():
             return a
@@ -560,7 +567,7 @@ class Engine(KernelProblem):
         return replace(a, initial=temperatures, initial_gradient=slopes if gradients else a.initial_gradient)
 
     def _beginning(self, a: Assembled, gradients: bool) -> tuple[Array, Array]:
-        """Return the temperatures (nodes,) that a scenario asks to start from [K], and their derivatives (nodes, free).
+        """Return the steady or periodic start (nodes,) that the scenario asks for [K], and its derivatives (nodes, free).
 
         Raises
         ------
@@ -584,7 +591,7 @@ def settle(problem: KernelProblem, a: Assembled, time: float, gradients: bool = 
 
 
 def at_rest(problem: KernelProblem, a: Assembled, time: float, gradients: bool = False) -> tuple[Array, Array, NDArray[np.int32]]:
-    """Return what `settle` does, and the states of thermostats (-1: by their temperature) and the modes of controls.
+    """Return what `settle` does, and the states (controls,) of thermostats, -1 for those by temperature, and of controls with modes.
 
     Controls with modes begin in their first and go on to those that the temperatures found ask for, until they rest.
 
@@ -600,12 +607,10 @@ def at_rest(problem: KernelProblem, a: Assembled, time: float, gradients: bool =
     on[first:] = [row.starts for row in machines]
     while True:
         temperatures, slopes = _settled(problem, a, time, gradients, on)
-        if not machines:
-            return temperatures, slopes, on
-        visited.add(on.tobytes())
-        changed = _next_modes(problem, a, temperatures, time, on[first:])
+        changed = _next_mode(problem, a, temperatures, time, on[first:]) if machines else None
         if changed is None:
             return temperatures, slopes, on
+        visited.add(on.tobytes())
         on[first + changed[0]] = changed[1]
         if on.tobytes() in visited:
             name = machines[changed[0]].name
@@ -613,7 +618,7 @@ def at_rest(problem: KernelProblem, a: Assembled, time: float, gradients: bool =
             raise SolverError(message, problem.title)
 
 
-def _next_modes(problem: KernelProblem, a: Assembled, temperatures: Array, time: float, modes: NDArray[np.int32]) -> tuple[int, int] | None:
+def _next_mode(problem: KernelProblem, a: Assembled, temperatures: Array, time: float, modes: NDArray[np.int32]) -> tuple[int, int] | None:
     """Return the first control that does not rest in its mode at steady temperatures, and the mode that follows; None where all rest."""
     wiring, now = problem.wiring, np.array([time])
     traces = Traces(wiring, a, now, problem.nodes, temperatures[None, :], np.zeros((1, temperatures.size, 0)))
@@ -691,10 +696,10 @@ def _settled(problem: KernelProblem, a: Assembled, time: float, gradients: bool,
 
 
 class _Balance:
-    """Heat of every node at its temperature, inputs held.
+    """Net heat of every node as a function of temperatures, with the inputs of one time and all modes fixed.
 
-    What stores heat by a table is one with its node: at rest it holds what belongs to that temperature, and a melting point, where
-    temperature does not move with heat, is no obstacle.
+    A node that stores heat by a table and the extra node of its heat are one unknown here: at rest the heat follows from the temperature,
+    so that a melting point is no obstacle.
     """
 
     def __init__(self, problem: KernelProblem, a: Assembled, time: float, on: NDArray[np.int32]) -> None:
@@ -744,21 +749,21 @@ class _Balance:
         return out if near.all() and (out >= 0.0).all() else None
 
     def _sum(self, rows: Array) -> Array:
-        """Return rows of all states summed over each node and what it holds."""
+        """Return rows (states, ...) with those of each heat store added to its node's: (nodes, ...)."""
         out: Array = rows[self.own].copy()
         for k, _, _ in self.held:
             out[self.place[k]] += rows[k]
         return out
 
     def states(self, temperatures: Array) -> Array:
-        """Return what the kernel solves for at rest, from temperatures (nodes,). [K]"""
+        """Return the kernel's states (states,) from temperatures (nodes,): of a heat store the level at its temperature. [K]"""
         levels = temperatures[self.place]
         for k, store, liquid in self.held:
             levels[k] = float(store.level(levels[k], liquid))
         return levels
 
     def moves(self, temperatures: Array, moves: Array) -> Array:
-        """Return the derivatives of those (states, free) from the derivatives of the temperatures (nodes, free)."""
+        """Return the derivatives of the states (states, free) from those of the temperatures (nodes, free)."""
         changes = moves[self.place]
         for k, store, liquid in self.held:
             changes[k] *= float(store.share(temperatures[self.place[k]], liquid))
@@ -766,7 +771,10 @@ class _Balance:
 
 
 def _solved(jacobian: Array, leaving: Array | None, heat: Array) -> Array | None:
-    """Return the change of temperatures (nodes,) [K] that takes up heat (nodes,) [W]; None where the equations have no one answer."""
+    """Return x (nodes,) [K] with J x = -Q for the Jacobian J [W/K] and heat Q (nodes,) [W]; None where it is singular.
+
+    With `leaving`, the heat per kelvin that each node loses to boundaries [W/K], by elimination without cancellation.
+    """
     if leaving is not None:
         return solve_conserving(jacobian, leaving, heat)
     try:
@@ -777,7 +785,10 @@ def _solved(jacobian: Array, leaving: Array | None, heat: Array) -> Array | None
 
 
 def _moved(balance: _Balance, temperatures: Array, step: Array, imbalance: float, reach: float) -> Array:
-    """Return the temperatures after a step of at most `reach`, shortened until less heat is left over: at a knee whole steps cycle."""
+    """Return the temperatures after a step cut to `reach` [K], halved until the norm of the net heat falls below `imbalance` [W].
+
+    Without success after 20 halvings, those after the whole step: at a knee whole steps would cycle.
+    """
     whole = step * min(1.0, reach / max(float(np.abs(step).max()), 1e-300))
     for halving in range(20):
         moved: Array = np.maximum(temperatures + 0.5**halving * whole, 0.1)
@@ -799,6 +810,7 @@ def _drifted(temperatures: Array, heat: Array, jacobian: Array, k: int) -> Array
 
 
 def _no_steady(problem: KernelProblem, a: Assembled) -> str:
+    """Return why there is no steady state, in words: nodes without a path to a boundary, or singular equations."""
     powers = {name: float(p[0]) for name, p in problem.powers(a, _columns(problem, a), np.zeros(1)).items()}
     parts = unreached(problem.wiring.network, a.numbers, powers)
     if parts:
@@ -810,6 +822,7 @@ def _no_steady(problem: KernelProblem, a: Assembled) -> str:
 
 
 def _columns(problem: KernelProblem, a: Assembled) -> Array:
+    """Return (1, nodes + boundaries): all nodes at the temperature of the first boundary at time zero, then the boundaries. [K]"""
     outer = [problem.wiring.boundary(b, np.zeros(1), a.offsets)[0] for b in problem.wiring.network.boundaries]
     return np.array([[outer[0] if outer else ICE_POINT] * len(problem.nodes) + outer])
 
@@ -882,7 +895,7 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
 
 
 def _mended(inverse: NDArray[Any], step: Array, fell: Array) -> Array:
-    """Return the inverse of a slope that takes a step (nodes,) to what a residual fell by (nodes,): Broyden's first method."""
+    """Return the inverse B updated by Broyden's first method, B + (s - B y) s'B / (s'B y), with step s and fall y of the residual."""
     moved = inverse @ fell
     size = float(step @ moved)
     return inverse if abs(size) < 1e-300 else inverse + np.outer(step - moved, step @ inverse) / size

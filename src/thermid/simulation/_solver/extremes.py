@@ -61,12 +61,12 @@ class Turnings:
     kelvin: Array
 
     def furthest(self, most: int) -> Array:
-        """Return the times (2 most,) of the highest and of the lowest of them. [s]"""
+        """Return the times (2 most,) of the `most` lowest points, then of the `most` highest ones. [s]"""
         order = np.argsort(self.kelvin, kind="stable")
         return np.asarray(self.times[np.concatenate((order[:most], order[-most:]))])
 
     def beside(self, times: Array, kelvin: Array) -> tuple[Array, Array]:
-        """Return samples (times,) with the turning points among them: times [s] and temperatures [K].
+        """Return samples (times,) [s], [K] merged with the turning points in order of time: times [s] and temperatures [K].
 
         A sample on a jump has the value after it; the one before it, a turning point at the same time, stands ahead of it.
         """
@@ -103,33 +103,32 @@ class MemberTurnings:
 
     @classmethod
     def joined(cls, parts: Sequence[tuple[int, MemberTurnings]]) -> MemberTurnings:
-        """Return those of several groups of members, each with the place of its first."""
+        """Return the points of several groups of members, each with the number of its first member; an empty set of no groups."""
         none = MemberTurnings(np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0))
-        every = [(first, p) for first, p in parts] or [(0, none)]
-        columns = [np.concatenate(c) for c in zip(*((first + p.members, p.times, p.kelvin) for first, p in every), strict=True)]
-        return cls(*columns)
+        every = list(parts) or [(0, none)]
+        return cls(*(np.concatenate(c) for c in zip(*((first + p.members, p.times, p.kelvin) for first, p in every), strict=True)))
 
     def sorted(self) -> MemberTurnings:
-        """Return them in order of members and times."""
+        """Return the points in order of members and, within a member, of times."""
         order = np.lexsort((self.times, self.members))
         return MemberTurnings(self.members[order], self.times[order], self.kelvin[order])
 
     def of_member(self, member: int) -> Turnings:
-        """Return those of one member."""
+        """Return the points of one member."""
         mine = slice(*np.searchsorted(self.members, [member, member + 1]))
         return Turnings(self.times[mine], self.kelvin[mine])
 
     def shifted(self, shifts: Array) -> MemberTurnings:
-        """Return them with a constant (members,) added to each member. [K]"""
+        """Return the points with a constant (members,) added to the temperatures of each member. [K]"""
         return MemberTurnings(self.members, self.times, self.kelvin + shifts[self.members])
 
     def without(self, members: Collection[int]) -> MemberTurnings:
-        """Return those of all but some members, numbered as before."""
+        """Return the points of all but some members, numbered as before."""
         rest = ~np.isin(self.members, np.array(list(members), dtype=np.int64))
         return MemberTurnings(self.members[rest], self.times[rest], self.kelvin[rest]) if members else self
 
     def taken(self, members: NDArray[np.int64], among: int) -> MemberTurnings:
-        """Return those of some members in increasing order, of `among` in all, numbered anew."""
+        """Return the points of some `members` (increasing) out of `among`, renumbered 0, 1, ... in that order."""
         place = np.full(among, -1, dtype=np.int64)
         place[members] = np.arange(members.size)
         mine = place[self.members] >= 0
@@ -142,7 +141,7 @@ class MemberTurnings:
         return np.asarray(out)
 
     def rows(self, samples: Array) -> Array:
-        """Return what is counted of samples (times, members): themselves, the highest and the lowest (times + 2, members). [K]"""
+        """Return samples (times, members) with the highest and the lowest temperature of each member below: (times + 2, members). [K]"""
         return np.concatenate([samples, [self.furthest(samples.T, sign) for sign in (1.0, -1.0)]])
 
 
@@ -158,7 +157,7 @@ class Dense(Protocol):
 
 
 def resolved(times: Array, above: Array, dense: Callable[[Array], Array] | None, switches: Array | None = None) -> tuple[Array, Array]:
-    """Return a course with the intervals in which it passes zero looked at again, finer and finer: times [s] and values.
+    """Return times [s] and values of a course, refined where it passes zero: such intervals are divided by `PIECES`, up to four times.
 
     Parameters
     ----------
@@ -180,7 +179,7 @@ def resolved(times: Array, above: Array, dense: Callable[[Array], Array] | None,
 
 
 def first_above(times: Array, above: Array, dense: Callable[[Array], Array] | None = None, switches: Array | None = None) -> float | None:
-    """Return when a course is above zero first; None where never. Arguments as in `resolved`. [s]"""
+    """Return the first time at which a course is above zero, interpolated linearly; None where never. Arguments as in `resolved`. [s]"""
     over = np.flatnonzero(above > 0.0)
     if not over.size:
         return None

@@ -163,7 +163,7 @@ def integrate(
 
 
 def _part_of_step(network: SparseNetwork, initial: Array) -> float:
-    """Return by how much less a step may err where a run begins far from rest.
+    """Return the factor min(1, sqrt(60 K / change)) on the error of a step, with the range `change` of initial temperatures. [-]
 
     Steps of second order are as long as the cube root of ``tolerance / change`` lets them, so the more there is to settle the more of them
     add up within a time constant: the error of a run is ``tolerance**(2/3) change**(1/3)``.
@@ -174,7 +174,10 @@ def _part_of_step(network: SparseNetwork, initial: Array) -> float:
 
 
 def _message(raw: Any, options: Options, end: float, name: Any, follows: bool) -> str:
-    """Return what ran out, when, where and what to change; `follows` as in `runs_away`."""
+    """Return why a run of a large network ended early, in words: what ran out, when, where and what to change.
+
+    `raw` is the kernel's answer, `name` gives the name of a node, `follows` as in `runs_away`.
+    """
     node = f" at '{name(raw.node)}'" if raw.node >= 0 else ""
     when = f"at {raw.time:.6g} s of {end:.6g} s{node}"
     instead = " RKC2 needs short steps if one node is fast. Leave the method out." if options.method == "RKC2" else ""
@@ -191,7 +194,7 @@ def _message(raw: Any, options: Options, end: float, name: Any, follows: bool) -
 
 
 def refusal(problem: KernelProblem) -> str:
-    """Return why a model cannot be run as a large network; empty when it can."""
+    """Return in words why a model cannot be run by the methods of large networks; empty where it can."""
     s = problem.wiring.structure
     follows, n = s.coefficient_input, len(problem.nodes)
     if s.factors:
@@ -258,7 +261,7 @@ class LargeLayout:
 
 
 def sparse_of(problem: KernelProblem, a: Assembled) -> SparseNetwork:
-    """Return a model's numbers as flat arrays."""
+    """Return the numbers of a model as a `SparseNetwork`."""
     s, c = problem.wiring.structure, a.coefficients
     follows = s.coefficient_input
     layout = laid_out(problem, a)
@@ -293,7 +296,7 @@ def sparse_of(problem: KernelProblem, a: Assembled) -> SparseNetwork:
 
 
 def laid_out(problem: KernelProblem, a: Assembled) -> LargeLayout:
-    """Return where a model's numbers stand in its large network, found once."""
+    """Return where a model's numbers stand in its large network, computed once and kept."""
     if (layout := problem.memo.get("layout")) is not None:
         return layout  # type: ignore[no-any-return]
     s, stored = problem.wiring.structure, a.reduced.stored
@@ -325,9 +328,9 @@ def laid_out(problem: KernelProblem, a: Assembled) -> LargeLayout:
 
 
 def seconds_by_steps(problem: KernelProblem, error: float, projected: bool) -> tuple[float, float]:
-    """Return about how long a run takes by the integrator, and as a large network, found once. [s]
+    """Return the estimated times of a run by the integrator and as a large network, computed once and kept. [s]
 
-    As measured on grids and dense radiation of 27 to 1000 nodes, where temperatures changed by 10 to 400 K (docs/design/simulation.md).
+    Fits to times of grids and dense radiation with 27 to 1000 nodes and changes of 10 to 400 K (docs/design/simulation.md).
 
     Parameters
     ----------
@@ -353,7 +356,7 @@ def seconds_by_steps(problem: KernelProblem, error: float, projected: bool) -> t
 
 
 def _levelled(problem: KernelProblem, a: Assembled, temperatures: Array) -> Array:
-    """Return what the small integrator solves for, levels too, from the temperatures of a large network. [K]"""
+    """Return the states (nodes,) of the small integrator, levels of heat stores among them, from temperatures of a large network. [K]"""
     levels = temperatures[laid_out(problem, a).places]
     for k, name in enumerate(problem.nodes):
         if name in a.reduced.stored:
@@ -364,7 +367,10 @@ def _levelled(problem: KernelProblem, a: Assembled, temperatures: Array) -> Arra
 def integrate_model(
     problem: KernelProblem, a: Assembled, times: Array, nodes: Sequence[str], end: float, options: Options, gone: Gone | None = None
 ) -> Answer:
-    """Return what `Engine.integrate` does, by the integrator of large networks; turning points where eliminated nodes are given."""
+    """Return what `Engine.integrate` does, by the integrator of large networks.
+
+    Turning points are followed where `gone` is given: the eliminated nodes as sums, as `Engine._sums` returns them.
+    """
     network = sparse_of(problem, a)
     place, size = laid_out(problem, a).places, network.capacities.size
     held = np.array([n in a.reduced.stored for n in problem.nodes], dtype=bool)
@@ -405,10 +411,11 @@ def integrate_model(
 
 
 def settle_model(problem: KernelProblem, a: Assembled, time: float) -> Array | None:
-    """Return the steady temperatures (nodes,) [K] of a model with many nodes; None where the dense way is to be taken."""
-    # powers that never grow with temperature, so that a balance is stable
+    """Return the steady temperatures (nodes,) [K] of a model with many nodes; None where the dense solution is to be used.
+
+    It needs powers that never grow with temperature, so that a balance is stable.
+    """
     steady = all(p.row.form == "signal" for p in problem.wiring.structure.loads)
     if not problem.is_large or problem.refuses or refusal(problem) or not steady:
         return None
-    rest = settle_large(sparse_of(problem, a), time, problem.title)[0]
-    return _levelled(problem, a, rest)
+    return _levelled(problem, a, settle_large(sparse_of(problem, a), time, problem.title)[0])

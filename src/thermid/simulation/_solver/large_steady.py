@@ -72,7 +72,7 @@ def settle_large(network: SparseNetwork, time: float, where: str) -> tuple[Array
 
 
 def _eliminated(matrix: Any, heat: Array) -> tuple[Array, bool, str]:
-    """Return the change of temperatures (nodes,) by elimination [K], whether there is none, and what it is called."""
+    """Return x (nodes,) [K] with `matrix` x = heat [W] by Cholesky's method, whether it failed, and the name of the method."""
     from scipy.linalg import cho_factor, cho_solve
 
     try:
@@ -83,7 +83,7 @@ def _eliminated(matrix: Any, heat: Array) -> tuple[Array, bool, str]:
 
 
 def conductances(network: SparseNetwork, temperatures: Array, where: str) -> Callable[[Array], Array]:
-    """Return what solves for the rises (nodes,) [K] by heats (nodes,) [W] of a network linearised at temperatures [K], inputs at zero.
+    """Return a function heats (nodes,) [W] -> rises (nodes,) [K] of a network linearised at temperatures [K], inputs at time zero.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def conductances(network: SparseNetwork, temperatures: Array, where: str) -> Cal
 
 
 class _Matrix:
-    """The matrix of Newton's method, -dF/dT; its pattern is made once."""
+    """The sparse matrix -dF/dT of Newton's method, with F the net heat of the nodes; its pattern is made once. [W/K]"""
 
     def __init__(self, network: SparseNetwork) -> None:
         from scipy.sparse import coo_array
@@ -126,7 +126,7 @@ class _Matrix:
         self.where = np.flatnonzero(self.links.indices == rows)
 
     def at(self, slope: Array, pair: Array) -> Any:
-        """Return the matrix as CSR at the slopes of the rows."""
+        """Return the matrix in CSR form: the links, `slope` (nodes,) on the diagonal, and rows of slope `pair` between two nodes. [W/K]"""
         from scipy.sparse import coo_array, csr_array
 
         data = self.links.data.copy()
@@ -174,7 +174,7 @@ def _preconditioner(matrix: Any, where: str) -> tuple[Any, str]:
 
 
 def _moved(problem: Any, time: float, temperatures: Array, change: Array, heat: Array) -> Array:
-    """Return the temperatures after a step, shortened until less heat is left over."""
+    """Return the temperatures (nodes,) [K] after a change, halved until the norm of the net heat falls below that of `heat`."""
     before = float(np.linalg.norm(heat))
     for halving in range(12):
         moved: Array = np.maximum(temperatures + 0.5**halving * change, 0.1)
@@ -184,7 +184,7 @@ def _moved(problem: Any, time: float, temperatures: Array, change: Array, heat: 
 
 
 def _no_steady(network: SparseNetwork) -> str:
-    """Return why there is no steady state."""
+    """Return why there is no steady state, in words: no boundary, a part without a path to one, or a power that runs away."""
     if not network.boundaries:
         return "no steady state exists: no face exchanges heat with a boundary. Give one of them a boundary."
     grows = ", or a power grows faster with temperature than the heat removed" if any(not g.fixed for g in network.loads) else ""

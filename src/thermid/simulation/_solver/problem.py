@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -26,22 +26,29 @@ from thermid.simulation._solver.extremes import Turnings
 from thermid.simulation._solver.wiring import Assembled, PlacedConductor, PlacedFactors, PlacedLoad, Wiring
 
 
-def kept_for(assembled: Assembled, nodes: Sequence[str]) -> tuple[str, ...]:
-    """Return the nodes that the kernel must store so that `nodes` can be had."""
-    recover = dict(assembled.reduced.recover)
-    wanted, out = list(nodes), {}  # type: tuple[list[str], dict[str, None]]
-    while wanted:
-        node = wanted.pop(0)
-        if node in recover:
-            wanted += recover[node]
-        elif node in assembled.reduced.nodes:
+def nodes_to_store(wanted: Sequence[str], weights: Mapping[str, Iterable[str]], nodes: Collection[str]) -> tuple[str, ...]:
+    """Return those of the kernel's `nodes` from which the wanted ones can be computed: themselves, or the neighbours of eliminated ones.
+
+    `weights`: eliminated node -> the nodes and boundaries that its temperature is a weighted mean of.
+    """
+    queue, out = list(wanted), {}  # type: tuple[list[str], dict[str, None]]
+    while queue:
+        node = queue.pop(0)
+        if node in weights:
+            queue += weights[node]
+        elif node in nodes:
             out[node] = None
     return tuple(out)
 
 
+def kept_for(assembled: Assembled, nodes: Sequence[str]) -> tuple[str, ...]:
+    """Return the nodes that the kernel must store so that the temperatures of `nodes` can be computed; see `nodes_to_store`."""
+    return nodes_to_store(nodes, dict(assembled.reduced.recover), assembled.reduced.nodes)
+
+
 @dataclass(frozen=True, eq=False)
 class Traces:
-    """What the kernel stored, and what follows from it.
+    """Temperatures and derivatives of all nodes and boundaries by name, computed from those that the kernel stored.
 
     Parameters
     ----------
@@ -62,10 +69,11 @@ class Traces:
 
     @cached_property
     def _columns(self) -> dict[str, int]:
+        """Stored node -> its column."""
         return {name: k for k, name in enumerate(self.kept)}
 
     def temperature(self, name: str) -> Array:
-        """Return the temperature (times,) of a node or boundary; where specific heat changes, that of the heat it holds. [K]"""
+        """Return the temperature (times,) of a node or boundary; of a heat store the one that belongs to the heat it holds. [K]"""
         if held_in(name) in self._columns:
             return self.memo.value(name, lambda: self._of_heat(name)[0])
         if name in self._columns:
@@ -73,7 +81,7 @@ class Traces:
         return self.memo.value(name, lambda: self._recovered(name))
 
     def _of_heat(self, name: str) -> tuple[Array, Array]:
-        """Return the temperature (times,) that belongs to the heat of a node [K], and its slope over the level (times,) [-].
+        """Return the temperature (times,) that belongs to the heat of a store [K], and its slope over the level (times,) [-].
 
         Of a melt that supercools, on the branch on which the node itself stands.
         """
@@ -88,6 +96,7 @@ class Traces:
         return np.where(liquid, melt, kelvin), np.where(liquid, rise, slope)
 
     def _recovered(self, name: str) -> Array:
+        """Return the temperature (times,) of a boundary, or of an eliminated node as the weighted mean of its neighbours. [K]"""
         if name in self.wiring.network.boundaries:
             return self.wiring.boundary(name, self.times, self.assembled.offsets)
         weights = dict(self.assembled.reduced.recover)[name]
@@ -169,18 +178,18 @@ class Options:
 
     @property
     def of_step(self) -> float:
-        """Error that a step of fourth order may make. [K]"""
+        """Error that a step of fourth order may make, a quarter of `error`. [K]"""
         return STEP_SHARE * self.error
 
     @property
     def of_large_step(self) -> float:
-        """Error that a step of the methods of large networks may make, which are of second order. [K]"""
+        """Error that a step of second order, of the methods of large networks, may make: (2.5 error)^1.5. [K]"""
         return float((SECOND_ORDER * self.error) ** 1.5)
 
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """What the kernel answered.
+    """Answer of the kernel for one run.
 
     Parameters
     ----------
@@ -209,7 +218,7 @@ class Answer:
     turnings: Mapping[str, Turnings] | None = None
 
     def states(self, times: Array) -> NDArray[np.int32]:
-        """Return which thermostats are on and the modes of controls (times, controls), from the instants at which they switched."""
+        """Return the state (times, controls) of each control at times [s]: 1 or 0 of a thermostat, or the number of a mode."""
         out = np.tile(self.on, (times.size, 1)).astype(np.int32)
         for time, row, _, before in reversed(self.switched):
             out[times < time, row] = before
@@ -251,7 +260,7 @@ MAY_HAVE_LEFT: Final = ' A table with outside = "refuse" may have left its range
 
 
 def break_times(signals: Iterable[Signal], end: float) -> Array:
-    """Return the times at which a held input jumps, when they are few enough to be stepped on one by one. [s]"""
+    """Return the times in (0, end) at which a held input jumps; none where there are more than 5000, too many to end steps at. [s]"""
     jumps = [s.times[1:][np.diff(s.values) != 0] for s in signals if isinstance(s, TableSignal) and s.hold]
     jumps = [times[(times > 0) & (times < end)] for times in jumps]
     if not jumps or max(times.size for times in jumps) > 5000:  # a dense log is not sorted at every run
@@ -261,12 +270,15 @@ def break_times(signals: Iterable[Signal], end: float) -> Array:
 
 
 def ints(values: Any) -> NDArray[np.int32]:
-    """Return numbers as the kernel's integers."""
+    """Return numbers as a contiguous array of int32, as the kernel takes integers."""
     return np.ascontiguousarray(values, dtype=np.int32)
 
 
 def row_form(law: KernelLaw, placed: PlacedConductor | PlacedLoad, tables: list[Any], refuse: bool) -> tuple[int, list[int], int]:
-    """Return the kernel's kind, coefficient places and table of a row; without `refuse` tables are held where they would be refused."""
+    """Return the kernel's kind, coefficient places (4, -1 for none) and first table of a row, -1 for none; its tables join `tables`.
+
+    Without `refuse` tables hold their last value where they would otherwise be refused.
+    """
     places, curve = [*placed.places, -1, -1, -1, -1][:4], placed.row.curve
     if curve is None:
         return law.kind, places, -1
@@ -286,18 +298,17 @@ def limits(options: Options, inputs: Iterable[Signal], end: float) -> dict[str, 
 
 
 def kernel_input(drawn: Drawn) -> tuple[int, Array, Array]:
-    """Return the kernel's form of a signal."""
-    none = np.zeros(0)
+    """Return the kernel's form of a signal: its kind, then times and values of a table, or the numbers of a constant or a sine."""
     if isinstance(drawn, Constant):
-        return _kernel.CONSTANT, np.array([drawn.value]), none
+        return _kernel.CONSTANT, np.array([drawn.value]), np.zeros(0)
     if isinstance(drawn, Sine):
-        return _kernel.SINE, np.array([drawn.mean, drawn.amplitude, drawn.period, drawn.phase]), none
+        return _kernel.SINE, np.array([drawn.mean, drawn.amplitude, drawn.period, drawn.phase]), np.zeros(0)
     kind = _kernel.SAMPLED_HOLD if drawn.hold else _kernel.SAMPLED_LINEAR
     return kind, np.ascontiguousarray(drawn.times, dtype=float), np.ascontiguousarray(drawn.values, dtype=float)
 
 
 def unsettled(follows: bool) -> str:
-    """Return why Newton's method came to no end; `follows` says whether a power follows a temperature at all."""
+    """Return why Newton's method found no steady state, in words; `follows` says whether a power follows a temperature at all."""
     if follows:
         return (
             "no steady state was found; a power may grow without limit with temperature. Check the temperature coefficients of the loads."
@@ -309,19 +320,19 @@ def unsettled(follows: bool) -> str:
 
 
 def runs_away(when: str, follows: bool) -> str:
-    """Return why a temperature leaves every range; `follows` says whether a power follows a temperature at all."""
+    """Return why a temperature rises without limit, in words; `when` is the time in words, `follows` whether a power follows one."""
     cause = "a power grows faster with temperature than the heat removed" if follows else "more heat is supplied than removed"
     return f"the temperature rises without limit {when}: {cause}. If it falls below 0 K, a negative power is too large."
 
 
 def unsolved(when: str, follows: bool) -> str:
-    """Return what to look at where a step could not be solved; `follows` as in `runs_away`."""
+    """Return what to look at where a step could not be solved, in words; arguments as in `runs_away`."""
     look = "power that grows too fast with temperature" if follows else "law that jumps there, or for conductances many decades apart"
     return f"a step could not be solved {when}. Look for a {look}."
 
 
 def ending(answer: Any, names: Sequence[str], max_steps: int, end: float, follows: bool) -> str:
-    """Return what ran out in a run that ended before `end` [s], when, where and what to change; `follows` as in `runs_away`."""
+    """Return why a run ended before `end` [s], in words: what ran out, when, where and what to change; `follows` as in `runs_away`."""
     node = f" at '{names[answer.node]}'" if 0 <= answer.node < len(names) else ""
     when = f"at {answer.time:.6g} s of {end:.6g} s{node}"
     words = {
@@ -346,7 +357,7 @@ GOES_ON: Final = {"hold": "stays constant", "linear": "is extended as a straight
 
 
 def _ranged(network: Network, numbers: Numbers) -> list[tuple[str, Curve, tuple[str, str]]]:
-    """Return name, table and the nodes whose mean or difference it is read at, for every table that an author gives and of a gas."""
+    """Return name, table and the two nodes whose mean or difference it is read at, for every table of an author or of a gas."""
     curves = [(r.name, r.curve, r.ends) for r in numbers.conductors]
     curves += [(r.name, r.curve, (r.node, r.node)) for r in numbers.loads]
     curves = [(name, curve, ends) for name, curve, ends in curves if curve is not None and not curve.film]
@@ -363,22 +374,22 @@ def _ranged(network: Network, numbers: Numbers) -> list[tuple[str, Curve, tuple[
 
 
 def read_nodes(network: Network, numbers: Numbers) -> set[str]:
-    """Return the nodes at whose temperatures tables are read."""
+    """Return the nodes whose temperatures are arguments of tables."""
     return {end for _, _, ends in _ranged(network, numbers) for end in ends}
 
 
 def refuses(network: Network, numbers: Numbers) -> bool:
-    """Return whether some table is refused outside its points."""
+    """Return whether some table ends a run outside its points (outside = "refuse")."""
     return any(curve.limits is not None for _, curve, _ in _ranged(network, numbers))
 
 
 def _temperature_read(curve: Curve, a: Array, b: Array) -> Array:
-    """Return what a table is read at, for temperatures of both nodes. [K]"""
+    """Return the argument of a table for temperatures a and b of its nodes: a - b over a difference, else their mean. [K]"""
     return a - b if curve.over == "difference" else 0.5 * (a + b)
 
 
 def left_tables(network: Network, numbers: Numbers, temperatures: Callable[[str], Array], times: Array) -> tuple[str, ...]:
-    """Return a sentence for each table that was asked for values outside its points at times [s]; `temperatures`: of a node. [K]"""
+    """Return a remark for each table read outside its points at times (times,) [s]; `temperatures`: node -> temperature (times,) [K]."""
     out = []
     for name, curve, (a, b) in _ranged(network, numbers):
         argument = _temperature_read(curve, temperatures(a), temperatures(b))
@@ -393,7 +404,10 @@ def left_tables(network: Network, numbers: Numbers, temperatures: Callable[[str]
 
 
 def refused_tables(network: Network, numbers: Numbers, temperatures: Mapping[str, float], near: float) -> str:
-    """Return which tables that are refused outside their points are left, or left next, at temperatures [K]; empty where none is."""
+    """Return in words which tables with outside = "refuse" are read outside their limits, or within `near` [K] of them; else empty.
+
+    `temperatures`: node -> temperature. [K]
+    """
     out = []
     for name, curve, (a, b) in _ranged(network, numbers):
         if curve.limits is None:
@@ -408,7 +422,7 @@ def refused_tables(network: Network, numbers: Numbers, temperatures: Mapping[str
 
 
 def refuse_unseen(model: Tree, what: str, kind: type[ThermidError] = ScenarioError) -> None:
-    """Refuse what needs the equations of a model that is run by somebody else's program.
+    """Refuse what needs the equations of a model, where another program such as an FMU runs it; `what` names it in the message.
 
     Raises
     ------
@@ -424,6 +438,7 @@ class KernelProblem:
     def __init__(self, wiring: Wiring) -> None:
         self.wiring = wiring
         s = wiring.structure
+        self.nodes, self.memo = s.nodes, Memo()
         self.load_names = tuple(p.row.name for p in s.loads[: len(s.loads) - s.hidden])
         self.machines = tuple(p.row.name for p in s.factors if p.row.modes)
         self.control_names = (*(p.name for p in s.controls), *self.machines)
@@ -431,10 +446,9 @@ class KernelProblem:
         self.problem = self._laid_out(refuse=True)
         self.refuses = refuses(wiring.network, wiring.assemble(np.zeros(0)).numbers)
         self.held = self._laid_out(refuse=False) if self.refuses else self.problem
-        self.nodes, self.memo = s.nodes, Memo()
 
     def _laid_out(self, refuse: bool) -> Any:
-        """Return the kernel's problem; without `refuse` tables are held where a run would be refused, for searches that pass there."""
+        """Return the kernel's problem; without `refuse` tables hold their last value outside, for searches that pass there."""
         return _kernel.Problem(**self.arrays(refuse))
 
     def arrays(self, refuse: bool = True) -> dict[str, Any]:
@@ -469,8 +483,11 @@ class KernelProblem:
         }
 
     def _followed(self, tables: list[tuple[Array, Array, Array]]) -> dict[str, Any]:
-        """Return what follows temperatures as the kernel takes it; tables of controls join those of rows."""
-        s, index, rows = self.wiring.structure, self._places(), {p.row.name: p for p in self.wiring.structure.factors}
+        """Return controls in the kernel's form: states, machines of modes, factors, guards, samplers and the inputs that follow them.
+
+        Tables of controls join `tables`.
+        """
+        s, index, rows = self.wiring.structure, self._index(), {p.row.name: p for p in self.wiring.structure.factors}
         machines = [p for p in s.factors if p.row.modes]
         of = {p.row.name: k for k, p in enumerate(machines)}
         factors: list[tuple[Any, ...]] = []
@@ -519,7 +536,7 @@ class KernelProblem:
 
     @property
     def title(self) -> str:
-        """Of the model and the scenario, for messages."""
+        """Titles of the model and the scenario, for messages."""
         return f"{self.wiring.network.title}, {self.wiring.scenario.title}"
 
     @property
@@ -557,31 +574,28 @@ class KernelProblem:
         return {"rtol": 0.0, "atol": options.of_step, **limits(options, self.inputs, end)}
 
     def gradients(self, a: Assembled, wanted: bool) -> dict[str, Any]:
-        """Return the derivatives of coefficients and start as the kernel takes them; nothing where none are wanted."""
+        """Return the derivatives of coefficients and start as arguments of the kernel; empty where none are wanted."""
         if not wanted or a.jacobian is None:
             return {}
         return {"dcoef": (*a.jacobian, a.initial_gradient.shape[1]), "dT0": np.ascontiguousarray(a.initial_gradient)}
 
     def _index(self) -> dict[str, int]:
+        """Return node or boundary -> its number in the kernel."""
         return {n: k for k, n in enumerate((*self.nodes, *self.wiring.network.boundaries))}
 
-    def _places(self) -> dict[str, int]:
-        return {n: k for k, n in enumerate((*self.wiring.structure.nodes, *self.wiring.network.boundaries))}
-
     def message(self, answer: Any, options: Options, end: float, a: Assembled | None = None) -> str:
-        """Return what ran out, when, where and what to change."""
+        """Return why a run ended early, in words: what ran out, when, where and what to change; `a` are the numbers of the run."""
         network = self.wiring.network
         follows = any(load.follows_temperature for load in network.flat.loads)
-        if self.refuses and answer.status in UNSOLVED:
-            final = getattr(answer, "final_temperatures", None)
-            beyond = self.tables_left(a, answer.time, final, MARGIN_TO_TABLE_END) if a is not None and final is not None else ""
-            if beyond:
-                return f"at {answer.time:.6g} s of {end:.6g} s {beyond}"
-            return ending(answer, (*self.nodes, *network.boundaries), options.max_steps, end, follows) + MAY_HAVE_LEFT
-        return ending(answer, (*self.nodes, *network.boundaries), options.max_steps, end, follows)
+        text = ending(answer, (*self.nodes, *network.boundaries), options.max_steps, end, follows)
+        if not (self.refuses and answer.status in UNSOLVED):
+            return text
+        final = getattr(answer, "final_temperatures", None)
+        beyond = self.tables_left(a, answer.time, final, MARGIN_TO_TABLE_END) if a is not None and final is not None else ""
+        return f"at {answer.time:.6g} s of {end:.6g} s {beyond}" if beyond else text + MAY_HAVE_LEFT
 
     def tables_left(self, a: Assembled, time: float, temperatures: Array, near: float = 0.0) -> str:
-        """Return which tables that are refused outside their points are left at temperatures (nodes,) [K]; empty where none is."""
+        """Return `refused_tables` at a time [s] and states (nodes,) [K]; empty where no table refuses."""
         network = self.wiring.network
         if not self.refuses:
             return ""
@@ -614,7 +628,8 @@ class KernelProblem:
         """Return the time constants of the network linearised at temperatures (nodes,), longest first. [s]"""
         _, jacobian, _ = self.rhs(a, temperatures, time)
         capacity = self.capacities(a)
-        capacity[[self.nodes.index(state) for state in self._sampled()]] = 0.0  # as if they sampled without end
+        sampled = [state.name for p in self.wiring.structure.factors for state in p.row.states if state.factor is not None]
+        capacity[[self.nodes.index(name) for name in sampled]] = 0.0  # as if they sampled without end
         massive, massless = capacity > 0, capacity <= 0
         heat = jacobian[np.ix_(massive, massive)]
         if massless.any():
@@ -625,9 +640,6 @@ class KernelProblem:
         rates = np.linalg.eigvals(heat / root[:, None] / root[None, :]).real
         slow = np.abs(rates) < 1e-13 * max(float(np.abs(rates).max(initial=0.0)), 1e-300)
         return np.sort(np.where(slow, np.inf, -1.0 / np.where(slow, -1.0, rates)))[::-1]
-
-    def _sampled(self) -> list[str]:
-        return [state.name for p in self.wiring.structure.factors for state in p.row.states if state.factor is not None]
 
     def powers(self, a: Assembled, temperatures: Array, times: Array, on: NDArray[np.int32] | None = None) -> dict[str, Array]:
         """Return load -> power (times,), thermostats on or off as given (times, controls); rows of one load are summed. [W]"""

@@ -36,7 +36,7 @@ class Grid:
     z: Array
 
     def kernel(self) -> tuple[Any, ...]:
-        """Return the kernel's form."""
+        """Return the links in the kernel's form: shape and conductances in x, y, z."""
         return self.shape, self.x, self.y, self.z
 
     def pairs(self) -> tuple[Ints, Ints, Array]:
@@ -63,7 +63,7 @@ class Csr:
     values: Array
 
     def kernel(self) -> tuple[Any, ...]:
-        """Return the kernel's form."""
+        """Return the links in the kernel's form: index pointers, indices and conductances."""
         return self.indptr, self.indices, self.values
 
     def pairs(self) -> tuple[Ints, Ints, Array]:
@@ -165,6 +165,7 @@ class SparseNetwork:
         return self.memo.value("problem", self._problem)
 
     def _problem(self) -> _kernel.LargeProblem:
+        """Return the kernel's problem, its groups of rows and loads laid out one behind the other."""
         tables: list[Any] = []
 
         def table(form: str, curve: Curve | None) -> int:
@@ -173,16 +174,14 @@ class SparseNetwork:
             tables.extend(curve_arrays(curve_table, refuse=True) for curve_table in tables_behind(form, curve))
             return len(tables) - len(tables_behind(form, curve))
 
-        def control(group: LoadGroup) -> int:
-            return CONTROLS[group.control].kind if group.control else NONE
-
         rows, done = [], 0
         for g in self.rows:
             rows.append((conductor_law(g.form, g.curve).kind, g.boundary, g.input, table(g.form, g.curve), done, done + g.first.size))
             done += g.first.size
         loads, done = [], 0
         for h in self.loads:
-            loads.append((LOADS[h.form].kind, h.input, table(h.form, h.curve), h.tag, done, done + h.nodes.size, control(h)))
+            control = CONTROLS[h.control].kind if h.control else NONE
+            loads.append((LOADS[h.form].kind, h.input, table(h.form, h.curve), h.tag, done, done + h.nodes.size, control))
             done += h.nodes.size
         store, places = np.full(self.capacities.size if self.stores else 0, NONE, dtype=np.int32), {}  # type: Ints, dict[int, int]
         for node, curve in self.stores.items():
@@ -211,13 +210,13 @@ class SparseNetwork:
         )
 
     def boundary(self, k: int, times: Array) -> Array:
-        """Return the temperature (times,) of a boundary. [K]"""
+        """Return the temperature (times,) of the k-th boundary at times (times,) [s]: its input, if any, plus its constant part. [K]"""
         place = self.boundary_inputs[k]
         varying = self.inputs[place].at(times) if place != NONE else np.zeros(times.shape)
         return np.asarray(varying + self.offsets[k], dtype=np.float64)
 
     def boundary_turnings(self, k: int, end: float) -> Turnings:
-        """Return the turning points of a boundary from zero to `end` [s]."""
+        """Return the turning points of the k-th boundary from zero to `end` [s]."""
         place = self.boundary_inputs[k]
         return signal_turnings(self.inputs[place] if place != NONE else Constant(0.0), end, float(self.offsets[k]))
 

@@ -95,7 +95,7 @@ def normalised(network: Network, scenario: Scenario) -> Scenario:
 
 @dataclass(frozen=True)
 class Curvature:
-    """What the curvature of a command's law is multiplied by: s (s - 1)."""
+    """Input of the curvature of a load's law over its command s: s (s - 1), zero when the load is off and at full power."""
 
     def __call__(self, command: Array) -> Array:
         """Return s (s - 1) of a command (times,). [-]"""
@@ -138,9 +138,8 @@ def load_inputs(network: Network, scenario: Scenario, numbers: Numbers) -> dict[
 
 
 def _square(fields: Mapping[str, str], values: Mapping[str, Any]) -> Signal:
-    """Return the on-off signal of a periodic load: on first, for `duty` of every period."""
-    period, duty = (value_of(values[fields[f"periodic.{k}"]]) for k in ("period", "duty"))
-    return pulses(period, duty)
+    """Return the on-off signal of a periodic load, 1 for the first `duty` of every period and 0 for the rest. [-]"""
+    return pulses(*(value_of(values[fields[f"periodic.{k}"]]) for k in ("period", "duty")))
 
 
 ZERO_SHARE_OF_SCHEDULE = 1e-13
@@ -150,13 +149,15 @@ COURSE_TOLERANCES = (1e-9, 1e-12)
 
 
 class Schedule:
-    """Parameters that follow signals.
+    """Parameters that follow signals over time, sampled at common times; equal samples are evaluated once.
 
     Parameters
     ----------
     signals : dict      Parameter path -> signal. [SI]
     times : array       Times at which any of them must be sampled. [s]
     hold : bool         Whether all of them hold between samples.
+    rows : array (distinct, signals)    Distinct combinations of values. [SI]
+    index : array (times,)              Which of them holds at each time.
     """
 
     def __init__(self, signals: Mapping[str, Signal], duration: float) -> None:
@@ -203,7 +204,7 @@ def read_schedule(network: Network, scenario: Scenario) -> Schedule | None:
 
 @dataclass(frozen=True, eq=False)
 class ScheduledCoefficient:
-    """How one coefficient changes.
+    """How one coefficient changes with a schedule: as a ratio to its value at a sample of reference.
 
     Parameters
     ----------
@@ -241,7 +242,7 @@ class ScheduledCoefficients:
 
     @classmethod
     def of_schedule(cls, network: Network, schedule: Schedule) -> ScheduledCoefficients:
-        """Return the courses at the model's own values.
+        """Return the scheduled coefficients of a network at the model's own values.
 
         Raises
         ------
@@ -266,7 +267,7 @@ class ScheduledCoefficients:
 
     @property
     def signals(self) -> dict[tuple[str, int, int], Drawn]:
-        """(row's name, position among the rows of that name, coefficient) -> what it follows."""
+        """(row's name, position among the rows of that name, coefficient) -> signal that multiplies it. [-]"""
         times, index, hold = self.schedule.times, self.schedule.index, self.schedule.hold
         out: dict[tuple[str, int, int], Drawn] = {}
         for (r, c), course in self.table.items():
@@ -306,7 +307,7 @@ class ScheduledCoefficients:
         return self._with_coefficients(base, mine)
 
     def _check(self, k: int, varied: Varied, mine: list[list[Number]]) -> None:
-        """Refuse values at which a coefficient of a sample is not its reference times its course."""
+        """Refuse values at which a coefficient of sample k, or its derivatives, is not its reference in `mine` times its ratio."""
         for r, row in enumerate(varied.rows):
             for c, number in enumerate(row.coefficients):
                 course, value, base = self.table.get((r, c)), value_of(number), value_of(mine[r][c])
@@ -328,7 +329,7 @@ class ScheduledCoefficients:
                     )
 
     def _with_coefficients(self, base: Varied, mine: list[list[Number]]) -> Numbers:
-        """Return the numbers of a sample with other coefficients of the rows that the schedule reaches."""
+        """Return the numbers of a sample in which the rows that the schedule reaches have the coefficients in `mine`."""
         whole = self.network.numbers_of(base.parts)
         rows: list[Any] = [*whole.conductors, *whole.loads, *whole.controls]
         count, rest = len(whole.conductors), len(whole.conductors) + len(whole.loads)
@@ -344,16 +345,13 @@ class ScheduledCoefficients:
 def _named(network: Network, base_parts: Mapping[str, Any], places: tuple[int, ...]) -> tuple[tuple[str, int], ...]:
     """Return the name of the row at each place, and its position among the rows of that name."""
     whole = network.numbers_of(base_parts)
-    names = [*(row.name for row in whole.conductors), *(row.name for row in whole.loads), *(row.name for row in whole.controls)]
-    counts: dict[str, int] = {}
-    every = []
-    for name in names:
-        every.append((name, counts.get(name, 0)))
-        counts[name] = counts.get(name, 0) + 1
+    rows: list[Any] = [*whole.conductors, *whole.loads, *whole.controls]
+    every = [(row.name, position) for row, position in _numbered(rows)]
     return tuple(every[k] for k in places)
 
 
 def _check_masses(varied: Varied, first: Varied, title: str) -> None:
+    """Refuse a schedule that changes a capacitance between two samples."""
     for node, capacitance in varied.capacitances.items():
         before = first.capacitances[node]
         if capacitance is not None and before is not None and value_of(capacitance) != value_of(before):
@@ -365,7 +363,7 @@ def _check_masses(varied: Varied, first: Varied, title: str) -> None:
 
 
 def _same_slopes(number: Number, ratio: float, base: Number) -> bool:
-    """Whether the derivatives of a number are those of its reference times a ratio; a number without any has no say."""
+    """Return whether the derivatives of a number are `ratio` times those of its reference; True where either has none."""
     if not isinstance(number, Dual) or not isinstance(base, Dual) or not base.gradient.size:
         return True
     return np.allclose(number.gradient, ratio * base.gradient, rtol=1e-9, atol=1e-12 * float(np.abs(base.gradient).max()))
@@ -418,7 +416,7 @@ class DrivenInput(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class KernelLayout:
-    """What is the same for all values: which coefficient stands where, and which input multiplies it.
+    """Places of all coefficients in the kernel's arrays, and the inputs that multiply them; the same for all values.
 
     Parameters
     ----------
@@ -471,7 +469,7 @@ class Assembled:
 
 @dataclass
 class _Builder:
-    """Collects coefficients, and for the first assembly the index arrays that name them."""
+    """Collects coefficients in the kernel's order, and for each the input that multiplies it, while a layout is made."""
 
     inputs: Mapping[str, int]
     values: list[Number] = field(default_factory=list)
@@ -479,6 +477,7 @@ class _Builder:
     driven: dict[DrivenInput, int] = field(default_factory=dict)
 
     def add(self, number: Number, signal: str = "", controls: tuple[str, ...] = ()) -> int:
+        """Add a coefficient that a signal and controls multiply, and return its place."""
         self.values.append(number)
         place = self.inputs[signal] if signal else -1
         if controls:
@@ -488,7 +487,7 @@ class _Builder:
 
 
 class Wiring:
-    """A network and a scenario, with names to be freed.
+    """A network and a scenario wired together: which input multiplies which coefficient, and the numbers at values of free names.
 
     Parameters
     ----------
@@ -544,6 +543,7 @@ class Wiring:
         self._read_start()
 
     def _check_free(self, name: str) -> None:
+        """Refuse a name that is none of a parameter, a boundary, ``initial.<node>``, ``scale.<load>`` and ``reading.<channel>``."""
         head, _, node = name.partition(".")
         if name in self.parameters or name in self.network.boundaries or (head == "initial" and node in self.network.nodes):
             return
@@ -553,15 +553,16 @@ class Wiring:
         raise ScenarioError(f"no parameter '{name}' can be free.{nearest(name, names)}", self.network.title, code="name.unknown")
 
     def _numbers(self, free: Mapping[str, Number]) -> Numbers:
+        """Return the network's numbers with some parameters replaced, by the schedule where there is one."""
         return self.network.numbers(free) if self.courses is None else self.courses.numbers(free)
 
     def flowing(self, numbers: Numbers, values: Mapping[str, Number]) -> Numbers:
-        """Return the numbers with streams of gas at the temperatures of their sources; the network has them at 20 degC."""
+        """Return the numbers with the masses of gas streams at the temperatures of their sources; the network has them at 20 degC."""
         offsets = {b: self._offset(b, values) for b in self.network.boundaries if b in values}
         return replace(numbers, conductors=tuple(self._flowing(r, offsets) if r.name in self.streams else r for r in numbers.conductors))
 
     def _flowing(self, row: ConductorRow, offsets: Mapping[str, Number]) -> ConductorRow:
-        """Return the row of a stream with the course of its mass in this scenario."""
+        """Return the row of a gas stream with its mass in this scenario, by free `offsets` of boundaries [K] too."""
         streams, course = self.network.streams, self.streams[row.name]
         still = streams.still(row.name)
         within = still.value if isinstance(still, Constant) else 1.0
@@ -571,12 +572,13 @@ class Wiring:
         return replace(row, law=row.law.scaled(factor), signal=signal)
 
     def _marked(self, numbers: Numbers) -> Numbers:
-        """Mark scheduled conductors as changing in time, so that elimination leaves them alone."""
+        """Return the numbers with a signal `MARK` on scheduled conductors, so that elimination leaves their nodes alone."""
         scheduled_rows = {name for name, _, _ in self._follow}  # what a control multiplies is known by itself
         rows = tuple(replace(r, signal=r.signal or MARK) if r.name in scheduled_rows else r for r in numbers.conductors)
         return replace(numbers, conductors=rows)
 
     def _read_start(self) -> None:
+        """Set the start of the nodes from the scenario: a temperature, a boundary's, or one that is to be solved for."""
         start = self.scenario.start
         self.start = Start.from_text(start, f"{self.scenario.title}, start")
         if self.start is not None:
@@ -614,7 +616,10 @@ class Wiring:
         return literal(value, TEMPERATURE, f"{self.scenario.title}, {key}") if isinstance(value, str) else float(value)
 
     def assemble(self, x: Array | None = None, gradients: bool = True) -> Assembled:
-        """Return the numbers at values of the free names, in their order [SI], with their derivatives unless these are not wanted."""
+        """Return the numbers at values x (free,) of the free names [SI], or at the model's own; with derivatives where `gradients`.
+
+        The latest result is kept.
+        """
         values = np.zeros(0) if x is None else np.asarray(x, dtype=float)
         key = (values.tobytes(), gradients)
         if self._last is None or self._last[0] != key:
@@ -626,13 +631,10 @@ class Wiring:
         return self._last[1]
 
     def assembled_at(self, values: Mapping[str, Number], free: int = 0) -> Assembled:
-        """Return the numbers at values of some free names; `free` is the length of their gradients, zero for none. [SI]"""
+        """Return the numbers at values of some free names [SI]; `free` is the length of their gradients, zero for none."""
         numbers = self.flowing(self._numbers({p: values[p] for p in self.parameters if p in values}), values)
         reduced = with_stores(reduce_network(self.network, self._marked(numbers), self.gone), self.network.stores)
         reduced = with_controllers(reduced, numbers.controls)
-        return self._build(numbers, reduced, values, free)
-
-    def _build(self, numbers: Numbers, reduced: Reduced, values: Mapping[str, Number], free: int) -> Assembled:
         offsets = {b: self._offset(b, values) for b in self.network.boundaries}
         if self._structure is None:
             self._structure = self._lay_out(numbers, reduced, offsets, values)
@@ -651,11 +653,11 @@ class Wiring:
         return Assembled(np.array([value_of(v) for v in coefficients]), jacobian, start, gradient, reduced, numbers, offsets)
 
     def every(self, a: Assembled, values: Mapping[str, Number]) -> list[Number]:
-        """Return the coefficients of an assembly as they came out of `values`: formulas where those are formulas."""
+        """Return all coefficients of an assembly in the kernel's order, as numbers of the kind that `values` are, such as formulas."""
         return self._coefficients(a.numbers, a.reduced, a.offsets, values)
 
     def _offset(self, boundary: str, values: Mapping[str, Number]) -> Number:
-        """Return the constant part of a boundary's temperature. [K]"""
+        """Return the constant part of a boundary's temperature, with what is free added to it. [K]"""
         if boundary not in values:
             return self._constant(boundary)
         return values[boundary] if isinstance(self.signals[f"boundary {boundary}"], Constant) else values[boundary] + 0.0
@@ -663,7 +665,7 @@ class Wiring:
     def _coefficients(
         self, numbers: Numbers, reduced: Reduced, offsets: Mapping[str, Number], values: Mapping[str, Number]
     ) -> list[Number]:
-        """Return all coefficients in the order in which the structure names them."""
+        """Return all coefficients in the kernel's order: capacitances, boundaries, conductors, loads, their controls, controls, rates."""
         out: list[Number] = [c for c in reduced.capacitances.values() if c is not None]
         for b, shift in offsets.items():
             out += (shift,) if isinstance(self.signals[f"boundary {b}"], Constant) else (1.0, shift)
@@ -684,7 +686,7 @@ class Wiring:
         return out
 
     def _lay_out(self, numbers: Numbers, reduced: Reduced, offsets: Mapping[str, Number], values: Mapping[str, Number]) -> KernelLayout:
-        """Return which coefficient stands where, the same for all values."""
+        """Return the layout of all coefficients, in the order of `_coefficients`."""
         self.used = {name: k for k, name in enumerate(self.signals)}
         make = _Builder(self.used)
         capacity = tuple(-1 if c is None else make.add(c) for c in (reduced.capacitances[n] for n in reduced.nodes))
@@ -699,12 +701,11 @@ class Wiring:
         controls = tuple(self._control(row, make, index, loads) for row in self._controlled(numbers))
         factors = tuple(PlacedFactors(row, self._places(row, make)) for row in numbers.controls)
         rates = tuple(self._rate(row, make, index) for control in numbers.controls for row in control.rates)
-        follows, driven = tuple(make.coefficient_input), tuple(make.driven)
-        every = (*loads, *rates)
-        nodes = (reduced.nodes, capacity, tuple(gain), tuple(offset))
-        return KernelLayout(*nodes, conductors, every, controls, follows, factors, driven, len(rates))
+        inputs = (tuple(make.coefficient_input), factors, tuple(make.driven), len(rates))
+        return KernelLayout(reduced.nodes, capacity, tuple(gain), tuple(offset), conductors, (*loads, *rates), controls, *inputs)
 
     def _places(self, row: ControlRow, make: _Builder) -> list[int]:
+        """Add the coefficients of a control of the deck, and return their places."""
         return [make.add(number, self._follow.get((row.name, 0, c), "")) for c, number in enumerate(row.coefficients)]
 
     @staticmethod
@@ -714,6 +715,7 @@ class Wiring:
         return PlacedLoad(row, index[row.node], places, -1, index[row.follows or row.node])
 
     def _conductors(self, rows: Sequence[ConductorRow], make: _Builder, index: Mapping[str, int]) -> tuple[PlacedConductor, ...]:
+        """Add the coefficients of all conductors between two different nodes, and return where each stands."""
         out = []
         for row, position in _numbered(rows):
             if row.ends[0] == row.ends[1]:
@@ -726,19 +728,18 @@ class Wiring:
         return tuple(out)
 
     def _conductor_signal(self, row: ConductorRow, position: int, c: int) -> str:
-        """Return the input that a conductor's coefficient is multiplied by; empty for none."""
+        """Return the name of the input that multiplies coefficient c of a conductor's row; empty for none.
+
+        Where a gas or a command and a schedule multiply it, that of their product, which is added to the signals.
+        """
         follow = self._follow.get((row.name, position, c), "")
         name = (row.signal if row.signal != MARK else "") if c == 0 else row.second if c == 1 else ""
-        if follow and name:
-            return self._both(name, follow)
-        return follow or name
-
-    def _both(self, one: str, other: str) -> str:
-        """Return the input that is the product of two: of a gas or a command, and of a schedule."""
-        name = f"{one} {other}"
-        if name not in self.signals:
-            self.signals[name] = multiplied(self.signals[one], self.signals[other]).drawn(self.scenario.seconds)
-        return name
+        if not (follow and name):
+            return follow or name
+        both = f"{name} {follow}"
+        if both not in self.signals:
+            self.signals[both] = multiplied(self.signals[name], self.signals[follow]).drawn(self.scenario.seconds)
+        return both
 
     def conductor_flows(
         self, numbers: Numbers, temperatures: Mapping[str, Array], times: Array, shares: Mapping[str, Array] | None = None
@@ -777,7 +778,7 @@ class Wiring:
         return out
 
     def control_signal(self, name: str, place: int, times: Array) -> Any:
-        """Return what a coefficient of a control is multiplied by (times,) for a schedule; one where it follows none."""
+        """Return the factor (times,) that a schedule puts on the coefficient of a control at a place; 1 where it has no schedule. [-]"""
         follower = self._follow.get((name, 0, place), "")
         return self.signals[follower].at(times) if follower else 1.0
 
@@ -789,6 +790,7 @@ class Wiring:
         law: Callable[..., Array],
         shares: Mapping[str, Array],
     ) -> dict[str, Array]:
+        """Return conductor -> law(form, coefficients, curve, T_a, T_b) (times,), summed over its rows; for the heat flow with signs."""
         out: dict[str, Array] = {}
         for row, position in _numbered(numbers.conductors):
             a, b = (temperatures[end] for end in row.ends)
@@ -811,13 +813,14 @@ class Wiring:
         return list(rows.values())
 
     def _control(self, row: LoadRow, make: _Builder, index: Mapping[str, int], loads: Sequence[PlacedLoad]) -> PlacedControl:
-        begin = len(row.of_law)
-        places = [make.add(number, self._follow.get((row.name, 0, begin + c), "")) for c, number in enumerate(row.settings)]
+        """Add the settings of a load's control, and return where it stands; full power is the load's own first coefficient."""
+        places = [make.add(x, self._follow.get((row.name, 0, c), "")) for c, x in enumerate(row.settings, start=len(row.of_law))]
         if len(places) < CONTROLS[row.control].coefficients:
             places.append(next(load.places[0] for load in loads if load.row.name == row.name))
         return PlacedControl(row.control, index[row.sensor], places, row.name)
 
     def _loads(self, numbers: Numbers, make: _Builder, index: Mapping[str, int], values: Mapping[str, Number]) -> tuple[PlacedLoad, ...]:
+        """Add the coefficients of all loads into free nodes, and return where each stands."""
         out, controls = [], [row.name for row in self._controlled(numbers)]
         for row, position in _numbered(numbers.loads):
             if row.node in self.network.boundaries:
@@ -831,7 +834,7 @@ class Wiring:
         return tuple(out)
 
     def _load_coefficients(self, row: LoadRow, position: int, numbers: Numbers, values: Mapping[str, Number]) -> list[tuple[Number, str]]:
-        """Return the coefficients of a load's law, each with the input that it is multiplied by."""
+        """Return the coefficients of a load's law, each with the name of the input that multiplies it, empty for none."""
         out = []
         for c, coefficient in enumerate(row.of_law):
             follow = self._follow.get((row.name, position, c), "")
@@ -848,7 +851,7 @@ class Wiring:
         return out
 
     def _power(self, load: str, watts: Number, numbers: Numbers, values: Mapping[str, Number]) -> Number:
-        """Return what multiplies a load's input: the deck's power, a gain in its place, or 1 where the input is in watts."""
+        """Return the factor on a load's input: the deck's power, a gain in its place, or 1 where the input is in watts; times its scale."""
         scale = self._scales[load]
         if load in self.scenario.gains:
             gain: Number = numbers.values[self.scenario.gains[load]]
@@ -877,17 +880,18 @@ class Wiring:
         return begins
 
     def _signal_start(self, boundary: str) -> float:
+        """Return the value of a boundary's signal at time zero, without its constant part. [K]"""
         signal = self.signals[f"boundary {boundary}"]
         return 0.0 if isinstance(signal, Constant) else float(signal.at(np.zeros(1))[0])
 
     def nominal(self, name: str, start: bool) -> float:
-        """Return the constant part of a boundary's temperature, or the initial temperature of a node, without free names. [K]"""
+        """Return the constant part of a boundary's temperature, or with `start` the initial temperature of a node, nothing free. [K]"""
         if start:
-            offsets = {b: self._constant(b) for b in self.network.boundaries}
-            return value_of(self._initial_of(name, offsets, {}))
+            return value_of(self._initial_of(name, {b: self._constant(b) for b in self.network.boundaries}, {}))
         return self._constant(name)
 
     def _constant(self, boundary: str) -> float:
+        """Return the temperature of a constant boundary, and zero for one that changes. [K]"""
         signal = self.signals[f"boundary {boundary}"]
         return signal.value if isinstance(signal, Constant) else 0.0
 
@@ -901,9 +905,7 @@ class Wiring:
         span = mean_span(self.changing, self.cycle, self.scenario)
         assert self.structure  # laid out before it is shared
         out = copy(self)
-        out.signals = {}
-        for name, drawn in self.signals.items():
-            out.signals[name] = mean_of(drawn, span)
+        out.signals = {name: mean_of(drawn, span) for name, drawn in self.signals.items()}
         return out
 
     @property
@@ -915,7 +917,7 @@ class Wiring:
         return self._structure
 
     def held_at(self, time: float) -> str:
-        """Return what must be said of a steady state under the inputs of one time, where they change; empty where they do not."""
+        """Return the remark on a steady state under the inputs of one time [s]; empty where no input changes."""
         return held_inputs(self.changing, time)
 
     def boundary(self, name: str, times: Array, offsets: Mapping[str, Number]) -> Array:
@@ -931,7 +933,7 @@ def mean_of(drawn: Drawn, span: float) -> Drawn:
 
 
 def mean_span(changing: Sequence[str], cycle: float | None, scenario: Scenario) -> float:
-    """Return over what the means of inputs are taken: the period of all, or the run where they do not repeat. [s]
+    """Return the time over which the means of inputs are taken: their common period, or the run where they do not repeat. [s]
 
     Raises
     ------
@@ -946,7 +948,7 @@ def mean_span(changing: Sequence[str], cycle: float | None, scenario: Scenario) 
 
 
 def held_inputs(changing: Sequence[str], time: float) -> str:
-    """Return what must be said of a steady state under the inputs of one time [s], where some change; empty where none does."""
+    """Return the remark on a steady state under the inputs of one time [s], with the names of those that change; empty without any."""
     if not changing:
         return ""
     return (
@@ -956,7 +958,7 @@ def held_inputs(changing: Sequence[str], time: float) -> str:
 
 
 def held_means(changing: Sequence[str], cycle: float | None, scenario: Scenario) -> tuple[str, str]:
-    """Return over what means of inputs are held, and what must be said of them; the second is empty where no input changes."""
+    """Return the span of mean inputs in words, and a remark on them that is empty where no input changes."""
     span = f"a period of {cycle:g} s" if cycle else f"{scenario.seconds:g} s"
     remark = (
         f"the means over {span} of {', '.join(changing)} are the inputs; for nonlinear laws the result is not the mean of the temperatures"
@@ -1006,8 +1008,8 @@ def check_start(start: Start, cycle: float | None, changing: Sequence[str], scen
         )
 
 
-def levels_of(signals: Mapping[str, Signal], length: float, title: str, most: int) -> list[float]:
-    """Return an instant of each combination of levels that signals take up to a time [s], in the order in which they come up. [s]
+def level_instants(signals: Mapping[str, Signal], length: float, title: str, most: int) -> list[float]:
+    """Return one instant for each combination of levels that signals take from zero to `length` [s], in order of time. [s]
 
     Raises
     ------
@@ -1021,8 +1023,7 @@ def levels_of(signals: Mapping[str, Signal], length: float, title: str, most: in
     knots = np.unique(np.concatenate([[0.0, length], *(s.knots(0.0, length) for s in signals.values())]))
     knots = knots[(knots >= 0.0) & (knots <= length)]
     middles = 0.5 * (knots[1:] + knots[:-1])[np.diff(knots) > 1e-5 * length / max(knots.size, 1)] if length else np.zeros(1)
-    rows = np.column_stack([s.at(middles) for s in signals.values()])
-    _, first = np.unique(rows, axis=0, return_index=True)
+    _, first = np.unique(np.column_stack([s.at(middles) for s in signals.values()]), axis=0, return_index=True)
     if first.size > most:
         raise ScenarioError(
             f"the inputs take {first.size} combinations of values; the limit is {most}. Request the mean or single times.",
@@ -1033,7 +1034,7 @@ def levels_of(signals: Mapping[str, Signal], length: float, title: str, most: in
 
 
 def _shown(name: str) -> str:
-    """Return what an input is called in a sentence."""
+    """Return the name of an input for a sentence: ``boundary room`` is room, ``pressure room`` the gas of room."""
     kind, _, rest = name.partition(" ")
     return rest if kind in ("boundary", "load", "curve", "sine") else f"the gas of {rest}" if rest else name
 

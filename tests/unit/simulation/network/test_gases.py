@@ -15,7 +15,7 @@ from thermid.model.elements import Constant, TableSignal
 from thermid.physics.constants import ATMOSPHERE, STANDARD_GRAVITY
 from thermid.physics.gas import GASES, free_molecular_htc, gap_htc, knudsen_number
 from thermid.physics.plates import body_htc, horizontal_plate_down_htc, horizontal_plate_up_htc, vertical_plate_htc_all
-from thermid.simulation._network.medium import sampled, vented
+from thermid.simulation._network.medium import sampled_pressure, vented
 from thermid.simulation._solver.engine import Engine
 from thermid.simulation._solver.wiring import Wiring
 
@@ -376,7 +376,7 @@ def test_a_vented_volume_loses_its_gas_in_vacuum() -> None:
 
 
 def test_the_root_of_a_sampled_pressure_is_straight() -> None:
-    table = sampled(TableSignal(np.array([0.0, 100.0]), np.array([ATMOSPHERE, 0.0])), 100.0)
+    table = sampled_pressure(TableSignal(np.array([0.0, 100.0]), np.array([ATMOSPHERE, 0.0])), 100.0)
     times = np.linspace(0.0, 100.0, 5001)
     root = np.interp(times, table.times, np.sqrt(table.values))
     assert np.abs(root - np.sqrt(ATMOSPHERE * (1 - times / 100.0))).max() < 0.01 * np.sqrt(ATMOSPHERE)
