@@ -282,7 +282,8 @@ def assumed_moves(request: Request, problem: Problem, minimum: Fit, noise: Autoc
         move = np.sum([moved[p] for p in (r.path, *r.also)], axis=0) * r.sd_left(more[r.path].start, first)
         columns += [(source, share * move) for source, share in r.columns]
     here = problem.experiments[several[uppermost][0]].network.flat.parameters.table if uppermost in several else {}
-    return AssumedMoves(*({p: x for p, x in numbers.items() if p in here} for numbers in (moved, of_assumed)), tuple(columns))
+    told_here = {p: x for p, x in of_assumed.items() if p in here}
+    return AssumedMoves({p: x for p, x in moved.items() if p in here}, told_here, tuple(columns))
 
 
 def _opened_in(request: Request, problem: Problem, at: Array, runs: Sequence[int]) -> tuple[list[RangedValue], dict[str, Unknown]]:
