@@ -214,10 +214,9 @@ def compare_htc(
     effective = effective_htc(q, a, rise)
     error = effective_htc_error(q, a, rise, power_error=errors[1], area_error=errors[2], rise_error=errors[0] * math.sqrt(2.0))
     faces = tuple(amount(x, "m", "box") for x in box) if box is not None else None
-    gas = _gas(air, (hot + cold) / 2)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ThermidWarning)
-        correlations = _correlations(hot, cold, tall, faces, gas)
+        correlations = _correlations(hot, cold, tall, faces, _gas(air, (hot + cold) / 2))
     remarks: list[str] = [CodedText(str(w.message), w.message.code) for w in caught if isinstance(w.message, ThermidWarning)]
     for text in remarks:
         warnings.warn(ThermidWarning(text), stacklevel=2)
