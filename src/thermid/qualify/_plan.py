@@ -101,9 +101,7 @@ class Plan(Result):
         model = load_model(resolve_inside(folder, source.deck, "model.deck"))
         if not source.values:
             return Knowledge(model)
-        values = filed(resolve_inside(folder, source.values, "model.values"), model)
-        synthetic = bool(values.values.provenance.get("synthetic", False))
-        return Knowledge(values.model, (values.values,), synthetic=synthetic, remarks=values.lines)
+        return Knowledge.of_file(filed(resolve_inside(folder, source.values, "model.values"), model))
 
     def hosted(self, host: str) -> Knowledge:
         """Return the model on a host of the plan, values under their paths there; the model itself where no host is named."""

@@ -27,9 +27,11 @@ from thermid.app.cli.options import (
     Results,
     ScenarioPath,
     Vacuum,
+    ValuesPath,
     Verbose,
     Whole,
     executor_of,
+    filled_model,
     leave,
     moments,
     pairs,
@@ -58,9 +60,10 @@ from thermid.campaign.studies import plan_retune
 from thermid.fit.calibration import Calibration, LocalSpec
 from thermid.fit.error_model import SIZES
 from thermid.fit.estimation import estimated
+from thermid.model.deck import load_model
 from thermid.model.elements import literal, worst
 from thermid.prediction import bands as prediction
-from thermid.prediction.bands import predict_record
+from thermid.prediction.bands import Knowledge, predict_record
 from thermid.prediction.members import load_hold
 from thermid.reporting import pages as page
 from thermid.reporting.objects import calibration_object, campaign_object, campaign_standing, retune_object
@@ -328,7 +331,7 @@ def swap(
 
 
 def predict(
-    campaign: CampaignPath,
+    campaign: Annotated[Path, typer.Argument(help="A campaign (TOML), or with --values a deck.")],
     stage: Annotated[str, typer.Option("--stage", help="The stage whose values are used; the last one by default.")] = "",
     scenario: ScenarioPath = None,
     record: Annotated[
@@ -341,6 +344,7 @@ def predict(
     at: Moments = [],  # noqa: B006
     draws: Annotated[int, typer.Option("--draws", min=0, help="Members drawn, for spreads so wide that derivatives do not do.")] = 0,
     vacuum: Vacuum = False,
+    values: ValuesPath = None,
     csv: Annotated[Path | None, typer.Option("--csv", help="Write temperatures and bands to a CSV file.")] = None,
     force: Force = False,
     data: Data = None,
@@ -354,7 +358,8 @@ def predict(
     Without --scenario and --record, the predictions that the campaign names are
     made, with the margins of their bands to limits: exit code 1 if one is
     exceeded. The bands are broken down into their causes. A logged run is
-    compared with its readings.
+    compared with its readings. With --values, a scenario is predicted with a
+    deck and what a stage found of it, or of a part of it (PART=FILE).
     """
     if scenario is not None and record:
         raise ScenarioError(
@@ -364,19 +369,29 @@ def predict(
         )
     conditions = load_scenario(scenario) if scenario is not None else None
     writable((csv, TABLE))
-    stages = staged(campaign, data, results, accept)
-    name = stage or list(stages)[-1]
-    if conditions is None and not record:
-        options = {"--stage": stage, "--spread": spread, "--at": at, "--draws": draws, "--vacuum": vacuum, "--csv": csv}
-        if given := [word for word, value in options.items() if value]:
-            words = f"{', '.join(given)} {'is' if len(given) == 1 else 'are'} not for the predictions that a campaign names."
-            raise ScenarioError(f"{words} Give --scenario FILE or --record NAME too.", "command line", code="command.not-understood")
-        _predict_named(stages, as_json, verbose)
-        return
-    if conditions is None:
-        _predict_records(campaign, data, stages[name], name, record, as_json, verbose)
-        return
-    predicted = prediction.predict(stages[name], conditions.vacuum() if vacuum else conditions, spread=_spreads(spread), draws=draws)
+    known: Calibration | Knowledge
+    if values is not None:
+        if conditions is None or stage or data or results:
+            words = "values are laid over a deck, which has no stages, records or results. Give it with --values and --scenario FILE."
+            raise ScenarioError(words, "--values", code="value.excludes-another")
+        filled = filled_model(load_model(campaign), values, None)
+        known, name = Knowledge.of_file(filled), filled.values.stage
+    else:
+        stages = staged(campaign, data, results, accept)
+        name = stage or list(stages)[-1]
+        if conditions is None and not record:
+            options = {"--stage": stage, "--spread": spread, "--at": at, "--draws": draws, "--vacuum": vacuum, "--csv": csv}
+            if given := [word for word, value in options.items() if value]:
+                words = f"{', '.join(given)} {'is' if len(given) == 1 else 'are'} not for the predictions that a campaign names."
+                raise ScenarioError(f"{words} Give --scenario FILE or --record NAME too.", "command line", code="command.not-understood")
+            _predict_named(stages, as_json, verbose)
+            return
+        known = stages[name]
+        if conditions is None:
+            _predict_records(campaign, data, known, name, record, as_json, verbose)
+            return
+    predicted = prediction.predict(known, conditions.vacuum() if vacuum else conditions, spread=_spreads(spread), draws=draws)
+    predicted = replace(predicted, standing=predicted.standing.accept(accept or ()))
     times = moments(at, conditions.seconds)
     if csv is not None:
         predicted.to_csv(csv)

@@ -12,7 +12,9 @@ import pytest
 from typer.testing import CliRunner
 
 import thermid as td
+from by_code import raises_code
 from thermid.app.cli.app import app
+from thermid.base.errors import NameNotFoundError
 from thermid.values.value_files import filed
 
 G = "loss.conductance"
@@ -95,7 +97,12 @@ def by_deliver(folder: Path) -> tuple[float, str]:
     return run["temperatures_C"]["body"][-1], err
 
 
-ROUTES = [by_simulate, by_hold, by_plan, by_deliver]
+def by_predict(folder: Path) -> tuple[float, str]:
+    out, err = command(folder, "predict", "@plate.toml", "--scenario", "@soak.toml", "--values", "@fit.toml", "--json")
+    return json.loads(out)["nodes"]["body"]["final"]["C"], err
+
+
+ROUTES = [by_simulate, by_hold, by_plan, by_deliver, by_predict]
 
 
 @pytest.mark.parametrize("route", ROUTES, ids=lambda r: r.__name__)
@@ -143,3 +150,45 @@ def test_of_a_part_a_set_above_wins_and_a_line_says_so(folder: Path) -> None:
     (line,) = found.lines
     assert line.startswith(f"'p.{G}' is 1 [W/K] by")
     assert "overrides the result of stage" in line
+
+
+RIG = """
+title = "rig"
+needs = ["room"]
+[submodels.p]
+use = "plate.toml"
+bind = { air = "room" }
+"""
+
+
+@pytest.fixture
+def rig(folder: Path) -> Path:
+    (folder / "rig.toml").write_text(RIG)
+    (folder / "room.toml").write_text(SCENARIO.replace("air", "room"))
+    return folder
+
+
+def test_values_of_a_part_act_in_every_command_under_its_place(rig: Path) -> None:
+    given = ("@rig.toml", "--scenario", "@room.toml", "--values", "p=@fit.toml", "--json")
+    alone = json.loads(command(rig, "predict", "@plate.toml", "--scenario", "@soak.toml", "--values", "@fit.toml", "--json")[0])
+    final = {c: json.loads(command(rig, c, *given)[0])["nodes"]["p.body"] for c in ("simulate", "predict")}
+    assert final["simulate"]["final_C"] == pytest.approx(45.0, abs=0.1)
+    for key in ("C", "error_K"):
+        assert final["predict"]["final"][key] == pytest.approx(alone["nodes"]["body"]["final"][key], rel=1e-9), "the band is the part's"
+    to = rig / "out"
+    command(rig, "deliver", "@rig.toml", "--scenario", "@room.toml", "--values", "p=@fit.toml", "--to", str(to))
+    (run,) = json.loads((to / "checks.json").read_text())["runs"].values()
+    assert run["temperatures_C"]["p.body"][-1] == pytest.approx(45.0, abs=0.1)
+
+
+def test_values_of_a_part_without_its_place_are_refused_with_the_way(rig: Path) -> None:
+    said = CliRunner().invoke(app, ["simulate", f"{rig}/rig.toml", "--scenario", f"{rig}/room.toml", "--values", f"{rig}/fit.toml"])
+    assert isinstance(said.exception, NameNotFoundError)
+    assert f"--values p={rig}/fit.toml" in str(said.exception)
+
+
+def test_a_deck_has_no_stages_to_predict_with(rig: Path) -> None:
+    given = ["predict", f"{rig}/plate.toml", "--values", f"{rig}/fit.toml"]
+    for more in ([], ["--scenario", f"{rig}/soak.toml", "--stage", "x"]):
+        with raises_code("value.excludes-another", match="has no stages"):
+            CliRunner().invoke(app, [*given, *more], catch_exceptions=False)
