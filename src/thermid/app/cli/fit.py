@@ -60,7 +60,7 @@ from thermid.campaign.studies import plan_retune
 from thermid.fit.calibration import Calibration, LocalSpec
 from thermid.fit.error_model import SIZES
 from thermid.fit.estimation import estimated
-from thermid.model.deck import load_model
+from thermid.model.deck import load_model, save_model
 from thermid.model.elements import literal, worst
 from thermid.prediction import bands as prediction
 from thermid.prediction.bands import Knowledge, predict_record
@@ -317,6 +317,10 @@ def swap(
     content: dict[str, Any] = {"plan": retune_object(plan)}
     texts, standing, code = [str(plan)], plan.standing, 0
     if new_data is not None:
+        deck = to / "decks" / f"{file_name(plan.stages[-1].name)}.toml" if to is not None else Path()
+        if to is not None:
+            deck.parent.mkdir(exist_ok=True)
+            save_model(plan.deck, deck)
         retuned = plan.run(new_data, part_only=part_only)
         standing, code = retuned.standing, retuned.exit_code
         run = [s.name for s in plan.stages if s.action == "run" and (s.alone or not part_only)]
@@ -326,6 +330,8 @@ def swap(
         if to is not None:
             content["values_files"] = [f.name for f in retuned.save(to)]
             texts.append(f"values: {', '.join(content['values_files'])}")
+            content["deck"] = str(deck)
+            texts.append(f"next: thermid predict {deck} --values {to / content['values_files'][-1]} --scenario FILE")
     say(as_json, {**content, "standing": standing.to_dict()}, "\n\n".join(texts), verbose)
     leave(standing, code)
 

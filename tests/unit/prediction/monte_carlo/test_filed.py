@@ -15,6 +15,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.app.cli.app import app
 from thermid.base.errors import NameNotFoundError
+from thermid.prediction.bands import Knowledge
 from thermid.values.value_files import filed
 
 G = "loss.conductance"
@@ -192,3 +193,55 @@ def test_a_deck_has_no_stages_to_predict_with(rig: Path) -> None:
     for more in ([], ["--scenario", f"{rig}/soak.toml", "--stage", "x"]):
         with raises_code("value.excludes-another", match="has no stages"):
             CliRunner().invoke(app, [*given, *more], catch_exceptions=False)
+
+
+SKIN = """
+title = "skin"
+needs = ["air"]
+offers = ["body"]
+[nodes]
+body = { capacitance = "500 [J/K]" }
+[loads]
+heater = { into = "body", power = "10 [W]" }
+[surfaces.skin]
+of = "body"
+to = "air"
+area = "300 [cm^2]"
+htc = { coefficient = { value = "1.5 [W/(m^2 K)]", min = 0.3, max = 6 }, exponent = 0.25 }
+emissivity = { value = 0.85, spread = 0.04 }
+"""
+STAND = """
+[nodes]
+stand = { capacitance = "300 [J/K]" }
+[conductors]
+foot = { kind = "conduction", between = ["p.body", "stand"], conductance = { value = "0.5 [W/K]", min = 0.1, max = 2 } }
+"""
+
+
+def test_a_stated_range_is_one_source_wherever_its_deck_stands(tmp_path: Path) -> None:
+    """What a part's fit answered to is not counted again where a remark moves the lines of its deck, or its file has another name."""
+
+    def written(skin: str, name: str = "plate.toml") -> td.Model:
+        (tmp_path / name).write_text(skin)
+        (tmp_path / "rig.toml").write_text(RIG.replace("plate.toml", name) + STAND)
+        return td.load_model(tmp_path / "rig.toml")
+
+    def fitted(model: td.Model, room: str, sensors: dict[str, str], free: str, **more: object) -> td.Calibration:
+        times = np.linspace(0.0, 9000.0, 46)
+        course = td.Scenario("log", boundaries={room: "20 [degC]"}, start="20 [degC]", duration=9000.0)
+        run, noise = td.simulate(model, course, times=times), np.random.default_rng(3)
+        channels = {
+            n: td.Channel.from_array(n, run[x].kelvin + noise.normal(0.0, 0.05, 46), unit="K", role="node", target=x, noise=0.05)
+            for n, x in sensors.items()
+        }
+        return td.calibrate(model, td.Record.from_arrays(model.title, times, channels), [free], scenario=course, **more)
+
+    rig = written(SKIN)
+    below = fitted(td.load_model(tmp_path / "plate.toml"), "air", {"T": "body"}, "skin.htc.coefficient")
+    fitted(rig, "room", {"T": "p.body", "S": "stand"}, "foot.conductance", inherit={"p": below}).save(tmp_path / "rig.values.toml")
+    hot = td.Scenario("hot", boundaries={"room": "60 [degC]"}, start="60 [degC]", duration=9000.0)
+    errors = [
+        td.predict(Knowledge.of_file(filed(tmp_path / "rig.values.toml", model)), hot)["p.body"].final.error
+        for model in (rig, written(f"# a remark\n{SKIN}"), written(SKIN, "copy.toml"))
+    ]
+    assert errors[1:] == pytest.approx(2 * errors[:1], rel=1e-9)
