@@ -61,7 +61,7 @@ from thermid.fit.calibration import Calibration, LocalSpec
 from thermid.fit.error_model import SIZES
 from thermid.fit.estimation import estimated
 from thermid.model.deck import load_model, save_model
-from thermid.model.elements import literal, worst
+from thermid.model.elements import UNJUDGED, literal, worst
 from thermid.prediction import bands as prediction
 from thermid.prediction.bands import Knowledge, predict_record
 from thermid.prediction.members import load_hold
@@ -413,13 +413,15 @@ def _predict_named(campaign: Campaign, as_json: bool, verbose: bool) -> None:
         words = 'nothing to predict: give --scenario FILE or --record NAME, or write [predictions.hot] with scenario = "hot.toml".'
         raise ScenarioError(words, campaign.title, code="command.not-understood")
     heads = ["\n".join(p.head for p in predictions)] if len(predictions) > 1 else []
-    bare = [replace(p, prediction=replace(p.prediction, causes={})) for p in predictions]
+    standing = worst(p.prediction.standing for p in predictions)  # told once, above all of them
+    bare = [replace(p, prediction=replace(p.prediction, causes={}, standing=UNJUDGED)) for p in predictions]
     causes: dict[str, str] = {}  # each told once; of its widest band also what would narrow it
     for cause, words in (item for p in predictions for item in p.prediction.causes.items()):
         causes[cause] = max(causes.get(cause, ""), words, key=len)
     meanings = ["\n".join(["What the bands come from:", *(f"  {cause}: {words}" for cause, words in causes.items())])] if causes else []
-    say(as_json, {p.name: p.to_dict() for p in predictions}, "\n\n".join([*heads, *map(str, bare), *meanings]), verbose)
-    leave(worst(p.prediction.standing for p in predictions), 1 if any(p.within is False for p in predictions) else 0)
+    text = standing.over("\n\n".join([*heads, *map(str, bare), *meanings]))
+    say(as_json, {p.name: p.to_dict() for p in predictions}, text, verbose)
+    leave(standing, 1 if any(p.within is False for p in predictions) else 0)
 
 
 def _predict_records(
