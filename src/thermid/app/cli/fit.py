@@ -368,34 +368,25 @@ def predict(
     deck and what a stage found of it, or of a part of it (PART=FILE).
     """
     if scenario is not None and record:
-        raise ScenarioError(
-            "a prediction is of a scenario or of logged runs. Give --scenario FILE or --record NAME.",
-            "command line",
-            code="value.incomplete",
-        )
+        words = "a prediction is of a scenario or of logged runs. Give --scenario FILE or --record NAME."
+        raise ScenarioError(words, "command line", code="value.incomplete")
     conditions = load_scenario(scenario) if scenario is not None else None
     writable((csv, TABLE))
     known: Calibration | Knowledge
     if values is not None:
-        if conditions is None or stage or data or results:
-            words = "values are laid over a deck, which has no stages, records or results. Give it with --values and --scenario FILE."
-            raise ScenarioError(words, "--values", code="value.excludes-another")
-        filled = filled_model(load_model(campaign), values, None)
-        known, name = Knowledge.of_file(filled), filled.values.stage
+        known, name = _known_of_file(campaign, values, scenario is not None and not (stage or data or results))
     else:
         stages = staged(campaign, data, results, accept)
         name = stage or list(stages)[-1]
         if conditions is None and not record:
             options = {"--stage": stage, "--spread": spread, "--at": at, "--draws": draws, "--vacuum": vacuum, "--csv": csv}
-            if given := [word for word, value in options.items() if value]:
-                words = f"{', '.join(given)} {'is' if len(given) == 1 else 'are'} not for the predictions that a campaign names."
-                raise ScenarioError(f"{words} Give --scenario FILE or --record NAME too.", "command line", code="command.not-understood")
-            _predict_named(stages, as_json, verbose)
+            _predict_named(stages, [word for word, value in options.items() if value], as_json, verbose)
             return
         known = stages[name]
         if conditions is None:
             _predict_records(campaign, data, known, name, record, as_json, verbose)
             return
+    assert conditions is not None
     predicted = prediction.predict(known, conditions.vacuum() if vacuum else conditions, spread=_spreads(spread), draws=draws)
     predicted = replace(predicted, standing=predicted.standing.accept(accept or ()))
     times = moments(at, conditions.seconds)
@@ -406,8 +397,20 @@ def predict(
     leave(predicted.standing)
 
 
-def _predict_named(campaign: Campaign, as_json: bool, verbose: bool) -> None:
-    """Print the predictions that a campaign names, the answers first."""
+def _known_of_file(deck: Path, values: Path, alone: bool) -> tuple[Knowledge, str]:
+    """Return what a values file says of a deck, and its stage; `alone` says that only a scenario is given with it."""
+    if not alone:
+        words = "values are laid over a deck, which has no stages, records or results. Give it with --values and --scenario FILE."
+        raise ScenarioError(words, "--values", code="value.excludes-another")
+    filled = filled_model(load_model(deck), values, None)
+    return Knowledge.of_file(filled), filled.values.stage
+
+
+def _predict_named(campaign: Campaign, given: Sequence[str], as_json: bool, verbose: bool) -> None:
+    """Print the predictions that a campaign names, the answers first; options that are `given` are not for them."""
+    if given:
+        words = f"{', '.join(given)} {'is' if len(given) == 1 else 'are'} not for the predictions that a campaign names."
+        raise ScenarioError(f"{words} Give --scenario FILE or --record NAME too.", "command line", code="command.not-understood")
     predictions = campaign_predictions(campaign)
     if not predictions:
         words = 'nothing to predict: give --scenario FILE or --record NAME, or write [predictions.hot] with scenario = "hot.toml".'
