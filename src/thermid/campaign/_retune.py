@@ -15,6 +15,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError, IdentificationError, MissingDataError, SolverError, errors_at
 from thermid.base.results import Result
+from thermid.base.units import counted
 from thermid.campaign._file import CampaignSource, read_campaign
 from thermid.campaign._joint import Level, places_of
 from thermid.campaign._stages import Campaign, Notice, progress_of, request_of
@@ -143,6 +144,14 @@ class RetunePlan(Result):
         return list(self.campaign.stages.values())[-1].standing
 
     @property
+    def deck(self) -> Model:
+        """The deck of the last stage with the new part in its place; the values files of a retune are laid over it."""
+        source, top = self.campaign.source, self.stages[-1]
+        assert source is not None
+        k, table = next((k, s) for k, s in enumerate(source.content.stages) if s.name == top.of)
+        return _model(source, table, k, top, self, None)
+
+    @property
     def freed(self) -> tuple[str, ...]:
         """Interface values that are retuned, ``stage: path``."""
         return tuple(f"{t.stage}: {t.path}" for t in self.touched if not t.held)
@@ -220,7 +229,7 @@ class RetunePlan(Result):
             lines.append(f"    {s.name}: {s.action}{changed}, {s.why}")
         total = len(self.tests) + len(self.kept_tests)
         lines.append(f"  tests to repeat: {len(self.tests)} of {total}: {', '.join(self.tests)}")
-        lines.append("  neighbours, exposed area before -> after; their convection coefficients stay fixed:")
+        lines += ["  neighbours, exposed area before -> after; their convection coefficients stay fixed:"] * bool(self.neighbours)
         for name, (a, b, dt) in self.neighbours.items():
             lines.append(f"    {name}: {1e4 * a:.4g} -> {1e4 * b:.4g} cm^2, {dt:+.2f} K at rest")
         return self.standing.over("\n".join([*lines, *self._at_rest()]))
@@ -495,7 +504,8 @@ def retuned(
             else:
                 done[stage.name] = fit(request, progress_of(notice, stage.name))
     count = 0 if part_only else len(plan.freed)
-    note = f"After {plan.old} was replaced by {plan.new} at {plan.part}: {len(due)} tests repeated, {count} values retuned."
+    tests, values = counted(len(due), "test"), counted(count, "value")
+    note = f"After {plan.old} was replaced by {plan.new} at {plan.part}: {tests} repeated, {values} retuned."
     if idle:
         note += f" Not used, though there are new logs of them: {', '.join(idle)}, because no value of their stage is fitted again."
     return Campaign(before.title, done, (), keys, note, requests=requests)

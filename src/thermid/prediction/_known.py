@@ -30,6 +30,7 @@ from thermid.values.store import (
     model_standing,
     structural_under,
 )
+from thermid.values.value_files import Filed
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +68,12 @@ class Knowledge(Result):
         if isinstance(source, Model):
             return cls(source)
         return cls(source.fitted_model, (source.values,), source, source.synthetic)
+
+    @classmethod
+    def of_file(cls, filled: Filed) -> Knowledge:
+        """Return what a values file says of a model or of a part of it."""
+        synthetic = bool(filled.values.provenance.get("synthetic", False))
+        return cls(filled.model, (filled.values,), synthetic=synthetic, at=filled.at, remarks=filled.lines)
 
     def for_model(self, model: Model) -> Knowledge:
         """Return the same knowledge of another model that holds the fitted paths."""

@@ -101,9 +101,7 @@ class Plan(Result):
             model = load_model(resolve_inside(folder, source.deck, "model.deck"))
             if not source.values:
                 return Knowledge(model)
-            values = filed(resolve_inside(folder, source.values, "model.values"), model)
-            synthetic = bool(values.values.provenance.get("synthetic", False))
-            return Knowledge(values.model, (values.values,), synthetic=synthetic, remarks=values.lines)
+            return Knowledge.of_file(filed(resolve_inside(folder, source.values, "model.values"), model))
 
     def knowledge_on(self, host: str) -> Knowledge:
         """Return the model inside the plan's macro model `host`, its values under their paths there; the bare model for an empty name."""

@@ -159,7 +159,7 @@ class HeatMap:
         return out
 
     def to_dict(self, groups: Mapping[str, Sequence[str]]) -> dict[str, Any]:
-        """Return conductors, loads, balances, groups and readings as the JSON of ``thermid steady --map`` has them; heats in W."""
+        """Return conductors, loads, balances, groups and readings as ``td.steady(...).to_dict()`` has them; heats in W."""
         return {
             "conductors": {p.name: {"kind": p.kind, "from": p.ends[0], "to": p.ends[1], "W": p.heat} for p in self.paths},
             "loads": {name: {"into": node, "W": power} for name, (node, power) in self.loads.items()},

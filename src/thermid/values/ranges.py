@@ -10,7 +10,7 @@ from thermid.base.errors import quoted
 from thermid.base.units import counted
 from thermid.model.elements import StatedRange
 from thermid.model.identity import local_identities
-from thermid.model.tree import ParameterSet, Tree
+from thermid.model.tree import Entry, ParameterSet, Tree
 from thermid.values.store import Distribution, LogNormal, Normal, Source, Store
 
 RANGE_OF = "range of "
@@ -67,7 +67,7 @@ def ranged_values(model: Tree, parameters: ParameterSet, without: Collection[str
     for path, r in stated.items():
         first = twins[path].paths[0] if path in twins else path
         groups.setdefault(r.name if r.alike == 1.0 else first, []).append(path)
-    places = [parameters.table[paths[0]].where for paths in groups.values()]
+    places = [_place(model, parameters.table[paths[0]]) for paths in groups.values()]
     out = []
     for (path, *also), where in zip(groups.values(), places, strict=True):
         r = stated[path]
@@ -77,6 +77,12 @@ def ranged_values(model: Tree, parameters: ParameterSet, without: Collection[str
         columns = tuple((Source(f"{RANGE_OF}{what}", "stated", Normal(), words), share) for what, share in shares.items() if share > 0.0)
         out.append(RangedValue(path, tuple(also), r, columns))
     return out
+
+
+def _place(model: Tree, entry: Entry) -> str:
+    """Return where a value is written, by the title of its deck: a file may be renamed, and its lines move."""
+    owner = model.submodel(entry.scope.removesuffix(".")) if entry.scope else model
+    return f"{owner.title}, {entry.where.rpartition(', ')[2]}"
 
 
 def without_spread(paths: Sequence[str]) -> str:

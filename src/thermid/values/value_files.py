@@ -115,6 +115,7 @@ class Filed:
     lacks : tuple of str    What a file of the old format cannot say.
     gone : tuple of str     Values that are left out, since the decks give them otherwise by now.
     hidden : tuple of str   Values of logs, and places where a [set] or another value hides one of the file.
+    at : str                The submodel that the file is of; empty for the model itself.
     """
 
     model: Model
@@ -122,6 +123,7 @@ class Filed:
     lacks: tuple[str, ...] = ()
     gone: tuple[str, ...] = ()
     hidden: tuple[str, ...] = ()
+    at: str = ""
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -152,4 +154,5 @@ def filed(path: Path, model: Model, *, at: str = "", keep: bool = False) -> File
     gone = tuple(f"{d.path} = {d.text} of {d.origin} was ignored: {d.why}." for d in matching.dropped[len(store.dropped) :])
     placed, twins = graft(model, [(at, matching)]) if at else (matching, ())
     model_with_values = placed.laid_over(model)
-    return Filed(model_with_values, values_of(matching, stage), lacks, gone, (*of_logs, *twins, *placed.acting_in(model_with_values)[1]))
+    hidden = (*of_logs, *twins, *placed.acting_in(model_with_values)[1])
+    return Filed(model_with_values, values_of(matching, stage), lacks, gone, hidden, at)

@@ -250,6 +250,31 @@ def test_on_the_command_line(project: Path, tests_again: Path, tmp_path: Path) -
     assert (tmp_path / "new" / "pair.values.toml").is_file()
 
 
+def test_a_swapped_model_is_predicted_with_what_the_command_wrote(plan: RetunePlan, tests_again: Path, tmp_path: Path) -> None:
+    """The deck with the new part and the values of the retune give the bands of the retuned campaign, in the command that swap names."""
+    assert plan.campaign.source is not None
+    save_model(box(NEW), tmp_path / "light.toml")
+    (tmp_path / "day.toml").write_text('title = "day"\nstart = "room"\nduration = "5 [h]"\nboundaries = { room = "20 [degC]" }\n')
+    given = [str(tmp_path / "light.toml"), "--results", str(tmp_path / "r"), "--new-data", str(tests_again), "--to", str(tmp_path / "new")]
+    swapped = CliRunner().invoke(app, ["swap", str(plan.campaign.source.path), "a", *given])
+    assert "2 tests repeated, 1 value retuned." in swapped.output
+    (line,) = (x for x in swapped.output.splitlines() if x.startswith("next: thermid "))
+    call = line.removeprefix("next: thermid ").replace("FILE", str(tmp_path / "day.toml")).split()
+    told = CliRunner().invoke(app, [*call, "--json"])
+    assert told.exit_code == 0, told.output
+    wanted = td.predict(plan.run(tests_again)["pair"], td.load_scenario(tmp_path / "day.toml"), without=("hidden defects",)).to_dict()
+    said = json.loads(told.stdout)
+    assert not told.stderr, "nothing is left out"
+    for node in ("a.case", "b.case"):
+        for key in ("C", "error_K"):
+            assert said["nodes"][node]["final"][key] == pytest.approx(wanted["nodes"][node]["final"][key], rel=1e-6)
+
+
+def test_a_heading_without_lines_is_left_out(plan: RetunePlan) -> None:
+    assert "neighbours" in str(plan)
+    assert "neighbours" not in str(replace(plan, neighbours={}))
+
+
 def test_logs_from_before_the_swap_are_not_those_of_the_repeated_tests(plan: RetunePlan, tmp_path: Path) -> None:
     with raises_code("record.log-missing"):
         plan.run(tmp_path)

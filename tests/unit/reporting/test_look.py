@@ -249,3 +249,17 @@ def test_columns_that_differ_by_their_unit_alone_are_proposed_by_their_headings(
     channels = tomllib.loads(td.look(tmp_path / "run.csv").campaign())["records"]["run"]["channels"]
     record = td.read_record(tmp_path / "run.csv", channels)
     assert record["P_supply"].values.tolist() == [0.0, 6.0]
+
+
+def test_voltages_and_currents_are_paired_by_the_words_they_share(tmp_path: Path) -> None:
+    """Of five pairs in one log none was taken, and the table of channels was empty."""
+    (tmp_path / "run.csv").write_text(
+        "time_s,proc V,proc A,supply V [V],supply A [A],V_fan [V],I_fan [A],U1 [V],I1 [A],bus V,spare A\n"
+        "0,5,0,28,0,12,0,3,0,5,0\n60,5,1,28,0.5,12,0.1,3,2,5,1\n",
+        encoding="utf-8",
+    )
+    seen = td.look(tmp_path / "run.csv")
+    channels = tomllib.loads(seen.campaign())["records"]["run"]["channels"]
+    record = td.read_record(tmp_path / "run.csv", channels)
+    assert {n: record[n].values[-1] for n in channels} == pytest.approx({"P_proc": 5.0, "P_supply": 14.0, "P_fan": 1.2, "P_1": 6.0})
+    assert [c.name for c in seen.courses()] == ["proc V * proc A", "supply V * supply A", "V_fan * I_fan", "U1 * I1"]

@@ -27,9 +27,11 @@ from thermid.app.cli.options import (
     Results,
     ScenarioPath,
     Vacuum,
+    ValuesPath,
     Verbose,
     Whole,
     executor_of,
+    filled_model,
     leave,
     moments,
     pairs,
@@ -58,9 +60,10 @@ from thermid.campaign.studies import plan_retune
 from thermid.fit.calibration import Calibration, LocalSpec
 from thermid.fit.error_model import SIZES
 from thermid.fit.estimation import estimated
-from thermid.model.elements import literal, worst
+from thermid.model.deck import load_model, save_model
+from thermid.model.elements import UNJUDGED, literal, worst
 from thermid.prediction import bands as prediction
-from thermid.prediction.bands import predict_record
+from thermid.prediction.bands import Knowledge, predict_record
 from thermid.prediction.members import load_hold
 from thermid.reporting import pages as page
 from thermid.reporting.objects import calibration_object, campaign_object, campaign_standing, retune_object
@@ -314,6 +317,10 @@ def swap(
     content: dict[str, Any] = {"plan": retune_object(plan)}
     texts, standing, code = [str(plan)], plan.standing, 0
     if new_data is not None:
+        deck = to / "decks" / f"{file_name(plan.stages[-1].name)}.toml" if to is not None else Path()
+        if to is not None:
+            deck.parent.mkdir(exist_ok=True)
+            save_model(plan.deck, deck)
         retuned = plan.run(new_data, part_only=part_only)
         standing, code = retuned.standing, retuned.exit_code
         run = [s.name for s in plan.stages if s.action == "run" and (s.alone or not part_only)]
@@ -323,12 +330,14 @@ def swap(
         if to is not None:
             content["values_files"] = [f.name for f in retuned.save(to)]
             texts.append(f"values: {', '.join(content['values_files'])}")
+            content["deck"] = str(deck)
+            texts.append(f"next: thermid predict {deck} --values {to / content['values_files'][-1]} --scenario FILE")
     say(as_json, {**content, "standing": standing.to_dict()}, "\n\n".join(texts), verbose)
     leave(standing, code)
 
 
 def predict(
-    campaign: CampaignPath,
+    campaign: Annotated[Path, typer.Argument(help="A campaign (TOML), or with --values a deck.")],
     stage: Annotated[str, typer.Option("--stage", help="The stage whose values are used; the last one by default.")] = "",
     scenario: ScenarioPath = None,
     record: Annotated[
@@ -341,6 +350,7 @@ def predict(
     at: Moments = [],  # noqa: B006
     draws: Annotated[int, typer.Option("--draws", min=0, help="Members drawn, for spreads so wide that derivatives do not do.")] = 0,
     vacuum: Vacuum = False,
+    values: ValuesPath = None,
     csv: Annotated[Path | None, typer.Option("--csv", help="Write temperatures and bands to a CSV file.")] = None,
     force: Force = False,
     data: Data = None,
@@ -354,29 +364,31 @@ def predict(
     Without --scenario and --record, the predictions that the campaign names are
     made, with the margins of their bands to limits: exit code 1 if one is
     exceeded. The bands are broken down into their causes. A logged run is
-    compared with its readings.
+    compared with its readings. With --values, a scenario is predicted with a
+    deck and what a stage found of it, or of a part of it (PART=FILE).
     """
     if scenario is not None and record:
-        raise ScenarioError(
-            "a prediction is of a scenario or of logged runs. Give --scenario FILE or --record NAME.",
-            "command line",
-            code="value.incomplete",
-        )
+        words = "a prediction is of a scenario or of logged runs. Give --scenario FILE or --record NAME."
+        raise ScenarioError(words, "command line", code="value.incomplete")
     conditions = load_scenario(scenario) if scenario is not None else None
     writable((csv, TABLE))
-    stages = staged(campaign, data, results, accept)
-    name = stage or list(stages)[-1]
-    if conditions is None and not record:
-        options = {"--stage": stage, "--spread": spread, "--at": at, "--draws": draws, "--vacuum": vacuum, "--csv": csv}
-        if given := [word for word, value in options.items() if value]:
-            words = f"{', '.join(given)} {'is' if len(given) == 1 else 'are'} not for the predictions that a campaign names."
-            raise ScenarioError(f"{words} Give --scenario FILE or --record NAME too.", "command line", code="command.not-understood")
-        _predict_named(stages, as_json, verbose)
-        return
-    if conditions is None:
-        _predict_records(campaign, data, stages[name], name, record, as_json, verbose)
-        return
-    predicted = prediction.predict(stages[name], conditions.vacuum() if vacuum else conditions, spread=_spreads(spread), draws=draws)
+    known: Calibration | Knowledge
+    if values is not None:
+        known, name = _known_of_file(campaign, values, scenario is not None and not (stage or data or results))
+    else:
+        stages = staged(campaign, data, results, accept)
+        name = stage or list(stages)[-1]
+        if conditions is None and not record:
+            options = {"--stage": stage, "--spread": spread, "--at": at, "--draws": draws, "--vacuum": vacuum, "--csv": csv}
+            _predict_named(stages, [word for word, value in options.items() if value], as_json, verbose)
+            return
+        known = stages[name]
+        if conditions is None:
+            _predict_records(campaign, data, known, name, record, as_json, verbose)
+            return
+    assert conditions is not None
+    predicted = prediction.predict(known, conditions.vacuum() if vacuum else conditions, spread=_spreads(spread), draws=draws)
+    predicted = replace(predicted, standing=predicted.standing.accept(accept or ()))
     times = moments(at, conditions.seconds)
     if csv is not None:
         predicted.to_csv(csv)
@@ -385,20 +397,34 @@ def predict(
     leave(predicted.standing)
 
 
-def _predict_named(campaign: Campaign, as_json: bool, verbose: bool) -> None:
-    """Print the predictions that a campaign names, the answers first."""
+def _known_of_file(deck: Path, values: Path, alone: bool) -> tuple[Knowledge, str]:
+    """Return what a values file says of a deck, and its stage; `alone` says that only a scenario is given with it."""
+    if not alone:
+        words = "values are laid over a deck, which has no stages, records or results. Give it with --values and --scenario FILE."
+        raise ScenarioError(words, "--values", code="value.excludes-another")
+    filled = filled_model(load_model(deck), values, None)
+    return Knowledge.of_file(filled), filled.values.stage
+
+
+def _predict_named(campaign: Campaign, given: Sequence[str], as_json: bool, verbose: bool) -> None:
+    """Print the predictions that a campaign names, the answers first; options that are `given` are not for them."""
+    if given:
+        words = f"{', '.join(given)} {'is' if len(given) == 1 else 'are'} not for the predictions that a campaign names."
+        raise ScenarioError(f"{words} Give --scenario FILE or --record NAME too.", "command line", code="command.not-understood")
     predictions = campaign_predictions(campaign)
     if not predictions:
         words = 'nothing to predict: give --scenario FILE or --record NAME, or write [predictions.hot] with scenario = "hot.toml".'
         raise ScenarioError(words, campaign.title, code="command.not-understood")
     heads = ["\n".join(p.head for p in predictions)] if len(predictions) > 1 else []
-    bare = [replace(p, prediction=replace(p.prediction, causes={})) for p in predictions]
+    standing = worst(p.prediction.standing for p in predictions)  # told once, above all of them
+    bare = [replace(p, prediction=replace(p.prediction, causes={}, standing=UNJUDGED)) for p in predictions]
     causes: dict[str, str] = {}  # each told once; of its widest band also what would narrow it
     for cause, words in (item for p in predictions for item in p.prediction.causes.items()):
         causes[cause] = max(causes.get(cause, ""), words, key=len)
     meanings = ["\n".join(["What the bands come from:", *(f"  {cause}: {words}" for cause, words in causes.items())])] if causes else []
-    say(as_json, {p.name: p.to_dict() for p in predictions}, "\n\n".join([*heads, *map(str, bare), *meanings]), verbose)
-    leave(worst(p.prediction.standing for p in predictions), 1 if any(p.within is False for p in predictions) else 0)
+    text = standing.over("\n\n".join([*heads, *map(str, bare), *meanings]))
+    say(as_json, {p.name: p.to_dict() for p in predictions}, text, verbose)
+    leave(standing, 1 if any(p.within is False for p in predictions) else 0)
 
 
 def _predict_records(

@@ -13,7 +13,7 @@ import typer
 
 from thermid.app.cli.screen import show
 from thermid.base.codes import add_codes, mark_codes
-from thermid.base.errors import ScenarioError
+from thermid.base.errors import NameNotFoundError, ScenarioError
 from thermid.base.extensions import require
 from thermid.base.files import NETCDF, PICTURE, command, may_write
 from thermid.base.results import clean
@@ -41,7 +41,9 @@ Error = Annotated[str, typer.Option("--error", help="Error that temperatures may
 Moments = Annotated[list[str], typer.Option("--at", help="A time to report, such as '1 [h]'; may be repeated.")]
 Vacuum = Annotated[bool, typer.Option("--vacuum", help="No gas: convection goes, radiation stays.")]
 AsPrinted = Annotated[bool, typer.Option("--as-printed", help="No gas, every coefficient zero, radiation too: an upper bound.")]
-ValuesPath = Annotated[Path | None, typer.Option("--values", help="A file of fitted values to lay over the deck.")]
+ValuesPath = Annotated[
+    Path | None, typer.Option("--values", help="Fitted values to lay over the deck: FILE, or PART=FILE where they are of a part of it.")
+]
 KeepValues = Annotated[
     bool, typer.Option("--keep-values", help="Keep values whose decks say otherwise by now; without it they are left out and listed.")
 ]
@@ -131,12 +133,26 @@ def fitted_model(deck: Path, values: Path | None, keep: bool | None = False, par
     ----------
     keep : bool     Whether to keep values that the decks give otherwise by now; None for a command that cannot.
     """
-    model = load_model(deck)
-    if values is not None:
-        filled = filed(values, model, keep=bool(keep))
-        say_first(filled, values, " --keep-values keeps it." * (keep is not None))
-        model = filled.model
+    model = filled_model(load_model(deck), values, keep).model if values is not None else load_model(deck)
     return model.with_values(pairs(list(param), "--param"), "command line") if param else model
+
+
+def filled_model(model: Model, values: Path, keep: bool | None = False, at: str = "") -> Filed:
+    """Return a model with a values file laid over it, PART=FILE over a part of it; what the file lacks and what is left out is told first.
+
+    Parameters
+    ----------
+    at : str    The part of a FILE without one.
+    """
+    part, _, file = ("", "", str(values)) if values.is_file() else str(values).rpartition("=")
+    try:
+        filled = filed(Path(file), model, at=part or at, keep=bool(keep))
+    except NameNotFoundError as error:
+        name = next((n for n in model.submodels if not (part or at)), "")
+        raise error.reworded(f"{error.message} Values of a part: --values {name}={file}, say.") if name else error from None
+    for line in (*filled.lacks, *(f"{gone}{' --keep-values keeps it.' * (keep is not None)}" for gone in filled.gone), *filled.hidden):
+        show(f"{Path(file).name}: {line}", err=True)
+    return filled
 
 
 def judged_model(
@@ -145,12 +161,6 @@ def judged_model(
     """Return a model as `fitted_model` does, and how far its values may be trusted, stages that are accepted as they are apart."""
     model = fitted_model(deck, values, keep, param)
     return model, model_standing(model).accept(accept or ())
-
-
-def say_first(filled: Filed, file: Path, advice: str = " --keep-values keeps it.") -> None:
-    """Tell what a values file lacks, what of it is left out with an advice, and what is hidden."""
-    for line in (*filled.lacks, *(f"{gone}{advice}" for gone in filled.gone), *filled.hidden):
-        show(f"{file.name}: {line}", err=True)
 
 
 def scenario_of(

@@ -18,10 +18,10 @@ from thermid.app.cli.options import (
     Parameters,
     Pdf,
     Whole,
+    filled_model,
     leave,
     pairs,
     say,
-    say_first,
     with_unit,
     writable,
 )
@@ -42,7 +42,6 @@ from thermid.reporting import pictures as trust
 from thermid.reporting.pages import correlation_report, qualification_report
 from thermid.simulation.scenario_files import load_scenario
 from thermid.values.store import model_standing
-from thermid.values.value_files import filed
 
 PlanPath = Annotated[Path, typer.Argument(help="A qualification plan (TOML).")]
 
@@ -193,8 +192,7 @@ def deliver(
         )
     model, values_laid = load_model(deck), []
     for file in values:
-        filled = filed(file, model, at=at, keep=keep_values)
-        say_first(filled, file)
+        filled = filled_model(model, file, keep_values, at)
         model = filled.model
         values_laid.append(filled.values)
     standing = model_standing(model).accept(accept or ())

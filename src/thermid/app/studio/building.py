@@ -192,8 +192,8 @@ class Building:
         try:
             looked = self._looked(table)
         except ThermidError as error:
-            looked = {"problem": error.message, "rows": 0, "columns": [], "questions": [], "notes": [], "supply": []}
-        columns = _with_uses(looked["columns"], looked["supply"], table["channels"])
+            looked = {"problem": error.message, "rows": 0, "columns": [], "questions": [], "notes": [], "supplies": {}}
+        columns = _with_uses(looked["columns"], looked["supplies"], table["channels"])
         shown: dict[str, Any] = {k: looked[k] for k in ("problem", "rows", "questions", "notes", "sampling", "clock") if k in looked}
         return {"record": open_ones[0], "file": table["file"], "channels": table["channels"], "columns": columns, **shown}
 
@@ -556,7 +556,7 @@ class Building:
                 out[column["name"]] = {role: target} | ({"unit": unit} if unit else {})
         heated = {t[r] for t in (kept | out).values() if isinstance(t, Mapping) for r in ("load", "command") if r in t}
         cold = [n for n in content.get("loads", {}) if n not in heated]
-        power = next((c for c in _with_uses(columns, looked["supply"], kept | out) if "formula" in c), None)
+        power = next((c for c in _with_uses(columns, looked["supplies"], kept | out) if "formula" in c), None)
         if len(cold) == 1 and power is not None:  # nothing else can be what the volts and amperes heat
             out[power["name"]] = {"load": cold[0], **power["formula"]}
         return kept | self._with_errors(table, out)
@@ -741,16 +741,19 @@ def _columns_of(name: str, binding: Any) -> set[str]:
     return {name} if power is None else set(re.findall(r"`([^`]+)`", str(power))) if isinstance(power, str) else {*map(str, power.values())}
 
 
-def _with_uses(columns: Sequence[Mapping[str, Any]], supply: Sequence[str], channels: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _with_uses(
+    columns: Sequence[Mapping[str, Any]], supplies: Mapping[str, Sequence[str]], channels: Mapping[str, Any]
+) -> list[dict[str, Any]]:
     """Return the columns of a log, each with the channels that use it; a power of several columns is a row of its own, bound or not.
 
     A channel has the name of its column, or its heading as written; `key` is the one in use.
     """
     names = {c["name"] for c in columns}
     formula = {n: t["power"] for n, t in channels.items() if isinstance(t, Mapping) and "power" in t}
-    if supply and {*supply} <= names and not any({*supply} <= _columns_of(n, channels[n]) for n in formula):
-        free = "P_supply" if "P_supply" not in {*names, *channels} else free_name("P_supply", {*names, *channels})
-        formula[free] = dict(zip(("volts", "amperes"), supply, strict=True))
+    for wanted, pair in supplies.items():
+        if {*pair} <= names and not any({*pair} <= _columns_of(n, channels[n]) for n in channels if n in formula):
+            free = wanted if wanted not in {*names, *channels} else free_name(wanted, {*names, *channels})
+            formula[free] = dict(zip(("volts", "amperes"), pair, strict=True))
     why = {n: p if isinstance(p, str) else ", ".join(f"{k} = {c}" for k, c in p.items()) for n, p in formula.items()}
     row = {"unit": "W", "assumed": False, "open": False, "guess": "power", "roles": ("load",), "used": []}
     own = [{"name": n, "key": n, **row, "why": why[n], "formula": {"power": p}} for n, p in formula.items()]

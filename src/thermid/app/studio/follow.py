@@ -49,7 +49,7 @@ def looked_at(path: Path, time: str | None = None) -> dict[str, Any]:
     for column, of in zip(out["columns"], found.columns, strict=True):
         roles, assumed = _roles(of.unit), bool(of.unit) and name_and_unit(of.header)[1] is None
         column |= {"roles": _ANY if roles is None else roles, "open": assumed or roles is None, "assumed": assumed}
-    return out | {"supply": [c.name for c in found.supply or ()]}
+    return out | {"supplies": {name: [c.name for c in pair] for name, pair in found.supplies.items()}}
 
 
 _ANY: Final = ("node", "boundary", "load", "command")

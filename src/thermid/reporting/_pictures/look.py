@@ -43,6 +43,8 @@ from thermid.reporting._pictures.chart import DASHES, SERIES, Panel, Stroke, cha
 
 ACCURACY: Final = 'add accuracy = "0.5 [K]" to each thermometer, half of the +-1 K of its data sheet; no log shows it'
 SUPPLY: Final = "P_supply"
+_ELECTRIC: Final = re.compile(r"([vuia]|volts?|voltage|spannung|tens[aã]o|amp(ere)?s?|current|strom|corrente)(?=\d*\Z)", re.IGNORECASE)
+"""A word that tells a voltage from a current, a number after it apart: `proc V` and `proc A`, `U1` and `I1` are of one supply each."""
 _BLOCKS: Final = "▁▂▃▄▅▆▇█"
 _SHOWN: Final = ("temperature", "boundary", "power", "duty")
 _PANELS: Final = (("temperature", "°C", ("temperature", "boundary")), ("power", "W", ("power",)), ("duty", "%", ("duty",)))
@@ -163,7 +165,7 @@ class Look(Result):
         for c in self.columns:
             good = c.values[c.good] if c.values.size else c.values
             ends = (f"{good.min():.4g}", f"{good.max():.4g}") if good.size else ("", "")
-            guess = "supply" if c in (self.supply or ()) else c.guess
+            guess = "supply" if c in self._of_supplies else c.guess
             rows.append((_short(c.name, 28), f"{_short(c.unit, 12)}{'?' if c.assumed else ''}", guess, *ends))
         widths = [max(len(row[k]) for row in rows) for k in range(5)]
         room = max(12, min(40, width - sum(widths) - 12))
@@ -184,7 +186,7 @@ class Look(Result):
                 at = duration_text(float(self.times.values[c.jumps[0]] - self.times.values[0]))
                 remarks.append(f"{counted(c.jumps.size, 'jump')}, the first at {at}")
             remarks += [f"no unit in the log, {c.unit} assumed"] if c.assumed else []
-            if (c.guess == "ignored" and c not in (self.supply or ())) or remarks:
+            if (c.guess == "ignored" and c not in self._of_supplies) or remarks:
                 out.append(f"  {c.name}: {'; '.join([c.why, *remarks] if c.guess == 'ignored' else remarks)}")
         return ["Remarks:", *out, ""] if out else []
 
@@ -209,10 +211,10 @@ class Look(Result):
         for c in self.columns:
             if c.guess in _SHOWN:
                 out += self._channel(c)
-        if self.supply is not None:
-            volts, amperes = (json.dumps(c.name, ensure_ascii=False) for c in self.supply)
+        for supply, pair in self.supplies.items():
+            volts, amperes = (json.dumps(c.name, ensure_ascii=False) for c in pair)
             power = f"power = {{ volts = {volts}, amperes = {amperes} }}"
-            out.append(f'{self.again.get(SUPPLY, SUPPLY)} = {{ load = "{SUPPLY}", {power} }}  # a voltage and a current')
+            out.append(f'{self.again.get(supply, supply)} = {{ load = "{supply}", {power} }}  # a voltage and a current')
         return "\n".join(out) + "\n"
 
     def _channel(self, c: Column) -> list[str]:
@@ -235,7 +237,7 @@ class Look(Result):
         return [f'{key} = {{ {column}{role} = "{target}"{options} }}{why}']
 
     def courses(self) -> list[LogCourse]:
-        """Return temperatures, powers and duties over the clock of the log, and volts times amperes where it has one of each."""
+        """Return temperatures, powers and duties over the clock of the log, and volts times amperes of its supplies."""
         if self.times is None:
             return []
         times = self.times.values - self.times.values[0]
@@ -247,18 +249,25 @@ class Look(Result):
                     c.name, power, times[c.good], in_si(c.values[c.good], c.unit or ("W" if power else "degC")), c.guess != "boundary"
                 )
             )
-        pair = self.supply
-        if pair is not None:
+        for pair in self.supplies.values():
             watts = in_si(pair[0].values, pair[0].unit) * in_si(pair[1].values, pair[1].unit)
             good = np.isfinite(watts)
             out.append(LogCourse(f"{pair[0].name} * {pair[1].name}", True, times[good], watts[good]))
         return out
 
     @property
-    def supply(self) -> tuple[Column, Column] | None:
-        """The only column in volts and the only one in amperes; None where there are several, or none."""
-        by_unit = [[c for c in self.columns if c.unit and _is(c.unit, slot) and c.values.size] for slot in ("V", "A")]
-        return (by_unit[0][0], by_unit[1][0]) if [len(f) for f in by_unit] == [1, 1] else None
+    def supplies(self) -> dict[str, tuple[Column, Column]]:
+        """Name of a power -> its columns in volts and in amperes: the only ones, or the only ones with the same other words."""
+        volts, amperes = ([c for c in self.columns if c.unit and _is(c.unit, slot) and c.values.size] for slot in ("V", "A"))
+        if len(volts) == len(amperes) == 1:
+            return {SUPPLY: (volts[0], amperes[0])}
+        words, others = ([_other_words(c.name) for c in columns] for columns in (volts, amperes))
+        shared = [w for w in words if words.count(w) == others.count(w) == 1]
+        return {f"P_{w}" if w else SUPPLY: (volts[words.index(w)], amperes[others.index(w)]) for w in shared}
+
+    @property
+    def _of_supplies(self) -> list[Column]:
+        return [c for pair in self.supplies.values() for c in pair]
 
     def as_object(self) -> dict[str, Any]:
         """Return the same as JSON holds it; values in the units of the columns, times in seconds."""
@@ -461,7 +470,7 @@ def named_apart(looks: Sequence[Look]) -> list[Look]:
     taken: set[str] = set()
     out = []
     for look in looks:
-        names = [c.name for c in look.columns if c.guess in _SHOWN] + [SUPPLY] * (look.supply is not None)
+        names = [c.name for c in look.columns if c.guess in _SHOWN] + [*look.supplies]
         again = {name: next(n for k in count(2) if (n := f"{name}_{k}") not in taken.union(names)) for name in taken.intersection(names)}
         taken.update(again.get(name, name) for name in names)
         out.append(replace(look, again=again))
@@ -565,6 +574,12 @@ STAMPS_APART = 60.0
 """By how much stamps of two computers are usually apart: a step with a larger error that agrees with them tells less than they do. [s]"""
 MAX_OFFSET_ERRORS = 3.0
 """Standard errors of an offset that a fit may look for it in, and beyond which stamps disagree with it. [-]"""
+
+
+def _other_words(name: str) -> str:
+    """Return what the name of a voltage or a current says beside that, in the characters of a bare key."""
+    words = (w[m.end() :] if (m := _ELECTRIC.match(w)) else w for w in re.split(r"[\W_]+", name))
+    return "_".join(w for w in words if w)
 
 
 def _is(text: str, slot: str) -> bool:

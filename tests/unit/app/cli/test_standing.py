@@ -147,3 +147,15 @@ def test_a_plan_alone_has_no_values_to_write(folder: Path, tmp_path: Path, call:
     assert said.code == 2
     assert "--new-data" in said.err
     assert not (tmp_path / "values").exists()
+
+
+def test_predictions_that_a_campaign_names_say_it_once(folder: Path, call: Call, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It stood above each prediction and above each of its tables."""
+    monkeypatch.chdir(folder)
+    asked = "".join(f'\n[predictions.{n}]\nscenario = "scenario.toml"\nstage = "whole"\n' for n in ("one", "two"))
+    (folder / "named.toml").write_text((folder / "campaign.toml").read_text() + asked)
+    said = call("predict", "named.toml")
+    first = said.out.splitlines()[0]
+    assert "rests on stage" in first
+    assert said.out.count(first) == 1
+    assert said.code == call(*COMMANDS["predict"]).code

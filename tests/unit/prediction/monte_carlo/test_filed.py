@@ -12,7 +12,10 @@ import pytest
 from typer.testing import CliRunner
 
 import thermid as td
+from by_code import raises_code
 from thermid.app.cli.app import app
+from thermid.base.errors import NameNotFoundError
+from thermid.prediction.bands import Knowledge
 from thermid.values.value_files import filed
 
 G = "loss.conductance"
@@ -95,7 +98,12 @@ def by_deliver(folder: Path) -> tuple[float, str]:
     return run["temperatures_C"]["body"][-1], err
 
 
-ROUTES = [by_simulate, by_hold, by_plan, by_deliver]
+def by_predict(folder: Path) -> tuple[float, str]:
+    out, err = command(folder, "predict", "@plate.toml", "--scenario", "@soak.toml", "--values", "@fit.toml", "--json")
+    return json.loads(out)["nodes"]["body"]["final"]["C"], err
+
+
+ROUTES = [by_simulate, by_hold, by_plan, by_deliver, by_predict]
 
 
 @pytest.mark.parametrize("route", ROUTES, ids=lambda r: r.__name__)
@@ -143,3 +151,97 @@ def test_of_a_part_a_set_above_wins_and_a_line_says_so(folder: Path) -> None:
     (line,) = found.lines
     assert line.startswith(f"'p.{G}' is 1 [W/K] by")
     assert "overrides the result of stage" in line
+
+
+RIG = """
+title = "rig"
+needs = ["room"]
+[submodels.p]
+use = "plate.toml"
+bind = { air = "room" }
+"""
+
+
+@pytest.fixture
+def rig(folder: Path) -> Path:
+    (folder / "rig.toml").write_text(RIG)
+    (folder / "room.toml").write_text(SCENARIO.replace("air", "room"))
+    return folder
+
+
+def test_values_of_a_part_act_in_every_command_under_its_place(rig: Path) -> None:
+    given = ("@rig.toml", "--scenario", "@room.toml", "--values", "p=@fit.toml", "--json")
+    alone = json.loads(command(rig, "predict", "@plate.toml", "--scenario", "@soak.toml", "--values", "@fit.toml", "--json")[0])
+    final = {c: json.loads(command(rig, c, *given)[0])["nodes"]["p.body"] for c in ("simulate", "predict")}
+    assert final["simulate"]["final_C"] == pytest.approx(45.0, abs=0.1)
+    for key in ("C", "error_K"):
+        assert final["predict"]["final"][key] == pytest.approx(alone["nodes"]["body"]["final"][key], rel=1e-9), "the band is the part's"
+    to = rig / "out"
+    command(rig, "deliver", "@rig.toml", "--scenario", "@room.toml", "--values", "p=@fit.toml", "--to", str(to))
+    (run,) = json.loads((to / "checks.json").read_text())["runs"].values()
+    assert run["temperatures_C"]["p.body"][-1] == pytest.approx(45.0, abs=0.1)
+
+
+def test_values_of_a_part_without_its_place_are_refused_with_the_way(rig: Path) -> None:
+    said = CliRunner().invoke(app, ["simulate", f"{rig}/rig.toml", "--scenario", f"{rig}/room.toml", "--values", f"{rig}/fit.toml"])
+    assert isinstance(said.exception, NameNotFoundError)
+    assert f"--values p={rig}/fit.toml" in str(said.exception)
+
+
+def test_a_deck_has_no_stages_to_predict_with(rig: Path) -> None:
+    given = ["predict", f"{rig}/plate.toml", "--values", f"{rig}/fit.toml"]
+    for more in ([], ["--scenario", f"{rig}/soak.toml", "--stage", "x"]):
+        with raises_code("value.excludes-another", match="has no stages"):
+            CliRunner().invoke(app, [*given, *more], catch_exceptions=False)
+
+
+SKIN = """
+title = "skin"
+needs = ["air"]
+offers = ["body"]
+[nodes]
+body = { capacitance = "500 [J/K]" }
+[loads]
+heater = { into = "body", power = "10 [W]" }
+[surfaces.skin]
+of = "body"
+to = "air"
+area = "300 [cm^2]"
+htc = { coefficient = { value = "1.5 [W/(m^2 K)]", min = 0.3, max = 6 }, exponent = 0.25 }
+emissivity = { value = 0.85, spread = 0.04 }
+"""
+STAND = """
+[nodes]
+stand = { capacitance = "300 [J/K]" }
+[conductors]
+foot = { kind = "conduction", between = ["p.body", "stand"], conductance = { value = "0.5 [W/K]", min = 0.1, max = 2 } }
+"""
+
+
+def test_a_stated_range_is_one_source_wherever_its_deck_stands(tmp_path: Path) -> None:
+    """What a part's fit answered to is not counted again where a remark moves the lines of its deck, or its file has another name."""
+
+    def written(skin: str, name: str = "plate.toml") -> td.Model:
+        (tmp_path / name).write_text(skin)
+        (tmp_path / "rig.toml").write_text(RIG.replace("plate.toml", name) + STAND)
+        return td.load_model(tmp_path / "rig.toml")
+
+    def fitted(model: td.Model, room: str, sensors: dict[str, str], free: str, **more: object) -> td.Calibration:
+        times = np.linspace(0.0, 9000.0, 46)
+        course = td.Scenario("log", boundaries={room: "20 [degC]"}, start="20 [degC]", duration=9000.0)
+        run, noise = td.simulate(model, course, times=times), np.random.default_rng(3)
+        channels = {
+            n: td.Channel.from_array(n, run[x].kelvin + noise.normal(0.0, 0.05, 46), unit="K", role="node", target=x, noise=0.05)
+            for n, x in sensors.items()
+        }
+        return td.calibrate(model, td.Record.from_arrays(model.title, times, channels), [free], scenario=course, **more)
+
+    rig = written(SKIN)
+    below = fitted(td.load_model(tmp_path / "plate.toml"), "air", {"T": "body"}, "skin.htc.coefficient")
+    fitted(rig, "room", {"T": "p.body", "S": "stand"}, "foot.conductance", inherit={"p": below}).save(tmp_path / "rig.values.toml")
+    hot = td.Scenario("hot", boundaries={"room": "60 [degC]"}, start="60 [degC]", duration=9000.0)
+    errors = [
+        td.predict(Knowledge.of_file(filed(tmp_path / "rig.values.toml", model)), hot)["p.body"].final.error
+        for model in (rig, written(f"# a remark\n{SKIN}"), written(SKIN, "copy.toml"))
+    ]
+    assert errors[1:] == pytest.approx(2 * errors[:1], rel=1e-9)
