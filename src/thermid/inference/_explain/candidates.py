@@ -635,7 +635,10 @@ def _linked(request: Request, a: str, b: str, size: float) -> MissingElement:
 
 
 def _one_way(request: Request, place: _Place, other: str, words: str) -> MissingElement:
-    """A coupling that is stronger in one direction, as warm air rises: it carries heat only from the part."""
+    """Return a coupling that carries heat only from a part to `other`, as warm air rises: Q = G dT for dT > 1 K, none for dT < 0. [W]
+
+    G begins with `BEGINS` times what the part loses already. [W/K]
+    """
     name = _free_name(request, f"{place.word}_outward_{_word(other)}")
     free = f"{name}.scale"
     size = BEGINS * (place.loss or 1.0)

@@ -89,7 +89,7 @@ class Heat:
         return self.rough(fit).best(*([None] if fresh else []), values_before, rounds=rounds)
 
     def rough(self, fit: RoughFit) -> RoughFit:
-        """Return the rough fit with this heat of an unknown amount; that of each surface may differ a little."""
+        """Return the rough fit with the amount of this heat as an unknown; of a fan, also with a small departure of each of several surfaces."""
         influences: tuple[Influence, ...] = (Influence(self.experiment, f"scale.{self.load}", 1.0),)
         request, acts = (self.request, influences) if self.load else self._request()
         low = -1.0 if self.load or self.kind == "fan" else -np.inf

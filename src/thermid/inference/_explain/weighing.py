@@ -60,13 +60,14 @@ def weighed_at(
     loss: str = "linear",
     loss_scale: float = 1.0,
 ) -> CauseScore:
-    """Return how likely the readings of a problem are, linear in its values where they stand.
+    """Return the logarithms (widths, noises) of the evidence of a problem: all unknowns integrated out, readings linear about `fitted`.
 
     Parameters
     ----------
-    problem : Problem           Its own priors count for values that have no size in the table.
-    fitted : array (unknowns,)  In the fitted form.
-    sizes : dict                Unknown -> its prior.
+    problem : Problem           Its own priors count for unknowns without an entry in `sizes`.
+    fitted : array (unknowns,)  Where readings and priors are linearised; in the fitted form.
+    sizes : dict                Unknown -> the prior that takes the place of its own.
+    loss, loss_scale            As in `calibrate`.
 
     Raises
     ------
