@@ -294,10 +294,6 @@ class Fleet(Result):
         }
 
 
-def _refused(words: str) -> IdentificationError:
-    return IdentificationError(words, "fleet", code="fleet.covariate")
-
-
 def _difference(size: float, text: str) -> str:
     return f"{size / float(unit_of(text).factor):.3g} [{'K' if text in ('degC', 'degF') else text}]"
 

@@ -108,7 +108,7 @@ class Approach:
         return float(np.sqrt(free / (free - 2.0)))
 
     def _factors(self, at: float) -> FloatArray:
-        """Return what multiplies each term (parts, terms) at a time t = `at` [s]: 1, exp(-(t - now) / tau_k), and terms of the reference. [-, K]
+        """Return what multiplies each term (parts, terms) at t = `at` [s]: 1, exp(-(t - now) / tau_k) [-], and terms of the reference [K].
 
         At infinity only the constant is left. Terms of the reference are as in `Reference.later`.
         """
