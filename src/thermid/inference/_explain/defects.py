@@ -124,7 +124,7 @@ def _explained(fit: Calibration, request: Request) -> tuple[ExplainedFit, ...]:
     if not attempts:
         return ()
     best = max(attempts, key=_likeliest)
-    if best.fit.reduced_chi_square > MAX_NOISE_CHI_SQUARE or _log_bayes_factor(best.weighing, _weighed(fit, None)) < 0.5 * VERY_STRONG:
+    if best.fit.reduced_chi_square > MAX_NOISE_CHI_SQUARE or _over(best.weighing, _weighed(fit, None)) < 0.5 * VERY_STRONG:
         return ()  # it leaves more than noise, or is not much better than the fit of the deck
     if clock is not None and clock.sampled:
         at, _ = _instant(open_request, best, clock)
@@ -173,7 +173,7 @@ def _nearly_as_likely(attempts: Sequence[_Tried]) -> list[_Tried]:
     return [t for t in attempts if t.weighing.averaged[noise] > most + np.log(MIN_DEFECT_WEIGHT)]
 
 
-def _log_bayes_factor(one: CauseScore, other: CauseScore) -> float:
+def _over(one: CauseScore, other: CauseScore) -> float:
     """Return the logarithm of the Bayes factor of `one` over `other`, under the noise of `noise_of`. [-]"""
     noise = noise_of((one, other))
     return float(one.averaged[noise] - other.averaged[noise])
@@ -261,7 +261,7 @@ def _tried(
         changed = clock.make(changed, instant)
     try:
         fit = _refit(replace(changed, search="local"), begin, request.free)
-        shown = change is None or not must_matter or (change.judge(fit)[1] and fit.own.fair and _is_determined(request, fit))
+        shown = change is None or not must_matter or (change.judge(fit)[1] and fit.own.fair and _decided(request, fit))
     except (ThermidError, np.linalg.LinAlgError):
         return None
     return _Tried(change, instant, fit, _weighed(fit, change)) if shown and fit.converged else None
@@ -288,7 +288,7 @@ def _refit(request: Request, begin: Mapping[str, float], deck_values: Sequence[s
     return fit_problem(request, replace(problem, unknowns=tuple(begun(u) for u in problem.unknowns), options=options), watch)
 
 
-def _is_determined(request: Request, fit: Calibration) -> bool:
+def _decided(request: Request, fit: Calibration) -> bool:
     """Whether every value that a defect adds has a standard error below `UNDETERMINED` of it."""
     added_values = [v for p, v in fit.values.parameters.items() if p not in request.free]
     return all(v.error < UNDETERMINED * abs(v.value) for v in added_values)

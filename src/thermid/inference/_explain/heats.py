@@ -306,9 +306,10 @@ def _windows(request: Request, fit: RoughFit, base: RoughEnd, i: int) -> Iterato
     residuals, pulses = pulses_of_record.residuals_and_answers(fit.named(base))
     power = _largest(fit)
     ends = np.array([0.0, span])
-    tried: list[tuple[str, str, Mapping[str, tuple[Array, Array]], float]] = []
-    tried += [("load", node, {node: (ends, np.ones(2))}, SIZES["unlogged"].at(power).spread) for node in pulses_of_record.nodes]
-    tried += [("fan", b, air_flows(fit, base, i, b), SIZES["fan"].spread) for b in e.network.boundaries if air_paths(e, b)]
+    tried: list[tuple[str, str, Mapping[str, tuple[Array, Array]], float]] = [
+        *(("load", node, {node: (ends, np.ones(2))}, SIZES["unlogged"].at(power).spread) for node in pulses_of_record.nodes),
+        *(("fan", b, air_flows(fit, base, i, b), SIZES["fan"].spread) for b in e.network.boundaries if air_paths(e, b)),
+    ]
     for kind, name, flows, sd in tried:
         for window in best_windows(pulses_of_record.shape(pulses, flows), residuals, sd, pulses_of_record.edges):
             yield Heat(kind, name, request, i, flows, window, "", sd, span)
