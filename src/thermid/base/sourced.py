@@ -42,7 +42,7 @@ class Figure:
 
     @property
     def decides(self) -> bool:
-        """Whether a verdict may rest on it."""
+        """Whether a verdict may rest on it: not on a number quoted from memory."""
         return self.mark != "memory"
 
 

@@ -44,7 +44,7 @@ EASY_PRIOR = 0.05
 """A prior that is easily had: 5 %."""
 MAX_CURES = 4
 HEATER = "heater_of_known_power"
-GAIN = 0.7
+MAX_ERROR_SHARE_LEFT = 0.7
 """A cure is named when it leaves less than this part of the worst error."""
 
 
@@ -87,7 +87,7 @@ def cures(problem: Problem, info: Information, groups: Sequence[Group], doubtful
         if info.unknowns[k].kind != "parameter" or not touched:
             continue
         fixed, loose = info.errors(held=[k]), info.errors(more=info.prior_row(k, EASY_PRIOR))
-        if _worst(loose, touched) < GAIN * _worst(before, touched):
+        if _worst(loose, touched) < MAX_ERROR_SHARE_LEFT * _worst(before, touched):
             exact = ", ".join(percent(float(fixed[j])) for j in touched)
             cure = Cure(f"measure '{name}' to 5 % (if it were exact: {exact})", {names[j]: float(loose[j]) for j in touched})
             out.append((_worst(loose, touched), cure))
@@ -96,17 +96,18 @@ def cures(problem: Problem, info: Information, groups: Sequence[Group], doubtful
     if step is not None:
         row, words = step
         errors_left = info.errors(more=row)
-        if _worst(errors_left, wanted) < GAIN * _worst(before, wanted):
+        if _worst(errors_left, wanted) < MAX_ERROR_SHARE_LEFT * _worst(before, wanted):
             out.append((_worst(errors_left, wanted), Cure(words, {names[j]: float(errors_left[j]) for j in wanted})))
     return tuple(cure for _, cure in sorted(out, key=lambda item: item[0])[:MAX_CURES])
 
 
 def _worst(errors: Array, at: Sequence[int]) -> float:
+    """Return the largest of the relative errors at some places; 0 without places. [-]"""
     return float(np.max(errors[list(at)], initial=0.0))
 
 
 def _pairs(info: Information, members: Sequence[str], wanted: Sequence[int]) -> list[tuple[float, Cure]]:
-    """Return cures that need two parameters, where one is not enough."""
+    """Return the worst error left [-] and the cure of each pair of `members` that would help if known to 5 %; `wanted` are places."""
     out = []
     places = [info.names.index(n) for n in members if info.unknowns[info.names.index(n)].kind == "parameter"]
     before = info.errors()
@@ -114,14 +115,17 @@ def _pairs(info: Information, members: Sequence[str], wanted: Sequence[int]) -> 
         for j in places[n + 1 :]:
             touched = [k for k in wanted if k not in (i, j)]
             errors_left = info.errors(more=np.concatenate([info.prior_row(i, EASY_PRIOR), info.prior_row(j, EASY_PRIOR)]))
-            if touched and _worst(errors_left, touched) < GAIN * _worst(before, touched):
+            if touched and _worst(errors_left, touched) < MAX_ERROR_SHARE_LEFT * _worst(before, touched):
                 action = f"measure both {quoted([info.names[i], info.names[j]])} to 5 %"
                 out.append((_worst(errors_left, touched), Cure(action, {info.names[k]: float(errors_left[k]) for k in touched})))
     return out
 
 
 def _known_step(problem: Problem, info: Information) -> tuple[Array, str] | None:
-    """Return the rows of the longest log made once more with a step of known power in its largest load, and what to do in words."""
+    """Return the derivatives (rows, unknowns) of a repetition of the longest log with an extra known power, and what to do in words.
+
+    None where no load has a power, or the repetition cannot be run.
+    """
     lengths = [e.scenario.seconds for e in problem.experiments]
     i = int(np.argmax(lengths))
     step = _stepped(problem.experiments[i])
@@ -166,7 +170,7 @@ def _power(experiment: Experiment, load: str) -> float:
     return float(flat.parameters.evaluate({})[field])
 
 
-TELL = 0.1
+MAX_KNOWN_ERROR = 0.1
 
 
 @dataclass(frozen=True)
@@ -212,7 +216,7 @@ def cause(unknown: str) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Identifiability(Result):
-    """What readings tell of parameters.
+    """What readings determine of parameters.
 
     Parameters
     ----------
@@ -252,7 +256,7 @@ class Identifiability(Result):
         return tuple(g for g in self.groups if not g.structural)
 
     def _split_by(self, group: Group) -> str:
-        """Return which priors alone split a group."""
+        """Return a sentence that names the priors which alone separate the members of a group; empty where none does."""
         info = self.information
         own_priors = [u.name for u in info.unknowns if u.prior is not None and u.kind == "parameter" and u.name in group.names]
         if own_priors:
@@ -391,20 +395,24 @@ def _after(fit: Calibration) -> Identifiability:
 
 
 def _identifiability_at(title: str, stage: str, problem: Problem, at: Array, spread: float) -> Identifiability:
+    """Return what the readings of a problem determine at `at` (unknowns,), in the fitted form, with `spread` times their noise. [-]"""
     info = Information.of_problem(problem, at, spread)
     if not info.parameters:
         raise IdentificationError("no parameter is free. Name the parameters to fit.", title, code="fit.nothing-free")
     bound = structural_groups(info, elsewhere(problem, info, spread))
     # what a prior alone splits is said once
-    groups = [*bound, *(g for g in practical_groups(info, TELL) if not any(set(g.names) <= set(b.names) for b in bound))]
+    groups = [*bound, *(g for g in practical_groups(info, MAX_KNOWN_ERROR) if not any(set(g.names) <= set(b.names) for b in bound))]
     parameters = _known_parameters(info)
-    doubtful = [p for p, k in parameters.items() if not k.relative <= TELL]
+    doubtful = [p for p, k in parameters.items() if not k.relative <= MAX_KNOWN_ERROR]
     helps = cures(problem, info, groups, doubtful) if doubtful else ()
     return Identifiability(title, stage, problem.samples, info.rank(), parameters, tuple(groups), helps, info, problem)
 
 
 def _known_parameters(info: Information) -> dict[str, KnownParameter]:
-    """Return path -> what is known, with the unknown that most of each error comes from."""
+    """Return path -> value and error, with the unknown j that most of the error of k comes from.
+
+    The share of j is C_kj^2 / (C_kk C_jj), C the covariance: what the variance of k would lose if j were known. One is named above 0.5.
+    """
     covariance = info.covariance()
     variance = np.diag(covariance)
     out = {}

@@ -25,9 +25,9 @@ MIN_LENGTH = 50
 
 EXTENSION = 16
 """Times the steps asked for to which chains that are not long enough are run on."""
-AT_ONCE = 0.7
+INDEPENDENT_STEP_SHARE = 0.7
 """Share of the steps whose proposals are drawn by the covariance of the fit."""
-TAILS = 6
+TAIL_DEGREES_OF_FREEDOM = 6
 """Degrees of freedom of these."""
 
 
@@ -124,7 +124,7 @@ def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: in
     near = _FitProposals(density.rest[density.at], np.asarray(np.linalg.cholesky(density.widths(fit)), dtype=float))
     start = near.middle + rng.standard_normal((count, size)) @ near.root.T
     start = np.clip(start, density.box[:, 0], density.box[:, 1])
-    moves = [(emcee.moves.MHMove(near), AT_ONCE), (emcee.moves.StretchMove(), 1.0 - AT_ONCE)]
+    moves = [(emcee.moves.MHMove(near), INDEPENDENT_STEP_SHARE), (emcee.moves.StretchMove(), 1.0 - INDEPENDENT_STEP_SHARE)]
     sampler = emcee.EnsembleSampler(count, size, _Several(density, executor, steps * count), moves=moves, vectorize=True)
     sampler.random_state = np.random.RandomState(seed).get_state()  # the kind of state that emcee takes
     names = [density.problem.unknowns[k] for k in density.at]
@@ -186,11 +186,11 @@ class _FitProposals:
     def log(self, points: Array) -> Array:
         """Return the logarithm of the density at points (points, parameters), but for a constant."""
         square = np.sum(np.linalg.solve(self.root, (points - self.middle).T) ** 2, axis=0)
-        return np.asarray(-0.5 * (TAILS + self.middle.size) * np.log1p(square / TAILS))
+        return np.asarray(-0.5 * (TAIL_DEGREES_OF_FREEDOM + self.middle.size) * np.log1p(square / TAIL_DEGREES_OF_FREEDOM))
 
     def __call__(self, points: Array, random: np.random.RandomState) -> tuple[Array, Array]:
         """Return new points and the logarithm of the ratio of proposal densities, old over new (Hastings)."""
-        wide = np.sqrt(TAILS / random.chisquare(TAILS, size=(points.shape[0], 1)))
+        wide = np.sqrt(TAIL_DEGREES_OF_FREEDOM / random.chisquare(TAIL_DEGREES_OF_FREEDOM, size=(points.shape[0], 1)))
         new = self.middle + (wide * random.standard_normal(points.shape)) @ self.root.T
         return new, self.log(points) - self.log(new)
 
@@ -233,7 +233,18 @@ def _at_points(density: _Density, points: Array) -> Array:
 
 @dataclass(eq=False)
 class _Density:
-    """Logarithm of the density of parameters given the data, all other unknowns integrated out, but for a constant."""
+    """Logarithm of the density of parameters given the data, all other unknowns integrated out, but for a constant.
+
+    Parameters
+    ----------
+    problem : Problem
+    at : array (parameters,)            Positions of the parameters among the unknowns.
+    box : array (parameters, 2)         Bounds, in the fitted form; the density is zero outside.
+    rest : array (unknowns,)            Best values of all unknowns, in the fitted form.
+    level : float                       Factor on the variance of the readings. [-]
+    count : int                         Evaluations so far.
+    stretch : array or None             Matrix A (parameters, parameters): the density at x is taken at ``best + A (x - best)``.
+    """
 
     problem: Problem
     at: NDArray[np.int64]
@@ -245,6 +256,12 @@ class _Density:
 
     @classmethod
     def of_fit(cls, fit: Calibration) -> _Density:
+        """Return the density of a fit's parameters without a stretch.
+
+        Raises
+        ------
+        IdentificationError   When the fit has no records or no free parameter, or its loss is no likelihood.
+        """
         problem = fit.problem
         if problem is None or fit.request is None:
             raise IdentificationError(
@@ -283,7 +300,7 @@ class _Density:
         return replace(self, level=variance_factor, stretch=stretch * scale[:, None] / scale[None, :])
 
     def widths(self, fit: Calibration) -> Array:
-        """Return the covariance (parameters, parameters) of the draws of a quadratic valley: that of the fit, or of its errors alone."""
+        """Return the covariance (parameters, parameters) of proposals: that of the fit, or without a stretch its variances alone."""
         errors = self.errors(fit)
         if self.stretch is None:
             return np.diag(np.where(np.isfinite(errors), errors, np.ptp(self.box, axis=1) / 4.0) ** 2)
@@ -306,7 +323,7 @@ class _Density:
         return bool(((point >= self.box[:, 0]) & (point <= self.box[:, 1])).all())
 
     def __call__(self, point: Array) -> float:
-        """Return it at some values of the parameters; minus infinity outside the box."""
+        """Return the logarithm at `point` (parameters,), in the fitted form; minus infinity outside the box and where a run fails."""
         if not self.inside(point):
             return -np.inf
         x = self.rest.copy()
@@ -320,6 +337,7 @@ class _Density:
         return self._marginal(x, compressed)
 
     def _marginal(self, x: Array, compressed: Compressed) -> float:
+        """Return ``-|r|^2 / 2 + |J d|^2 / 2 - ln det(J'J) / 2`` at `x` (unknowns,), J and the best step d of the other unknowns alone."""
         priors, prior_slopes = self.problem.prior_rows(x)
         scale = 1.0 / math.sqrt(self.level)
         rows = np.concatenate([compressed.rows * scale, priors])
@@ -337,6 +355,6 @@ class _Density:
 
 
 def _root(matrix: Array) -> Array:
-    """Return the symmetric root of a matrix without negative directions."""
+    """Return the symmetric root R of a symmetric matrix M, ``R R = M``; negative eigenvalues count as zero."""
     sizes, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     return np.asarray((vectors * np.sqrt(np.maximum(sizes, 0.0))) @ vectors.T)

@@ -21,45 +21,47 @@ MAX_POINTS_PER_SIDE, FIRST_LOG_STEP, MAX_LOG_STEP = 14, 0.7, 7.0
 
 
 @dataclass(frozen=True, eq=False)
-class Held(Problem):
-    """A problem with some unknowns held, whose readings scatter `spread` times as much as their noise says.
+class PartlyFixed(Problem):
+    """A problem with some unknowns fixed, whose readings scatter `spread` times as much as their noise states.
 
     Parameters
     ----------
-    whole : Problem             The problem.
-    values : array (unknowns,)  All unknowns, in the fitted form.
-    kept : array                Positions of those that are looked for.
-    spread : float
+    whole : Problem                 The problem with all unknowns.
+    values : array (unknowns,)      All unknowns of `whole`, in the fitted form; those that are not fixed are ignored.
+    free_places : array (free,)     Positions in `whole` of the unknowns that are fitted.
+    spread : float                  Factor on the noise; priors keep their widths. [-]
     """
 
     whole: Problem = field(default=None, repr=False)  # type: ignore[assignment]
     values: Array = field(default_factory=lambda: np.zeros(0), repr=False)
-    kept: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64), repr=False)
+    free_places: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64), repr=False)
     spread: float = 1.0
 
     @classmethod
-    def with_fixed(cls, whole: Problem, values: Array, held: tuple[int, ...], spread: float) -> Held:
-        """Return a problem with some unknowns held at their values."""
-        free_places = np.array([k for k in range(len(whole.unknowns)) if k not in held], dtype=np.int64)
+    def with_fixed(cls, whole: Problem, values: Array, fixed: tuple[int, ...], spread: float) -> PartlyFixed:
+        """Return a problem whose unknowns at the places `fixed` keep their `values` (unknowns,), in the fitted form."""
+        free_places = np.array([k for k in range(len(whole.unknowns)) if k not in fixed], dtype=np.int64)
         unknowns = tuple(whole.unknowns[k] for k in free_places)
-        return cls(whole.experiments, unknowns, whole.noise, whole.options, whole=whole, values=values, kept=free_places, spread=spread)
+        return cls(
+            whole.experiments, unknowns, whole.noise, whole.options, whole=whole, values=values, free_places=free_places, spread=spread
+        )
 
     def full(self, fitted: Array) -> Array:
-        """Return all unknowns."""
+        """Return all unknowns of `whole` (unknowns,), from those that are fitted (free,)."""
         out = self.values.copy()
-        out[self.kept] = fitted
+        out[self.free_places] = fitted
         return out
 
     def compressed(self, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, meshes: object = ()) -> Compressed:
-        """Return the residuals of the whole with the derivatives of what is looked for."""
+        """Return the residuals of `whole` over `spread`, with their derivatives with respect to the fitted unknowns."""
         whole_compressed = self.whole.compressed(self.full(fitted), loss, loss_scale, meshes)  # type: ignore[arg-type]
-        rows, slopes = whole_compressed.rows / self.spread, whole_compressed.slopes[:, self.kept] / self.spread
+        rows, slopes = whole_compressed.rows / self.spread, whole_compressed.slopes[:, self.free_places] / self.spread
         return replace(whole_compressed, rows=rows, slopes=slopes, chi_square=whole_compressed.chi_square / self.spread**2)
 
     def prior_rows(self, fitted: Array) -> tuple[Array, Array]:
-        """Return the residuals of all priors with the derivatives of what is looked for."""
+        """Return the residuals of all priors (rows,) and their derivatives with respect to the fitted unknowns (rows, free)."""
         rows, slopes = self.whole.prior_rows(self.full(fitted))
-        return rows, slopes[:, self.kept]
+        return rows, slopes[:, self.free_places]
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,8 +141,9 @@ def problem_and_place(fit: Calibration, path: str) -> tuple[Problem, int]:
 
 
 def spread_of(problem: Problem, at: Array, k: int, error: float) -> float:
-    """Return how many times the noise the readings scatter, so that their information alone gives the error of the fit.
+    """Return the factor s on the noise with which the information of the readings gives the standard error of the fit. [-]
 
+    It solves ``((J'J / s^2 + P)^-1)_kk = error^2``, P the information of the priors; 1 where no s from exp(-3) to exp(8) does.
     Residuals that wander widen the errors of a fit by more than their size does, and each parameter by its own amount.
     """
     from scipy.optimize import brentq
@@ -202,13 +205,13 @@ def profile(fit: Calibration, path: str, level: float = 0.95, *, executor: Worke
 
 
 class _Walk:
-    """A parameter on its way out from the best fit."""
+    """Steps of one parameter away from the best fit, all others fitted anew at each; distances are in the fitted form."""
 
     def __init__(self, fit: Calibration, problem: Problem, k: int, at: Array, spread: float, threshold: float) -> None:
         request = fit.request
         self.loss, self.loss_scale = (request.loss, request.loss_scale) if request is not None else ("linear", 1.0)
         self.problem, self.k, self.spread, self.threshold = problem, k, spread, threshold
-        whole = minimise(Held.with_fixed(problem, at, (), spread), self.loss, self.loss_scale, at)
+        whole = minimise(PartlyFixed.with_fixed(problem, at, (), spread), self.loss, self.loss_scale, at)
         self.at, self.cost, self.best = whole.fitted, whole.cost, float(whole.fitted[k])
         u: Unknown = problem.unknowns[k]
         self.step = fit.values[u.name].error / u.slope(self.best)
@@ -217,19 +220,22 @@ class _Walk:
         self.farthest = MAX_LOG_STEP if u.log else 1e3 * self.step
 
     def rise(self, x: float, start: Array) -> tuple[float, Array]:
-        """Return how much the sum of squares grows with the parameter at a value, and where all unknowns are then."""
+        """Return the growth of the sum of squares with the parameter fixed at `x` [-], and all unknowns (unknowns,) there."""
         values = start.copy()
         values[self.k] = x
-        held = Held.with_fixed(self.problem, values, (self.k,), self.spread)
-        minimum = minimise(held, self.loss, self.loss_scale, values[held.kept])
-        return max(0.0, 2.0 * (minimum.cost - self.cost)), held.full(minimum.fitted)
+        fixed = PartlyFixed.with_fixed(self.problem, values, (self.k,), self.spread)
+        minimum = minimise(fixed, self.loss, self.loss_scale, values[fixed.free_places])
+        return max(0.0, 2.0 * (minimum.cost - self.cost)), fixed.full(minimum.fitted)
 
     def side(self, sign: float) -> tuple[float, list[tuple[float, float]], bool]:
-        """Return where a side ends, the points on it, and whether the readings end it."""
+        """Return the end of the lower (`sign` -1) or upper side (1), its points (value, growth), and whether the readings limit it.
+
+        The side ends at the threshold; else at the bound, or at the farthest distance that is tried. Values are in the fitted form.
+        """
         limit = self.bounds[0] if sign < 0 else self.bounds[1]
-        room = min(abs(limit - self.best), self.farthest)
+        most = min(abs(limit - self.best), self.farthest)
         # a logarithm with a large error knows little of where the limit is
-        far, points = min(self.threshold**0.5 * self.step, FIRST_LOG_STEP if self.log else np.inf, room), list[tuple[float, float]]()
+        far, points = min(self.threshold**0.5 * self.step, FIRST_LOG_STEP if self.log else np.inf, most), list[tuple[float, float]]()
         before, start = 0.0, self.at
         for _ in range(MAX_POINTS_PER_SIDE):
             try:
@@ -240,16 +246,19 @@ class _Walk:
             if rise >= self.threshold:
                 return self._crossing(sign, before, abs(points[-1][0] - self.best), start, points)
             start = place
-            if far >= room * (1 - 1e-9):
+            if far >= most * (1 - 1e-9):
                 break
             before = abs(points[-1][0] - self.best)
-            far = min(far * float(np.clip((self.threshold / max(rise, 1e-12)) ** 0.5 * 1.05, 1.15, 3.0)), room)
-        return self.best + sign * room, points, False
+            far = min(far * float(np.clip((self.threshold / max(rise, 1e-12)) ** 0.5 * 1.05, 1.15, 3.0)), most)
+        return self.best + sign * most, points, False
 
     def _crossing(
         self, sign: float, low: float, high: float, place: Array, points: list[tuple[float, float]]
     ) -> tuple[float, list[tuple[float, float]], bool]:
-        """Return where the rise reaches the threshold between two distances."""
+        """Return the value between the distances `low` and `high` where the growth reaches the threshold, the points, and True.
+
+        `place` are the unknowns from which the others are fitted anew; new points are added to `points`.
+        """
         from scipy.optimize import brentq
 
         goal = self.threshold**0.5

@@ -36,9 +36,9 @@ Groups = Sequence[tuple[Sequence[str], Any]]
 Form = Literal["add", "log", "factor", "heat", "node"]
 MEMBER_TAIL_SHARE = 1e-7
 """Share of a law below which no member lies. [-]"""
-NEAR_ZERO = 0.01
+MIN_LOG_SHARE = 0.01
 """Part of a value below which a law that reaches there is not taken by its logarithm. [-]"""
-TENTH = 0.1
+ASSUMED_SD_SHARE = 0.1
 """Standard deviation of an assumed value whose deck gives no range: a tenth of it."""
 UNFITTED = "the model's own error, because no fit has measured it"
 SILENT = "how elements depart from their laws, because the fitted values do not include it"
@@ -242,7 +242,7 @@ def expanded(stated: Mapping[str, Any], model: Model) -> list[tuple[list[str], A
 
 
 def lasting(scenario: Scenario) -> Scenario:
-    """Return a scenario that lasts, where it is only its end that is asked for."""
+    """Return a scenario with a duration: of 1 s where it has none, as a steady state has."""
     return scenario if scenario.seconds > 0 else scenario.with_(duration=1.0)
 
 
@@ -366,7 +366,7 @@ class Budget:
 
     @property
     def spread(self) -> set[str]:
-        """Names that something spreads."""
+        """Names that at least one source moves, those that share a value among them."""
         acting_targets = (t for t, row in zip(self.targets, self.gain, strict=True) if row.any())
         return {n for t in acting_targets for n in (t.name, *t.also)}
 
@@ -456,7 +456,7 @@ class Budget:
         return self.beside([source], cause, [target], np.ones((1, 1)))
 
     def below(self, errors: Sequence[ErrorModel]) -> Budget:
-        """Return it with those sources alone that act on what fits held, and their values follow; the rest is in their models of error."""
+        """Return it with those sources alone that act on values which no fit has seen; all others are in the fits' models of error."""
         fitted_names = {n for e in errors for n in e.seen}
         held = [k for k, t in enumerate(self.targets) if t.name not in fitted_names]
         columns = np.flatnonzero(self.gain[held].any(axis=0)).tolist()
@@ -484,7 +484,7 @@ class Budget:
         driven = {*self.scenario.boundaries, *(f"scale.{n}" for n in self.scenario.loads)} if as_logged else set()
         acting = dict.fromkeys(n for e in errors for v in e.seen.values() for n, _, _ in v.acts if n in driven - target_names)
         out = out.beside([], VALUES, [Target(n, "add") for n in acting], np.zeros((len(acting), 0)))
-        for cause, name in _own_of_run(errors, network, self.scenario, as_logged):
+        for cause, name in _departures_of_run(errors, network, self.scenario, as_logged):
             out = out.with_one(Source(name, "structural", Normal(), name), cause, Target(name, "heat"))
         elements = {c.source for e in errors for w in e.ways for c in w.columns} or {*network.nodes}
         for n in (n for n in network.nodes if n in elements):
@@ -501,7 +501,7 @@ class Budget:
         return replace(out, ways=tuple(ways), gain=max(ways, key=lambda w: w.weight).gain.copy(), loose=loose)
 
     def _way(self, several: Sequence[tuple[ErrorModel, KeptWay]]) -> BudgetWay:
-        """Return one way of it: what is known of each part if the heat is carried so."""
+        """Return a way of carrying heat, from that of every model of error: its probability, means, and gain (targets, sources)."""
         gain, at = self.gain.copy(), dict[str, float]()
         place = {s.name: k for k, s in enumerate(self.sources)}
         for e, way in several:
@@ -520,7 +520,7 @@ class Budget:
         return BudgetWay(float(np.prod([w.weight for _, w in several])), tuple(w for _, w in several), at, gain)
 
     def with_stated(self, spreads: Sequence[Spread | Groups]) -> Budget:
-        """Return it with what is stated."""
+        """Return it with sources for stated spreads; a value with two spreads is refused."""
         names = [n for s in spreads for n in _names(s)]
         if not names:
             return self
@@ -555,13 +555,14 @@ class Budget:
         return out
 
     def _single(self, groups: Groups, ready: Simulator) -> Budget:
+        """Return it with an independent source for each stated spread."""
         out = self
         for names, how in groups:
             first, *also = map(ready.canonical, names)
-            out = out._assumed(first, tuple(also), ready.law(first, how), ready, ("stated", f"the stated spread of {first}"))
+            out = out._with_assumed(first, tuple(also), ready.law(first, how), ready, ("stated", f"the stated spread of {first}"))
         return out
 
-    def _assumed(
+    def _with_assumed(
         self, name: str, also: tuple[str, ...], law: Distribution, ready: Simulator, cause: tuple[str, str], by_log: bool = False
     ) -> Budget:
         """Return it with the law of a value that no fit moved: readings narrow it, and what was fitted beside it follows.
@@ -572,7 +573,7 @@ class Budget:
         law = cut(narrowed(law, nominal, self.said.get(name)), ready.bounds(name), name)
         again = [self.followed[n] for n in (name, *also) if n in self.followed]
         # by its logarithm, so that what the fit would have found with another value compensates all of it and not to first order
-        positive = (by_log or bool(again)) and nominal > 0.0 and float(law.at(np.array([MEMBER_TAIL_SHARE]))[0]) > NEAR_ZERO * nominal
+        positive = (by_log or bool(again)) and nominal > 0.0 and float(law.at(np.array([MEMBER_TAIL_SHARE]))[0]) > MIN_LOG_SHARE * nominal
         spread_law: Distribution = Logarithm(law, nominal) if positive else Shifted(law, -nominal)
         target = Target(name, "log" if positive else "add", also)
         out = self.with_one(Source(name, "stated", spread_law, cause[1]), cause[0], target)
@@ -596,7 +597,7 @@ class Budget:
             nominal = ready.nominal[r.path]
             law = r.law(nominal)
             if not any(s.name in place for s, _ in r.columns):
-                out = out._assumed(r.path, r.also, law, ready, (STATED_RANGES, r.words), by_log=isinstance(law, LogNormal))
+                out = out._with_assumed(r.path, r.also, law, ready, (STATED_RANGES, r.words), by_log=isinstance(law, LogNormal))
                 fresh.append(r)
                 continue
             has_log = isinstance(law, LogNormal)
@@ -613,6 +614,7 @@ class Budget:
         return replace(out, alike=alike)
 
     def _joint(self, spread: Spread, ready: Simulator) -> Budget:
+        """Return it with the sources of values that are spread together, by their covariance."""
         sources, matrix = normal_sources(spread.cause, spread.covariance, "stated")
         targets = [
             Target(ready.canonical(n), "log" if log else "add", tuple(map(ready.canonical, spread.also.get(n, ()))))
@@ -636,7 +638,7 @@ class Budget:
         )
 
 
-def _own_of_run(errors: Sequence[ErrorModel], network: Network, scenario: Scenario, as_logged: bool) -> list[tuple[str, str]]:
+def _departures_of_run(errors: Sequence[ErrorModel], network: Network, scenario: Scenario, as_logged: bool) -> list[tuple[str, str]]:
     """Return cause and name of what a run may have for itself: its elements, powers that nobody states, rooms that are logged."""
     with_departures = {c.source for e in errors for w in e.ways for c in w.columns} | {
         p for e in errors for w in e.ways for p in w.departures.smooth
@@ -648,7 +650,7 @@ def _own_of_run(errors: Sequence[ErrorModel], network: Network, scenario: Scenar
 
 
 def combined(weights: Array, rows: Array) -> Array:
-    """Return sums (targets, members) of rows (sources, members) by weights (targets, sources).
+    """Return ``weights @ rows`` (targets, members), weights (targets, sources), rows (sources, members).
 
     Summed source by source: a matrix product rounds differently for another number of members, and a member shall not depend on how many
     there are. Members lie side by side, the first one twice, since `einsum` sums along what lies closest.
@@ -827,7 +829,7 @@ def assumed_values(model: Model, scenario: Scenario, taken: Collection[str]) -> 
         low, high = table[p].parameter.minimum, table[p].parameter.maximum
         wide = high - low if low is not None and high is not None else np.inf
         ranged = bool(np.isfinite(wide))
-        out.append(Assumed(p, wide / 12**0.5 if ranged else TENTH * abs(float(value_of(numbers[p]))), ranged))
+        out.append(Assumed(p, wide / 12**0.5 if ranged else ASSUMED_SD_SHARE * abs(float(value_of(numbers[p]))), ranged))
     return out
 
 
@@ -859,12 +861,12 @@ def assumed_left_out(budget: Budget, nodes: Sequence[str] | None = None) -> tupl
     effect = {n: float(np.linalg.norm(x)) for n, x in effects_of_node.items()}
     worst = max(effect, key=effect.__getitem__, default="")
     if worst and effect[worst] > 0.0 and len(loose) > 1:
-        words += f"; {_costliest([a.path for a in loose], effects_of_node[worst])}"
+        words += f"; {_costliest_words([a.path for a in loose], effects_of_node[worst])}"
     return ((LeftOut(words, max(effect.values(), default=0.0)), effect),)
 
 
 def _solved_again(budget: Budget, paths: Sequence[str]) -> dict[str, dict[str, float]]:
-    """Return fitted value -> assumed value -> what a fit would have found more for one more of its SI unit. [SI]"""
+    """Return fitted value -> assumed value -> derivative of the fitted one by the assumed one, the fit solved again. [SI per SI]"""
     network = compile_network(budget.model, prescribed=tuple(budget.scenario.prescribed))
     fixed = budget.scenario.driven(network.flat)
     forms = {t.name: t.form for t in budget.targets if t.form in ("add", "log") and t.name not in fixed}
@@ -877,8 +879,8 @@ def _solved_again(budget: Budget, paths: Sequence[str]) -> dict[str, dict[str, f
     return out
 
 
-def _costliest(paths: Sequence[str], effects: Array) -> str:
-    """Return which assumption costs most, and which are to be measured so that half of the effect is left."""
+def _costliest_words(paths: Sequence[str], effects: Array) -> str:
+    """Return which assumption has the largest of `effects` (paths,) [K], and which to measure to halve their root sum of squares."""
     order = np.argsort(-np.abs(effects))
     remaining, named = float(effects @ effects), []
     for k in order:

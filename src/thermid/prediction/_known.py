@@ -83,7 +83,7 @@ class Knowledge(Result):
         return replace(self, model=base)
 
     def replaced_values(self, model: Model) -> str:
-        """Return which values of another model those of the fit replace, in words; empty where it has these or those of the fit's deck."""
+        """Return a warning that names values of another model which the fit's replace; empty where they equal the fit's or its deck's."""
         laid, given = (flatten(m).parameters.table for m in (self.for_model(model).model, model))
         known = [laid, *([flatten(self.fit.model).parameters.table] if self.fit is not None else [])]
         told = [p for v in self.placed for p in v.parameters if p in given]
@@ -202,7 +202,7 @@ def known_of(source: Knowledge | Model | Calibration | FittedValues | Sequence[A
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """How values respond to the sources of their errors.
+    """How values respond to the sources of their errors: a change of the values is ``matrix @ sources``.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ class Rows:
 
     @property
     def covariance(self) -> Array:
-        """Of the names, in the form of `log`."""
+        """Covariance (names, names), matrix matrix', of logarithms where `log`, else of values. [SI]"""
         return np.asarray(self.matrix @ self.matrix.T)
 
     def beside(self, other: Rows) -> Rows:
@@ -279,7 +279,7 @@ def instruments_of(knowledge: Knowledge) -> Rows:
 
 
 def normal_sources(name: str, covariance: Array, kind: Kind) -> tuple[tuple[Source, ...], Array]:
-    """Return standard normal sources, by number, and a root (names, sources) of a covariance, by the eigenvectors of its correlations."""
+    """Return numbered standard normal sources, and R (names, sources) with R R' = `covariance`; directions of no size are left out."""
     matrix = square_root(0.5 * (covariance + covariance.T), drop=True)
     words = f"noise of fit '{name}'" if kind == "data" else name
     return tuple(Source(f"{name}: {k + 1}", kind, Normal(), words) for k in range(matrix.shape[1])), np.asarray(matrix)

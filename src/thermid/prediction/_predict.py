@@ -45,11 +45,11 @@ from thermid.simulation.runs import Scenario, Solution, simulate
 from thermid.simulation.solver import Options
 from thermid.values.store import LeftOut, Normal, Source, State
 
-EXACT = 1e-9
+ROUNDING = 1e-9
 """Scatter of members below which they are one temperature, and rounding. [K]"""
 CAUSE_SHARE = 0.005
 """Share of a variance from which a table names its cause. [-]"""
-TELLING, MOSTLY = 0.1, 0.5
+MIN_CARRIER_PROBABILITY, MAJOR_SHARE = 0.1, 0.5
 """Probability from which the other answer to what carries the heat is told, and share of a variance that is most of it. [-]"""
 MEANING = {
     VALUES: "noise, instruments and priors leave the fitted values this uncertain",
@@ -73,11 +73,11 @@ NARROWS = {
     GAS_IN_JOINTS: "a record at low pressure, or a gap in the deck",
 }
 """Cause -> what would narrow a band that comes from it."""
-PROBES = 32
+PROBE_MEMBERS = 32
 """Members that tell whether derivatives do, in pairs of opposite numbers."""
-DRAWN = 2000
+DRAWN_MEMBERS = 2000
 """Members drawn where derivatives do not do."""
-MEAN_MISS, WIDTH_MISS = 0.1, 0.1
+MAX_MEAN_MISS, MAX_WIDTH_MISS = 0.1, 0.1
 """What the mean may be off by, in half-widths of the 95 % band, and its half-width, relative, before derivatives do not do."""
 NEGLIGIBLE_HALF_WIDTH = 0.05
 """Half-width of the 95 % band below which nobody minds how it was computed. [K]"""
@@ -157,7 +157,7 @@ class Band(Result):
         """What moves the centre of the band from the run with the best values, cause -> (times,); drawn members have a mean too. [K]"""
         named = {c: v for c, v in self.shifts.items() if v.any()}
         rest = self.kelvin - self.simulated - np.sum([np.zeros(self.times.size), *named.values()], axis=0)
-        return named | ({BENT: rest} if float(np.abs(rest).max(initial=0.0)) > EXACT else {})
+        return named | ({BENT: rest} if float(np.abs(rest).max(initial=0.0)) > ROUNDING else {})
 
     @property
     def kelvin(self) -> Array:
@@ -174,7 +174,7 @@ class Band(Result):
         """Standard error (times,). [K]"""
         if self.members is not None:
             size = np.sqrt(np.mean((self.members - self.kelvin[:, None]) ** 2, axis=1))
-            return np.where(size < EXACT, 0.0, size)
+            return np.where(size < ROUNDING, 0.0, size)
         return np.asarray(np.sqrt(np.sum([np.zeros(self.times.size), *self.parts.values()], axis=0)))
 
     def interval(self, level: float = 0.95) -> tuple[Array, Array]:
@@ -208,6 +208,7 @@ class Band(Result):
 
 
 def _shares(parts: Mapping[str, float]) -> dict[str, float]:
+    """Return cause -> share of the sum of variances; zeros where that is zero. [-]"""
     whole = sum(parts.values())
     return {c: v / whole if whole > 0 else 0.0 for c, v in parts.items()}
 
@@ -371,7 +372,7 @@ def centre_words(moved: Mapping[str, Mapping[str, Array]], times: Array) -> str:
 
 
 def _why(e: Estimate) -> str:
-    """Return the causes of a variance, the largest first."""
+    """Return the causes with their shares of a variance, the largest first; empty where none has 0.5 %."""
     parts = [f"{c} {100 * s:.0f} %" for c, s in sorted(e.shares.items(), key=lambda item: -item[1]) if s >= 0.005]
     return f"   from {', '.join(parts)}" if parts else ""
 
@@ -467,7 +468,7 @@ class PredictRequest:
 def carrier_words(budget: Budget, bands: Mapping[str, Band]) -> list[str]:
     """Return what nobody stated of the surfaces, what readings say of it, and what a statement would change; empty where it matters not."""
     share = max((b.final.shares.get(AVERAGED, 0.0) for b in bands.values()), default=0.0)
-    if share < TELLING:
+    if share < MIN_CARRIER_PROBABILITY:
         return []
     carriers = {w.kept[0].carrier: sum(x.weight for x in budget.ways if x.kept[0].carrier == w.kept[0].carrier) for w in budget.ways}
     finish = sum(w.weight for w in budget.ways if w.kept[0].name != w.kept[0].carrier)
@@ -479,7 +480,7 @@ def carrier_words(budget: Budget, bands: Mapping[str, Band]) -> list[str]:
         f"a surface has another finish than its deck states, with a probability of {100 * finish:.0f} %. Measure its emissivity, and give "
         'it source = "measured": the bands narrow': finish,
     }
-    return [text for text, weight in words.items() if TELLING <= weight < 1.0]
+    return [text for text, weight in words.items() if MIN_CARRIER_PROBABILITY <= weight < 1.0]
 
 
 def averaged(plain: Prediction, others: Sequence[ExplainedFit], explained: Sequence[Prediction], fit: Calibration) -> Prediction:
@@ -512,24 +513,23 @@ def _mixture(bands: Sequence[Band], weights: Array) -> Band:
     kelvin = np.array([b.kelvin for b in bands])
     mean = weights @ kelvin
     parts: dict[str, Array] = {}
+    shifts: dict[str, Array] = {}
     for b, w in zip(bands, weights, strict=True):
         whole = np.sum([np.zeros(b.times.size), *b.parts.values()], axis=0)
         # of drawn members the variance is their own, parted as that by derivatives
         grown = np.where(whole > 0.0, b.error**2 / np.where(whole > 0.0, whole, 1.0), 0.0)
         for cause, v in b.parts.items():
             parts[cause] = parts.get(cause, np.zeros(b.times.size)) + w * v * grown
+        for cause, v in b.shifts.items():
+            shifts[cause] = shifts.get(cause, np.zeros(b.times.size)) + w * v
     if len(bands) > 1:
         parts[DEFECTS] = weights @ (kelvin - mean) ** 2
     simulated = weights @ np.array([b.simulated for b in bands])
-    shifts: dict[str, Array] = {}
-    for b, w in zip(bands, weights, strict=True):
-        for cause, v in b.shifts.items():
-            shifts[cause] = shifts.get(cause, np.zeros(b.times.size)) + w * v
     return Band(bands[0].path, bands[0].times, simulated, mean - simulated, parts, shifts=shifts)
 
 
 def _mixed(several: Sequence[Estimate], weights: Array) -> Estimate:
-    """Return the mean and the error of a mixture of temperatures."""
+    """Return a mixture of estimates: mean sum w T, variance sum w (error^2 + (T - mean)^2), and the band of a normal with these."""
     celsius = float(weights @ [e.celsius for e in several])
     variances = {c: float(weights @ [e.shares.get(c, 0.0) * e.error**2 for e in several]) for e in several for c in e.shares}
     if len(several) > 1:
@@ -557,7 +557,7 @@ def predicted(
     find = {n: best[n].path for n in (nodes if nodes is not None else best.nodes)}
     find |= {alias: path for alias, path in budget.model.every_alias().items() if path in find.values()}
     why = Missed() if draws else missed(first.setting, first.linear)
-    count = draws or (DRAWN if why.words else 0)
+    count = draws or (DRAWN_MEMBERS if why.words else 0)
     sources = budget.drawn(budget.numbers(seed, 0, count))
     members, lost = drawn_members(ways, budget.chosen(sources), sources, straight=not draws and not why.bent) if count else ({}, "")
     bands, rest = {}, {}
@@ -598,7 +598,7 @@ def undetermined_words(answer: WayAnswer, bands: Mapping[str, Band]) -> list[str
             continue
         explained = {n: abs(float(answer.linear.columns[n][-2] @ shared)) / spread**0.5 for n in bands}
         whole = {n: sum(float(v[-1]) for v in b.parts.values()) for n, b in bands.items()}
-        most = [n for n, kelvin in explained.items() if kelvin**2 > MOSTLY * whole[n] and kelvin > NEGLIGIBLE_HALF_WIDTH]
+        most = [n for n, kelvin in explained.items() if kelvin**2 > MAJOR_SHARE * whole[n] and kelvin > NEGLIGIBLE_HALF_WIDTH]
         if most:
             out.append(
                 f"no reading determines '{t.name}': what was known of it before is most of the band of {quoted(most, 3)}. State a narrower "
@@ -709,7 +709,7 @@ def drawn_members(ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources:
         if straight:
             kelvin = {n: way.linear.run[n].kelvin[:, None] + c[:-1] @ sources_of_way for n, c in columns.items()}
         else:
-            drawn = _bent(way.setting, way.linear, sources_of_way, list(columns))
+            drawn = _member_temperatures(way.setting, way.linear, sources_of_way, list(columns))
             kelvin = dict(drawn.kelvin)
             failed |= drawn.runs.failed if drawn.runs is not None else {}
         for n, traces in kelvin.items():
@@ -723,8 +723,8 @@ def drawn_members(ways: Sequence[WayAnswer], chosen: NDArray[np.int64], sources:
     return {n: m for n, m in every.items() if m[1].size}, lost
 
 
-def _bent(setting: Setting, linear: Linear, sources: Array, nodes: Sequence[str]) -> Drawn:
-    """Return temperatures of members, straight in what the fit takes back, see `Setting.cancelled`."""
+def _member_temperatures(setting: Setting, linear: Linear, sources: Array, nodes: Sequence[str]) -> Drawn:
+    """Return temperatures of members at `sources` (sources, members); linear in those that the fit compensates (`cancelled`)."""
     straight = setting.cancelled(linear)[:, None] * sources
     drawn = setting.temperatures(sources - straight, nodes, extremes=False)
     return replace(drawn, kelvin={n: t + linear.columns[n][:-1] @ straight for n, t in drawn.kelvin.items()})
@@ -770,9 +770,9 @@ def missed(setting: Setting, linear: Linear) -> Missed:
     if not size:
         return Missed()
     shape = budget.drawn(budget.numbers(0, 0, QUANTILE_DRAWS))
-    half = budget.numbers(1, 0, PROBES // 2)
+    half = budget.numbers(1, 0, PROBE_MEMBERS // 2)
     probe = budget.drawn(np.hstack([half, 1.0 - half]))
-    drawn = _bent(setting, linear, probe, list(size))
+    drawn = _member_temperatures(setting, linear, probe, list(size))
     actual, many = drawn.kelvin, drawn.runs
     if many is not None and many.failed:
         return Missed("some members did not reach the end", True)
@@ -788,7 +788,7 @@ def missed(setting: Setting, linear: Linear) -> Missed:
 
 
 def _missed_at(node: str, wide: float, ends: Array, straight: Array, off: Array) -> Missed:
-    """Return how far the band of a node at one time is missed.
+    """Return the largest of three misses of the band of a node at one time: by its mean, by its width, by laws that are not normal.
 
     Parameters
     ----------
@@ -804,9 +804,9 @@ def _missed_at(node: str, wide: float, ends: Array, straight: Array, off: Array)
     shape = 0.5 * float(ends[1] - ends[0]) / wide - 1.0
     head = f"derivatives miss the band of '{node}'"
     return max(
-        Missed(f"{head}, its mean by {off.mean():+.2g} K", True, abs(float(off.mean())) / wide / MEAN_MISS),
-        Missed(f"{head}, its width by {100 * bend:+.0f} %", True, abs(bend) / WIDTH_MISS),
-        Missed(f"{head}, whose sources are not normal, its width by {100 * shape:+.0f} %", False, abs(shape) / WIDTH_MISS),
+        Missed(f"{head}, its mean by {off.mean():+.2g} K", True, abs(float(off.mean())) / wide / MAX_MEAN_MISS),
+        Missed(f"{head}, its width by {100 * bend:+.0f} %", True, abs(bend) / MAX_WIDTH_MISS),
+        Missed(f"{head}, whose sources are not normal, its width by {100 * shape:+.0f} %", False, abs(shape) / MAX_WIDTH_MISS),
         Missed(),
         key=lambda m: m.size,
     )
@@ -898,7 +898,10 @@ def _before(budget: Budget, knowledge: Knowledge, nodes: Sequence[str], times: A
 
 
 def _size_before(v: State) -> float:
-    """Return how far a value could lie before it was fitted, by its prior or its bounds; fitted form, zero where that has no size."""
+    """Return the standard deviation of a value before its fit, in the fitted form; zero where nothing states it.
+
+    By its prior, else by a uniform law between its bounds, (high - low) / sqrt(12).
+    """
     low, high = v.bounds
     if v.prior is not None and np.isfinite(v.prior[1]):
         return float(v.prior[1])
@@ -935,7 +938,7 @@ def widened(foresight: Foresight, sizes: Mapping[str, float], cause: str, words:
 
 
 def _wider(band: Band, variance: float, cause: str) -> Band:
-    """Return a band with the larger of a variance and of the misfit that it holds."""
+    """Return a band whose variance of unexplained residuals is replaced by `variance` where that is larger. [K^2]"""
     before = band.parts.get(UNEXPLAINED, np.zeros(band.times.size))
     if not variance > float(before.max()):
         return replace(band, parts={**band.parts, UNEXPLAINED: before})

@@ -259,6 +259,7 @@ class RecordPrediction:
 
 
 def _shares(b: SensorBand) -> dict[str, float]:
+    """Return cause -> share of the mean variance of a band; zeros where that is zero. [-]"""
     means = {c: float(v.mean()) for c, v in b.parts.items()}
     whole = sum(means.values())
     return {c: v / whole if whole > 0 else 0.0 for c, v in means.items()}

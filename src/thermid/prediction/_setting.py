@@ -21,21 +21,21 @@ from thermid.simulation.runs import Ensemble, Scenario, Simulator, Solution, pre
 from thermid.simulation.solver import Engine, MemberTurnings, Wiring
 from thermid.values.store import Shifted, deviated
 
-TAKEN_BACK = 0.3
+MAX_EFFECT_LEFT = 0.3
 """Part of the effect of an assumed value alone that is left with the fit solved again, below which the fit has taken it back. [-]"""
-VALUES = ("add", "log", "factor")
+VALUE_FORMS = ("add", "log", "factor")
 """Forms of targets that are values."""
 
 
 @dataclass(frozen=True, eq=False)
 class Linear:
-    """Temperatures of one run with best values, and what a unit of every source does.
+    """Temperatures of one run with best values, and their derivatives with respect to the sources.
 
     Parameters
     ----------
     run : Solution
     settled : dict          Node -> temperature with the inputs of the end kept for good [K]; empty where nothing settles.
-    columns : dict          Node -> (times and the settled state, sources). [K]
+    columns : dict          Node -> derivatives (times and the settled state, sources), the last NaN where nothing settles. [K per unit]
     """
 
     run: Solution
@@ -61,7 +61,7 @@ class Drawn:
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """A budget of one way made ready.
+    """A budget of one way of carrying heat, made ready for runs of one scenario.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ class Setting:
         """Return a budget of one way made ready for its scenario, or for a variant of it."""
         conditions = budget.scenario if scenario is None else scenario
         ready = prepare(budget.model, conditions, budget.names, every=every, times=times, options=options)
-        carriers = {t: tuple(dict.fromkeys(map(ready.canonical, (t.name, *t.also)))) for t in budget.targets if t.form in VALUES}
+        carriers = {t: tuple(dict.fromkeys(map(ready.canonical, (t.name, *t.also)))) for t in budget.targets if t.form in VALUE_FORMS}
         if not budget.ways:
             return cls(budget, ready, carriers, {}, ready)
         (way,) = budget.ways
@@ -122,22 +122,22 @@ class Setting:
         return cls(budget, ready, carriers, at, replace(ready, wiring=wide, engine=Engine(wide)), sizes)
 
     @property
-    def _still(self) -> dict[str, Any]:
-        """Free name -> where the derivatives are taken, of the run with departures as loads."""
+    def _derivative_point(self) -> dict[str, Any]:
+        """Free name -> value [SI] where the derivatives are taken: departures at zero, others at their means."""
         still = {n: 0.0 for t, names in self.carriers.items() if t.form == "heat" for n in names}
         return still | self.full.with_units(self.at)
 
     @cached_property
     def _run(self) -> Solution:
         """The run where the derivatives are taken."""
-        return self.full.run(self._still, sensitivities=True)
+        return self.full.run(self._derivative_point, sensitivities=True)
 
     def linear(self, nodes: Sequence[str] | None = None) -> Linear:
         """Return one run with its derivatives carried to the sources; of all nodes where none are named."""
         run = self._run
         chosen = list(dict.fromkeys(run[n].path for n in (nodes if nodes is not None else run.nodes)))
         try:
-            settled, moves = self.full.settled(self._still)
+            settled, moves = self.full.settled(self._derivative_point)
         except SolverError:
             settled, moves = {}, {}
         chain = self._chain()
@@ -146,14 +146,14 @@ class Setting:
             size = (self.ready.times.size, len(self.full.free))
             slopes = run.slopes(n) if self.full.free else np.zeros(size)
             rest = moves.get(n, np.full(size[1], np.nan)) if size[1] else np.zeros(0)
-            columns[n] = np.vstack([slopes, rest[None, :]]) @ chain + self._after(n)[None, :]
+            columns[n] = np.vstack([slopes, rest[None, :]]) @ chain + self._added_after_run(n)[None, :]
         return Linear(run, settled, columns)
 
     def cancelled(self, linear: Linear) -> Bools:
         """Return which sources (sources,) are values whose effect the values of a fit take back, solved again for each, in this scenario.
 
         Both effects are large and of opposite sign, and fitted values are known to follow along a straight line only: what members differ
-        from the straight model by is then the error of that line. Such a source leaves less than `TAKEN_BACK` of its effect alone.
+        from the straight model by is then the error of that line. Such a source leaves less than `MAX_EFFECT_LEFT` of its effect alone.
         """
         budget = self.budget
         is_own_source = np.array([[s.name in (t.name, *t.also) for s in budget.sources] for t in budget.targets], dtype=bool)
@@ -166,25 +166,28 @@ class Setting:
         for n, columns in linear.columns.items():
             alone += np.sum((linear.run.slopes(n) @ chain) ** 2, axis=0)
             remaining += np.sum(columns[:-1] ** 2, axis=0)
-        many &= remaining < TAKEN_BACK**2 * alone
+        many &= remaining < MAX_EFFECT_LEFT**2 * alone
         return many
 
-    def _chain(self, gain: Array | None = None, forms: Sequence[str] = (*VALUES, "heat")) -> Array:
-        """Return what a unit of each source does to the free names (free, sources) through targets of some forms."""
+    def _chain(self, gain: Array | None = None, forms: Sequence[str] = (*VALUE_FORMS, "heat")) -> Array:
+        """Return the derivative of each free name by each source (free, sources), through targets of some `forms`. [SI per unit]
+
+        `gain` (targets, sources) takes the place of the budget's. Logarithms and factors are taken to first order: dv = v d(ln v).
+        """
         place = {name: k for k, name in enumerate(self.full.free)}
         out = np.zeros((len(place), len(self.budget.sources)))
         for t, row in zip(self.budget.targets, self.budget.gain if gain is None else gain, strict=True):
             for name in self.carriers.get(t, ()) if t.form in forms else ():
-                factor = self._base(name) if t.form in ("log", "factor") else self.sizes.get(t, 1.0)
+                factor = self._deviation_base(name) if t.form in ("log", "factor") else self.sizes.get(t, 1.0)
                 out[place[name]] += factor * row
         return out
 
-    def _base(self, name: str) -> float:
-        """Return what deviations of a free name start from. [SI]"""
+    def _deviation_base(self, name: str) -> float:
+        """Return the value of a free name about which it deviates: its mean in this way, else that of the model. [SI]"""
         return self.at.get(name, self.ready.nominal[name])
 
-    def _after(self, node: str) -> Array:
-        """Return what a unit of each source adds to a node after the run (sources,). [K]"""
+    def _added_after_run(self, node: str) -> Array:
+        """Return the change of a node's temperature after the run per unit of each source (sources,). [K]"""
         rows = [row for t, row in zip(self.budget.targets, self.budget.gain, strict=True) if t.form == "node" and t.name == node]
         return np.sum(rows, axis=0) if rows else np.zeros(len(self.budget.sources))
 
@@ -197,10 +200,10 @@ class Setting:
         stated = np.array([isinstance(s.law, Shifted) for s in self.budget.sources], dtype=bool)
         out: dict[str, Array] = {}
         # what is added first, then the logarithm, then factors: a conductance without its gas stays above zero
-        for form in VALUES:
+        for form in VALUE_FORMS:
             for t, row, gain in zip(self.budget.targets, moved, self.budget.gain, strict=True):
                 for name in self.carriers.get(t, ()) if t.form == form else ():
-                    base = out.get(name, np.full(row.shape, self._base(name)))
+                    base = out.get(name, np.full(row.shape, self._deviation_base(name)))
                     if form == "log":
                         out[name] = deviated(base, base * np.expm1(row), (-np.inf, self.ready.domain(name)[1]))
                     elif form == "add" and not stated[gain != 0.0].all():
@@ -251,7 +254,7 @@ class Setting:
                 temperatures[n] = np.repeat(trace.kelvin[:, None], members, axis=1)
                 if trace.turnings is not None:
                     turnings[n] = MemberTurnings.alike(trace.turnings, np.zeros(members))
-        after = {n: combined(self._after(n)[None, :], sources) for n in nodes}
+        after = {n: combined(self._added_after_run(n)[None, :], sources) for n in nodes}
         if self.sizes:
             chain = self._chain(forms=("heat",))
             after |= {n: combined(self._run.slopes(n) @ chain, sources) + after[n] for n in nodes}

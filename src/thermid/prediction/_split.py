@@ -32,13 +32,13 @@ from thermid.values.fitted import FittedValue, FittedValues
 from thermid.values.spreads import read_spread
 from thermid.values.store import model_standing
 
-SMALLEST_RISE = 0.2
+MIN_RISE = 0.2
 """Difference below which a test says nothing of a coefficient. [K]"""
 CORRELATION_SD = 0.25
 """What a correlation of natural convection promises at equipment, relative, one sigma. [-]"""
-CONFLICT = 2.0
+MAX_DISAGREEMENT = 2.0
 """Standard deviations beyond which a correlation and what is left of the coefficient disagree. [-]"""
-POSSIBLE = 0.025
+MIN_POSSIBLE_PROBABILITY = 0.025
 """Probability below which no emissivity of the finish leaves room for the conduction of gas at rest. [-]"""
 
 
@@ -175,8 +175,8 @@ class Part:
         """Surface less gas. [K]"""
         return self.surface - self.gas
 
-    def suspects(self) -> str:
-        """Return why the coefficient cannot be split, with what each suspect would have to be."""
+    def refusal(self) -> str:
+        """Return why the coefficient cannot be split, with the area, power or sensor position that would explain it."""
         radiation = self.black * self.prior.mean * math.exp(-1.959964 * self.prior.log_sd)
         need = radiation + self.floor
         share = self.effective / need
@@ -191,7 +191,7 @@ class Part:
         )
 
     def conflict(self, remainder: float, spread: float) -> str:
-        """Return what it can mean that the correlation and what is left of the coefficient disagree."""
+        """Return what a `remainder` +- `spread` for convection that disagrees with the correlation can mean. [W/(m^2 K)]"""
         head = (
             f"beside the radiation {remainder:.2g} +- {spread:.2g} W/(m^2 K) remain for convection, but the correlation for a body of this "
             f"area gives {self.expected:.2g}. The correlation was not used. Possible causes:"
@@ -245,9 +245,9 @@ def _part(network: Network, c: FlatConductor, at: tuple[float, float], fitted: F
     """Return what is known of one surface."""
     values = network.numbers().values
     hot, cold = at
-    if not abs(hot - cold) > SMALLEST_RISE:
+    if not abs(hot - cold) > MIN_RISE:
         raise IdentificationError(
-            f"'{c.path}' was never more than {SMALLEST_RISE:g} K from the gas temperature, so its coefficient is not determined.",
+            f"'{c.path}' was never more than {MIN_RISE:g} K from the gas temperature, so its coefficient is not determined.",
             c.where,
             code="fit.not-determined",
         )
@@ -260,7 +260,7 @@ def _part(network: Network, c: FlatConductor, at: tuple[float, float], fitted: F
     return Part(
         c.path,
         c.where,
-        _root(network, c, fitted),
+        _emissivity_path(network, c, fitted),
         entry.path if entry else "",
         _prior(network, c, priors),
         effective,
@@ -274,7 +274,7 @@ def _part(network: Network, c: FlatConductor, at: tuple[float, float], fitted: F
     )
 
 
-def _root(network: Network, c: FlatConductor, fitted: FittedValues) -> str:
+def _emissivity_path(network: Network, c: FlatConductor, fitted: FittedValues) -> str:
     """Return the path of the value behind an emissivity; where instances share a fitted one, the path it was fitted under."""
     if not c.emissivity:
         raise IdentificationError(
@@ -340,7 +340,7 @@ def split(
     Raises
     ------
     IdentificationError   When a coefficient leaves no room for the radiation of its finish beside the conduction of gas at rest; the
-                          message names the suspects. When nothing says what the emissivity may be.
+                          message names the refusal. When nothing says what the emissivity may be.
 
     References
     ----------
@@ -374,7 +374,7 @@ def split_values(
     """
     parts = parts_of(model, base, wanted, at, priors or {})
     joint = _Joint(base, parts)
-    done = [joint.take(part) for part in parts]
+    done = [joint.condition(part) for part in parts]
     values = joint.values(worst([model_standing(model), *([base.standing] if base else [])]))
     fresh = {p: v for p, v in values.assignments.items() if v.origin.startswith("split")}
     split_model = model.with_values(fresh, f"split of '{values.stage}'")
@@ -383,7 +383,7 @@ def split_values(
 
 
 def _caution(model: Model, base: FittedValues, parts: Sequence[Part]) -> str:
-    """Say what masses that were fitted beside constant coefficients have taken up."""
+    """Return the caution that masses fitted with constant coefficients have absorbed their error; empty where none was."""
     flat = compile_network(model).flat
     roots = dict.fromkeys(flat.parameters.literal_behind(path) for node in flat.nodes for path in node.fields.values())
     masses = [path for path in roots if path in base]
@@ -400,7 +400,12 @@ def _caution(model: Model, base: FittedValues, parts: Sequence[Part]) -> str:
 
 
 class _Joint:
-    """Fitted parameters and emissivities as one normal distribution of fitted forms; emissivities by their logarithms."""
+    """Fitted parameters and emissivities as one normal distribution of fitted forms; emissivities by their logarithms.
+
+    `at` is path -> position, fitted parameters first; `mean` (positions,), `cov` (positions, positions); `fresh`: path -> surface of
+    each emissivity that was not fitted.
+    The means of fitted parameters stay at zero: they are considered and not estimated.
+    """
 
     def __init__(self, base: FittedValues, parts: Sequence[Part]) -> None:
         self.base, n = base, len(base)
@@ -418,6 +423,7 @@ class _Joint:
                 self.cov[n + i, n + j] = share * a.prior.log_sd * b.prior.log_sd
 
     def emissivity(self, part: Part) -> float:
+        """Return the best emissivity of a surface so far. [-]"""
         k = self.at[part.emissivity]
         return float(np.exp(self.mean[k])) if part.emissivity in self.fresh else self.base[part.emissivity].value
 
@@ -428,30 +434,39 @@ class _Joint:
         return math.sqrt(max(float(self.cov[k, k]), 0.0)) * (self.emissivity(part) if log else 1.0)
 
     def _slope(self, part: Part) -> Array:
-        """Return the derivative of what is left for convection with respect to the joint forms. [W/(m^2 K)]"""
+        """Return the derivative (positions,) of h - e h_black, what is left for convection, by the fitted forms. [W/(m^2 K)]"""
         out = np.zeros(self.mean.size)
         out[self.at[part.emissivity]] = -part.black * self.emissivity(part)
         if part.fitted in self.at:
             out[self.at[part.fitted]] = part.effective if self.base[part.fitted].log else 1.0
         return out
 
-    def take(self, part: Part) -> tuple[bool, str]:
-        """Let a surface have its say: whether the correlation was used, and what a reader must know of it."""
+    def condition(self, part: Part) -> tuple[bool, str]:
+        """Condition the emissivity of a surface on its coefficient; return whether the correlation was used, and a remark where it was not.
+
+        It is used where it agrees with what radiation leaves, within `MAX_DISAGREEMENT` standard deviations. A fitted emissivity stays.
+        """
         if part.emissivity not in self.fresh:
             return False, ""  # fitted itself: two pressures, powers or orientations
         remainder = part.effective - part.black * self.emissivity(part)
         slope = self._slope(part)
         spread = math.sqrt(max(float(slope @ self.cov @ slope), 0.0))
-        self._room(part, remainder, spread)
+        k, (top, loose) = self.at[part.emissivity], self._ceiling(part)
+        # refuse a coefficient that its finish at any likely emissivity exceeds
+        if _normal((top - self.mean[k]) / max(math.hypot(math.sqrt(self.cov[k, k]), loose), 1e-12)) < MIN_POSSIBLE_PROBABILITY:
+            raise IdentificationError(part.refusal(), part.where)
         doubt = CORRELATION_SD * part.expected
-        agrees = abs(remainder - part.expected) <= CONFLICT * math.hypot(spread, doubt)
+        agrees = abs(remainder - part.expected) <= MAX_DISAGREEMENT * math.hypot(spread, doubt)
         if agrees:
-            self._learn(part, doubt)
-        self._above_floor(part)
+            self._apply_correlation(part, doubt)
+        self._cut_at_ceiling(part)
         return agrees, "" if agrees else part.conflict(remainder, spread)
 
-    def _learn(self, part: Part, doubt: float) -> None:
-        """Let the correlation speak: Gauss-Newton to the maximum, since radiation bends with the logarithm, then the covariance there."""
+    def _apply_correlation(self, part: Part, doubt: float) -> None:
+        """Condition the emissivities on convection by the correlation, whose standard deviation is `doubt`. [W/(m^2 K)]
+
+        Gauss-Newton to the maximum, since radiation bends with the logarithm, then the covariance there.
+        """
         k, prior = self.at[part.emissivity], self.mean
         for _ in range(30):
             before, slope = self.mean, self._slope(part)
@@ -464,24 +479,17 @@ class _Joint:
         self.cov = keep @ self.cov @ keep.T + doubt**2 * np.outer(gain, gain)
 
     def _gain(self, slope: Array, doubt: float) -> Array:
-        """Return the gain of the emissivities; fitted parameters are considered and stay."""
+        """Return the gain (positions,) C s / (s'C s + doubt^2), s the `slope`; zero for fitted parameters, which are only considered."""
         gain = self.cov @ slope / float(slope @ self.cov @ slope + doubt**2)
         gain[: len(self.base)] = 0.0
         return np.asarray(gain)
 
     def _ceiling(self, part: Part) -> tuple[float, float]:
-        """Return the largest emissivity that leaves the conduction of gas at rest, as a logarithm, and its uncertainty."""
+        """Return ln((h - h_gas) / h_black), the largest emissivity beside the conduction of gas at rest, and its standard deviation. [-]"""
         room = max(part.effective - part.floor, 1e-3 * part.effective)
         return math.log(room / part.black), part.effective_error / room
 
-    def _room(self, part: Part, remainder: float, spread: float) -> None:
-        """Refuse a coefficient without room for its finish."""
-        k = self.at[part.emissivity]
-        top, loose = self._ceiling(part)
-        if _normal((top - self.mean[k]) / max(math.hypot(math.sqrt(self.cov[k, k]), loose), 1e-12)) < POSSIBLE:
-            raise IdentificationError(part.suspects(), part.where)
-
-    def _above_floor(self, part: Part) -> None:
+    def _cut_at_ceiling(self, part: Part) -> None:
         """Cut off emissivities that leave less than the conduction of gas at rest: moments of a normal that is cut softly."""
         k = self.at[part.emissivity]
         top, loose = self._ceiling(part)
@@ -529,5 +537,5 @@ class _Joint:
 
 
 def _normal(z: float) -> float:
-    """Return the cumulative normal distribution."""
+    """Return the standard normal distribution function at z. [-]"""
     return 0.5 * math.erfc(-z / math.sqrt(2.0))

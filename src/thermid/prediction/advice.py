@@ -51,15 +51,15 @@ MIN_SHARE_OF_ERROR = 0.1
 """Part of the error now below which what else a prediction has is not spoken of."""
 WITHOUT_GAS = " without gas"
 """After the name of a value that is another one without gas."""
-BESIDE = (STRUCTURE, RUN, ROOM, UNEXPLAINED)
+UNTESTED_CAUSES = (STRUCTURE, RUN, ROOM, UNEXPLAINED)
 """Causes that a test adds no information to: they are said beside."""
-OPEN = ": open"
+NO_ERROR_SUFFIX = ": open"
 """After the name of a value, its source where no fit has a finite error of it."""
-THIN = 1e4
+MAX_THIN_PRESSURE = 1e4
 """Pressure below which gas no longer does what it did in the room. [Pa]"""
-EMISSIVITY = 0.15
+EMISSIVITY_SD = 0.15
 """What an emissivity of a deck is good to, where no finish says it. [-]"""
-JOINT = 0.7
+JOINT_LOG_SD = 0.7
 """Standard deviation of the logarithm of a joint's conductance without gas about that with it: a factor of two either way. Gas carries more
 than half of the heat between bare, lightly pressed faces (Yovanovich, IEEE Trans. CPT 28 (2005) 182); a filled joint loses nothing. [-]"""
 NAME = "next test"
@@ -124,7 +124,7 @@ def usual_actions(model: Model, scenario: Scenario, sensors: Sequence[Sensor]) -
     powers = {row.name: float(value_of(row.coefficients[0])) for row in network.numbers().loads if row.fixed}
     metered = {s.target for s in sensors if s.role == "load"} | set(scenario.loads)
     for load, deck_power in powers.items():
-        watts = _level(scenario.loads.get(load), deck_power)
+        watts = _initial_level(scenario.loads.get(load), deck_power)
         if watts > 0 and load not in scenario.commands:
             # a power that nobody meters is as unknown at twice its level as it is now: then the command changes, not the power
             table, unit = ("loads", watts) if load in metered else ("commands", 1.0)
@@ -135,7 +135,7 @@ def usual_actions(model: Model, scenario: Scenario, sensors: Sequence[Sensor]) -
             out.append(Action(f"'{load}' {twice}", scenario.with_(**{table: {load: Constant(2.0 * unit)}})))
             out.append(Action(f"'{load}' off after half the time", scenario.with_(**{table: {load: off}})))
     for boundary, signal in scenario.boundaries.items():
-        level = _level(signal, 0.0)
+        level = _initial_level(signal, 0.0)
         ramp = TableSignal(
             np.array([0.0, half, half + 600.0, max(2.0 * half, half + 601.0)]), level + np.array([0.0, 0.0, 1.0, 1.0]) * CHAMBER_STEP
         )
@@ -151,8 +151,8 @@ def usual_actions(model: Model, scenario: Scenario, sensors: Sequence[Sensor]) -
     return tuple(out)
 
 
-def _level(signal: Signal | None, deck_level: float) -> float:
-    """Return where a signal begins."""
+def _initial_level(signal: Signal | None, deck_level: float) -> float:
+    """Return the value of a signal at time zero; `deck_level` where there is no signal."""
     return deck_level if signal is None else float(signal.at(np.zeros(1))[0])
 
 
@@ -211,6 +211,7 @@ class Advice(Result):
         return self.options[0]
 
     def _shown(self, error: float) -> str:
+        """Return an error in K, or in per cent of the value of a parameter."""
         return f"{short(error)} K" if self.unit == "K" else percent(error / abs(self.value) if self.value else np.inf)
 
     def __str__(self) -> str:
@@ -276,13 +277,13 @@ class Before:
     @cached_property
     def place(self) -> dict[str, int]:
         """Source -> its column."""
-        names = [s.name for s, cause in zip(self.budget.sources, self.budget.causes, strict=True) if cause not in BESIDE]
+        names = [s.name for s, cause in zip(self.budget.sources, self.budget.causes, strict=True) if cause not in UNTESTED_CAUSES]
         return {name: k for k, name in enumerate(dict.fromkeys([*names, *(s.name for s in self.instruments.sources)]))}
 
     @property
     def information(self) -> Array:
         """What is known of each source (sources,): one, or nothing of a value without a finite error."""
-        return np.array([0.0 if name.endswith(OPEN) else 1.0 for name in self.place])
+        return np.array([0.0 if name.endswith(NO_ERROR_SUFFIX) else 1.0 for name in self.place])
 
     @cached_property
     def free(self) -> dict[str, tuple[str, ...]]:
@@ -326,7 +327,7 @@ class Before:
         ways = [WayAnswer.of_budget(w, budget_of_way, [node], None, [at], None) for w, budget_of_way in self.budget.weighted_ways]
         (columns,) = max(ways, key=lambda w: w.weight).linear.columns.values()
         parts, _, centre, _ = mixed_answer(ways, next(iter(ways[0].linear.columns)), np.zeros(1))
-        beside = {cause: float(np.sqrt(v[0])) for cause, v in parts.items() if cause in (*BESIDE, AVERAGED)}
+        beside = {cause: float(np.sqrt(v[0])) for cause, v in parts.items() if cause in (*UNTESTED_CAUSES, AVERAGED)}
         # of several ways of carrying heat the likeliest has the gradient, and all of them its size
         gradient, whole = self.placed(columns[0]), sum(float(v[0]) for cause, v in parts.items() if cause not in beside)
         size = float(np.sum(gradient[self.information > 0.0] ** 2))
@@ -340,7 +341,7 @@ def before_fit(fit: Calibration, scenario: Scenario | None = None) -> Before:
     ------
     IdentificationError   When a coefficient that must be split cannot be.
     """
-    knowledge = _opened(Knowledge.of_source(fit))
+    knowledge = _with_open_sources(Knowledge.of_source(fit))
     rows = rows_of(knowledge)
     budget = budget_of(knowledge, scenario) if scenario is not None else Budget.of_rows(rows, knowledge.model)
     states = fit.store.states
@@ -412,7 +413,7 @@ def unknown_of(model: Model, path: str) -> Unknown:
     return Unknown(path, "parameter", (), value, *of.form(path, parameters.dimension(path), value), unit=of.unit or "1")
 
 
-def _opened(knowledge: Knowledge) -> Knowledge:
+def _with_open_sources(knowledge: Knowledge) -> Knowledge:
     """Return it with a source of its own for each value that its fit has no finite error of."""
     fit = knowledge.fit
     assert fit is not None
@@ -421,7 +422,7 @@ def _opened(knowledge: Knowledge) -> Knowledge:
     if not loose:
         return knowledge
     names = [list(store.states)[k] for k in loose]
-    sources = tuple(Source(n + OPEN, "data", Normal(), f"no uncertainty is known for {n}") for n in names)
+    sources = tuple(Source(n + NO_ERROR_SUFFIX, "data", Normal(), f"no uncertainty is known for {n}") for n in names)
     root = np.hstack([store.root, np.zeros((len(store.states), len(loose)))])
     root[loose, len(store.sources) + np.arange(len(loose))] = 1.0
     states = {n: replace(s, known=True) if n in names else s for n, s in store.states.items()}
@@ -432,7 +433,7 @@ def _opened(knowledge: Knowledge) -> Knowledge:
 
 def doubts_without_gas(model: Model, scenario: Scenario) -> dict[str, float]:
     """Return path -> relative standard deviation of what thin gas meets and air does not tell; empty where gas stays as it is."""
-    if not any(e.pressure.bounds[0] < THIN for e in scenario.environment.values()):
+    if not any(e.pressure.bounds[0] < MAX_THIN_PRESSURE for e in scenario.environment.values()):
         return {}
     flat = compile_network(model).flat
     parameters = flat.parameters
@@ -448,21 +449,19 @@ def doubts_without_gas(model: Model, scenario: Scenario) -> dict[str, float]:
     ranges = {path: r.log_sd(numbers[path]) for path, r in parameters.stated_ranges.items() if numbers[path] > 0.0}
     for c in flat.conductors:
         for path in filter(None, (c.emissivity, c.fields.get("emissivity", ""))):
-            doubt(path, ranges.get(parameters.literal_behind(path), EMISSIVITY))
+            doubt(path, ranges.get(parameters.literal_behind(path), EMISSIVITY_SD))
         if "contact_conductance" in c.fields:
-            doubt(c.fields["contact_conductance"], JOINT)
+            doubt(c.fields["contact_conductance"], JOINT_LOG_SD)
     return out
 
 
 def doubted(problem: Problem, doubts: Mapping[str, float]) -> Problem:
-    """Return a problem whose doubtful values have priors of their own."""
-    unknowns = []
-    for u in problem.unknowns:
-        if u.name in doubts:
-            size = doubts[u.name]
-            u = replace(u, prior=Prior(math.log(u.start), size) if u.log else Prior(u.start, size * u.start))
-        unknowns.append(u)
-    return replace(problem, unknowns=tuple(unknowns))
+    """Return a problem in which each value of `doubts` (path -> relative standard deviation) has a prior about its start."""
+
+    def with_prior(u: Unknown, size: float) -> Unknown:
+        return replace(u, prior=Prior(math.log(u.start), size) if u.log else Prior(u.start, size * u.start))
+
+    return replace(problem, unknowns=tuple(with_prior(u, doubts[u.name]) if u.name in doubts else u for u in problem.unknowns))
 
 
 @takes_objects
@@ -511,7 +510,7 @@ def next_test(
             "no test is given to choose from. Give actions, or a scenario to vary.", model.title, code="value.incomplete"
         )
     base = scenario if scenario is not None else actions[0].scenario
-    instruments = sensors_of(model, base, sensors) if sensors else _sensors(source)
+    instruments = sensors_of(model, base, sensors) if sensors else _sensors_of_fit(source)
     if not instruments:
         raise IdentificationError(
             "no sensor is given, so a test would give no information. Name at least one.", model.title, code="value.incomplete"
@@ -523,10 +522,12 @@ def next_test(
     tasks = [(f"action '{a.name}'", (before, a, a.sensors or instruments, every, gradient, wanted)) for a in todo]
     options = [option for _, option in sorted(in_tasks(_option, tasks, executor), key=lambda numbered: numbered[0])]
     ranked = sorted(options, key=lambda o: _rank(o, wanted))
-    return Advice(label, value, now, slot, wanted, tuple(ranked), beside, (*_remarks(before, instruments), *_alike(ranked, slot, value)))
+    return Advice(
+        label, value, now, slot, wanted, tuple(ranked), beside, (*_remarks(before, instruments), *_repeat_remarks(ranked, slot, value))
+    )
 
 
-def _alike(options: Sequence[Option], slot: str, value: float) -> tuple[str, ...]:
+def _repeat_remarks(options: Sequence[Option], slot: str, value: float) -> tuple[str, ...]:
     """Return what is left where readings are rounded as they were, of tests that repeat the temperatures of a log."""
     out = []
     for o in options:
@@ -546,7 +547,7 @@ def _rank(option: Option, goal: float) -> tuple[float, float, float]:
     return (round(20.0 * float(np.log(option.error))) if np.isfinite(option.error) else np.inf, option.hours, option.error)
 
 
-def _sensors(source: Calibration | Model) -> tuple[Sensor, ...]:
+def _sensors_of_fit(source: Calibration | Model) -> tuple[Sensor, ...]:
     """Return the instruments of a fit's records, with the noise that the fit used; of one in several records as the first has it."""
     if not isinstance(source, Calibration) or source.problem is None:
         return ()
@@ -602,6 +603,7 @@ def _gradient(before: Before, target: str | Aim) -> tuple[Array, float, str, str
 
 
 def _goal(text: str, slot: str, value: float) -> float:
+    """Return the error to be reached [SI], from a text in per cent of `value` or in the unit `slot`; NaN for an empty one."""
     if not text:
         return float("nan")
     if text.rstrip(" ]").endswith("%"):
@@ -610,7 +612,7 @@ def _goal(text: str, slot: str, value: float) -> float:
 
 
 def _error(information: Array, gradient: Array) -> float:
-    """Return the standard error of a target."""
+    """Return the standard error of a target: sqrt(g' I^-1 g), I the information and g the `gradient` (sources,)."""
     return float(np.sqrt(variance(information, gradient)))
 
 
@@ -625,7 +627,7 @@ def _option(before: Before, action: Action, sensors: Sequence[Sensor], every: st
         free = (*before.free, *(p for p in doubts if p not in before.free))
         request = Request(before.model, (record,), free, {"*": action.scenario}, untie=before.untie)
         problem = doubted(build_problem(request), doubts)
-        durations, matrices, alike = _growing(before, problem, doubts, _planned_noise(before, grown))
+        durations, matrices, alike = _information_over_time(before, problem, doubts, _planned_noise(before, grown))
     except ThermidError as error:
         return Option(action.name, np.inf, np.inf, longest, np.zeros((0, 2)), error.message)
     full = np.zeros(len(matrices[0]))
@@ -641,13 +643,12 @@ def _option(before: Before, action: Action, sensors: Sequence[Sensor], every: st
 
 
 def _rounds_alike(before: Before, planned: Experiment) -> bool:
-    """Return whether a sensor with steps would read along the temperatures of a log, to a fraction of a step most of the time."""
-    for o in planned.observations:
-        times = planned.times[o.index]
-        for t, path in before.seen.get(o.sensor, ()) if o.step else ():
-            if np.median(np.abs(np.interp(times - times[0], t, path) - o.measured)) < REPEAT_SHARE_OF_STEP * o.step:
-                return True
-    return False
+    """Whether the median difference of a sensor's planned and logged temperatures is below `REPEAT_SHARE_OF_STEP` of its resolution."""
+    logged = ((o, planned.times[o.index], t, kelvin) for o in planned.observations if o.step for t, kelvin in before.seen.get(o.sensor, ()))
+    return any(
+        np.median(np.abs(np.interp(times - times[0], t, kelvin) - o.measured)) < REPEAT_SHARE_OF_STEP * o.step
+        for o, times, t, kelvin in logged
+    )
 
 
 def _planned_noise(before: Before, sensors: Sequence[Sensor]) -> tuple[TraceNoise, ...]:
@@ -699,7 +700,7 @@ def _informed_alike(rows: Array, excess: Array, rounding: Array) -> Array:
     return np.asarray(ends @ (both - np.linalg.inv(whole)) @ ends.T)
 
 
-def _growing(
+def _information_over_time(
     before: Before, problem: Problem, doubts: Mapping[str, float], noise: Sequence[TraceNoise]
 ) -> tuple[Array, list[Array], Array]:
     """Return durations, at each the information of the sources (those known now, then the test's own), and at the end if rounded alike."""

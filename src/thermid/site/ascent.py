@@ -99,7 +99,10 @@ class Trajectory(Shown):
         return TableSignal(self.times, getattr(self, name)).within(times, f"trajectory, {name}")
 
     def grid(self, end: float, upper: str = "") -> Array:
-        """Return times at which the air is worked out, close together between rows: of the flight as far as the air is known.
+        """Return the times (times,) at which the air is calculated: rows and between them steps of at most `TRAJECTORY_INTERVAL`. [s]
+
+        They cover the whole flight where it states pressure and density. Else they end before the first altitude without a standard
+        atmosphere, but times up to `end` are always among them.
 
         Parameters
         ----------

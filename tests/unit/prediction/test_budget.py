@@ -157,8 +157,8 @@ def test_a_uniform_law_has_no_normal_tails() -> None:
 def test_constants_that_decide_the_width_of_a_band() -> None:
     """Each with the decision note that gives its reason; a change is a decision, and not a slip."""
     assert discrepancy.MAX_GAS_CONDUCTANCE == pytest.approx(0.026 / 10e-6, rel=0.03)  # 054
-    assert (predict.MEAN_MISS, predict.WIDTH_MISS, predict.NEGLIGIBLE_HALF_WIDTH) == (0.1, 0.1, 0.05)
-    assert (budget.TENTH, budget.MIN_SHARE_OF_BAND) == (0.1, 0.1)
+    assert (predict.MAX_MEAN_MISS, predict.MAX_WIDTH_MISS, predict.NEGLIGIBLE_HALF_WIDTH) == (0.1, 0.1, 0.05)
+    assert (budget.ASSUMED_SD_SHARE, budget.MIN_SHARE_OF_BAND) == (0.1, 0.1)
     assert (spreads.MIN_SHARE_IN_BOUNDS, spreads.LARGEST_SHIFT) == (1e-3, 100.0)
 
 

@@ -140,7 +140,7 @@ class RecordRun:
     traces : tuple of SensorRows    Every reading; unknowns are those of the way, those of the run, and what was fitted to it.
     means : tuple of SensorRows     The same in at most some hundred stretches.
     columns : tuple                 Those of the run.
-    far : array (unknowns,)         Where the prior's mean of each stands, as seen from where the derivatives were taken.
+    far : array (unknowns,)         Mean of each prior less the point where the derivatives were taken.
     known : array (fitted, fitted)  Information of the priors of what was fitted to it.
     shared : int                    How many unknowns are those of the way.
     beyond : dict                   Conductor -> its class, and what of its variance lies further off than its features reach. [-]
@@ -158,7 +158,9 @@ class RecordRun:
 
     @classmethod
     def of_record(cls, way: KeptWay, problem: Problem, shared_names: Collection[str], local: Mapping[str, float]) -> RecordRun:
-        """Return the run of a record where the heat is carried in one way.
+        """Return the run of a record, linear about the values of a fit, where the heat is carried in one way.
+
+        Its unknowns in this order: values of the way, its columns, the run's own values, its own departures, what was fitted to it.
 
         Parameters
         ----------

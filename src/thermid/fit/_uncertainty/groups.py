@@ -333,6 +333,11 @@ def practical_groups(info: Information, tell: float) -> tuple[Group, ...]:
 
 
 def _practical(info: Information, at: list[int], covariance: Array, tell: float) -> Group:
+    """Return the group of the unknowns at some places: its weak directions, and the combinations that are known.
+
+    With C = covariance_ij / (size_i size_j) and C v = s^2 v: a direction is a move s v where s exceeds `tell`, a relative error [-].
+    Combinations span the directions that are not weak; they are sought where all unknowns are fitted by their logarithms.
+    """
     names = tuple(info.names[k] for k in at)
     sizes = info.sizes[at]
     part = covariance[np.ix_(at, at)] / np.outer(sizes, sizes)

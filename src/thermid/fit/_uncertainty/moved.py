@@ -339,7 +339,7 @@ class Move:
 
     @property
     def is_determined(self) -> bool:
-        """Whether the logs say anything of it that is worth a number."""
+        """Whether the logs determine it: the shift that they would find with 90 % power is at most `NONSENSE` times the value."""
         return math.isfinite(self.deviations) and self.detectable_share <= NONSENSE
 
 
@@ -538,7 +538,10 @@ def _tested(request: Request, opened: Opened, inherited: _Inherited, at: Array, 
 
 
 def _alone(u: Unknown, at: float, end: float) -> float:
-    """Return the value at the end of a step along derivatives at some value, both in the fitted form; NaN where it is no value."""
+    """Return the value [SI] at the end of a linear step from `at` to `end`, both in the fitted form.
+
+    NaN outside its bounds, or where the step is longer than derivatives can be trusted.
+    """
     low, high = u.fitted_bounds()
     reach = MAX_LOG_CHANGE if u.log else NONSENSE * max(abs(at), u.scale)
     return u.to_value(end) if low <= end <= high and abs(end - at) <= reach else math.nan
@@ -611,7 +614,11 @@ def _less(below: Array, here: Array) -> Array:
 
 
 def _groups(values: Sequence[Move], test: Callable[[Sequence[Sequence[str]]], list[Together]]) -> tuple[MovedGroup, ...]:
-    """Return one group per part with several values, and one of all; values of which the logs say nothing are left out of the tests."""
+    """Return one group per part with several values, and one of all values; none for a part that has all of them.
+
+    `test` takes the paths of each group and returns its chi-square, directions and probability. Values without a finite deviation are left
+    out of it. Probabilities of the parts are adjusted for their number by Holm's method.
+    """
     parts: dict[str, list[Move]] = {}
     for m in values:
         parts.setdefault(m.part, []).append(m)

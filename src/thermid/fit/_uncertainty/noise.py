@@ -707,7 +707,7 @@ def _likeliest(within: Array, y: Array, calm: float) -> tuple[float, float, floa
     return float(gain[k]), float(white[k]), float(ratios[k] * white[k])
 
 
-def _leaning(likes: Sequence[Array], decided: Array, residuals: Array, calm: float) -> Array:
+def _leaning(likes: Sequence[Array], decided: Array, residuals: Array, variance: float) -> Array:
     """Return by how many standard deviations of chance residuals lean towards each of some correlations (score test for no wandering).
 
     `decided` (stretches, directions) is what the trace alone decides; correlations count beside it, and `residuals` have none of it.
@@ -723,7 +723,7 @@ def _leaning(likes: Sequence[Array], decided: Array, residuals: Array, calm: flo
         mean = (float(np.trace(like)) - float(np.trace(inside))) / spare
         square = float(np.sum(like**2)) - 2.0 * float(np.sum(across**2)) + float(np.sum(inside**2))
         spread = 2.0 * (square - spare * mean**2)
-        excess = float(residuals @ like @ residuals) / calm - spare * mean
+        excess = float(residuals @ like @ residuals) / variance - spare * mean
         out[k] = excess / np.sqrt(spread) if spread > 0 else np.inf * np.sign(excess)
     return out
 

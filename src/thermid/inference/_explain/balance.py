@@ -128,7 +128,10 @@ def energy_balance(
 
 
 def _by_values(fit: Calibration, case: _Case, moved: Callable[[Model], _Case]) -> Array:
-    """Return what each source of the errors of a fit's values does to the balance of each node (sources, nodes). [W]"""
+    """Return the change of each node's balance by one standard deviation of each source of errors (sources, nodes). [W]
+
+    By differences over `BALANCE_STEP` of each fitted value; `moved` makes the case of another model.
+    """
     states = [s for s in fit.store.states.values() if s.kind == "parameter" and s.known]
     here, out = case.parts(case.given).left, []
     for s in states:
@@ -140,6 +143,8 @@ def _by_values(fit: Calibration, case: _Case, moved: Callable[[Model], _Case]) -
 
 @dataclass(frozen=True, eq=False)
 class _Parts:
+    """Terms of a balance: `left` (nodes,) unexplained, loads, heat out of boundaries, stored [W]; and temperatures `at` nodes [K]."""
+
     left: Array
     loads: dict[str, float]
     out: dict[str, float]
@@ -147,8 +152,8 @@ class _Parts:
     at: dict[str, float]
 
 
-def _together(values: list[float], errors: list[float]) -> tuple[float, float]:
-    """Return the mean of what several sensors of one node say, weighted by their errors, and its standard error, as wide as they differ."""
+def _mean_of_sensors(values: list[float], errors: list[float]) -> tuple[float, float]:
+    """Return the mean of the readings of one node, weighted by 1 / error^2, and its standard error, widened where they disagree."""
     # weighted mean, its error widened by the root of chi^2 / (n - 1) where that is above 1 (Birge's ratio)
     weights = np.maximum(np.array(errors), 1e-12) ** -2.0
     mean, size = float(weights @ values / weights.sum()), float(weights.sum() ** -0.5)
@@ -157,7 +162,11 @@ def _together(values: list[float], errors: list[float]) -> tuple[float, float]:
 
 
 class _Case:
-    """A stretch bound to a model: its inputs as numbers that can be moved one by one, to see what each error does."""
+    """A settled stretch bound to a model, with its inputs as one vector, so that each can be moved by itself.
+
+    Inputs (`slots`): temperature of a node or boundary [K], power of a load [W], rate of a node with a capacitance [K/s]; `given` are their
+    values, `errors` their standard errors, `steps` the differences by which derivatives are taken, each (inputs,).
+    """
 
     def __init__(self, model: Model, point: SteadyPoint[Record], scenario: Scenario | None) -> None:
         self.of = model
@@ -176,11 +185,11 @@ class _Case:
                 read.setdefault((role, path), []).append(v)
         for (role, path), several in read.items():
             self.slots.append((role, path))
-            value, error = _together([v.value for v in several], [float(np.hypot(v.error, v.accuracy or 0.0)) for v in several])
+            value, error = _mean_of_sensors([v.value for v in several], [float(np.hypot(v.error, v.accuracy or 0.0)) for v in several])
             values.append(value)
             errors.append(error)
             if role == "node":
-                rates.append((path, *_together([v.rate for v in several], [v.rate_error for v in several])))
+                rates.append((path, *_mean_of_sensors([v.rate for v in several], [v.rate_error for v in several])))
         self.nodes = tuple(p for role, p in self.slots if role == "node" and network.numbers().capacitances.get(p) is not None)
         if not self.nodes:
             raise RecordError(
@@ -199,7 +208,7 @@ class _Case:
         self.network = network
 
     def parts(self, x: Array) -> _Parts:
-        """Return the balance at some values of the inputs."""
+        """Return the balance at values `x` (inputs,): for each measured node loads less heat to neighbours less C dT/dt. [W]"""
         by = {slot: float(value) for slot, value in zip(self.slots, x, strict=True)}
         boundaries = {p: Constant(v) for (role, p), v in by.items() if role == "boundary"}
         loads = {p: Constant(v) for (role, p), v in by.items() if role == "load"}

@@ -16,7 +16,16 @@ from thermid.base.linear_algebra import Array
 from thermid.fit.calibration import MEASURED, Calibration, Experiment, LocalSpec, Problem, Request, first_reading
 from thermid.fit.power import PowerCourse
 from thermid.inference._explain.causes import SIZES, SizedValue
-from thermid.inference._explain.thresholds import BEGINS, COLD, MOST_PLACES, PACES, SETTLING_PACES, SLOWEST_MASS, SLOWEST_SAMPLES, TIP
+from thermid.inference._explain.thresholds import (
+    DEFAULT_COLD_TEMPERATURE,
+    MAX_PLACES,
+    MAX_TIP_SHARE,
+    PACES,
+    SETTLING_PACES,
+    SLOWEST_MASS,
+    SLOWEST_SAMPLES,
+    START_SHARE,
+)
 from thermid.measure.amounts import short
 from thermid.model.elements import Conductor, Curve, HeatLoad, Node, parameter
 from thermid.model.tree import Model
@@ -190,7 +199,7 @@ class MissingElement:
     of_power: bool = False
 
     def beside(self, other: MissingElement) -> MissingElement:
-        """Return both changes as one."""
+        """Return both changes as one, `other` laid over this one; at most two starts of each are combined."""
 
         def judge(values: Any) -> tuple[str, bool]:
             judgements = [one.judge(values) for one in (self, other)]
@@ -211,7 +220,19 @@ class MissingElement:
 
 @dataclass(frozen=True)
 class _Place:
-    """A node with what a change there must know of it."""
+    """A node at which a change may be made.
+
+    Parameters
+    ----------
+    node : str              Its path.
+    channels : tuple        Sensors that read it; empty where the sensor is a node of its own.
+    capacity : float        Heat capacity. [J/K]
+    loss : float            Sum of the constant conductances that end at it. [W/K]
+    boundary : str          A boundary beside it; empty for none.
+    area : float            Area of its surfaces; zero where none is stated. [m^2]
+    rise : float            Range of its predicted temperature. [K]
+    load, power : str, float    The first load that enters it, and its power by the deck. [W]
+    """
 
     node: str
     channels: tuple[str, ...]
@@ -230,7 +251,7 @@ class _Place:
 
     @property
     def pace(self) -> float:
-        """Its own time constant. [s]"""
+        """Its time constant, capacity / loss; 600 s without a loss. [s]"""
         return self.capacity / self.loss if self.loss > 0 else 600.0
 
 
@@ -288,13 +309,13 @@ def hidden_defects(structure: Fitted) -> Iterator[MissingElement]:
             whole = whole.beside(lag)
         yield whole if len(lags) == 1 else replace(whole, name="a lag of every sensor")
     for place in places:
-        yield _second(structure.request, place, "hidden_mass")
+        yield _second_mass(structure.request, place, "hidden_mass")
     network = structure.experiments[0].network
     joined = _joined(network, {*(p.node for p in places), *network.boundaries})
     for place in places:
         for boundary in network.boundaries:
             if frozenset((place.node, boundary)) not in joined:
-                yield _linked(structure.request, place.node, boundary, BEGINS * (place.loss or 1.0))
+                yield _contact(structure.request, place.node, boundary, START_SHARE * (place.loss or 1.0))
 
 
 def plain_lacks(structure: Fitted) -> Iterator[MissingElement]:
@@ -302,9 +323,9 @@ def plain_lacks(structure: Fitted) -> Iterator[MissingElement]:
     yield from hidden_defects(structure)
     places = _places(structure)
     for place in (p for p in places if p.boundary):
-        yield _steeper(structure.request, place)
+        yield _steeper_convection(structure.request, place)
         yield _radiation(structure.request, place)
-    yield from _alike(structure, places)
+    yield from _same_everywhere(structure, places)
 
 
 def changes_of(structure: Fitted) -> Iterator[MissingElement]:
@@ -316,53 +337,56 @@ def changes_of(structure: Fitted) -> Iterator[MissingElement]:
             shell = _shell(structure.request, place)
             yield shell
             if place.load in structure.request.model.loads:
-                yield _source(structure.request, place, shell, f"{shell.name} that takes the heat of '{place.load}'")
+                yield _moved_source(structure.request, place, shell, f"{shell.name} that takes the heat of '{place.load}'")
             yield _one_way(structure.request, place, place.boundary, f"'{place.boundary}'")
         yield from _settling(structure, place)
     network = structure.experiments[0].network
     joined = _joined(network, {*(p.node for p in places), *network.boundaries})
     for a, b in itertools.combinations(places, 2):
         if frozenset((a.node, b.node)) not in joined:
-            yield _linked(structure.request, a.node, b.node, BEGINS * min(a.loss or 1.0, b.loss or 1.0))
+            yield _contact(structure.request, a.node, b.node, START_SHARE * min(a.loss or 1.0, b.loss or 1.0))
         else:
             yield _one_way(structure.request, a, b.node, f"'{b.node}'")
     for place in _places(structure, hidden=True):
-        yield _second(structure.request, place, "hidden_mass")
+        yield _second_mass(structure.request, place, "hidden_mass")
     yield from _of_hidden(structure, places)
-    yield from _alike(structure, places)
+    yield from _same_everywhere(structure, places)
     if len(places) > 1:
-        shared = _shared(structure.request, places)
+        shared = _common_mass(structure.request, places)
         yield shared
         for place in places:
             if place.load in structure.request.model.loads:
-                yield _source(structure.request, place, shared, f"{shared.name} and that takes the heat of '{place.load}'")
-    yield from _late(structure.request)
+                yield _moved_source(structure.request, place, shared, f"{shared.name} and that takes the heat of '{place.load}'")
+    yield from _delays(structure.request)
 
 
 def _at_a_place(structure: Fitted, place: _Place) -> Iterator[MissingElement]:
+    """Yield the elements that may be missing at one node: lag, masses, laws of its surface, a power that grows."""
     request = structure.request
     if place.channels:
         yield _lag(request, place)
-    yield _second(request, place, "hidden_mass")
+    yield _second_mass(request, place, "hidden_mass")
     if place.load in request.model.loads:
-        yield _source(request, place, _second(request, place, "inner_mass"), f"an inner mass that takes the heat of '{place.load}'")
+        yield _moved_source(
+            request, place, _second_mass(request, place, "inner_mass"), f"an inner mass that takes the heat of '{place.load}'"
+        )
     if place.boundary:
-        yield _steeper(request, place)
+        yield _steeper_convection(request, place)
         yield _radiation(request, place)
     if place.load and _may_grow(request, place.load):
-        yield _growing(structure, place)
+        yield _growing_power(structure, place)
 
 
-def _alike(structure: Fitted, places: Sequence[_Place]) -> Iterator[MissingElement]:
+def _same_everywhere(structure: Fitted, places: Sequence[_Place]) -> Iterator[MissingElement]:
     """Yield one change at all places together: parts of one kind have sensors, surfaces and powers of one kind."""
     request = structure.request
     kinds: tuple[tuple[str, Callable[[Request, _Place], MissingElement], list[_Place]], ...] = (
         ("a lag of every sensor", _lag, [p for p in places if p.channels]),
         ("radiation of every part", _radiation, [p for p in places if p.boundary]),
-        ("coefficients that grow with the difference (dT^(1/4)) at every part", _steeper, [p for p in places if p.boundary]),
+        ("coefficients that grow with the difference (dT^(1/4)) at every part", _steeper_convection, [p for p in places if p.boundary]),
         (
             "powers that grow with temperature",
-            lambda _, p: _growing(structure, p),
+            lambda _, p: _growing_power(structure, p),
             [p for p in places if p.load and _may_grow(request, p.load)],
         ),
     )
@@ -398,7 +422,7 @@ def _places(structure: Fitted, hidden: bool = False) -> list[_Place]:
         if hidden and (node in channels or any(c in channels and len(near.get(c, [])) == 1 for c in near.get(node, []))):
             continue
         beside = near.get(node, [])
-        tip = len(beside) == 1 and node not in loads and held[node] < TIP * held.get(beside[0], 0.0)
+        tip = len(beside) == 1 and node not in loads and held[node] < MAX_TIP_SHARE * held.get(beside[0], 0.0)
         seat = beside[0] if tip else node
         if seat in out:
             continue
@@ -409,7 +433,7 @@ def _places(structure: Fitted, hidden: bool = False) -> list[_Place]:
         own_channels, load = () if tip else tuple(channels.get(node, ())), loads.get(seat, "")
         rise = max(structure.rises.get(node, 1.0), 1e-3)
         out[seat] = _Place(seat, own_channels, held[seat], strength.get(seat, 0.0), boundary, area, rise, load, watts.get(load, 0.0))
-    return list(out.values())[:MOST_PLACES]
+    return list(out.values())[:MAX_PLACES]
 
 
 def _of_hidden(structure: Fitted, places: Sequence[_Place]) -> Iterator[MissingElement]:
@@ -421,9 +445,9 @@ def _of_hidden(structure: Fitted, places: Sequence[_Place]) -> Iterator[MissingE
     hidden = [n for n, c in numbers.capacitances.items() if c is not None and value_of(c) > 0 and n not in observed]
     joined = {frozenset(row.ends[:2]) for row in numbers.conductors}
     ends = [*(p.node for p in places), *network.boundaries, *hidden]
-    for k, node in enumerate(hidden[:MOST_PLACES]):
+    for k, node in enumerate(hidden[:MAX_PLACES]):
         for other in (e for e in ends if e != node and e not in hidden[:k] and frozenset((node, e)) not in joined):
-            yield _linked(structure.request, node, other, BEGINS * (strength.get(node) or 1.0))
+            yield _contact(structure.request, node, other, START_SHARE * (strength.get(node) or 1.0))
 
 
 def _strengths(rows: Sequence[Any]) -> dict[str, float]:
@@ -489,6 +513,7 @@ def _started(request: Request, node: str, channels: Sequence[str]) -> Request:
 
 
 def _lag(request: Request, place: _Place) -> MissingElement:
+    """Return a sensor that follows its node with a time constant tau = C / G: a small mass C behind a fitted conductance G."""
     name = _free_name(request, f"{place.word}_sensor")
     link = f"{name}_fit"
     held = 1e-3 * place.capacity
@@ -523,8 +548,8 @@ def _lag(request: Request, place: _Place) -> MissingElement:
     return MissingElement(f"a lag of the sensor at '{place.node}'", make(request), judge, make, 1, sizes, starts)
 
 
-def _source(request: Request, place: _Place, mass: MissingElement, name: str) -> MissingElement:
-    """The heat enters a new mass, not the part that is measured."""
+def _moved_source(request: Request, place: _Place, mass: MissingElement, name: str) -> MissingElement:
+    """Return the change `mass` with the load of a place moved into its new mass."""
     node = next(n for n in mass.request.model.nodes if n not in request.model.nodes)
 
     def make(request: Request) -> Request:
@@ -536,8 +561,8 @@ def _source(request: Request, place: _Place, mass: MissingElement, name: str) ->
     return replace(mass, name=name, request=make(request), make=make)
 
 
-def _second(request: Request, place: _Place, word: str) -> MissingElement:
-    """A mass behind a resistance."""
+def _second_mass(request: Request, place: _Place, word: str) -> MissingElement:
+    """Return a mass with fitted capacitance behind a fitted conductance at a node; `word` is part of its name."""
     name = _free_name(request, f"{place.word}_{word}")
     held, link = 0.3 * place.capacity, f"{name}_link"
     longest = SLOWEST_MASS * max(float(np.ptp(r.times)) for r in request.records)
@@ -564,7 +589,7 @@ def _second(request: Request, place: _Place, word: str) -> MissingElement:
 
 
 def _shell(request: Request, place: _Place) -> MissingElement:
-    """A mass in the way of the heat from a part to its surroundings, which the part reaches past it as well."""
+    """Return a mass between a node and its boundary, with a conductance to each; the links that were there stay."""
     name = _free_name(request, f"{place.word}_shell")
     held, inner, outer = 1.0 * place.capacity, f"{name}_inner", f"{name}_outer"
     free = (f"{name}.capacitance", f"{inner}.conductance", f"{outer}.conductance")
@@ -593,8 +618,8 @@ def _shell(request: Request, place: _Place) -> MissingElement:
     return MissingElement(title, make(request), judge, make, 1, sizes, starts)
 
 
-def _shared(request: Request, places: Sequence[_Place]) -> MissingElement:
-    """A mass that all parts stand on, such as a board, with a way of its own to the surroundings."""
+def _common_mass(request: Request, places: Sequence[_Place]) -> MissingElement:
+    """Return a mass with a conductance to every place and to a boundary, such as a board."""
     name = _free_name(request, "common_mass")
     held, boundary = 3.0 * sum(p.capacity for p in places), next((p.boundary for p in places if p.boundary), "")
     links = {f"{name}_{p.word}": (p.node, 0.3 * p.loss or p.capacity / 600.0) for p in places}
@@ -621,8 +646,8 @@ def _shared(request: Request, places: Sequence[_Place]) -> MissingElement:
     return MissingElement(f"a mass that {nodes} stand on", make(request), judge, make, 1, sizes, starts)
 
 
-def _linked(request: Request, a: str, b: str, size: float) -> MissingElement:
-    """A contact between two nodes that begins with a conductance. [W/K]"""
+def _contact(request: Request, a: str, b: str, size: float) -> MissingElement:
+    """Return a contact between two nodes; `size` is the conductance from which its fit begins. [W/K]"""
     name = _free_name(request, f"{_word(a)}_to_{_word(b)}")
     free = f"{name}.conductance"
     make = _adding("a contact", (free,), conductors={name: Conductor("conduction", (a, b), {"conductance": _amount(size, "W/K", name)})})
@@ -630,15 +655,18 @@ def _linked(request: Request, a: str, b: str, size: float) -> MissingElement:
     def judge(values: Any) -> tuple[str, bool]:
         return f"{short(values[free].value, 3)} W/K", True
 
-    sizes = {free: SIZES["contact"].at(size / BEGINS)}
+    sizes = {free: SIZES["contact"].at(size / START_SHARE)}
     return MissingElement(f"a contact between '{a}' and '{b}'", make(request), judge, make, sizes=sizes, additive=True)
 
 
 def _one_way(request: Request, place: _Place, other: str, words: str) -> MissingElement:
-    """A coupling that is stronger in one direction, as warm air rises: it carries heat only from the part."""
+    """Return a coupling that carries heat only from a part to `other`, as warm air rises: Q = G dT for dT > 1 K, none for dT < 0. [W]
+
+    G begins with `START_SHARE` times what the part loses already. [W/K]
+    """
     name = _free_name(request, f"{place.word}_outward_{_word(other)}")
     free = f"{name}.scale"
-    size = BEGINS * (place.loss or 1.0)
+    size = START_SHARE * (place.loss or 1.0)
     # over 1 K about equal temperatures the table goes from nothing to its full conductance
     curve = Curve("difference", np.array([0.0, 1.0]), np.array([0.0, 1.0]))
     make = _adding(
@@ -650,11 +678,11 @@ def _one_way(request: Request, place: _Place, other: str, words: str) -> Missing
     def judge(values: Any) -> tuple[str, bool]:
         return f"{short(values[free].value, 3)} W/K more from '{place.node}' than towards it", True
 
-    name, sizes = f"a coupling of '{place.node}' and {words} that depends on direction", {free: SIZES["contact"].at(size / BEGINS)}
+    name, sizes = f"a coupling of '{place.node}' and {words} that depends on direction", {free: SIZES["contact"].at(size / START_SHARE)}
     return MissingElement(name, make(request), judge, make, sizes=sizes, additive=True)
 
 
-def _late(request: Request) -> Iterator[MissingElement]:
+def _delays(request: Request) -> Iterator[MissingElement]:
     """Yield commands and powers that act later than they are logged, by one to eight samples."""
     driven = [n for r in request.records for n, c in r.channels.items() if c.role in ("command", "load")]
     if not driven or not all(r.times.size > 20 for r in request.records):
@@ -681,9 +709,10 @@ def _late(request: Request) -> Iterator[MissingElement]:
         yield MissingElement(f"commands that act {short(delay, 3)} s late", make(request), judge, make, delay=delay)
 
 
-def _steeper(request: Request, place: _Place) -> MissingElement:
+def _steeper_convection(request: Request, place: _Place) -> MissingElement:
+    """Return natural convection to the boundary of a place, h = c (dT / 1 K)^(1/4), c fitted. [W/(m^2 K)]"""
     name, area = _free_name(request, f"{place.word}_steeper_convection"), place.area or 1.0
-    size = (BEGINS * place.loss or 0.01) / (area * place.rise**0.25)
+    size = (START_SHARE * place.loss or 0.01) / (area * place.rise**0.25)
     fields = {
         "htc.coefficient": _amount(size, "W/(m^2 K)", name),
         "htc.exponent": parameter("0.25", name),
@@ -711,8 +740,9 @@ def _law(place: _Place, kind: str, strength: float) -> SizedValue:
 
 
 def _radiation(request: Request, place: _Place) -> MissingElement:
+    """Return radiation to the boundary of a place with a fitted exchange factor; over 1 m^2 where no area is stated."""
     name, area = _free_name(request, f"{place.word}_radiated"), place.area or 1.0
-    start = min(max(BEGINS * place.loss / (6.0 * area), 1e-6), 1.0)
+    start = min(max(START_SHARE * place.loss / (6.0 * area), 1e-6), 1.0)
     fields = {"exchange_factor": parameter({"value": f"{start!r}", "min": 1e-6}, name), "area": parameter(f"{area!r} [m^2]", name)}
     free = f"{name}.exchange_factor"
     make = _adding("radiation", (free,), conductors={name: Conductor("radiation", (place.node, place.boundary), fields)})
@@ -765,8 +795,8 @@ def _may_grow(request: Request, load: str) -> bool:
     return load not in request.model.loads or "temperature_coefficient" not in request.model.loads[load].fields
 
 
-def _logged(request: Request, load: str) -> bool:
-    """Whether every record logs a power that nothing else is said of, so that the log can stand for what it has when cold."""
+def _is_plainly_logged(request: Request, load: str) -> bool:
+    """Whether every record logs a power by one channel without gain or accuracy, and the deck gives it no other law."""
     heat_load = request.model.loads.get(load)
     if heat_load is None or set(heat_load.fields) != {"power"} or heat_load.curve is not None or heat_load.cycle is not None:
         return False
@@ -775,10 +805,10 @@ def _logged(request: Request, load: str) -> bool:
 
 
 def _growing_as_logged(structure: Fitted, place: _Place) -> MissingElement:
-    """A power that is the logged one at the first reading, and more of it the warmer its node is."""
+    """Return the logged power times 1 + a (T - T_0), a fitted, T_0 the mean first reading of its node."""
     load, free = place.load, f"{place.load}.temperature_coefficient"
     first = [float(o.measured[0]) for e in structure.experiments for o in e.observations if o.measured.size and o.seat == place.node]
-    cold = float(np.mean(first)) if first else COLD
+    cold = float(np.mean(first)) if first else DEFAULT_COLD_TEMPERATURE
     fields = {
         "power": parameter("1 [W]", load),
         "temperature_coefficient": parameter(
@@ -821,8 +851,9 @@ def _comes_on(e: Experiment, load: str) -> tuple[float, float] | None:
     return (float(e.times[np.argmax(watts > 0.5 * high)]), high) if high > 0.0 else None
 
 
-def _growing(structure: Fitted, place: _Place) -> MissingElement:
-    if _logged(structure.request, place.load):
+def _growing_power(structure: Fitted, place: _Place) -> MissingElement:
+    """Return a load that adds P_1 (T - 20 degC) / 1 K, P_1 fitted, or the law of `_growing_as_logged` where the power is logged."""
+    if _is_plainly_logged(structure.request, place.load):
         return _growing_as_logged(structure, place)
     request = structure.request
     name = _free_name(request, f"{place.word}_growing_power")

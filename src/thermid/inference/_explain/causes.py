@@ -32,11 +32,11 @@ class CauseSize:
     high: float = math.inf
 
     def at(self, unit: float = 1.0) -> SizedValue:
-        """Return the prior of a value of which one `unit` is so much. [SI]"""
+        """Return the prior of a value in SI units; `unit` is the size of one `self.unit` in them. [SI]"""
         return SizedValue(self.middle * unit, self.spread * (1.0 if self.middle else unit))
 
     def allows(self, size: float) -> bool:
-        """Whether hardware can have a size. [`unit`]"""
+        """Whether hardware can have a size [`unit`]: from `low` to `high`, both included."""
         return self.low <= size <= self.high
 
 

@@ -17,7 +17,15 @@ from thermid.fit.calibration import Calibration, Request, fit as refit
 from thermid.inference._explain.candidates import missing_elements
 from thermid.inference._explain.heats import unlogged_powers
 from thermid.inference._explain.structures import EvaluationBudget, FittedStructure, adopted, fitted_structure, fitted_structures, promises
-from thermid.inference._explain.thresholds import FEWEST_RECORDS, MOST_LAGS, REFITTED, SURE_SLOPE, TIE, VERY_STRONG, WORTH_A_WORD
+from thermid.inference._explain.thresholds import (
+    MAX_LAGS,
+    MAX_REFITTED_ELEMENTS,
+    MIN_RECORDS_COMPARED,
+    MIN_SLOPE_DEVIATIONS,
+    TIE,
+    VERY_STRONG,
+    WORTH_A_WORD,
+)
 from thermid.inference._explain.weighing import noise_of
 from thermid.measure.amounts import short
 from thermid.simulation.runs import Workers, simulate
@@ -25,11 +33,14 @@ from thermid.simulation.solver import refuse_unseen
 
 
 def ljung_box(residuals: Array) -> tuple[float, float]:
-    """Return the autocorrelation of neighbours, and the probability of correlations as large by chance."""
+    """Return the lag-one autocorrelation of residuals (samples,), and the probability of the Ljung-Box statistic by chance. [-]
+
+    (0, 1) for fewer than five samples or constant ones.
+    """
     from scipy.special import gammaincc
 
     z, n = residuals - residuals.mean(), residuals.size
-    lags = min(MOST_LAGS, n // 5)
+    lags = min(MAX_LAGS, n // 5)
     power = float(z @ z)
     if lags < 1 or power <= 0:
         return 0.0, 1.0
@@ -49,7 +60,7 @@ def cumulated_periodogram(residuals: Array) -> Array:
 
 
 def periodogram(residuals: Array) -> tuple[float, float]:
-    """Return the largest distance from the straight line, and the distance that chance allows at 95 %."""
+    """Return the largest excess of the cumulated periodogram over white noise, and that allowed at 95 %; (0, 1) for few samples. [-]"""
     share = cumulated_periodogram(residuals)
     if share.size < 3:
         return 0.0, 1.0
@@ -128,7 +139,7 @@ class TraceCriticism:
         )
         units = {"temperature": ("K per K of temperature", 1.0), "power": ("K per W", 1.0), "time": ("K per hour", 3600.0)}
         for name, (slope, error) in self.slopes.items():
-            if abs(slope) > SURE_SLOPE * error:
+            if abs(slope) > MIN_SLOPE_DEVIATIONS * error:
                 text += f"; they go with {name}: {slope * units[name][1]:+.2g} {units[name][0]} ({abs(slope) / error:.0f} standard errors)"
         return text
 
@@ -292,7 +303,7 @@ def running_locals(fit: Calibration) -> list[str]:
         best = (1.0, "")
         for name in names:
             pairs = np.array([(means[r][name], value) for r, value in local_values.items() if name in means[r]]).reshape(-1, 2)
-            if len(pairs) < FEWEST_RECORDS or np.ptp(pairs[:, 0]) <= 0:
+            if len(pairs) < MIN_RECORDS_COMPARED or np.ptp(pairs[:, 0]) <= 0:
                 continue
             x, y = pairs[:, 0] - pairs[:, 0].mean(), pairs[:, 1] - pairs[:, 1].mean()
             design = np.column_stack([np.ones_like(x), x, x**2])
@@ -310,6 +321,7 @@ def running_locals(fit: Calibration) -> list[str]:
 
 
 def _traces(fit: Calibration) -> list[TraceCriticism]:
+    """Return the criticism of every sensor in every record."""
     out = []
     powers = {}
     for e in fit.experiments:
@@ -361,7 +373,7 @@ def _tried(fit: Calibration, request: Request, executor: Workers) -> list[Candid
         before, refused = base.rmse, list[tuple[str, str]]()
         tried_structures: list[tuple[str, FittedStructure | None]] = []
         scores = promises(base, (*missing_elements(fit, request), *unlogged_powers(request)), refused)
-        tries = [((s.change,), s.change.request, s.start) for s in scores[:REFITTED]]
+        tries = [((s.change,), s.change.request, s.start) for s in scores[:MAX_REFITTED_ELEMENTS]]
         refits = chain(fitted_structures(tries, base.fitted, budget, executor), repeat(None))
         for score, outcome in zip(scores, refits, strict=False):
             if isinstance(outcome, str):

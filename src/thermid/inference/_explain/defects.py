@@ -26,6 +26,7 @@ from thermid.inference._explain.thresholds import (
     FAR_STEPS,
     FIRST_SWITCH_POSITION,
     MAX_DEFECT_FACTOR,
+    MAX_NOISE_CHI_SQUARE,
     MAX_REFIT_EVALUATIONS,
     MAX_REFIT_NODES,
     MAX_REFIT_RECORDS,
@@ -35,8 +36,7 @@ from thermid.inference._explain.thresholds import (
     MAX_START_DEVIATIONS,
     MAX_TIMED_CHANGES,
     MIN_DEFECT_WEIGHT,
-    NOISY,
-    TAKEN,
+    MIN_PROMISED_FALL,
     UNDETERMINED,
     VERY_STRONG,
 )
@@ -104,7 +104,7 @@ def asks(fit: Calibration) -> bool:
     small = len(problem.unknowns) <= MAX_REFIT_UNKNOWNS and fit.freedom <= MAX_REFIT_SAMPLES and len(request.records) <= MAX_REFIT_RECORDS
     small = small and len(problem.experiments[0].network.nodes) <= MAX_REFIT_NODES
     stated = all(o.noise is not None for o in problem.observations())
-    return small and stated and fit.reduced_chi_square > NOISY
+    return small and stated and fit.reduced_chi_square > MAX_NOISE_CHI_SQUARE
 
 
 def _explained(fit: Calibration, request: Request) -> tuple[ExplainedFit, ...]:
@@ -119,12 +119,12 @@ def _explained(fit: Calibration, request: Request) -> tuple[ExplainedFit, ...]:
     ]
     for change in changes:  # a search that begins elsewhere, where nothing explains the residuals yet
         for start in change.starts if change is not None else ():
-            if min((t.fit.reduced_chi_square for t in attempts), default=np.inf) > NOISY:
+            if min((t.fit.reduced_chi_square for t in attempts), default=np.inf) > MAX_NOISE_CHI_SQUARE:
                 attempts += [t for t in [_tried(open_request, change, FIRST_SWITCH_POSITION, clock, start)] if t is not None]
     if not attempts:
         return ()
     best = max(attempts, key=_likeliest)
-    if best.fit.reduced_chi_square > NOISY or _over(best.weighing, _weighed(fit, None)) < 0.5 * VERY_STRONG:
+    if best.fit.reduced_chi_square > MAX_NOISE_CHI_SQUARE or _over(best.weighing, _weighed(fit, None)) < 0.5 * VERY_STRONG:
         return ()  # it leaves more than noise, or is not much better than the fit of the deck
     if clock is not None and clock.sampled:
         at, _ = _instant(open_request, best, clock)
@@ -134,7 +134,7 @@ def _explained(fit: Calibration, request: Request) -> tuple[ExplainedFit, ...]:
     likely = _nearly_as_likely(attempts)
     weights = np.array([t.share for t in likely]) * shares([t.weighing for t in likely])
     out = [
-        ExplainedFit("" if t.change is None else t.change.name, _found_in(t), float(w), t.fit)
+        ExplainedFit("" if t.change is None else t.change.name, _finding(t), float(w), t.fit)
         for t, w in zip(likely, weights / weights.sum(), strict=True)
     ]
     return tuple(sorted(out, key=lambda e: -e.weight))
@@ -143,7 +143,7 @@ def _explained(fit: Calibration, request: Request) -> tuple[ExplainedFit, ...]:
 def _promises(fit: Calibration, request: Request, change: MissingElement | None, clock: _Clock | None) -> bool:
     """Whether one step of Gauss and Newton from the values of a fit, with a defect and the clock beside them, explains its residuals.
 
-    It does where it leaves noise, or takes off `TAKEN` of chi-square. A step is one run and a refit some forty of them.
+    It does where it leaves noise, or takes off `MIN_PROMISED_FALL` of chi-square. A step is one run and a refit some forty of them.
     """
     if change is None and clock is None:
         return False
@@ -158,27 +158,29 @@ def _promises(fit: Calibration, request: Request, change: MissingElement | None,
     priors, prior_slopes = problem.prior_rows(at)
     rows, slopes = np.concatenate([here.rows, priors]), np.concatenate([here.slopes, prior_slopes])
     chi_square_left = float(np.sum((rows + slopes @ np.linalg.lstsq(slopes, -rows, rcond=None)[0]) ** 2)) / max(problem.freedom, 1)
-    return chi_square_left <= max(NOISY, (1.0 - TAKEN) * fit.reduced_chi_square)
+    return chi_square_left <= max(MAX_NOISE_CHI_SQUARE, (1.0 - MIN_PROMISED_FALL) * fit.reduced_chi_square)
 
 
 def _likeliest(t: _Tried) -> float:
+    """Return the logarithm of the evidence of a refit; what refits are sorted by."""
     return t.weighing.best
 
 
 def _nearly_as_likely(attempts: Sequence[_Tried]) -> list[_Tried]:
-    """Return those that are not much less likely than the best."""
+    """Return the refits whose evidence is above `MIN_DEFECT_WEIGHT` of the best one's, under one noise."""
     noise = noise_of(t.weighing for t in attempts)
     most = max(t.weighing.averaged[noise] for t in attempts)
     return [t for t in attempts if t.weighing.averaged[noise] > most + np.log(MIN_DEFECT_WEIGHT)]
 
 
 def _over(one: CauseScore, other: CauseScore) -> float:
-    """Return the logarithm of the Bayes factor of one over another, under one noise."""
+    """Return the logarithm of the Bayes factor of `one` over `other`, under the noise of `noise_of`. [-]"""
     noise = noise_of((one, other))
     return float(one.averaged[noise] - other.averaged[noise])
 
 
 def _values(fit: Calibration) -> dict[str, float]:
+    """Return path -> fitted value. [SI]"""
     return {p: v.value for p, v in fit.values.parameters.items()}
 
 
@@ -193,9 +195,10 @@ def _begun(request: Request, change: MissingElement | None) -> Mapping[str, floa
 
 
 def _instant(request: Request, near: _Tried, clock: _Clock) -> tuple[float, float]:
-    """Return where in their intervals powers changed, the likeliest place and its standard deviation. [-]
+    """Return the likeliest instant of power changes within their sampling intervals, from 0 to 1, and its standard deviation. [-]
 
-    Chi-square is a parabola of the instant, to first order.
+    Three fits about the middle give the parabola chi^2(f); its minimum is the instant and sqrt(2 level / chi^2'') its deviation, infinite
+    where the parabola opens downwards.
     """
     begin = _values(near.fit)
     for step in (1.0 / 3.0, 1.0 / 6.0):
@@ -286,12 +289,12 @@ def _refit(request: Request, begin: Mapping[str, float], deck_values: Sequence[s
 
 
 def _decided(request: Request, fit: Calibration) -> bool:
-    """Whether the values that a defect adds have errors that are small beside them."""
+    """Whether every value that a defect adds has a standard error below `UNDETERMINED` of it."""
     added_values = [v for p, v in fit.values.parameters.items() if p not in request.free]
     return all(v.error < UNDETERMINED * abs(v.value) for v in added_values)
 
 
-def _found_in(tried: _Tried) -> str:
+def _finding(tried: _Tried) -> str:
     """Return what a fit with a defect found, in words."""
     delays = [(x.record, x.value, x.error) for x in tried.fit.local if x.name == "delay"]
     several = len(delays) > 1
@@ -355,6 +358,7 @@ def _clock(fit: Calibration) -> _Clock | None:
 
 
 def _moves(c: Channel) -> bool:
+    """Whether the valid values of a channel differ."""
     return bool(c.valid.any() and np.ptp(c.values[c.valid]) > 0.0)
 
 

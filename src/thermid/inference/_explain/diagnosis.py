@@ -18,7 +18,13 @@ from thermid.base.results import Result
 from thermid.fit.calibration import Calibration
 from thermid.inference._explain.candidates import Fault, faults_of
 from thermid.inference._explain.causes import GROUPS
-from thermid.inference._explain.thresholds import DIAGNOSED, DIAGNOSED_ROUNDS, DIAGNOSED_STRETCHES, EXPLAINS, LEFT_BY_EVERY_MODEL
+from thermid.inference._explain.thresholds import (
+    DIAGNOSED_ROUNDS,
+    DIAGNOSED_STRETCHES,
+    LEFT_BY_EVERY_MODEL,
+    MAX_DIAGNOSED_FAULTS,
+    MIN_EXPLAINED_SHARE,
+)
 from thermid.simulation.runs import Simulator, prepare
 
 NOTHING = "nothing"
@@ -28,7 +34,18 @@ Tried = tuple[float, float, float, float, float]
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """One log: thinned deviations, and what simulates it."""
+    """One log: thinned deviations, and what simulates it.
+
+    Parameters
+    ----------
+    ready : Simulator
+    sensors, nodes : tuple of str       The sensors, and the node of each.
+    centres : array (bins,)             Middles of the stretches. [s]
+    deviations : array (sensors, bins)  Mean of measured less model. [K]
+    errors : array (sensors, bins)      Standard error of these by noise. [K]
+    room : str                          The boundary that a loose sensor leans to.
+    starts : dict                       Sensor -> initial temperatures that its first reading sets.
+    """
 
     ready: Simulator
     sensors: tuple[str, ...]
@@ -53,7 +70,7 @@ class Case:
 
 
 class FaultBench:
-    """All logs together: deviations as one vector, their covariance, the response of every candidate."""
+    """All logs together: deviations as one vector `d` (readings,) [K], their covariance, the response of every candidate."""
 
     def __init__(self, cases: Sequence[Case], candidates: Sequence[Fault], accuracy: Mapping[str, float]) -> None:
         self.cases, self.candidates = cases, candidates
@@ -81,12 +98,12 @@ class FaultBench:
         return np.asarray(np.linalg.inv(np.linalg.cholesky(self._covariance)))
 
     def spread_over(self, columns: Array) -> None:
-        """Count what values that are not known exactly do to the readings, a column per direction."""
+        """Add D D' to the covariance of the deviations: D = `columns` (readings, directions), one sd of a value each. [K]"""
         self._covariance = self._covariance + columns @ columns.T
         self.__dict__.pop("root", None)
 
     def response(self, c: Fault, runs: Sequence[tuple[Array, dict[str, Array], Array]]) -> Array:
-        """Return what a unit of a candidate adds to every simulated reading."""
+        """Return the change of every simulated reading (readings,) per unit of a candidate. [K per its unit]"""
         parts = []
         for case, (at, slopes, room) in zip(self.cases, runs, strict=True):
             if c.free:
@@ -104,7 +121,7 @@ class FaultBench:
         return np.concatenate(parts)
 
     def moved(self, c: Fault, amount: float) -> tuple[Array, Array]:
-        """Return what a candidate of some size adds to the simulated readings, and its response there."""
+        """Return the change of the simulated readings (readings,) by an amount of a candidate [K], and its response there."""
         if not c.free:
             s = self.response(c, self.nominal)
             return amount * s, s
@@ -211,7 +228,7 @@ class Diagnosis(Result):
     @property
     def single(self) -> bool:
         """Whether one fault explains most of it; else it only comes nearest among those that were tried one by one."""
-        return self.best is not None and self.best.explained >= EXPLAINS
+        return self.best is not None and self.best.explained >= MIN_EXPLAINED_SHARE
 
     def __str__(self) -> str:
         """Return the diagnosis as text."""
@@ -292,7 +309,7 @@ def _weighed(bench: FaultBench) -> Diagnosis:
     # those that matter again, with the response where they end and not where they begin
     for group in GROUPS:
         ranked = sorted((k for k, c in enumerate(bench.candidates) if c.group == group), key=lambda k: -tried[k][0])
-        for k in ranked[:DIAGNOSED]:
+        for k in ranked[:MAX_DIAGNOSED_FAULTS]:
             if bench.candidates[k].free:
                 tried[k] = _refitted(bench, bench.candidates[k], z, tried[k])
     # each group is as likely as the next, and each of its faults as the others: the mean of their evidences
@@ -310,13 +327,15 @@ def _weighed(bench: FaultBench) -> Diagnosis:
 
 
 def _linear(bench: FaultBench, c: Fault, z: Array) -> Tried:
+    """Return the outcome of a fault by its response where nothing is wrong; `z` (readings,) are the whitened deviations."""
     s = bench.response(c, bench.nominal)
     w = bench.root @ s
-    amount, square = _best(c, float(w @ w), float(w @ z))
+    amount, square = _likeliest_amount(c, float(w @ w), float(w @ z))
     return _evidence(c, z, z - w * amount, bench.d - s * amount, amount, square)
 
 
 def _refitted(bench: FaultBench, c: Fault, z: Array, begun: Tried) -> Tried:
+    """Return the outcome of a fault by up to `DIAGNOSED_ROUNDS` steps of Gauss and Newton from `begun`."""
     amount, best = begun[1], begun
     for _ in range(DIAGNOSED_ROUNDS):
         try:
@@ -324,7 +343,7 @@ def _refitted(bench: FaultBench, c: Fault, z: Array, begun: Tried) -> Tried:
         except ThermidError:
             return best
         w, residuals = bench.root @ s, bench.root @ (bench.d - added)
-        following, square = _best(c, float(w @ w), float(w @ (residuals + w * amount)))
+        following, square = _likeliest_amount(c, float(w @ w), float(w @ (residuals + w * amount)))
         best = _evidence(c, z, residuals, bench.d - added, amount, square)
         # half steps where it would leave what is possible
         floor = -0.9 if c.unit == "1" else -np.inf
@@ -335,8 +354,8 @@ def _refitted(bench: FaultBench, c: Fault, z: Array, begun: Tried) -> Tried:
     return best
 
 
-def _best(c: Fault, curvature: float, cross: float) -> tuple[float, float]:
-    """Return the likeliest amount, and its curvature."""
+def _likeliest_amount(c: Fault, curvature: float, cross: float) -> tuple[float, float]:
+    """Return the likeliest amount [its unit], and its precision, from w'w and w'z of the whitened response w; not below 0 if one-sided."""
     # amount ~ N(0, size^2): the posterior's precision is own + 1 / size^2, its mean cross / precision
     square = curvature + 1.0 / c.size**2
     amount = cross / square
@@ -344,6 +363,7 @@ def _best(c: Fault, curvature: float, cross: float) -> tuple[float, float]:
 
 
 def _evidence(c: Fault, z: Array, residuals: Array, rest: Array, amount: float, square: float) -> Tried:
+    """Return the outcome of an amount with the precision `square`, whitened `residuals`, and deviations `rest` left. [K]"""
     # ln of the Bayes factor by Laplace: half the fall of the squares, the prior's penalty with it, less half of ln(size^2 precision);
     # of a one-sided amount the prior is twice as dense
     gain = 0.5 * (float(z @ z) - float(residuals @ residuals) - (amount / c.size) ** 2) - 0.5 * float(np.log(c.size**2 * square))

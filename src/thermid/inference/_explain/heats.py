@@ -16,15 +16,15 @@ from thermid.fit.power import ONE_TURN, SHAPES, PowerCourse, watts, with_load
 from thermid.inference._explain.candidates import MissingElement, first_step, laid_open
 from thermid.inference._explain.causes import SIZES, SizedValue
 from thermid.inference._explain.rough_fit import MAX_DESCENT_STEPS, MAX_RANKING_STEPS, RoughEnd, RoughFit
-from thermid.inference._explain.thresholds import MANY_LOADS, MAX_HEATED_NODES, MAX_WINDOW_SEARCHES, PULSES, TELLING_DIFFERENCE
+from thermid.inference._explain.thresholds import MAX_HEATED_NODES, MAX_TRIED_LOADS, MAX_WINDOW_SEARCHES, PULSES, TELLING_DIFFERENCE
 from thermid.measure.amounts import duration_text, short
 from thermid.model.elements import HeatLoad, TableSignal, parameter
 from thermid.model.tree import FlatConductor, parameter_table
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.runs import Scenario, Solution, prepare
 
-PLACED = "unlogged_heat_"
-MOVING = ("convection", "effective")
+HEAT_NAME = "unlogged_heat_"
+AIR_KINDS = ("convection", "effective")
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class Heat:
         return f"from {duration_text(first)} to the end" if begins else f"up to {duration_text(last)}"
 
     def words(self, amount: float) -> str:
-        """Return it in words."""
+        """Return the heat with an amount in words: W, or where it scales a load or an air flow, the change of its factor from 1."""
         if self.load:
             return f"the power of '{self.load}', which no log gives, was {100 * (1 + amount):.0f} % of the deck's"
         if self.kind == "fan":
@@ -76,7 +76,7 @@ class Heat:
         return f"'{self.name}' had {short(abs(amount))} W {more} than logs and deck state, {self.when}"
 
     def remedy(self, amount: float) -> str:
-        """Return what to change."""
+        """Return what the user is to change in log, deck or test."""
         first, last = self.window
         if self.load:
             return f"Log it, or give it in the scenario: loads = {{ {self.load} = '... [W]' }}."
@@ -89,16 +89,16 @@ class Heat:
         return self.rough(fit).best(*([None] if fresh else []), values_before, rounds=rounds)
 
     def rough(self, fit: RoughFit) -> RoughFit:
-        """Return the rough fit with this heat of an unknown amount; that of each surface may differ a little."""
+        """Return the rough fit with the amount of this heat as an unknown; of a fan also with a small departure of each of its surfaces."""
         influences: tuple[Influence, ...] = (Influence(self.experiment, f"scale.{self.load}", 1.0),)
         request, acts = (self.request, influences) if self.load else self._request()
         low = -1.0 if self.load or self.kind == "fan" else -np.inf
         amounts = (
-            [(Unknown(f"{PLACED}own_{t.name}", "power", (t,), 0.0), SIZES["surface"].spread) for t in acts]
+            [(Unknown(f"{HEAT_NAME}own_{t.name}", "power", (t,), 0.0), SIZES["surface"].spread) for t in acts]
             if self.kind == "fan" and len(acts) > 1
             else []
         )
-        return RoughFit.of_request(request, fit, [*amounts, (Unknown(f"{PLACED}amount", "power", acts, 0.0, low=low), self.sd)])
+        return RoughFit.of_request(request, fit, [*amounts, (Unknown(f"{HEAT_NAME}amount", "power", acts, 0.0, low=low), self.sd)])
 
     def placed(self, fit: RoughFit, base: RoughEnd) -> tuple[Heat, RoughEnd]:
         """Return this heat with the edges of its window where they fit best, and the end of the rough fit with it."""
@@ -130,12 +130,13 @@ class Heat:
 
     def _request(self) -> tuple[Request, tuple[Influence, ...]]:
         """Return the request with a load for every node that the heat enters."""
-        names = {node: f"{PLACED}{k}" for k, node in enumerate(self.flows)}
+        names = {node: f"{HEAT_NAME}{k}" for k, node in enumerate(self.flows)}
         tables = {names[node]: self._windowed(*self.flows[node]) for node in self.flows}
         with_loads = with_heats(self.request, self.experiment, {names[n]: n for n in self.flows}, tables)
         return with_loads, tuple(Influence(self.experiment, f"scale.{n}") for n in names.values())
 
     def _windowed(self, times: Array, watts: Array) -> TableSignal:
+        """Return a course [W] that follows `watts` at `times` [s] inside the window and is zero outside."""
         first, last = self.window
         sharp = 1e-4 * self.span
         cuts = [t for edge in (first, last) for t in (edge - sharp, edge + sharp)]
@@ -161,7 +162,7 @@ def air_flows(fit: RoughFit, end: RoughEnd, experiment: int, boundary: str) -> d
     The temperature of a node is the measured one where it is observed, for that knows of the mistake; else that of the fit.
     """
     e, times = fit.problem.experiments[experiment], fit.meshes[experiment][0]
-    as_built, as_fitted = (_ran(fit, x, experiment) for x in (fit.start(), end.x))
+    as_built, as_fitted = (_run_of(fit, x, experiment) for x in (fit.start(), end.x))
     out: dict[str, tuple[Array, Array]] = {}
     flows, trace_of_node = as_built.heat_flows, {t.node: t for t in fit.traces if t.experiment == experiment}
     air = as_built[boundary].kelvin
@@ -176,8 +177,8 @@ def air_flows(fit: RoughFit, end: RoughEnd, experiment: int, boundary: str) -> d
     return out
 
 
-def _ran(fit: RoughFit, x: Array, experiment: int) -> Solution:
-    """Return a run of a record with the parameters of a rough fit."""
+def _run_of(fit: RoughFit, x: Array, experiment: int) -> Solution:
+    """Return a run of a record at `x` (unknowns,), in the fitted form; stored at the instants of the rough fit."""
     e, unknown_values = fit.problem.experiments[experiment], zip(fit.problem.unknowns, x, strict=False)
     values = {t.name: u.to_value(float(v)) for u, v in unknown_values for t in u.targets if t.experiment == experiment}
     parameters = parameter_table(e.model)  # a sensor that lags has values of its own beside the model
@@ -188,7 +189,7 @@ def _ran(fit: RoughFit, x: Array, experiment: int) -> Solution:
 
 def air_paths(e: Experiment, boundary: str) -> list[FlatConductor]:
     """Return the conductors through which moving air takes heat to a boundary."""
-    return [c for c in e.network.flat.conductors if c.kind in MOVING and boundary in c.ends[:2]]
+    return [c for c in e.network.flat.conductors if c.kind in AIR_KINDS and boundary in c.ends[:2]]
 
 
 def heats_of(request: Request, fit: RoughFit, base: RoughEnd, logged: Collection[str]) -> Iterator[Heat]:
@@ -248,7 +249,7 @@ class Pulses:
         places: dict[str, str] = {}
         tables, amounts = {}, []
         for node, k in product(nodes, range(PULSES)):
-            name = f"{PLACED}{len(places)}"
+            name = f"{HEAT_NAME}{len(places)}"
             places[name] = node
             at = np.unique([0.0, edges[k], edges[k + 1], span])
             tables[name] = TableSignal(at, ((at >= edges[k]) & (at < edges[k + 1])).astype(float), hold=True, after="hold")
@@ -260,7 +261,7 @@ class Pulses:
         """Return what is left without a heat (rows,) and the answers (rows, pulses), less what the unknowns of the fit can compensate."""
         pulse_powers = np.zeros(len(self.nodes) * PULSES)
         if heat is not None:
-            amount = values_before.get(f"{PLACED}amount", 0.0)
+            amount = values_before.get(f"{HEAT_NAME}amount", 0.0)
             inside = np.clip(np.minimum(self.edges[1:], heat.window[1]) - np.maximum(self.edges[:-1], heat.window[0]), 0.0, None)
             share = inside / np.diff(self.edges)
             for node, (times, power) in heat.flows.items():
@@ -283,7 +284,7 @@ class Pulses:
         return 0.5 * (self.edges[1:] + self.edges[:-1])
 
     def shape(self, pulses: Array, flows: Mapping[str, tuple[Array, Array]]) -> Array:
-        """Return the answers (rows, stretches) to heat of some course in each stretch."""
+        """Return the answers (rows, stretches) to heat of the course `flows` in each stretch; `pulses` (rows, pulses) are per watt."""
         out = np.zeros((pulses.shape[0], PULSES))
         for node, (times, power) in flows.items():
             if node in self.nodes:
@@ -298,15 +299,17 @@ class Pulses:
 
 
 def _windows(request: Request, fit: RoughFit, base: RoughEnd, i: int) -> Iterator[Heat]:
+    """Yield heats of the i-th record: for each node a constant power, for each boundary an air flow, in its two best windows."""
     e = fit.problem.experiments[i]
     span = e.scenario.seconds
     pulses_of_record = Pulses.of_record(request, fit, i)
     residuals, pulses = pulses_of_record.residuals_and_answers(fit.named(base))
     power = _largest(fit)
     ends = np.array([0.0, span])
-    tried: list[tuple[str, str, Mapping[str, tuple[Array, Array]], float]] = []
-    tried += [("load", node, {node: (ends, np.ones(2))}, SIZES["unlogged"].at(power).spread) for node in pulses_of_record.nodes]
-    tried += [("fan", b, air_flows(fit, base, i, b), SIZES["fan"].spread) for b in e.network.boundaries if air_paths(e, b)]
+    tried: list[tuple[str, str, Mapping[str, tuple[Array, Array]], float]] = [
+        *(("load", node, {node: (ends, np.ones(2))}, SIZES["unlogged"].at(power).spread) for node in pulses_of_record.nodes),
+        *(("fan", b, air_flows(fit, base, i, b), SIZES["fan"].spread) for b in e.network.boundaries if air_paths(e, b)),
+    ]
     for kind, name, flows, sd in tried:
         for window in best_windows(pulses_of_record.shape(pulses, flows), residuals, sd, pulses_of_record.edges):
             yield Heat(kind, name, request, i, flows, window, "", sd, span)
@@ -349,20 +352,21 @@ def unlogged_powers(request: Request) -> Iterator[MissingElement]:
     steps = [(node, first_step(fit.problem.experiments, path)) for path, node in loads.items()]
     begins = {node: step[0] if step is not None else 0.0 for node, step in reversed(steps)}
     nodes = list(dict.fromkeys(loads.values())) or list(dict.fromkeys(t.node for t in fit.traces))
-    started = [best for node in nodes[:MANY_LOADS] if (best := _start_up(request, fit, base, node, begins.get(node, 0.0))) is not None]
+    started = [best for node in nodes[:MAX_TRIED_LOADS] if (best := _start_up(request, fit, base, node, begins.get(node, 0.0))) is not None]
     if started:
         yield min(started, key=lambda attempt: attempt[0])[1]
     # what begins with the record is a start-up
     stretches = [h for h in heats_of(request, fit, base, ()) if h.kind == "load" and not h.load and h.window[0] > 0.0]
-    ends = [(end.cost, h) for h in stretches if (end := _end(h.rough(fit), fit.named(base))) is not None]
+    ends = [(end.cost, h) for h in stretches if (end := _end_or_none(h.rough(fit), fit.named(base))) is not None]
     if ends:
         yield _stretch(request, min(ends, key=lambda attempt: attempt[0])[1])
-    for load in [n for n in loads if n in request.model.loads][:MANY_LOADS]:
+    for load in [n for n in loads if n in request.model.loads][:MAX_TRIED_LOADS]:
         if (regulated := _regulated(request, fit, base, load)) is not None:
             yield regulated
 
 
-def _end(rough: RoughFit, values_before: Mapping[str, float]) -> RoughEnd | None:
+def _end_or_none(rough: RoughFit, values_before: Mapping[str, float]) -> RoughEnd | None:
+    """Return the end of a short descent from values in the fitted form; None where no run succeeds."""
     try:
         return rough.best(values_before, rounds=MAX_RANKING_STEPS)
     except (ThermidError, np.linalg.LinAlgError):
@@ -374,7 +378,7 @@ def _start_up(request: Request, fit: RoughFit, base: RoughEnd, node: str, begin:
     span = min(float(np.ptp(r.times)) for r in request.records) - begin
 
     def cost(course: PowerCourse) -> float:
-        end = _end(RoughFit.of_request(course.within(request), fit), fit.named(base))
+        end = _end_or_none(RoughFit.of_request(course.within(request), fit), fit.named(base))
         return np.inf if end is None else end.cost
 
     times = np.geomspace(0.015, 0.4, 10) * span
@@ -416,7 +420,7 @@ def _stretch(request: Request, heat: Heat) -> MissingElement:
 
 
 def _regulated(request: Request, fit: RoughFit, base: RoughEnd, load: str) -> MissingElement | None:
-    """Return a load that follows the temperature of its node, as a proportional heater does; None where it cannot be run."""
+    """Return a load as a proportional heater, P = gain (setpoint - T), at most five times the deck's power; None where none runs."""
     heat_load = request.model.loads[load]
     traces = [t for t in fit.traces if t.node == heat_load.into]
     values = fit.problem.experiments[0].network.flat.parameters.evaluate({})
@@ -426,6 +430,7 @@ def _regulated(request: Request, fit: RoughFit, base: RoughEnd, load: str) -> Mi
     low, high = float(traces[0].measured.min()), float(traces[0].measured.max())
 
     def law(above: float) -> Callable[[Request], Request]:
+        # P(T) = gain (setpoint - T), its set point above the highest reading, its gain so that P is the deck's power at mid-range
         setpoint = high + above * (high - low)
         gain = power / max(setpoint - 0.5 * (low + high), 0.1)
         fields = {"gain": f"{gain!r} [W/K]", "setpoint": f"{setpoint - ICE_POINT!r} [degC]"}
@@ -440,7 +445,9 @@ def _regulated(request: Request, fit: RoughFit, base: RoughEnd, load: str) -> Mi
 
     laws = [law(above) for above in (0.1, 0.5, 1.5)]
     ends = [
-        (end.cost, k) for k, make in enumerate(laws) if (end := _end(RoughFit.of_request(make(request), fit), fit.named(base))) is not None
+        (end.cost, k)
+        for k, make in enumerate(laws)
+        if (end := _end_or_none(RoughFit.of_request(make(request), fit), fit.named(base))) is not None
     ]
     if not ends:
         return None

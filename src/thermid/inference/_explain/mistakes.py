@@ -24,19 +24,19 @@ from thermid.inference._explain.heats import Heat, heats_of, stores_of
 from thermid.inference._explain.rough_fit import MAX_DESCENT_STEPS, MAX_RANKING_STEPS, Extra, RoughEnd, RoughFit
 from thermid.inference._explain.thresholds import (
     ANY_NEW_VALUE,
+    CLOCK_SHIFTS,
     CONTRADICTED_PRIOR,
-    DEGREE,
-    FULL,
-    LAGS,
+    FAHRENHEIT_PER_KELVIN,
+    FULLY_FITTED_HYPOTHESES,
+    LOOSE_SENSOR_LAGS,
     MAX_HEATED_NODES,
     MAX_MISFIT_LEFT,
+    MAX_PER_CENT,
     MAX_SQUARES_UNSEARCHED,
     MIN_NAMED_GAIN,
     MOST_RECORDS_SEARCHED,
     OVER_STRUCTURE,
-    SECOND,
-    SHIFTS,
-    USUAL_ROOM,
+    USUAL_AMBIENT,
 )
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import Channel, Record
@@ -155,15 +155,15 @@ def _mistakes_of(request: Request, name: str) -> Mistakes:
     if stores > MAX_HEATED_NODES:
         return Mistakes(name, bad=bad, failed=f"{stores} nodes store heat, and it takes networks of up to {MAX_HEATED_NODES}")
     if len(request.records) > MOST_RECORDS_SEARCHED:
-        request = _worst(request, fit, base)
+        request = _worst_records(request, fit, base)
         fit, before = RoughFit.of_request(request), fit.named(base)
         base = fit.best(before, None)  # of fewer records an unknown of one may have another name
     candidates = [*_of_deck(request, fit, base), *_of_requests(request, fit), *_of_readings(fit, base), *_of_heats(request, fit, base)]
-    quick = [(h, _fitted(h, fit, base)) for h in candidates]
+    quick = [(h, _end_of(h, fit, base)) for h in candidates]
     ranked = sorted((f for f in quick if f[1] is not None), key=lambda f: -_gain(f[0], f[1], base))
-    placed = sorted((f for h, _ in ranked[:SECOND] for f in _placed(h, fit, base)), key=lambda f: -_gain(f[0], f[1], base))
+    placed = sorted((f for h, _ in ranked[:FULLY_FITTED_HYPOTHESES] for f in _placed(h, fit, base)), key=lambda f: -_gain(f[0], f[1], base))
     placed = [f for f in placed if _gain(f[0], f[1], base) >= MIN_NAMED_GAIN and f[1].cost < MAX_MISFIT_LEFT * base.cost]
-    least = OVER_STRUCTURE + base.cost - _of_structure(request, fit, base) if placed else MIN_NAMED_GAIN
+    least = OVER_STRUCTURE + base.cost - _cost_with_element(request, fit, base) if placed else MIN_NAMED_GAIN
     of_deck = max((_gain(h, end, base) for h, end in placed if h.kind == DECK_VALUE), default=-np.inf)
     named: dict[tuple[str, str], Mistake] = {}
     for h, end in placed:
@@ -174,13 +174,13 @@ def _mistakes_of(request: Request, name: str) -> Mistakes:
     return Mistakes(name, tuple(named.values()), bad, len(candidates), tuple(r.name for r in request.records))
 
 
-def _of_structure(request: Request, fit: RoughFit, base: RoughEnd) -> float:
+def _cost_with_element(request: Request, fit: RoughFit, base: RoughEnd) -> float:
     """Return the least cost of the fit with one element that the model may lack: a lag, a mass, a link, another law of heat."""
     values_before, structure = fit.named(base), Fitted.of_problem(request, fit.problem, base.x)
     ends: list[tuple[RoughFit, RoughEnd]] = []
     for element in plain_lacks(structure):
         with suppress(ThermidError, np.linalg.LinAlgError):
-            rough = _unheld(RoughFit.of_request(element.request, fit), values_before)
+            rough = _with_open_values(RoughFit.of_request(element.request, fit), values_before)
             unknown_of_name = {u.name: u for u in rough.problem.unknowns}
             starts = [
                 values_before | {p: unknown_of_name[p].to_fitted(v) for p, v in start.items() if p in unknown_of_name}
@@ -188,20 +188,20 @@ def _of_structure(request: Request, fit: RoughFit, base: RoughEnd) -> float:
             ]
             ends.append((rough, rough.best(*starts, rounds=MAX_RANKING_STEPS)))
     ends.sort(key=lambda attempt: attempt[1].cost)
-    return min([base.cost, *(rough.solve(end.x).cost for rough, end in ends[:SECOND])])
+    return min([base.cost, *(rough.solve(end.x).cost for rough, end in ends[:FULLY_FITTED_HYPOTHESES])])
 
 
-def _unheld(fit: RoughFit, values_before: Container[str]) -> RoughFit:
+def _with_open_values(fit: RoughFit, values_before: Container[str]) -> RoughFit:
     """Return a rough fit in which values that are not known by name may be any: nobody has stated what a missing element has."""
 
-    def unheld(u: Unknown) -> Unknown:
+    def opened(u: Unknown) -> Unknown:
         new = u.kind == "parameter" and u.log and u.prior is not None and u.name not in values_before
         return replace(u, prior=Prior(u.to_fitted(u.start), ANY_NEW_VALUE)) if new else u
 
-    return replace(fit, problem=replace(fit.problem, unknowns=tuple(map(unheld, fit.problem.unknowns))))
+    return replace(fit, problem=replace(fit.problem, unknowns=tuple(map(opened, fit.problem.unknowns))))
 
 
-def _worst(request: Request, fit: RoughFit, base: RoughEnd) -> Request:
+def _worst_records(request: Request, fit: RoughFit, base: RoughEnd) -> Request:
     """Return a request of the records that are missed most."""
     missed: dict[str, float] = {}
     for t, residuals in zip(fit.traces, base.left, strict=True):
@@ -216,7 +216,7 @@ def _gain(h: Hypothesis, end: RoughEnd | None, base: RoughEnd) -> float:
     return -np.inf if end is None else base.cost - end.cost - MISTAKES[h.kind].against - h.against
 
 
-def _fitted(h: Hypothesis, fit: RoughFit, base: RoughEnd, rounds: int = MAX_RANKING_STEPS) -> RoughEnd | None:
+def _end_of(h: Hypothesis, fit: RoughFit, base: RoughEnd, rounds: int = MAX_RANKING_STEPS) -> RoughEnd | None:
     """Return the end of a hypothesis after some rounds; None where it cannot be fitted."""
     try:
         if h.heat is not None:
@@ -235,13 +235,13 @@ def _placed(h: Hypothesis, fit: RoughFit, base: RoughEnd) -> list[tuple[Hypothes
         except (ThermidError, np.linalg.LinAlgError):
             return []
         return [(replace(h, heat=heat, words=heat.words, remedy=heat.remedy), end)]
-    best = _fitted(h, fit, base, MAX_DESCENT_STEPS)
+    best = _end_of(h, fit, base, MAX_DESCENT_STEPS)
     if best is None or h.extra is None:
         return [] if best is None else [(h, best)]
     extra = h.extra
-    for since, lag in chain(((d, -1.0) for d in (-2, -1, 1, 2)), ((0, s) for s in LAGS)):
+    for since, lag in chain(((d, -1.0) for d in (-2, -1, 1, 2)), ((0, s) for s in LOOSE_SENSOR_LAGS)):
         moved = replace(extra, since=max(0, extra.since + since), lag=extra.lag if lag < 0.0 else lag)
-        end_of = _fitted(of_reading(moved, fit), fit, base, MAX_DESCENT_STEPS)
+        end_of = _end_of(of_reading(moved, fit), fit, base, MAX_DESCENT_STEPS)
         if end_of is not None and end_of.cost < best.cost:
             extra, best = moved, end_of
     return [(of_reading(extra, fit), best)]
@@ -291,17 +291,18 @@ def _of_deck(request: Request, fit: RoughFit, base: RoughEnd) -> Iterator[Hypoth
     basis = np.linalg.qr(end.slopes[:, is_known])[0]
     residuals, columns = (a - basis @ (basis.T @ a) for a in (end.rows, end.slopes))
     gains = (columns.T @ residuals) ** 2 / np.maximum(np.sum(columns**2, axis=0), np.finfo(float).tiny)  # of one step
-    for k in [k for k in np.argsort(-gains) if not is_known[k]][:SECOND]:
+    for k in [k for k in np.argsort(-gains) if not is_known[k]][:FULLY_FITTED_HYPOTHESES]:
         path = rough.problem.unknowns[k].name
         words = f"'{path}' is not {flat.parameters.table[path].parameter.text}, at which the fit holds it"
         other = replace(request, free=(*request.free, path))
-        yield _plain(DECK_VALUE, path, words, f"Measure it, or add '{path}' to free.", other)
+        yield _hypothesis(DECK_VALUE, path, words, f"Measure it, or add '{path}' to free.", other)
 
 
 # ---- other requests: units, columns, nodes, clocks
 
 
 def _of_requests(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
+    """Yield mistakes of units, columns, sensors' places and clocks, each as the request without it."""
     network = fit.problem.experiments[0].network
     yield from _per_cents(request, network)
     yield from _units(request)
@@ -318,7 +319,8 @@ def _channels(request: Request, *quantities: str) -> dict[str, Channel]:
     return out
 
 
-def _with(request: Request, change: Callable[[Record], Record]) -> Request:
+def _with_records(request: Request, change: Callable[[Record], Record]) -> Request:
+    """Return a request with every record changed."""
     return replace(request, records=tuple(change(r) for r in request.records))
 
 
@@ -330,59 +332,62 @@ def _mapped(request: Request, names: Iterable[str], law: Callable[[Array], Array
         mine = [replace(c, values=law(c.values), masks={}) for n, c in r.channels.items() if n in wanted]
         return r.with_channels(*mine)
 
-    return _with(request, change)
+    return _with_records(request, change)
 
 
-def _times(factor: float, values: Array) -> Array:
+def _scaled(factor: float, values: Array) -> Array:
+    """Return values times a factor."""
     return factor * values
 
 
 def _from_fahrenheit(values: Array) -> Array:
     """Return temperatures [K] of numbers that were read in degrees Celsius and are in degrees Fahrenheit."""
-    return (values - ICE_POINT - 32.0) / DEGREE + ICE_POINT
+    return (values - ICE_POINT - 32.0) / FAHRENHEIT_PER_KELVIN + ICE_POINT
 
 
-def _decks(network: Network) -> dict[str, float]:
+def _deck_powers(network: Network) -> dict[str, float]:
     """Return load -> power by the deck. [W]"""
     values = network.flat.parameters.evaluate({})
     return {row.path: float(values[row.fields["power"]]) for row in network.flat.loads if "power" in row.fields}
 
 
 def _per_cents(request: Request, network: Network) -> Iterator[Hypothesis]:
-    decks = _decks(network)
+    """Yield powers up to 100 W, well above the deck's, that may be duty cycles in per cent."""
+    decks = _deck_powers(network)
     for name, c in _channels(request, "power").items():
         load = request.model.canonical(c.target or name)
         largest, watts = float(np.abs(c.values[c.valid]).max()), decks.get(load, 0.0)
-        if not (1.0 < largest <= FULL and watts > 0.0 and largest > 1.5 * watts):
+        if not (1.0 < largest <= MAX_PER_CENT and watts > 0.0 and largest > 1.5 * watts):
             continue
         words = f"'{name}' is a duty cycle in per cent but was read in watts, up to {short(largest, 3)} W for a load of {short(watts, 3)} W"
         remedy = f'Give {name} full_scale = "{short(watts, 3)} [W]", its power at 100 %.'
-        other = _mapped(request, [name], partial(_times, watts / 100.0))
-        yield _plain("per cent", name, words, remedy, other, 0.0 if c.assumed else 1.0)
+        other = _mapped(request, [name], partial(_scaled, watts / 100.0))
+        yield _hypothesis("per cent", name, words, remedy, other, 0.0 if c.assumed else 1.0)
 
 
-def _plain(kind: str, name: str, words: str, remedy: str, request: Request, against: float = 0.0) -> Hypothesis:
+def _hypothesis(kind: str, name: str, words: str, remedy: str, request: Request, against: float = 0.0) -> Hypothesis:
     return Hypothesis(kind, name, lambda _: words, lambda _: remedy, request, against)
 
 
 def _units(request: Request) -> Iterator[Hypothesis]:
+    """Yield powers in mW or kW, temperatures in degrees Fahrenheit, and times in minutes, hours or milliseconds."""
     powers, warm = _channels(request, "power"), _channels(request, "temperature")
     for names in _alone_and_all(powers):
         for factor, text in ((1e-3, "mW"), (1e3, "kW")):
             words = f"{quoted(names)} {'is' if len(names) == 1 else 'are'} in {text} but was read in W"
-            other = _mapped(request, names, partial(_times, factor))
-            yield _plain("unit", ", ".join(names), words, f'Write unit = "{text}" for {quoted(names)}.', other)
+            other = _mapped(request, names, partial(_scaled, factor))
+            yield _hypothesis("unit", ", ".join(names), words, f'Write unit = "{text}" for {quoted(names)}.', other)
     for names in _alone_and_all(warm):
         first = [float(c.values[c.valid][0]) - ICE_POINT for n, c in warm.items() if n in names]
         usual = (
-            sum(USUAL_ROOM[0] <= t <= USUAL_ROOM[1] for t in first),
-            sum(USUAL_ROOM[0] <= (t - 32.0) / 1.8 <= USUAL_ROOM[1] for t in first),
+            sum(USUAL_AMBIENT[0] <= t <= USUAL_AMBIENT[1] for t in first),
+            sum(USUAL_AMBIENT[0] <= (t - 32.0) / 1.8 <= USUAL_AMBIENT[1] for t in first),
         )
         against = 4.0 if usual[0] >= usual[1] else -5.0  # the start of a log at 73 degC is seldom, at 23 degC it is a room
         words = f"{quoted(names)} {'is' if len(names) == 1 else 'are'} in degrees Fahrenheit but was read in degrees Celsius"
         other = _mapped(request, names, _from_fahrenheit)
-        hypothesis = _plain("unit", ", ".join(names), words, f'Write unit = "degF" for {quoted(names)}.', other, against)
-        yield replace(hypothesis, read={n: (n, 1.0 / DEGREE) for n in names})
+        hypothesis = _hypothesis("unit", ", ".join(names), words, f'Write unit = "degF" for {quoted(names)}.', other, against)
+        yield replace(hypothesis, read={n: (n, 1.0 / FAHRENHEIT_PER_KELVIN) for n in names})
     for factor, text in ((60.0, "minutes"), (3600.0, "hours"), (1e-3, "milliseconds")):
         if any(r.second is not None for r in request.records):
             break
@@ -390,18 +395,20 @@ def _units(request: Request) -> Iterator[Hypothesis]:
         time = request.records[0].origin.time
         words = f"the times '{time}' are in {text} but were read in seconds"
         unit = {"minutes": "min", "hours": "h", "milliseconds": "ms"}[text]
-        yield _plain("unit", time, words, f'Write units = {{ "{time}" = "{unit}" }} for the record.', other)
+        yield _hypothesis("unit", time, words, f'Write units = {{ "{time}" = "{unit}" }} for the record.', other)
 
 
 def _alone_and_all(channels: Mapping[str, Channel]) -> list[tuple[str, ...]]:
+    """Return each name by itself, and where there are several, all of them together."""
     return [*((n,) for n in channels), *([tuple(channels)] if len(channels) > 1 else [])]
 
 
 def _exchanges(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
+    """Yield every two temperatures, and every two powers, with their readings exchanged."""
     sensors = {t.sensor for t in fit.traces}
     for quantity in ("temperature", "power"):
         for a, b in combinations(_channels(request, quantity), 2):
-            other = _with(request, partial(_exchanged, a, b))
+            other = _with_records(request, partial(_exchanged, a, b))
             words = f"'{a}' and '{b}' are exchanged"
             against = (
                 0.0
@@ -409,7 +416,7 @@ def _exchanges(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
                 else _of_other_readings(fit, RoughFit.of_request(other, fit, read={a: (b, 1.0), b: (a, 1.0)}))
             )
             remedy = "Exchange their names in the campaign, or their cables on the bench."
-            hypothesis = _plain("exchanged", f"{a}, {b}", words, remedy, other, against)
+            hypothesis = _hypothesis("exchanged", f"{a}, {b}", words, remedy, other, against)
             yield replace(hypothesis, read={a: (b, 1.0), b: (a, 1.0)})
 
 
@@ -440,17 +447,19 @@ def _exchanged(a: str, b: str, record: Record) -> Record:
 
 def _nodes(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
     network = fit.problem.experiments[0].network
+    """Yield every sensor on every node that stores heat and has no sensor."""
     node_of_sensor = {t.sensor: t.node for t in fit.traces}
     heavy = [n.path for n in network.flat.nodes if n.fields and n.path not in node_of_sensor.values()]
     sensors = [s for s in node_of_sensor if s in _channels(request, "temperature")]
     for s in sensors:
         for node in heavy:
-            other = _with(request, partial(_moved, s, node))
+            other = _with_records(request, partial(_moved, s, node))
             words = f"'{s}' is on '{node}', not on '{node_of_sensor[s]}'"
-            yield _plain("node", s, words, f'Write node = "{node}" for {s}.', other)
+            yield _hypothesis("node", s, words, f'Write node = "{node}" for {s}.', other)
 
 
 def _moved(sensor: str, node: str, record: Record) -> Record:
+    """Return a record whose sensor reads another node; the record itself where it has no such sensor."""
     if sensor not in record.channels:
         return record
     return record.with_channels(replace(record.channels[sensor], target=node, role="node"))
@@ -467,6 +476,7 @@ def _clocks(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
 
 
 def _shift(request: Request, fit: RoughFit, names: list[str]) -> Hypothesis:
+    """Return the shift of the clock of some channels with the least cost: the best of `CLOCK_SHIFTS`, then by halved steps."""
     span = min(float(np.ptp(r.times)) for r in request.records)
 
     def cost(shift: float, rounds: int) -> float:
@@ -476,7 +486,7 @@ def _shift(request: Request, fit: RoughFit, names: list[str]) -> Hypothesis:
         except ThermidError:
             return np.inf
 
-    shift = min((sign * part * span for part in SHIFTS for sign in (-1.0, 1.0)), key=lambda s: cost(s, MAX_RANKING_STEPS))
+    shift = min((sign * part * span for part in CLOCK_SHIFTS for sign in (-1.0, 1.0)), key=lambda s: cost(s, MAX_RANKING_STEPS))
     best, width = (cost(shift, MAX_DESCENT_STEPS), shift), 0.5 * max(abs(shift) * 0.35, 0.005 * span)
     while width > 0.001 * span:
         best = min(best, *((cost(best[1] + d, MAX_DESCENT_STEPS), best[1] + d) for d in (-width, width)))
@@ -488,7 +498,7 @@ def _shift(request: Request, fit: RoughFit, names: list[str]) -> Hypothesis:
         f"Change the offset of that log by {-shift:+.4g} s, or give offset as a range and let the fit find it. 'thermid look' shows the "
         "clocks."
     )
-    return _plain("clock", ", ".join(names), words, remedy, _shifted(request, names, shift))
+    return _hypothesis("clock", ", ".join(names), words, remedy, _shifted(request, names, shift))
 
 
 def _shifted(request: Request, names: list[str], shift: float) -> Request:
@@ -505,13 +515,14 @@ def _shifted(request: Request, names: list[str], shift: float) -> Request:
             mine.append(replace(c, values=values, valid=np.ones(r.times.size, dtype=bool), masks={}))
         return r.with_channels(*mine)
 
-    return _with(request, change)
+    return _with_records(request, change)
 
 
 # ---- readings: a sensor that came loose, or is off
 
 
 def _of_readings(fit: RoughFit, base: RoughEnd) -> Iterator[Hypothesis]:
+    """Yield every sensor as detached, and as off by a constant, each from its best instant on."""
     for n in range(len(fit.traces)):
         for loose in (True, False):
             since = fit.best_since(base, n, loose, SIZES["loose" if loose else "sensor"].spread)
@@ -545,6 +556,7 @@ def _off(sensor: str, amount: float) -> str:
 
 
 def _of_heats(request: Request, fit: RoughFit, base: RoughEnd) -> Iterator[Hypothesis]:
+    """Yield heats that would explain the misfit; see `heats_of`."""
     logged = {request.model.canonical(c.target or n) for n, c in _channels(request, "power", "command").items()}
     for heat in heats_of(request, fit, base, logged):
         # one load of the deck needs no search of nodes and instants

@@ -14,7 +14,15 @@ from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, NameNotFoundError, nearest
 from thermid.base.results import Result
 from thermid.fit.calibration import Calibration, power_while_on
-from thermid.inference._explain.thresholds import BARE, CORRELATION, EFFICIENCY, EMISSIVITY, FORCED, SPECIFIC_HEAT, UNDETERMINED
+from thermid.inference._explain.thresholds import (
+    BARE_CONTACT,
+    CORRELATION,
+    EFFICIENCY,
+    EMISSIVITY,
+    MAX_SLOW_FAN_HTC,
+    SPECIFIC_HEAT,
+    UNDETERMINED,
+)
 from thermid.measure.amounts import short
 from thermid.model.elements import literal
 from thermid.model.tree import FlatConductor
@@ -148,7 +156,7 @@ def plausibility(fit: Calibration, *, weights: Mapping[str, str] | None = None, 
     fitted = fit.values.parameters
     owners = {p: v for v in fitted.values() for p in (v.path, *v.also)}
     findings = {f.path: f for f in _conductors(fit, network, owners)}
-    findings |= {f.path: f for f in _plain(network, owners)}
+    findings |= {f.path: f for f in _ranged(network, owners)}
     findings |= {f.path: f for f in _weights(fit, network, owners, weights or {})}
     findings |= {f.path: f for f in _losses(fit, network, owners, delivered or {})}
     ordered = tuple(findings[p] for p in (*fitted, *(p for p in findings if p not in fitted)) if p in findings)
@@ -165,8 +173,8 @@ def _undecided(v: FittedValue) -> str:
     )
 
 
-def _behind(network: Network, path: str, owners: Mapping[str, FittedValue]) -> FittedValue | None:
-    """Return the fitted value that is the whole of a field; a field that is calculated from several is judged by none."""
+def _fitted_behind(network: Network, path: str, owners: Mapping[str, FittedValue]) -> FittedValue | None:
+    """Return the fitted value that a field equals; None where the field is not fitted or is calculated from other values."""
     root = network.flat.parameters.literal_behind(path)
     return owners.get(root) if root else None
 
@@ -177,20 +185,26 @@ def _conductors(fit: Calibration, network: Network, owners: Mapping[str, FittedV
     temperatures = _from_records(fit, surfaces)
     for c in surfaces:
         field = "effective_htc" if c.kind == "effective" else "htc"
-        v = _behind(network, c.fields[field], owners) if field in c.fields else None
+        v = _fitted_behind(network, c.fields[field], owners) if field in c.fields else None
         if v is not None:
             yield _coefficient(fit, network, c, v, temperatures[c.path])
     for c in network.flat.conductors:
-        v = _behind(network, c.fields["contact_conductance"], owners) if "contact_conductance" in c.fields else None
+        v = _fitted_behind(network, c.fields["contact_conductance"], owners) if "contact_conductance" in c.fields else None
         if v is not None:
             gap = 0.026 / v.value
             less = f"A gap of air of {1e3 * gap:.2g} mm conducts as much. The faces hardly touch, or the contact area is smaller"
             more = "No bare joint conducts as well. Solder or foil reaches 1e6, or heat has a second path beside the joint"
-            yield RangeCheck(v.path, v.value, v.error, *BARE, "contact of metal on metal", CONTACTS, less if v.value < BARE[0] else more)
+            yield RangeCheck(
+                v.path, v.value, v.error, *BARE_CONTACT, "contact of metal on metal", CONTACTS, less if v.value < BARE_CONTACT[0] else more
+            )
 
 
 def _coefficient(fit: Calibration, network: Network, c: FlatConductor, v: FittedValue, at: tuple[float, float]) -> RangeCheck:
-    """Return what a correlation for a body of that area, and radiation where the coefficient holds it, say of a coefficient."""
+    """Return the check of a coefficient h against still air [W/(m^2 K)], `at` the temperatures of surface and gas [K].
+
+    Low: max(conduction, h_c / `CORRELATION`) plus radiation at the lowest emissivity; high: h_c `CORRELATION` plus that at the highest, h_c
+    by the correlation for a body of this area. Radiation counts for effective coefficients alone.
+    """
     values = fit.values
     area = float(value_of(network.numbers({p: x.value for p, x in values.assignments.items()}).values[c.fields["area"]]))
     hot, cold = at
@@ -207,15 +221,15 @@ def _coefficient(fit: Calibration, network: Network, c: FlatConductor, v: Fitted
             "Too low: the area includes faces that do not convect (inside, or counted twice), the power is too small, or the air is "
             "confined"
         )
-    elif v.value <= FORCED + shine[1]:
+    elif v.value <= MAX_SLOW_FAN_HTC + shine[1]:
         meaning = "Too high for still air: the air moves, heat leaves by a mount or a lead, the area is too small, or the power too large"
     else:
         meaning = "Higher than with slow fans: heat leaves by a mount or a lead, the area is too small, or the power too large"
     return RangeCheck(v.path, v.value, v.error, low, high, what, "Lee, Yovanovich, Jafarpur 1991; emissivity 0.02 to 0.98", meaning)
 
 
-def _plain(network: Network, owners: Mapping[str, FittedValue]) -> Iterator[RangeCheck]:
-    """Yield findings on values that have a range wherever they stand."""
+def _ranged(network: Network, owners: Mapping[str, FittedValue]) -> Iterator[RangeCheck]:
+    """Yield checks of fitted fields whose range does not depend on the element: emissivity, exchange factor, material properties."""
     best = materials()["copper"].conductivity
     ranges = {
         "emissivity": (
@@ -250,21 +264,25 @@ def _plain(network: Network, owners: Mapping[str, FittedValue]) -> Iterator[Rang
     tables = [*(c.fields for c in flat.conductors), *(n.fields for n in flat.nodes), *(x.fields for x in flat.loads)]
     for fields in tables:
         for name, path in fields.items():
-            v = _behind(network, path, owners) if name in ranges else None
+            v = _fitted_behind(network, path, owners) if name in ranges else None
             if v is not None:
                 low, high, what, source, meaning = ranges[name]
                 yield RangeCheck(v.path, v.value, v.error, low, high, what, source, meaning)
 
 
 def _weights(fit: Calibration, network: Network, owners: Mapping[str, FittedValue], weights: Mapping[str, str]) -> Iterator[RangeCheck]:
-    """Yield findings on capacitances of parts whose weight is known."""
+    """Yield checks of capacitances: mass times the lowest and the highest specific heat of solids; `weights` is node -> mass as text."""
     numbers = network.numbers({p: v.value for p, v in fit.values.assignments.items()})
     for raw, text in weights.items():
         node = network.find(raw, "weights")
         weight, capacity = literal(text, "kg", f"weights.{raw}"), value_of(numbers.capacitances.get(node) or 0.0)
         element = next(n for n in network.flat.nodes if n.path == node)
         held = [
-            v for name in ("mass", "capacitance") if name in element.fields for v in [_behind(network, element.fields[name], owners)] if v
+            v
+            for name in ("mass", "capacitance")
+            if name in element.fields
+            for v in [_fitted_behind(network, element.fields[name], owners)]
+            if v
         ]
         for v in held:
             scale = v.value / capacity if capacity else np.nan
@@ -279,14 +297,14 @@ def _weights(fit: Calibration, network: Network, owners: Mapping[str, FittedValu
 
 
 def _losses(fit: Calibration, network: Network, owners: Mapping[str, FittedValue], delivered: Mapping[str, str]) -> Iterator[RangeCheck]:
-    """Yield findings on powers of parts that hand on a known power."""
+    """Yield checks of losses P of converters that deliver P_out: P_out (1 / efficiency - 1); `delivered` is load -> P_out as text."""
     for raw, text in delivered.items():
         path = fit.model.canonical(raw)
         load = next((x for x in network.flat.loads if x.path == path), None)
         if load is None:
             raise NameNotFoundError(f"no load '{raw}'.{nearest(path, [x.path for x in network.flat.loads])}", "delivered")
         out = literal(text, "W", f"delivered.{raw}")
-        v = _behind(network, load.fields["power"], owners) if "power" in load.fields else None
+        v = _fitted_behind(network, load.fields["power"], owners) if "power" in load.fields else None
         name, watts, error = (v.path, v.value, v.error) if v is not None else _power_given(fit, network, path)
         if watts > 0.0:
             low, high = (out * (1.0 / e - 1.0) for e in reversed(EFFICIENCY))
@@ -302,7 +320,7 @@ def _losses(fit: Calibration, network: Network, owners: Mapping[str, FittedValue
 
 
 def _power_given(fit: Calibration, network: Network, load: str) -> tuple[str, float, float]:
-    """Return name, size and error [W] of a power that is not looked for: what the logs give, or the deck."""
+    """Return name, value and error [W] of a power that was not fitted: the largest logged one, corrected for its meter, or the deck's."""
     logged = [e.scenario.loads[load] for e in fit.experiments if load in e.scenario.loads]
     fitted_values = fit.values.items_
     if logged:
@@ -315,7 +333,7 @@ def _power_given(fit: Calibration, network: Network, load: str) -> tuple[str, fl
 
 
 def _from_records(of: Calibration, surfaces: Sequence[FlatConductor]) -> dict[str, tuple[float, float]]:
-    """Return surface -> mean temperatures of surface and gas over the records with gas, weighted by their difference. [K]"""
+    """Return surface -> mean temperatures of surface and gas over the records with gas, weighted by (T_s - T_g)^2; NaN without any. [K]"""
     sums = {c.path: np.zeros(3) for c in surfaces}
     for e in of.experiments:
         solution = simulate(of.fitted_model, e.bare, times=e.times)

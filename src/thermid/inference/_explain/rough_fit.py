@@ -27,7 +27,7 @@ MAX_FIRST_STEP, STEP_AHEAD = 1.5, 0.02
 standard errors."""
 MAX_DESCENT_STEPS, MAX_RANKING_STEPS = 25, 4
 """Most steps of a descent, and of one that only ranks."""
-HEAT = tuple(unit(u).dimension for u in ("kg", "J/K", "J/(kg K)"))
+HEAT_DIMENSIONS = tuple(unit(u).dimension for u in ("kg", "J/K", "J/(kg K)"))
 
 
 def weak_spread(model: Model, path: str, unit_text: str) -> float:
@@ -38,7 +38,7 @@ def weak_spread(model: Model, path: str, unit_text: str) -> float:
     """
     table = parameter_table(model)
     source = table[path].parameter.source if path in table else ""
-    heat = unit(unit_text).dimension in HEAT
+    heat = unit(unit_text).dimension in HEAT_DIMENSIONS
     if source == "assumed":
         return 0.8 if heat else 1.2
     if source:
@@ -155,7 +155,7 @@ class RoughFit:
         amounts: Sequence[tuple[Unknown, float]] = (),
         read: Mapping[str, tuple[str, float]] | None = None,
     ) -> RoughFit:
-        """Return the rough fit of a request.
+        """Return the rough fit of a request, by readings thinned to at most `STRETCHES_PER_RECORD` means per record.
 
         Parameters
         ----------
@@ -166,7 +166,7 @@ class RoughFit:
                             are scaled. The errors go with the readings: a factor alone makes nothing likelier.
         """
         full_problem = build_problem(request)
-        unknowns = tuple(_held(request.model, u) for u in full_problem.unknowns)
+        unknowns = tuple(_with_weak_prior(request.model, u) for u in full_problem.unknowns)
         problem = replace(full_problem, unknowns=(*unknowns, *(replace(u, prior=Prior(0.0, sd)) for u, sd in amounts)))
         errors = {(t.record, t.sensor): t for t in like.traces} if like is not None else {}
         traces, meshes, airs = [], [], []
@@ -191,11 +191,11 @@ class RoughFit:
 
     @property
     def size(self) -> int:
-        """How many thinned readings there are."""
+        """Number of thinned readings of all traces."""
         return sum(t.measured.size for t in self.traces)
 
     def at(self, x: Array) -> RoughEnd:
-        """Return residuals and slopes at some values.
+        """Return residuals and slopes at `x` (unknowns,), in the fitted form; the amount of the extra is last.
 
         Raises
         ------
@@ -239,7 +239,10 @@ class RoughFit:
         return columns, slopes
 
     def _acted(self, n: int, predicted: Array, slope: Array, amount: float) -> tuple[Array, Array]:
-        """Return a trace with what acts on its readings."""
+        """Return readings (bins,) [K] and slopes (bins, unknowns + 1) of the n-th trace, with `amount` of the extra where it acts.
+
+        The extra adds amount a(t), or amount a(t) (T_air - T) where it is loose, a(t) from `Extra.acting`.
+        """
         assert self.extra is not None
         if n != self.extra.trace:
             return predicted, np.column_stack([slope, np.zeros(predicted.size)])
@@ -249,7 +252,7 @@ class RoughFit:
         return predicted + amount * shape, np.column_stack([slope * scale[:, None], shape])
 
     def start(self, values_before: Mapping[str, float] | None = None) -> Array:
-        """Return the starts, those of the same name taken from another end."""
+        """Return where a descent begins (unknowns,), in the fitted form: at `values_before` where these have the name, else at the deck."""
         begun = [(values_before or {}).get(u.name, u.to_fitted(u.start)) for u in self.problem.unknowns]
         return np.array([*begun, *([0.0] if self.extra is not None else [])])
 
@@ -315,7 +318,7 @@ class RoughFit:
         return ends[descent.x.tobytes()]
 
 
-def _held(model: Model, u: Unknown) -> Unknown:
+def _with_weak_prior(model: Model, u: Unknown) -> Unknown:
     """Return an unknown with a weak prior about its deck's value, where it has no prior."""
     if u.kind != "parameter" or u.prior is not None:
         return u
@@ -357,7 +360,11 @@ def _means(times: Array, values: Array, edges: Array, centres: Array) -> tuple[A
 
 
 def _whitener(o: Observation, centres: Array, counts: NDArray[np.int64], edges: Array) -> Array:
-    """Return the inverse of a Cholesky factor of the covariance of thinned readings: noise, and what an honest model leaves."""
+    """Return W (bins, bins) with ``W' W = C^-1``, C the covariance of the means of a sensor's readings in stretches. [1/K]
+
+    ``C_ij = f^2 exp(-|t_i - t_j| / (span / 5)) + (noise^2 / n_i + (0.3 f)^2) [i = j]``, f the misfit of an honest model, n_i the number of
+    readings in a stretch; one without readings has ten times the range of the sensor as noise.
+    """
     values = o.measured
     steps = np.diff(values)
     noise = o.noise or max(1.4826 * float(np.median(np.abs(steps - np.median(steps)))) / math.sqrt(2.0), 0.02) if steps.size else 0.1

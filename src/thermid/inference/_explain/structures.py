@@ -36,7 +36,7 @@ from thermid.inference._explain.thresholds import (
     MAX_SEPARATING_READINGS,
     PROMISED_STEP,
     REFITS_OF_A_ROUND,
-    SEARCHED,
+    SEARCH_DONE_STEP,
     TIE,
     WIDE_ERRORS,
 )
@@ -87,7 +87,7 @@ class FittedStructure:
         """Return what each change found, in words, and whether that is physically possible."""
         errors, pairs = self.errors(), zip(self.problem.unknowns, self.end.fitted, strict=True)
         slopes = {u.name: u.slope(float(x)) for u, x in pairs if u.kind == "parameter"}
-        values = {p: _Plain(v, float(slopes[p] * errors[p])) for p, v in self.values.items()}
+        values = {p: _ValueWithError(v, float(slopes[p] * errors[p])) for p, v in self.values.items()}
         return [c.judge(values) for c in self.changes]
 
     @property
@@ -114,8 +114,8 @@ class FittedStructure:
 
 
 @dataclass(frozen=True)
-class _Plain:
-    """A value with its error."""
+class _ValueWithError:
+    """A fitted value [SI] and its standard error [SI], as a judge reads them."""
 
     value: float
     error: float
@@ -412,11 +412,12 @@ class _Searching:
 
 
 def _pair(a: PromisedChange, b: PromisedChange) -> PromisedChange:
+    """Return two changes as one, whose promise is the sum of both."""
     return PromisedChange(a.change.beside(b.change), {**a.start, **b.start}, a.gain + b.gain)
 
 
-def _from(problem: Problem, values_before: Mapping[str, float], start: Mapping[str, float]) -> Array:
-    """Return where a refit begins: at the values of the fit before, new ones at their start."""
+def _starting_values(problem: Problem, values_before: Mapping[str, float], start: Mapping[str, float]) -> Array:
+    """Return where a refit begins (unknowns,), fitted form: at `start` [SI], else `values_before` (fitted form), else the deck."""
     at = starting_point(problem.unknowns)
     for k, u in enumerate(problem.unknowns):
         if u.name in start:
@@ -444,7 +445,7 @@ def promises(best: FittedStructure, changes: Iterable[MissingElement], refused: 
         promises_of_starts = []
         for start in change.starts or ({},):
             try:
-                after, larger = _promised(problem, _from(problem, values_before, start), values_before, change.additive)
+                after, larger = _promised(problem, _starting_values(problem, values_before, start), values_before, change.additive)
                 promises_of_starts.append((before - after, {**start, **larger}))
             except ThermidError:
                 continue
@@ -505,7 +506,7 @@ def fitted_structure(
     SolverError             When a record cannot be run.
     """
     sizes, chosen = _added(changes)
-    problem = _loosely_held(build_problem(request), sizes)
+    problem = _with_loose_priors(build_problem(request), sizes)
     end, weighing = _ended(problem, request, sizes, chosen, values_before, start or {}, budget or EvaluationBudget(), rounds)
     return _structure_at(changes, request, problem, end, weighing)
 
@@ -553,7 +554,7 @@ def fitted_structures(
         if isinstance(outcome, str):
             yield outcome
         else:
-            yield _structure_at(changes, request, _loosely_held(build_problem(request), sizes), *outcome)
+            yield _structure_at(changes, request, _with_loose_priors(build_problem(request), sizes), *outcome)
 
 
 def _added(changes: Sequence[MissingElement]) -> tuple[dict[str, SizedValue], float]:
@@ -573,7 +574,7 @@ def _ended_in_task(
     budget = EvaluationBudget(allowed)
     try:
         with one_thread():
-            problem = _loosely_held(build_problem(request), sizes)
+            problem = _with_loose_priors(build_problem(request), sizes)
             return _ended(problem, request, sizes, chosen, values_before, start, budget), budget.spent
     except (ThermidError, np.linalg.LinAlgError) as error:
         return str(error), budget.spent
@@ -590,8 +591,8 @@ def _ended(
     rounds: int = MOST_EVALUATIONS,
 ) -> tuple[Fit, CauseScore]:
     """Return where a fit ended, and how likely readings are there."""
-    begun, at = time.process_time(), _from(problem, values_before, start)
-    end = minimise(problem, request.loss, request.loss_scale, at, budget.watch(request.name), SEARCHED, rounds)
+    begun, at = time.process_time(), _starting_values(problem, values_before, start)
+    end = minimise(problem, request.loss, request.loss_scale, at, budget.watch(request.name), SEARCH_DONE_STEP, rounds)
     budget.pace = min(budget.pace, (time.process_time() - begun) / max(end.evaluations, 1))
     if not np.isfinite(end.cost):
         raise IdentificationError("its fit does not end at a finite cost.", request.name, code="fit.model-fails")
@@ -601,13 +602,14 @@ def _ended(
 def _structure_at(
     changes: tuple[MissingElement, ...], request: Request, problem: Problem, end: Fit, weighing: CauseScore
 ) -> FittedStructure:
+    """Return a fitted structure with the number of its masses."""
     numbers = problem.experiments[0].network.numbers()
     nodes = sum(c is not None and float(value_of(c)) > 0 for c in numbers.capacitances.values())
     return FittedStructure(changes, request, problem, end, weighing, nodes)
 
 
-def _loosely_held(problem: Problem, sizes: Mapping[str, SizedValue]) -> Problem:
-    """Return a problem in which nothing drifts off for nothing, with the noise that readings show where none is stated.
+def _with_loose_priors(problem: Problem, sizes: Mapping[str, SizedValue]) -> Problem:
+    """Return a problem with a weak prior of every parameter, and with the noise that readings show where none is stated.
 
     Values that a change adds have their prior of the table. Positive parameters without a prior have one of a factor of exp(5); a start at
     a first reading has one about it, generous beside noise.
@@ -657,7 +659,7 @@ def telling_test(one: FittedStructure, other: FittedStructure) -> str:
         times = np.arange(0.0, length, step)
         loads = {name: TableSignal(times, np.where(on(times), top, 0.0), True) for name, top in watts.items()}
         try:
-            gains[words] = _apart(one, other, times, loads)
+            gains[words] = _separation(one, other, times, loads)
         except ThermidError:
             continue
     if not gains:
@@ -668,8 +670,11 @@ def telling_test(one: FittedStructure, other: FittedStructure) -> str:
     return f"To decide, test from rest, {words} (about {short(gains[words], 2)} units of log-likelihood)."
 
 
-def _apart(one: FittedStructure, other: FittedStructure, times: Array, loads: Mapping[str, TableSignal]) -> float:
-    """Return half the squares of the difference of both at the sensors, in noises."""
+def _separation(one: FittedStructure, other: FittedStructure, times: Array, loads: Mapping[str, TableSignal]) -> float:
+    """Return the log-likelihood by which a test separates two structures: sum ((T_1 - T_2) / noise)^2 / 2 over its readings. [-]
+
+    `loads` are powers and commands at `times` (readings,) [s]; the test begins settled at the mean first reading.
+    """
     readings = []
     for structure in (one, other):
         request = adopted(structure)

@@ -6,15 +6,15 @@ from typing import Final
 
 # ---- candidates
 
-COLD: Final = 293.15
+DEFAULT_COLD_TEMPERATURE: Final = 293.15
 """Temperature at which a power is taken to be the logged one where its node has no reading. [K]"""
 SLOWEST_SAMPLES: Final = 10.0
 """Samples that a power takes to settle, at least. [-]"""
-TIP: Final = 0.1
+MAX_TIP_SHARE: Final = 0.1
 """A node of this part of its neighbour's heat capacity is the sensor of it. [-]"""
-BEGINS: Final = 0.05
+START_SHARE: Final = 0.05
 """Part of what a part loses already that a new way of its heat begins with. [-]"""
-MOST_PLACES: Final = 6
+MAX_PLACES: Final = 6
 """Places of a network that are looked at for changes: the observed ones first."""
 SLOWEST_MASS: Final = 10.0
 """Time constant of a new mass, in lengths of the longest record, beyond which readings know nothing of it. [-]"""
@@ -28,20 +28,20 @@ PACES: Final = (0.03, 0.2, 1.0, 5.0)
 VERY_STRONG, WORTH_A_WORD = 10.0, 2.0
 """Twice the logarithms of Bayes factors that prove a cause, and that are worth a word: Kass and Raftery, J. Am. Stat. Assoc. 90 (1995)
 773-795, DOI 10.1080/01621459.1995.10476572. [-]"""
-SURE_SLOPE: Final = 3.0
+MIN_SLOPE_DEVIATIONS: Final = 3.0
 """Standard errors from which residuals are said to go with temperature, power or time. [-]"""
-MOST_LAGS, REFITTED = 20, 10
+MAX_LAGS, MAX_REFITTED_ELEMENTS = 20, 10
 """Lags that a test of whiteness sums, and elements that are refitted: those that one evaluation promises most of."""
-FEWEST_RECORDS: Final = 6
+MIN_RECORDS_COMPARED: Final = 6
 """Records from which a value of single records is compared with an input."""
 
 # ---- defects
 
-NOISY: Final = 1.5
+MAX_NOISE_CHI_SQUARE: Final = 1.5
 """Chi-square per degree of freedom above which residuals ask for an explanation, and below which they have one. [-]"""
 MIN_DEFECT_WEIGHT: Final = 0.02
 """Weight beside the best below which a defect is left out. [-]"""
-TAKEN: Final = 0.25
+MIN_PROMISED_FALL: Final = 0.25
 """Part of chi-square that a linearised step with a defect takes off, below which it is not worth its refits. [-]"""
 FIRST_SWITCH_POSITION: Final = 0.5
 """Where in the interval between two samples a power is taken to have changed at first. [-]"""
@@ -64,11 +64,11 @@ MAX_REFIT_UNKNOWNS, MAX_REFIT_SAMPLES, MAX_REFIT_NODES, MAX_REFIT_RECORDS = 16, 
 
 DIAGNOSED_STRETCHES: Final = 24
 """Stretches of time into which every log is thinned."""
-DIAGNOSED_ROUNDS, DIAGNOSED = 4, 6
+DIAGNOSED_ROUNDS, MAX_DIAGNOSED_FAULTS = 4, 6
 """Steps in which the size of a fault is found beside the equations, and how many of the likeliest faults are looked at so."""
 LEFT_BY_EVERY_MODEL: Final = 0.1
 """Standard deviation of what every model leaves, wandering over a fifth of a log. [K]"""
-EXPLAINS: Final = 0.7
+MIN_EXPLAINED_SHARE: Final = 0.7
 """Part of the weighted squares that a fault must take away to be called the explanation."""
 
 # ---- heats
@@ -77,7 +77,7 @@ PULSES: Final = 20
 """Stretches of a record in which heat is tried; windows are made of whole ones first."""
 MAX_HEATED_NODES: Final = 30
 """Nodes that store heat in which unlogged heat is looked for: each has `PULSES` derivatives of every node's temperature."""
-MANY_LOADS: Final = 3
+MAX_TRIED_LOADS: Final = 3
 """Most nodes and loads at which a course of an unlogged power is tried."""
 MAX_WINDOW_SEARCHES: Final = 3
 """How often a window is looked for again, from where the last one led."""
@@ -86,13 +86,13 @@ TELLING_DIFFERENCE: Final = 0.2
 
 # ---- mistakes
 
-FULL: Final = 101.0
+MAX_PER_CENT: Final = 101.0
 """Largest number that a duty cycle in per cent reaches, with what rounding adds."""
-SHIFTS: Final = (0.005, 0.01, 0.02, 0.03, 0.04, 0.05, 0.065, 0.08, 0.1, 0.125, 0.15, 0.2)
+CLOCK_SHIFTS: Final = (0.005, 0.01, 0.02, 0.03, 0.04, 0.05, 0.065, 0.08, 0.1, 0.125, 0.15, 0.2)
 """Shifts of a clock that are tried, as parts of a record."""
-DEGREE: Final = 1.8
+FAHRENHEIT_PER_KELVIN: Final = 1.8
 """Degrees Fahrenheit in a kelvin. [-]"""
-USUAL_ROOM: Final = (14.0, 34.0)
+USUAL_AMBIENT: Final = (14.0, 34.0)
 """Readings at the start of a log that a room may have. [degC]"""
 MIN_NAMED_GAIN: Final = 9.0
 """Least gain in the logarithm of the posterior's height from which a mistake is named; chance and the search among many are in it. [-]"""
@@ -104,24 +104,24 @@ ANY_NEW_VALUE: Final = 3.0
 """Standard deviation of the logarithm of a value of an element that the model may lack. [-]"""
 OVER_STRUCTURE: Final = 3.0
 """What a mistake must gain over an element that the model may lack: what that explains as well is not blamed on a mistake. [-]"""
-SECOND: Final = 6
+FULLY_FITTED_HYPOTHESES: Final = 6
 """How many of the best hypotheses are fitted to the end, once all were fitted roughly."""
 MAX_SQUARES_UNSEARCHED: Final = 0.8
 """Squares per thinned reading up to which nothing is looked for. [-]"""
 CONTRADICTED_PRIOR: Final = 1.2
 """Squares of the weak priors per unknown from which the deck is thought contradicted. [-]"""
-LAGS: Final = (15.0, 40.0, 120.0)
+LOOSE_SENSOR_LAGS: Final = (15.0, 40.0, 120.0)
 """Time constants with which a sensor that came loose goes to the temperature of its surroundings. [s]"""
 
 # ---- plausibility
 
 CORRELATION: Final = 1.5
 """A correlation for a body in still air is taken as good to a factor: neighbours, orientation and draughts."""
-FORCED: Final = 25.0
+MAX_SLOW_FAN_HTC: Final = 25.0
 """Most that slow fans bring over equipment. [W/(m^2 K)]"""
 EMISSIVITY: Final = (0.02, 0.98)
 """Emissivities of surfaces, polished metal to paint (Incropera, 6th ed., A.11). [-]"""
-BARE: Final = (100.0, 5e4)
+BARE_CONTACT: Final = (100.0, 5e4)
 """Contact of metal on metal: dry and hand-tight 100 to 1000, machined under 0.1 to 10 MPa 2000 to 50 000. [W/(m^2 K)]"""
 SPECIFIC_HEAT: Final = (385.0, 1500.0)
 """Specific heats of what equipment is made of, copper to plastics. [J/(kg K)]"""
@@ -154,7 +154,7 @@ WIDE_ERRORS: Final = 8.0
 """So many standard errors are wider than the bounds of a value that the readings hardly determine; a full fit refuses it at two."""
 EVALUATIONS: Final = 8000
 """Most evaluations of a search: runs of every record with derivatives. A count, so that a busy machine finds what an idle one finds. [-]"""
-SEARCHED: Final = 0.03
+SEARCH_DONE_STEP: Final = 0.03
 """A search of one structure ends at this part of a standard error. [-]"""
 
 # ---- balance

@@ -20,35 +20,35 @@ from thermid.inference._explain.thresholds import MAX_SEEN_STRETCHES, WIDTHS
 
 @dataclass(frozen=True, eq=False)
 class CauseScore:
-    """How likely readings are.
+    """Evidence of the readings of one problem, over widths of its priors and noises of its readings.
 
     Parameters
     ----------
-    logs : array (widths, noises)   Logarithms of their likelihood, but for what all models of them share, with each factor on the widths
-                                    of the table, under each noise of a grid.
+    logs : array (widths, noises)   Logarithms of the evidence, but for a constant that all models of the same readings share: a row for
+                                    each factor of `WIDTHS` on the priors, a column for each noise of a grid.
     """
 
     logs: Array
 
     @property
     def best(self) -> float:
-        """The logarithm under the noise that makes the readings likeliest."""
+        """The largest logarithm over the noises, averaged over the widths."""
         return float(self.averaged.max())
 
     @property
     def averaged(self) -> Array:
-        """The logarithms, averaged over the widths (noises,): causes that these rank differently share what is likely."""
+        """Logarithms of the evidence averaged over the widths (noises,): ln(mean over widths of exp(logs))."""
         return np.asarray(np.logaddexp.reduce(self.logs, axis=0) - np.log(len(WIDTHS)))
 
     def less(self, amount: float) -> CauseScore:
-        """Return it less an amount."""
+        """Return the score with `amount` taken off every logarithm. [-]"""
         return CauseScore(self.logs - amount)
 
 
 def noise_of(weighings: Iterable[CauseScore]) -> int:
-    """Return the place of the one noise by which several models are compared: that of the model with which readings are likeliest.
+    """Return the column of `logs` by which several models are compared: the likeliest noise of the best of them.
 
-    Noise is the instrument's and the room's. What a worse model leaves is not taken for it.
+    Noise is a property of instruments and surroundings, so residuals of a worse model do not count as noise.
     """
     return int(max(weighings, key=lambda w: w.best).averaged.argmax())
 
@@ -60,13 +60,14 @@ def weighed_at(
     loss: str = "linear",
     loss_scale: float = 1.0,
 ) -> CauseScore:
-    """Return how likely the readings of a problem are, linear in its values where they stand.
+    """Return the logarithms (widths, noises) of the evidence of a problem: all unknowns integrated out, readings linear about `fitted`.
 
     Parameters
     ----------
-    problem : Problem           Its own priors count for values that have no size in the table.
-    fitted : array (unknowns,)  In the fitted form.
-    sizes : dict                Unknown -> its prior.
+    problem : Problem           Its own priors count for unknowns without an entry in `sizes`.
+    fitted : array (unknowns,)  Where readings and priors are linearised; in the fitted form.
+    sizes : dict                Unknown -> the prior that takes the place of its own.
+    loss, loss_scale            As in `calibrate`.
 
     Raises
     ------
@@ -96,7 +97,10 @@ def weighed_at(
 
 
 def shares(weighings: Sequence[CauseScore]) -> Array:
-    """Return the probability of each of several causes of the same readings under one noise, averaged over the widths."""
+    """Return the probability (causes,) of each of several causes, equally likely beforehand; their sum is 1. [-]
+
+    It is ``exp(logs) / sum of exp(logs)`` over the causes, under the noise of `noise_of`, averaged over the widths.
+    """
     noise = noise_of(weighings)
     logs = np.array([w.logs[:, noise] for w in weighings])
     weights = np.exp(logs - logs.max(axis=0))

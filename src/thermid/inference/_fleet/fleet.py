@@ -99,9 +99,9 @@ class CovariateDesign:
 
     Parameters
     ----------
-    columns : tuple         (covariate, text or "", mean, scale) of each column beside the first.
+    columns : tuple         (covariate, text or "", mean over units) of each column beside the first.
     size : int              Values.
-    table : array (units, columns + 1)
+    table : array (units, columns + 1)      Ones, then each covariate less its mean; of a text 1 or 0 less its share.
     """
 
     columns: tuple[tuple[str, str, float], ...]
@@ -110,7 +110,7 @@ class CovariateDesign:
 
     @classmethod
     def from_covariates(cls, units: Sequence[str], covariates: Covariates, size: int) -> CovariateDesign:
-        """Return it.
+        """Return the design of covariates for units; `size` is the number of values.
 
         Raises
         ------
@@ -294,21 +294,21 @@ class Fleet(Result):
         }
 
 
-def _refused(words: str) -> IdentificationError:
-    return IdentificationError(words, "fleet", code="fleet.covariate")
-
-
 def _difference(size: float, text: str) -> str:
+    """Return a difference [SI] as text in a unit; in K where that is degC or degF."""
     return f"{size / float(unit_of(text).factor):.3g} [{'K' if text in ('degC', 'degF') else text}]"
 
 
 def _shown(value: float, text: str) -> str:
+    """Return a value [SI] as a number in a unit."""
     return f"{from_si(value, text):.4g}"
 
 
 def _spread(size: float, v: PopulationValue) -> str:
+    """Return a spread in per cent where it is relative, else in the value's unit."""
     return f"{100.0 * size:.3g} %" if v.relative else f"{size / float(unit_of(v.unit).factor):.3g} {v.unit}"
 
 
 def _percent(size: float, e: Effect) -> str:
+    """Return an effect in per cent where it is relative, else in SI units."""
     return f"{100.0 * size:+.3g} %" if e.relative else f"{size:+.3g} [SI]"

@@ -126,14 +126,14 @@ class RestrictedLikelihood:
 
 
 @dataclass(frozen=True, eq=False)
-class Rooms:
-    """Which entries of L are free: ``L = base + sum t_m columns_m``, in an order of the values.
+class RootForm:
+    """Root L of Omega as a linear function of free numbers t: ``L = base + sum t_m columns_m``, in an order of the values.
 
     Parameters
     ----------
     order : array (values,)                     Position of each row of L among the values.
-    base : array (values, values)
-    columns : array (free, values, values)
+    base : array (values, values)               What is fixed of L.
+    columns : array (free, values, values)      Derivative of L with respect to each t_m.
     """
 
     order: Array
@@ -141,8 +141,8 @@ class Rooms:
     columns: Array
 
     @classmethod
-    def holding(cls, together: Bools, first: tuple[int, ...] = (), held: float | None = None) -> Rooms:
-        """Return it; `first` names one value whose spread is held, or two whose correlation is.
+    def holding(cls, together: Bools, first: tuple[int, ...] = (), held: float | None = None) -> RootForm:
+        """Return the form of L with one number fixed at `held`: the spread of one value in `first`, the correlation of two.
 
         `together` (values, values) says which values may be correlated; all, or none.
         """
@@ -166,7 +166,7 @@ class Rooms:
         return cls(order, base, np.array(columns).reshape(-1, size, size))
 
     def start(self, omega: Array) -> Array:
-        """Return t near some Omega."""
+        """Return t (free,) whose L L' is near an Omega (values, values)."""
         size = omega.shape[0]
         there = omega[np.ix_(self.order, self.order)]
         lower = np.linalg.cholesky(there + 1e-12 * np.diag(np.diag(there)) + 1e-300 * np.eye(size))
@@ -174,7 +174,7 @@ class Rooms:
         return np.asarray(np.linalg.lstsq(flat.T, (lower - self.base).ravel(), rcond=None)[0])
 
     def root(self, t: Array) -> Array:
-        """Return L with its rows in the order of the values."""
+        """Return L (values, values) at t (free,), its rows in the order of the values."""
         out = np.zeros_like(self.base)
         out[self.order] = self.base + np.tensordot(t, self.columns, 1)
         return out
@@ -208,7 +208,7 @@ class PopulationFit:
     def fitted(cls, summaries: Summaries, together: Bools, near: Array | None = None) -> PopulationFit:
         """Return it; `near` is an Omega to begin at."""
         omega = _begun(summaries, together) if near is None else near
-        omega, at = maximise(summaries, Rooms.holding(together), omega)
+        omega, at = maximise(summaries, RootForm.holding(together), omega)
         return cls(summaries, together, omega, at)
 
     @property
@@ -218,7 +218,7 @@ class PopulationFit:
 
     def rise(self, first: tuple[int, ...], held: float, near: Array | None = None) -> tuple[float, Array]:
         """Return by how much 2 ln R falls where one spread, or the correlation of two values, is held; and Omega there."""
-        omega, at = maximise(self.summaries, Rooms.holding(self.together, first, held), self.omega if near is None else near)
+        omega, at = maximise(self.summaries, RootForm.holding(self.together, first, held), self.omega if near is None else near)
         return 2.0 * (self.at.log - at.log), omega
 
     def without(self, units: list[int]) -> PopulationFit:
@@ -286,24 +286,24 @@ def _begun(summaries: Summaries, together: Bools) -> Array:
     return np.asarray(omega)
 
 
-def maximise(summaries: Summaries, rooms: Rooms, omega: Array) -> tuple[Array, RestrictedLikelihood]:
-    """Return the Omega of largest restricted likelihood among those that `rooms` allows, and the likelihood there.
+def maximise(summaries: Summaries, form: RootForm, omega: Array) -> tuple[Array, RestrictedLikelihood]:
+    """Return the Omega of largest restricted likelihood among those that `form` allows, and the likelihood there.
 
     Fisher scoring over the free entries of L, damped as by Levenberg and Marquardt.
     """
-    t = rooms.start(omega)
-    root = rooms.root(t)
+    t = form.start(omega)
+    root = form.root(t)
     at, damping = RestrictedLikelihood.at(summaries, root), 1e-4
     size = root.shape[0]
     for _ in range(SCORING_STEPS):
-        gradient = np.einsum("mij,ij->m", rooms.placed, at.slope @ root)
-        turned = np.einsum("mik,jk->mij", rooms.placed, root)
+        gradient = np.einsum("mij,ij->m", form.placed, at.slope @ root)
+        turned = np.einsum("mik,jk->mij", form.placed, root)
         change = (turned + np.swapaxes(turned, 1, 2)).reshape(len(t), size * size)
         information = 0.5 * change @ at.outer @ change.T
         scale = np.diag(information) + 1e-12 * np.diag(information).max(initial=1e-300)
         while True:
             step = np.linalg.solve(information + np.diag(damping * scale), gradient)
-            there = RestrictedLikelihood.at(summaries, rooms.root(t + step))
+            there = RestrictedLikelihood.at(summaries, form.root(t + step))
             if there.log >= at.log or damping > 1e8:
                 break
             damping *= 8.0
@@ -311,7 +311,7 @@ def maximise(summaries: Summaries, rooms: Rooms, omega: Array) -> tuple[Array, R
         if gain <= 0.0:
             break
         t, at, damping = t + step, there, max(damping / 8.0, 1e-10)
-        root = rooms.root(t)
+        root = form.root(t)
         if 0.5 * float(gradient @ step) < GAIN_LEFT and gain < GAIN_LEFT:
             break
     return root @ root.T, at
@@ -389,11 +389,15 @@ def interval_of_correlation(population: PopulationFit, j: int, k: int) -> Interv
 
 
 def _along(population: PopulationFit, j: int, k: int, middle: float, sign: float) -> Callable[[float, Array | None], tuple[float, Array]]:
+    """Return the rise by the distance x of the inverse hyperbolic tangent of the correlation of two values from `middle`."""
     return lambda x, near: population.rise((j, k), math.tanh(middle + sign * x), near)
 
 
 def _end(rise: Callable[[float, Array | None], tuple[float, Array]], step: float, goal: float, most: float = 1e3) -> float:
-    """Return the distance at which the root of a rise reaches a goal: secants, within what encloses it; at most `most`."""
+    """Return the distance x, at most `most`, at which sqrt(rise(x)) reaches `goal`; `rise` also takes and returns an Omega to begin near.
+
+    The first try is `step`; steps grow until they enclose the goal, then secants.
+    """
     low, high, near = (0.0, 0.0), (math.inf, math.inf), None
     x = min(step, most)
     for _ in range(FITS_TO_AN_END):

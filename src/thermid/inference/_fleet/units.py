@@ -21,6 +21,7 @@ from thermid.base.units import counted
 from thermid.fit.calibration import Problem, Request, Sums, Unknown, autocorrelation, build_problem, minimise, requested
 from thermid.inference._fleet.fleet import CovariateDesign, Covariates, Effect, Fleet, OddUnit, PopulationValue, SharedVariation
 from thermid.inference._fleet.population import (
+    ZERO_SPREAD_RISE,
     PopulationFit,
     Summaries,
     interval_of_correlation,
@@ -70,7 +71,7 @@ class FleetUnit:
 
     @classmethod
     def from_request(cls, name: str, request: Request) -> FleetUnit:
-        """Return it.
+        """Return the unit of a request; priors of its free parameters are left out, since the fleet gives them.
 
         Raises
         ------
@@ -359,7 +360,7 @@ def _summed(
     remarks: tuple[str, ...],
     model: Model,
 ) -> Fleet:
-    """Return the result."""
+    """Return the result: values and intervals in SI units, from the population about `reference` (values,) in the fitted form."""
     size, at = len(unknowns), population.at
     worth = _worth(population, units)
     values = {u.name: _value(u, k, population, reference, worth, units) for k, u in enumerate(unknowns)}
@@ -391,7 +392,7 @@ def _value(
     mean = interval_of_mean(population, np.eye(population.at.beta.size)[k])
     spread = interval_of_spread(population, k)
     middle = float(reference[k] + population.at.beta[k])
-    vanished = spread.low == 0.0 and population.rise((k,), 0.0)[0] < 1e-3
+    vanished = spread.low == 0.0 and population.rise((k,), 0.0)[0] < ZERO_SPREAD_RISE
     return PopulationValue(
         u.name,
         u.unit,

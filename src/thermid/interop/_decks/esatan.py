@@ -253,7 +253,7 @@ def _integer(deck: EsatanDeck, word: str, where: TextSpan) -> int:
 
 
 def _read(deck: EsatanDeck, scope: _Scope, prefix: str) -> None:
-    """Read a model, its names first, then the models inside it."""
+    """Add a model to `deck`: its names and elements, then the models inside it, then its logic; its names count inside it alone."""
     outer = dict(deck.reading.names)
     owner = _owner(deck, prefix, scope.name)
     for wanted in ("LOCALS", "CONSTANTS", "ARRAYS", "NODES", "CONDUCTORS"):

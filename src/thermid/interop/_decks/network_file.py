@@ -504,7 +504,10 @@ class FileCourse:
         return replace(self, seconds=t, numbers=v)
 
     def table(self, unit: str, factor: float = 1.0, offset: float = 0.0) -> dict[str, Any]:
-        """Return the course as a table of a scenario."""
+        """Return the table of a scenario: ``times`` [s] and ``values``, `numbers` times `factor` plus `offset`, as text in `unit`.
+
+        A step becomes a line over `CYCLE_END_SHARE` of the course's length. Beyond its ends the course holds its values, or repeats.
+        """
         t, v = self.seconds, self.numbers * factor + offset
         if t.size > 1:  # two values at one time are a step
             t = np.where(np.append(np.diff(t) == 0.0, False), t - CYCLE_END_SHARE * (t[-1] - t[0]), t)

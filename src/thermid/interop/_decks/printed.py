@@ -111,7 +111,7 @@ def _solutions(analysis: Any, file: str) -> Iterator[Printed]:
 
 
 def _owner(models: Any, k: int) -> str:
-    """Return the name of the k-th model as a deck's reader has it, after those that it stands in."""
+    """Return the name of the k-th model (from 1): those of the models around it, outermost first, and its own, joined by underscores."""
     _, parent, _ = models[k - 1].tolist()
     name = models[k - 1]["modelName"].decode("latin-1").strip().upper()
     return f"{_owner(models, parent)}_{name}" if parent else name

@@ -79,7 +79,7 @@ class _Child:
         self._process = None
 
     def close(self) -> None:
-        """End the process at the end of the one that started it."""
+        """End the process that serves questions, if there is one; called when the process that started it exits."""
         with self._lock:
             self._end()
 

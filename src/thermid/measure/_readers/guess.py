@@ -184,7 +184,11 @@ def _by_name(name: str, finite: FloatArray, letter: str) -> tuple[str, str, str]
 
 
 def _with_faults(column: Column) -> Column:
-    """Return a column with its codes of faults and jumps; a jump exceeds 8 times the 90 % quantile of steps, 2 K at least."""
+    """Return a column with `codes` (value of a fault -> what it is), `faults` (what it is -> count) and `jumps` (places of readings).
+
+    Only temperatures have codes and jumps. A jump is a step above 8 q, q the 90 % quantile of all steps and 0.25 of the column's unit at
+    least. Other columns are looked through for readings of an overload, counters excepted.
+    """
     values, heat = column.values, column.guess in ("temperature", "boundary")
     codes = codes_of(values, float(from_si(0.0, column.unit))) if heat else {}
     faults = Counter(codes[v] for v in values.tolist() if v in codes)

@@ -19,7 +19,7 @@ from thermid.prediction._setting import Setting
 from thermid.simulation.runs import PILOT, Counted, JobFolder, Scenario, Workers, digest, in_tasks
 from thermid.simulation.solver import MemberTurnings, Options
 
-PARTS = ("members", "times", "kelvin")
+TURNING_FIELDS = ("members", "times", "kelvin")
 SAMPLE = 32_000_000
 """Bytes of the traces that are kept of the first members, whole."""
 SHARES = 6
@@ -178,7 +178,7 @@ class Limit:
 
 
 def work(job: Job, first: int, members: int, settings: Settings | None = None) -> Chunk:
-    """Return the runs of a chunk of members."""
+    """Return the runs of members first, first + 1, ..., first + members - 1; `settings` are reused from chunk to chunk."""
     chunk = run_members_of(job, job.budget.numbers(job.seed, first, members), settings)
     return replace(chunk, first=first, failed={first + m: why for m, why in chunk.failed.items()})
 
@@ -262,7 +262,7 @@ def chunk_name(first: int, members: int) -> str:
 def as_arrays(chunk: Chunk) -> dict[str, Any]:
     """Return a chunk as arrays for a file."""
     failed, why = np.array(list(chunk.failed), dtype=int), np.array(list(chunk.failed.values()), dtype=str)
-    points = {f"turnings{k}_{part}": getattr(t, part) for k, t in enumerate(chunk.turnings.values()) for part in PARTS}
+    points = {f"turnings{k}_{part}": getattr(t, part) for k, t in enumerate(chunk.turnings.values()) for part in TURNING_FIELDS}
     arrays = {"temperatures": chunk.temperatures, "followed": np.array(list(chunk.turnings), dtype=str), **points}
     return {**arrays, "failed": failed, "why": why, "simd": np.array(chunk.simd)}
 
@@ -274,7 +274,7 @@ def as_chunk(data: Mapping[str, Any] | None, first: int) -> Chunk | None:
             return None
         why = dict(zip(data["failed"].tolist(), data["why"].tolist(), strict=True))
         names = [n for n in data["followed"].tolist() if n]
-        points = {n: MemberTurnings(*(data[f"turnings{k}_{part}"] for part in PARTS)) for k, n in enumerate(names)}
+        points = {n: MemberTurnings(*(data[f"turnings{k}_{part}"] for part in TURNING_FIELDS)) for k, n in enumerate(names)}
         return Chunk(first, data["temperatures"], points, why, str(data["simd"]))
     except (ValueError, KeyError):
         return None
@@ -376,22 +376,22 @@ class MemberRuns:
         self._told = True
 
 
-TABLES = 4
+HELD_TABLES = 4
 """Tables of counts that are held at once: one that is made, one that arrives, and what they are joined with and to."""
-TRIED = (8, 64)
+PACE_CHUNKS = (8, 64)
 """Members of two chunks that are run to see what one costs, and what a chunk costs besides."""
 
 
 def pace_of(job: Job) -> tuple[float, float, Chunk]:
-    """Return what a member takes, and a chunk besides [s of processor time], and a chunk that was run to see it."""
-    work(job, 0, TRIED[0])  # loads what is loaded once
+    """Return a and b of a chunk's processor time a members + b [s], by two chunks of `PACE_CHUNKS` members, and the larger chunk."""
+    work(job, 0, PACE_CHUNKS[0])  # loads what is loaded once
     took = []
-    for tried in TRIED:
+    for tried in PACE_CHUNKS:
         begun = process_time()
         chunk = work(job, 0, tried)
         took.append(process_time() - begun)
-    seconds_per_member = max(took[1] - took[0], 0.0) / (TRIED[1] - TRIED[0])
-    return seconds_per_member, max(took[0] - TRIED[0] * seconds_per_member, 0.0), chunk
+    seconds_per_member = max(took[1] - took[0], 0.0) / (PACE_CHUNKS[1] - PACE_CHUNKS[0])
+    return seconds_per_member, max(took[0] - PACE_CHUNKS[0] * seconds_per_member, 0.0), chunk
 
 
 @dataclass(frozen=True)
@@ -422,8 +422,8 @@ class RunCost:
         """Return what so many members take, from two small chunks that are run for it."""
         seconds_per_member, besides, chunk = pace_of(job)
         remaining, whole = members - members_kept, job.whole(members)
-        points = sum(getattr(t, part).nbytes for t in chunk.turnings.values() for part in PARTS)
-        size = whole * 2.0 * (chunk.temperatures.nbytes + points) / TRIED[1]  # as chunks, and all together
+        points = sum(getattr(t, part).nbytes for t in chunk.turnings.values() for part in TURNING_FIELDS)
+        size = whole * 2.0 * (chunk.temperatures.nbytes + points) / PACE_CHUNKS[1]  # as chunks, and all together
         if whole < members:
-            size += TABLES * sum(8.0 * g.bins.sum() for g in CountTable.of_pilot(job, (), [chunk]).grids.values())
+            size += HELD_TABLES * sum(8.0 * g.bins.sum() for g in CountTable.of_pilot(job, (), [chunk]).grids.values())
         return cls(members, members_kept, remaining * seconds_per_member + len(job.parts(0, remaining)) * besides, size)

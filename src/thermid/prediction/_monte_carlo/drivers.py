@@ -60,7 +60,7 @@ def drivers_of(draws: Mapping[str, Array], result: Array) -> tuple[Driver, ...]:
 
 
 def _ranks(values: Array) -> Array:
-    """Return the ranks, that of equal values their mean."""
+    """Return the ranks from 1 (members,); equal values have the mean of theirs."""
     _, index, counts = np.unique(values, return_inverse=True, return_counts=True)
     ends = np.cumsum(counts)
     return np.asarray((ends - 0.5 * (counts - 1))[index], dtype=float)
@@ -73,6 +73,7 @@ def _by_group(values: Array, target: Array) -> Array:
 
 
 def _standard(values: Array) -> Array:
+    """Return values with mean 0 and standard deviation 1; zeros where all are equal."""
     spread = values.std()
     return np.asarray((values - values.mean()) / spread) if spread > 0 else np.zeros(values.shape)
 

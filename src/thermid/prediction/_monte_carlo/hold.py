@@ -33,7 +33,7 @@ from thermid.values.fitted import FittedValues
 from thermid.values.store import LeftOut
 from thermid.values.value_files import filed
 
-MONTE_CARLO = 0.95
+SAMPLING_PROBABILITY = 0.95
 """Two-sided probability of the intervals that say what the number of members leaves open. [-]"""
 NO_MISFIT = "the residuals of the fit are no larger than their noise"
 MIN_NAMED_SHARE = 0.05
@@ -41,13 +41,16 @@ MIN_NAMED_SHARE = 0.05
 
 
 def hold_time(crossings: Array, confidence: float) -> tuple[float, tuple[float, float]]:
-    """Return the time until which a share of the members keeps its limit, and its interval from order statistics. [s]"""
+    """Return the time before which the share `confidence` of members (members,) keeps the limit, and its 95 % interval. [s]
+
+    With p = 1 - confidence it is the crossing of rank floor(p n); the interval is between two ranks, by the binomial distribution.
+    """
     from scipy.special import bdtr
 
     ordered, n, p = np.sort(crossings), crossings.size, 1.0 - confidence
     rank = max(math.floor(p * n + 1e-9), 1)
     below = bdtr(np.arange(n + 1, dtype=float), n, p)  # chance that at most so many members are before the true quantile
-    low, high = (int(np.searchsorted(below, 0.5 * (1.0 + side * MONTE_CARLO))) for side in (-1.0, 1.0))
+    low, high = (int(np.searchsorted(below, 0.5 * (1.0 + side * SAMPLING_PROBABILITY))) for side in (-1.0, 1.0))
     return float(ordered[rank - 1]), (float(ordered[max(low, 1) - 1]), float(ordered[min(high + 1, n) - 1]))
 
 
@@ -55,7 +58,7 @@ def proportion(hits: int, members: int) -> tuple[float, float]:
     """Return the interval of a probability of which so many hits were seen (Clopper and Pearson). [-]"""
     from scipy.special import betaincinv
 
-    tail = (1.0 - MONTE_CARLO) / 2.0
+    tail = (1.0 - SAMPLING_PROBABILITY) / 2.0
     low = float(betaincinv(hits, members - hits + 1, tail)) if hits else 0.0
     high = float(betaincinv(hits + 1, members - hits, 1.0 - tail)) if hits < members else 1.0
     return low, high
@@ -272,7 +275,9 @@ def hold(runs: UncertainRuns, limits: Mapping[str, Any], *, confidence: float = 
         )
     points = [_point(runs, runs.draws_of_whole, name, side, value, confidence) for name, side, value in wanted]
     points.sort(key=lambda p: (p.hold, p.never, -p.exceedance[-1]))
-    together = _together(runs, points, confidence)
+    # whichever limit is passed first, member by member; with the drivers of the first limit
+    crossings, first = np.min([p.crossings for p in points], axis=0), points[0]
+    together = _hold_point(first.node, "any limit", first.limit, first.side, crossings, runs, confidence, first.drivers)
     budget = runs.job.budget
     limited = {p.node for p in points}
     sizes = [float(np.abs(row).sum()) for t, row in zip(budget.targets, budget.gain, strict=True) if t.form == "node" and t.name in limited]
@@ -301,21 +306,17 @@ def check_members(members: int, confidence: float, title: str) -> None:
 
 
 def _point(runs: UncertainRuns, draws: Mapping[str, Array], name: str, side: str, kelvin: float, confidence: float) -> HoldPoint:
+    """Return how long one limit [K] is kept, and the drivers of the temperature at the hold time by the `draws` of whole members."""
     path = runs.job.model.canonical(name)
     crossings = runs.crossings(Limit(path, SIDES[side], kelvin))
     until = hold_time(crossings, confidence)[0]
     # how far above: at the hold time, or the farthest of the run where that lies beyond it, or is the start
     at = int(np.searchsorted(runs.times, until)) if 0.0 < until < math.inf else None
     measure = SIDES[side] * runs.sampled(name, at, SIDES[side])
-    return _filled(path, name, kelvin - ICE_POINT, side, crossings, runs, confidence, drivers_of(draws, measure))
+    return _hold_point(path, name, kelvin - ICE_POINT, side, crossings, runs, confidence, drivers_of(draws, measure))
 
 
-def _together(runs: UncertainRuns, points: list[HoldPoint], confidence: float) -> HoldPoint:
-    crossings, first = np.min([p.crossings for p in points], axis=0), points[0]
-    return _filled(first.node, "any limit", first.limit, first.side, crossings, runs, confidence, first.drivers)
-
-
-def _filled(
+def _hold_point(
     path: str,
     name: str,
     limit: float,

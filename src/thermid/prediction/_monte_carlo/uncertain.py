@@ -140,6 +140,7 @@ def limits_of(limits: Mapping[str, Any], title: str) -> list[tuple[str, str, flo
 
 
 def _sides(name: str, spec: Any) -> list[tuple[str, float]]:
+    """Return side and temperature [K] of each limit of one name."""
     table = spec if isinstance(spec, Mapping) else {"highest": spec}
     if not table or not set(table) <= set(SIDES):
         raise ScenarioError(
@@ -291,6 +292,7 @@ class UncertainRuns(Result):
         return self._kept_temperatures(node)
 
     def _kept_temperatures(self, node: str) -> Array:
+        """Return the temperatures (members kept whole that reached the end, times) of a node. [K]"""
         return self._followed(node)[0]
 
     def _followed(self, node: str) -> tuple[Array, MemberTurnings | None]:
@@ -460,6 +462,7 @@ def uncertain_runs(
 
 
 def _limits_of(job: Job, limits: Mapping[str, Any] | None) -> tuple[Limit, ...]:
+    """Return the limits of nodes that are kept, each once; a limit of another node is refused."""
     named = limits_of(limits, job.model.title) if limits else []
     limits_of_job = tuple(dict.fromkeys(Limit(job.model.canonical(name), SIDES[side], kelvin) for name, side, kelvin in named))
     refuse_unknown(

@@ -159,6 +159,7 @@ def _relative_specific_heat(network: Network, run: Solution, node: str) -> tuple
 
 
 def _secant(row: ConductorRow, means: Mapping[str, float], run: Solution) -> float:
+    """Return the conductance of a row: its own, that at the mean temperatures, or the mean over the run weighted by (T_a - T_b)^2. [W/K]"""
     first, (a, b) = value_of(row.coefficients[0]), (means[e] for e in row.ends)
     if row.kernel.linear:
         return first
@@ -226,7 +227,7 @@ class Drive:
 
 
 def chain(part: Subnetwork, keep: frozenset[str], drives: Sequence[Drive]) -> dict[int, Partition]:
-    """Return masses left -> how: from all of them downward, each time the step that moves the points least.
+    """Return number of masses -> partition: from all masses downward, each time by the step that moves the points least.
 
     A step makes two masses one or takes the mass of one away. Steps are compared on the linear part alone, driven as in the runs.
     """
@@ -249,8 +250,11 @@ def chain(part: Subnetwork, keep: frozenset[str], drives: Sequence[Drive]) -> di
     return out
 
 
-def _reduced(part: Subnetwork, choice: Partition) -> tuple[Array, Array, Array, list[int], list[int]]:
-    """Return contraction (nodes, clusters), conductances of clusters and outside, capacitances, positions with and without a mass."""
+def _projected(part: Subnetwork, choice: Partition) -> tuple[Array, Array, Array, list[int], list[int]]:
+    """Return P (nodes, clusters), P'K P of clusters and outside [W/K], P'C of the clusters [J/K], and positions with and without a mass.
+
+    P is 1 where a node belongs to a cluster, K the laplacian of the part, C its capacitances (nodes,).
+    """
     nodes, clusters = len(part.nodes), len(choice.clusters)
     contraction = np.zeros((nodes, clusters))
     for k, members in enumerate(choice.clusters):
@@ -264,7 +268,7 @@ def _reduced(part: Subnetwork, choice: Partition) -> tuple[Array, Array, Array, 
 
 def _response(part: Subnetwork, choice: Partition, drive: Drive) -> Array:
     """Return what the points do (times, points) in the linear part; inputs are straight between samples. [K]"""
-    contraction, whole, capacity, s, m = _reduced(part, choice)
+    contraction, whole, capacity, s, m = _projected(part, choice)
     o = list(range(len(choice.clusters), whole.shape[0]))
     inverse = np.linalg.inv(whole[np.ix_(m, m)])
     weights, outer = -inverse @ whole[np.ix_(m, s)], -inverse @ whole[np.ix_(m, o)]
@@ -281,14 +285,14 @@ def _response(part: Subnetwork, choice: Partition, drive: Drive) -> Array:
     else:
         first = contraction.T @ (part.capacitances * drive.start)
         begun = vectors.T @ (root * np.array([first[k] / capacity[k] for k in s]))
-    states = _straight(rates * drive.step, driven * drive.step, begun) @ vectors.T / root
+    states = _modal_response(rates * drive.step, driven * drive.step, begun) @ vectors.T / root
     clusters = np.empty((len(states), len(choice.clusters)))
     clusters[:, s], clusters[:, m] = states, states @ weights.T + heat[:, m] @ inverse.T + drive.around @ outer.T
     return np.asarray((clusters @ contraction.T)[:, list(part.points)])
 
 
-def _straight(z: Array, force: Array, begun: Array) -> Array:
-    """Return x (times, modes) of dx/dt = f - z x over steps of one, f straight between samples: the exact recursion."""
+def _modal_response(z: Array, force: Array, begun: Array) -> Array:
+    """Return x (times, modes) of dx/dt = f - z x at unit steps, x(0) = `begun`, f = `force` (times, modes) linear between: exact."""
     decay = np.exp(-z)
     whole = -np.expm1(-z) / z
     late = np.where(z > 1e-5, (1.0 - whole) / z, 0.5 - z / 6.0)
@@ -328,7 +332,7 @@ def condensed(part: Subnetwork, choice: Partition) -> Condensed:
         for j, b in enumerate(ends)
         if i < j and -mesh[i, j] > floor and not {a, b} <= set(part.outside)
     }
-    _, whole, capacity, s, m = _reduced(part, choice)
+    _, whole, capacity, s, m = _projected(part, choice)
     masses_kept = capacity[s]
     if m:
         weights = np.linalg.solve(whole[np.ix_(m, m)], -whole[np.ix_(m, s)])
@@ -340,7 +344,7 @@ def condensed(part: Subnetwork, choice: Partition) -> Condensed:
 
 
 def _schur(whole: Array, stay: Sequence[int]) -> Array:
-    """Return the conductances between the nodes that stay, the others eliminated."""
+    """Return the Schur complement K_ss - K_sg K_gg^-1 K_gs: conductances between nodes that stay, the others eliminated. [W/K]"""
     gone = [k for k in range(whole.shape[0]) if k not in set(stay)]
     if not gone:
         return whole[np.ix_(stay, stay)]
@@ -480,6 +484,7 @@ def reduce(
 
 
 def _offered(part: Model, ahead: str, network: Network) -> frozenset[str]:
+    """Return the nodes of a network that a part offers; `ahead` is the prefix of its paths."""
     return frozenset(p for o in part.offers if (p := ahead + part.canonical(o)) in network.nodes)
 
 
@@ -519,6 +524,7 @@ def _tried(
 
 
 def _deviation(scenario: Scenario, full: Solution, small: Solution, node: str) -> NodeDeviation:
+    """Return how far the reduced run is from the full one at a node."""
     off = small[node].kelvin - full[node].kelvin
     k = int(np.abs(off).argmax())
     return NodeDeviation(scenario.title, node, float(off[k]), float(full.times[k]), float(off[-1]))
@@ -545,9 +551,9 @@ def _deck(part_model: Model, ahead: str, network: Network, small: Condensed) -> 
     links: list[dict[str, Any]] = [
         {"kind": "conduction", "between": [name[a], name[b]], "conductance": written(g, "W/K")} for (a, b), g in small.links.items()
     ]
-    links += [_law(row, name, written, network) for row in small.rows]
+    links += [_law_table(row, name, written, network) for row in small.rows]
     inner_loads = [load for load in network.flat.loads if load.path.startswith(ahead)]
-    loads = {load.path.removeprefix(ahead).replace(".", "_"): _load(load, numbers, name, written) for load in inner_loads}
+    loads = {load.path.removeprefix(ahead).replace(".", "_"): _load_table(load, numbers, name, written) for load in inner_loads}
     taken = {*name.values(), *loads}
     aliases = {load.path.removeprefix(ahead): load.path.removeprefix(ahead).replace(".", "_") for load in inner_loads}
     aliases |= {n.removeprefix(ahead): name[n] for n in small.inside if n in name}
@@ -577,7 +583,7 @@ def _in_gas(c: FlatConductor) -> bool:
     return c.kind in ("convection", "effective", "gas", "flow") or "gap" in c.fields or bool(c.gas and c.kind == "radiation")
 
 
-def _law(row: ConductorRow, name: Mapping[str, str], written: Any, network: Network) -> dict[str, Any]:
+def _law_table(row: ConductorRow, name: Mapping[str, str], written: Any, network: Network) -> dict[str, Any]:
     """Return a conductor that keeps its law."""
     first, between = value_of(row.coefficients[0]), [name[e] for e in row.ends]
     if row.form == "flow":
@@ -593,7 +599,7 @@ def _law(row: ConductorRow, name: Mapping[str, str], written: Any, network: Netw
     return {"kind": "convection", "between": between, "htc": htc, "area": written(first, "m^2")}
 
 
-def _load(load: FlatLoad, numbers: Numbers, name: Mapping[str, str], written: Any) -> dict[str, Any]:
+def _load_table(load: FlatLoad, numbers: Numbers, name: Mapping[str, str], written: Any) -> dict[str, Any]:
     plain = {"power", "command_curve", "reference_temperature"}
     plain |= {f"{law}_coefficient" for law in ("temperature", "quadratic", "exponential")}
     odd = sorted(set(load.fields) - plain)

@@ -108,7 +108,10 @@ class Approach:
         return float(np.sqrt(free / (free - 2.0)))
 
     def _factors(self, at: float) -> FloatArray:
-        """Return what multiplies each term at a time [s] (parts, terms): 1, exp(-(t - now) / tau_k), the reference. The end is infinity."""
+        """Return what multiplies each term (parts, terms) at t = `at` [s]: 1, exp(-(t - now) / tau_k) [-], and terms of the reference [K].
+
+        At infinity only the constant is left. Terms of the reference are as in `Reference.later`.
+        """
         fall = np.zeros(self.taus.shape) if np.isinf(at) else np.exp(-(at - self.now) / self.taus)
         columns = [np.ones((self.taus.shape[0], 1)), fall]
         if self.room is not None:

@@ -270,9 +270,9 @@ def test_the_heat_balance_closes_within_twice_its_error() -> None:
 
 def test_sensors_of_one_node_weigh_by_the_squares_of_their_errors() -> None:
     """1 +- 0.1 and 3 +- 0.2 are 1.4, four to one; they lie eight times as far apart as errors allow (Birge's ratio), chi^2 = 80."""
-    from thermid.inference._explain.balance import _together
+    from thermid.inference._explain.balance import _mean_of_sensors
 
-    mean, error = _together([1.0, 3.0], [0.1, 0.2])
+    mean, error = _mean_of_sensors([1.0, 3.0], [0.1, 0.2])
     assert mean == pytest.approx(1.4)
     assert error == pytest.approx(np.sqrt(80.0 / 125.0))
 
@@ -322,13 +322,13 @@ class TestMistakes:
 
     def test_shifts_and_lags_of_a_search_lie_close_enough(self) -> None:
         """The descent from a shift that is tried reaches a third of it; lags are those of sensors in air, 10 s to 3 min."""
-        from thermid.inference._explain.mistakes import LAGS, SHIFTS
+        from thermid.inference._explain.mistakes import CLOCK_SHIFTS, LOOSE_SENSOR_LAGS
 
         asked = np.geomspace(0.03, 0.2, 500)
-        assert (np.abs(np.array(SHIFTS)[:, None] - asked).min(axis=0) <= 0.15 * asked).all()
-        assert min(SHIFTS) <= 0.005
-        assert min(LAGS) / 1.5 <= 10.0
-        assert max(LAGS) * 1.5 >= 180.0
+        assert (np.abs(np.array(CLOCK_SHIFTS)[:, None] - asked).min(axis=0) <= 0.15 * asked).all()
+        assert min(CLOCK_SHIFTS) <= 0.005
+        assert min(LOOSE_SENSOR_LAGS) / 1.5 <= 10.0
+        assert max(LOOSE_SENSOR_LAGS) * 1.5 >= 180.0
 
 
 def test_a_rough_fit_sees_stretches_to_half_a_per_cent_in_160_instants() -> None:
