@@ -436,7 +436,7 @@ class Building:
         return self.draft.edited({CAMPAIGN: [Edit(("records", name), table)]})
 
     def _use(self, body: Body) -> Draft:
-        """Return the draft with a log used by the fit, held out of it to be judged, joined with a host, or taken out with its joined logs."""
+        """Return the draft with a log used by the fit, held out of it, joined with a host, or taken out with those joined with it."""
         name, how = text_of(body, "record"), text_of(body, "how")
         refuse_unknown([how], ("fit", "held out", "joined", "none"), "log", "no use '{}' of a log.", NameNotFoundError)
         refuse_unknown([name], [r["name"] for r in self._records()], "log", "no log '{}'.", NameNotFoundError)
