@@ -8,4 +8,5 @@ from thermid.reporting._pictures.look import (
     look as look,
     named_apart as named_apart,
     offset_range as offset_range,
+    stated_offset as stated_offset,
 )

@@ -367,3 +367,12 @@ def test_campaign_steps():
 def test_campaign_step_messages(step, message):
     with pytest.raises(ThermidError, match=re.escape(message) + r"\Z"):
         ramp().prepare([{"trim": "1 [s]"}, step])
+
+
+def test_readings_that_hold_until_the_next_are_thinned_to_readings_and_not_to_means() -> None:
+    """They were means of the step after each instant, half a step early."""
+    times = np.arange(0.0, 1000.0, 2.0)
+    slope = Channel.from_array("T", 20.0 + times / 100.0, unit="degC", role="node", interpolation="previous")
+    power = Channel.from_array("P", np.where(times > 351.0, 5.0, 0.0), unit="W", quantity="power", role="load")
+    thin = Record.from_arrays("r", times, {"T": slope, "P": power}).resample("100 [s]", switches=True)
+    assert np.asarray(thin["T"]) == pytest.approx(20.0 + thin.times / 100.0)

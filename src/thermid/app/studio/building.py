@@ -32,7 +32,7 @@ from thermid.app.studio.shapes import (
     valued,
 )
 from thermid.app.studio.work import Jobs, JobState
-from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, ThermidError, refuse_unknown
+from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, ThermidError, quoted, refuse_unknown
 from thermid.base.expression import kelvin
 from thermid.base.files import RESULTS_FILE, read_bytes, write_bytes
 from thermid.base.toml_files import read_toml, resolve_inside
@@ -48,7 +48,7 @@ from thermid.model.deck import Edit
 from thermid.model.elements import literal
 from thermid.model.tree import Model, parameter_table
 from thermid.reporting.diagrams import card_places
-from thermid.reporting.looks import clocks_of, look, offset_range
+from thermid.reporting.looks import clocks_of, look, offset_range, stated_offset
 from thermid.reporting.objects import fit_object
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Scenario
@@ -436,7 +436,7 @@ class Building:
         return self.draft.edited({CAMPAIGN: [Edit(("records", name), table)]})
 
     def _use(self, body: Body) -> Draft:
-        """Return the draft with a log used by the fit, held out of it to be judged, joined with the last one of the fit, or taken out."""
+        """Return the draft with a log used by the fit, held out of it, joined with a host, or taken out with those joined with it."""
         name, how = text_of(body, "record"), text_of(body, "how")
         refuse_unknown([how], ("fit", "held out", "joined", "none"), "log", "no use '{}' of a log.", NameNotFoundError)
         refuse_unknown([name], [r["name"] for r in self._records()], "log", "no log '{}'.", NameNotFoundError)
@@ -445,8 +445,9 @@ class Building:
         stage = self._stage()["name"]
         others = [r for s in content["stages"] if s["name"] != stage for r in s.get("records", [])]
         others += [v["record"] for v in content.get("verdicts", []) if v["model"] != stage]
-        if how == "none" and name not in others:
-            edits.append(Edit(("records", name)))
+        others += [r for n, t in content["records"].items() if n != name for r in _joined(t) if r != name]
+        gone = [name, *_joined(content["records"][name])] if how == "none" else []
+        edits += [Edit(("records", n)) for n in gone if n not in others]
         return self.draft.edited({CAMPAIGN: edits})
 
     def _use_edits(self, name: str, how: str, table: Mapping[str, Any], host: str) -> list[Edit]:
@@ -455,8 +456,11 @@ class Building:
         Raises
         ------
         NameNotFoundError   When there is no such host.
+        DeckError           When other logs are joined with this one.
         """
         if how == "joined":
+            if own := _joined(table):
+                raise DeckError(f"{quoted([*own])} are joined with it. Join them with another log first.", name, code="campaign.refused")
             hosts = [r["name"] for r in self._records() if r["use"] != "joined" and r["name"] != name]
             refuse_unknown([host], hosts, "log", "no log '{}' that another one could be joined with.", NameNotFoundError)
         verdicts, records = self.draft.documents[CAMPAIGN].content.get("verdicts", []), self._stage().get("records", [])
@@ -484,7 +488,8 @@ class Building:
             finds = host in self._stage().get("records", []) and all(
                 isinstance(t["offset"], str) for of in after.values() for t in of.values()
             )
-            late: Any = f"{clock.get('at', clock)['offset'] or 0.0:.4g} [s]"
+            stated = stated_offset(clock)
+            late: Any = f"{round((clock.get('at', clock)['offset'] or 0.0) if stated is None else stated, 3):.10g} [s]"
             if finds and "at" in clock and not clock["at"]["candidate"]:
                 late = [f"{end} [s]" for end in offset_range(clock)]
             after[host][name] = {"record": name, "offset": late}

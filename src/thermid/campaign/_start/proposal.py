@@ -520,9 +520,9 @@ def _begun(roles: Roles, records: Sequence[Record], facts: StatedFacts, budget: 
         better = sorted(ended, key=lambda end: end[1].end.cost)[: len(beginnings) // 2]
         beginnings, rounds = [(placed, one.request, one.fitted) for placed, one in better], 2 * rounds
     if not ends:
-        raise refusal or IdentificationError(
-            "no structure could be fitted. Check the roles of the columns with `thermid look`.", records[0].name, code="fit.not-determined"
-        )
+        few = f"{budget.allowed:g} evaluations are too few for one structure. Allow more: --evaluations."
+        words = few if budget.over else "no structure could be fitted. Check the roles of the columns with `thermid look`."
+        raise (None if budget.over else refusal) or IdentificationError(words, records[0].name, code="fit.not-determined")
     return ends[0]
 
 
@@ -536,7 +536,13 @@ def _bounded_where_it_matters(
     if budget.over or all(c.verdict == "possible" for c in weights(begun.request.model, begun.values, roles, facts.masses)):
         return begun, facts
     strict = replace(facts, bounded=True)
-    _, other = _begun(roles, records, strict, budget)
+    try:
+        _, other = _begun(roles, records, strict, budget)
+    except IdentificationError:
+        if not budget.over:
+            raise
+    if budget.over:  # what was fitted to its end stands before what was not
+        return begun, facts
     ratios = [begun.values[path] / value for path, value in other.values.items() if path in begun.values]
     return (other, strict) if max(ratios) > THREEFOLD or min(ratios) * THREEFOLD < 1.0 else (begun, facts)
 

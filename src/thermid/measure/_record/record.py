@@ -265,7 +265,7 @@ class Record(Samples, Result):
             law = windows.hold if channel.held else windows.interpolate
             channel.checked()
             values, valid = law(self.times, channel.values, channel.valid, grid, gap_limit(self.times, channel.valid, width, max_gap))
-            if channel.held and switches:
+            if channel.held and switches and channel.quantity != "temperature":
                 values = np.where(valid, windows.mean_until_next(self.times[channel.valid], channel.values[channel.valid], grid), np.nan)
             masks = {"gap": ~valid} if channel.held else {"gap": ~valid & regular, "switch": ~regular}
             channels[channel.name] = replace(channel, values=values, valid=valid & (regular | channel.held), masks=masks).checked()

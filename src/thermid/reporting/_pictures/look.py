@@ -558,9 +558,15 @@ def _offset(clock: dict[str, Any], fitted: bool) -> str:
     if fitted:
         low, high = offset_range(clock)
         return f'["{low} [s]", "{high} [s]"]'
-    at = clock.get("at")
-    late = clock["offset"] if at is None or at["by_stamps"] else None if at["candidate"] else at["offset"]
+    late = stated_offset(clock)
     return '"... [s]"' if late is None else f'"{_digits(late, 4) if late is not clock["offset"] else format(late, ".6g")} [s]"'
+
+
+def stated_offset(clock: dict[str, Any]) -> float | None:
+    """Return the offset of a further log where no fit finds it: by its stamps or by common steps; None where neither tells it. [s]"""
+    at, by_stamps = clock.get("at"), clock["offset"]
+    late: float | None = by_stamps if at is None or at["by_stamps"] else None if at["candidate"] else at["offset"]
+    return late
 
 
 def offset_range(clock: dict[str, Any]) -> tuple[str, str]:

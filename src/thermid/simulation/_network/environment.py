@@ -83,7 +83,7 @@ class Environment:
         return float(self.pressure.bounds[0])
 
     def natural(self, pressure: Any) -> Any:
-        """Return the strength of natural convection relative to that on the ground, (p/p0)^(1/2) (g/g0)^(1/4), at pressures [Pa] [-]."""
+        """Return the strength of natural convection at pressures in Pa over that on the ground, (p/p0)^(1/2) (g/g0)^(1/4). [-]"""
         return (pressure / ATMOSPHERE) ** 0.5 * (self.gravity / STANDARD_GRAVITY) ** 0.25
 
 

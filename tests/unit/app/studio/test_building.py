@@ -430,14 +430,45 @@ def test_a_log_that_is_chosen_again_keeps_its_record(tmp_path: Path) -> None:
     assert building.draft.documents["campaign"].text == before
 
 
+def _two_loggers(folder: Path, late: int = 0) -> tuple[bytes, bytes]:
+    """Return the log of the temperatures of one test, and that of its power, with stamps where it begins later by some seconds."""
+    head, *rows = (line.split(",") for line in write_log(folder / "whole.csv").read_text(encoding="utf-8").splitlines())
+    begin = np.datetime64("2026-05-14T08:00:00")
+    stamps = [[str(begin + np.timedelta64(int(cells[0]) + more, "s")) for cells in rows] for more in (0, late)]
+    times = stamps if late else [[cells[0] for cells in rows]] * 2
+    first = "stamp" if late else head[0]
+    warm = [",".join([first, *head[1:-1]]), *(",".join([at, *cells[1:-1]]) for at, cells in zip(times[0], rows, strict=True))]
+    fed = [f"{first},{head[-1]}", *(f"{at},{2.0 if late else cells[-1]}" for at, cells in zip(times[1], rows, strict=True))]
+    return "\n".join(warm).encode(), "\n".join(fed).encode()
+
+
+def test_a_log_that_begins_hours_later_is_joined_to_the_second(tmp_path: Path) -> None:
+    """It was 12340 s late for 12347 s."""
+    warm, fed = _two_loggers(tmp_path, late=12347)
+    building, _ = _with_log(tmp_path, warm)
+    state = do(building, "log", file=building.stored_log("supply.csv", fed))
+    assert float(state["records"][-1]["offset"]) == 12347.0
+
+
+def test_a_log_that_others_are_joined_with_is_not_joined_and_is_taken_out_with_them(tmp_path: Path) -> None:
+    """A campaign was written that nothing could read, and a log stayed in it that no list showed."""
+    warm, fed = _two_loggers(tmp_path)
+    building, _ = _with_log(tmp_path, warm)
+    for name, data in (("supply.csv", fed), ("second.csv", warm)):
+        do(building, "log", file=building.stored_log(name, data))
+    do(building, "use", record="second", how="fit")
+    with raises_code("campaign.refused"):
+        do(building, "use", record="run", how="joined", host="second")
+    do(building, "use", record="run", how="none")
+    assert [*building.draft.documents["campaign"].content["records"]] == ["second"]
+
+
 def test_the_log_of_a_supply_belongs_to_the_test_that_another_logger_saw(tmp_path: Path) -> None:
     """It was held out of the fit, which had the power of the deck, and judged on sensors that it has not."""
-    head, *rows = (line.split(",") for line in write_log(tmp_path / "whole.csv").read_text(encoding="utf-8").splitlines())
-    warm = "\n".join(",".join(cells[:-1]) for cells in (head, *rows))
-    fed = "\n".join(f"{cells[0]},{cells[-1]}" for cells in (head, *rows))
-    building, state = _with_log(tmp_path, warm.encode())
+    warm, fed = _two_loggers(tmp_path)
+    building, state = _with_log(tmp_path, warm)
     assert next(f["missing"] for e in state["elements"] if e["name"] == "heater" for f in e["fields"] if f["name"] == "power")
-    state = do(building, "log", file=building.stored_log("supply.csv", fed.encode()))
+    state = do(building, "log", file=building.stored_log("supply.csv", fed))
     joined = {"name": "supply", "use": "joined", "host": "run", "offset": "0", "file": "logs/supply.csv"}
     low, high = map(float, state["records"][-1]["offset"].split(" to "))
     assert low < 0.0 < high  # the fit finds it

@@ -15,8 +15,9 @@ import thermid as td
 from by_code import raises_code
 from thermid.app.cli.app import app
 from thermid.base.errors import IdentificationError, NameNotFoundError, OutputError, RecordError, ThermidError
+from thermid.campaign._start.physical import KnownMass
 from thermid.campaign._start.project import parted
-from thermid.campaign._start.proposal import orders_text, propose
+from thermid.campaign._start.proposal import StatedFacts, orders_text, propose
 from thermid.campaign._start.roles import noise_of, part_name, roles_of, with_noise
 from thermid.campaign._start.templates import TEMPLATES, write_template
 from thermid.model.elements import TableSignal
@@ -248,6 +249,19 @@ def test_without_a_log_a_template_is_asked_for() -> None:
     found = run("init", code=2)
     assert "--template part, box, chamber, tclab" in found["message"]
     assert "no template 'brick'" in run("init", "--template", "brick", code=2)["message"]
+
+
+def test_a_budget_that_ends_keeps_what_was_fitted_before(tmp_path: Path) -> None:
+    """It ended within the second beginning, which keeps parts within their weight, and nothing was left of the first."""
+    log = bench(tmp_path / "test.csv")
+    roles = roles_of(log)
+    facts = StatedFacts(masses={"plate": KnownMass(0.05, 30.0, 60.0, 10.0)})
+    found = propose(roles, [roles.read(log)], 28, facts)
+    assert found.chosen.values["plate.capacitance"] > 60.0
+    assert not found.search.complete
+    for few in (0, 3):
+        with pytest.raises(IdentificationError, match="Allow more: --evaluations"):
+            propose(roles, [roles.read(log)], few)
 
 
 def test_declined_in_python_too(tmp_path: Path) -> None:
