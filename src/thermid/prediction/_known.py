@@ -15,7 +15,7 @@ from thermid.base.linear_algebra import Array, square_root
 from thermid.base.results import Result, Row
 from thermid.fit.calibration import Calibration, fitted_values
 from thermid.fit.discrepancy import KEY, Discrepancy, kept_in
-from thermid.fit.error_model import KEY as ERRORS, ErrorModel
+from thermid.fit.error_model import KEY as ERRORS, STRUCTURE, ErrorModel
 from thermid.model.elements import Standing, worst
 from thermid.model.tree import Model, flatten
 from thermid.values.fitted import FittedValue, FittedValues, as_store
@@ -223,12 +223,13 @@ class Rows:
 
     @classmethod
     def of_states(cls, store: Store, states: Mapping[str, State], cause: str) -> Rows:
-        """Return the rows of some states of a store, by the names that they act under."""
+        """Return the rows of some states of a store, by the names that they act under; structural sources have a cause of their own."""
         matrix = store.rows([s.path for s in states.values()]).reshape(len(states), len(store.sources))
         used = np.flatnonzero(matrix.any(axis=0))
         also = {name: s.acts[1:] for name, s in states.items() if len(s.acts) > 1}
         sources = tuple(store.sources[k] for k in used)
-        return cls(tuple(states), tuple(s.log for s in states.values()), also, sources, (cause,) * used.size, matrix[:, used])
+        causes = tuple(STRUCTURE if s.kind == "structural" else cause for s in sources)
+        return cls(tuple(states), tuple(s.log for s in states.values()), also, sources, causes, matrix[:, used])
 
     @property
     def covariance(self) -> Array:
