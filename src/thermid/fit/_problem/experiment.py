@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Any
@@ -571,6 +571,67 @@ class Ticks:
         return max(abs(t - self.at[0]) for t in self.clock.times) / self.at[1]
 
 
+SWITCH = "switch"
+"""Begin of the name of a load that stands for what an instant does to a power."""
+MAX_SWITCHES, LEAST_CHANGE = 12, 0.05
+"""The largest changes of the powers of a record that have an instant of their own, and the least over the largest power. [-]"""
+SOME_SAMPLE = (0.25, 0.25), (0.0, (0.5 / 3.0 - 0.125) ** 0.5)
+"""Mean and standard deviation of what all instants of a logger have in common, and of each beside it, in intervals: half of all loggers
+switch as they write, which is no interval before the sample, and of half each instant is anywhere in it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Switch:
+    """What powers have more where they changed an interval before the samples that show it; a part of the interval gives its part of it.
+
+    Parameters
+    ----------
+    name : str              Says which changes: all of a record, or those that one sample shows.
+    mean, sd : float        Of the part of the interval, before the readings are asked. [-]
+    more : dict             Path of the load -> what it has more, as a power or a command.
+    """
+
+    name: str
+    mean: float
+    sd: float
+    more: Mapping[str, TableSignal]
+
+    def beside(self, path: str) -> str:
+        """Return the name of the load that stands beside one of these."""
+        return f"{SWITCH} {self.name} of {path}"
+
+    @property
+    def scales(self) -> tuple[str, ...]:
+        """Names in the wiring of the parts of the interval, all of which are one."""
+        return tuple(SCALE + self.beside(path) for path in self.more)
+
+
+def _switches(powers: Mapping[str, TableSignal]) -> tuple[Switch, ...]:
+    """Return what is unknown of when sampled powers changed, from their tables by the path of the load."""
+    largest: dict[float, float] = {}
+    for table in powers.values():
+        steps, least = np.abs(np.diff(table.values)), LEAST_CHANGE * float(np.abs(table.values).max())
+        for k in np.flatnonzero(steps > least):
+            time = float(table.times[k + 1])
+            largest[time] = max(largest.get(time, 0.0), float(steps[k]))
+    if not largest:
+        return ()
+
+    def more(time: float | None) -> dict[str, TableSignal]:
+        out = {}
+        for path, table in powers.items():
+            steps = np.append(np.diff(table.values), 0.0)
+            if time is not None:
+                steps = np.where(np.append(table.times[1:], np.inf) == time, steps, 0.0)
+            if steps.any():
+                out[path] = replace(table, values=steps)
+        return out
+
+    common, own = SOME_SAMPLE
+    chosen = sorted(sorted(largest, key=lambda t: -largest[t])[:MAX_SWITCHES])
+    return (Switch("every", *common, more(None)), *(Switch(f"at {t:.10g} s", *own, more(t)) for t in chosen))
+
+
 @dataclass(frozen=True, eq=False)
 class Experiment:
     """A record bound to a model.
@@ -592,6 +653,7 @@ class Experiment:
     ticks : Ticks or None       What was logged on a second clock that is known within a range only.
     noisy : dict                Logged boundary, or scale of a logged power -> noise of its samples.
     means : dict                The same -> standard deviation of an error that is one in all samples of this record. [K], [-]
+    switches : tuple            What is unknown of when powers changed that were sampled on the record's own clock.
     memo : Memo                 Benches, by what is free in them and where the second clock stands.
     """
 
@@ -609,11 +671,30 @@ class Experiment:
     noisy: Mapping[str, InputNoise] = field(default_factory=dict)
     means: Mapping[str, float] = field(default_factory=dict)
     hidden: Mapping[str, HiddenStart] = field(default_factory=dict)
+    switches: tuple[Switch, ...] = ()
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     def first_readings(self, window: float = 0.0) -> dict[str, float]:
         """Return each sensor that reads the start of its node -> its first reading. [SI]"""
         return {sensor: value for read in first_readings(self.record, self.observations, window).values() for sensor, value in read.items()}
+
+    def with_switches(self, free: Collection[str]) -> tuple[Network, Scenario]:
+        """Return network and scenario with a load for every part of an interval that is among some free names."""
+        network, scenario = self.network, self.scenario
+        loads = {load.path: load for load in network.flat.loads}
+        tables: dict[str, dict[str, Any]] = {name: dict(getattr(scenario, name)) for name in ("loads", "commands", "gains")}
+        added = []
+        for switch in self.switches:
+            for path, signal in switch.more.items() if free & {*switch.scales} else ():
+                name = switch.beside(path)
+                added.append(replace(loads[path], path=name, scale=""))
+                tables["loads" if path in tables["loads"] else "commands"][name] = signal
+                if path in tables["gains"]:
+                    tables["gains"][name] = tables["gains"][path]
+        if not added:
+            return network, scenario
+        flat = replace(network.flat, loads=(*network.flat.loads, *added))
+        return replace(network, flat=flat), scenario.with_(**tables)
 
     @property
     def bare(self) -> Scenario:
@@ -632,7 +713,7 @@ class Experiment:
         fitted_values : dict  Name in the wiring -> value, as in `corrected`, and the lags of sensors [s].
         sensors : bool      Whether sensors that touch the hardware are on the model, with their lags.
         """
-        scenario = corrected(self.scenario, fitted_values)
+        scenario = self._switched(corrected(self.scenario, fitted_values), fitted_values)
         driven = [b for b in self.network.boundaries if b not in self.network.flat.names.boundaries]
         if driven:
             undriven = {b: s for b, s in scenario.boundaries.items() if b not in driven}
@@ -641,6 +722,17 @@ class Experiment:
             return model, self._without_tips(scenario)
         lags = {o.lag: f"{fitted_values[o.lag]!r} [s]" for o in self.observations if o.lag in fitted_values}
         return attached(model, self.record)[0].with_values(lags, "found by the fit"), scenario
+
+
+    def _switched(self, scenario: Scenario, fitted_values: Mapping[str, float]) -> Scenario:
+        """Return a scenario whose sampled powers changed when a fit says."""
+        tables: dict[str, dict[str, Any]] = {name: dict(getattr(scenario, name)) for name in ("loads", "commands")}
+        for switch in self.switches:
+            for path, more in switch.more.items():
+                held = tables["loads" if path in tables["loads"] else "commands"]
+                part = fitted_values.get(SCALE + switch.beside(path), 0.0)
+                held[path] = replace(held[path], values=held[path].values + part * more.values)
+        return scenario.with_(**tables) if self.switches else scenario
 
 
 def role_and_target(record: Record, channel: Channel, network: Network) -> tuple[str, str]:
@@ -754,10 +846,11 @@ def bind(
         initial=initial,
         duration=last - zero,
     )
+    switches = _switches(_sampled_powers(record, second, driven, network, inputs))
     hidden = _hidden_starts(full, network, first, record, driven, observations, tips) if base.start == "" else {}
     if hidden:
         full = replace(full, initial={**full.initial, **{n: Kelvin(h.mean) for n, h in hidden.items()}})
-    return Experiment(record, model, network, full, times, observations, inputs.shared, readings, loose, tips, ticks, noisy, means, hidden)
+    return Experiment(record, model, network, full, times, observations, inputs.shared, readings, loose, tips, ticks, noisy, means, hidden, switches)
 
 
 def _as_it_starts(model: Model, base: Scenario, first: Mapping[str, float]) -> Scenario:
@@ -795,6 +888,24 @@ def _ticks(record: Record, second: SecondClock, zero: float, driven: Mapping[str
                 held[path] = held[path].changed_within()
                 sampled.append(path)
     return Ticks(second, followed, zero, second.at, tuple(sampled))
+
+
+def _sampled_powers(
+    record: Record, second: SecondClock | None, driven: Mapping[str, str], network: Network, inputs: Inputs
+) -> dict[str, TableSignal]:
+    """Return the powers and commands that were sampled on the record's clock, not logged when they changed, by the path of their load."""
+    loads = {} if network.flat.names.model.runner is not None else {load.path: load for load in network.flat.loads}
+    out = {}
+    for name, path in driven.items():
+        channel = record.channels[name]
+        signal = inputs.loads.get(path, inputs.commands.get(path))
+        own = second is None or name not in second.channels
+        if not own or not channel.held or channel.prompt or path not in loads or not isinstance(signal, TableSignal) or not signal.hold:
+            continue
+        load = loads[path]
+        if channel.samples != "average" and not (load.curve or load.flux or load.cycle or load.controls or "periodic.period" in load.fields):
+            out[path] = signal
+    return out
 
 
 def _timed(channel: Channel, record: Record) -> None:
