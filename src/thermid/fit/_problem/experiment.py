@@ -573,8 +573,10 @@ class Ticks:
 
 SWITCH = "switch"
 """Begin of the name of a load that stands for what an instant does to a power."""
-MAX_SWITCHES, LEAST_CHANGE = 12, 0.05
-"""The largest changes of the powers of a record that have an instant of their own, and the least over the largest power. [-]"""
+MAX_SWITCHES = 12
+"""The largest changes of the powers of a record that have an instant of their own."""
+LEAST_CHANGE, NOISE_CHANGE = 0.05, 6.0
+"""Of the largest power, and of the noise of one sample, what a change exceeds whose instant matters. [-]"""
 SOME_SAMPLE = (0.25, 0.25), (0.0, (0.5 / 3.0 - 0.125) ** 0.5)
 """Mean and standard deviation of what all instants of a logger have in common, and of each beside it, in intervals: half of all loggers
 switch as they write, which is no interval before the sample, and of half each instant is anywhere in it."""
@@ -606,30 +608,26 @@ class Switch:
         return tuple(SCALE + self.beside(path) for path in self.more)
 
 
-def _switches(powers: Mapping[str, TableSignal]) -> tuple[Switch, ...]:
-    """Return what is unknown of when sampled powers changed, from their tables by the path of the load."""
-    largest: dict[float, float] = {}
-    for table in powers.values():
-        steps, least = np.abs(np.diff(table.values)), LEAST_CHANGE * float(np.abs(table.values).max())
-        for k in np.flatnonzero(steps > least):
-            time = float(table.times[k + 1])
-            largest[time] = max(largest.get(time, 0.0), float(steps[k]))
-    if not largest:
-        return ()
+def _switches(powers: Mapping[str, tuple[TableSignal, float]]) -> tuple[Switch, ...]:
+    """Return what is unknown of when sampled powers changed, from their tables and the noise of their samples by the path of the load."""
+    steps = {}
+    for path, (table, noise) in powers.items():
+        change = np.append(np.diff(table.values), 0.0)
+        size = np.abs(change) / max(LEAST_CHANGE * float(np.abs(table.values).max()), NOISE_CHANGE * noise, 1e-300)
+        steps[path] = table, np.where(size > 1.0, change, 0.0), np.append(table.times[1:], np.inf)
 
     def more(time: float | None) -> dict[str, TableSignal]:
-        out = {}
-        for path, table in powers.items():
-            steps = np.append(np.diff(table.values), 0.0)
-            if time is not None:
-                steps = np.where(np.append(table.times[1:], np.inf) == time, steps, 0.0)
-            if steps.any():
-                out[path] = replace(table, values=steps)
-        return out
+        parts = {p: (t, change if time is None else np.where(at == time, change, 0.0)) for p, (t, change, at) in steps.items()}
+        return {path: replace(table, values=change) for path, (table, change) in parts.items() if change.any()}
 
+    largest: dict[float, float] = {}
+    for _, change, at in steps.values():
+        for k in np.flatnonzero(change):
+            largest[float(at[k])] = max(largest.get(float(at[k]), 0.0), abs(float(change[k])))
     common, own = SOME_SAMPLE
     chosen = sorted(sorted(largest, key=lambda t: -largest[t])[:MAX_SWITCHES])
-    return (Switch("every", *common, more(None)), *(Switch(f"at {t:.10g} s", *own, more(t)) for t in chosen))
+    every = (Switch("every", *common, more(None)),) if chosen else ()
+    return (*every, *(Switch(f"at {t:.10g} s", *own, more(t)) for t in chosen))
 
 
 @dataclass(frozen=True, eq=False)
@@ -892,8 +890,8 @@ def _ticks(record: Record, second: SecondClock, zero: float, driven: Mapping[str
 
 def _sampled_powers(
     record: Record, second: SecondClock | None, driven: Mapping[str, str], network: Network, inputs: Inputs
-) -> dict[str, TableSignal]:
-    """Return the powers and commands that were sampled on the record's clock, not logged when they changed, by the path of their load."""
+) -> dict[str, tuple[TableSignal, float]]:
+    """Return the powers and commands that were sampled on the record's clock, not logged when they changed, with the noise of a sample."""
     loads = {} if network.flat.names.model.runner is not None else {load.path: load for load in network.flat.loads}
     out = {}
     for name, path in driven.items():
@@ -904,7 +902,7 @@ def _sampled_powers(
             continue
         load = loads[path]
         if channel.samples != "average" and not (load.curve or load.flux or load.cycle or load.controls or "periodic.period" in load.fields):
-            out[path] = signal
+            out[path] = signal, _input_noise(channel).white
     return out
 
 
