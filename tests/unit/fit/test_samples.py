@@ -97,7 +97,12 @@ def switched(seed: int, on_rows: bool, prompt: bool = False) -> Record:
     times = np.arange(0.0, 4 * 3600.0 + 1.0, 30.0)
     instants = np.array([600.0, 5400.0, 10800.0]) + (30.0 * rng.integers(0, 9, 3) if on_rows else rng.uniform(0.0, 300.0, 3))
     levels = [0.0, *rng.uniform(2.0, 5.0, 2), 0.0]
-    truth = {"times": ["0 [s]", *(f"{t:.9g} [s]" for t in instants)], "values": [f"{v:.9g} [W]" for v in levels], "hold": True, "after": "hold"}
+    truth = {
+        "times": ["0 [s]", *(f"{t:.9g} [s]" for t in instants)],
+        "values": [f"{v:.9g} [W]" for v in levels],
+        "hold": True,
+        "after": "hold",
+    }
     test = td.Scenario("s", boundaries={"air": "20 [degC]"}, loads={"heat": truth}, start="20 [degC]", duration="4 [h]")
     run = td.simulate(box(), test, times=times)
     readings = run["case"].kelvin + rng.normal(0.0, 0.05, times.size)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Any
@@ -676,14 +676,14 @@ class Experiment:
         """Return each sensor that reads the start of its node -> its first reading. [SI]"""
         return {sensor: value for read in first_readings(self.record, self.observations, window).values() for sensor, value in read.items()}
 
-    def with_switches(self, free: Collection[str]) -> tuple[Network, Scenario]:
+    def with_switches(self, free: frozenset[str]) -> tuple[Network, Scenario]:
         """Return network and scenario with a load for every part of an interval that is among some free names."""
         network, scenario = self.network, self.scenario
         loads = {load.path: load for load in network.flat.loads}
         tables: dict[str, dict[str, Any]] = {name: dict(getattr(scenario, name)) for name in ("loads", "commands", "gains")}
         added = []
         for switch in self.switches:
-            for path, signal in switch.more.items() if free & {*switch.scales} else ():
+            for path, signal in switch.more.items() if free.intersection(switch.scales) else ():
                 name = switch.beside(path)
                 added.append(replace(loads[path], path=name, scale=""))
                 tables["loads" if path in tables["loads"] else "commands"][name] = signal
@@ -720,7 +720,6 @@ class Experiment:
             return model, self._without_tips(scenario)
         lags = {o.lag: f"{fitted_values[o.lag]!r} [s]" for o in self.observations if o.lag in fitted_values}
         return attached(model, self.record)[0].with_values(lags, "found by the fit"), scenario
-
 
     def _switched(self, scenario: Scenario, fitted_values: Mapping[str, float]) -> Scenario:
         """Return a scenario whose sampled powers changed when a fit says."""
@@ -848,7 +847,9 @@ def bind(
     hidden = _hidden_starts(full, network, first, record, driven, observations, tips) if base.start == "" else {}
     if hidden:
         full = replace(full, initial={**full.initial, **{n: Kelvin(h.mean) for n, h in hidden.items()}})
-    return Experiment(record, model, network, full, times, observations, inputs.shared, readings, loose, tips, ticks, noisy, means, hidden, switches)
+    return Experiment(
+        record, model, network, full, times, observations, inputs.shared, readings, loose, tips, ticks, noisy, means, hidden, switches
+    )
 
 
 def _as_it_starts(model: Model, base: Scenario, first: Mapping[str, float]) -> Scenario:
@@ -901,7 +902,9 @@ def _sampled_powers(
         if not own or not channel.held or channel.prompt or path not in loads or not isinstance(signal, TableSignal) or not signal.hold:
             continue
         load = loads[path]
-        if channel.samples != "average" and not (load.curve or load.flux or load.cycle or load.controls or "periodic.period" in load.fields):
+        if channel.samples != "average" and not (
+            load.curve or load.flux or load.cycle or load.controls or "periodic.period" in load.fields
+        ):
             out[path] = signal, _input_noise(channel).white
     return out
 

@@ -308,7 +308,7 @@ class Bench:
 
         def make() -> Bench:
             moved = experiment if at is None or experiment.ticks is None else experiment.ticks.moved(experiment, at)
-            wiring = Wiring(*moved.with_switches({*free}), free)
+            wiring = Wiring(*moved.with_switches(frozenset(free)), free)
             return cls(moved, tuple(free), wiring, Engine(wiring))
 
         return experiment.memo.value((tuple(free), at), make, MAX_CACHED_BENCHES)
