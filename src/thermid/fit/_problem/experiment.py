@@ -575,7 +575,7 @@ SWITCH = "switch"
 """Begin of the name of a load that stands for what an instant does to a power."""
 MAX_SWITCHES = 12
 """The largest changes of the powers of a record that have an instant of their own."""
-LEAST_CHANGE, NOISE_CHANGE = 0.05, 6.0
+MIN_SWITCHED, MIN_SWITCHED_NOISES = 0.05, 6.0
 """Of the largest power, and of the noise of one sample, what a change exceeds whose instant matters. [-]"""
 SOME_SAMPLE = (0.25, 0.25), (0.0, (0.5 / 3.0 - 0.125) ** 0.5)
 """Mean and standard deviation of what all instants of a logger have in common, and of each beside it, in intervals: half of all loggers
@@ -613,7 +613,7 @@ def _switches(powers: Mapping[str, tuple[TableSignal, float]]) -> tuple[Switch, 
     steps = {}
     for path, (table, noise) in powers.items():
         change = np.append(np.diff(table.values), 0.0)
-        size = np.abs(change) / max(LEAST_CHANGE * float(np.abs(table.values).max()), NOISE_CHANGE * noise, 1e-300)
+        size = np.abs(change) / max(MIN_SWITCHED * float(np.abs(table.values).max()), MIN_SWITCHED_NOISES * noise, 1e-300)
         steps[path] = table, np.where(size > 1.0, change, 0.0), np.append(table.times[1:], np.inf)
 
     def more(time: float | None) -> dict[str, TableSignal]:
@@ -651,7 +651,6 @@ class Experiment:
     ticks : Ticks or None       What was logged on a second clock that is known within a range only.
     noisy : dict                Logged boundary, or scale of a logged power -> noise of its samples.
     means : dict                The same -> standard deviation of an error that is one in all samples of this record. [K], [-]
-    switches : tuple            What is unknown of when powers changed that were sampled on the record's own clock.
     memo : Memo                 Benches, by what is free in them and where the second clock stands.
     """
 
@@ -669,12 +668,29 @@ class Experiment:
     noisy: Mapping[str, InputNoise] = field(default_factory=dict)
     means: Mapping[str, float] = field(default_factory=dict)
     hidden: Mapping[str, HiddenStart] = field(default_factory=dict)
-    switches: tuple[Switch, ...] = ()
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     def first_readings(self, window: float = 0.0) -> dict[str, float]:
         """Return each sensor that reads the start of its node -> its first reading. [SI]"""
         return {sensor: value for read in first_readings(self.record, self.observations, window).values() for sensor, value in read.items()}
+
+    @property
+    def switches(self) -> tuple[Switch, ...]:
+        """What is unknown of when powers and commands changed that were sampled on the record's own clock; nothing of an FMU's."""
+        return self.memo.value("switches", lambda: _switches(self._sampled() if self.model.runner is None else {}))
+
+    def _sampled(self) -> dict[str, tuple[TableSignal, float]]:
+        """Return the powers and commands that were not logged when they changed, each with the noise of a sample, by their loads."""
+        second = () if self.record.second is None else self.record.second.channels
+        channels = [c for n, c in self.record.channels.items() if c.held and not c.prompt and c.samples != "average" and n not in second]
+        of_load = {self.network.flat.names.model.canonical(c.target or c.name): c for c in channels}
+        signals = {**self.scenario.commands, **self.scenario.loads}
+        return {
+            load.path: (signal, _input_noise(of_load[load.path]).white)
+            for load in self.network.flat.loads
+            if load.path in of_load and isinstance(signal := signals.get(load.path), TableSignal) and signal.held
+            if not (load.curve or load.flux or load.cycle or load.controls or "periodic.period" in load.fields)
+        }
 
     def with_switches(self, free: frozenset[str]) -> tuple[Network, Scenario]:
         """Return network and scenario with a load for every part of an interval that is among some free names."""
@@ -843,13 +859,10 @@ def bind(
         initial=initial,
         duration=last - zero,
     )
-    switches = _switches(_sampled_powers(record, second, driven, network, inputs))
     hidden = _hidden_starts(full, network, first, record, driven, observations, tips) if base.start == "" else {}
     if hidden:
         full = replace(full, initial={**full.initial, **{n: Kelvin(h.mean) for n, h in hidden.items()}})
-    return Experiment(
-        record, model, network, full, times, observations, inputs.shared, readings, loose, tips, ticks, noisy, means, hidden, switches
-    )
+    return Experiment(record, model, network, full, times, observations, inputs.shared, readings, loose, tips, ticks, noisy, means, hidden)
 
 
 def _as_it_starts(model: Model, base: Scenario, first: Mapping[str, float]) -> Scenario:
@@ -887,26 +900,6 @@ def _ticks(record: Record, second: SecondClock, zero: float, driven: Mapping[str
                 held[path] = held[path].changed_within()
                 sampled.append(path)
     return Ticks(second, followed, zero, second.at, tuple(sampled))
-
-
-def _sampled_powers(
-    record: Record, second: SecondClock | None, driven: Mapping[str, str], network: Network, inputs: Inputs
-) -> dict[str, tuple[TableSignal, float]]:
-    """Return the powers and commands that were sampled on the record's clock, not logged when they changed, with the noise of a sample."""
-    loads = {} if network.flat.names.model.runner is not None else {load.path: load for load in network.flat.loads}
-    out = {}
-    for name, path in driven.items():
-        channel = record.channels[name]
-        signal = inputs.loads.get(path, inputs.commands.get(path))
-        own = second is None or name not in second.channels
-        if not own or not channel.held or channel.prompt or path not in loads or not isinstance(signal, TableSignal) or not signal.hold:
-            continue
-        load = loads[path]
-        if channel.samples != "average" and not (
-            load.curve or load.flux or load.cycle or load.controls or "periodic.period" in load.fields
-        ):
-            out[path] = signal, _input_noise(channel).white
-    return out
 
 
 def _timed(channel: Channel, record: Record) -> None:
