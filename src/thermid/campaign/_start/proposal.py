@@ -290,7 +290,7 @@ def request_of(
         lowest = min((first_reading(r, c), c) for r in records for c in roles.parts if c in r.channels)
         local = {roles.boundary: LocalSpec(lowest[1], LOOSE_AMBIENT)}
     priors = {path: prior for path, prior in facts.priors.items() if path in free}
-    return Request(model, tuple(records), tuple(free), {"*": scenario}, local, priors=priors, name="proposed")
+    return Request(model, tuple(records), tuple(free), {"*": scenario}, local, priors=priors, name="proposed", instants=False)
 
 
 def _in_watts(roles: Roles) -> bool:
