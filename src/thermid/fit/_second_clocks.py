@@ -222,7 +222,7 @@ class Clocked:
         def make() -> Problem:
             record = self.first.joined(self.second, *at)
             specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in self.local.items()}
-            request = Request(self.model, (record,), (), {"*": self.scenario} if self.scenario else {}, specs, fit_start=False)
+            request = Request(self.model, (_as_prompt(record),), (), {"*": self.scenario} if self.scenario else {}, specs, fit_start=False)
             plain = build_problem(request)
             return replace(plain, noise=plain.noise | self.noise, experiments=(self._switched(plain, late),))
 

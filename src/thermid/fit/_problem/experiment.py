@@ -571,6 +571,65 @@ class Ticks:
         return max(abs(t - self.at[0]) for t in self.clock.times) / self.at[1]
 
 
+SWITCH = "switch"
+"""Begin of the name of a load that stands for what an instant does to a power."""
+MAX_SWITCHES = 12
+"""The largest changes of the powers of a record that have an instant of their own."""
+MIN_SWITCHED, MIN_SWITCHED_NOISES = 0.05, 6.0
+"""Of the largest power, and of the noise of one sample, what a change exceeds whose instant matters. [-]"""
+SOME_SAMPLE = (0.25, 0.25), (0.0, (0.5 / 3.0 - 0.125) ** 0.5)
+"""Mean and standard deviation of what all instants of a logger have in common, and of each beside it, in intervals: half of all loggers
+switch as they write, which is no interval before the sample, and of half each instant is anywhere in it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Switch:
+    """What powers have more where they changed an interval before the samples that show it; a part of the interval gives its part of it.
+
+    Parameters
+    ----------
+    name : str              Says which changes: all of a record, or those that one sample shows.
+    mean, sd : float        Of the part of the interval, before the readings are asked. [-]
+    more : dict             Path of the load -> what it has more, as a power or a command.
+    """
+
+    name: str
+    mean: float
+    sd: float
+    more: Mapping[str, TableSignal]
+
+    def beside(self, path: str) -> str:
+        """Return the name of the load that stands beside one of these."""
+        return f"{SWITCH} {self.name} of {path}"
+
+    @property
+    def scales(self) -> tuple[str, ...]:
+        """Names in the wiring of the parts of the interval, all of which are one."""
+        return tuple(SCALE + self.beside(path) for path in self.more)
+
+
+def _switches(powers: Mapping[str, tuple[TableSignal, float]]) -> tuple[Switch, ...]:
+    """Return what is unknown of when sampled powers changed, from their tables and the noise of their samples by the path of the load."""
+    steps = {}
+    for path, (table, noise) in powers.items():
+        change = np.append(np.diff(table.values), 0.0)
+        size = np.abs(change) / max(MIN_SWITCHED * float(np.abs(table.values).max()), MIN_SWITCHED_NOISES * noise, 1e-300)
+        steps[path] = table, np.where(size > 1.0, change, 0.0), np.append(table.times[1:], np.inf)
+
+    def more(time: float | None) -> dict[str, TableSignal]:
+        parts = {p: (t, change if time is None else np.where(at == time, change, 0.0)) for p, (t, change, at) in steps.items()}
+        return {path: replace(table, values=change) for path, (table, change) in parts.items() if change.any()}
+
+    largest: dict[float, float] = {}
+    for _, change, at in steps.values():
+        for k in np.flatnonzero(change):
+            largest[float(at[k])] = max(largest.get(float(at[k]), 0.0), abs(float(change[k])))
+    common, own = SOME_SAMPLE
+    chosen = sorted(sorted(largest, key=lambda t: -largest[t])[:MAX_SWITCHES])
+    every = (Switch("every", *common, more(None)),) if chosen else ()
+    return (*every, *(Switch(f"at {t:.10g} s", *own, more(t)) for t in chosen))
+
+
 @dataclass(frozen=True, eq=False)
 class Experiment:
     """A record bound to a model.
@@ -616,6 +675,42 @@ class Experiment:
         return {sensor: value for read in first_readings(self.record, self.observations, window).values() for sensor, value in read.items()}
 
     @property
+    def switches(self) -> tuple[Switch, ...]:
+        """What is unknown of when powers and commands changed that were sampled on the record's own clock; nothing of an FMU's."""
+        return self.memo.value("switches", lambda: _switches(self._sampled() if self.model.runner is None else {}))
+
+    def _sampled(self) -> dict[str, tuple[TableSignal, float]]:
+        """Return the powers and commands that were not logged when they changed, each with the noise of a sample, by their loads."""
+        second = () if self.record.second is None else self.record.second.channels
+        channels = [c for n, c in self.record.channels.items() if c.held and not c.prompt and c.samples != "average" and n not in second]
+        of_load = {self.network.flat.names.model.canonical(c.target or c.name): c for c in channels}
+        signals = {**self.scenario.commands, **self.scenario.loads}
+        return {
+            load.path: (signal, _input_noise(of_load[load.path]).white)
+            for load in self.network.flat.loads
+            if load.path in of_load and isinstance(signal := signals.get(load.path), TableSignal) and signal.held
+            if not (load.curve or load.flux or load.cycle or load.controls or "periodic.period" in load.fields)
+        }
+
+    def with_switches(self, free: frozenset[str]) -> tuple[Network, Scenario]:
+        """Return network and scenario with a load for every part of an interval that is among some free names."""
+        network, scenario = self.network, self.scenario
+        loads = {load.path: load for load in network.flat.loads}
+        tables: dict[str, dict[str, Any]] = {name: dict(getattr(scenario, name)) for name in ("loads", "commands", "gains")}
+        added = []
+        for switch in self.switches:
+            for path, signal in switch.more.items() if free.intersection(switch.scales) else ():
+                name = switch.beside(path)
+                added.append(replace(loads[path], path=name, scale=""))
+                tables["loads" if path in tables["loads"] else "commands"][name] = signal
+                if path in tables["gains"]:
+                    tables["gains"][name] = tables["gains"][path]
+        if not added:
+            return network, scenario
+        flat = replace(network.flat, loads=(*network.flat.loads, *added))
+        return replace(network, flat=flat), scenario.with_(**tables)
+
+    @property
     def bare(self) -> Scenario:
         """The scenario as it holds for the model without its sensors."""
         return self._without_tips(self.scenario)
@@ -632,7 +727,7 @@ class Experiment:
         fitted_values : dict  Name in the wiring -> value, as in `corrected`, and the lags of sensors [s].
         sensors : bool      Whether sensors that touch the hardware are on the model, with their lags.
         """
-        scenario = corrected(self.scenario, fitted_values)
+        scenario = self._switched(corrected(self.scenario, fitted_values), fitted_values)
         driven = [b for b in self.network.boundaries if b not in self.network.flat.names.boundaries]
         if driven:
             undriven = {b: s for b, s in scenario.boundaries.items() if b not in driven}
@@ -641,6 +736,16 @@ class Experiment:
             return model, self._without_tips(scenario)
         lags = {o.lag: f"{fitted_values[o.lag]!r} [s]" for o in self.observations if o.lag in fitted_values}
         return attached(model, self.record)[0].with_values(lags, "found by the fit"), scenario
+
+    def _switched(self, scenario: Scenario, fitted_values: Mapping[str, float]) -> Scenario:
+        """Return a scenario whose sampled powers changed when a fit says."""
+        tables: dict[str, dict[str, Any]] = {name: dict(getattr(scenario, name)) for name in ("loads", "commands")}
+        for switch in self.switches:
+            for path, more in switch.more.items():
+                held = tables["loads" if path in tables["loads"] else "commands"]
+                part = fitted_values.get(SCALE + switch.beside(path), 0.0)
+                held[path] = replace(held[path], values=held[path].values + part * more.values)
+        return scenario.with_(**tables) if self.switches else scenario
 
 
 def role_and_target(record: Record, channel: Channel, network: Network) -> tuple[str, str]:

@@ -11,7 +11,7 @@ from typing import Any
 from thermid.base.errors import IdentificationError, RecordError, nearest, refuse_unknown
 from thermid.base.expression import Kelvin
 from thermid.base.units import TEMPERATURE, require
-from thermid.fit._problem.experiment import OFFSET, RATE, SCALE, Experiment, bind, first_reading, gain_of, lag_of
+from thermid.fit._problem.experiment import OFFSET, RATE, SCALE, SWITCH, Experiment, Switch, bind, first_reading, gain_of, lag_of
 from thermid.fit._problem.request import Request, known_before, mean_of
 from thermid.fit._problem.residuals import Influence, Prior, Problem, Unknown
 from thermid.measure.sensors import SensorPart
@@ -161,6 +161,7 @@ def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown
                 out.append(Unknown(f"{experiment.record.name}: {name}", "local", targets, start, unit="degC"))
         out += _hidden(i, experiment, named) if request.fit_start else []
         sought = {target for target, _ in experiment.shared.values()} if request.held_errors is None else set()
+        out += [_part(i, experiment, switch) for switch in experiment.switches if request.instants and request.held_errors is None]
         out += [_mean(i, experiment, name, sd, name in sought) for name, sd in experiment.means.items() if name not in named]
     return out
 
@@ -171,6 +172,12 @@ def _mean(i: int, experiment: Experiment, name: str, sd: float, instrument: bool
     target = Influence(i, name, 1.0 if power and not instrument else 0.0, 1.0)
     label = f"{experiment.record.name}: error of the mean of {name.removeprefix(SCALE)}"
     return Unknown(label, "local", (target,), 0.0, prior=Prior(0.0, sd), unit="1" if power else "K")
+
+
+def _part(i: int, experiment: Experiment, switch: Switch) -> Unknown:
+    """Return the part of the interval before their samples for which powers had changed already."""
+    targets = tuple(Influence(i, name) for name in switch.scales)
+    return Unknown(f"{experiment.record.name}: {SWITCH} {switch.name}", "local", targets, switch.mean, prior=Prior(switch.mean, switch.sd))
 
 
 def _hidden(i: int, experiment: Experiment, named: Collection[str]) -> list[Unknown]:

@@ -117,6 +117,7 @@ class Request:
     seen : dict                     Checksum -> who used it, in the stages below.
     remarks : tuple of str          What a reader of the result must know before the fit has begun.
     fit_start : bool                Whether observed nodes' initial temperatures are looked for; else their first readings stand.
+    instants : bool                 Whether it is looked for when powers changed that were sampled; else at their samples.
     options : Options               The integrator's.
     hand : Store or None            Values tuned by hand; nothing is fitted then.
     key : str                       Hash of everything that the result depends on; empty where nobody asked for it.
@@ -149,6 +150,7 @@ class Request:
     seen: Mapping[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
     fit_start: bool = True
+    instants: bool = True
     options: Options = FITTING
     hand: Store | None = None
     key: str = ""
