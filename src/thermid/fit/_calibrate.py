@@ -43,7 +43,7 @@ from thermid.fit._second_clocks import at_clocks, in_turns, widened_by_noise_of_
 from thermid.fit._uncertainty.groups import SHARE, Group, percent, structural_groups, together
 from thermid.fit._uncertainty.information import Information, Responses, elsewhere, responses
 from thermid.fit._uncertainty.moved import Moves, moves_above
-from thermid.fit._uncertainty.noise import Autocorrelation, TraceNoise, autocorrelation
+from thermid.fit._uncertainty.noise import Autocorrelation, TraceNoise, autocorrelation, own_switches
 from thermid.measure.amounts import short, some
 from thermid.measure.records import Record, open_questions
 from thermid.model.elements import CREDIBLE, UNJUDGED, Standing, TableSignal, worst
@@ -621,6 +621,7 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
     out += differing(problem)
     out += _noise_apart(problem)
     out += _taken_as_instants(problem)
+    out += _taken_as_switched(problem, minimum, total)
     freedom = round(problem.freedom)
     reduced = minimum.chi_square / max(freedom, 1)
     stated = all(o.noise is not None for o in problem.observations())
@@ -671,6 +672,25 @@ def _taken_as_instants(problem: Problem) -> list[str]:
     return [
         "samples of logged boundaries are taken as instants. Taken as means over the interval up to their stamps, they would change "
         f"the simulated temperatures by more than the noise: {shown}. State samples = 'instant' or 'average' for their channels."
+    ]
+
+
+def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str]:
+    """Return one remark on sampled powers, where the unknown instants of their changes may move a value by more than its error."""
+    switches = list(own_switches(problem, minimum))
+    ratios = {
+        u.name: float(np.linalg.norm([f.shifts[k] for f in switches]) / (np.sqrt(total[k, k]) or np.inf))
+        for k, u in enumerate(problem.unknowns)
+        if u.kind == "parameter"
+    }
+    worst_of_all = max(ratios, key=lambda name: ratios[name], default="")
+    if not switches or not ratios[worst_of_all] > 1.0:
+        return []
+    channels = list(dict.fromkeys(f.channel for f in switches))
+    return [
+        f"{FIRST}a power is taken to change at the sample that shows it, but {quoted(channels)} changed somewhere in the interval before "
+        f"({short(max(f.interval for f in switches))} s at most). That may move '{worst_of_all}' by {short(ratios[worst_of_all], 2)} times "
+        "its error, which does not count it. State prompt = false, and the fit finds when; or prompt = true, where every switch has a row."
     ]
 
 

@@ -137,3 +137,37 @@ def test_errors_of_many_tests_whose_power_was_sampled(on_rows: bool) -> None:
     z, _ = deviations(range(100, 160), on_rows)
     assert 0.8 <= np.sqrt(np.mean(z**2)) <= 1.3
     assert 0.9 <= np.mean(np.abs(z) < 1.96) <= 0.98
+
+
+def switched_late(prompt: bool | None) -> Record:
+    """A box whose power was switched 50 and 35 s before the sample of a minute that shows it first."""
+    times = np.arange(0.0, 4 * 3600.0 + 1.0, 60.0)
+    truth = {"times": ["0 [s]", "610 [s]", "7225 [s]"], "values": ["0 [W]", "4 [W]", "0 [W]"], "hold": True, "after": "hold"}
+    test = td.Scenario("s", boundaries={"air": "20 [degC]"}, loads={"heat": truth}, start="20 [degC]", duration="4 [h]")
+    run = td.simulate(box(), test, times=times)
+    watts = np.where((times >= 610.0) & (times < 7225.0), 4.0, 0.0)
+    made = [
+        Channel.from_array(
+            "T",
+            run["case"].kelvin + np.random.default_rng(2).normal(0.0, 0.12, times.size),
+            unit="K",
+            target="case",
+            role="node",
+            noise=0.12,
+        ),
+        Channel.from_array("ROOM", np.full(times.size, 293.15), unit="K", target="air", role="boundary", samples="instant"),
+        replace(Channel.from_array("P", watts, quantity="power", role="load", target="heat"), prompt=prompt),
+    ]
+    return Record.from_arrays("s", times, {c.name: c for c in made})
+
+
+def test_a_fit_says_what_the_unknown_instants_of_switches_may_move() -> None:
+    """A power is held from its sample on, but changed before it; where noise hides that, a value is off by more than its error."""
+    found = calibrate(box(), switched_late(prompt=None), [HTC, MASS])
+    (remark,) = [w for w in found.warnings if "changed somewhere" in w]
+    assert "'P' changed somewhere" in remark
+    stated = float(remark.split(f"'{HTC}' by ")[1].split(" times its error")[0])
+    off = abs(found[HTC].value - 6.0) / found[HTC].error
+    assert off > 2.5
+    assert 0.5 * stated < off < 2.0 * stated
+    assert not any("changed somewhere" in w for w in calibrate(box(), switched_late(prompt=True), [HTC, MASS]).warnings)

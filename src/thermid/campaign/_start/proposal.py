@@ -306,7 +306,7 @@ def request_of(
         lowest = min((first_reading(r, c), c) for r in records for c in roles.parts if c in r.channels)
         local = {roles.boundary: LocalSpec(lowest[1], LOOSE_AMBIENT)}
     priors = {path: prior for path, prior in facts.priors.items() if path in free}
-    request = Request(model, tuple(records), tuple(free), {"*": scenario}, local, priors=priors, name="proposed", instants=False)
+    request = Request(model, tuple(records), tuple(free), {"*": scenario}, local, priors=priors, name="proposed")
     return replace(request, options=replace(request.options, max_steps=MOST_STEPS))
 
 

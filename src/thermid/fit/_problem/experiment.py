@@ -676,13 +676,15 @@ class Experiment:
 
     @property
     def switches(self) -> tuple[Switch, ...]:
-        """What is unknown of when powers and commands changed that were sampled on the record's own clock; nothing of an FMU's."""
+        """What is unknown of when powers and commands changed whose `prompt` is false, on the record's own clock; nothing of an FMU's."""
         return self.memo.value("switches", lambda: _switches(self._sampled() if self.model.runner is None else {}))
 
     def _sampled(self) -> dict[str, tuple[TableSignal, float]]:
-        """Return the powers and commands that were not logged when they changed, each with the noise of a sample, by their loads."""
+        """Return the powers and commands that are stated to be sampled, each with the noise of a sample, by their loads."""
         second = () if self.record.second is None else self.record.second.channels
-        channels = [c for n, c in self.record.channels.items() if c.held and not c.prompt and c.samples != "average" and n not in second]
+        channels = [
+            c for n, c in self.record.channels.items() if c.held and c.prompt is False and c.samples != "average" and n not in second
+        ]
         of_load = {self.network.flat.names.model.canonical(c.target or c.name): c for c in channels}
         signals = {**self.scenario.commands, **self.scenario.loads}
         return {

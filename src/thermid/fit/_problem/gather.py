@@ -161,7 +161,7 @@ def _locals(request: Request, experiments: Sequence[Experiment]) -> list[Unknown
                 out.append(Unknown(f"{experiment.record.name}: {name}", "local", targets, start, unit="degC"))
         out += _hidden(i, experiment, named) if request.fit_start else []
         sought = {target for target, _ in experiment.shared.values()} if request.held_errors is None else set()
-        out += [_part(i, experiment, switch) for switch in experiment.switches if request.instants and request.held_errors is None]
+        out += [_part(i, experiment, switch) for switch in experiment.switches if request.held_errors is None]
         out += [_mean(i, experiment, name, sd, name in sought) for name, sd in experiment.means.items() if name not in named]
     return out
 

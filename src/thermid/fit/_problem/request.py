@@ -117,7 +117,6 @@ class Request:
     seen : dict                     Checksum -> who used it, in the stages below.
     remarks : tuple of str          What a reader of the result must know before the fit has begun.
     fit_start : bool                Whether observed nodes' initial temperatures are looked for; else their first readings stand.
-    instants : bool                 Whether it is looked for when powers changed that were sampled; else at their samples.
     options : Options               The integrator's.
     hand : Store or None            Values tuned by hand; nothing is fitted then.
     key : str                       Hash of everything that the result depends on; empty where nobody asked for it.
@@ -150,7 +149,6 @@ class Request:
     seen: Mapping[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
     fit_start: bool = True
-    instants: bool = True
     options: Options = FITTING
     hand: Store | None = None
     key: str = ""
@@ -363,7 +361,18 @@ def _range(values: ParameterSet, path: str, where: str) -> tuple[str, StatedRang
 
 def _channel_key(c: Channel) -> list[Any]:
     """Return what a fit depends on of a channel beside its numbers in the file, whose hash is of them as they are written."""
-    key = [c.role, c.target, c.gain, c.unit, c.quantity, c.noise, c.accuracy, c.resolution, c.prompt, c.correction]
+    key = [
+        c.role,
+        c.target,
+        c.gain,
+        c.unit,
+        c.quantity,
+        c.noise,
+        c.accuracy,
+        c.resolution,
+        "sampled" if c.prompt is False else bool(c.prompt),
+        c.correction,
+    ]
     return [*key, c.samples + c.interpolation, *([repr(c.part)] if c.part else [])]
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -295,6 +296,46 @@ def _score_of_instants(
                 of_means += (b.count[:, None] * b.slopes).T @ means[experiment.record.name, o.sensor] / o.sigma(problem.noise)
             total += np.outer(moved, moved) - np.outer(of_means, of_means)
     return total
+
+
+class OwnSwitches(NamedTuple):
+    """What the unknown instants of one power do: its channel, the longest interval in which it changed [s], shift of each unknown."""
+
+    channel: str
+    interval: float
+    shifts: Array
+
+
+def own_switches(problem: Problem, minimum: Fit) -> Iterator[OwnSwitches]:
+    """Yield, of every power that was sampled on its record's clock, by how much its unknown instants may shift the unknowns (RMS).
+
+    A power is held from the sample that shows it, but changed somewhere in the interval before, anywhere as likely: all its changes are
+    late by half an interval on average, and each by the interval over the root of 12 about that. An earlier change is the difference of
+    two answers to a step, see `answers_to_inputs`.
+    """
+    weights = covariances(minimum)[2]
+    for i, e in enumerate(problem.experiments if any(u.kind == "parameter" for u in problem.unknowns) else ()):
+        if e.model.runner is not None:
+            continue
+        second = e.ticks.clock.channels if e.ticks is not None else ()
+        sampled = [c for c in e.record.channels.values() if c.role == "load" and c.held and c.prompt is None and c.name not in second]
+        channel_of = {SCALE + e.network.flat.names.model.canonical(c.target or c.name): c.name for c in sampled}
+        tables = {p: t for p in channel_of if isinstance(t := _signal(e, p), TableSignal) and t.held and np.ptp(t.levels) > 0.0}
+        slopes = problem.slopes(i, minimum.fitted) if tables else np.zeros(0)
+        for path, table, answers in _answers(problem, i, minimum.fitted, list(tables), [e.times]) if tables else ():
+            gradients, longest = [], 0.0
+            for k in table.largest_changes(CHANGES):
+                interval, since = table.gaps(k)[0], e.times - float(table.times[k])
+                pulse = float(table.levels[k] - table.levels[k - 1])
+                longest = max(longest, interval)
+                gradients.append(
+                    sum(
+                        slopes[o.index, s, :].T @ (step(since + interval) - step(since))[o.index] * pulse / o.sigma(problem.noise)
+                        for s, (o, step) in enumerate(zip(e.observations, answers, strict=True))
+                    )
+                )
+            shifts = np.array(gradients) @ weights
+            yield OwnSwitches(channel_of[path], longest, np.hypot(0.5 * shifts.sum(axis=0), np.linalg.norm(shifts, axis=0) / np.sqrt(12.0)))
 
 
 def _errors_of_means(noise: InputNoise, times: Array, values: Array, place: Indices, size: int) -> Array:

@@ -42,7 +42,7 @@ class Binding:
     accuracy: str | float | None = None
     resolution: str | float | None = None
     unit: str | None = None
-    prompt: bool = False
+    prompt: bool | None = None
     samples: str = ""
     interpolation: str = ""
     power: object = None

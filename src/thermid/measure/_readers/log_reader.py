@@ -211,7 +211,7 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int], tim
         column=column,
         unit=unit_text if watts is None else "W",
         assumed=not stated and not ((ending := LETTERED.match(column)) and ending["letter"] in "CW"),
-        prompt=binding.prompt or column in cells.prompt,
+        prompt=True if column in cells.prompt else binding.prompt,
         samples=binding.samples,
         interpolation=binding.interpolation,
     )

@@ -134,7 +134,8 @@ class Channel(Shown):
     masks : mapping to arrays       Masked samples by reason, each (samples,).
     correction : float              What a certificate has taken off the readings. [SI]
     part : SensorPart or None       What else its sensor does: scale, lag, noise in time, mass, leads.
-    prompt : bool                   Whether a power or command has a sample at every change, so that the log has its moment.
+    prompt : bool or None           Whether a power or command has a sample at every change, so that the log has its moment; false, a fit
+                                    looks for the part of the interval before a sample in which it changed; None, it changed at samples.
     samples : str                   Of what drives a model: ``instant`` or ``average`` (the mean over the interval up to the stamp), as
                                     somebody said; empty where nobody did, which is taken as instants.
     interpolation : str             Between samples: ``linear`` or ``previous``, which keeps a sample until the next; empty for previous of
@@ -162,7 +163,7 @@ class Channel(Shown):
     masks: Mapping[str, BoolArray] = field(default_factory=dict)
     correction: float = 0.0
     part: SensorPart | None = None
-    prompt: bool = False
+    prompt: bool | None = None
     samples: str = ""
     interpolation: str = ""
     assumed: bool = False
