@@ -676,7 +676,15 @@ def _taken_as_instants(problem: Problem) -> list[str]:
 
 
 def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str]:
-    """Return one remark on sampled powers, where the unknown instants of their changes may move a value by more than its error."""
+    """Return remarks on sampled powers: unknown instants that may move a value by more than its error, and a statement of no effect."""
+    seconds = [e.record.second.channels for e in problem.experiments if e.record.second is not None]
+    effective = {c.name for e in problem.experiments for c, _ in e.sampled(False).values()}.union(*seconds)
+    out = [
+        f"{FIRST}prompt = false of '{n}' has no effect, and its changes count from their samples. A fit looks for the moment of a "
+        "change only where samples are instants, the load has no curve, flux, cycle or control, and the model is no FMU."
+        for n in dict.fromkeys(n for e in problem.experiments for n, c in e.record.channels.items() if c.prompt is False)
+        if n not in effective
+    ]
     switches = list(own_switches(problem, minimum))
     ratios = {
         u.name: float(np.linalg.norm([f.shifts[k] for f in switches]) / (np.sqrt(total[k, k]) or np.inf))
@@ -684,14 +692,15 @@ def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str
         if u.kind == "parameter"
     }
     worst_of_all = max(ratios, key=lambda name: ratios[name], default="")
-    if not switches or not ratios[worst_of_all] > 1.0:
-        return []
-    channels = list(dict.fromkeys(f.channel for f in switches))
-    return [
-        f"{FIRST}a power is taken to change at the sample that shows it, but {quoted(channels)} changed somewhere in the interval before "
-        f"({short(max(f.interval for f in switches))} s at most). That may move '{worst_of_all}' by {short(ratios[worst_of_all], 2)} times "
-        "its error, which does not count it. State prompt = false, and the fit finds when; or prompt = true, where every switch has a row."
-    ]
+    if switches and ratios[worst_of_all] > 1.0:
+        channels = list(dict.fromkeys(f.channel for f in switches))
+        out.append(
+            f"{FIRST}a power is taken to change at the sample that shows it, but {quoted(channels)} changed somewhere in the interval "
+            f"before ({short(max(f.interval for f in switches))} s at most). That may move '{worst_of_all}' by "
+            f"{short(ratios[worst_of_all], 2)} times its error, which does not count it. State prompt = false, and the fit finds when; "
+            "or prompt = true, where every switch has a row."
+        )
+    return out
 
 
 def differing(problem: Problem) -> list[str]:

@@ -608,12 +608,14 @@ class Switch:
         return tuple(SCALE + self.beside(path) for path in self.more)
 
 
-def _switches(powers: Mapping[str, tuple[TableSignal, float]]) -> tuple[Switch, ...]:
-    """Return what is unknown of when sampled powers changed, from their tables and the noise of their samples by the path of the load."""
+def _switches(powers: Mapping[str, tuple[Channel, TableSignal]]) -> tuple[Switch, ...]:
+    """Return what is unknown of when sampled powers changed, from load -> its channel and its table."""
     steps = {}
-    for path, (table, noise) in powers.items():
+    for path, (channel, table) in powers.items():
         change = np.append(np.diff(table.values), 0.0)
-        size = np.abs(change) / max(MIN_SWITCHED * float(np.abs(table.values).max()), MIN_SWITCHED_NOISES * noise, 1e-300)
+        size = np.abs(change) / max(
+            MIN_SWITCHED * float(np.abs(table.values).max()), MIN_SWITCHED_NOISES * _input_noise(channel).white, 1e-300
+        )
         steps[path] = table, np.where(size > 1.0, change, 0.0), np.append(table.times[1:], np.inf)
 
     def more(time: float | None) -> dict[str, TableSignal]:
@@ -677,21 +679,22 @@ class Experiment:
     @property
     def switches(self) -> tuple[Switch, ...]:
         """What is unknown of when powers and commands changed whose `prompt` is false, on the record's own clock; nothing of an FMU's."""
-        return self.memo.value("switches", lambda: _switches(self._sampled() if self.model.runner is None else {}))
+        return self.memo.value("switches", lambda: _switches(self.sampled(False)))
 
-    def _sampled(self) -> dict[str, tuple[TableSignal, float]]:
-        """Return the powers and commands that are stated to be sampled, each with the noise of a sample, by their loads."""
-        second = () if self.record.second is None else self.record.second.channels
-        channels = [
-            c for n, c in self.record.channels.items() if c.held and c.prompt is False and c.samples != "average" and n not in second
-        ]
-        of_load = {self.network.flat.names.model.canonical(c.target or c.name): c for c in channels}
+    def sampled(self, prompt: bool | None) -> dict[str, tuple[Channel, TableSignal]]:
+        """Return load -> channel and signal of what is held between samples on the record's own clock, powers and commands of a `prompt`.
+
+        None of an FMU's, and none whose load has a curve, a flux, a cycle or a control: for those no power is added in an interval.
+        """
+        later = () if self.record.second is None else self.record.second.channels
+        channels = [c for n, c in self.record.channels.items() if c.held and c.prompt is prompt and n not in later]
+        of_load = {self.network.flat.names.model.canonical(c.target or c.name): c for c in channels if c.samples != "average"}
         signals = {**self.scenario.commands, **self.scenario.loads}
         return {
-            load.path: (signal, _input_noise(of_load[load.path]).white)
+            load.path: (of_load[load.path], signal)
             for load in self.network.flat.loads
             if load.path in of_load and isinstance(signal := signals.get(load.path), TableSignal) and signal.held
-            if not (load.curve or load.flux or load.cycle or load.controls or "periodic.period" in load.fields)
+            if not (self.model.runner or load.curve or load.flux or load.cycle or load.controls or "periodic.period" in load.fields)
         }
 
     def with_switches(self, free: frozenset[str]) -> tuple[Network, Scenario]:

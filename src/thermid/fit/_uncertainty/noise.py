@@ -315,18 +315,12 @@ def own_switches(problem: Problem, minimum: Fit) -> Iterator[OwnSwitches]:
     """
     weights = covariances(minimum)[2]
     for i, e in enumerate(problem.experiments if any(u.kind == "parameter" for u in problem.unknowns) else ()):
-        if e.model.runner is not None:
-            continue
-        second = e.ticks.clock.channels if e.ticks is not None else ()
-        sampled = [c for c in e.record.channels.values() if c.role == "load" and c.held and c.prompt is None and c.name not in second]
-        channel_of = {SCALE + e.network.flat.names.model.canonical(c.target or c.name): c.name for c in sampled}
-        tables = {p: t for p in channel_of if isinstance(t := _signal(e, p), TableSignal) and t.held and np.ptp(t.levels) > 0.0}
-        slopes = problem.slopes(i, minimum.fitted) if tables else np.zeros(0)
-        for path, table, answers in _answers(problem, i, minimum.fitted, list(tables), [e.times]) if tables else ():
+        powers = {SCALE + p: c.name for p, (c, table) in e.sampled(None).items() if c.role == "load" and np.ptp(table.levels) > 0.0}
+        slopes = problem.slopes(i, minimum.fitted) if powers else np.zeros(0)
+        for path, table, answers in _answers(problem, i, minimum.fitted, list(powers), [e.times]) if powers else ():
             gradients, longest = [], 0.0
             for k in table.largest_changes(CHANGES):
-                interval, since = table.gaps(k)[0], e.times - float(table.times[k])
-                pulse = float(table.levels[k] - table.levels[k - 1])
+                interval, since, pulse = table.gaps(k)[0], e.times - float(table.times[k]), float(table.levels[k] - table.levels[k - 1])
                 longest = max(longest, interval)
                 gradients.append(
                     sum(
@@ -335,7 +329,7 @@ def own_switches(problem: Problem, minimum: Fit) -> Iterator[OwnSwitches]:
                     )
                 )
             shifts = np.array(gradients) @ weights
-            yield OwnSwitches(channel_of[path], longest, np.hypot(0.5 * shifts.sum(axis=0), np.linalg.norm(shifts, axis=0) / np.sqrt(12.0)))
+            yield OwnSwitches(powers[path], longest, np.hypot(0.5 * shifts.sum(axis=0), np.linalg.norm(shifts, axis=0) / np.sqrt(12.0)))
 
 
 def _errors_of_means(noise: InputNoise, times: Array, values: Array, place: Indices, size: int) -> Array:

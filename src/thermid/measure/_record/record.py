@@ -271,7 +271,11 @@ class Record(Samples, Result):
             channels[channel.name] = replace(channel, values=values, valid=valid & (regular | channel.held), masks=masks).checked()
         text = f"resample: {self.times.size} samples to {count} at {width:g} s; powers and commands held, others linear"
         if switches:
-            ends = f"{grid.size - count} instants of their changes kept" if instants.size <= count else "more changes than that"
+            ends = (
+                f"{grid.size - count} instants of their changes kept"
+                if instants.size <= count
+                else "changes that outnumber the grid are averaged"
+            )
             text = f"{text.replace('held', 'as means until the next')}; {ends}"
         gaps = ", ".join(f"{channel.name} {channel.flags['gap']}" for channel in channels.values() if "gap" in channel.flags)
         raw = not any(done.startswith(("filter", "median")) for done in self.steps) and width > 2 * self.step
