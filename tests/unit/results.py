@@ -25,7 +25,7 @@ FALL = {"times": ["0 [s]", "50 [s]", "60 [s]"], "values": ["101 [kPa]", "1 [kPa]
 
 def of_a_fit(folder: Path) -> dict[str, Any]:
     """Return fits, predictions and what is said of them."""
-    cell = Cell("lag", folder)
+    cell = Cell(("lag",), folder)
     campaign, model = cell.campaign, box(FINISH)
     record = metered(log(model, {HTC: "6 [W/(m^2 K)]"}, {"T": "case"}, samples=31, accuracy=0.2), "heat", 4.0, 0.05)
     fit = td.calibrate(model, record, [HTC, MASS])

@@ -7,6 +7,7 @@ from thermid.campaign._start.physical import known_masses as known_masses
 from thermid.campaign._start.project import (
     VERDICT_NOISES as VERDICT_NOISES,
     VERDICT_SHARE_OF_RANGE as VERDICT_SHARE_OF_RANGE,
+    may_write_project as may_write_project,
     parted as parted,
     write_project as write_project,
 )

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +38,14 @@ KEYS = {
     "correlation": 'correlation_time = "5 [min]"',
     "resolution": 'resolution = "0.0625 [K]"',
 }
+TOGETHER = {
+    "none": ("none",),
+    "stated errors": ("offset", "gain", "correlation", "range"),
+    "lag": ("lag",),
+    "nodes of its own": ("mass", "lead"),
+    "certificate": ("certificate", "resolution"),
+}
+"""Every key once, several on one sensor: a key that breaks a result breaks it in company too. Each alone is asked in the campaign."""
 OUTER = """
 title  = "Shelf"
 needs  = ["room"]
@@ -90,11 +98,11 @@ HOUR = "1 [h]"
 
 
 class Cell:
-    """The project of one key, with its fits made once."""
+    """The project of some keys on one sensor, with its fits made once."""
 
-    def __init__(self, key: str, folder: Path) -> None:
+    def __init__(self, keys: Sequence[str], folder: Path) -> None:
         self.folder = folder
-        said = f", {KEYS[key]}" if KEYS[key] else ""
+        said = "".join(f", {KEYS[key]}" for key in keys if KEYS[key])
         save_model(box(FINISH), folder / "box.toml")
         save_model(box({**FINISH, **COOL}), folder / "cool.toml")
         (folder / "thermid.toml").write_text("")
@@ -287,31 +295,28 @@ CHECKS: dict[str, Callable[[Cell], None]] = {
 }
 
 
-@pytest.fixture(scope="module", params=list(KEYS))
-def cell(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Cell:
-    return Cell(request.param, tmp_path_factory.mktemp("sensor"))
-
-
 SLOW = {"command line", "report"}
-"""Checks that are asked of every key in the campaign only; here of those that put a node of their own into the model."""
-
-
-@pytest.mark.parametrize("check", [c for c in CHECKS if c not in SLOW])
-def test_every_key_of_a_sensor_with_every_result(cell: Cell, check: str) -> None:
-    CHECKS[check](cell)
+"""Checks that are asked of every key in the campaign only; here of one that puts a node of its own into the model."""
+ALONE = [pytest.param((key,), id=f"{key} alone", marks=pytest.mark.campaign) for key in KEYS]
 
 
 @pytest.fixture(scope="module")
-def node_cell(tmp_path_factory: pytest.TempPathFactory) -> Cell:
-    return Cell("lag", tmp_path_factory.mktemp("sensor"))
+def cells(tmp_path_factory: pytest.TempPathFactory) -> Callable[[tuple[str, ...]], Cell]:
+    """The cell of some keys, made once."""
+    return cache(lambda keys: Cell(keys, tmp_path_factory.mktemp("sensor")))
 
 
+def test_every_key_is_asked() -> None:
+    assert sorted(key for keys in TOGETHER.values() for key in keys) == sorted(KEYS)
+
+
+@pytest.mark.parametrize("keys", [pytest.param(keys, id=name) for name, keys in TOGETHER.items()] + ALONE)
+@pytest.mark.parametrize("check", [c for c in CHECKS if c not in SLOW])
+def test_every_key_of_a_sensor_with_every_result(cells: Callable[[tuple[str, ...]], Cell], keys: tuple[str, ...], check: str) -> None:
+    CHECKS[check](cells(keys))
+
+
+@pytest.mark.parametrize("keys", [pytest.param(("lag",), id="lag"), *ALONE])
 @pytest.mark.parametrize("check", sorted(SLOW))
-def test_commands_and_pages_of_a_sensor_that_is_a_node(node_cell: Cell, check: str) -> None:
-    CHECKS[check](node_cell)
-
-
-@pytest.mark.campaign
-@pytest.mark.parametrize("check", sorted(SLOW))
-def test_commands_and_pages_of_every_key(cell: Cell, check: str) -> None:
-    CHECKS[check](cell)
+def test_commands_and_pages_of_a_sensor(cells: Callable[[tuple[str, ...]], Cell], keys: tuple[str, ...], check: str) -> None:
+    CHECKS[check](cells(keys))

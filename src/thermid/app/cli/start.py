@@ -26,6 +26,7 @@ from thermid.campaign.start import (
     copy_example,
     example_named,
     known_masses,
+    may_write_project,
     parted,
     propose,
     read_as,
@@ -86,6 +87,8 @@ def init(
         return
     if template:
         raise ScenarioError("a template is for a project without a log; give one of them.", "--template", code="value.excludes-another")
+    source, title = ", ".join(log.name for log in logs), name or word(logs[0].name.partition(".")[0])
+    may_write_project(to, title)
     scales, formulas = pairs(full_scale or [], "--full-scale"), pairs(formula or [], "--formula")
     roles = roles_of(logs[0], temperature or (), surroundings, power or (), scales, time, formulas)
     roles = _ask_for_roles(logs[0], roles, time, bool(temperature), bool(power)) if sys.stdin.isatty() and not as_json else roles
@@ -96,7 +99,6 @@ def init(
     fitted, holdout = parted([record for record, _ in read])
     with searching("searching for a structure") as progress:
         proposal = propose(roles, [thinned(r) for r in fitted], evaluations, facts=facts, progress=progress)
-    source, title = ", ".join(log.name for log in logs), name or word(logs[0].name.partition(".")[0])
     project = write_project(to, proposal, fitted, holdout, source, title, masked)
     content = {
         "masses": proposal.chosen.nodes,

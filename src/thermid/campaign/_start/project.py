@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -78,6 +80,22 @@ def parted(records: Sequence[Record]) -> tuple[list[Record], Record]:
     return [replace(one.trim("start", last), name="fit")], replace(one.trim(first, "end").shift_start(), name=HOLDOUT_NAME)
 
 
+def may_write_project(folder: Path, title: str) -> None:
+    """Ask, before a search, whether the files of a project may be written.
+
+    Raises
+    ------
+    OutputError   When a file is there that thermid did not write.
+    OSError       When the folder is a file, or a file is a folder or read-only.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder))
+    kinds = {f"{title}.toml": DECK.titled(title), **{f"{name}.toml": TEMPLATE.titled(name) for name in ("scenario", "campaign")}}
+    for name, kind in kinds.items() if folder.is_dir() else ():
+        may_write(folder / name, kind)
+    may_write_schemas(folder, ("deck", "scenario", "campaign"))
+
+
 def write_project(
     folder: Path, proposal: Proposal, fitted: Sequence[Record], holdout: Record, source: str, title: str, masked: Sequence[str] = ()
 ) -> Written:
@@ -106,13 +124,11 @@ def write_project(
         "campaign.toml": (_campaign(proposal, request, fitted, holdout, deck, source, title, masked), TEMPLATE.titled("campaign")),
     }
     folder.mkdir(parents=True, exist_ok=True)
+    may_write_project(folder, title)
     logs = folder / "logs"
     logs.mkdir(exist_ok=True)
     files = [folder / name for name in texts]
-    for (_, kind), path in zip(texts.values(), files, strict=True):
-        may_write(path, kind)
     grammars = dict(zip(texts, ("deck", "scenario", "campaign"), strict=True))
-    may_write_schemas(folder, grammars.values())
     for record in (*fitted, holdout):
         record.to_csv(logs / f"{record.name}.csv")
         files.append(logs / f"{record.name}.csv")

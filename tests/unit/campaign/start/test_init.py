@@ -119,7 +119,13 @@ def test_a_duty_without_full_scale_gives_ratios_and_says_so(tmp_path: Path) -> N
     assert known["assumed"] == ""
 
 
-def test_files_of_others_are_never_replaced(tmp_path: Path) -> None:
+def test_files_of_others_are_never_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It says so before it searches for minutes."""
+
+    def searched(*_: object, **__: object) -> None:
+        raise AssertionError("it was searched before anybody asked whether the files may be written")
+
+    monkeypatch.setattr("thermid.app.cli.start.propose", searched)
     log = bench(tmp_path / "test.csv")
     (tmp_path / "p").mkdir()
     (tmp_path / "p" / "campaign.toml").write_text("mine = 1\n")
@@ -127,6 +133,7 @@ def test_files_of_others_are_never_replaced(tmp_path: Path) -> None:
     assert "this file exists already." in found["message"]
     assert (tmp_path / "p" / "campaign.toml").read_text() == "mine = 1\n"
     assert not (tmp_path / "p" / "logs" / "fit.csv").exists()
+    assert isinstance(CliRunner().invoke(app, ["init", str(log), "--to", str(log)]).exception, NotADirectoryError)
 
 
 def test_a_log_in_which_nothing_moves_is_declined(tmp_path: Path) -> None:
