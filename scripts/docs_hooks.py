@@ -223,15 +223,15 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add what docs/ does not hold."""
     from mkdocs.structure.files import File
 
-    pages = virtual_pages()
-    for name, path in notebooks.notebooks().items():
+    pages, shown = virtual_pages(), studio_pictures.wanted()
+    for name, path in notebooks.notebooks().items() if shown else ():
         text, figures = notebooks.page(name, notebooks.executed(path))
         pages[f"notebooks/{name}.md"] = text
         for place, picture in figures.items():
             files.append(File.generated(config, f"notebooks/{place}", content=picture))
     for name, text in pages.items():
         files.append(File.generated(config, name, content=text))
-    for name, picture in gallery.drawn().items():
+    for name, picture in (gallery.drawn() if shown else dict.fromkeys(gallery.GALLERY, gallery.BLANK)).items():
         files.append(File.generated(config, f"pictures/gallery/{name}.svg", content=picture))
     for name, data in studio_pictures.taken().items():
         files.append(File.generated(config, f"pictures/studio/{name}.png", content=data))

@@ -63,6 +63,8 @@ GALLERY = {
     "histogram": Card("What is left over", "All residuals of the held-out records.", REPORT, figure="fig-histogram"),
 }
 """Name of a picture -> its card."""
+BLANK = '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"/>'
+"""What stands in place of a picture where none is drawn."""
 
 
 @contextlib.contextmanager

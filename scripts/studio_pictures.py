@@ -31,6 +31,11 @@ def names() -> list[str]:
     return [f"pictures/studio/{name}.png" for name in PARTS]
 
 
+def wanted() -> bool:
+    """Return whether pictures that take long are made; a test of pages and links does without."""
+    return os.environ.get("THERMID_DOCS_PICTURES") != "0"
+
+
 def able() -> bool:
     """Return whether pictures can be taken here."""
     try:
@@ -68,7 +73,7 @@ def missing(title: str) -> bytes:
 def taken() -> dict[str, bytes]:
     """Return every picture by its name, as PNG; a card stands in place of each that could not be taken."""
     out = {name: missing(title) for name, (_, _, title) in PARTS.items()}
-    if not able() or os.environ.get("THERMID_DOCS_STUDIO") == "0":
+    if not (wanted() and able()):
         return out
     if (here := str(Path(__file__).parent)) not in sys.path:  # a site builder takes it off again after hooks are loaded
         sys.path.append(here)

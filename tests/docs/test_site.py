@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shlex
 import subprocess
 import sys
 from html.parser import HTMLParser
@@ -16,7 +17,7 @@ import typer
 import thermid as td
 from thermid.app.cli import app as cli
 
-from .hooks import commands, mathml, notebooks, rooms, turned
+from .hooks import commands, gallery, mathml, notebooks, rooms, turned
 from .pages import ROOT, tables
 
 ASKED = {
@@ -67,7 +68,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
         capture_output=True,
         text=True,
         check=False,
-        env={**os.environ, "NO_MKDOCS_2_WARNING": "1", "THERMID_DOCS_STUDIO": "0"},
+        env={**os.environ, "NO_MKDOCS_2_WARNING": "1", "THERMID_DOCS_PICTURES": "0"},
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "WARNING" not in done.stderr
@@ -86,9 +87,16 @@ def test_the_site_shows_the_product(site: Path, pages: dict[str, Found]) -> None
     assert len(pictures("index.html")) >= 3
     assert len(pictures("gallery.html")) >= 12
     assert len(pictures("studio.html")) >= 6
-    for name in notebooks.notebooks():
-        assert len(pictures(f"notebooks/{name}.html")) >= 1, name
     assert len(notebooks.notebooks()) >= 6
+
+
+def test_commands_of_the_gallery_are_understood() -> None:
+    """Their pictures are drawn in the campaign, with the whole site in a browser."""
+    group = typer.main.get_command(cli.app)
+    for card in gallery.GALLERY.values():
+        word, *given = shlex.split(card.command)
+        group.commands[word].make_context(word, [*given, "--to" if card.figure else card.option, "picture.svg"])  # type: ignore[attr-defined]
+        assert all((ROOT / path).is_file() for path in given if "/" in path and "/logs/" not in path), card.title
 
 
 def test_a_howto_is_found_before_everything_else(site: Path) -> None:

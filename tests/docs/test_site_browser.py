@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from .hooks import studio_pictures
+from .hooks import gallery, notebooks, studio_pictures
 from .pages import ROOT
 
 pytestmark = pytest.mark.campaign
@@ -65,6 +65,13 @@ def browser() -> Iterator[Any]:
 def _asked(browser: Any) -> list[str]:
     messages = [json.loads(entry["message"])["message"] for entry in browser.get_log("performance")]
     return [m["params"]["request"]["url"] for m in messages if m["method"] == "Network.requestWillBeSent"]
+
+
+def test_the_gallery_and_the_notebooks_have_their_pictures(site: Path) -> None:
+    drawn = [(site / f"pictures/gallery/{name}.svg").read_text(encoding="utf-8") for name in gallery.GALLERY]
+    assert min(map(len, drawn)) > 10 * len(gallery.BLANK)
+    for name in notebooks.notebooks():
+        assert "pictures/" in (site / f"notebooks/{name}.html").read_text(encoding="utf-8"), name
 
 
 def test_the_pictures_of_the_studio_are_pictures(site: Path) -> None:

@@ -11,8 +11,10 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -55,6 +57,27 @@ LOADERS = {
 }
 
 
+LESSON = "examples/04_campaign/campaign.toml"
+"""The campaign that many pages fit: its stages are fitted once and found in the folder `results` of each, and beside the campaign."""
+
+
+def _copied(folder: Path) -> None:
+    """Copy the examples into a folder, without what runs of them leave."""
+    shutil.copytree(ROOT / "examples", folder / "examples", ignore=shutil.ignore_patterns("__pycache__", "results", "logs", "out"))
+
+
+@cache
+def _fitted() -> tempfile.TemporaryDirectory[str]:
+    """A folder with the results of that campaign, as a page's own command would leave them, without its looks."""
+    made = tempfile.TemporaryDirectory()
+    folder = Path(made.name)
+    _copied(folder)
+    subprocess.run([sys.executable, "examples/04_campaign/make_logs.py"], cwd=folder, check=True, capture_output=True)
+    td.run_stages(folder / LESSON, cache=folder / "results").save(folder / "values")
+    (folder / "results" / "looks.json").unlink(missing_ok=True)
+    return made
+
+
 @dataclass
 class Workshop:
     """A folder with a copy of the examples, and what a page has done in it so far."""
@@ -67,8 +90,10 @@ class Workshop:
     @classmethod
     def of(cls, page: str, folder: Path) -> Workshop:
         """Lay out the folder."""
-        ignore = shutil.ignore_patterns("__pycache__", "results", "logs", "out")
-        shutil.copytree(ROOT / "examples", folder / "examples", ignore=ignore)
+        _copied(folder)
+        if LESSON in (ROOT / page).read_text(encoding="utf-8"):
+            for place in (folder / "results", folder / Path(LESSON).with_name("results")):
+                shutil.copytree(Path(_fitted().name) / "results", place)
         return cls(page, folder)
 
     def work(self, elsewhere: set[str]) -> None:

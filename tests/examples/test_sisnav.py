@@ -33,7 +33,7 @@ class Demonstration:
 
 @pytest.fixture(scope="module")
 def demonstration(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
-    """The demonstration as a script, in this process: its campaigns are looked at below."""
+    """The demonstration as a script, in this process."""
     for package in ("matplotlib", "jinja2", "sympy"):
         pytest.importorskip(package)
     folder, said, complained, done = tmp_path_factory.mktemp("demo") / "out", io.StringIO(), io.StringIO(), []
@@ -50,15 +50,22 @@ def demonstration(tmp_path_factory: pytest.TempPathFactory) -> Demonstration:
 
 
 @pytest.fixture(scope="module")
-def laboratory(demonstration: Demonstration) -> Path:
-    return demonstration.folder
+def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Logs of all tests, and what is hidden."""
+    folder = tmp_path_factory.mktemp("laboratory")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(STUDY)
+        import_module("laboratory").main(folder)
+    return folder
 
 
 @pytest.fixture(scope="module")
-def campaign(demonstration: Demonstration) -> td.Campaign:
-    return demonstration.work.constant
+def campaign(laboratory: Path) -> td.Campaign:
+    """The document's campaign: one constant coefficient a surface."""
+    return td.run_stages(STUDY / "campaign.toml", data=laboratory)
 
 
+@pytest.mark.campaign
 def test_demo(demonstration: Demonstration) -> None:
     """The whole study, from logs to its page."""
     said, folder = demonstration.said, demonstration.folder

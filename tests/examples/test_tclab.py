@@ -189,22 +189,23 @@ class TestSamples:
         log.unlink()
         with gzip.open(log, "wt", encoding="utf-8", newline="") as file:
             csv.writer(file).writerows(rows)
-        refused = calibrate("campaign.toml", tmp_path / "out", "--data", data)
-        assert refused.code == 2
-        assert "checksum" in refused.said["message"]
-        assert "ensH1_000_050_en1" in refused.said["where"]
+        with pytest.raises(td.ThermidError, match="checksum") as refused:
+            td.run_stages(EXAMPLE / "campaign.toml", data=data)
+        assert refused.value.exit_code == 2
+        assert "ensH1_000_050_en1" in refused.value.where
 
 
-def test_without_data_it_says_how_to_get_them(tmp_path: Path) -> None:
+def test_without_data_it_says_how_to_get_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("THERMID_DATA", raising=False)
     (tmp_path / "empty").mkdir()
-    for more in ((), ("--data", tmp_path / "empty")):
-        absent = calibrate("campaign.toml", tmp_path / "out", *more)
-        assert absent.code == 2
+    for data in (None, tmp_path / "empty"):
+        with pytest.raises(td.ThermidError) as absent:
+            td.run_stages(EXAMPLE / "campaign.toml", data=data)
+        assert absent.value.exit_code == 2
         for word in ("https://github.com/TiagoPrata/TCLabSP", "time_s,Q1_pct,Q2_pct,T1_C,T2_C", "README.md", "--data", "THERMID_DATA"):
-            assert word in absent.said["message"]
-    nowhere = calibrate("campaign.toml", tmp_path / "out", "--data", tmp_path / "nowhere")
-    assert nowhere.code == 2
-    assert "the data folder 'nowhere' does not exist. Give another one with --data or THERMID_DATA." in nowhere.said["message"]
+            assert word in absent.value.message
+    with pytest.raises(td.ThermidError, match=r"the data folder 'nowhere' does not exist\. Give another one with --data or THERMID_DATA\."):
+        td.run_stages(EXAMPLE / "campaign.toml", data=tmp_path / "nowhere")
 
 
 @designer

@@ -173,7 +173,7 @@ def test_strata_are_the_judges_own() -> None:
     assert stratum(1.0, 0.0, swapped=True) == "unit swapped"
 
 
-@pytest.mark.parametrize("structure", ["right", "constant"])
+@pytest.mark.parametrize("structure", ["right", pytest.param("constant", marks=pytest.mark.campaign)])
 def test_todays_code_answers_and_its_peers_stand_beside_it(structure: str) -> None:
     family = next(f for f in b.FAMILIES.values() if f.structure == structure).with_name("small", drift=0.0, asked=("1.5x",))
     rows = judge.bench_rows(family, 2, 11, ["today", "today~run", "persistence", "oracle"])

@@ -94,9 +94,9 @@ class TestSamples:
         assert td.inference.posterior(fit).interval("inner.conductance") == pytest.approx((low, high), abs=0.15 * (high - low))
 
     def test_workers_give_the_same_draws(self, fit: td.Calibration) -> None:
-        alone = td.inference.posterior(fit, steps=30)
+        alone = td.inference.posterior(fit, steps=10)
         with ThreadPoolExecutor(2) as pool:
-            found = td.inference.posterior(fit, steps=30, executor=pool)
+            found = td.inference.posterior(fit, steps=10, executor=pool)
         assert all(np.array_equal(found.draws[n], alone.draws[n]) for n in alone.draws)
         assert found.evaluations == alone.evaluations
 

@@ -21,7 +21,7 @@ from thermid.simulation.runs import Scenario, simulate
 
 pytestmark = pytest.mark.recovery
 
-ICE, NOISE, DRAWS, BLIND = 273.15, 0.05, 40, 15
+ICE, NOISE, DRAWS, BLIND = 273.15, 0.05, 20, 10
 FREE = ("skin.conductance", "case.capacitance")
 
 

@@ -31,7 +31,7 @@ def disturbed(job: str, how: str, folder: Path, every: int) -> dict[str, object]
     return found
 
 
-@pytest.mark.parametrize(("job", "how", "every"), [("decks", "kill", 7), ("plan", "full", 2), ("values", "kill", 3)])
+@pytest.mark.parametrize(("job", "how", "every"), [("decks", "kill", 7), ("plan", "full", 4), ("values", "kill", 3)])
 def test_a_sample_of_kills_and_full_disks(job: str, how: str, every: int, tmp_path: Path) -> None:
     found = disturbed(job, how, tmp_path, every)
     assert found["runs"] >= 2  # type: ignore[operator]

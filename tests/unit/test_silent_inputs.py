@@ -213,7 +213,7 @@ def test_residuals_are_not_white_and_white_in_one_output() -> None:
     slow = 0.035 * np.sin(2.0 * np.pi * record.times / 1500.0) + 0.02 * rng.standard_normal(record.times.size)
     channel = replace(record.channels["T"], values=record.channels["T"].values + slow)
     said = 0
-    for scale in (0.0, 0.3, 0.6, 1.0, 2.0):
+    for scale in (0.3, 0.6, 1.0):
         drifting = replace(channel, values=record.channels["T"].values + scale * slow)
         fit = td.calibrate(deck, record.with_channels(drifting), ["skin.effective_htc"])
         wandering = any("residuals of the trace are autocorrelated" in w for w in fit.warnings)

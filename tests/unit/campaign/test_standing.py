@@ -183,15 +183,15 @@ def test_a_failed_verdict_goes_up_and_changes_no_key(tmp_path: Path) -> None:
 
 def test_values_that_miss_too_much_or_end_at_a_bound_are_not_adequate(tmp_path: Path) -> None:
     path = planted(tmp_path, bias=0.0)
-    plain = 'inherit  = { a = { stage = "box" } }\n'
-    path.write_text(CAMPAIGN.replace(plain, ""))  # the boxes keep the values of their deck, which are wrong by a fifth
+    plain, both = 'inherit  = { a = { stage = "box" } }\n', CAMPAIGN.partition('[[stages]]\nname     = "whole"')[0]
+    path.write_text(both.replace(plain, ""))  # the boxes keep the values of their deck, which are wrong by a fifth
     rough = run_stages(path)
     assert rough["pair"].standing.state == "not adequate"
     assert "3 times its stated noise" in rough["pair"].standing.because
     assert rough.exit_code == 5
-    path.write_text(CAMPAIGN.replace(plain, 'adequate = "5 [K]"\n'))
+    path.write_text(both.replace(plain, 'adequate = "5 [K]"\n'))
     assert run_stages(path)["pair"].standing.state == "credible"
-    path.write_text(CAMPAIGN.replace(plain, f'{plain}adequate = "0.001 [K]"\n').replace('"box_bench"]', '"box_bench"]\nadequate = "9 [K]"'))
+    path.write_text(both.replace(plain, f'{plain}adequate = "0.001 [K]"\n').replace('"box_bench"]', '"box_bench"]\nadequate = "9 [K]"'))
     narrow = (tmp_path / "pair.toml").read_text().replace("min = 20", "min = 190")
     (tmp_path / "pair.toml").write_text(narrow)
     bound = run_stages(path)["pair"].standing

@@ -59,7 +59,7 @@ def widening(found: Calibration) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("gap", "draws"), [(True, 12), pytest.param(False, 24, marks=pytest.mark.campaign), pytest.param(True, 24, marks=pytest.mark.campaign)]
+    ("gap", "draws"), [(True, 6), pytest.param(False, 24, marks=pytest.mark.campaign), pytest.param(True, 24, marks=pytest.mark.campaign)]
 )
 def test_errors_are_the_scatter_of_repeats_where_residuals_wander(gap: bool, draws: int) -> None:
     squares = np.mean(scores(draws, gap=gap) ** 2, axis=0)
@@ -91,10 +91,10 @@ def test_slow_directions_widen_more_than_fast_ones() -> None:
 
 def test_white_residuals_change_nothing() -> None:
     same = 0
-    for seed in range(20):
+    for seed in range(10):
         found = calibrate(box(), log(box(), {}, {"T": "case"}, seed=seed), [HTC, MASS])
         same += widening(found) == pytest.approx(1.0) and found.sensors["T"].effective_samples == 301
-    assert same >= 17  # one white trace in thirty is taken for one that wanders
+    assert same >= 8  # one white trace in thirty is taken for one that wanders
 
 
 def test_readings_that_were_filtered_count_as_fewer() -> None:

@@ -138,7 +138,7 @@ def holds(model: td.Model, **more: object) -> MapPlaces:
     return plan
 
 
-@pytest.mark.parametrize("count", [3, pytest.param(30, marks=pytest.mark.campaign)])
+@pytest.mark.parametrize("count", [2, pytest.param(30, marks=pytest.mark.campaign)])
 def test_maps_of_boards_keep_their_rules(count: int) -> None:
     """The five sizes and random ones, of seeds that nothing was tuned on, plain and with temperatures and heat."""
     more = 0

@@ -257,7 +257,7 @@ def compared(seed: int) -> float:
     return off
 
 
-@pytest.mark.parametrize("seed", [0, 1, 2, 4, 7, 8, 9, 10, 11, 12, 19, 78])
+@pytest.mark.parametrize("seed", [0, 4, 8, 12, 19, 78])
 def test_extremes_against_an_independent_integrator(seed: int) -> None:
     """Within 5 mK of scipy's at 1e-10, restarted at every switching, its dense output scanned at 1 ms."""
     assert compared(seed) < 5e-3

@@ -248,7 +248,7 @@ def check_random(seed: int) -> int:
     return len(switched)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_random_melts(seed: int) -> None:
     check_random(seed)
 

@@ -78,7 +78,7 @@ def made_and_fitted(made: Path, tmp_path_factory: pytest.TempPathFactory) -> Pat
     """The same with its results; no test writes to it."""
     folder = tmp_path_factory.mktemp("fitted") / "p"
     shutil.copytree(made.parent, folder)
-    run_stages(folder / made.name, cache=folder / "results")
+    run_stages(folder / made.name, cache=folder / "results").save(tmp_path_factory.mktemp("values"))  # keeps every model of error
     return folder / made.name
 
 

@@ -110,28 +110,30 @@ class TestCalibrate:
         assert {"record", "passed", "conditional", "fitted_locally", "sensors"} <= set(verdict)
         assert (verdict["record"], verdict["passed"], verdict["conditional"], verdict["fitted_locally"]) == ("pair_two", True, False, [])
 
-    def test_values_files_beside_the_campaign_or_where_asked(self, call: Call, campaign: Path, tmp_path: Path) -> None:
-        said = call("calibrate", campaign, "--json")
+    def test_values_files_beside_the_campaign_or_where_asked(self, call: Call, fitted_campaign: Path, tmp_path: Path) -> None:
+        said = call("calibrate", fitted_campaign, "--json")
         assert said.object["values_files"] == ["box.values.toml", "pair.values.toml"]
-        stored = load_values(campaign.parent / "results" / "pair.values.toml")
+        stored = load_values(fitted_campaign.parent / "results" / "pair.values.toml")
         assert stored[JOINT].value == said.object["stages"][1]["values"][JOINT]
-        call("calibrate", campaign, "--to", tmp_path / "here")
+        call("calibrate", fitted_campaign, "--to", tmp_path / "here")
         assert (tmp_path / "here" / "pair.values.toml").is_file()
 
-    def test_a_second_run_and_a_fresh_one_say_the_same(self, call: Call, campaign: Path) -> None:
+    def test_a_second_run_and_a_fresh_one_say_the_same(self, call: Call, fitted_campaign: Path) -> None:
         def numbers(*more: str) -> list[object]:
-            return [(s["values"], s["errors_total"], s["sensors"]) for s in call("calibrate", campaign, "--json", *more).object["stages"]]
+            return [
+                (s["values"], s["errors_total"], s["sensors"]) for s in call("calibrate", fitted_campaign, "--json", *more).object["stages"]
+            ]
 
         first = numbers()
         assert numbers() == first
         assert numbers("--fresh") == first
 
-    def test_text(self, call: Call, campaign: Path) -> None:
-        said = call("calibrate", campaign)
+    def test_text(self, call: Call, fitted_campaign: Path) -> None:
+        said = call("calibrate", fitted_campaign)
         assert said.code == 0
         assert said.out.splitlines()[0] == "Two levels: 2 stages, 1 of 1 verdict passed"
         assert "box: credible; 2 values; worst sensor T_A, RMSE 0.0" in said.out
-        whole = call("calibrate", campaign, "-v")
+        whole = call("calibrate", fitted_campaign, "-v")
         assert "box: 2 free parameters" in whole.out
         assert len(whole.out) > 2 * len(said.out)
         assert "pair on pair_two: PASSED" in said.out
@@ -176,10 +178,10 @@ class TestCalibrate:
         assert said.code == 4
         assert ". A validation needs a hold-out record: use one" in said.object["message"]
 
-    def test_a_data_folder(self, call: Call, campaign: Path, tmp_path: Path) -> None:
-        (campaign.parent / "logs").rename(tmp_path / "logs")
-        assert call("calibrate", campaign, "--json").code == 2
-        assert call("calibrate", campaign, "--data", tmp_path, "--json").code == 0
+    def test_a_data_folder(self, call: Call, fitted_campaign: Path, tmp_path: Path) -> None:
+        (fitted_campaign.parent / "logs").rename(tmp_path / "logs")
+        assert call("calibrate", fitted_campaign, "--json").code == 2
+        assert call("calibrate", fitted_campaign, "--data", tmp_path, "--json").code == 0
 
     def test_a_results_folder_that_is_a_file(self, call: Call, campaign: Path, tmp_path: Path) -> None:
         (tmp_path / "file").write_text("")
@@ -323,12 +325,9 @@ class TestPredict:
 
 
 class TestRecordsThatArePredicted:
-    def test_each_with_its_band(self, call: Call, tmp_path: Path) -> None:
+    def test_each_with_its_band(self, call: Call, fitted_campaign: Path) -> None:
         """Of two runs one was fitted: it says nothing of the next run, and is named."""
-        from unit.fit.project import make_project
-
-        campaign = make_project(tmp_path)
-        asked = ("predict", campaign, "--stage", "pair", "--record", "pair_*")
+        asked = ("predict", fitted_campaign, "--stage", "pair", "--record", "pair_*")
         said = call(*asked)
         told = call(*asked, "--json").object
         assert "fitted by the stage itself: pair_one" in said.out
@@ -366,11 +365,8 @@ class TestIdentify:
         assert found.object["stages"]["box"]["stage"] == "after"
         assert found.object["stages"]["box"]["rank"] == 2
 
-    def test_finished_stages_are_not_fitted_again(self, call: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        from unit.fit.project import make_project
-
-        campaign, kept = make_project(tmp_path), tmp_path / "kept"
-        assert call("calibrate", campaign, "--to", kept).code == 0
+    def test_finished_stages_are_not_fitted_again(self, call: Call, fitted_campaign: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        campaign, kept = fitted_campaign, fitted_campaign.parent / "results"
         first = call("identify", campaign, "--after", "--results", kept, "--json")
 
         def searched(*_: object) -> None:

@@ -26,12 +26,12 @@ def lagging(campaign: Path) -> Path:
     return campaign
 
 
-def test_noise_needs_no_element(campaign: Path, call: Call) -> None:
-    said = call("criticise", campaign, "--stage", "box")
+def test_noise_needs_no_element(fitted_campaign: Path, call: Call) -> None:
+    said = call("criticise", fitted_campaign, "--stage", "box")
     assert said.code == 0
     assert said.out.startswith("box: 1 of 1 traces have white residuals")
     assert "candidates, each alone" not in said.out
-    found = call("criticise", campaign, "--stage", "box", "--json").object["stages"]["box"]
+    found = call("criticise", fitted_campaign, "--stage", "box", "--json").object["stages"]["box"]
     assert (found["suggested"], found["candidates"], found["traces"][0]["white"]) == (None, [], True)
 
 
@@ -45,29 +45,29 @@ def test_a_missing_element_is_named_in_text_and_as_an_object(lagging: Path, call
     assert best["name"] in said.out
 
 
-def test_all_stages_and_one_that_is_not_there(campaign: Path, call: Call) -> None:
-    assert list(call("criticise", campaign, "--json").object["stages"]) == ["box", "pair"]
-    said = call("criticise", campaign, "--stage", "boxx")
+def test_all_stages_and_one_that_is_not_there(fitted_campaign: Path, call: Call) -> None:
+    assert list(call("criticise", fitted_campaign, "--json").object["stages"]) == ["box", "pair"]
+    said = call("criticise", fitted_campaign, "--stage", "boxx")
     assert said.code == 2
     assert "stage 'boxx' is not in this campaign. Did you mean 'box'?" in said.err
 
 
-def test_values_are_compared_with_what_is_physical(campaign: Path, call: Call) -> None:
-    said = call("plausibility", campaign, "--stage", "box")
+def test_values_are_compared_with_what_is_physical(fitted_campaign: Path, call: Call) -> None:
+    said = call("plausibility", fitted_campaign, "--stage", "box")
     assert said.out.startswith("box: are the values physical?")
     assert "skin.effective_htc = " in said.out
-    found = call("plausibility", campaign, "--stage", "box", "--json").object["stages"]["box"]
+    found = call("plausibility", fitted_campaign, "--stage", "box", "--json").object["stages"]["box"]
     assert found["findings"][0]["path"] == "skin.effective_htc"
     assert (said.code == 0) == found["physical"]
 
 
-def test_a_weight_that_cannot_be_is_not_physical(campaign: Path, call: Call) -> None:
-    said = call("plausibility", campaign, "--stage", "box", "--weight", "case=20 [g]", "--json")
+def test_a_weight_that_cannot_be_is_not_physical(fitted_campaign: Path, call: Call) -> None:
+    said = call("plausibility", fitted_campaign, "--stage", "box", "--weight", "case=20 [g]", "--json")
     assert said.code == 1
     mass = next(f for f in said.object["stages"]["box"]["findings"] if f["path"].endswith("mass"))
     assert mass["verdict"] == "not physical"
     assert "a mass that was not weighed follows it, or the power is too large" in mass["meaning"]
-    assert call("plausibility", campaign, "--weight", "case").code == 2
+    assert call("plausibility", fitted_campaign, "--weight", "case").code == 2
 
 
 def test_a_capture_is_cut_at_the_restarts_of_its_board(tmp_path: Path, call: Call) -> None:

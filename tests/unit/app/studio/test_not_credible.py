@@ -46,13 +46,6 @@ def test_a_stage_that_is_not_credible_says_so_and_whatever_rests_on_it(work: Wor
         assert not work._project.done[above].contradicted
 
 
-def test_a_campaign_that_is_credible_says_nothing(tmp_path: Path) -> None:
-    project = Project(campaign(tmp_path))
-    for name in project.stages:
-        project.look(name)
-        assert project.run(name).usable
-
-
 def test_what_is_run_on_such_values_decides_nothing(work: Work) -> None:
     work.scenario("whole", "record 0", {}, {})
     idle(work)

@@ -126,6 +126,7 @@ def test_stages_and_records_are_as_calibrate_prints_them(tmp_path: Path, case: s
     assert said["stages"][1]["standing"].get("accepted", False) is (case == "accepted")
 
 
+@pytest.mark.campaign
 def test_the_campaign_of_example_04_is_as_calibrate_prints_it(tmp_path: Path) -> None:
     folder = laid(tmp_path)
     work = opened(folder / "campaign.toml")

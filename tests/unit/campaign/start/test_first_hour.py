@@ -123,10 +123,10 @@ def test_a_late_power_does_not_make_one_body_of_a_box_and_its_plate(hour: Module
 
 def test_the_answer_is_the_same_under_a_clock_that_jumps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log = plate(tmp_path / "log.csv", offset=0.6)
-    first = CliRunner().invoke(app, ["init", str(log), "--to", str(tmp_path / "p")])
+    first = CliRunner().invoke(app, ["init", str(log), "--to", str(tmp_path / "p"), "--evaluations", "150"])
     ticks = itertools.count(step=50.0)
     monkeypatch.setattr(time, "monotonic", lambda: float(next(ticks)))
-    again = CliRunner().invoke(app, ["init", str(log), "--to", str(tmp_path / "q")])
+    again = CliRunner().invoke(app, ["init", str(log), "--to", str(tmp_path / "q"), "--evaluations", "150"])
     assert again.stdout.replace(f"{tmp_path}/q", f"{tmp_path}/p") == first.stdout
     assert (tmp_path / "q" / "log.toml").read_bytes() == (tmp_path / "p" / "log.toml").read_bytes()
     assert (tmp_path / "q" / "campaign.toml").read_bytes() == (tmp_path / "p" / "campaign.toml").read_bytes()
@@ -156,9 +156,10 @@ def test_a_power_in_other_units_gives_a_part_that_cannot_be(tmp_path: Path) -> N
 
 def test_a_mass_from_a_scale_gives_the_scale_of_a_duty(tmp_path: Path) -> None:
     log = plate(tmp_path / "log.csv", "T_plate [degC],T_room [degC],heater [%]", scale=100.0 / 12.0)
-    _, ratios = said("init", str(log), "--to", str(tmp_path / "p"))
+    _, ratios = said("init", str(log), "--to", str(tmp_path / "p"), "--evaluations", "150")
     assert "--mass plate=" in ratios["assumed"]
-    _, made = said("init", str(log), "--to", str(tmp_path / "q"), "--mass", "T_plate=0.167 [kg]", "--material", "plate=aluminium 6061")
+    weighed = ("--mass", "T_plate=0.167 [kg]", "--material", "plate=aluminium 6061")
+    _, made = said("init", str(log), "--to", str(tmp_path / "q"), "--evaluations", "150", *weighed)
     assert made["assumed"] == ""
     (stage,) = tomllib.loads((tmp_path / "q" / "campaign.toml").read_text())["stages"]
     assert stage["priors"] == {"plate.capacitance": {"mean": "149.6 [J/K]", "sd": "10 [%]"}}

@@ -112,10 +112,10 @@ def test_codes_of_a_sensor_are_masked_and_said_first(tmp_path: Path) -> None:
 
 def test_a_duty_without_full_scale_gives_ratios_and_says_so(tmp_path: Path) -> None:
     log = bench(tmp_path / "test.csv", header="time_s,T_plate_C,T_room_C,heater_pct", duty=True)
-    made = run("init", str(log), "--to", str(tmp_path / "p"))
+    made = run("init", str(log), "--to", str(tmp_path / "p"), "--evaluations", "150")
     assert "no column gives a power in watts" in made["assumed"]
     assert "Assumed: plate.capacitance = 100 J/K" in (tmp_path / "p" / "test.toml").read_text()
-    known = run("init", str(log), "--to", str(tmp_path / "q"), "--full-scale", "heater_pct=12 [W]")
+    known = run("init", str(log), "--to", str(tmp_path / "q"), "--full-scale", "heater_pct=12 [W]", "--evaluations", "150")
     assert known["assumed"] == ""
 
 
