@@ -8,8 +8,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner, Result
 
 from document.laboratory_files import SISNAV, written
+from thermid.app.cli.app import app
 
 
 @pytest.fixture(scope="module")
@@ -20,9 +22,9 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "logs"
 
 
-def command(*arguments: object) -> subprocess.CompletedProcess[str]:
-    """Run a command of thermid."""
-    return subprocess.run([sys.executable, "-m", "thermid", *map(str, arguments)], capture_output=True, text=True, check=False)
+def command(*arguments: object) -> Result:
+    """Run a command of thermid, in this process."""
+    return CliRunner().invoke(app, [*map(str, arguments)])
 
 
 def test_files_of_three_instruments_are_read_joined_and_validated(logs: Path, tmp_path: Path) -> None:
@@ -31,9 +33,9 @@ def test_files_of_three_instruments_are_read_joined_and_validated(logs: Path, tm
     seen = json.loads(command("look", *sorted((tmp_path / "lab").glob("pre_both_*")), "--json").stdout)
     assert [log["format"] for log in seen["logs"]] == ["serial capture", "text"]
     assert seen["clocks"] == [{"file": "pre_both_potencia.csv", "record": "pre_both_potencia", "offset": 30.0}]
-    assert command("check", campaign).returncode == 0
+    assert command("check", campaign).exit_code == 0
     done = command("calibrate", campaign, "--json")
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.exit_code == 0, done.output
     said = json.loads(done.stdout)
     assert [(v["model"], v["passed"], v["unseen"]) for v in said["verdicts"]] == [("m_PrE", True, True)]
     assert [s["mistakes"]["named"] for s in said["stages"]] == [[], [], []]
@@ -46,7 +48,7 @@ def test_the_full_model_is_validated_from_files_and_commands(logs: Path, tmp_pat
     looked = command("look", *(folder / f"sd_all_{k}" for k in ("arduino.txt", "proc.lvm", "potencia.csv")))
     assert "3 clocks of one test" in looked.stdout
     assert "sd_all_proc.lvm begins 5 s after sd_all_arduino.txt" in looked.stdout
-    assert command("check", campaign).returncode == 0
+    assert command("check", campaign).exit_code == 0
     done = command("calibrate", campaign, "--json")
     said = json.loads(done.stdout)
     # m_IMU misses its hold-out record by 0.9 K here as it does from plain logs: one constant coefficient a surface, fitted where a part
@@ -56,7 +58,7 @@ def test_the_full_model_is_validated_from_files_and_commands(logs: Path, tmp_pat
     assert [s["mistakes"]["named"] for s in said["stages"]] == [[]] * 9
     assert all(s["synthetic"] for s in said["stages"])
     page = folder / "page.html"
-    assert command("report", campaign, "--to", page).returncode == 1  # the verdict on m_IMU
+    assert command("report", campaign, "--to", page).exit_code == 1  # the verdict on m_IMU
     assert page.stat().st_size > 100_000
 
 
