@@ -7,12 +7,13 @@ import io
 import json
 import os
 import re
+import runpy
 import shlex
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -171,23 +172,31 @@ class Workshop:
 
     def _thermid(self, arguments: list[str]) -> tuple[int, str, str]:
         """The entry point of the command line, in this process: a page has many commands and a start takes a second."""
-        out, err = io.StringIO(), io.StringIO()
         plain = {k: v for k, v in os.environ.items() if k != "THERMID_DATA"} | {"COLUMNS": "140", "NO_COLOR": "1"}
+        with mock.patch.dict(os.environ, plain, clear=True):
+            return self._ran(main, ["thermid", *arguments])
+
+    def _script(self, arguments: list[str]) -> tuple[int, str, str]:
+        """A script in this process too, with its folder first on the path; modules beside it are forgotten, as another page has others."""
+        script = self.folder / arguments[0]
+        with mock.patch.object(sys, "path", [str(script.parent), *sys.path]):
+            done = self._ran(lambda: runpy.run_path(str(script), run_name="__main__"), arguments)
+        for name in [n for n, m in sys.modules.items() if str(getattr(m, "__file__", "")).startswith(str(self.folder))]:
+            del sys.modules[name]
+        return done
+
+    def _ran(self, program: Callable[[], object], arguments: list[str]) -> tuple[int, str, str]:
+        """Exit code, output and errors of a program that is called with arguments in the folder."""
+        out, err = io.StringIO(), io.StringIO()
         with contextlib.ExitStack() as stack:
             for each in (contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), contextlib.chdir(self.folder)):
                 stack.enter_context(each)
-            stack.enter_context(mock.patch.dict(os.environ, plain, clear=True))
-            stack.enter_context(mock.patch.object(sys, "argv", ["thermid", *arguments]))
+            stack.enter_context(mock.patch.object(sys, "argv", arguments))
             try:
-                main()
+                program()
             except SystemExit as end:
                 return int(end.code or 0), out.getvalue(), err.getvalue()
         return 0, out.getvalue(), err.getvalue()
-
-    def _script(self, arguments: list[str]) -> tuple[int, str, str]:
-        around = {**os.environ, "PYTHONWARNINGS": "error"}
-        done = subprocess.run([sys.executable, *arguments], cwd=self.folder, capture_output=True, text=True, check=False, env=around)
-        return done.returncode, done.stdout, done.stderr
 
     def _other(self, words: list[str], where: str) -> None:
         """Commands that are not run here must at least be there."""
