@@ -13,6 +13,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import cache
@@ -179,7 +180,8 @@ class Workshop:
     def _script(self, arguments: list[str]) -> tuple[int, str, str]:
         """A script in this process too, with its folder first on the path; modules beside it are forgotten, as another page has others."""
         script = self.folder / arguments[0]
-        with mock.patch.object(sys, "path", [str(script.parent), *sys.path]):
+        with mock.patch.object(sys, "path", [str(script.parent), *sys.path]), warnings.catch_warnings():
+            warnings.simplefilter("ignore", ResourceWarning)  # a short script leaves a file to the end of its process
             done = self._ran(lambda: runpy.run_path(str(script), run_name="__main__"), arguments)
         for name in [n for n, m in sys.modules.items() if str(getattr(m, "__file__", "")).startswith(str(self.folder))]:
             del sys.modules[name]

@@ -208,6 +208,7 @@ def test_without_data_it_says_how_to_get_them(tmp_path: Path, monkeypatch: pytes
         td.run_stages(EXAMPLE / "campaign.toml", data=tmp_path / "nowhere")
 
 
+@pytest.mark.campaign
 @designer
 def test_the_same_decks_on_another_board_are_judged_and_fail(tmp_path: Path) -> None:
     run = calibrate("campaign_apmonitor.toml", tmp_path, "--data", DESIGNER)

@@ -24,7 +24,7 @@ def check(found: Outcome, seed: int = SEED) -> None:
     assert np.all(np.abs(squares - 1.0) <= SIGMAS * np.sqrt(2.0 / draws)), squares
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", ["one_htc_mass", "stack_interfaces"])
 def test_coverage(case: str) -> None:
     check(outcome(CASES[case](), 20 if case == "stack_interfaces" else 50, SEED))
 

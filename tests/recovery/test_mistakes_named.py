@@ -43,7 +43,7 @@ def judged(case: Planted, found: tuple[str, str]) -> str:
     return "named" if same else f"{case.kind} {case.name}: {kind or 'nothing'} {name}"
 
 
-@pytest.mark.parametrize("k", [1, 11])
+@pytest.mark.parametrize("k", [pytest.param(1, marks=pytest.mark.campaign), 11])
 def test_a_planted_mistake_is_named_first(k: int, tmp_path: Path) -> None:
     """A power in per cent under [W]; a sensor on another part, by a refusal. Another name than the planted one does not count."""
     case = planted(k, SEED, tmp_path)

@@ -62,15 +62,18 @@ def test_a_first_result_needs_numpy_and_the_deck_reader_alone() -> None:
     assert not found & (NEVER | {"typer", "rich", "tomlkit", "numpy.ma"})
 
 
-@pytest.mark.parametrize("words", ["simulate deck.toml --boundary air=20 --for 60 --start air", "check deck.toml", "look log.csv"])
-def test_a_command_for_a_deck_or_a_log_loads_no_fit_and_no_campaign(words: str, tmp_path: Path) -> None:
+def test_a_command_for_a_deck_or_a_log_loads_no_fit_and_no_campaign(tmp_path: Path) -> None:
+    """All three in one process: what one of them loads would be there."""
     (tmp_path / "deck.toml").write_text(DECK)
     (tmp_path / "log.csv").write_text("time_s,T1 [degC]\n" + "".join(f"{k},{20 + k % 3}.5\n" for k in range(30)))
-    start = f"import os\nos.chdir({str(tmp_path)!r})\nsys.argv = {['thermid', *words.split()]!r}\n"
-    rooms = "sys.modules.update({'room ' + n.split('.')[1]: sys for n in list(sys.modules) if n.startswith('thermid.')})"
-    found = loaded(
-        f"{start}from thermid.app.cli import main\ntry:\n    main()\nexcept SystemExit as left:\n    assert not left.code\n{rooms}"
+    commands = ("simulate deck.toml --boundary air=20 --for 60 --start air", "check deck.toml", "look log.csv")
+    start = f"import os\nos.chdir({str(tmp_path)!r})\nfrom thermid.app.cli import main\n"
+    runs = "".join(
+        f"sys.argv = {['thermid', *words.split()]!r}\ntry:\n    main()\nexcept SystemExit as left:\n    assert not left.code\n"
+        for words in commands
     )
+    rooms = "sys.modules.update({'room ' + n.split('.')[1]: sys for n in list(sys.modules) if n.startswith('thermid.')})"
+    found = loaded(f"{start}{runs}{rooms}")
     assert "room measure" in found
     assert not found & (
         NEVER | {"rich", "tomlkit"} | {f"room {name}" for name in ("fit", "inference", "prediction", "campaign", "qualify")}

@@ -108,7 +108,7 @@ def deviating(data: Record, seed: int, size: float, time: float, sensors: str) -
     return data.with_channels(*made)
 
 
-@pytest.mark.parametrize("how", ["fixed", "prior"])
+@pytest.mark.parametrize("how", [pytest.param("fixed", marks=pytest.mark.campaign), "prior"])
 def test_through_a_campaign(how: str, tmp_path: Path) -> None:
     project = make_project(tmp_path)
     project.write_text(project.read_text().replace('as = "fixed"', f'as = "{how}"'))

@@ -183,6 +183,7 @@ def double_campaign(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.campaign
 def test_what_cannot_be_told(tmp_path: Path) -> None:
     """Named before a fit."""
     code, said = ask("identify", double_campaign(tmp_path))

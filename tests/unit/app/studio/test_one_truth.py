@@ -107,7 +107,7 @@ def unexplained(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("thermid.campaign._stages.mistakes_of", lambda fit: Mistakes(fit.stage))
 
 
-@pytest.mark.parametrize("case", ["failed", "not judged", *(pytest.param(c, marks=pytest.mark.campaign) for c in ("met", "accepted"))])
+@pytest.mark.parametrize("case", ["failed", *(pytest.param(c, marks=pytest.mark.campaign) for c in ("not judged", "met", "accepted"))])
 def test_stages_and_records_are_as_calibrate_prints_them(tmp_path: Path, case: str) -> None:
     """Run by the studio, found again by it, and run by the command first."""
     file = planted(tmp_path, case)

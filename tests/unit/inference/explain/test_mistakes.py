@@ -60,7 +60,7 @@ def asked(factor: float = 1.0, exchanged: bool = False, extra: float = 0.0, free
     [
         (asked(exchanged=True), "exchanged", "'T0' and 'T1' are exchanged"),
         (asked(1000.0), "unit", "'P' is in mW but was read in W"),
-        (asked(0.001), "unit", "'P' is in kW but was read in W"),
+        pytest.param(asked(0.001), "unit", "'P' is in kW but was read in W", marks=pytest.mark.campaign),
     ],
 )
 def test_the_mistake_is_named_with_evidence_and_remedy(request_: Request, kind: str, words: str) -> None:
@@ -112,7 +112,10 @@ def test_a_good_fit_is_not_looked_at_and_a_wrong_model_is_not_blamed() -> None:
     assert [m.kind for m in find_mistakes(small).named if m.kind in ("unit", "exchanged", "per cent", "node")] == []
 
 
-@pytest.mark.parametrize(("path", "value"), [("amp_room.conductance", "1.2 [W/K]"), ("amp.capacitance", "4000 [J/K]")])
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [("amp_room.conductance", "1.2 [W/K]"), pytest.param("amp.capacitance", "4000 [J/K]", marks=pytest.mark.campaign)],
+)
 def test_a_wrong_value_that_the_fit_holds_is_named_and_neither_log_nor_fan_is_blamed(path: str, value: str) -> None:
     """Heat that no log gives, a fan or another unit would explain it nearly as well."""
     request = replace(asked(free=tuple(p for p in PATHS if p != path)), model=PAIR.with_values({path: value}))
@@ -174,7 +177,7 @@ def gyro(folder: Path, shape: str, course: str = "") -> Path:
     return folder / "campaign.toml"
 
 
-@pytest.mark.parametrize("shape", list(SHAPES))
+@pytest.mark.parametrize("shape", ["step", pytest.param("ramp", marks=pytest.mark.campaign), "decay"])
 def test_a_stage_recovers_a_start_up_transient_and_the_mass(tmp_path: Path, shape: str) -> None:
     fit = td.run_stages(gyro(tmp_path, shape, COURSE))["gyro"]
     assert fit["case.mass"].value == pytest.approx(0.743, rel=0.02)
