@@ -7,14 +7,13 @@ import io
 import json
 import os
 import re
-import runpy
 import shlex
 import shutil
 import subprocess
 import sys
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -22,6 +21,7 @@ from typing import Any
 from unittest import mock
 
 import thermid as td
+from scripts_here import ran, script
 from thermid.app.cli.app import main
 from thermid.base.files import command
 from thermid.bench.bench_files import load_programme, load_sensors
@@ -175,30 +175,13 @@ class Workshop:
         """The entry point of the command line, in this process: a page has many commands and a start takes a second."""
         plain = {k: v for k, v in os.environ.items() if k != "THERMID_DATA"} | {"COLUMNS": "140", "NO_COLOR": "1"}
         with mock.patch.dict(os.environ, plain, clear=True):
-            return self._ran(main, ["thermid", *arguments])
+            return ran(main, ["thermid", *arguments], self.folder)
 
     def _script(self, arguments: list[str]) -> tuple[int, str, str]:
-        """A script in this process too, with its folder first on the path; modules beside it are forgotten, as another page has others."""
-        script = self.folder / arguments[0]
-        with mock.patch.object(sys, "path", [str(script.parent), *sys.path]), warnings.catch_warnings():
+        """A script, in this process too."""
+        with warnings.catch_warnings():
             warnings.simplefilter("ignore", ResourceWarning)  # a short script leaves a file to the end of its process
-            done = self._ran(lambda: runpy.run_path(str(script), run_name="__main__"), arguments)
-        for name in [n for n, m in sys.modules.items() if str(getattr(m, "__file__", "")).startswith(str(self.folder))]:
-            del sys.modules[name]
-        return done
-
-    def _ran(self, program: Callable[[], object], arguments: list[str]) -> tuple[int, str, str]:
-        """Exit code, output and errors of a program that is called with arguments in the folder."""
-        out, err = io.StringIO(), io.StringIO()
-        with contextlib.ExitStack() as stack:
-            for each in (contextlib.redirect_stdout(out), contextlib.redirect_stderr(err), contextlib.chdir(self.folder)):
-                stack.enter_context(each)
-            stack.enter_context(mock.patch.object(sys, "argv", arguments))
-            try:
-                program()
-            except SystemExit as end:
-                return int(end.code or 0), out.getvalue(), err.getvalue()
-        return 0, out.getvalue(), err.getvalue()
+            return script(self.folder / arguments[0], arguments[1:], self.folder)
 
     def _other(self, words: list[str], where: str) -> None:
         """Commands that are not run here must at least be there."""

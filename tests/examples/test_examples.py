@@ -1,15 +1,14 @@
-"""Every lesson runs from a fresh copy, as its own process, and prints what it should; nothing is written beside the originals."""
+"""Every lesson runs from a fresh copy, as a script, and prints what it should; nothing is written beside the originals."""
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from scripts_here import script as ran_here
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 LESSONS = sorted(p.parent.name for p in EXAMPLES.glob("0*/run.py"))
@@ -25,13 +24,10 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def run(script: Path, *arguments: object) -> str:
-    """Return what a script printed; it must end well and be silent on standard error, warnings among it."""
-    environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONWARNINGS": "error", "PYTHONDONTWRITEBYTECODE": "1"}
-    environment.pop("THERMID_DATA", None)
-    command = [sys.executable, script.name, *map(str, arguments)]
-    said = subprocess.run(command, cwd=script.parent, env=environment, capture_output=True, text=True, timeout=300, check=False)
-    assert (said.returncode, said.stderr) == (0, ""), said.stdout + said.stderr
-    return said.stdout
+    """Return what a script printed; it must end well and be silent on standard error, and a warning is an error."""
+    code, out, err = ran_here(script, [*map(str, arguments)], script.parent)
+    assert (code, err) == (0, ""), out + err
+    return out
 
 
 def number(pattern: str, text: str) -> float:
