@@ -12,7 +12,7 @@ from fuzz.networks import FAMILIES, Case, draw
 from thermid import _kernel as k
 from unit.kernel.reference import THERMOSTAT, Net
 
-QUICK, LONG = 1, 300
+QUICK, LONG = 2, 300
 
 
 @pytest.mark.properties
