@@ -16,6 +16,8 @@ from plain import FREE, Task, by_log, plain
 from reference import Reference, _exponential, _runge_kutta, _scipy
 from report import duration
 
+from scripts_here import script
+
 RUN = Path(__file__).parents[2] / "benchmarks" / "run.py"
 TASK = Task("B2", "run", True, True, 1.0, 3e-4)
 
@@ -112,6 +114,6 @@ def test_the_program_prints_json() -> None:
 
 @pytest.mark.parametrize("arguments", [["B9"], ["B3", "--part", "sens"], ["B1", "--part", "calibrate"]])
 def test_what_does_not_exist_is_refused(arguments: list[str]) -> None:
-    done = subprocess.run([sys.executable, RUN, *arguments], capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert arguments[-1] in done.stderr
+    code, _, err = script(RUN, arguments, RUN.parent)
+    assert code == 2
+    assert arguments[-1] in err

@@ -11,6 +11,7 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from document.laboratory_files import SISNAV, written
+from scripts_here import script
 from thermid.app.cli.app import app
 
 
@@ -18,7 +19,7 @@ from thermid.app.cli.app import app
 def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Logs of the virtual laboratory, a column each."""
     folder = tmp_path_factory.mktemp("laboratory")
-    subprocess.run([sys.executable, str(SISNAV / "laboratory.py"), str(folder)], check=True, capture_output=True)
+    assert script(SISNAV / "laboratory.py", [str(folder)], folder)[0] == 0
     return folder / "logs"
 
 

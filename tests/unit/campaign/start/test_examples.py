@@ -6,8 +6,6 @@ import gzip
 import json
 import os
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +14,7 @@ import pytest
 from typer.testing import CliRunner
 
 from by_code import raises_code
+from scripts_here import script
 from thermid.app.cli.app import app
 from thermid.base.errors import MissingDataError, NameNotFoundError, OutputError, RecordError
 from thermid.base.extensions import json_schema
@@ -104,10 +103,9 @@ def test_the_study_is_ready_for_its_report(tmp_path: Path) -> None:
 
 def test_the_first_command_of_a_copy_with_siblings_runs(tmp_path: Path) -> None:
     made = copy_example("03_calibrate", tmp_path / "c")
-    done = subprocess.run(
-        [sys.executable, *EXAMPLES["03_calibrate"].first.split()[1:]], cwd=made.folder, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
+    python, file, *arguments = EXAMPLES["03_calibrate"].first.split()
+    code, out, err = script(made.folder / file, arguments, made.folder)
+    assert (python, code) == ("python", 0), out + err
 
 
 def test_nothing_is_copied_over_files(tmp_path: Path) -> None:
