@@ -54,7 +54,7 @@ def written(draw: st.DrawFn, times: list[Decimal], columns: list[list[Decimal | 
     return (gzip.compress(data) if draw(st.booleans()) else data), {"separator": separator, "decimal": decimal}
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=75, deadline=None, derandomize=True)
 @given(st.data())
 def test_every_way_to_write_a_log_is_the_same_record(data):
     times, columns = data.draw(samples())
@@ -77,7 +77,7 @@ def test_every_way_to_write_a_log_is_the_same_record(data):
     assert copy.origin.sha256 == record.origin.sha256
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=50, deadline=None, derandomize=True)
 @given(st.data())
 def test_what_the_reader_finds_out_alone_is_right(data):
     times, columns = data.draw(samples())
@@ -91,7 +91,7 @@ def test_what_the_reader_finds_out_alone_is_right(data):
     assert np.array_equal(record["T0"].values, expected, equal_nan=True)
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=50, deadline=None, derandomize=True)
 @given(st.lists(st.floats(1.0, 5000.0), min_size=2, max_size=20))
 def test_synthetic_kelvins_come_back_bit_for_bit(values):
     record = Record.from_arrays("made", 0.1 * np.arange(len(values)), {"case": values}, unit="K")

@@ -85,7 +85,7 @@ def printed(*arguments: str) -> dict[str, Any]:
     return said
 
 
-@pytest.mark.parametrize("count", [4, pytest.param(20, marks=pytest.mark.campaign)])
+@pytest.mark.parametrize("count", [3, pytest.param(20, marks=pytest.mark.campaign)])
 def test_the_studio_says_what_the_command_prints(tmp_path: Path, count: int) -> None:
     """Logs, short and long, with and without a fault, by the deck, by the campaign and by their readings; other rules and widths."""
     (tmp_path / "rig.toml").write_text(DECK, encoding="utf-8")
