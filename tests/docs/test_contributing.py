@@ -198,6 +198,7 @@ def test_the_tests_of_the_recipes_pass_with_them_and_fail_without(with_them: dic
     assert without == {"PASSED": set(), "FAILED": names, "ERROR": set()}
 
 
+@pytest.mark.campaign
 def test_what_walks_a_table_fails_without_a_line_of_the_new_row(unchanged: dict[str, set[str]]) -> None:
     names = {test.partition("::")[2] for test in WALKING}
     assert unchanged == {"PASSED": BLIND, "FAILED": names - BLIND, "ERROR": set()}

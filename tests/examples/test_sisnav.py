@@ -140,6 +140,7 @@ def test_no_stage_contradicts_what_was_stated(campaign: td.Campaign) -> None:
     assert max(abs(v.value - v.prior[0]) / v.prior[1] for v in stated if v.prior is not None) < 5
 
 
+@pytest.mark.campaign
 def test_without_a_pause_the_pair_blames_its_power_meter(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """A warm-up alone with fixed masses: the convection's exponent goes into the meter, and with exponent 0 nothing does."""
     monkeypatch.syspath_prepend(str(STUDY))

@@ -50,7 +50,7 @@ def levels() -> Levels:
 
 
 @pytest.mark.parametrize("scenario", [FAR, FAR.vacuum()], ids=["air", "no gas"])
-@pytest.mark.parametrize("node", ["a.case", "b.case"])
+@pytest.mark.parametrize("node", ["a.case", pytest.param("b.case", marks=pytest.mark.campaign)])
 def test_before_a_test_it_says_what_predict_says(levels: Levels, scenario: td.Scenario, node: str) -> None:
     found = levels.three
     assert set(found.values.parameters) == {JOINT}  # what is fixed is not among what this level fitted

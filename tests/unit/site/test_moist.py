@@ -96,6 +96,7 @@ def test_dew_point_as_coolprop(celsius: float, humidity: float, dew: float, rati
     assert float(humidity_ratio(kelvin, humidity)) == pytest.approx(ratio, rel=8e-3)
 
 
+@pytest.mark.campaign
 def test_dew_point_as_the_installed_coolprop() -> None:
     """Over a range, where it is installed: to 0.03 K, by which real moist air differs from ideal gases."""
     properties = pytest.importorskip("CoolProp.HumidAirProp", reason="CoolProp is not installed")

@@ -44,7 +44,9 @@ def test_noise_is_left_alone() -> None:
 @pytest.mark.parametrize(
     ("changes", "node", "loads", "name"),
     [
-        (INNER | {"loads/heat/into": "inner"}, "case", None, "an inner mass that takes the heat of 'heat'"),
+        pytest.param(
+            INNER | {"loads/heat/into": "inner"}, "case", None, "an inner mass that takes the heat of 'heat'", marks=pytest.mark.campaign
+        ),
         (INNER | {"conductors/path/conductance": "0.6 [W/K]"}, "case", None, "a second mass behind a resistance at 'case'"),
         (
             {"surfaces/skin": SKIN | {"htc": {"coefficient": "2.2 [W/(m^2 K)]", "exponent": "0.25"}}},
