@@ -93,8 +93,7 @@ def init(
     roles = roles_of(logs[0], temperature or (), surroundings, power or (), scales, time, formulas)
     roles = _ask_for_roles(logs[0], roles, time, bool(temperature), bool(power)) if sys.stdin.isatty() and not as_json else roles
     roles, facts = _stated_facts(roles, accuracy, mass or [], material or [], path or [], deck)
-    alike = pairs(same or [], "--same")
-    read = [without_strays(read_as(roles, log, alike if k else {}, time)) for k, log in enumerate(logs)]
+    read = [without_strays(read_as(roles, log, pairs(same or [], "--same") if k else {}, time)) for k, log in enumerate(logs)]
     masked = [remark for _, lines in read for remark in lines]
     fitted, holdout = parted([record for record, _ in read])
     with searching("searching for a structure") as progress:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import errno
 import math
-import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +12,7 @@ import numpy as np
 import tomlkit
 
 from thermid.base.errors import IdentificationError, ThermidError
-from thermid.base.files import DECK, may_write, write_text
+from thermid.base.files import DECK, FileKind, may_write, write_text
 from thermid.campaign._start.proposal import LOOSE_AMBIENT, Proposal, orders_text
 from thermid.campaign._start.roles import SURROUNDINGS, thinned_step
 from thermid.campaign._start.schemas import headed, may_write_schemas, write_schemas
@@ -80,20 +78,19 @@ def parted(records: Sequence[Record]) -> tuple[list[Record], Record]:
     return [replace(one.trim("start", last), name="fit")], replace(one.trim(first, "end").shift_start(), name=HOLDOUT_NAME)
 
 
-def may_write_project(folder: Path, title: str) -> None:
-    """Ask, before a search, whether the files of a project may be written.
+def may_write_project(folder: Path, title: str) -> dict[str, tuple[str, FileKind]]:
+    """Return file -> grammar and kind of a project that may be written; ask before a search.
 
     Raises
     ------
     OutputError   When a file is there that thermid did not write.
     OSError       When the folder is a file, or a file is a folder or read-only.
     """
-    if folder.exists() and not folder.is_dir():
-        raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(folder))
-    kinds = {f"{title}.toml": DECK.titled(title), **{f"{name}.toml": TEMPLATE.titled(name) for name in ("scenario", "campaign")}}
-    for name, kind in kinds.items() if folder.is_dir() else ():
+    kinds = {f"{title}.toml": ("deck", DECK.titled(title))} | {f"{k}.toml": (k, TEMPLATE.titled(k)) for k in ("scenario", "campaign")}
+    for name, (_, kind) in kinds.items() if folder.exists() and [*folder.iterdir()] else ():
         may_write(folder / name, kind)
-    may_write_schemas(folder, ("deck", "scenario", "campaign"))
+    may_write_schemas(folder, (grammar for grammar, _ in kinds.values()))
+    return kinds
 
 
 def write_project(
@@ -117,28 +114,23 @@ def write_project(
     """
     request, fixed, left_out = settled(proposal.chosen, proposal.roles.boundary)
     *fitted, holdout = with_instants([*fitted, holdout], proposal.instants)
-    deck = f"{title}.toml"
-    texts = {
-        deck: (_deck(proposal, request, fixed, left_out, source, title), DECK.titled(title)),
-        "scenario.toml": (_scenario(proposal, fitted), TEMPLATE.titled("scenario")),
-        "campaign.toml": (_campaign(proposal, request, fitted, holdout, deck, source, title, masked), TEMPLATE.titled("campaign")),
-    }
-    folder.mkdir(parents=True, exist_ok=True)
-    may_write_project(folder, title)
-    logs = folder / "logs"
-    logs.mkdir(exist_ok=True)
-    files = [folder / name for name in texts]
-    grammars = dict(zip(texts, ("deck", "scenario", "campaign"), strict=True))
+    texts = (
+        _deck(proposal, request, fixed, left_out, source, title),
+        _scenario(proposal, fitted),
+        _campaign(proposal, request, fitted, holdout, f"{title}.toml", source, title, masked),
+    )
+    kinds, logs = may_write_project(folder, title), folder / "logs"
+    logs.mkdir(parents=True, exist_ok=True)
+    files = [folder / name for name in kinds]
     for record in (*fitted, holdout):
         record.to_csv(logs / f"{record.name}.csv")
         files.append(logs / f"{record.name}.csv")
-    for name, (text, kind) in texts.items():
-        write_text(folder / name, headed(text, grammars[name]), kind)
-    files += write_schemas(folder, grammars.values())
+    for (name, (grammar, kind)), text in zip(kinds.items(), texts, strict=True):
+        write_text(folder / name, headed(text, grammar), kind)
+    files += write_schemas(folder, (grammar for grammar, _ in kinds.values()))
     marker = folder / "thermid.toml"
     if not marker.exists():
-        write_text(marker, ROOT, TEMPLATE.titled("root"))
-        files.append(marker)
+        files.append(write_text(marker, ROOT, TEMPLATE.titled("root")))
     return Written(folder, tuple(files), proposal, fixed, left_out, tuple(masked))
 
 
