@@ -76,10 +76,10 @@ def test_what_is_asked_must_make_sense() -> None:
 
 @pytest.mark.parametrize("colour", [0.0, 0.8])
 def test_the_error_of_the_mean_holds_with_correlated_noise(colour: float) -> None:
-    """Over 150 logs the mean scatters as its error says; as if each reading were new, it would be three times too sure at 0.8."""
-    found = [approach(hours=24, seed=k, colour=colour).steady("16 [h]", "24 [h]", tau=1.0)["T"] for k in range(150)]
+    """Over 300 logs the mean scatters as its error says; as if each reading were new, it would be three times too sure at 0.8."""
+    found = [approach(hours=24, seed=k, colour=colour).steady("16 [h]", "24 [h]", tau=1.0)["T"] for k in range(300)]
     z = np.array([(v.value - END) / v.error for v in found])
-    # the standard deviation of 150 has an error of 6 %, that of an estimated error about as much again
+    # the standard deviation of 300 has an error of 4 %, that of an estimated error about as much again
     assert z.std() == pytest.approx(1.0, abs=0.15)
     worth = np.median([v.samples / v.independent for v in found])
     assert worth == pytest.approx((1 + colour) / (1 - colour), rel=0.3)
