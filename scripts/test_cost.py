@@ -1,8 +1,8 @@
 """Processor time of tests by folder, with that of what they start.
 
-``env -u PYTHONDONTWRITEBYTECODE PYTHONPATH=scripts .venv/bin/python -m pytest -p test_cost -n 2 --dist loadfile -m "not campaign"``. Without
-compiled files, which `make test` lets Python write, each of the hundred starts of Python compiles the package. With ``-n`` every worker
-counts what it runs. A fixture that several tests share counts for the first of them; collecting counts apart.
+``env -u PYTHONDONTWRITEBYTECODE PYTHONPATH=scripts .venv/bin/python -m pytest -p test_cost -n 2 --dist loadfile -m "not campaign"``.
+Without compiled files, which `make test` lets Python write, each of the hundred starts of Python compiles the package. With ``-n`` every
+worker counts what it runs. A fixture that several tests share counts for the first of them; collecting counts apart.
 """
 
 from __future__ import annotations
