@@ -235,7 +235,7 @@ COMMANDS = {
         "watch.watch",
         "Bench",
         "Watch a running test: when to stop, and what went wrong.",
-        ("thermid watch bench.log --model box.toml --scenario bench.toml", "thermid watch bench.csv --once"),
+        ("thermid watch bench.log --model box.toml --scenario bench.toml", "thermid watch bench.csv --look once"),
     ),
     "settle": Place(
         "watch.settle",

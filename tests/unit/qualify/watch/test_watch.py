@@ -74,10 +74,6 @@ class TestStopping:
         assert ". Check in the plan whether" in advice.because
         assert advice.level == pytest.approx(1.0 - 0.01 / DECISIONS)
 
-    def test_where_the_plan_asks_for_its_rule_no_stop_is_advised(self) -> None:
-        assert self.decided(rising(200), within=2.5, required=True).word == "wait"
-        assert self.decided(rising(600), within=2.5, required=True).word == "stop"
-
     def test_early_readings_are_declined(self) -> None:
         advice = self.decided(rising(60))
         assert advice.word == "declined"
