@@ -797,7 +797,6 @@ def calibrate(
     search: str = "auto",
     weights: Mapping[str, float] | str | None = None,
     name: str = "",
-    progress: Progress | None = None,
     executor: Workers = None,
 ) -> Calibration:
     """Return the fit of some parameters of a model to one or several records.
@@ -818,8 +817,7 @@ def calibrate(
     search : str                local, multistart, differential evolution; or auto: further starts where one descent is doubtful.
     weights : dict or str       Sensor -> weight of its residuals, 1 where none is given; or ``"effective"``: after a first fit readings
                                 count as many as residuals that wander are worth, so that priors and local values have the width stated.
-    progress : callable         Called with the number of evaluations and the RMS of the weighted residuals; where it has a method
-                                ``ahead(words, seconds)``, that is called before a descent and before a search, with what it will take.
+    name : str                  Of the fit, as a stage of a campaign has one; the model's title by default.
     executor                    Who makes descents from several starts, as in `ensemble`: the same values from all.
 
     Raises
@@ -840,7 +838,7 @@ def calibrate(
         weights=weights,
         name=name,
     )
-    return fit(request, progress, stoppable=True, executor=executor)
+    return fit(request, stoppable=True, executor=executor)
 
 
 def requested(
@@ -887,6 +885,8 @@ def fit(
 ) -> Calibration:
     """Return the calibration that a request asks for; see `calibrate`.
 
+    `progress` is called with the number of evaluations and the RMS of the weighted residuals; where it has a method
+    ``ahead(words, seconds)``, that is called before a descent and before a search, with what it will take.
     `recalled` is what was kept of the same fit from before; its end is then evaluated and not searched again. `stoppable` says
     whether the interrupt key ends the search with the best values so far; what makes many fits leaves it to go through. `keeping` keeps
     the model of error of a fit that ended, which takes as long as many searches.

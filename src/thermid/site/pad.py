@@ -38,7 +38,6 @@ def pad_scenario(
     site: Site | None = None,
     weather: Weather | None = None,
     *,
-    title: str = "pad",
     begin: str | datetime | None = None,
     duration: str | float | None = None,
     air: str = "ambient",
@@ -55,7 +54,6 @@ def pad_scenario(
     Parameters
     ----------
     site : Site             The place; by default what the weather file says of it.
-    title : str             What it is.
     weather : Weather       By default a sky without clouds; the air then has `air_temperature`.
     begin : str             An instant, in the site's standard time where it names no zone; the weather's beginning by default.
     duration : str, float   The weather's by default. [s]
@@ -69,13 +67,15 @@ def pad_scenario(
     wind : dict             A coefficient from a correlation feels the weather's wind; a fixed one follows it if it stands here, with
                             ``length`` of its surface along the wind [m], ``calm`` value [W/(m^2 K)], and ``rain``: roof or wall, as
                             `wind_htc` says.
-    others                  Fields of `Scenario`: start (the air by default), loads, boundaries, schedule, environment, irradiation.
+    others                  Fields of `Scenario`: title (pad by default), start (the air by default), loads, boundaries, schedule,
+                            environment, irradiation.
 
     Raises
     ------
     ScenarioError   When there is no site, no instant or no temperature of the air.
     RecordError     When the weather does not cover the time.
     """
+    title = others.pop("title", "pad")
     place = site or _place(weather, title)
     if weather is not None:
         # a time of day without zone is meant in the site's

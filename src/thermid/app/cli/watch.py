@@ -94,7 +94,7 @@ def watch(
     scenario: ScenarioPath = None,
     boundary: Boundaries = [],  # noqa: B006
     every: Annotated[str, typer.Option("--every", help="Time between two readings of the log.")] = "60 [s]",
-    mode: Annotated[str, typer.Option("--look", help="At a log that is growing, or as it is now: once; or from its start: replay.")] = "growing",
+    mode: Annotated[str, typer.Option("--look", help="How to look at the log: growing, once, or replay of one that ended.")] = "growing",
     capture: Annotated[Path | None, typer.Option("--capture", help="File that keeps the lines of a serial port.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object per look and line.")] = False,
     data: Data = None,
