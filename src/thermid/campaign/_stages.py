@@ -601,6 +601,7 @@ def _judged(campaign: Campaign) -> Campaign:
 
 
 def _joint(campaign: Campaign, notice: Notice | None, folder: Path | None) -> JointFit:
+    """Return the last fit over all levels, which the campaign asks for."""
     source = campaign.source
     assert source is not None
     key = joint_key(campaign.keys, source.content.joint_table)

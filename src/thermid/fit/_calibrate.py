@@ -566,6 +566,7 @@ def _with_uncut(values: FittedValues, problem: Problem, minimum: Fit, responses_
 
 
 def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) -> FittedValue:
+    """Return an unknown as a fitted value, from its fitted form and the total and random variances of that."""
     slope = u.slope(fitted)
     errors = (slope * float(np.sqrt(total)), slope * float(np.sqrt(np.clip(random, 0.0, total))) if u.kind == "parameter" else 0.0)
     prior = (u.prior.mean, u.prior.sd) if u.prior is not None else None
@@ -575,6 +576,7 @@ def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) 
 
 
 def _local(u: Unknown, fitted: float, variance: float) -> Local:
+    """Return the value of one record, from its fitted form and the variance of that."""
     record, _, name = u.name.partition(": ")
     return Local(record, name, float(fitted), float(np.sqrt(variance)), u.unit)
 
@@ -917,6 +919,7 @@ def fit_problem(
 def _fitted(
     request: Request, problem: Problem, progress: Progress | None, recalled: KeptFit | None, stoppable: bool, executor: Workers
 ) -> tuple[Calibration, Autocorrelation]:
+    """Return the calibration of a problem and the autocorrelation of its residuals: searched, or evaluated at the end that was kept."""
     stated = all(o.noise is not None for o in problem.observations())
     if recalled is not None and not request.effective and list(recalled.fitted) == [u.name for u in problem.unknowns]:
         minimum = ended(problem, np.array(list(recalled.fitted.values())), request.loss, request.loss_scale, recalled.evaluations)

@@ -125,6 +125,7 @@ class Profile(Result):
 
     @property
     def _axes_titles(self) -> tuple[str, str]:  # type: ignore[override]
+        """Titles of the axes."""
         return (f"{self.path} [{self.unit}]", "growth of the weighted sum of squares [-]")
 
 

@@ -277,6 +277,7 @@ class _Derivation:
         self.recovered: list[tuple[str, Expr]] = []
 
     def _symbol(self, name: str, what: str) -> Expr:
+        """Return the symbol of a name, whose meaning is noted for the legend."""
         self.symbols[name] = what
         return self.sympy.Symbol(name)
 
@@ -339,6 +340,7 @@ class _Derivation:
         self.recovered.append((node, (mean + own_heat * everything) / delta))
 
     def _delta(self, node: str, expression: Expr, several: bool) -> Expr:
+        """Return the symbol that abbreviates the denominator of an eliminated node."""
         word = re.sub(r"^T_?", "", self.names.temperature[node])
         symbol = self._symbol(f"Delta_{word}" if several else "Delta", f"abbreviation from the elimination of {node}")
         self.auxiliaries[symbol] = expression
@@ -356,4 +358,5 @@ class _Derivation:
 
 
 def _pairs(ends: list[str]) -> list[tuple[str, str]]:
+    """Return every pair of a list, each once."""
     return [(a, b) for i, a in enumerate(ends) for b in ends[i + 1 :]]

@@ -520,6 +520,7 @@ def _commented(assignments: list[Statement], comment: str) -> list[Statement]:
 
 
 def _shortened(text: str, most: int = 60) -> str:
+    """Return a text cut to at most so many characters."""
     return text if len(text) <= most else f"{text[:most]}..."
 
 

@@ -139,6 +139,7 @@ class Band(Result):
     mixture: NormalMixture | None = field(default=None, repr=False)
 
     def _summary(self) -> str:
+        """Return the last temperature of the node and its 95 % band. [degC]"""
         low, high = (end[-1] for end in self.interval())
         return f"{self.path}: {self.celsius[-1]:.2f} degC at {self.times[-1]:g} s, 95 % band {low:.2f} to {high:.2f} degC"
 

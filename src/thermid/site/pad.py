@@ -240,6 +240,7 @@ def _place(weather: Weather | None, title: str) -> Site:
 
 
 def _temperature(weather: Weather | None, temperature: Any, title: str, air: str) -> Signal:
+    """Return the temperature of the air: as given, or the weather's dry bulb. [K]"""
     if temperature is not None:
         return signal(temperature, TEMPERATURE, f"{title}, air_temperature")
     if weather is None or "dry_bulb" not in weather:

@@ -464,6 +464,7 @@ class Store(Shown):
     __hash__ = None  # type: ignore[assignment]
 
     def _summary(self) -> str:
+        """Return how many values the store holds."""
         return f"{counted(len(self.states), 'value')} of fits and files"
 
     def _as_rows(self) -> list[Row]:

@@ -411,6 +411,7 @@ def _options(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version.")] = False,
 ) -> None:
+    """Options of `thermid` itself, before any command: its version."""
     context.with_resource(command())
 
 

@@ -203,4 +203,5 @@ def likelihood_of(problem: Problem, noises: Sequence[ProcessNoise], start_sd: Ma
 
 
 def _size(name: str, start: float, unit: str) -> Unknown:
+    """Return the unknown of a noise's size, fitted by its logarithm within `MIN_SIZE_RATIO` .. `MAX_SIZE_RATIO` of its start."""
     return Unknown(name, "noise", (), start, True, MIN_SIZE_RATIO * start, MAX_SIZE_RATIO * start, None, unit)

@@ -281,6 +281,7 @@ def _best(h: PowerHistory, law: Formula, starts: list[list[float]]) -> tuple[Arr
 
 
 def _law(h: PowerHistory, name: str, law: Formula, starts: list[list[float]], names: tuple[str, ...], write: Any) -> PowerLaw | None:
+    """Return a law of power over temperature, fitted from the best of several starts; None where no fit ends."""
     best = _best(h, law, starts)
     if best is None:
         return None
@@ -311,11 +312,13 @@ def _spread(h: PowerHistory) -> tuple[float, float, float, float]:
 
 
 def _constant(h: PowerHistory) -> PowerLaw | None:
+    """Return the law of a constant power."""
     _, _, mean, _ = _spread(h)
     return _law(h, "constant", lambda t, b: b[0] + 0.0 * t, [[mean]], ("power",), lambda b: (f"{b[0]:.4g} W", {"power": f"{b[0]!r} [W]"}))
 
 
 def _linear(h: PowerHistory) -> PowerLaw | None:
+    """Return the law P (1 + a (T - T0)), T0 the middle of the temperatures seen."""
     low, high, mean, _ = _spread(h)
     middle = 0.5 * (low + high)
 
@@ -331,6 +334,7 @@ def _linear(h: PowerHistory) -> PowerLaw | None:
 
 
 def _exponential(h: PowerHistory) -> PowerLaw | None:
+    """Return the law P exp(a (T - T0)), T0 the middle of the temperatures seen."""
     low, high, mean, _ = _spread(h)
     middle = 0.5 * (low + high)
 

@@ -205,6 +205,7 @@ def _named(channel: Channel) -> str:
 
 
 def _seat(channel: Channel, node: str) -> Seat:
+    """Return where a sensor sits and which node its reading is: a tip of its own where it has a lag or a heat capacity."""
     assert channel.part is not None
     if not (channel.part.lag or channel.part.capacitance):
         return Seat(node, node)
@@ -212,6 +213,7 @@ def _seat(channel: Channel, node: str) -> Seat:
 
 
 def _with_sensor(model: Model, names: Names, channel: Channel, node: str, where: str) -> Model:
+    """Return a model with the element of a sensor: tip, lag and leads."""
     part = channel.part
     assert part is not None
     binding = {"seat": node}
@@ -348,6 +350,7 @@ def starts_of(
 
 
 def _massive(network: Network, node: str) -> bool:
+    """Whether a node stores heat."""
     return any(n.path == node and n.fields for n in network.flat.nodes)
 
 
@@ -555,6 +558,7 @@ class Ticks:
         return replace(experiment, scenario=experiment.scenario.with_(**tables), ticks=replace(self, at=at))
 
     def _moved(self, signal: Signal, at: tuple[float, float]) -> Signal:
+        """Return a tabled signal on another offset and rate of a second clock; any other as it is."""
         if not isinstance(signal, TableSignal):
             return signal
 
@@ -721,6 +725,7 @@ class Experiment:
         return self._without_tips(self.scenario)
 
     def _without_tips(self, scenario: Scenario) -> Scenario:
+        """Return a scenario without starts of sensors' tips."""
         return replace(scenario, initial={n: t for n, t in scenario.initial.items() if n not in self.tips})
 
     def as_fitted(self, model: Model, fitted_values: Mapping[str, float], sensors: bool = True) -> tuple[Model, Scenario]:
@@ -938,6 +943,7 @@ def _driving(channel: Channel, role: str, record: Record) -> str:
 
 
 def _observation(channel: Channel, seat: Seat, grid: NDArray[np.int64], times: Array, weight: float) -> Observation:
+    """Return the readings of a channel on the grid of an experiment, each with its weight."""
     index = np.flatnonzero(channel.valid[grid])
     part, share = channel.part, 1.0
     if part is not None and part.correlation_time and index.size > 1:

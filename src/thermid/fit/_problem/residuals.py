@@ -502,6 +502,7 @@ class Problem:
         return [(k, t.name) for k, u in enumerate(self.unknowns) for t in u.targets if t.experiment == i and t.name in (OFFSET, RATE)]
 
     def _names(self, i: int) -> tuple[str, ...]:
+        """Return the parameters that unknowns set in an experiment, each once."""
         return tuple(dict.fromkeys(target.name for _, target in self._acting(i)))
 
     def _acting(self, i: int) -> list[tuple[int, Influence]]:
@@ -714,6 +715,7 @@ class Predictions(Sequence[SensorTrace]):
         self.memo = Memo()
 
     def _blocks(self) -> tuple[SensorTrace, ...]:
+        """Measured and predicted readings of every record and sensor, simulated when first asked for."""
         return self.memo.value("blocks", lambda: tuple(self.problem.blocks(self.fitted)))
 
     @overload

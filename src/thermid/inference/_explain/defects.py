@@ -108,6 +108,7 @@ def asks(fit: Calibration) -> bool:
 
 
 def _explained(fit: Calibration, request: Request) -> tuple[ExplainedFit, ...]:
+    """Return the fits with a hidden defect that explain the residuals at all."""
     open_request = Fitted.of_calibration(fit, request).request
     clock = _clock(fit)
     every = [None, *hidden_defects(Fitted.of_calibration(fit, request))]

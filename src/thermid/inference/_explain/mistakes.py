@@ -366,6 +366,7 @@ def _per_cents(request: Request, network: Network) -> Iterator[Hypothesis]:
 
 
 def _hypothesis(kind: str, name: str, words: str, remedy: str, request: Request, against: float = 0.0) -> Hypothesis:
+    """Return a hypothesis whose words and remedy do not depend on a size."""
     return Hypothesis(kind, name, lambda _: words, lambda _: remedy, request, against)
 
 
@@ -545,10 +546,12 @@ def of_reading(extra: Extra, fit: RoughFit) -> Hypothesis:
 
 
 def _loose(sensor: str, amount: float) -> str:
+    """Return in words by how much a sensor is detached."""
     return f"'{sensor}' is detached: {100 * amount:.0f} % of its reading comes from its surroundings"
 
 
 def _off(sensor: str, amount: float) -> str:
+    """Return in words by how much a sensor reads off. [K]"""
     return f"'{sensor}' reads {amount:+.2g} K off"
 
 

@@ -479,6 +479,7 @@ def _celsius(deck: SindaDeck, course: FileCourse) -> FileCourse:
 
 
 def _node(deck: SindaDeck, submodel: str, line: Line, cells: Cells) -> FileNode:
+    """Return the node of a line of NODE DATA: capacitance [J/K], start [degC], whether its temperature is fixed."""
     number = int(cells[0][0])
     celsius = deck.units.celsius(deck.reading.number(deck.reading.value(*cells[1])))
     text, where = cells[2]
@@ -679,6 +680,7 @@ class _Group:
         self.name, self.key, self.block, self.followed = "", ("", ""), block, followed
 
     def name_for(self, line: Line, ends: tuple[tuple[str, str], tuple[str, str]]) -> str:
+        """Return the name of the conductor of a line, by the contactor or block of comments above it and by its two ends."""
         (sub_a, a), (sub_b, b) = ends
         key = (sub_a, sub_b) if sub_a != sub_b else (sub_a, a)
         contactors = [_contactor(comment) for comment in line.before if re.match(r"(?:Contact|Conductor) - ", comment)]

@@ -185,6 +185,7 @@ class _Sinda(_Deck):
         return f"      {number}, {start}, {number_text(float(capacitance)) if capacitance is not None else '-1.'} $ {one_line(node)}"
 
     def _conductor(self, k: int, label: str, row: ConductorRow, arrays: list[tuple[int, list[float]]]) -> str:
+        """Return the line of a conductor; a law that the format does not have is refused."""
         ends = ", ".join(f"{owner}.{number}" for owner, number in (self.numbers[end] for end in row.ends))
         tail = f"$ {one_line(label)}"
         if row.signal:
@@ -265,6 +266,7 @@ class _Esatan(_Deck):
         return f"D{number} = '{label}', T = {start}{mass}{power};"
 
     def _conductor(self, label: str, row: ConductorRow) -> str:
+        """Return the line of a conductor; a law that the format does not have is refused."""
         a, b = (self.numbers[end][1] for end in row.ends)
         if row.signal or row.form not in ("linear", "radiation"):
             raise self.refused(label, row)

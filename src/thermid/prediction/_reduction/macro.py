@@ -104,4 +104,5 @@ def assumed(model: Model) -> tuple[str, ...]:
 
 
 def _count(values: int) -> str:
+    """Return how many values of the host have something, in words that agree."""
     return "one value of the host has" if values == 1 else f"{values} values of the host have"

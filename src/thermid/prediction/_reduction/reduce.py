@@ -600,6 +600,7 @@ def _law_table(row: ConductorRow, name: Mapping[str, str], written: Any, network
 
 
 def _load_table(load: FlatLoad, numbers: Numbers, name: Mapping[str, str], written: Any) -> dict[str, Any]:
+    """Return the deck's table of a load of the reduced model; one that is no constant power is refused."""
     plain = {"power", "command_curve", "reference_temperature"}
     plain |= {f"{law}_coefficient" for law in ("temperature", "quadratic", "exponential")}
     odd = sorted(set(load.fields) - plain)

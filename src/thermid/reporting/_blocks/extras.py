@@ -145,6 +145,7 @@ def css_text(text: str) -> str:
 
 
 def _asset(name: str) -> str:
+    """Return the text of a file that stands beside this module."""
     from importlib.resources import files
 
     return files("thermid.reporting._blocks").joinpath(name).read_text(encoding="utf-8")

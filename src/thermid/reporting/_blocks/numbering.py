@@ -119,6 +119,7 @@ class Sheets:
         return [replace(s, blocks=tuple(b for b in s.blocks if not self._put_away(b))) for s in sections]
 
     def _put_away(self, block: PageBlock) -> bool:
+        """Whether a block folds out; its tables are then kept, under its title, for the page of numbers."""
         if not isinstance(block, FoldOut):
             return False
         for inner in block.blocks:

@@ -161,6 +161,7 @@ def card_places(nodes: Sequence[str], pairs: Sequence[tuple[str, str]], size: tu
 
 
 def _up(length: float) -> float:
+    """Return a length rounded up to the grid of places. [px]"""
     return PLACE_STEP * math.ceil(length / PLACE_STEP - 1e-9)
 
 
@@ -185,6 +186,7 @@ def docked(nodes: Sequence[str], pairs: Sequence[tuple[str, str]]) -> tuple[dict
 
 
 def _docks(nodes: Sequence[str], near: Mapping[str, Mapping[str, None]], hubs: set[str]) -> dict[str, str]:
+    """Return node -> the only neighbour that it hangs on, so that both share a card."""
     docks: dict[str, str] = {}
     height, size = dict.fromkeys(nodes, 0), dict.fromkeys(nodes, 1)
     order = sorted(nodes, key=lambda n: len(near[n]))

@@ -255,9 +255,11 @@ class _Scale:
     y: tuple[float, float]
 
     def across(self, values: Array) -> NDArray[np.int64]:
+        """Return abscissas as steps of the panel's grid, from its left edge."""
         return np.rint(PANEL_GRID_STEPS * (values - self.x[0]) / (self.x[1] - self.x[0])).astype(np.int64)
 
     def down(self, values: float | Array) -> NDArray[np.int64]:
+        """Return ordinates as steps of the panel's grid, from its upper edge; far outside they are cut off."""
         far = PANEL_GRID_STEPS * (self.y[1] - np.asarray(values)) / (self.y[1] - self.y[0])
         return np.rint(np.clip(far, -20 * PANEL_GRID_STEPS, 20 * PANEL_GRID_STEPS)).astype(np.int64)
 
@@ -278,6 +280,7 @@ def _stretches(line: Stroke) -> Iterator[NDArray[np.int64]]:
 
 
 def _line(line: Stroke, scale: _Scale, limit: int, samples: NDArray[np.int64] | None) -> str:
+    """Return the path of a line, thinned to about so many points; gaps stay gaps."""
     path = []
     whole = max(line.x.size, 1)
     for at in _stretches(line):
@@ -296,6 +299,7 @@ def _line(line: Stroke, scale: _Scale, limit: int, samples: NDArray[np.int64] | 
 
 
 def _area(area: Area, scale: _Scale, limit: int) -> str:
+    """Return the path of a band, thinned to about so many points."""
     keep = np.union1d(thinned(area.low, limit // 2), thinned(area.high, limit // 2))
     x = scale.across(area.x[keep])
     there, back = scale.down(area.high[keep]), scale.down(area.low[keep])

@@ -169,6 +169,7 @@ def _shares_within(residuals: Array) -> str:
 
 
 def _ends(values: Array, least: float) -> tuple[float, float]:
+    """Return the ends of an axis: 6 % beyond the values, and at least so far apart."""
     low, high = float(values.min()), float(values.max())
     room = max(0.06 * (high - low), 0.5 * (least - (high - low)), 1e-3)
     return low - room, high + room
@@ -200,6 +201,7 @@ def _axes(box: tuple[float, float, float, float], x: tuple[float, float], y: tup
 
 
 def _whole(parts: Iterator[str] | Sequence[str], label: str, width: float, height: float) -> Graphic:
+    """Return parts of SVG as one graphic of a size [px], with what a screen reader says of it."""
     return Graphic(
         f'<svg class="plot" role="img" aria-label="{escape(label)}." viewBox="0 0 {width:.0f} {height:.0f}" '
         f'style="font-size:12px;fill:var(--f-soft,{SOFT})">{"".join(parts)}</svg>',

@@ -388,6 +388,7 @@ def curves(
 def _axes(
     name: str, lines: Sequence[Stroke], length: float, areas: Sequence[Area] = (), top: float | None = None, share: float = 1.0
 ) -> Panel:
+    """Return a panel from a name as "quantity, symbol, unit" and lines over time in units of `length`. [s]"""
     what, _, unit = name.partition(", ")
     drawn = [replace(c, x=c.x / length) for c in lines]
     return Panel(what, unit, drawn, areas, top=top, share=share)
