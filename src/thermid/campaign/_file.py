@@ -172,6 +172,7 @@ class CampaignSource:
         checksum = self.content.checksums.get(name)
 
         def make() -> Record:
+            """Read the log and check it against its checksum."""
             raw = read_record(path, table.channels, **read)
             if checksum is not None and not raw.origin.sha256.startswith(checksum):
                 raise RecordError(

@@ -169,6 +169,7 @@ def shared_parameters(source: CampaignSource, levels: list[Level], top: str, don
     groups: dict[Key, set[Key]] = {}
 
     def unite(keys: Iterable[Key]) -> None:
+        """Put keys, and all that they were grouped with before, into one group."""
         whole = set().union(*(groups.get(k, {k}) for k in keys))
         groups.update(dict.fromkeys(whole, whole))
 
@@ -518,6 +519,7 @@ def _moves(model: Model, values: FittedValues, shared: Shared, done: Mapping[str
     staged = [(done[stage].values, names) for stage, names in shared.staged(done)]
 
     def place(name: str) -> str:
+        """Return the part of the model, or the stage for a value of its own, that a name belongs to."""
         stage, colon, _ = name.partition(": ")
         return f"{stage}, alone" if colon else part_of(model, name)
 

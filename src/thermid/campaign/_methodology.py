@@ -346,7 +346,9 @@ def _all_belong(model: Model, components: Mapping[str, Component], where: str) -
 
 def _sensor(table: SensorTable, where: str) -> SensorSpec:
     """Return the specification of a sensor from its table: accuracy and resolution [K], range [K], conversion time [s]."""
+
     def kelvin(text: str) -> float:
+        """Return a temperature difference of the table, zero where none is given. [K]"""
         return literal(text, "K", where) if text else 0.0
 
     return SensorSpec(

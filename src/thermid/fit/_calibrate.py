@@ -1019,6 +1019,7 @@ def _as_they_are_worth(request: Request, problem: Problem, minimum: Fit, progres
     share = sum(t.effective_samples for t in slow) / sum(t.samples for t in slow)
 
     def weighed(e: Experiment) -> Experiment:
+        """Return an experiment whose observations count a share of their weight."""
         return replace(e, observations=tuple(replace(o, weight=o.weight * share**0.5) for o in e.observations))
 
     problem = replace(problem, experiments=tuple(map(weighed, problem.experiments)))

@@ -116,6 +116,7 @@ class Equations(Shown):
         import sympy
 
         def shown(expression: Expr) -> str:
+            """Return an expression in the form asked for: LaTeX or MathML."""
             return str(sympy.latex(expression, order="none"))
 
         rows = [
@@ -130,9 +131,11 @@ class Equations(Shown):
         from sympy import mathml
 
         def shown(expression: Expr) -> str:
+            """Return an expression in the form asked for: LaTeX or MathML."""
             return str(mathml(expression, printer="presentation", order="none"))
 
         def rate(c: Expr, t: Expr) -> str:
+            """Return c dT/dt in MathML."""
             return f"{shown(c)}<mfrac><mrow><mi>d</mi>{shown(t)}</mrow><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>"
 
         sides = [(rate(c, t), shown(q)) for t, c, q in zip(self.states, self.capacitances, self.heat, strict=True)]
@@ -157,6 +160,7 @@ class Equations(Shown):
         from sympy import octave_code
 
         def scalar(expression: Expr) -> str:
+            """Return an expression in Octave with operators of scalars."""
             return re.sub(r"\.([*/^])", r"\1", str(octave_code(expression)))
 
         lines = [f"function dTdt = {name}(t, T, p)"]

@@ -283,6 +283,7 @@ class Prediction(Result):
         """Return everything but the traces as plain numbers: at the end, settled, and at some times. [s]"""
 
         def plain(e: Estimate) -> dict[str, Any]:
+            """Return an estimate as JSON holds it."""
             return {"C": e.celsius, "error_K": e.error, "low_C": e.low, "high_C": e.high, "shares": dict(e.shares)}
 
         nodes = {

@@ -269,6 +269,7 @@ def _streams(
 
 
 def _duration(duration: Any, trajectory: Trajectory | None, title: str) -> float:
+    """Return the duration: as given, or that of the trajectory. [s]"""
     if duration is not None:
         return amount(duration, "s", f"{title}, duration")
     if trajectory is None:

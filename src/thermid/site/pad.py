@@ -263,6 +263,7 @@ def _environment(site: Site, weather: Weather | None, seconds: float) -> Environ
 
 
 def _duration(duration: Any, title: str) -> float:
+    """Return the duration, which must be given without weather. [s]"""
     if duration is None:
         raise ScenarioError("the duration is missing. Give one, such as duration = '12 [h]'.", title, code="value.incomplete")
     return amount(duration, "s", f"{title}, duration")

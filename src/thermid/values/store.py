@@ -557,6 +557,7 @@ class Store(Shown):
         cut = len(part) + 1
 
         def moved(s: State) -> State:
+            """Return a state under the paths that it has within the part."""
             paths = tuple(p[cut:] for p in s.paths if inside(p, part))
             hidden = tuple(p[cut:] for p in s.hidden if inside(p, part))
             at = s.at[cut:] if inside(s.at, part) else ""

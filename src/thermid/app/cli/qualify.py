@@ -104,6 +104,7 @@ def qualify(
     planned, done = load_plan(file, data), 0
 
     def notice(name: str) -> None:
+        """Move the progress on by one test."""
         nonlocal done
         progress.now(name, done / len(planned.tests))
         done += 1

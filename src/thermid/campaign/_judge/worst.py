@@ -213,6 +213,7 @@ class _Ranges:
         ends = {name: self.ends[name][upper] for name in self.one_way}
 
         def values(x: Array) -> dict[str, float]:
+            """Return name -> value at a point (searched,) of the unit cube, 0 at the lower end and 1 at the upper."""
             between = {name: float(a + (b - a) * s) for (name, s) in zip(self.searched, x, strict=True) for a, b in (self.ends[name],)}
             return {name: (ends | between)[name] for name in self.ends}
 

@@ -150,6 +150,7 @@ class Likelihood:
         scores: dict[bytes, LikelihoodScore] = {}
 
         def local(fitted: Array) -> LocalCost:
+            """Return the cost at a point with rows and slopes whose squares give its information; infinite where a run fails."""
             try:
                 with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                     score = scores[fitted.tobytes()] = self.score(fitted)

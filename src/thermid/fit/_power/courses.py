@@ -135,6 +135,7 @@ def _profiled(request: Request, course: PowerCourse, low: float, high: float) ->
     costs: dict[float, float] = {}
 
     def cost(log_time: float) -> float:
+        """Return the cost of the best fit with a course of this length, by the logarithm of its time. [-]"""
         if log_time not in costs:
             try:
                 minimum = minimise(

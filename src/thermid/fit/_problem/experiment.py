@@ -62,6 +62,7 @@ def on_the_clock_of(record: Record, scenario: Scenario) -> Scenario:
     """
 
     def moved(course: Any) -> Any:
+        """Return a course that was read from this log on the record's new clock; any other as it is."""
         if not isinstance(course, TableSignal) or course.log is None or course.log[0] != record.origin.sha256:
             return course
         again = next((step for step in record.steps if step.startswith(("shift_start", "steady point"))), "")
@@ -327,6 +328,7 @@ def starts_of(
     readings: dict[str, str] = {}
 
     def lay(node: str, value: Any) -> None:
+        """Let a node start at a temperature, or at the first reading of a channel."""
         if isinstance(value, str) and value in record.channels:
             readings[node] = value
             initial[node] = Kelvin(first_reading(record, value, window))
@@ -400,6 +402,7 @@ def _at_rest(temperatures: Mapping[str, float], channels: Mapping[str, Channel])
     """Whether first readings and boundaries agree within what is said of their noise and accuracy."""
 
     def sd(name: str) -> float:
+        """Return the standard error of a first reading: noise and accuracy of its channel. [K]"""
         channel = channels.get(name)
         if channel is None:
             return 0.0
@@ -563,6 +566,7 @@ class Ticks:
             return signal
 
         def law(times: Array) -> Array:
+            """Return times on the other clock. [s]"""
             ticks = (times + self.zero - self.at[0]) / self.at[1]
             # to the nanosecond, so that rounding does not part an instant from the start of the run or from a reading
             return np.round(at[0] + at[1] * ticks - self.zero, 9)
@@ -623,6 +627,7 @@ def _switches(powers: Mapping[str, tuple[Channel, TableSignal]]) -> tuple[Switch
         steps[path] = table, np.where(size > 1.0, change, 0.0), np.append(table.times[1:], np.inf)
 
     def more(time: float | None) -> dict[str, TableSignal]:
+        """Return path -> what the steps of tables add, of all or of those at one time. [s]"""
         parts = {p: (t, change if time is None else np.where(at == time, change, 0.0)) for p, (t, change, at) in steps.items()}
         return {path: replace(table, values=change) for path, (table, change) in parts.items() if change.any()}
 

@@ -307,6 +307,7 @@ class Bench:
         """Return the bench of an experiment, made once, with its second clock at an offset [s] and rate other than its own if asked."""
 
         def make() -> Bench:
+            """Return the model wired for the free values, on the clock of `at` where one is fitted."""
             moved = experiment if at is None or experiment.ticks is None else experiment.ticks.moved(experiment, at)
             wiring = Wiring(*moved.with_switches(frozenset(free)), free)
             return cls(moved, tuple(free), wiring, Engine(wiring))

@@ -422,6 +422,7 @@ def _nodes(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     """Read NODE DATA: groups of number, temperature, capacitance; GEN, CAL, SIV, SPV, DIV, SIM, SPM, DIM, FAC, and SIT of boundaries."""
 
     def take(line: Line, kind: str, cells: Cells, factor: float | str) -> None:
+        """Add what a card of this kind states, times a factor."""
         for node, course in _nodes_of_card(deck, submodel, line, kind, cells):
             if deck.reading.is_first(f"node {submodel}.{node.name}", node.where):
                 deck.nodes.append(_multiplied(node, factor))
@@ -613,6 +614,7 @@ def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     group = _Group(f"radiation_{identifier(submodel)}" if block else "", _followed(deck, lines) if block else {})
 
     def take(line: Line, kind: str, cells: Cells, factor: float | str) -> None:
+        """Add what a card of this kind states, times a factor."""
         for row in _conductors_of_card(deck, submodel, line, kind, cells, group):
             key = SCALED[row.table["kind"]]
             product = row.table[key] if factor == 1.0 else f"({factor})*{row.table[key]}"

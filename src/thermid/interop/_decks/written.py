@@ -174,6 +174,7 @@ class _Sinda(_Deck):
             yield from logic
 
     def _node(self, node: str, number: int, arrays: list[tuple[int, list[float]]]) -> str:
+        """Return the line of a node: its start [degC or K], its heat capacity [J/K], or that it is a boundary or has no mass."""
         capacitance = self.w.capacitances.get(node)
         if node in self.w.boundaries:
             return f"      -{number}, {number_text(self.constant(node))}, 0. $ {one_line(node)}"
@@ -256,6 +257,7 @@ class _Esatan(_Deck):
         yield from ("$EXECUTION", f"  TIMEND = {number_text(w.scenario.seconds)}", f"$ENDMODEL {self.main}")
 
     def _node(self, node: str, number: int, powers: Mapping[str, float]) -> str:
+        """Return the line of a node: its start [degC or K], its heat capacity [J/K], or that it is a boundary or has no mass."""
         label = one_line(node).replace("'", " ")
         if node in self.w.boundaries:
             return f"B{number} = '{label}', T = {number_text(self.constant(node))};"

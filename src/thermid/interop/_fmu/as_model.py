@@ -369,6 +369,7 @@ def _quantity(v: Any, units: Mapping[str, _Measure], used: dict[str, str], file:
     offset = ICE_POINT if plain and v.causality == "output" else of.offset
 
     def si(number: Any) -> float | None:
+        """Return a number of the FMU in SI."""
         return None if number is None else of.factor * float(number) + offset
 
     start, low, high = si(v.start), si(attributes["min"]), si(attributes["max"])

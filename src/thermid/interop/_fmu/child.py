@@ -404,12 +404,14 @@ def _note_calls(fmpy: Any, notes: str) -> None:
     load, call = base.__init__, base._call
 
     def loaded(fmu: Any, *args: Any, **named: Any) -> None:
+        """Note that the library is being loaded, and load it."""
         nonlocal at
         at = 0.0
         noted("dlopen")
         load(fmu, *args, **named)
 
     def called(fmu: Any, name: str, *args: Any) -> Any:
+        """Note which function is called, and at which time, and call it."""
         nonlocal at
         if name.endswith(("DoStep", "SetTime")):
             at = float(getattr(args[1], "value", args[1]))
@@ -417,6 +419,7 @@ def _note_calls(fmpy: Any, notes: str) -> None:
         return call(fmu, name, *args)
 
     def noted(name: str) -> None:
+        """Write count, time and name of a call where the host sees it if this process dies."""
         nonlocal count
         count += 1
         NOTE.pack_into(page, 0, count, at, name.encode())

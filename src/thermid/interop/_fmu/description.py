@@ -181,6 +181,7 @@ class _Description(ABC):
 
 class _Third(_Description):
     def tree(self) -> Xml.Element:
+        """Return the model description in this version of FMI: interfaces, units, variables, structure."""
         root = Xml.Element("fmiModelDescription", self.head(fmiVersion="3.0", instantiationToken=self.what.token))
         able = {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true", "providesDirectionalDerivatives": "true"}
         Xml.SubElement(root, "ModelExchange", {"modelIdentifier": self.what.identifier, **able})
@@ -211,6 +212,7 @@ class _Third(_Description):
 
 class _Second(_Description):
     def tree(self) -> Xml.Element:
+        """Return the model description in this version of FMI: interfaces, units, variables, structure."""
         count = sum(v.kind == INDICATOR for v in self.variables)
         root = Xml.Element("fmiModelDescription", self.head(fmiVersion="2.0", guid=self.what.token, numberOfEventIndicators=str(count)))
         able = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true", "providesDirectionalDerivative": "true"}

@@ -562,6 +562,7 @@ class ParameterSet:
         trail: list[str] = []
 
         def visit(path: str) -> None:
+            """Put a parameter behind all those that its formula needs; refuse one that needs itself."""
             if path in done:
                 return
             if path in trail:

@@ -206,6 +206,7 @@ class Hold(Result):
         """Return what a file or a page needs. Times in seconds, temperatures in degrees Celsius; null for beyond the scenario."""
 
         def as_table(p: HoldPoint) -> dict[str, Any]:
+            """Return a hold time as JSON holds it."""
             return {
                 "node": p.node,
                 "limit_C": p.limit,
@@ -418,6 +419,7 @@ def load_hold(path: str | os.PathLike[str]) -> HoldQuestion:
     content = by_grammar("thermid.prediction._monte_carlo.schema.HoldFile", data, where)
 
     def files(key: str, names: str | list[str]) -> list[Path]:
+        """Return the files of a key, each inside the project."""
         return [resolve_inside(target.parent, name, where(key)) for name in ([names] if isinstance(names, str) else names)]
 
     unit = content.unit

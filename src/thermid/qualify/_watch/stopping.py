@@ -201,6 +201,7 @@ class Stopping:
         now = float(record.times[-1])
 
         def advice_of(word: str, because: str) -> StopAdvice:
+            """Return this advice at the time of the decision."""
             return StopAdvice(word, because, self.count, level, ends, late, now)
 
         if doubt or why:

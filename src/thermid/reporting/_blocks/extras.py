@@ -60,6 +60,7 @@ def page_template(name: str, sheets: Sheets) -> Template:
         from markupsafe import Markup, escape
 
     def finished(value: object) -> object:
+        """Return a text typeset for a page; other values as they are."""
         return typeset(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
     loader = FunctionLoader(_asset)

@@ -36,6 +36,7 @@ def numbered(page: str) -> str:
     kind, place = "", ""
 
     def count(element: re.Match[str]) -> str:
+        """Number a table or figure, and its caption."""
         nonlocal kind, place
         if element[3] is None:
             kind, place = ("Table", element[2] or "") if element[0].startswith("<table") else ("Fig.", element[1] or "")

@@ -143,6 +143,7 @@ class _Drawing:
         return "; ".join(texts)
 
     def _watts(self, c: FlatConductor) -> str:
+        """Return the power of a load or the heat of a conductor as the map shows it. [W]"""
         text = watts(self.plain, c.path, self.flows)
         return f", {text}" if text else ""
 
@@ -266,6 +267,7 @@ def _item(
 
 
 def _watts(numbers: Numbers, load: object) -> float:
+    """Return the power of a load or the heat of a conductor as the map shows it. [W]"""
     fields: Mapping[str, str] = getattr(load, "fields", {})
     return float(value_of(numbers.values[fields["power"]])) if "power" in fields else 0.0
 

@@ -420,6 +420,7 @@ def versions() -> Table:
 
 
 def _version(package: str) -> str:
+    """Return the version of a package; a dash where it is not installed."""
     try:
         return version(package)
     except PackageNotFoundError:
@@ -527,6 +528,7 @@ def interval(v: FittedValue) -> tuple[float, float]:
 
 
 def _cut(remarks: list[Remark]) -> tuple[Remark, ...]:
+    """Return the first remarks, the last of which counts those that are left out."""
     if len(remarks) <= LINES:
         return tuple(remarks)
     return (*remarks[: LINES - 1], Remark(f"And {len(remarks) - LINES + 1} more, listed with their stages."))
@@ -545,6 +547,7 @@ def _values(campaign: Campaign) -> Iterator[tuple[Calibration, FittedValue]]:
 
 
 def _fitted(campaign: Campaign) -> Table:
+    """Return the table of fitted values with their 95 % intervals, those of the last stage first."""
     columns = [
         Head("value"),
         Head("stage"),

@@ -209,6 +209,7 @@ def _panel(
     last: bool,
     samples: Mapping[int, NDArray[np.int64]],
 ) -> str:
+    """Return a panel as SVG: frame, grid, ticks, lines and bands within its box. [px]"""
     x_left, top, width, height = box
     shown = [line.y[np.isfinite(line.y)] for line in p.lines] + [v for a in p.areas for v in (a.low, a.high)]
     low, high = min(float(v.min()) for v in shown if v.size), max(float(v.max()) for v in shown if v.size)
@@ -244,6 +245,7 @@ def _panel(
 
 
 def _text(x: float, y: float, anchor: str, text: str) -> str:
+    """Return a text of SVG at (x, y). [px]"""
     return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{text}</text>'
 
 

@@ -98,6 +98,7 @@ class Streams:
         place_of = {n: len(pressures) + k for k, n in enumerate(warm)}
 
         def flow(*pressures_and_temperatures: Any) -> Any:
+            """Return the share of the stream that flows at pressures [Pa] and temperatures [K]: none in vacuum."""
             present = np.all([p > VACUUM_LIMIT for p in pressures_and_temperatures[: len(pressures)]], axis=0)
             if not sources:
                 return 1.0 * present

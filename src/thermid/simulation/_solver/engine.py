@@ -289,6 +289,7 @@ def _obstacle(wiring: Wiring) -> str:
         return f"a control, '{s.factors[0].row.name}', follows a temperature"
 
     def moves(place: int) -> bool:
+        """Whether the coefficient at a place follows time."""
         k = s.coefficient_input[place]
         return k >= 0 and not isinstance(wiring.signals[named[k]], Constant)
 
@@ -626,6 +627,7 @@ def _next_mode(problem: KernelProblem, a: Assembled, temperatures: Array, time: 
     for k, name in enumerate(problem.machines):
 
         def signal(place: int, of: str = name) -> float:
+            """Return what a setting of the control is multiplied by now."""
             return float(np.ravel(wiring.control_signal(of, place, now))[0])
 
         after = rows[name].due(int(modes[k]), lambda n: float(traces.temperature(n)[0]), signal)
@@ -861,6 +863,7 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
     inverse: NDArray[Any] = np.linalg.inv(np.eye(int(massive.sum())) - expm(period * flow / capacity[massive][:, None]))
 
     def after(state: Array, moves: Array) -> tuple[Array, Array]:
+        """Return the state one period later [K], and its derivatives."""
         run = replace(a, initial=state, initial_gradient=moves)
         raw = engine.integrate(run, np.array([period]), engine.nodes, period, FINE, gradients)
         return raw.temperatures[0], raw.sensitivities[0] if gradients else moves
