@@ -116,21 +116,16 @@ def watch(
         )
     by_hand = model is not None or values is not None or bool(channel)
     if by_hand if campaign is not None else bool(record):
-        raise RecordError(
-            "give a campaign with --record, or a deck with --model, --values and --channel.",
-            "command line",
-            code="value.incomplete",
-        )
+        words = "give a campaign with --record, or a deck with --model, --values and --channel."
+        raise RecordError(words, "command line", code="value.incomplete")
     stated = scenario_of(scenario, boundary, [], None, None) if boundary or scenario is not None else None
     read = pairs(reading, "--read")
     refuse_unknown(read, READ_KEYS, "--read")
     test = None if campaign is None else running_test(staged(campaign, data, results), record)
     if test is None:
-        deck = None if model is None else fitted_model(model, values, None)
-        columns = BoundColumns(*_column_bindings(channel), model=deck, options=read)
+        columns = BoundColumns(*_column_bindings(channel), None if model is None else fitted_model(model, values, None), read)
     else:
-        tables = dict(test.table.channels)
-        columns = BoundColumns(model=test.model, options=test.options | read, tables=tables, bound=test.bound, remarks=test.remarks)
+        columns = BoundColumns({}, {}, {}, test.model, test.options | read, dict(test.table.channels), test.bound, test.remarks)
     standing = UNJUDGED if columns.model is None else model_standing(columns.model)
     request = _request(columns, test, stated, rule, within, limit, slowest, since)
     with ExitStack() as open_:
@@ -227,7 +222,6 @@ def settle(
     rule: Annotated[str, typer.Option("--rule", help="Rule of stability: '3 C/h', '0.2 C/h over 5 h', '0.5 K/h over 1 h'.")] = "3 C/h",
     since: Annotated[str, typer.Option("--since", help="When conditions last changed.")] = "start",
     at: Annotated[str, typer.Option("--at", help="Time of the question; the end of the log by default.")] = "end",
-    tau: Annotated[str | None, typer.Option("--tau", help="Slowest time constant, for what is left to go.")] = None,
     slowest: Annotated[str | None, typer.Option("--slowest", help="Longest time constant that the unit can have, if known.")] = None,
     within: Annotated[str, typer.Option("--within", help="Half of the forecast's interval, at most.")] = "1 [K]",
     later: Annotated[list[str], typer.Option("--reading", help="A later time whose reading is forecast; may be repeated.")] = [],  # noqa: B006
@@ -245,11 +239,10 @@ def settle(
     record = _read(log, channel, reference, time)
     names = [n for n in record.channels if n != reference]
     begin, end = with_unit(since, "s"), with_unit(at, "s")
-    time_constant = None if tau is None else with_unit(tau, "s")
     deck = None if model is None else load_model(model)
     conditions = None if scenario is None else load_scenario(scenario)
     run = simulate(deck, conditions) if deck is not None and conditions is not None and rule_of(rule).stored else None
-    stable = stability(record, rule, names, since=begin, at=end, tau=time_constant, reference=reference, run=run)
+    stable = stability(record, rule, names, since=begin, at=end, reference=reference, run=run)
     ends: dict[str, Forecast | str] = {}
     for name in names:
         try:

@@ -60,9 +60,7 @@ def study_report(
 ) -> Path:
     """Write a study as one HTML page, or as a PDF where its name ends in .pdf, and return its path.
 
-    The page loads nothing and runs no script but its own.
-
-    Long tables are files of comma-separated values too, in a folder beside the page.
+    The page loads nothing and runs no script but its own. Long tables are files of comma-separated values too, in a folder beside the page.
 
     Parameters
     ----------

@@ -838,28 +838,18 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
     from scipy.linalg import expm
 
     period, where = engine.wiring.cycle or 0.0, engine.title
-    if any(row.control == "thermostat" for row in a.numbers.loads):
+    switch = "a thermostat" if any(row.control == "thermostat" for row in a.numbers.loads) else ""
+    switch = switch or (f"the control '{engine.machines[0]}'" if engine.machines else "")
+    if switch:
         raise SolverError(
-            "a thermostat switches at its own period, so no state is periodic with the inputs. Simulate, and use a late part of the run.",
-            where,
-            code="run.no-periodic-state",
-        )
-    if engine.machines:
-        raise SolverError(
-            f"the control '{engine.machines[0]}' switches at its own period, so no state is periodic with the inputs. Simulate, and "
-            "use a late part of the run.",
+            f"{switch} switches at its own period, so no state is periodic with the inputs. Simulate, and use a late part of the run.",
             where,
             code="run.no-periodic-state",
         )
     capacity = engine.capacities(a)
     massive = capacity > 0.0
-    _, jacobian, _ = engine.still.rhs(a, guess, 0.0)
-    flow = jacobian[np.ix_(massive, massive)]
-    if not massive.all():
-        # nodes without mass follow at once: J_mm - J_m0 J_00^-1 J_0m is left for the others
-        rest = np.linalg.solve(jacobian[np.ix_(~massive, ~massive)], jacobian[np.ix_(~massive, massive)])
-        flow = flow - jacobian[np.ix_(massive, ~massive)] @ rest
     # a step s at the start comes back as exp(P C^-1 J) s, so (1 - exp(P C^-1 J)) s = T(P) - T(0) closes the period
+    flow = _flow_between_masses(engine.still.rhs(a, guess, 0.0)[1], massive)
     inverse: NDArray[Any] = np.linalg.inv(np.eye(int(massive.sum())) - expm(period * flow / capacity[massive][:, None]))
 
     def after(state: Array, moves: Array) -> tuple[Array, Array]:
@@ -895,6 +885,18 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
         if float(np.abs(change).max(initial=0.0)) <= 1e-9 * float(np.abs(slopes).max(initial=1e-300)):
             break
     return state, slopes
+
+
+def _flow_between_masses(jacobian: Array, massive: NDArray[np.bool_]) -> Array:
+    """Return the derivatives (masses, masses) of the heat into nodes with mass by their temperatures. [W/K]
+
+    Nodes without mass follow at once, so that J_mm - J_m0 J_00^-1 J_0m is left.
+    """
+    flow = jacobian[np.ix_(massive, massive)]
+    if massive.all():
+        return flow
+    rest = np.linalg.solve(jacobian[np.ix_(~massive, ~massive)], jacobian[np.ix_(~massive, massive)])
+    return np.asarray(flow - jacobian[np.ix_(massive, ~massive)] @ rest)
 
 
 def _mended(inverse: NDArray[Any], step: Array, fell: Array) -> Array:
