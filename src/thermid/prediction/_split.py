@@ -392,9 +392,9 @@ def _caution(model: Model, base: FittedValues, parts: Sequence[Part]) -> str:
     was = "was" if len(masses) == 1 else "were"
     return (
         f"{quoted(masses)} {was} fitted together with constant coefficients, although those of air grow with the difference. The "
-        "masses absorb several per cent of a warm-up in this way, so a transient without gas is wrong by that share (0.3 K of a rise of 15 K on a "
-        "painted box, 2 K on an assembly). Steady states are not affected. `thermid predict` includes this error; the errors here, "
-        "and members drawn from `values`, do not. To avoid it, fit a law of natural convection and the emissivity."
+        "masses absorb several per cent of a warm-up in this way, so a transient without gas is wrong by that share (0.3 K of a rise "
+        "of 15 K on a painted box, 2 K on an assembly). Steady states are not affected. `thermid predict` includes this error; the "
+        "errors here, and members drawn from `values`, do not. To avoid it, fit a law of natural convection and the emissivity."
     )
 
 
