@@ -96,8 +96,7 @@ def running_test(campaign: Campaign, record: str = "") -> RunningTest:
             "a campaign made in Python has no records of a file. Give its file.", campaign.title, code="campaign.not-from-file"
         )
     record = _named(record, list(source.content.records), campaign.title)
-    of_record = [n for n, request in campaign.requests.items() if record in {r.name for r in request.records}]
-    name = of_record[-1] if of_record else list(campaign)[-1]
+    name = [*campaign, *(n for n, request in campaign.requests.items() if record in {r.name for r in request.records})][-1]
     model = campaign[name].fitted_model
     stage_table = next(s for s in source.content.stages if s.name == name)
     table = source.table_of(record)

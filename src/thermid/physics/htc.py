@@ -33,10 +33,8 @@ CORRELATION_ERROR = 0.15
 SETTLED = (0.98, 0.99, 0.999)
 """Parts of the rise that people call settled. [-]"""
 
-ERROR_UNITS = {"sensor": "K", "power": "W", "area": "m^2", "drift": "K"}
-"""What may err in a settled test -> the unit of its error."""
-SENSOR_ERROR = 0.5
-"""Standard error of a temperature where none is stated. [K]"""
+ERRORS = {"sensor": ("K", 0.5), "power": ("W", 0.0), "area": ("m^2", 0.0), "drift": ("K", 0.0)}
+"""What may err in a settled test -> unit and size of its error where none is stated."""
 BIOT_LIMIT = 0.1
 """Above it the temperature inside a part is not uniform; Incropera, 6th ed., Section 5.2. [-]"""
 
@@ -208,11 +206,9 @@ def compare_htc(
     """
     q, a, hot, cold, tall = _checked_inputs(power, area, surface, ambient, height)
     rise = hot - cold
-    refuse_unknown(errors or {}, ERROR_UNITS, "compare_htc, errors")
-    stated = {n: amount(v, ERROR_UNITS[n], f"errors.{n}") for n, v in {"sensor": SENSOR_ERROR, **(errors or {})}.items()}
-    sensor, drift = stated["sensor"], stated.get("drift", 0.0)
+    refuse_unknown(errors or {}, ERRORS, "compare_htc, errors")
+    sensor, of_power, of_area, drift = (amount((errors or {}).get(n, size), u, f"errors.{n}") for n, (u, size) in ERRORS.items())
     effective = effective_htc(q, a, rise)
-    of_power, of_area = stated.get("power", 0.0), stated.get("area", 0.0)
     error = effective_htc_error(q, a, rise, power_error=of_power, area_error=of_area, rise_error=sensor * math.sqrt(2.0))
     faces = tuple(amount(x, "m", "box") for x in box) if box is not None else None
     with warnings.catch_warnings(record=True) as caught:
@@ -297,10 +293,13 @@ def _box_remark(area: float, height: float, length: float, width: float) -> list
     outside = 2 * (length * width + height * (length + width))
     if abs(outside - area) <= 0.02 * area:
         return []
-    text = (
-        f"the box has {outside:.6g} m^2 outside but the given area is {area:.6g} m^2, so they include different faces. Correct one of them"
-    )
-    return [CodedText(text, "htc.area-of-other-faces")]
+    return [
+        CodedText(
+            f"the box has {outside:.6g} m^2 outside but the given area is {area:.6g} m^2, so they include different faces. Correct one of "
+            "them",
+            "htc.area-of-other-faces",
+        )
+    ]
 
 
 def _meaning(effective: float, error: float, theoretical: float, radiation: float | None, q: float, a: float, rise: float) -> list[str]:
@@ -312,11 +311,13 @@ def _meaning(effective: float, error: float, theoretical: float, radiation: floa
     expected = theoretical + (radiation or 0.0)
     what = "convection and radiation" if radiation is not None else "convection alone"
     if abs(effective - expected) <= 2 * doubt:
-        text = (
-            f"effective and theoretical coefficient ({what}) differ by {effective - expected:+.2f} W/(m^2 K), within two standard errors "
-            f"of {doubt:.2f}, so the test cannot distinguish them"
-        )
-        return [CodedText(text, "htc.agrees")]
+        return [
+            CodedText(
+                f"effective and theoretical coefficient ({what}) differ by {effective - expected:+.2f} W/(m^2 K), within two standard "
+                f"errors of {doubt:.2f}, so the test cannot distinguish them",
+                "htc.agrees",
+            )
+        ]
     if effective > expected:
         radiates = "radiation (0.6 to 5.3 W/(m^2 K) at room temperature for emissivities of 0.1 to 0.85), " if radiation is None else ""
         text = (

@@ -235,8 +235,13 @@ def _place(weather: Weather | None, title: str) -> Site:
             title,
             code="value.incomplete",
         )
-    name = weather.name if weather is not None else title
-    return Site(place["latitude"], place["longitude"], place.get("altitude", 0.0), place.get("timezone"), name)
+    return Site(
+        place["latitude"],
+        place["longitude"],
+        place.get("altitude", 0.0),
+        place.get("timezone"),
+        weather.name if weather is not None else title,
+    )
 
 
 def _temperature(weather: Weather | None, temperature: Any, title: str, air: str) -> Signal:

@@ -372,16 +372,21 @@ class HoldQuestion(Shown):
 
     def cost(self, *, n: int = 0, folder: str | os.PathLike[str] | None = None) -> RunCost:
         """Return what `run` would take; two small chunks are run for it."""
-        members = n or self.members
-        job, _ = self._plan()
+        job, members = self._plan()[0], n or self.members
         return RunCost.of_members(job, members, kept_members(job, members, folder))
 
     def _plan(self) -> tuple[Job, tuple[str, ...]]:
         """Return the runs that answer the question, and what a reader must know."""
         limits_of(self.limits, self.model.title)
-        knowledge = known_of(self.values, self.model, self.unit)
-        more: dict[str, Any] = {"nodes": self.limits, "every": self.every or None}
-        return plan_runs(self.model, self.scenarios, knowledge, spread=self.spread, seed=self.seed, **more)
+        return plan_runs(
+            self.model,
+            self.scenarios,
+            known_of(self.values, self.model, self.unit),
+            spread=self.spread,
+            seed=self.seed,
+            nodes=self.limits,
+            every=self.every or None,
+        )
 
     @takes_objects
     def run(

@@ -98,8 +98,8 @@ def plan_runs(
     stated = dict(spread or {})
     begun, stays, remarks = starts(stated.pop("start_time"), scenarios[0]) if "start_time" in stated else ([0.0], (), ())
     first = begun_at(scenarios[0], begun[0], stays)
-    given = next((v for v in sources if isinstance(v, Knowledge)), [v for v in sources if not isinstance(v, Spread)])
-    knowledge = known_of(given, model)
+    fits = [v for v in sources if not isinstance(v, Spread)]
+    knowledge = known_of(next((v for v in fits if isinstance(v, Knowledge)), fits), model)
     joint = [v for v in sources if isinstance(v, Spread)]
     budget = budget_of(knowledge, first, [*joint, *([stated] if stated else [])], without=without)
     check_variants(stated, budget.model, scenarios)
@@ -116,8 +116,8 @@ def plan_runs(
     limits = {n: x for n, x in nodes.items() if x is not None} if isinstance(nodes, Mapping) else {}
     named = limits_of(limits, budget.model.title) if limits else []
     kept_limits = tuple(dict.fromkeys(Limit(budget.model.canonical(name), SIDES[side], kelvin) for name, side, kelvin in named))
-    settings = (seed, MEMBERS_PER_CHUNK, options or Options(), version("thermid"), kept_limits)
-    return Job(budget, variants, nodes_kept, grid, *settings), (*remarks, *budget.remarks)
+    job = Job(budget, variants, nodes_kept, grid, seed, MEMBERS_PER_CHUNK, options or Options(), version("thermid"), kept_limits)
+    return job, (*remarks, *budget.remarks)
 
 
 def _with_variants(budget: Budget, chosen: str, count: int) -> Budget:

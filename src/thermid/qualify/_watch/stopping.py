@@ -219,16 +219,8 @@ class Stopping:
             span = f"{short(f.low - ICE_POINT)} to {short(f.high - ICE_POINT)} degC"
             return advice_of(DECLINED, f"{m.channel} may end on either side of its limit {m}: {span}. Wait longer.")
         holds = late is not None and late <= now
-        rule = (
-            ""
-            if holds
-            else f" The plan's rule '{self.rule.name}' is not met yet{_when_text(late, now)}. Check in the plan whether the test may end."
-        )
+        when = "" if late is None else f" (expected at {duration_text(late)})"
+        rule = "" if holds else f" The plan's rule '{self.rule.name}' is not met yet{when}. Check in the plan whether the test may end."
         return advice_of(
             STOP, f"waiting longer does not change the verdict: every channel ends within +- {short(self.within)} K of its forecast.{rule}"
         )
-
-
-def _when_text(late: float | None, now: float) -> str:
-    """Return when a rule will hold, in brackets, by the clock of the log; empty where that has passed or is not known."""
-    return "" if late is None or late <= now else f" (expected at {duration_text(late)})"

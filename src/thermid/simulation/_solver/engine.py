@@ -838,9 +838,9 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
     from scipy.linalg import expm
 
     period, where = engine.wiring.cycle or 0.0, engine.title
-    switch = "a thermostat" if any(row.control == "thermostat" for row in a.numbers.loads) else ""
-    switch = switch or (f"the control '{engine.machines[0]}'" if engine.machines else "")
-    if switch:
+    thermostat = any(row.control == "thermostat" for row in a.numbers.loads)
+    if thermostat or engine.machines:
+        switch = "a thermostat" if thermostat else f"the control '{engine.machines[0]}'"
         raise SolverError(
             f"{switch} switches at its own period, so no state is periodic with the inputs. Simulate, and use a late part of the run.",
             where,
@@ -895,8 +895,10 @@ def _flow_between_masses(jacobian: Array, massive: NDArray[np.bool_]) -> Array:
     flow = jacobian[np.ix_(massive, massive)]
     if massive.all():
         return flow
-    rest = np.linalg.solve(jacobian[np.ix_(~massive, ~massive)], jacobian[np.ix_(~massive, massive)])
-    return np.asarray(flow - jacobian[np.ix_(massive, ~massive)] @ rest)
+    at_once = jacobian[np.ix_(massive, ~massive)] @ np.linalg.solve(
+        jacobian[np.ix_(~massive, ~massive)], jacobian[np.ix_(~massive, massive)]
+    )
+    return np.asarray(flow - at_once)
 
 
 def _mended(inverse: NDArray[Any], step: Array, fell: Array) -> Array:
