@@ -106,9 +106,7 @@ def watch(
     """
     step = literal(with_unit(every, "s"), "s", "--every")
     if not step > 0.0:
-        raise RecordError(
-            f"the time between two readings of the log must be above zero, not '{every}'.", "--every", code="value.outside-range"
-        )
+        raise RecordError(f"the time between two looks must be above zero, not '{every}'.", "--every", code="value.outside-range")
     refuse_unknown([mode], ("growing", "once", "replay"), "--look")
     if capture is not None and not _is_port(log):
         raise RecordError(
