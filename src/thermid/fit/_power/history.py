@@ -481,7 +481,6 @@ def power_history(
     kinds = PRIORS[1:] if prior == "auto" else (prior,)
 
     def solve_on(knots: Array, pins: Pins) -> tuple[Request, Problem, Solved]:
-        """Return the request, problem and solution of a history on these knots."""
         request, basis = _request_of_knots(model, record, path, scenario, free, priors, knots)
         problem = build_problem(request)
         hats = tuple(Unknown(n, "power", (Influence(0, f"scale.{n}"),), 0.0, unit="W") for n in basis)
