@@ -165,7 +165,7 @@ def htc() -> td.inference.HtcComparison:
         "24 [degC]",
         "0.02492 [m]",
         air=AIR,
-        drift="0.7 [K]",
+        errors={"drift": "0.7 [K]"},
         emissivity=0.09,
         parts={"case, aluminium": ("0.02492 [m]", "130 [W/(m K)]"), "board, through": ("1.6 [mm]", "0.3 [W/(m K)]")},
         capacitance="0.737*960 [J/K]",

@@ -17,7 +17,7 @@ def elegfo(**more: object) -> td.inference.HtcComparison:
 
 
 def test_b13_eq7_and_the_effective_coefficient() -> None:
-    found = elegfo(drift="0.7 [K]")
+    found = elegfo(errors={"drift": "0.7 [K]"})
     assert found.theoretical == pytest.approx(6.797937, abs=1e-6)
     assert found.effective == pytest.approx(2.208205, abs=1e-6)
     assert round(found.theoretical, 3) == 6.798

@@ -40,7 +40,7 @@ def whole(question: td.qualify.HoldQuestion, tmp_path_factory: pytest.TempPathFa
 
 def test_a_small_hold_of_the_unit(question: td.qualify.HoldQuestion) -> None:
     """Quick: 64 members; no cooling takes a gyro beyond 50 degC in some of them, after hours."""
-    runs = td.qualify.uncertain_runs(question.model, question.scenarios, spread=question.spread, at="unit", n=64, seed=7, nodes=["FOG_x"])
+    runs = td.qualify.uncertain_runs(question.model, question.scenarios, spread=question.spread, n=64, seed=7, nodes=["FOG_x"])
     found = td.qualify.hold(runs, {"FOG_x": "50 [degC]"}, confidence=0.8)
     assert 2.5 * 3600 < found.together.hold < 7 * 3600
     assert 0.2 < found["FOG_x"].never < 0.7

@@ -66,11 +66,13 @@ def takes_objects(function: Callable[P, R]) -> Callable[P, R]:
     passed: set[tuple[str, type]] = set()  # what was taken once is taken again; a call then costs a microsecond
 
     def remember(name: str, value: Any) -> None:
+        """Note that a type was accepted for an argument; what containers hold may differ from call to call."""
         if not isinstance(value, list | tuple | Mapping):  # what these hold may differ
             passed.add((name, type(value)))
 
     @wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+        """Call the function once its arguments are of the types that it states."""
         for k, name in places:
             if k < len(args) and (name, type(args[k])) not in passed:
                 _check(args[k], expected[name], name, code.co_name)

@@ -298,4 +298,4 @@ def quoted(names: Sequence[str], longest: int = 8) -> str:
     shown = [f"'{n}'" for n in names[:longest]]
     if len(names) > longest:
         return f"{', '.join(shown)} and {len(names) - longest} more"
-    return shown[0] if len(shown) == 1 else f"{', '.join(shown[:-1])} and {shown[-1]}"
+    return "".join(shown) if not shown[1:] else f"{', '.join(shown[:-1])} and {shown[-1]}"

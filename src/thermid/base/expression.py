@@ -177,6 +177,7 @@ def _with_quantities(text: str) -> Expression:
     quantities: dict[str, Literal] = {}
 
     def placed(match: re.Match[str]) -> str:
+        """Return a number with its unit as a factor to SI; refuse a unit that could mean a temperature or a difference."""
         of = unit(match["unit"])
         if of.absolute:
             raise ExpressionError(

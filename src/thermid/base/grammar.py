@@ -37,6 +37,7 @@ def reads(form: Any, make: Callable[[Any], Any]) -> GetPydanticSchema:
     """Return the mark of a field that is written in one form and holds what `make` makes of it; errors are listed with the other faults."""
 
     def validated(written: Any) -> Any:
+        """Make the value, and hand an error of its own on through pydantic."""
         try:
             return make(written)
         except ThermidError as error:
@@ -107,6 +108,7 @@ def in_form(otherwise: Any, *tables: tuple[Any, tuple[str, ...]]) -> GetPydantic
     """
 
     def form(written: Any) -> str:
+        """Return the name of the table whose keys a written value has."""
         if not isinstance(written, Mapping):
             return FORM.format("plain")
         fitting = (table.__name__ for table, keys in tables if {*keys} & {*written})

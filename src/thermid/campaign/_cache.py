@@ -153,6 +153,7 @@ def log_kept(folder: Path | None, path: Path, how: Mapping[str, Any], make: Call
 
 
 def _write(path: Path, key: str, record: Record) -> None:
+    """Write a prepared record with its key as a compressed file, in one step."""
     arrays: dict[str, Any] = {"times": record.times}
     channels = []
     for k, channel in enumerate(record.channels.values()):

@@ -158,6 +158,7 @@ def _row(values: ParameterSet, path: str, number: float, last: Calibration, fits
     of = unit(text)
 
     def shown(x: float | None) -> float | None:
+        """Return a number in its unit; None stays."""
         return None if x is None else from_si(x, of)
 
     stage = next((name for name in reversed(list(fits)) if entry.origin == f"stage '{fits[name].stage}'"), "")

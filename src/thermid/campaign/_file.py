@@ -71,6 +71,7 @@ class CampaignSource:
         return self.memo.value("files", self._all_files)
 
     def _all_files(self) -> dict[str, tuple[Path, RecordTable]]:
+        """Return record name -> its file and table; two files of one name, and a checksum of no record, are refused."""
         out: dict[str, tuple[Path, RecordTable]] = {}
         for name, table in self.content.records.items():
             for record, file in self._files_of(name, table):
@@ -152,6 +153,7 @@ class CampaignSource:
         return self.memo.value(("record", name), lambda: self._record(name))
 
     def _record(self, name: str) -> Record:
+        """Return a log, read and prepared; errors name its place in the campaign."""
         path, table = self.names()[name]
         where = self.where(f"records.{name}")
         with errors_at(where, ": "):
@@ -170,6 +172,7 @@ class CampaignSource:
         checksum = self.content.checksums.get(name)
 
         def make() -> Record:
+            """Read the log and check it against its checksum."""
             raw = read_record(path, table.channels, **read)
             if checksum is not None and not raw.origin.sha256.startswith(checksum):
                 raise RecordError(

@@ -60,6 +60,7 @@ class Level:
 
     @cached_property
     def _numbers(self) -> dict[str, float]:
+        """Parameter path -> its number at the store's values. [SI]"""
         return {p: float(v) for p, v in self.values.evaluate({}).items()}
 
     def start_of(self, raw: str) -> float:
@@ -109,6 +110,7 @@ class Shared:
 
     @cached_property
     def _names(self) -> dict[Key, str]:
+        """(stage, path) -> name of the shared value that acts there."""
         return {key: name for name, one in self.classes.items() for key in one.keys}
 
     def names_in(self, level: Level) -> dict[str, str]:
@@ -167,6 +169,7 @@ def shared_parameters(source: CampaignSource, levels: list[Level], top: str, don
     groups: dict[Key, set[Key]] = {}
 
     def unite(keys: Iterable[Key]) -> None:
+        """Put keys, and all that they were grouped with before, into one group."""
         whole = set().union(*(groups.get(k, {k}) for k in keys))
         groups.update(dict.fromkeys(whole, whole))
 
@@ -356,6 +359,7 @@ def joint_key(keys: Mapping[str, str], table: JointFitTable) -> str:
 
 
 def _chosen(table: JointFitTable, names: list[str], where: str) -> list[str]:
+    """Return the stages that take part in the joint fit, in order; all where the table names none."""
     refuse_unknown(table.stages, names, f"{where}.stages", "no stage '{}'.", IdentificationError)
     return [n for n in names if not table.stages or n in table.stages]
 
@@ -441,6 +445,7 @@ def _joined(one: Unknown, other: Unknown, targets: tuple[Influence, ...]) -> Unk
 
 
 def _unfrozen(shared: Shared, freeze: Sequence[str], where: str) -> Shared:
+    """Return the shared values without those that the campaign freezes, by name or pattern."""
     names = list(shared.classes)
     gone: set[str] = set()
     for name in freeze:
@@ -514,6 +519,7 @@ def _moves(model: Model, values: FittedValues, shared: Shared, done: Mapping[str
     staged = [(done[stage].values, names) for stage, names in shared.staged(done)]
 
     def place(name: str) -> str:
+        """Return the part of the model, or the stage for a value of its own, that a name belongs to."""
         stage, colon, _ = name.partition(": ")
         return f"{stage}, alone" if colon else part_of(model, name)
 

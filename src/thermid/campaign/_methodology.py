@@ -240,11 +240,13 @@ class Study(Shown):
 
 
 def _reference_points(model: Model, prefix: str = "") -> list[tuple[str, Any]]:
+    """Return path and node of every reference point, those of parts below their prefix."""
     points = [(prefix + n, node) for n, node in model.nodes.items() if node.reference_point]
     return points + [point for name, part in model.submodels.items() for point in _reference_points(part.model, f"{prefix}{name}.")]
 
 
 def _passed(name: str, component: Component, solution: Solution, node: str) -> list[Exceeded]:
+    """Return each limit that a node passes in a run, with its extreme [degC] and the time of crossing [s]."""
     trace = solution[node]
     out = []
     for limit, sign in ((component.highest, 1.0), (component.lowest, -1.0)):
@@ -258,6 +260,7 @@ def _passed(name: str, component: Component, solution: Solution, node: str) -> l
 
 
 def _entry(action: str, stage: str, block: SensorTrace, held_out: bool = False) -> LogEntry:
+    """Return a line of the step log: the residuals of one sensor in one record."""
     return LogEntry(action, stage, block.record, block.sensor, Residuals.equally_weighted(block.times, block.residuals), held_out)
 
 
@@ -322,6 +325,7 @@ def load_study(path: str | os.PathLike[str]) -> Study:
 
 
 def _component(model: Model, name: str, table: ComponentTable, where: str) -> Component:
+    """Return a component of a study from its table; a place that the model does not have is refused."""
     path = model.canonical(table.at)
     places = {*part_boxes(model), *Names(model).nodes} - {""}
     refuse_unknown([path], places, where, f"'{name}' has the place '{table.at}', which the model does not have.", NameNotFoundError)
@@ -341,7 +345,10 @@ def _all_belong(model: Model, components: Mapping[str, Component], where: str) -
 
 
 def _sensor(table: SensorTable, where: str) -> SensorSpec:
+    """Return the specification of a sensor from its table: accuracy and resolution [K], range [K], conversion time [s]."""
+
     def kelvin(text: str) -> float:
+        """Return a temperature difference of the table, zero where none is given. [K]"""
         return literal(text, "K", where) if text else 0.0
 
     return SensorSpec(

@@ -403,6 +403,7 @@ def _at_rest(done: Calibration, without: str) -> Scenario:
     bare = done.experiments[-1].bare
 
     def constant(signals: Mapping[str, Any], unit: str) -> dict[str, Any]:
+        """Return signals with their means over the run as texts with a unit, those of the part left out."""
         remaining = {k: v for k, v in signals.items() if not without or not k.startswith(f"{without}.")}
         return {k: f"{v.mean_over(0.0, bare.seconds)!r} [{unit}]" if not isinstance(v, Constant) else v for k, v in remaining.items()}
 

@@ -75,19 +75,19 @@ class RunningTest:
         )
 
 
-def running_test(campaign: Campaign, record: str = "", stage: str = "") -> RunningTest:
-    """Return what a campaign says of a test that runs.
+def running_test(campaign: Campaign, record: str = "") -> RunningTest:
+    """Return what a campaign says of a test that runs, with the model and values of the last stage that fits such a record.
+
+    Where no stage fits it, the last stage counts.
 
     Parameters
     ----------
     campaign : Campaign  Its result, from a file.
     record : str        The record that the log is like; not needed where there is one.
-    stage : str         The stage whose model and values are used; the last one by default.
 
     Raises
     ------
     RecordError             When there is no such record, or several and none is named.
-    NameNotFoundError       When there is no such stage.
     IdentificationError     When the campaign was made in Python.
     """
     source = campaign.source
@@ -95,10 +95,11 @@ def running_test(campaign: Campaign, record: str = "", stage: str = "") -> Runni
         raise IdentificationError(
             "a campaign made in Python has no records of a file. Give its file.", campaign.title, code="campaign.not-from-file"
         )
-    name = stage or list(campaign)[-1]
+    record = _named(record, list(source.content.records), campaign.title)
+    name = [*campaign, *(n for n, request in campaign.requests.items() if record in {r.name for r in request.records})][-1]
     model = campaign[name].fitted_model
     stage_table = next(s for s in source.content.stages if s.name == name)
-    table = source.table_of(_named(record, list(source.content.records), campaign.title))
+    table = source.table_of(record)
     first = {n: (t.start, 0.0) for n, t in {**stage_table.local, **table.local}.items() if "." not in n and t.start in table.channels}
     values = compile_network(model).numbers().values
     for n, reading in stage_table.readings.items():

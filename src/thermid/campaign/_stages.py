@@ -476,12 +476,12 @@ def run_stages(
     source = replace(source, results=folder) if folder is not None else source
     source = accepting(source, accept) if accept else source
     done: dict[str, Calibration] = {}
-    keys: dict[str, str] = {}
-    requests: dict[str, Request] = {}
-    changed: dict[str, tuple[str, ...]] = {}
+    keys, requests, changed = dict[str, str](), dict[str, Request](), dict[str, tuple[str, ...]]()
     todo = dict(enumerate(source.content.stages))
     while todo:
-        ready = [k for k, s in todo.items() if not _waits(s, [todo[j].name for j in todo if j < k])][: 1 if executor is None else None]
+        # a stage waits for the earlier ones that it rests on
+        rests = {k: {n for i in s.inherit.values() for n in i.stages} for k, s in todo.items()}
+        ready = [k for k in todo if rests[k].isdisjoint(todo[j].name for j in todo if j < k)][: 1 if executor is None else None]
         tasks, ingredients = [], {}
         for k in ready:
             name, place = todo[k].name, source.where(f"stages.{k}")
@@ -503,11 +503,6 @@ def run_stages(
     result = Campaign(source.content.title, done, (), keys, source.content.note, None, source, requests, changed)
     result = replace(result, joint=_joint(result, notice, folder)) if source.content.joint is not None else result
     return judge(result, folder, notice)
-
-
-def _waits(stage: StageTable, earlier: Sequence[str]) -> bool:
-    """Return whether a stage rests on one of those that are not there yet."""
-    return any(name in earlier for i in stage.inherit.values() for name in i.stages)
 
 
 def _fitted(
@@ -601,6 +596,7 @@ def _judged(campaign: Campaign) -> Campaign:
 
 
 def _joint(campaign: Campaign, notice: Notice | None, folder: Path | None) -> JointFit:
+    """Return the last fit over all levels, which the campaign asks for."""
     source = campaign.source
     assert source is not None
     key = joint_key(campaign.keys, source.content.joint_table)

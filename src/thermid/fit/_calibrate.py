@@ -566,6 +566,7 @@ def _with_uncut(values: FittedValues, problem: Problem, minimum: Fit, responses_
 
 
 def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) -> FittedValue:
+    """Return an unknown as a fitted value, from its fitted form and the total and random variances of that."""
     slope = u.slope(fitted)
     errors = (slope * float(np.sqrt(total)), slope * float(np.sqrt(np.clip(random, 0.0, total))) if u.kind == "parameter" else 0.0)
     prior = (u.prior.mean, u.prior.sd) if u.prior is not None else None
@@ -575,6 +576,7 @@ def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) 
 
 
 def _local(u: Unknown, fitted: float, variance: float) -> Local:
+    """Return the value of one record, from its fitted form and the variance of that."""
     record, _, name = u.name.partition(": ")
     return Local(record, name, float(fitted), float(np.sqrt(variance)), u.unit)
 
@@ -797,7 +799,6 @@ def calibrate(
     search: str = "auto",
     weights: Mapping[str, float] | str | None = None,
     name: str = "",
-    progress: Progress | None = None,
     executor: Workers = None,
 ) -> Calibration:
     """Return the fit of some parameters of a model to one or several records.
@@ -818,8 +819,7 @@ def calibrate(
     search : str                local, multistart, differential evolution; or auto: further starts where one descent is doubtful.
     weights : dict or str       Sensor -> weight of its residuals, 1 where none is given; or ``"effective"``: after a first fit readings
                                 count as many as residuals that wander are worth, so that priors and local values have the width stated.
-    progress : callable         Called with the number of evaluations and the RMS of the weighted residuals; where it has a method
-                                ``ahead(words, seconds)``, that is called before a descent and before a search, with what it will take.
+    name : str                  Of the fit, as a stage of a campaign has one; the model's title by default.
     executor                    Who makes descents from several starts, as in `ensemble`: the same values from all.
 
     Raises
@@ -840,7 +840,7 @@ def calibrate(
         weights=weights,
         name=name,
     )
-    return fit(request, progress, stoppable=True, executor=executor)
+    return fit(request, stoppable=True, executor=executor)
 
 
 def requested(
@@ -887,6 +887,8 @@ def fit(
 ) -> Calibration:
     """Return the calibration that a request asks for; see `calibrate`.
 
+    `progress` is called with the number of evaluations and the RMS of the weighted residuals; where it has a method
+    ``ahead(words, seconds)``, that is called before a descent and before a search, with what it will take.
     `recalled` is what was kept of the same fit from before; its end is then evaluated and not searched again. `stoppable` says
     whether the interrupt key ends the search with the best values so far; what makes many fits leaves it to go through. `keeping` keeps
     the model of error of a fit that ended, which takes as long as many searches.
@@ -917,6 +919,7 @@ def fit_problem(
 def _fitted(
     request: Request, problem: Problem, progress: Progress | None, recalled: KeptFit | None, stoppable: bool, executor: Workers
 ) -> tuple[Calibration, Autocorrelation]:
+    """Return the calibration of a problem and the autocorrelation of its residuals: searched, or evaluated at the end that was kept."""
     stated = all(o.noise is not None for o in problem.observations())
     if recalled is not None and not request.effective and list(recalled.fitted) == [u.name for u in problem.unknowns]:
         minimum = ended(problem, np.array(list(recalled.fitted.values())), request.loss, request.loss_scale, recalled.evaluations)
@@ -1016,6 +1019,7 @@ def _as_they_are_worth(request: Request, problem: Problem, minimum: Fit, progres
     share = sum(t.effective_samples for t in slow) / sum(t.samples for t in slow)
 
     def weighed(e: Experiment) -> Experiment:
+        """Return an experiment whose observations count a share of their weight."""
         return replace(e, observations=tuple(replace(o, weight=o.weight * share**0.5) for o in e.observations))
 
     problem = replace(problem, experiments=tuple(map(weighed, problem.experiments)))

@@ -101,6 +101,7 @@ def _deviations(v: FittedValue) -> float:
 
 
 def _words(v: FittedValue, deviations: float) -> str:
+    """Return what would have to be wrong for a value to lie so many standard deviations from what was stated."""
     times = short(deviations)
     if v.kind == "sensor" or (v.kind == INPUT and v.unit == "K"):
         sd = v.prior[1] if v.prior is not None else 0.0
@@ -369,6 +370,7 @@ class Calibration(Result):
 
 
 def _value_line(v: FittedValue, width: int, structural: bool, ranges: Mapping[str, float]) -> str:
+    """Return the line of a fitted value: number, errors, bounds, and what makes its error wide."""
     total, random = v.shown(v.error), v.shown(v.error_random)
     low, high = (v.converted(b) if np.isfinite(b) else b for b in v.bounds)
     bounds = f", bounds {low:.4g} .. {high:.4g}" if np.isfinite(low) or np.isfinite(high) else ""
@@ -405,6 +407,7 @@ def _known_line(s: State, store: Store, width: int) -> str:
 
 
 def _bias_text(sensor: str, fit: Calibration) -> str:
+    """Return the constant error of a sensor as text, fitted or held; empty where it has none. [K]"""
     bias = fit.values.sensors.get(sensor)
     if bias is None:
         held = fit.bias.get(sensor, 0.0)

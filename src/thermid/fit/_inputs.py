@@ -160,6 +160,7 @@ def _channel_source(e: Experiment, channel: Channel) -> tuple[Source, str]:
 
 
 def _boundaries(request: Request, e: Experiment) -> Iterator[Input]:
+    """Yield the temperature of every boundary of an experiment with its source: channel, scenario, value per record, or assumption."""
     driving, record = _driving(e), e.record.name
     local = {_place(e, n) for n in request.locals_of(e.record) if not n.startswith("initial.")}
     readings = {_place(e, n): r.channel for n, r in request.readings.items() if not n.startswith("initial.")}
@@ -177,6 +178,7 @@ def _boundaries(request: Request, e: Experiment) -> Iterator[Input]:
 
 
 def _place(e: Experiment, name: str) -> str:
+    """Return the path that a name, also ``initial.<node>``, stands for."""
     return e.network.find(name.removeprefix("initial."))
 
 

@@ -189,6 +189,7 @@ def descend(
 
 
 def _tried(local: Callable[[Array], LocalCost], x: Array) -> LocalCost:
+    """Return cost, residuals and slopes at a point; an infinite cost where the run fails."""
     try:
         cost, rows, slopes = local(x)
     except SolverError:
@@ -399,6 +400,7 @@ def ended(
 
 
 def _fit_at(problem: LeastSquares, fitted: Array, data: Compressed, evaluations: int, message: str, converged: bool) -> Fit:
+    """Return the end of a minimisation: half of chi-square and the priors' squares is its cost."""
     rows, slopes = problem.prior_rows(fitted)
     cost = 0.5 * (data.chi_square + float(rows @ rows))
     return Fit(fitted, data.slopes, slopes, cost, data.chi_square, data.sums, evaluations, message, converged)

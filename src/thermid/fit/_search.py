@@ -273,6 +273,7 @@ class Search:
         p, begun = self.population, time.perf_counter()
 
         def priced(count: int, rms: float) -> None:
+            """Report how long a descent will take, once its first evaluation was timed; then every evaluation."""
             if count == 1 and not self.spent:
                 one = time.perf_counter() - begun
                 self.tell(f"a descent of some {USUAL} evaluations", (USUAL - 1) * one, loud=False)
@@ -480,6 +481,7 @@ def evolved(population: Population, stoppable: bool = False) -> Evolved:
     best, cost, count, stopped = np.zeros(0), np.inf, 0, False
 
     def costs(points: Array, /) -> Any:  # one cost per member, which the stubs of scipy do not know of
+        """Return the cost of each member of a generation, and note the best so far."""
         nonlocal best, cost, count
         shares = np.atleast_2d(points.T)
         of_members = population.costs(shares)

@@ -220,6 +220,7 @@ class Clocked:
         """
 
         def make() -> Problem:
+            """Return the fit of both records joined at an offset and rate of the second clock."""
             record = self.first.joined(self.second, *at)
             specs = {k: LocalSpec.read(v, f"local.{k}") for k, v in self.local.items()}
             request = Request(self.model, (_as_prompt(record),), (), {"*": self.scenario} if self.scenario else {}, specs, fit_start=False)

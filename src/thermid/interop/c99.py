@@ -243,6 +243,7 @@ class _Header:
         self.coefficients: list[tuple[str, str]] = []
 
     def _name(self, path: str) -> str:
+        """Return the variable of C that holds a parameter: an input, a derived value or a stored one."""
         if path in self.courses:
             return f"u->{self.courses[path]}"
         return f"v_{self.fields[path]}" if path in self.derived else f"p->{self.fields[path]}"
@@ -274,6 +275,7 @@ class _Header:
         return re.sub(r"@(?=_)", self.called, text) + "\n"
 
     def _head(self) -> str:
+        """Return the comment and constants at the head of the file."""
         massless = _comment(", ".join(self.w.massless))
         return HEAD.format(
             called=self.called,
@@ -357,14 +359,17 @@ class _Header:
         yield STATE.format(coefficients=len(self.coefficients))
 
     def _switches(self) -> list[str]:
+        """Return the loads that a thermostat switches."""
         return list(dict.fromkeys(s.load for s in self.w.sources if s.control == "thermostat"))
 
     def _add(self, formula: object, what: str, by: str = "") -> int:
+        """Add a coefficient, a formula times what drives it, and return its place."""
         text = self.formulas.text_of(formula, 2) if by else self.formulas.text_of(formula)  # type: ignore[arg-type]
         self.coefficients.append((f"{text}*{by}" if by and text != "1.0" else by or text, what))
         return len(self.coefficients) - 1
 
     def _add_all(self, several: Sequence[tuple[object, str]], what: str) -> int:
+        """Add several coefficients and return the place of the first."""
         first = len(self.coefficients)
         for formula, by in several:
             self._add(formula, what, by)
@@ -381,6 +386,7 @@ class _Header:
         return self.curves[behind]
 
     def _table_arrays(self) -> Iterator[str]:
+        """Yield the arrays of C that hold the points, slopes and limits of all tables."""
         arrays = [curve_arrays(curve) for curve in self.tables]
         begin = np.cumsum([0, *(x.size for x, _, _ in arrays)]).tolist()
         limits = [curve.limits or (-math.inf, math.inf) for curve in self.tables]
@@ -564,6 +570,7 @@ class _Stepper:
         return np.array(out)
 
     def _balance(self, state: Array, time: float) -> tuple[Array, Array]:
+        """Return the net heat into every node [W] and its derivative by the temperatures [W/K] at a time [s]."""
         heat, jacobian, _ = self.engine.rhs(self.a, state, time, False, self.on)
         return heat, jacobian
 
@@ -627,6 +634,7 @@ class _Stepper:
         return np.asarray(at + k[5])
 
     def _sensor(self, control: object, state: Array, time: float) -> float:
+        """Return the temperature that a control reads, a node's or a boundary's. [K]"""
         place = control.sensor  # type: ignore[attr-defined]
         if place < state.size:
             return float(state[place])
@@ -642,6 +650,7 @@ class _Stepper:
         return out
 
     def _due(self, state: Array, time: float) -> float:
+        """Return how far the nearest thermostat is past its switching temperature; above zero it switches. [K]"""
         return max(self._gaps(state, time), default=-1e9)
 
     def _switched(self, state: Array, time: float, near: float) -> Array:

@@ -116,6 +116,7 @@ class Equations(Shown):
         import sympy
 
         def shown(expression: Expr) -> str:
+            """Return an expression in the form asked for: LaTeX or MathML."""
             return str(sympy.latex(expression, order="none"))
 
         rows = [
@@ -130,9 +131,11 @@ class Equations(Shown):
         from sympy import mathml
 
         def shown(expression: Expr) -> str:
+            """Return an expression in the form asked for: LaTeX or MathML."""
             return str(mathml(expression, printer="presentation", order="none"))
 
         def rate(c: Expr, t: Expr) -> str:
+            """Return c dT/dt in MathML."""
             return f"{shown(c)}<mfrac><mrow><mi>d</mi>{shown(t)}</mrow><mrow><mi>d</mi><mi>t</mi></mrow></mfrac>"
 
         sides = [(rate(c, t), shown(q)) for t, c, q in zip(self.states, self.capacitances, self.heat, strict=True)]
@@ -157,6 +160,7 @@ class Equations(Shown):
         from sympy import octave_code
 
         def scalar(expression: Expr) -> str:
+            """Return an expression in Octave with operators of scalars."""
             return re.sub(r"\.([*/^])", r"\1", str(octave_code(expression)))
 
         lines = [f"function dTdt = {name}(t, T, p)"]
@@ -277,6 +281,7 @@ class _Derivation:
         self.recovered: list[tuple[str, Expr]] = []
 
     def _symbol(self, name: str, what: str) -> Expr:
+        """Return the symbol of a name, whose meaning is noted for the legend."""
         self.symbols[name] = what
         return self.sympy.Symbol(name)
 
@@ -339,6 +344,7 @@ class _Derivation:
         self.recovered.append((node, (mean + own_heat * everything) / delta))
 
     def _delta(self, node: str, expression: Expr, several: bool) -> Expr:
+        """Return the symbol that abbreviates the denominator of an eliminated node."""
         word = re.sub(r"^T_?", "", self.names.temperature[node])
         symbol = self._symbol(f"Delta_{word}" if several else "Delta", f"abbreviation from the elimination of {node}")
         self.auxiliaries[symbol] = expression
@@ -356,4 +362,5 @@ class _Derivation:
 
 
 def _pairs(ends: list[str]) -> list[tuple[str, str]]:
+    """Return every pair of a list, each once."""
     return [(a, b) for i, a in enumerate(ends) for b in ends[i + 1 :]]

@@ -426,6 +426,7 @@ def _assignments(part: str, where: str, number: int, constants: Mapping[str, str
     names = [name] if len(elements) == 1 and name not in vectors else [f"{name}_{k}" for k in range(1, len(elements) + 1)]
 
     def plain(text: str) -> str:
+        """Return an expression of MATLAB as a deck has it: elements of vectors by names of their own."""
         taken = re.sub(r"\b([A-Za-z]\w*)\((\d+)\)", lambda m: f"{m[1]}_{m[2]}" if m[1] in vectors else m[0], text)
         return _expression(_rooted(taken), where, constants)
 
@@ -520,6 +521,7 @@ def _commented(assignments: list[Statement], comment: str) -> list[Statement]:
 
 
 def _shortened(text: str, most: int = 60) -> str:
+    """Return a text cut to at most so many characters."""
     return text if len(text) <= most else f"{text[:most]}..."
 
 

@@ -205,6 +205,7 @@ class _Package:
         yield f"end {self.called};"
 
     def _network(self) -> Iterator[str]:
+        """Yield the lines of the model of the network: parameters, inputs, ports, components, connections."""
         w, lib = self.w, self.library
         yield '  model Network "A HeatPort for each boundary, an input for each load and each parameter that follows time"'
         for q in w.parameters:
@@ -273,6 +274,7 @@ class _Package:
         )
 
     def _load(self, name: str, source: HeatSource) -> Iterator[str]:
+        """Yield the lines of a load with its dependence on temperature."""
         at = f"{self._port(source.sensor or source.node)}.T"
         power = f"{self.text.text_of(source.power, 2)}*{name}_input"
         rest = [self._text_of(c) for c in source.rest]
@@ -325,9 +327,11 @@ class _Package:
         )
 
     def _text_of(self, formula: object) -> str:
+        """Return a formula in Modelica."""
         return self.text.text_of(formula)  # type: ignore[arg-type]
 
     def _port(self, node: str) -> str:
+        """Return the heat port of a node or boundary."""
         return self.node[node] if node in self.w.network.boundaries else f"{self.node[node]}.port"
 
     def _lines(self, curve: Curve, at: str, area: bool = False) -> str:

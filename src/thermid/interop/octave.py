@@ -210,6 +210,7 @@ class _Writer:
         yield "end"
 
     def _conductance(self, row: ConductorRow) -> str:
+        """Return the conductance of a row as a formula of the temperatures. [W/K]"""
         coefficients = [self.text.text_of(c, 2) for c in row.coefficients]  # type: ignore[arg-type]
         a, b = (f"T_{self.nodes[end]}" for end in row.ends)
         text = conductance_text(row, coefficients, a, b, self._read)
@@ -283,6 +284,7 @@ class _Writer:
         return " + ".join(totals), " + ".join(known_heat), others
 
     def _signals(self) -> Iterator[tuple[str, Drawn, str]]:
+        """Yield name, signal and meaning of everything that follows time: boundaries, drives of loads, presence of gases."""
         for boundary, signal in self.w.boundaries.items():
             yield f"boundary_{self.nodes[boundary]}", signal, f"Temperature of '{boundary}'. [K]"
         for k, source in enumerate(self.w.sources, 1):
@@ -293,6 +295,7 @@ class _Writer:
 
 
 def _gas(signal: str) -> str:
+    """Return the name in Octave of the signal of a gas."""
     return re.sub(r"\W", "_", signal.replace("*", "any"))
 
 
@@ -321,6 +324,7 @@ def _signal_lines(signal: Drawn) -> Iterator[str]:
 
 
 def _listed(start: str, numbers: Sequence[float], column: bool = False) -> Iterator[str]:
+    """Yield the lines of a row or column of numbers; an empty one is ``zeros(0, 1)``."""
     if not numbers:
         yield f"{start}zeros(0, 1);"
         return
@@ -337,4 +341,5 @@ def _wrapped(start: str, words: Sequence[str], between: str, end: str) -> Iterat
 
 
 def _quoted(text: str) -> str:
+    """Return a text in single quotes of Octave."""
     return "'" + text.replace("'", "''") + "'"

@@ -91,6 +91,7 @@ class _Netlist:
         yield ".end"
 
     def _conductor(self, label: str, row: ConductorRow) -> str:
+        """Return the line of a conductor as a resistor or controlled source; a law that SPICE does not have is refused."""
         a, b = (self.nodes[end] for end in row.ends)
         name = self.rows[label]
         g, *rest = (value_of(c) for c in row.coefficients)

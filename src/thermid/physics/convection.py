@@ -159,10 +159,12 @@ def duct_nusselt(reynolds: Number, prandtl: Number, slenderness: Number, develop
     """
 
     def laminar(re: Number) -> Number:
+        """Return the mean Nusselt number of laminar flow with its entrance."""
         entrance = 1.615 * (re * prandtl * slenderness) ** (1.0 / 3.0)
         return (developed**3 + 0.7**3 + np.maximum(entrance - 0.7, 0.0) ** 3) ** (1.0 / 3.0)
 
     def turbulent(re: Number) -> Number:
+        """Return the mean Nusselt number of turbulent flow (Gnielinski)."""
         gas = 0.0214 * (re**0.8 - 100.0) if prandtl <= 1.5 else 0.012 * (re**0.87 - 280.0)
         return gas * prandtl**0.4 * (1.0 + slenderness ** (2.0 / 3.0))
 

@@ -158,6 +158,7 @@ def _ht_correlation(name: str, where: str) -> NusseltLaw:
     facing = "buoyancy" in arguments and arguments["buoyancy"].default is not None  # None: of a vertical plate, which has it for its form
 
     def nusselt(ra: float, pr: float, away: bool) -> float:
+        """Return the Nusselt number of the correlation at a Rayleigh and a Prandtl number."""
         return float(function(pr, ra / pr, buoyancy=away) if facing else function(pr, ra / pr))
 
     return NusseltLaw(name, nusselt, 0.0, math.inf, facing, 0.0, f"ht.{name}")

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.codes import CodedText
-from thermid.base.errors import ThermidError, ThermidWarning
+from thermid.base.errors import ThermidError, ThermidWarning, refuse_unknown
 from thermid.base.expression import amount
 from thermid.base.results import Result
 from thermid.base.units import TEMPERATURE
@@ -33,6 +33,8 @@ CORRELATION_ERROR = 0.15
 SETTLED = (0.98, 0.99, 0.999)
 """Parts of the rise that people call settled. [-]"""
 
+ERRORS = {"sensor": ("K", 0.5), "power": ("W", 0.0), "area": ("m^2", 0.0), "drift": ("K", 0.0)}
+"""What may err in a settled test -> unit and size of its error where none is stated."""
 BIOT_LIMIT = 0.1
 """Above it the temperature inside a part is not uniform; Incropera, 6th ed., Section 5.2. [-]"""
 
@@ -156,10 +158,7 @@ def compare_htc(
     *,
     box: tuple[str | float, str | float] | None = None,
     air: Gas | tuple[float, float, float] | None = None,
-    sensor: str | float = 0.5,
-    power_error: str | float = 0.0,
-    area_error: str | float = 0.0,
-    drift: str | float = 0.0,
+    errors: Mapping[str, str | float] | None = None,
     emissivity: float | None = None,
     parts: Mapping[str, tuple[str | float, str | float]] | None = None,
     capacitance: str | float | None = None,
@@ -177,9 +176,8 @@ def compare_htc(
     box : tuple of 2                    Length and width of a box of that height; adds horizontal faces and the mean over all. [m]
     air : Gas or tuple of 3             Conductivity [W/(m K)], kinematic viscosity [m^2/s] and Prandtl number [-]; dry air at the mean of
                                         both temperatures if not given.
-    sensor : str or float               Standard error of each of the two temperatures, independent. [K]
-    power_error, area_error             Standard errors. [W], [m^2]
-    drift : str or float                Variation of the room during the test; reported apart. [K]
+    errors : dict                       Standard errors: ``sensor`` of each of the two temperatures, independent (0.5 if not given) [K],
+                                        ``power`` [W], ``area`` [m^2]; and ``drift``, the variation of the ambient, reported apart [K].
     emissivity : float                  Of the surface, large surroundings at ambient temperature. [-]
     parts : dict                        Name -> (length of the heat's path inside [m], conductivity [W/(m K)]), for Biot numbers.
     capacitance : str or float          Mass times specific heat. [J/K]
@@ -208,11 +206,10 @@ def compare_htc(
     """
     q, a, hot, cold, tall = _checked_inputs(power, area, surface, ambient, height)
     rise = hot - cold
-    errors = [
-        amount(v, s, n) for v, s, n in ((sensor, "K", "sensor"), (power_error, "W", "power_error"), (area_error, "m^2", "area_error"))
-    ]
+    refuse_unknown(errors or {}, ERRORS, "compare_htc, errors")
+    sensor, of_power, of_area, drift = (amount((errors or {}).get(n, size), u, f"errors.{n}") for n, (u, size) in ERRORS.items())
     effective = effective_htc(q, a, rise)
-    error = effective_htc_error(q, a, rise, power_error=errors[1], area_error=errors[2], rise_error=errors[0] * math.sqrt(2.0))
+    error = effective_htc_error(q, a, rise, power_error=of_power, area_error=of_area, rise_error=sensor * math.sqrt(2.0))
     faces = tuple(amount(x, "m", "box") for x in box) if box is not None else None
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", ThermidWarning)
@@ -225,7 +222,7 @@ def compare_htc(
     remarks += _meaning(effective, error, correlations[-1].htc, radiation, q, a, rise)
     biot = _biot(parts or {}, effective, correlations[-1].htc, remarks)
     settling = _settling(capacitance, settled_after, effective * a, remarks)
-    shift = effective * amount(drift, "K", "drift") / abs(rise)
+    shift = effective * drift / abs(rise)
     return HtcComparison(effective, error, shift, correlations, rise, tuple(remarks), radiation, biot, settling)
 
 
@@ -296,10 +293,13 @@ def _box_remark(area: float, height: float, length: float, width: float) -> list
     outside = 2 * (length * width + height * (length + width))
     if abs(outside - area) <= 0.02 * area:
         return []
-    text = (
-        f"the box has {outside:.6g} m^2 outside but the given area is {area:.6g} m^2, so they include different faces. Correct one of them"
-    )
-    return [CodedText(text, "htc.area-of-other-faces")]
+    return [
+        CodedText(
+            f"the box has {outside:.6g} m^2 outside but the given area is {area:.6g} m^2, so they include different faces. Correct one of "
+            "them",
+            "htc.area-of-other-faces",
+        )
+    ]
 
 
 def _meaning(effective: float, error: float, theoretical: float, radiation: float | None, q: float, a: float, rise: float) -> list[str]:
@@ -311,11 +311,13 @@ def _meaning(effective: float, error: float, theoretical: float, radiation: floa
     expected = theoretical + (radiation or 0.0)
     what = "convection and radiation" if radiation is not None else "convection alone"
     if abs(effective - expected) <= 2 * doubt:
-        text = (
-            f"effective and theoretical coefficient ({what}) differ by {effective - expected:+.2f} W/(m^2 K), within two standard errors "
-            f"of {doubt:.2f}, so the test cannot distinguish them"
-        )
-        return [CodedText(text, "htc.agrees")]
+        return [
+            CodedText(
+                f"effective and theoretical coefficient ({what}) differ by {effective - expected:+.2f} W/(m^2 K), within two standard "
+                f"errors of {doubt:.2f}, so the test cannot distinguish them",
+                "htc.agrees",
+            )
+        ]
     if effective > expected:
         radiates = "radiation (0.6 to 5.3 W/(m^2 K) at room temperature for emissivities of 0.1 to 0.85), " if radiation is None else ""
         text = (

@@ -165,6 +165,7 @@ def values_at(values: FittedValues, at: str) -> FittedValues:
     ahead = f"{at}."
 
     def moved(v: FittedValue) -> FittedValue:
+        """Return a fitted value under the path that it has in the larger model."""
         return replace(v, path=ahead + v.path, also=tuple(ahead + q for q in v.also)) if v.kind == "parameter" else v
 
     provenance = values.provenance

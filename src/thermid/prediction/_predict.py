@@ -139,6 +139,7 @@ class Band(Result):
     mixture: NormalMixture | None = field(default=None, repr=False)
 
     def _summary(self) -> str:
+        """Return the last temperature of the node and its 95 % band. [degC]"""
         low, high = (end[-1] for end in self.interval())
         return f"{self.path}: {self.celsius[-1]:.2f} degC at {self.times[-1]:g} s, 95 % band {low:.2f} to {high:.2f} degC"
 
@@ -282,6 +283,7 @@ class Prediction(Result):
         """Return everything but the traces as plain numbers: at the end, settled, and at some times. [s]"""
 
         def plain(e: Estimate) -> dict[str, Any]:
+            """Return an estimate as JSON holds it."""
             return {"C": e.celsius, "error_K": e.error, "low_C": e.low, "high_C": e.high, "shares": dict(e.shares)}
 
         nodes = {

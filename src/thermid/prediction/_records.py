@@ -206,6 +206,7 @@ class RecordPrediction:
         """Return everything but the traces as plain numbers."""
 
         def plain(b: SensorBand) -> dict[str, Any]:
+            """Return the band of a sensor as JSON holds it."""
             return {
                 "node": b.node,
                 "rmse_K": b.rmse,

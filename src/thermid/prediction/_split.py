@@ -16,7 +16,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
-from thermid.base.errors import IdentificationError, nearest
+from thermid.base.errors import IdentificationError, nearest, quoted
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.fit.calibration import Calibration
@@ -389,13 +389,12 @@ def _caution(model: Model, base: FittedValues, parts: Sequence[Part]) -> str:
     masses = [path for path in roots if path in base]
     if not masses or not any(part.fitted in base and part.emissivity not in base for part in parts):
         return ""
-    named = ", ".join(f"'{m}'" for m in masses[:4]) + (f" and {len(masses) - 4} more" if len(masses) > 4 else "")
     was = "was" if len(masses) == 1 else "were"
     return (
-        f"{named} {was} fitted together with constant coefficients, although those of air grow with the difference. The masses absorb "
-        "several per cent of a warm-up in this way, so a transient without gas is wrong by that share (0.3 K of a rise of 15 K on a "
-        "painted box, 2 K on an assembly). Steady states are not affected. `thermid predict` includes this error; the errors here, "
-        "and members drawn from `values`, do not. To avoid it, fit a law of natural convection and the emissivity."
+        f"{quoted(masses)} {was} fitted together with constant coefficients, although those of air grow with the difference. The "
+        "masses absorb several per cent of a warm-up in this way, so a transient without gas is wrong by that share (0.3 K of a rise "
+        "of 15 K on a painted box, 2 K on an assembly). Steady states are not affected. `thermid predict` includes this error; the "
+        "errors here, and members drawn from `values`, do not. To avoid it, fit a law of natural convection and the emissivity."
     )
 
 

@@ -440,6 +440,7 @@ def doubts_without_gas(model: Model, scenario: Scenario) -> dict[str, float]:
     out: dict[str, float] = {}
 
     def doubt(path: str, size: float) -> None:
+        """Note by how much the number behind a path is doubted, relative; what is no positive number is left out."""
         root = parameters.literal_behind(path)
         parameter: Parameter = parameters.table[root].parameter
         if parameter.is_literal and parameters.evaluate({})[root] > 0:
@@ -459,6 +460,7 @@ def doubted(problem: Problem, doubts: Mapping[str, float]) -> Problem:
     """Return a problem in which each value of `doubts` (path -> relative standard deviation) has a prior about its start."""
 
     def with_prior(u: Unknown, size: float) -> Unknown:
+        """Return an unknown with a prior of this relative width about its start."""
         return replace(u, prior=Prior(math.log(u.start), size) if u.log else Prior(u.start, size * u.start))
 
     return replace(problem, unknowns=tuple(with_prior(u, doubts[u.name]) if u.name in doubts else u for u in problem.unknowns))

@@ -382,7 +382,7 @@ class LockStatus:
 
     def __str__(self) -> str:
         """The status as a sentence."""
-        keys = ", ".join(self.changed[:6]) + (f" and {len(self.changed) - 6} more" if len(self.changed) > 6 else "")
+        keys = quoted(self.changed)
         return {
             "open": "the plan is not locked. Lock it before any log is read: thermid plan PLAN --lock",
             "locked": f"the plan is unchanged since it was locked on {self.date} (hash {self.sha256[:12]})"

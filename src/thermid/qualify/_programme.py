@@ -270,6 +270,7 @@ def _with_doubt_of_equal_logs(trials: Sequence[Trial]) -> list[Trial]:
     """Return the tests; those whose logs are identical name each other in `not_shown`."""
 
     def doubt(t: Trial) -> tuple[str, ...]:
+        """Return why a test's log may not be its own: another test has the same."""
         same = [o.test.name for o in trials if o is not t and t.log_sha256 and o.log_sha256 == t.log_sha256]
         return (f"its log is identical to that of {', '.join(same)}",) if same else ()
 

@@ -216,6 +216,7 @@ class BlockRerun:
         """Return what is watched (times, watched) [K] at increasing times (times,) [s]."""
 
         def run() -> Array:
+            """Return the watched temperatures at `times` (times, nodes). [K]"""
             run_arguments = (self.network, self.initial, self.end, times, self.watched, np.zeros(0))
             return integrate(*run_arguments, self.options, self.where, self.name).watched
 
@@ -382,6 +383,7 @@ def compile_block(block: Block, scenario: Scenario) -> SparseNetwork:
     inputs: list[Drawn] = []
 
     def place(drawn: Drawn) -> int:
+        """Return the place of a signal among the inputs; `NONE` for a constant."""
         if isinstance(drawn, Constant):
             return NONE
         inputs.append(drawn)
@@ -517,6 +519,7 @@ def _periodic(
     watched, none = (Watched("mean", np.zeros(1, dtype=np.int32), np.ones(1)),), np.zeros(0)
 
     def after(state: Array) -> Array:
+        """Return the state one period later. [K]"""
         return integrate(network, state, period, np.array([period]), watched, none, fine, where, name).final
 
     state, states, steps = guess.copy(), [], []  # type: Array, list[Array], list[Array]

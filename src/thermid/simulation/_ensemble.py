@@ -618,6 +618,7 @@ def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executo
     others = in_tasks(_count, calls, executor, seconds=ahead)
 
     def counted() -> Iterator[tuple[int, Counted]]:
+        """Yield the counts of each part as it ends, kept in the folder before."""
         for k, part in others:
             if folder is not None:
                 folder.save(_file_of(open_[k], part.members), part.arrays())
@@ -684,6 +685,7 @@ def _one_by_one(
     place = {n: k for k, n in enumerate(wanted)}
 
     def traces(node: str) -> Array:
+        """Return the temperatures (times, members) of a node. [K]"""
         return np.asarray(temperatures[:, :, place[node]].T)
 
     statistics = {"steps": 0, "rejected": 0, "one_by_one": members, "simd": "none"}

@@ -217,6 +217,7 @@ def ascent_scenario(
 
 
 def _pressure(trajectory: Trajectory | None, times: Array, upper: str, title: str) -> Signal:
+    """Return the pressure along a trajectory at times [s], by a model of the upper air. [Pa]"""
     if trajectory is None:
         raise ScenarioError("give a trajectory, or the pressure as a curve.", title, code="value.incomplete")
     return TableSignal(times, trajectory.air(times, upper)[0])
@@ -268,6 +269,7 @@ def _streams(
 
 
 def _duration(duration: Any, trajectory: Trajectory | None, title: str) -> float:
+    """Return the duration: as given, or that of the trajectory. [s]"""
     if duration is not None:
         return amount(duration, "s", f"{title}, duration")
     if trajectory is None:
@@ -372,5 +374,6 @@ def _decay(pressure: Signal, seconds: float, over: float, air: str, limits: Mapp
 
 
 def _check(name: str, value: float, limits: Mapping[str, Figure], at: float, what: str) -> AscentCheck:
+    """Return the check of a value against its published limit; a figure that does not decide gives no verdict."""
     limit = limits[name]
     return AscentCheck(name, value, limit, bool(value <= limit.value) if limit.decides else None, at, what)

@@ -298,6 +298,7 @@ def eclipse_signal(altitude: str | float, beta: float | str, duration: str | flo
 
 
 def _lit(written: Any) -> Signal:
+    """Return the light on a spacecraft, 0 in eclipse to 1 in the sun, from a number or signal. [-]"""
     lit = Constant(float(written)) if isinstance(written, int | float) else signal(written, "1", "orbit, lit")
     if not (lit.bounds[0] >= 0.0 and lit.bounds[1] <= 1.0):
         raise ScenarioError("give light from 0 in eclipse to 1 in the sun.", "orbit, lit", code="value.outside-range")

@@ -54,32 +54,39 @@ Frame = Callable[[Array, Array], Array]
 
 
 def _up(out: Array, sun: Array) -> Array:
+    """Axis away from the planet (times, 3), from the directions outwards and to the sun."""
     return out
 
 
 def _along(out: Array, sun: Array) -> Array:
+    """Axis of flight in a circular orbit (times, 3): outwards turned by 90 degrees in its plane."""
     return np.column_stack((-out[:, 1], out[:, 0], out[:, 2]))
 
 
 def _fixed(axis: int) -> Frame:
+    """Return the frame of an axis of the orbit that does not turn, by its number."""
     return lambda out, sun: np.broadcast_to(np.eye(3)[axis], out.shape)
 
 
 def _to_sun(out: Array, sun: Array) -> Array:
+    """Axis to the sun (times, 3)."""
     return np.broadcast_to(sun, out.shape)
 
 
 def _beside_sun(out: Array, sun: Array) -> Array:
+    """Axis in the plane of the orbit, across the direction to the sun (times, 3)."""
     across = np.cross((0.0, 0.0, 1.0), sun)
     size = float(np.linalg.norm(across))
     return np.broadcast_to(across / size if size > 1e-9 else np.array([0.0, 1.0, 0.0]), out.shape)
 
 
 def _over_sun(out: Array, sun: Array) -> Array:
+    """Axis across both the direction to the sun and `_beside_sun` (times, 3)."""
     return np.cross(_to_sun(out, sun), _beside_sun(out, sun))
 
 
 def _turned(frame: Frame) -> Frame:
+    """Return the opposite axis."""
     return lambda out, sun: -frame(out, sun)
 
 
@@ -165,6 +172,7 @@ class OrbitFluxes:
         return out
 
     def _signal(self, values: Array) -> Signal:
+        """Return values over one orbit as a signal that repeats."""
         return TableSignal(self.times, np.append(values[:-1], values[0]), after="repeat")
 
     def means(self) -> dict[str, tuple[float, float, float]]:
@@ -366,4 +374,5 @@ def _views(normal: Array, out: Array, altitude: Array, radius: float) -> Array:
 
 @lru_cache(maxsize=65536)
 def _share(altitude: float, tilt: float, radius: float) -> float:
+    """Return the view factor from a surface of some tilt to the planet, not below zero. [-]"""
     return max(planet_share(altitude, tilt, radius), 0.0)  # rounding at the edge of view

@@ -38,7 +38,6 @@ def pad_scenario(
     site: Site | None = None,
     weather: Weather | None = None,
     *,
-    title: str = "pad",
     begin: str | datetime | None = None,
     duration: str | float | None = None,
     air: str = "ambient",
@@ -55,7 +54,6 @@ def pad_scenario(
     Parameters
     ----------
     site : Site             The place; by default what the weather file says of it.
-    title : str             What it is.
     weather : Weather       By default a sky without clouds; the air then has `air_temperature`.
     begin : str             An instant, in the site's standard time where it names no zone; the weather's beginning by default.
     duration : str, float   The weather's by default. [s]
@@ -69,13 +67,15 @@ def pad_scenario(
     wind : dict             A coefficient from a correlation feels the weather's wind; a fixed one follows it if it stands here, with
                             ``length`` of its surface along the wind [m], ``calm`` value [W/(m^2 K)], and ``rain``: roof or wall, as
                             `wind_htc` says.
-    others                  Fields of `Scenario`: start (the air by default), loads, boundaries, schedule, environment, irradiation.
+    others                  Fields of `Scenario`: title (pad by default), start (the air by default), loads, boundaries, schedule,
+                            environment, irradiation.
 
     Raises
     ------
     ScenarioError   When there is no site, no instant or no temperature of the air.
     RecordError     When the weather does not cover the time.
     """
+    title = others.pop("title", "pad")
     place = site or _place(weather, title)
     if weather is not None:
         # a time of day without zone is meant in the site's
@@ -235,11 +235,17 @@ def _place(weather: Weather | None, title: str) -> Site:
             title,
             code="value.incomplete",
         )
-    name = weather.name if weather is not None else title
-    return Site(place["latitude"], place["longitude"], place.get("altitude", 0.0), place.get("timezone"), name)
+    return Site(
+        place["latitude"],
+        place["longitude"],
+        place.get("altitude", 0.0),
+        place.get("timezone"),
+        weather.name if weather is not None else title,
+    )
 
 
 def _temperature(weather: Weather | None, temperature: Any, title: str, air: str) -> Signal:
+    """Return the temperature of the air: as given, or the weather's dry bulb. [K]"""
     if temperature is not None:
         return signal(temperature, TEMPERATURE, f"{title}, air_temperature")
     if weather is None or "dry_bulb" not in weather:
@@ -262,6 +268,7 @@ def _environment(site: Site, weather: Weather | None, seconds: float) -> Environ
 
 
 def _duration(duration: Any, title: str) -> float:
+    """Return the duration, which must be given without weather. [s]"""
     if duration is None:
         raise ScenarioError("the duration is missing. Give one, such as duration = '12 [h]'.", title, code="value.incomplete")
     return amount(duration, "s", f"{title}, duration")

@@ -178,6 +178,7 @@ def ignore_future_warnings() -> Iterator[None]:
 
 
 def _pvlib() -> Any:
+    """Return pvlib, or refuse in words that name the extra."""
     try:
         import pvlib
     except ImportError:

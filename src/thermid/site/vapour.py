@@ -137,6 +137,7 @@ class WaterBalance:
 
 
 def _grams(mass: float, sign: str = "") -> str:
+    """Return a mass as text. [g]"""
     return f"{1e3 * mass:{sign}.3g} g"
 
 
@@ -173,6 +174,7 @@ class _Surfaces:
 
 
 def _surfaces(solution: Solution, parts: Sequence[FlatConductor]) -> _Surfaces:
+    """Return temperature, area and film of every surface over a run (surfaces, times), for what water settles there."""
     run = solution._run
     values = {p: value_of(v) for p, v in run.assembled.numbers.values.items()}
     shape = (len(parts), solution.times.size)
@@ -442,6 +444,7 @@ class _Interval:
         return np.where(wet, state.film / self.scale, -self.gain(state, share) / self.scale)
 
     def _crossed(self, state: _Water, share: float, wet: Bools) -> Bools:
+        """Return which guards have switched: film gone, or vapour saturated (surfaces,)."""
         return np.asarray(self._guards(state, share, wet) < -NOTHING)
 
     def _turned(self, state: _Water, share: float, wet: Bools) -> Bools:
@@ -566,6 +569,7 @@ def _whole(solution: Solution, gas: str) -> Array:
 
 
 def _check_air(solution: Solution, gases: Iterable[str]) -> None:
+    """Refuse a gas other than air: the diffusion of vapour is known in air only."""
     for gas in gases:
         kind = solution._run.network.media.gas(gas)
         if kind != "air":
@@ -584,6 +588,7 @@ def _pressure(solution: Solution, gas: str, humidity: Signal) -> Array:
 
 
 def _check_humidity(values: Array, whose: str) -> None:
+    """Refuse a relative humidity outside 0 to 1."""
     bad = ~((values >= 0.0) & (values <= 1.0))
     if bad.any():
         raise ScenarioError(

@@ -202,6 +202,7 @@ class Weather(Result):
         return (instant - self.begin).total_seconds()
 
     def _read_stamp(self, text: str) -> datetime:
+        """Return the date and time of a text, with or without a year."""
         year = self.begin.year if self.begin is not None else 0
         for candidate in (text, f"{year}-{text}"):
             try:
@@ -213,6 +214,7 @@ class Weather(Result):
         )
 
     def _stamp(self, seconds: float) -> str:
+        """Return a time as date and clock, or as seconds where the beginning has no date. [s]"""
         return _stamp(self.begin, seconds)
 
     def __str__(self) -> str:
@@ -340,6 +342,7 @@ def _existing(columns: Columns, name: str, series: WeatherSeries, file: str) -> 
 
 
 def _stamp(begin: datetime | None, seconds: float) -> str:
+    """Return a time as date and clock, or as seconds where the beginning has no date. [s]"""
     return f"{seconds:g} s" if begin is None else (begin + timedelta(seconds=float(seconds))).strftime("%Y-%m-%d %H:%M")
 
 
@@ -415,6 +418,7 @@ def _typical(path: Path, year: int, epw: bool) -> Columns:
 
 
 def _delta(seconds: float) -> Any:
+    """Return seconds as pandas has them."""
     import pandas
 
     return pandas.Timedelta(seconds=seconds)
@@ -456,4 +460,5 @@ def _instant(stamp: str | None, begin: str | None, file: str) -> datetime | None
 
 
 def _step(seconds: FloatArray) -> float:
+    """Return the usual time between two rows. [s]"""
     return float(np.median(np.diff(seconds)))

@@ -122,6 +122,7 @@ class FittedValues(Shown, Mapping[str, FittedValue]):
     store: Store | None = field(default=None, repr=False)
 
     def _summary(self) -> str:
+        """Return the stage and how many values it fitted."""
         return f"{self.stage}: {counted(len(self.items_), 'value')}"
 
     def _as_rows(self) -> list[Row]:

@@ -464,6 +464,7 @@ class Store(Shown):
     __hash__ = None  # type: ignore[assignment]
 
     def _summary(self) -> str:
+        """Return how many values the store holds."""
         return f"{counted(len(self.states), 'value')} of fits and files"
 
     def _as_rows(self) -> list[Row]:
@@ -556,6 +557,7 @@ class Store(Shown):
         cut = len(part) + 1
 
         def moved(s: State) -> State:
+            """Return a state under the paths that it has within the part."""
             paths = tuple(p[cut:] for p in s.paths if inside(p, part))
             hidden = tuple(p[cut:] for p in s.hidden if inside(p, part))
             at = s.at[cut:] if inside(s.at, part) else ""

@@ -11,6 +11,7 @@ import pytest
 import thermid as td
 from by_code import warns_code
 from thermid.fit import _search as search
+from thermid.fit._calibrate import fit, requested
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.fit._search import contradictions, searched
@@ -136,7 +137,7 @@ class TestSecondDescent:
 class TestPrice:
     def test_a_search_says_what_it_will_take_before_it_begins(self) -> None:
         told = Told()
-        td.calibrate(chain(), log(TRUTH), FREE, scenario=BENCH, search="multistart", progress=told)
+        fit(requested(chain(), (log(TRUTH),), FREE, scenario=BENCH, search="multistart"), told)
         (_, first), (words, whole) = told.words
         assert words == "up to 5 descents from the best of 64 points (as asked)"
         assert 0.0 < first < whole
@@ -185,7 +186,7 @@ class TestInterrupt:
         assert whole.chi_square < found.chi_square <= searched(problem, "auto", "linear", 1.0, Told(1), stoppable=True).chi_square
 
     def test_the_calibration_is_not_credible_and_says_so(self) -> None:
-        found = td.calibrate(chain(), log(TRUTH), FREE, scenario=BENCH, progress=Told(4))
+        found = fit(requested(chain(), (log(TRUTH),), FREE, scenario=BENCH), Told(4), stoppable=True)
         assert found.stopped
         assert found.standing.state == "not credible"
         assert "stopped by the user after 4 evaluations" in str(found).splitlines()[0]

@@ -13,7 +13,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import IdentificationError, RecordError, SolverError
 from thermid.campaign.verdicts import compare
-from thermid.fit._calibrate import calibrate, fit, refuse_after, summarise
+from thermid.fit._calibrate import calibrate, fit, refuse_after, requested, summarise
 from thermid.fit._minimisation import covariances, ended, minimise
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
@@ -383,7 +383,7 @@ def test_a_noisy_room_does_not_make_a_search_grope() -> None:
 
 def test_progress_counts_evaluations() -> None:
     seen: list[tuple[int, float]] = []
-    found = calibrate(box(), log(box(), {}, {"T": "case"}, samples=31), [HTC], progress=lambda n, rms: seen.append((n, rms)))
+    found = fit(requested(box(), (log(box(), {}, {"T": "case"}, samples=31),), [HTC]), lambda n, rms: seen.append((n, rms)))
     assert [n for n, _ in seen] == list(range(1, len(seen) + 1))
     assert seen[-1][0] == found.evaluations
     assert seen[-1][1] == pytest.approx(1.0, abs=0.4)

@@ -46,7 +46,7 @@ def test_air_is_that_of_the_mean_temperature_where_none_is_given() -> None:
 
 
 def test_errors_of_power_and_area_join_those_of_the_sensors() -> None:
-    found = elegfo(power_error="0.1 [W]", area_error="0.004 [m^2]", sensor="0.25 [K]")
+    found = elegfo(errors={"power": "0.1 [W]", "area": "0.004 [m^2]", "sensor": "0.25 [K]"})
     relative = math.hypot(0.1 / 2.168, 0.004 / 0.082241, 0.25 * math.sqrt(2) / 11.938)
     assert found.error == pytest.approx(found.effective * relative, rel=1e-12)
 
@@ -104,7 +104,11 @@ def test_a_box_of_another_area_is_remarked() -> None:
 
 
 def test_it_prints() -> None:
-    text = str(elegfo(drift="0.7 [K]", parts={"case": (0.02492, 130.0)}, capacitance="707.52 [J/K]", settled_after="5 [h]", emissivity=0.3))
+    text = str(
+        elegfo(
+            errors={"drift": "0.7 [K]"}, parts={"case": (0.02492, 130.0)}, capacitance="707.52 [J/K]", settled_after="5 [h]", emissivity=0.3
+        )
+    )
     assert text.splitlines()[:5] == [
         "effective       2.208 W/(m^2 K)   +- 0.13 from sensors, power and area, and +- 0.13 from the drift of the ambient",
         "theoretical     6.798 W/(m^2 K)   vertical plate, laminar (Churchill and Chu; Eq. 7)   Ra 1.658e+04",

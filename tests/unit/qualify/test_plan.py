@@ -102,7 +102,7 @@ def test_the_life_of_a_lock(tmp_path: Path) -> None:
     lock_plan(load_plan(file), date="2026-02-02")
     moved = lock_status(load_plan(file))
     assert moved.state == "moved"
-    assert str(moved).startswith("THE PLAN WAS CHANGED AFTER LOGS WERE READ on 2026-02-01: criteria.ours.mean")
+    assert str(moved).startswith("THE PLAN WAS CHANGED AFTER LOGS WERE READ on 2026-02-01: 'criteria.ours.mean'")
 
 
 def test_a_lock_that_comes_after_the_look_is_late(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from itertools import pairwise
 
 from thermid.reporting._blocks.content import _power
 from thermid.reporting._diagrams.map import _way
+from thermid.reporting._pages.tables import _some
 from thermid.reporting._pictures.figures import DASHES, SERIES
 
 
@@ -24,3 +25,11 @@ def test_a_bend_of_a_line_is_rounded_over_eight_pixels_or_half_of_its_shorter_le
     path = _way([(0.0, 0.0), (100.0, 0.0), (100.0, 10.0)])
     assert "L92.0 0.0Q100.0 0.0 100." in path
     assert path.endswith(" 100.0 5.0L100.0 10.0")
+
+
+def test_a_remark_names_three_and_counts_the_rest() -> None:
+    """Three names of 39 characters fit on two printed lines of eighty beside the 26 characters before them; four do not."""
+    name = 39 * "n"
+    assert _some([name] * 3) == ", ".join([name] * 3)
+    assert _some([name] * 5) == f"{', '.join([name] * 3)} and 2 more"
+    assert 26 + len(_some([name] * 9)) <= 160 < 26 + len(", ".join([name] * 4))

@@ -235,7 +235,7 @@ COMMANDS = {
         "watch.watch",
         "Bench",
         "Watch a running test: when to stop, and what went wrong.",
-        ("thermid watch bench.log --model box.toml --scenario bench.toml", "thermid watch bench.csv --once"),
+        ("thermid watch bench.log --model box.toml --scenario bench.toml", "thermid watch bench.csv --look once"),
     ),
     "settle": Place(
         "watch.settle",
@@ -411,6 +411,7 @@ def _options(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version.")] = False,
 ) -> None:
+    """Options of `thermid` itself, before any command: its version."""
     context.with_resource(command())
 
 

@@ -119,6 +119,7 @@ def _logged(logger: Logger, end: float | None, rule: str, stop_signals: Sequence
     """Log until the end of the programme, the given time, or Ctrl-C."""
 
     def ended() -> bool:
+        """Whether the log ends: by a signal, the programme, or the time asked for."""
         return bool(stop_signals) or logger.done or (end is not None and logger.state.seconds >= end)
 
     console = Console()
@@ -151,6 +152,7 @@ def _shown(logger: Logger, judge: Judge, console: Console, ended: Callable[[], b
     """Log, with the table in the terminal."""
 
     def table() -> Text:
+        """Return the table of the latest readings, as large as the terminal."""
         return live_table(logger, judge, console.width, console.height - 1)
 
     with Live(table(), console=console, auto_refresh=False, vertical_overflow="crop") as live:

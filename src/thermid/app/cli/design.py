@@ -59,7 +59,6 @@ def size_value(
     between: Annotated[
         str | None, typer.Option("--between", help="Range, '0.01 [m^2]..0.5 [m^2]'; min and max of the deck without it.")
     ] = None,
-    margin: Annotated[float, typer.Option("--margin", help="What must be left to each limit. [K]")] = 0.0,
     spread: Annotated[list[str], typer.Option("--spread", help="NAME=SPREAD of what is not known exactly; may be repeated.")] = [],  # noqa: B006
     param: Parameters = [],  # noqa: B006
     values: ValuesPath = None,
@@ -76,7 +75,7 @@ def size_value(
     ends = between.split("..") if between is not None else None
     window = (ends[0], ends[-1]) if ends is not None else None
     scenarios = [load_scenario(file) for file in scenario]
-    sizing = size(model, value, _limits(limit), scenarios, between=window, margin=margin, spread=pairs(spread, "--spread"))
+    sizing = size(model, value, _limits(limit), scenarios, between=window, spread=pairs(spread, "--spread"))
     answer(standing, as_json, sizing.to_dict(), sizing)
 
 
@@ -158,8 +157,7 @@ def htc(
             with_unit(height, "m"),
             box=(with_unit(box[0], "m"), with_unit(box[1], "m")) if box else None,
             air=air,
-            sensor=with_unit(sensor, "K"),
-            drift=with_unit(drift, "K"),
+            errors={"sensor": with_unit(sensor, "K"), "drift": with_unit(drift, "K")},
             emissivity=emissivity,
             parts=_parts(part),
             capacitance=with_unit(capacitance, "J/K") if capacitance else None,

@@ -104,6 +104,7 @@ def qualify(
     planned, done = load_plan(file, data), 0
 
     def notice(name: str) -> None:
+        """Move the progress on by one test."""
         nonlocal done
         progress.now(name, done / len(planned.tests))
         done += 1
@@ -222,10 +223,8 @@ def profile(
     on: Annotated[Path | None, typer.Option("--on", help="Run it on this deck.")] = None,
     chamber: Annotated[list[str], typer.Option("--chamber", help="Boundary that is the chamber; may be repeated.")] = [],  # noqa: B006
     base: Annotated[str, typer.Option("--base", help="Base plate: the levels hold there.")] = "",
-    watch: Annotated[list[str], typer.Option("--watch", help="Node that must be stable; all by default.")] = [],  # noqa: B006
     param: Parameters = [],  # noqa: B006
     scenario: Annotated[Path | None, typer.Option("--scenario", help="Scenario with what else is done (TOML).")] = None,
-    chamber_ramp: Annotated[str | None, typer.Option("--chamber-ramp", help="What the chamber can, such as '2 [K/min]'.")] = None,
     every: Annotated[str, typer.Option("--every", help="Interval of the stored samples.")] = "1 [min]",
     save: Annotated[Path | None, typer.Option("--save", help="Write the profile as a file to edit.")] = None,
     csv: Annotated[Path | None, typer.Option("--csv", help="Write the temperatures of the run.")] = None,
@@ -256,10 +255,8 @@ def profile(
         course,
         chamber=tuple(chamber),
         base=base,
-        watch=watch,
         values=pairs(param, "--param") or None,
         scenario=None if scenario is None else load_scenario(scenario),
-        chamber_ramp=None if chamber_ramp is None else with_unit(chamber_ramp, "K/min"),
         every=with_unit(every, "s"),
     )
     if csv is not None:

@@ -174,6 +174,7 @@ class Progress:
             self._thread.join(1.0)
 
     def _draw(self) -> None:
+        """Redraw the progress line twice a second until the work ends; nothing is drawn for work that ends at once."""
         drawn = False
         self._ended.wait(SECONDS_TO_FIRST_PROGRESS)
         while not self._ended.is_set():

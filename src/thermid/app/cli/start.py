@@ -181,6 +181,7 @@ def _ask_for_roles(log: Path, roles: Roles, time: str | None, temperatures: bool
 
 
 def _several(question: str, shown: Sequence[str]) -> list[str]:
+    """Ask a question whose answer is a list with commas; ``-`` is none."""
     answer = typer.prompt(question, default=", ".join(shown) or "-", err=True)
     return [] if answer == "-" else [part.strip() for part in answer.split(",") if part.strip()]
 
@@ -299,6 +300,7 @@ def _materials_listed() -> tuple[dict[str, object], str]:
 
 
 def _print_count_of_logs(count: int, whole: int) -> None:
+    """Print how many of the logs were read, on one line that is rewritten."""
     typer.echo(f"\r\x1b[2K{count} of {whole} logs", nl=count == whole, err=True)
 
 

@@ -182,6 +182,7 @@ def show_campaign(campaign: Campaign, files: Sequence[str]) -> None:
 
 
 def _rows(line: str) -> int:
+    """Return how many rows of the terminal a line takes."""
     return len(folded(line, width()))
 
 
@@ -226,6 +227,7 @@ def _questions_to_owner(campaign: Campaign) -> tuple[str, ...]:
 
 
 def _check_text(c: Check) -> str:
+    """Return a check of a verdict as text: sensor, what was found and its limit. [K]"""
     return f"{c.sensor}, {c.title} {short(c.found, 3)} K, limit {short(c.limit, 3)} K".removeprefix(", ")
 
 
@@ -253,6 +255,7 @@ def _block(campaign: Campaign, name: str, fit: Calibration) -> StageRows:
 
 
 def _value(v: FittedValue) -> Row:
+    """Return the cells of a fitted value: path, value, standard error, unit and relative error."""
     error = v.shown(v.error)
     per_cent = f"{short(100.0 * abs(v.error / v.value), 2)} %" if v.value else ""
     return (f"  {v.path}", digits(v.in_unit, error), f"+- {short(error)}", v.unit, per_cent)

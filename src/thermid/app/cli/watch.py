@@ -62,26 +62,27 @@ MIN_SILENCE: Final = 60.0
 
 Channels = Annotated[
     list[str],
-    typer.Option("--channel", help="Column, or 'COLUMN=NODE [UNIT]', a BOUNDARY or LOAD; by default what has a name of the deck's."),
+    typer.Option(
+        "--channel",
+        help="Column, or 'COLUMN=NODE [UNIT]', a BOUNDARY or LOAD; of a duty its power at 100 %, 'Q1=heater [12 W]'. By default what has "
+        "a name of the deck's.",
+    ),
 ]
-FullScale = Annotated[list[str], typer.Option("--full-scale", help="COLUMN=POWER of a duty at 100 %, such as Q1='1.2 [W]'.")]
 LogPath = Annotated[
     Path, typer.Argument(help="A log that grows: text, or of the bench as 'thermid log' writes it; or a serial port that sends lines.")
 ]
 LikeCampaign = Annotated[
-    Path | None, typer.Option("--campaign", help="A campaign: its record has the meaning of the columns, its stage the model.")
+    Path | None, typer.Option("--campaign", help="A campaign: its record has the meaning of the columns, the last stage with it the model.")
 ]
 
 
 def watch(
     log: LogPath,
     channel: Channels = [],  # noqa: B006
-    full_scale: FullScale = [],  # noqa: B006
     reading: Annotated[
         list[str], typer.Option("--read", help="KEY=VALUE of a record's time, separator, decimal or clock, such as clock='%d/%m/%Y %H:%M'.")
     ] = [],  # noqa: B006
     rule: Annotated[str, typer.Option("--rule", help="The plan's own rule of stability, such as '3 C/h' or '1 K over 4 h'.")] = "3 C/h",
-    required: Annotated[bool, typer.Option("--required", help="The plan asks that its rule holds; no stop is advised before.")] = False,
     within: Annotated[str, typer.Option("--within", help="Half of the interval of where a channel ends, at most.")] = "1 [K]",
     limit: Annotated[list[str], typer.Option("--limit", help="CHANNEL=TEMPERATURE that must be decided; may be repeated.")] = [],  # noqa: B006
     slowest: Annotated[str | None, typer.Option("--slowest", help="Longest time constant that the unit can have, without a model.")] = None,
@@ -90,13 +91,11 @@ def watch(
     values: ValuesPath = None,
     campaign: LikeCampaign = None,
     record: Annotated[str, typer.Option("--record", help="The record of the campaign that the log is like.")] = "",
-    stage: Annotated[str, typer.Option("--stage", help="The stage whose values are used; the last one by default.")] = "",
     scenario: ScenarioPath = None,
     boundary: Boundaries = [],  # noqa: B006
     every: Annotated[str, typer.Option("--every", help="Time between two readings of the log.")] = "60 [s]",
-    replay: Annotated[bool, typer.Option("--replay", help="Look at a log that ended as if it grew.")] = False,
+    mode: Annotated[str, typer.Option("--look", help="How to look at the log: growing, once, or replay of one that ended.")] = "growing",
     capture: Annotated[Path | None, typer.Option("--capture", help="File that keeps the lines of a serial port.")] = None,
-    once: Annotated[bool, typer.Option("--once", help="Look once and leave.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object per look and line.")] = False,
     data: Data = None,
     results: Results = None,
@@ -107,48 +106,47 @@ def watch(
     """
     step = literal(with_unit(every, "s"), "s", "--every")
     if not step > 0.0:
-        raise RecordError(
-            f"the time between two readings of the log must be above zero, not '{every}'.", "--every", code="value.outside-range"
-        )
+        raise RecordError(f"the time between two looks must be above zero, not '{every}'.", "--every", code="value.outside-range")
+    refuse_unknown([mode], ("growing", "once", "replay"), "--look")
     if capture is not None and not _is_port(log):
         raise RecordError(
             f"'{log}' is no serial port, whose lines could be kept. Leave --capture out.", "--capture", code="value.without-effect"
         )
-    by_hand = model is not None or values is not None or bool(channel or full_scale)
-    if by_hand if campaign is not None else bool(record or stage):
-        raise RecordError(
-            "give a campaign with --record and --stage, or a deck with --model, --values, --channel and --full-scale.",
-            "command line",
-            code="value.incomplete",
-        )
+    by_hand = model is not None or values is not None or bool(channel)
+    if by_hand if campaign is not None else bool(record):
+        words = "give a campaign with --record, or a deck with --model, --values and --channel."
+        raise RecordError(words, "command line", code="value.incomplete")
     stated = scenario_of(scenario, boundary, [], None, None) if boundary or scenario is not None else None
     read = pairs(reading, "--read")
     refuse_unknown(read, READ_KEYS, "--read")
-    test = None if campaign is None else running_test(staged(campaign, data, results), record, stage)
+    test = None if campaign is None else running_test(staged(campaign, data, results), record)
     if test is None:
-        deck = None if model is None else fitted_model(model, values, None)
-        columns = BoundColumns(*_column_bindings(channel, full_scale), model=deck, options=read)
+        columns = BoundColumns(*_column_bindings(channel), None if model is None else fitted_model(model, values, None), read)
     else:
-        tables = dict(test.table.channels)
-        columns = BoundColumns(model=test.model, options=test.options | read, tables=tables, bound=test.bound, remarks=test.remarks)
+        columns = BoundColumns({}, {}, {}, test.model, test.options | read, dict(test.table.channels), test.bound, test.remarks)
     standing = UNJUDGED if columns.model is None else model_standing(columns.model)
-    request = _request(columns, test, stated, required, rule, within, limit, slowest, since)
+    request = _request(columns, test, stated, rule, within, limit, slowest, since)
     with ExitStack() as open_:
         line = open_.enter_context(extension("serial_port", PORT, str(log))(log, capture)) if _is_port(log) else None
         path = log if line is None else line.path
-        if replay or once:
-            records = replayed(request.read(path), math.inf if once else step)
-        else:
+        if mode == "growing":
             records = _growing(GrowingLog(path, lambda piece: columns.read(piece, path.stem)), step, since, line)
+        else:
+            records = replayed(request.read(path), step if mode == "replay" else math.inf)
         look = _looks(records, request, standing, as_json)
     leave(standing, 4 if look is None else 1 if look.alarms else {"stop": 0}.get(look.advice.word, 4))
 
 
-def _column_bindings(channel: list[str], full_scale: list[str]) -> tuple[dict[str, str], dict[str, str], dict[str, str]]:
-    """Return what columns are bound to, their powers at 100 % and their units, of ``COLUMN=PATH [UNIT]`` or less of it."""
+def _column_bindings(channel: list[str]) -> tuple[dict[str, str], dict[str, str], dict[str, str]]:
+    """Return what columns are bound to, their powers at 100 % and their units, of ``COLUMN=PATH [UNIT]`` or less of it.
+
+    A number stands before the unit of a power at 100 %: ``Q1=heater [12 W]``.
+    """
     parts = {n.strip(): rest.partition("[") for n, _, rest in (text.partition("=") for text in channel)}
-    units = {n: text.strip(" ]") for n, (_, bracket, text) in parts.items() if bracket}
-    return {n: path.strip() or n for n, (path, _, _) in parts.items()}, pairs(full_scale, "--full-scale"), units
+    brackets = {n: text.strip(" ]").rpartition(" ") for n, (_, bracket, text) in parts.items() if bracket}
+    full_scale = {n: f"{number} [{unit}]" for n, (number, _, unit) in brackets.items() if number}
+    units = {n: unit for n, (number, _, unit) in brackets.items() if not number}
+    return {n: path.strip() or n for n, (path, _, _) in parts.items()}, full_scale, units
 
 
 def _looks(records: Iterator[Record], request: WatchRequest, standing: Standing, as_json: bool) -> WatchLook | None:
@@ -171,7 +169,6 @@ def _request(
     columns: BoundColumns,
     test: RunningTest | None,
     stated: Scenario | None,
-    required: bool,
     rule: str,
     within: str,
     limit: list[str],
@@ -184,7 +181,7 @@ def _request(
     decided = tuple(TemperatureLimit(n, False, kelvin) for n, kelvin in limits.items())
     longest = None if slowest is None else with_unit(slowest, "s")
     conditions = None if test is None else test.conditions
-    return WatchRequest(columns, rule_of(rule), width, decided, required, longest, begin, stated, conditions)
+    return WatchRequest(columns, rule_of(rule), width, decided, longest, begin, stated, conditions)
 
 
 def _growing(log: GrowingLog, step: float, since: str, line: PortCapture | None) -> Iterator[Record]:
@@ -223,7 +220,6 @@ def settle(
     rule: Annotated[str, typer.Option("--rule", help="Rule of stability: '3 C/h', '0.2 C/h over 5 h', '0.5 K/h over 1 h'.")] = "3 C/h",
     since: Annotated[str, typer.Option("--since", help="When conditions last changed.")] = "start",
     at: Annotated[str, typer.Option("--at", help="Time of the question; the end of the log by default.")] = "end",
-    tau: Annotated[str | None, typer.Option("--tau", help="Slowest time constant, for what is left to go.")] = None,
     slowest: Annotated[str | None, typer.Option("--slowest", help="Longest time constant that the unit can have, if known.")] = None,
     within: Annotated[str, typer.Option("--within", help="Half of the forecast's interval, at most.")] = "1 [K]",
     later: Annotated[list[str], typer.Option("--reading", help="A later time whose reading is forecast; may be repeated.")] = [],  # noqa: B006
@@ -241,11 +237,10 @@ def settle(
     record = _read(log, channel, reference, time)
     names = [n for n in record.channels if n != reference]
     begin, end = with_unit(since, "s"), with_unit(at, "s")
-    time_constant = None if tau is None else with_unit(tau, "s")
     deck = None if model is None else load_model(model)
     conditions = None if scenario is None else load_scenario(scenario)
     run = simulate(deck, conditions) if deck is not None and conditions is not None and rule_of(rule).stored else None
-    stable = stability(record, rule, names, since=begin, at=end, tau=time_constant, reference=reference, run=run)
+    stable = stability(record, rule, names, since=begin, at=end, reference=reference, run=run)
     ends: dict[str, Forecast | str] = {}
     for name in names:
         try:

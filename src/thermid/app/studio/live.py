@@ -93,7 +93,7 @@ class LiveWatch:
     def look(
         self, path: Path, rule: StabilityRule, query: Mapping[str, Any], slowest: float | None = None, since: float | None = None
     ) -> dict[str, Any]:
-        """Return what ``thermid watch --once --json`` prints of a log, and ``model``, ``like``, ``unused`` and ``bound``.
+        """Return what ``thermid watch --look once --json`` prints of a log, and ``model``, ``like``, ``unused`` and ``bound``.
 
         The last three are the record of a campaign that the log is like, why no model is used, and what the columns are.
 

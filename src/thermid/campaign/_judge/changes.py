@@ -92,6 +92,7 @@ class Changes(Result):
         return {"changes": rows, "totals": totals, "steady_K": {s: dict(apart) for s, apart in self.temperatures.items()}}
 
     def _as_rows(self) -> list[Mapping[str, object]]:
+        """Return every change with its path and its effect on the node that it moves most. [K]"""
         return [{"path": change.path, "what": change.what, "effect [K]": change.effect, "node": change.node} for change in self.changes]
 
 

@@ -292,12 +292,14 @@ def correlate(
 
 
 def _named(criteria: str | Criteria) -> Criteria:
+    """Return criteria given as such or by the name of a set."""
     if isinstance(criteria, Criteria):
         return criteria
     return look_up(criteria, CRITERIA, f"no criteria '{{}}'; there are {quoted(list(CRITERIA))}.", "criteria")
 
 
 def _deviation(o: Overlay, kind: str, window: Window, weight: float, reason: str) -> Deviation:
+    """Return the deviation, prediction less reading, of a sensor in a window of time [s]; a window that holds no reading is refused."""
     inside = _inside(o, window)
     if not inside.any():
         raise IdentificationError(
@@ -324,6 +326,7 @@ def _deviation(o: Overlay, kind: str, window: Window, weight: float, reason: str
 
 
 def _inside(o: Overlay, window: Window) -> Bools:
+    """Return which readings lie in a window (readings,), its ends included."""
     return np.asarray((o.times >= window[0] - 1e-9) & (o.times <= window[1] + 1e-9))
 
 

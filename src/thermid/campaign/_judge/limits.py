@@ -361,6 +361,7 @@ def _check(
     stand_in: bool,
     trace: Trace | None,
 ) -> LimitCheck:
+    """Return how one node keeps its lower and upper limit over the times that count, with the times of crossing. [K, s]"""
     index = np.flatnonzero(inside)
     low, high = int(index[kelvin[index].argmin()]), int(index[kelvin[index].argmax()])
     dense = trace.dense if trace is not None else None

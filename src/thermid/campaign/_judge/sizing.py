@@ -90,6 +90,7 @@ class Sizing(Result):
         return {"value": self.path, "unit": self.unit, "ends": rows, "best": list(self.best), "worst": self.worst}
 
     def _as_rows(self) -> list[Mapping[str, object]]:
+        """Return both ends of every window with their standard errors and the limits that bind there."""
         return [
             {"end": word, "value": end.value, "error": end.error, "assured": end.assured, "by": end.by}
             for window in self.windows

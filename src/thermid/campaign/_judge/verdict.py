@@ -77,6 +77,7 @@ def look(folder: Path | None, record: str, sha256: str, stage: str, key: str, pa
 
 
 def _read(folder: Path | None) -> tuple[RecordedLook, ...]:
+    """Return the looks at hold-out records that a results folder keeps; none without a folder."""
     path = folder / FILE if folder is not None else None
     if path is None or not path.is_file():
         return ()

@@ -104,6 +104,7 @@ class WorstCases(Result):
         return "\n".join(lines)
 
     def _as_rows(self) -> list[Mapping[str, object]]:
+        """Return the hot and the cold case: what is spare to the limit [K], where, and the values that make it."""
         cases = [(word, case) for word, case in (("hot", self.hot), ("cold", self.cold)) if case is not None]
         return [{"case": word, "spare_K": case.spare, "by": case.by, **case.values} for word, case in cases]
 
@@ -164,6 +165,7 @@ def worst_case(
 
 
 def _shown(value: float, unit: str) -> str:
+    """Return a value with its unit; a temperature in degC."""
     return text_of(value) if unit == "K" else f"{value:.6g} {unit}".rstrip("1 ") if unit == "1" else f"{value:.6g} {unit}"
 
 
@@ -211,6 +213,7 @@ class _Ranges:
         ends = {name: self.ends[name][upper] for name in self.one_way}
 
         def values(x: Array) -> dict[str, float]:
+            """Return name -> value at a point (searched,) of the unit cube, 0 at the lower end and 1 at the upper."""
             between = {name: float(a + (b - a) * s) for (name, s) in zip(self.searched, x, strict=True) for a, b in (self.ends[name],)}
             return {name: (ends | between)[name] for name in self.ends}
 

@@ -353,6 +353,7 @@ def room_heats(network: Network, course: ElementCourse, boundary: str, time: flo
     name = f"{boundary} wanders"
 
     def heat(k: int, shape: Array) -> DepartureHeat:
+        """Return the k-th departure: a course of heat of one shape (times,) into every node of the gains. [W]"""
         return DepartureHeat(f"{name} {k}", tuple((n, TableSignal(course.times, g * shape, False)) for n, g in gains.items()))
 
     return [heat(k, shape) for k, shape in enumerate(shapes)]

@@ -485,6 +485,7 @@ def errors_without(errors: LaterTable, places: Sequence[str]) -> LaterTable:
     """
 
     def make() -> dict[str, Any]:
+        """Return the kept model of error without the parts that were replaced, as a table."""
         return ErrorModel.from_dict({**errors.original(), "at": ""}).without(places).to_dict()
 
     return LaterTable(make, errors.at, (*errors.without, *places))

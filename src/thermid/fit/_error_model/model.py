@@ -287,6 +287,7 @@ def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre:
         members: list[Members] = []
 
         def evidence(points: Array, remainder: tuple[float, float] = remainder, members: list[Members] = members) -> Array:
+            """Return the log evidence at points (points, sizes) of the hyperparameters."""
             members.append(runs.posterior(centre, sizes_at(points), remainder))
             return members[-1].log_evidence
 

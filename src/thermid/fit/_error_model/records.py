@@ -107,6 +107,7 @@ def shared_with(fit: Calibration, problem: Problem) -> set[str]:
     fitted_unknowns = {u.name: u for u in fit.problem.unknowns if u.kind != "local"}
 
     def alike(u: Unknown, of: Unknown) -> bool:
+        """Whether two unknowns may share one size: priors of one width, or no constant error of an instrument."""
         if u.prior is None or of.prior is None or u.kind == "parameter" or any(t.name.startswith(SCALE) for t in u.targets):
             return True
         return math.isclose(u.prior.sd, of.prior.sd)

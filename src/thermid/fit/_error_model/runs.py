@@ -162,6 +162,7 @@ class Departures:
             heat = course.flows[path]
 
             def add(name: str, group: str, size: float, watts: Array, c: FlatConductor = c) -> None:
+                """Add a departure: its size, and the heat [W] that it moves along the conductor."""
                 title = f"{name} of {c.path}"
                 out.append((UnknownColumn(title, group, size, c.path), moved_heat(title, network, c.ends, course.times, watts)))
 
@@ -263,6 +264,7 @@ class SensorRows:
         count = np.diff(edges)
 
         def mean(x: Array) -> Array:
+            """Return the mean of a course over each stretch of times (stretches,)."""
             return np.asarray(np.add.reduceat(x, edges[:-1], axis=0) / (count if x.ndim == 1 else count[:, None]))
 
         return SensorRows(mean(self.times), mean(self.residuals), np.sqrt(mean(self.noise**2) / count), mean(self.rows))

@@ -304,6 +304,7 @@ class Dynamics:
         """Return how far boundaries are from where they begin (times, boundaries); the same for all values. [K]"""
 
         def make() -> Array:
+            """Compute what is then kept."""
             first = np.zeros(1)
             names = self.wiring.network.boundaries
             return np.column_stack([self.wiring.boundary(b, times, a.offsets) - self.wiring.boundary(b, first, a.offsets) for b in names])
@@ -316,6 +317,7 @@ class Dynamics:
         places = [p for placed in loads for p in placed.places]
 
         def make() -> Array:
+            """Compute what is then kept."""
             row = np.resize(temperatures, len(self.nodes) + len(self.wiring.network.boundaries))
             powers = self.problem.load_powers(a.coefficients, np.tile(row, (times.size + 1, 1)), np.append(times, 0.0), None)
             heat = np.zeros((times.size, len(self.nodes)))

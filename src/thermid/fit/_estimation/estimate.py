@@ -94,6 +94,7 @@ def estimated(request: Request, process_noise: Mapping[str, Any], start_sd: Mapp
 
 
 def _estimated(request: Request, noise_table: Mapping[str, Any], start_sd: Mapping[str, str], horizon: str | float) -> Estimation:
+    """Return the estimation of a request: sizes of process noise by maximum likelihood, then what they give."""
     refuse_unseen(request.model, "a filter")
     problem = build_problem(request)
     noises = read_process(noise_table, problem.experiments[0].network, request.name)
@@ -170,6 +171,7 @@ def _whole(full: Likelihood, maximum: Maximum) -> float:
 
 
 def _estimator(name: str, request: Request, full: Likelihood, maximum: Maximum, score_ahead: OpenLoopScore) -> Estimator:
+    """Return values with standard errors of a maximum, widened where the innovations are not white."""
     white = whiteness_of(full, maximum.fitted)
     widened = max((w.widening for w in white), default=1.0)
     if widened > 1.0:

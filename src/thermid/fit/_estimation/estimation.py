@@ -268,6 +268,7 @@ class Estimation(Result):
 
 
 def _as_object(e: Estimator) -> dict[str, Any]:
+    """Return an estimator as JSON holds it."""
     ahead = (
         None
         if e.left_out is None

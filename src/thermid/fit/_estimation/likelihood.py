@@ -150,6 +150,7 @@ class Likelihood:
         scores: dict[bytes, LikelihoodScore] = {}
 
         def local(fitted: Array) -> LocalCost:
+            """Return the cost at a point with rows and slopes whose squares give its information; infinite where a run fails."""
             try:
                 with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
                     score = scores[fitted.tobytes()] = self.score(fitted)
@@ -203,4 +204,5 @@ def likelihood_of(problem: Problem, noises: Sequence[ProcessNoise], start_sd: Ma
 
 
 def _size(name: str, start: float, unit: str) -> Unknown:
+    """Return the unknown of a noise's size, fitted by its logarithm within `MIN_SIZE_RATIO` .. `MAX_SIZE_RATIO` of its start."""
     return Unknown(name, "noise", (), start, True, MIN_SIZE_RATIO * start, MAX_SIZE_RATIO * start, None, unit)

@@ -98,6 +98,7 @@ def read_process(process_noise: Mapping[str, Any], network: Network, where: str)
 
 
 def _one(raw: str, written: Any, network: Network, where: str) -> ProcessNoise:
+    """Return a process noise from a text ``SIZE over TIME`` or a table, where it acts as `raw` names it."""
     first, over, after = ("", "", "") if isinstance(written, Mapping) else str(written).partition(" over ")  # a text: SIZE over TIME
     table = dict(written) if isinstance(written, Mapping) else {"size": first.strip(), "time": after.strip()} if over else {"size": written}
     unknown = [k for k in table if k not in KEYS]
@@ -128,6 +129,7 @@ def _one(raw: str, written: Any, network: Network, where: str) -> ProcessNoise:
 
 
 def _positive(written: Any, unit: str, otherwise: float, where: str) -> float:
+    """Return a number above zero in SI from what is written; `otherwise` where nothing is."""
     if written is None:
         return otherwise
     value = literal(written, unit, where)

@@ -33,14 +33,17 @@ Shape = Callable[[float], tuple[Array, Array, bool]]
 
 
 def _step(time: float) -> tuple[Array, Array, bool]:
+    """Return times [s], shares of the power, and whether they are held: full power until `time`, then none."""
     return np.array([0.0, time]), np.array([1.0, 0.0]), True
 
 
 def _ramp(time: float) -> tuple[Array, Array, bool]:
+    """Return times [s], shares of the power, and whether they are held: a straight line from full power to none."""
     return np.array([0.0, time]), np.array([1.0, 0.0]), False
 
 
 def _decay(time: float) -> tuple[Array, Array, bool]:
+    """Return times [s], shares of the power, and whether they are held: exp(-t / time), cut to zero at the end."""
     at = DECAY_TIME_CONSTANTS * np.linspace(0.0, 1.0, DECAY_POINTS) ** 2
     share = np.exp(-at)
     share[-1] = 0.0
@@ -132,6 +135,7 @@ def _profiled(request: Request, course: PowerCourse, low: float, high: float) ->
     costs: dict[float, float] = {}
 
     def cost(log_time: float) -> float:
+        """Return the cost of the best fit with a course of this length, by the logarithm of its time. [-]"""
         if log_time not in costs:
             try:
                 minimum = minimise(

@@ -250,10 +250,12 @@ def _best(h: PowerHistory, law: Formula, starts: list[list[float]]) -> tuple[Arr
     sd = np.sqrt(np.diag(covariance))
 
     def misses(b: Array) -> Array:
+        """Return what a law misses of the power, in standard deviations."""
         with np.errstate(all="ignore"):
             return np.asarray(weights @ (power - law(at, b)) / sd)
 
     def local(b: Array) -> LocalCost:
+        """Return the cost of a law at coefficients, its residuals and their slopes by central differences."""
         rows, steps = misses(b), LAW_STEP * np.maximum(np.abs(b), 1.0)
         slopes = np.column_stack([(misses(b + s) - misses(b - s)) / (2.0 * s.sum()) for s in np.diag(steps)])
         if not (np.isfinite(rows).all() and np.isfinite(slopes).all()):
@@ -281,6 +283,7 @@ def _best(h: PowerHistory, law: Formula, starts: list[list[float]]) -> tuple[Arr
 
 
 def _law(h: PowerHistory, name: str, law: Formula, starts: list[list[float]], names: tuple[str, ...], write: Any) -> PowerLaw | None:
+    """Return a law of power over temperature, fitted from the best of several starts; None where no fit ends."""
     best = _best(h, law, starts)
     if best is None:
         return None
@@ -311,15 +314,18 @@ def _spread(h: PowerHistory) -> tuple[float, float, float, float]:
 
 
 def _constant(h: PowerHistory) -> PowerLaw | None:
+    """Return the law of a constant power."""
     _, _, mean, _ = _spread(h)
     return _law(h, "constant", lambda t, b: b[0] + 0.0 * t, [[mean]], ("power",), lambda b: (f"{b[0]:.4g} W", {"power": f"{b[0]!r} [W]"}))
 
 
 def _linear(h: PowerHistory) -> PowerLaw | None:
+    """Return the law P (1 + a (T - T0)), T0 the middle of the temperatures seen."""
     low, high, mean, _ = _spread(h)
     middle = 0.5 * (low + high)
 
     def write(b: list[float]) -> tuple[str, dict[str, Any]]:
+        """Return the law as text, and the fields of a load that has it."""
         fields = {
             "power": f"{b[0]!r} [W]",
             "temperature_coefficient": f"{b[1] / b[0]!r} [1/K]",
@@ -331,14 +337,17 @@ def _linear(h: PowerHistory) -> PowerLaw | None:
 
 
 def _exponential(h: PowerHistory) -> PowerLaw | None:
+    """Return the law P exp(a (T - T0)), T0 the middle of the temperatures seen."""
     low, high, mean, _ = _spread(h)
     middle = 0.5 * (low + high)
 
     def write(b: list[float]) -> tuple[str, dict[str, Any]]:
+        """Return the law as text, and the fields of a load that has it."""
         fields = {"power": f"{b[0]!r} [W]", "exponential_coefficient": f"{b[1]!r} [1/K]", "reference_temperature": f"{middle!r} [degC]"}
         return f"{b[0]:.4g} W exp({b[1]:+.3g} 1/K (T - {middle:.4g} degC))", fields
 
     def law(t: Array, b: Array) -> Array:
+        """Return the power at temperatures [degC] and coefficients. [W]"""
         return np.asarray(b[0] * np.exp(np.clip(b[1] * (t - middle), -50.0, 50.0)))
 
     return _law(h, "exponential", law, [[mean, 0.01], [mean, -0.01]], ("power", "exponential_coefficient"), write)
@@ -350,6 +359,7 @@ def _vee(h: PowerHistory) -> PowerLaw | None:
     wide = max(high - low, 0.1)
 
     def write(b: list[float]) -> tuple[str, dict[str, Any]]:
+        """Return the law as text, and the fields of a load that has it."""
         ends = (min(low, b[2]) - wide, b[2] - TURN, b[2] + TURN, max(high, b[2]) + wide)
         slopes = (-b[1], -b[1], b[1], b[1])  # else the table would round the turn
         points = [[f"{t!r} [degC]", f"{b[0] + b[1] * abs(t - b[2])!r} [W]", f"{s!r} [W/K]"] for t, s in zip(ends, slopes, strict=True)]
@@ -365,6 +375,7 @@ def _proportional(h: PowerHistory) -> PowerLaw | None:
     wide = max(high - low, 0.1)
 
     def write(b: list[float]) -> tuple[str, dict[str, Any]]:
+        """Return the law as text, and the fields of a load that has it."""
         fields = {"power": f"{b[2]!r} [W]", "proportional": {"gain": f"{b[0]!r} [W/K]", "setpoint": f"{b[1]!r} [degC]"}}
         return f"{b[0]:.4g} W/K below {b[1]:.4g} degC, at most {b[2]:.4g} W", fields
 
@@ -805,9 +816,11 @@ def _colour(
     spacing, span = float(np.median(np.diff(spans[0]))), max(float(t[-1] - t[0]) for t in spans)
 
     def make(time: float, size: float) -> Colour:
+        """Return coloured noise of a correlation time [s] and size [K]."""
         return Colour.of_traces(pieces, tuple(TraceNoise(*key, 0, 1.0, size, time, 0.0) for key in pieces), inputs)
 
     def likely(colour: Colour) -> float:
+        """Return the log likelihood of the history under coloured noise, at its best smoothness."""
         sides, force = _weighted_equations(problem, solution.x, pins, *colour.rows(pieces)), np.zeros(solution.x.size)
         near = solution.strength + np.arange(-6.0, 7.0, 1.5)
         return _likeliest(sides, force, knots, pins, base, solution.prior, near)[0] - 0.5 * colour.logdet
@@ -938,6 +951,7 @@ def _likeliest(
     scale = float(np.sum(sides[0][0][:, first:] ** 2)) / max(rough, 1e-300)
 
     def at(strength: float) -> tuple[float, Array, Array, Array]:
+        """Return the log evidence at a smoothness (decades), with the solution and its matrices."""
         smooth = held + np.diag(scale * 10.0**strength * stepped)
         h = data.copy()
         h[first:, first:] += smooth

@@ -62,6 +62,7 @@ def on_the_clock_of(record: Record, scenario: Scenario) -> Scenario:
     """
 
     def moved(course: Any) -> Any:
+        """Return a course that was read from this log on the record's new clock; any other as it is."""
         if not isinstance(course, TableSignal) or course.log is None or course.log[0] != record.origin.sha256:
             return course
         again = next((step for step in record.steps if step.startswith(("shift_start", "steady point"))), "")
@@ -205,6 +206,7 @@ def _named(channel: Channel) -> str:
 
 
 def _seat(channel: Channel, node: str) -> Seat:
+    """Return where a sensor sits and which node its reading is: a tip of its own where it has a lag or a heat capacity."""
     assert channel.part is not None
     if not (channel.part.lag or channel.part.capacitance):
         return Seat(node, node)
@@ -212,6 +214,7 @@ def _seat(channel: Channel, node: str) -> Seat:
 
 
 def _with_sensor(model: Model, names: Names, channel: Channel, node: str, where: str) -> Model:
+    """Return a model with the element of a sensor: tip, lag and leads."""
     part = channel.part
     assert part is not None
     binding = {"seat": node}
@@ -325,6 +328,7 @@ def starts_of(
     readings: dict[str, str] = {}
 
     def lay(node: str, value: Any) -> None:
+        """Let a node start at a temperature, or at the first reading of a channel."""
         if isinstance(value, str) and value in record.channels:
             readings[node] = value
             initial[node] = Kelvin(first_reading(record, value, window))
@@ -348,6 +352,7 @@ def starts_of(
 
 
 def _massive(network: Network, node: str) -> bool:
+    """Whether a node stores heat."""
     return any(n.path == node and n.fields for n in network.flat.nodes)
 
 
@@ -397,6 +402,7 @@ def _at_rest(temperatures: Mapping[str, float], channels: Mapping[str, Channel])
     """Whether first readings and boundaries agree within what is said of their noise and accuracy."""
 
     def sd(name: str) -> float:
+        """Return the standard error of a first reading: noise and accuracy of its channel. [K]"""
         channel = channels.get(name)
         if channel is None:
             return 0.0
@@ -555,10 +561,12 @@ class Ticks:
         return replace(experiment, scenario=experiment.scenario.with_(**tables), ticks=replace(self, at=at))
 
     def _moved(self, signal: Signal, at: tuple[float, float]) -> Signal:
+        """Return a tabled signal on another offset and rate of a second clock; any other as it is."""
         if not isinstance(signal, TableSignal):
             return signal
 
         def law(times: Array) -> Array:
+            """Return times on the other clock. [s]"""
             ticks = (times + self.zero - self.at[0]) / self.at[1]
             # to the nanosecond, so that rounding does not part an instant from the start of the run or from a reading
             return np.round(at[0] + at[1] * ticks - self.zero, 9)
@@ -619,6 +627,7 @@ def _switches(powers: Mapping[str, tuple[Channel, TableSignal]]) -> tuple[Switch
         steps[path] = table, np.where(size > 1.0, change, 0.0), np.append(table.times[1:], np.inf)
 
     def more(time: float | None) -> dict[str, TableSignal]:
+        """Return path -> what the steps of tables add, of all or of those at one time. [s]"""
         parts = {p: (t, change if time is None else np.where(at == time, change, 0.0)) for p, (t, change, at) in steps.items()}
         return {path: replace(table, values=change) for path, (table, change) in parts.items() if change.any()}
 
@@ -721,6 +730,7 @@ class Experiment:
         return self._without_tips(self.scenario)
 
     def _without_tips(self, scenario: Scenario) -> Scenario:
+        """Return a scenario without starts of sensors' tips."""
         return replace(scenario, initial={n: t for n, t in scenario.initial.items() if n not in self.tips})
 
     def as_fitted(self, model: Model, fitted_values: Mapping[str, float], sensors: bool = True) -> tuple[Model, Scenario]:
@@ -938,6 +948,7 @@ def _driving(channel: Channel, role: str, record: Record) -> str:
 
 
 def _observation(channel: Channel, seat: Seat, grid: NDArray[np.int64], times: Array, weight: float) -> Observation:
+    """Return the readings of a channel on the grid of an experiment, each with its weight."""
     index = np.flatnonzero(channel.valid[grid])
     part, share = channel.part, 1.0
     if part is not None and part.correlation_time and index.size > 1:

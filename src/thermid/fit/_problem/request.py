@@ -377,6 +377,7 @@ def _channel_key(c: Channel) -> list[Any]:
 
 
 def _record_key(r: Record) -> list[Any]:
+    """Return all of a record that a fit depends on, for its hash."""
     return [r.origin.sha256, list(r.steps), *([repr(r.second)] if r.second else []), {n: _channel_key(c) for n, c in r.channels.items()}]
 
 
@@ -424,6 +425,7 @@ def key_of(request: Request, below: list[str]) -> str:
 
 
 def _by_hand(request: Request) -> list[str]:
+    """Return the values set by hand and their covariance, for a hash."""
     if request.hand is None:
         return []
     return [repr(list(request.hand.states.values())), repr(request.hand.root.tolist())]

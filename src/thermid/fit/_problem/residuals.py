@@ -307,6 +307,7 @@ class Bench:
         """Return the bench of an experiment, made once, with its second clock at an offset [s] and rate other than its own if asked."""
 
         def make() -> Bench:
+            """Return the model wired for the free values, on the clock of `at` where one is fitted."""
             moved = experiment if at is None or experiment.ticks is None else experiment.ticks.moved(experiment, at)
             wiring = Wiring(*moved.with_switches(frozenset(free)), free)
             return cls(moved, tuple(free), wiring, Engine(wiring))
@@ -502,6 +503,7 @@ class Problem:
         return [(k, t.name) for k, u in enumerate(self.unknowns) for t in u.targets if t.experiment == i and t.name in (OFFSET, RATE)]
 
     def _names(self, i: int) -> tuple[str, ...]:
+        """Return the parameters that unknowns set in an experiment, each once."""
         return tuple(dict.fromkeys(target.name for _, target in self._acting(i)))
 
     def _acting(self, i: int) -> list[tuple[int, Influence]]:
@@ -714,6 +716,7 @@ class Predictions(Sequence[SensorTrace]):
         self.memo = Memo()
 
     def _blocks(self) -> tuple[SensorTrace, ...]:
+        """Measured and predicted readings of every record and sensor, simulated when first asked for."""
         return self.memo.value("blocks", lambda: tuple(self.problem.blocks(self.fitted)))
 
     @overload

@@ -117,6 +117,7 @@ def together(move: dict[str, float], of: int) -> str:
 
 
 def _percents(move: dict[str, float]) -> str:
+    """Return relative changes of values in words."""
     return " with ".join(f"{n} {100 * w:+.2g} %" for n, w in move.items())
 
 

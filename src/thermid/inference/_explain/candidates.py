@@ -202,10 +202,12 @@ class MissingElement:
         """Return both changes as one, `other` laid over this one; at most two starts of each are combined."""
 
         def judge(values: Any) -> tuple[str, bool]:
+            """Return what the fitted element is, in words, and whether its size is possible."""
             judgements = [one.judge(values) for one in (self, other)]
             return "; ".join(text for text, _ in judgements), all(possible for _, possible in judgements)
 
         def make(request: Request) -> Request:
+            """Return the request with the element that the candidate adds."""
             return other.make(self.make(request))
 
         first = [*self.starts] or [{}]
@@ -480,6 +482,7 @@ def _adding(name: str, free: tuple[str, ...], **tables: Mapping[str, Any]) -> Ca
     """Return what lays more elements over the model of a request and frees some of their values."""
 
     def make(request: Request) -> Request:
+        """Return the request with the element that the candidate adds."""
         model: Model = laid_open(request.model)
         changes: dict[str, Any] = {t: {**getattr(model, t), **more} for t, more in tables.items()}
         grown: Model = replace(model, **changes)
@@ -526,6 +529,7 @@ def _lag(request: Request, place: _Place) -> MissingElement:
     )
 
     def make(request: Request) -> Request:
+        """Return the request with the element that the candidate adds."""
         grown = grow(request)
         records = tuple(
             r.with_channels(*(replace(c, target=name, role="node") for n, c in r.channels.items() if n in place.channels))
@@ -539,6 +543,7 @@ def _lag(request: Request, place: _Place) -> MissingElement:
         return replace(grown, scenarios={n: b.with_(initial=own_starts[n]) if n in own_starts else b for n, b in request.scenarios.items()})
 
     def judge(values: Any) -> tuple[str, bool]:
+        """Return what the fitted element is, in words, and whether its size is possible."""
         tau = held / values[free].value
         text = f"a time constant of {short(tau, 3)} s +- {short(100 * values[free].error / values[free].value)} %"
         return text, SIZES["lag"].allows(tau)
@@ -553,6 +558,7 @@ def _moved_source(request: Request, place: _Place, mass: MissingElement, name: s
     node = next(n for n in mass.request.model.nodes if n not in request.model.nodes)
 
     def make(request: Request) -> Request:
+        """Return the request with the element that the candidate adds."""
         with_mass = mass.make(request)
         model = with_mass.model
         moved = replace(model.loads[place.load], into=node)
@@ -575,9 +581,11 @@ def _second_mass(request: Request, place: _Place, word: str) -> MissingElement:
     )
 
     def make(request: Request) -> Request:
+        """Return the request with the element that the candidate adds."""
         return _started(grow(request), name, place.channels)
 
     def judge(values: Any) -> tuple[str, bool]:
+        """Return what the fitted element is, in words, and whether its size is possible."""
         held, link = values[free[0]].value, values[free[1]].value
         text = f"{short(held, 3)} J/K behind {short(1 / link, 3)} K/W ({short(held / link, 3)} s), beside {short(place.capacity, 3)} J/K"
         return text, SIZES["mass"].allows(held / place.capacity) and held / link <= longest
@@ -605,9 +613,11 @@ def _shell(request: Request, place: _Place) -> MissingElement:
     )
 
     def make(request: Request) -> Request:
+        """Return the request with the element that the candidate adds."""
         return _started(grow(request), name, ())
 
     def judge(values: Any) -> tuple[str, bool]:
+        """Return what the fitted element is, in words, and whether its size is possible."""
         held, inner, outer = (values[p].value for p in free)
         text = f"{short(held, 3)} J/K, {short(inner, 3)} W/K to '{place.node}' and {short(outer, 3)} W/K to '{place.boundary}'"
         return text, SIZES["large mass"].allows(held / place.capacity)
@@ -633,9 +643,11 @@ def _common_mass(request: Request, places: Sequence[_Place]) -> MissingElement:
     )
 
     def make(request: Request) -> Request:
+        """Return the request with the element that the candidate adds."""
         return _started(grow(request), name, [c for p in places for c in p.channels])
 
     def judge(values: Any) -> tuple[str, bool]:
+        """Return what the fitted element is, in words, and whether its size is possible."""
         most = sum(p.capacity for p in places)
         return f"{short(values[free[0]].value, 3)} J/K", SIZES["large mass"].allows(values[free[0]].value / most)
 
@@ -653,6 +665,7 @@ def _contact(request: Request, a: str, b: str, size: float) -> MissingElement:
     make = _adding("a contact", (free,), conductors={name: Conductor("conduction", (a, b), {"conductance": _amount(size, "W/K", name)})})
 
     def judge(values: Any) -> tuple[str, bool]:
+        """Return what the fitted element is, in words, and whether its size is possible."""
         return f"{short(values[free].value, 3)} W/K", True
 
     sizes = {free: SIZES["contact"].at(size / START_SHARE)}
@@ -676,6 +689,7 @@ def _one_way(request: Request, place: _Place, other: str, words: str) -> Missing
     )
 
     def judge(values: Any) -> tuple[str, bool]:
+        """Return what the fitted element is, in words, and whether its size is possible."""
         return f"{short(values[free].value, 3)} W/K more from '{place.node}' than towards it", True
 
     name, sizes = f"a coupling of '{place.node}' and {words} that depends on direction", {free: SIZES["contact"].at(size / START_SHARE)}
@@ -690,7 +704,10 @@ def _delays(request: Request) -> Iterator[MissingElement]:
     step = request.records[0].step
 
     def later(delay: float) -> Callable[[Request], Request]:
+        """Return what delays the driven channels by a time. [s]"""
+
         def make(request: Request) -> Request:
+            """Return the request with the element that the candidate adds."""
             records = [
                 r.delayed(delay, driven_channels) if (driven_channels := [n for n in driven if n in r.channels]) else r
                 for r in request.records
@@ -703,6 +720,7 @@ def _delays(request: Request) -> Iterator[MissingElement]:
         make, delay = later(count * step), count * step
 
         def judge(values: Any, delay: float = delay) -> tuple[str, bool]:
+            """Return what the fitted element is, in words, and whether its size is possible."""
             line = f"prepare = [{{ delay = {{ by = ['0 [s]', '{short(2.0 * delay, 3)} [s]'] }} }}]"
             return f"{short(delay, 3)} s. To fit the delay, run `thermid improve`, or write into the record: {line}", True
 
@@ -722,6 +740,7 @@ def _steeper_convection(request: Request, place: _Place) -> MissingElement:
     make = _adding("h that grows", (free,), conductors={name: Conductor("convection", (place.node, place.boundary), fields)})
 
     def judge(values: Any) -> tuple[str, bool]:
+        """Return what the fitted element is, in words, and whether its size is possible."""
         c = values[free].value
         share = f"{short(c * area * place.rise**0.25, 3)} W/K of it at a rise of {short(place.rise, 3)} K"
         return f"{short(c, 3)} W/(m^2 K) (dT / 1 K)^(1/4), {share}", not place.area or SIZES["convection"].allows(c)
@@ -748,6 +767,7 @@ def _radiation(request: Request, place: _Place) -> MissingElement:
     make = _adding("radiation", (free,), conductors={name: Conductor("radiation", (place.node, place.boundary), fields)})
 
     def judge(values: Any) -> tuple[str, bool]:
+        """Return what the fitted element is, in words, and whether its size is possible."""
         e = values[free].value
         possible = SIZES["emissivity"].allows(e) if place.area else e > 0.0
         return f"an emissivity of {short(e)} over {short(1e4 * area, 3)} cm^2", possible
@@ -769,9 +789,11 @@ def _settling(structure: Fitted, place: _Place) -> Iterator[MissingElement]:
         course = PowerCourse(name, place.node, "decay", share * rest, max(1e-3 * power, 1e-5), begin=begin)
 
         def make(request: Request, course: PowerCourse = course) -> Request:
+            """Return the request with the element that the candidate adds."""
             return course.within(replace(request, model=laid_open(request.model)))
 
         def judge(values: Any, course: PowerCourse = course) -> tuple[str, bool]:
+            """Return what the fitted element is, in words, and whether its size is possible."""
             more = values[f"{course.name}.power"].value
             return f"{course.words(more)}, {short(100 * more / power)} % of its step", SIZES["settling"].allows(more / power)
 
@@ -818,6 +840,7 @@ def _growing_as_logged(structure: Fitted, place: _Place) -> MissingElement:
     }
 
     def make(request: Request) -> Request:
+        """Return the request with the element that the candidate adds."""
         model: Model = laid_open(request.model)
         model = replace(model, loads={**model.loads, load: replace(model.loads[load], fields=fields)})
         records = tuple(
@@ -829,6 +852,7 @@ def _growing_as_logged(structure: Fitted, place: _Place) -> MissingElement:
         return replace(request, model=model, records=records, free=(*free_before, free), name=title)
 
     def judge(values: Any) -> tuple[str, bool]:
+        """Return what the fitted element is, in words, and whether its size is possible."""
         growth = values[free].value
         return f"{short(100 * growth)} % of the power per kelvin", SIZES["growth"].allows(growth)
 
@@ -868,6 +892,7 @@ def _growing_power(structure: Fitted, place: _Place) -> MissingElement:
     make = _adding("power that grows", (free,), loads={name: HeatLoad(place.node, fields)})
 
     def judge(values: Any) -> tuple[str, bool]:
+        """Return what the fitted element is, in words, and whether its size is possible."""
         growth = values[free].value
         share = growth / abs(place.power) if place.power else float("inf")
         return f"{short(1e3 * growth, 3)} mW/K, {short(100 * share)} % of the power per kelvin", SIZES["growth"].allows(share)

@@ -108,6 +108,7 @@ def asks(fit: Calibration) -> bool:
 
 
 def _explained(fit: Calibration, request: Request) -> tuple[ExplainedFit, ...]:
+    """Return the fits with a hidden defect that explain the residuals at all."""
     open_request = Fitted.of_calibration(fit, request).request
     clock = _clock(fit)
     every = [None, *hidden_defects(Fitted.of_calibration(fit, request))]
@@ -275,12 +276,14 @@ def _refit(request: Request, begin: Mapping[str, float], deck_values: Sequence[s
     problem = build_problem(request)
 
     def begun(u: Unknown) -> Unknown:
+        """Return an unknown that starts where the rough fit ended, within wide bounds."""
         if u.kind == "parameter" and u.name not in deck_values and u.start > 0.0:
             u = replace(u, low=u.start / MAX_DEFECT_FACTOR, high=u.start * MAX_DEFECT_FACTOR)
         inside = u.name in begin and u.low <= begin[u.name] <= u.high
         return replace(u, start=begin[u.name]) if inside else u
 
     def watch(count: int, rms: float) -> None:
+        """End a refit of too many evaluations."""
         if count > MAX_REFIT_EVALUATIONS:
             raise IdentificationError(f"{count} evaluations did not end a refit.", request.name, code="fit.model-fails")
 
@@ -336,6 +339,7 @@ def _clock(fit: Calibration) -> _Clock | None:
         return None
 
     def make(request: Request, instant: float) -> Request:
+        """Return the request with the defect from an instant on. [s]"""
         scenarios, records = dict(request.scenarios), []
         for r in request.records:
             room = at_rest.get(r.name, "")

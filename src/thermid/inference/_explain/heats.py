@@ -378,6 +378,7 @@ def _start_up(request: Request, fit: RoughFit, base: RoughEnd, node: str, begin:
     span = min(float(np.ptp(r.times)) for r in request.records) - begin
 
     def cost(course: PowerCourse) -> float:
+        """Return the cost of the rough fit with a course of heat; infinite where it fails."""
         end = _end_or_none(RoughFit.of_request(course.within(request), fit), fit.named(base))
         return np.inf if end is None else end.cost
 
@@ -394,6 +395,7 @@ def _start_up(request: Request, fit: RoughFit, base: RoughEnd, node: str, begin:
         return None
 
     def judge(values: Calibration) -> tuple[str, bool]:
+        """Return what the fitted heat is, in words, and whether it is possible."""
         power = values["start_up.power"].value
         return course.words(power), power > 0.0
 
@@ -409,9 +411,11 @@ def _stretch(request: Request, heat: Heat) -> MissingElement:
     load = watts(heat.name, power={"value": "0.1 [W]", "min": -np.inf}, cycle=cycle)
 
     def make(request: Request) -> Request:
+        """Return the request with the heat that the candidate adds."""
         return replace(request, model=with_load(request.model, "unlogged", load), free=(*request.free, "unlogged.power"))
 
     def judge(values: Calibration) -> tuple[str, bool]:
+        """Return what the fitted heat is, in words, and whether it is possible."""
         power = values["unlogged.power"].value
         return f"{short(abs(power), 3)} W {'more' if power > 0 else 'less'} {heat.when}", True
 
@@ -430,6 +434,7 @@ def _regulated(request: Request, fit: RoughFit, base: RoughEnd, load: str) -> Mi
     low, high = float(traces[0].measured.min()), float(traces[0].measured.max())
 
     def law(above: float) -> Callable[[Request], Request]:
+        """Return what makes a load proportional to its distance from a set point, so far above the highest reading. [-]"""
         # P(T) = gain (setpoint - T), its set point above the highest reading, its gain so that P is the deck's power at mid-range
         setpoint = high + above * (high - low)
         gain = power / max(setpoint - 0.5 * (low + high), 0.1)
@@ -438,6 +443,7 @@ def _regulated(request: Request, fit: RoughFit, base: RoughEnd, load: str) -> Mi
         free_added = (f"{load}.proportional.gain", f"{load}.proportional.setpoint")
 
         def make(request: Request) -> Request:
+            """Return the request with the heat that the candidate adds."""
             free_before = tuple(p for p in request.free if p != f"{load}.power")
             return replace(request, model=with_load(request.model, load, heater), free=(*free_before, *free_added))
 
@@ -454,6 +460,7 @@ def _regulated(request: Request, fit: RoughFit, base: RoughEnd, load: str) -> Mi
     make = laws[min(ends)[1]]
 
     def judge(fitted: Calibration) -> tuple[str, bool]:
+        """Return what the fitted heat is, in words, and whether it is possible."""
         gain, setpoint = fitted[f"{load}.proportional.gain"].value, fitted[f"{load}.proportional.setpoint"].value
         return f"{short(gain, 3)} W/K below {format_value(setpoint, 'degC')}", gain > 0.0
 

@@ -195,6 +195,7 @@ def _with_open_values(fit: RoughFit, values_before: Container[str]) -> RoughFit:
     """Return a rough fit in which values that are not known by name may be any: nobody has stated what a missing element has."""
 
     def opened(u: Unknown) -> Unknown:
+        """Return an unknown whose new value may be anything."""
         new = u.kind == "parameter" and u.log and u.prior is not None and u.name not in values_before
         return replace(u, prior=Prior(u.to_fitted(u.start), ANY_NEW_VALUE)) if new else u
 
@@ -329,6 +330,7 @@ def _mapped(request: Request, names: Iterable[str], law: Callable[[Array], Array
     wanted = set(names)
 
     def change(r: Record) -> Record:
+        """Return a record with the readings of some channels changed."""
         mine = [replace(c, values=law(c.values), masks={}) for n, c in r.channels.items() if n in wanted]
         return r.with_channels(*mine)
 
@@ -366,6 +368,7 @@ def _per_cents(request: Request, network: Network) -> Iterator[Hypothesis]:
 
 
 def _hypothesis(kind: str, name: str, words: str, remedy: str, request: Request, against: float = 0.0) -> Hypothesis:
+    """Return a hypothesis whose words and remedy do not depend on a size."""
     return Hypothesis(kind, name, lambda _: words, lambda _: remedy, request, against)
 
 
@@ -446,8 +449,8 @@ def _exchanged(a: str, b: str, record: Record) -> Record:
 
 
 def _nodes(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
-    network = fit.problem.experiments[0].network
     """Yield every sensor on every node that stores heat and has no sensor."""
+    network = fit.problem.experiments[0].network
     node_of_sensor = {t.sensor: t.node for t in fit.traces}
     heavy = [n.path for n in network.flat.nodes if n.fields and n.path not in node_of_sensor.values()]
     sensors = [s for s in node_of_sensor if s in _channels(request, "temperature")]
@@ -480,6 +483,7 @@ def _shift(request: Request, fit: RoughFit, names: list[str]) -> Hypothesis:
     span = min(float(np.ptp(r.times)) for r in request.records)
 
     def cost(shift: float, rounds: int) -> float:
+        """Return the cost of the rough fit with channels shifted by a time. [s]"""
         rough = RoughFit.of_request(_shifted(request, names, shift), fit)
         try:
             return rough.solve(rough.start(), rounds).cost
@@ -505,6 +509,7 @@ def _shifted(request: Request, names: list[str], shift: float) -> Request:
     """Return a request in which some channels show what they showed `shift` seconds later or, below zero, earlier."""
 
     def change(r: Record) -> Record:
+        """Return a record with the readings of some channels changed."""
         mine = []
         for c in (c for n, c in r.channels.items() if n in names):
             times, values = r.times[c.valid], c.values[c.valid]
@@ -539,16 +544,19 @@ def of_reading(extra: Extra, fit: RoughFit) -> Hypothesis:
     remedy = f'Mask it: prepare = [{{ mask = "{t.sensor}", from = "{begin:.0f} [s]" }}], or repeat the test.'
 
     def words(amount: float) -> str:
+        """Return what the sensor does, in words, for the size that was fitted."""
         return (_loose if extra.loose else _off)(t.sensor, amount) + when
 
     return Hypothesis("sensor", t.sensor, words, lambda _: remedy, fit.request, extra=extra, against=0.0 if extra.loose else 2.0)
 
 
 def _loose(sensor: str, amount: float) -> str:
+    """Return in words by how much a sensor is detached."""
     return f"'{sensor}' is detached: {100 * amount:.0f} % of its reading comes from its surroundings"
 
 
 def _off(sensor: str, amount: float) -> str:
+    """Return in words by how much a sensor reads off. [K]"""
     return f"'{sensor}' reads {amount:+.2g} K off"
 
 

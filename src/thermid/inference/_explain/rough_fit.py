@@ -310,6 +310,7 @@ class RoughFit:
         ends: dict[bytes, RoughEnd] = {}
 
         def local(x: Array) -> tuple[float, Array, Array]:
+            """Return cost, residuals and slopes at a point, kept for later."""
             end = ends[x.tobytes()] = self.at(x)
             return end.cost, end.rows, end.slopes
 

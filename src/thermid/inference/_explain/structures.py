@@ -265,6 +265,7 @@ class EvaluationBudget:
         before = self.spent
 
         def counted(count: int, rms: float) -> None:
+            """Count the runs that were spent, report them, and end a search that has none left."""
             self.spent = before + count
             if self.progress is not None:
                 self.progress(f"{self.spent} of at most {self.allowed:g} runs", self.spent / self.allowed)
@@ -623,6 +624,7 @@ def _with_loose_priors(problem: Problem, sizes: Mapping[str, SizedValue]) -> Pro
     near = max(ABOUT_START * sigma, 1.0)
 
     def held(u: Unknown) -> Unknown:
+        """Return an unknown with the prior of the size that an element of its kind has."""
         if u.name in sizes and sizes[u.name].middle:
             return replace(
                 u, prior=Prior(u.to_fitted(sizes[u.name].middle), sizes[u.name].spread * (1.0 if u.log else sizes[u.name].middle))

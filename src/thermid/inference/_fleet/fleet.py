@@ -276,6 +276,7 @@ class Fleet(Result):
 
     @property
     def _axes_titles(self) -> tuple[str, str]:  # type: ignore[override]
+        """Titles of the axes."""
         return ("unit [-]", "distance from the mean [standard deviations]")
 
     _frame_of_rows = True

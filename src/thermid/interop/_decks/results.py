@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thermid.base.errors import DeckError
+from thermid.base.errors import DeckError, quoted
 from thermid.base.units import counted
 from thermid.interop._decks.network_file import NetworkFile
 from thermid.interop._decks.printed import Printed
@@ -73,7 +73,7 @@ class Agreement:
 
     def __str__(self) -> str:
         """Return the largest difference of the steady state and of the transient, with its node and time."""
-        rows = [f"NOT COMPARED: the print lacks {counted(len(self.absent), 'node')}: {', '.join(self.absent[:5])}"] if self.absent else []
+        rows = [f"NOT COMPARED: the print lacks {counted(len(self.absent), 'node')}: {quoted(self.absent)}"] if self.absent else []
         steady = np.isnan(self.times)
         for name, chosen in (("steady state", steady), ("transient", ~steady)):
             if not chosen.any():
@@ -150,7 +150,7 @@ def balance(network: NetworkFile, printed: Printed) -> Balance:
     missing = [name for name in names if name not in printed.numbers]
     if missing:
         raise DeckError(
-            f"the print has no temperature of {', '.join(missing[:5])}{' ...' if len(missing) > 5 else ''}.",
+            f"the print has no temperature of {quoted(missing)}.",
             network.title,
             code="file.another-kind",
         )

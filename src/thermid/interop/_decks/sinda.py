@@ -422,6 +422,7 @@ def _nodes(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     """Read NODE DATA: groups of number, temperature, capacitance; GEN, CAL, SIV, SPV, DIV, SIM, SPM, DIM, FAC, and SIT of boundaries."""
 
     def take(line: Line, kind: str, cells: Cells, factor: float | str) -> None:
+        """Add what a card of this kind states, times a factor."""
         for node, course in _nodes_of_card(deck, submodel, line, kind, cells):
             if deck.reading.is_first(f"node {submodel}.{node.name}", node.where):
                 deck.nodes.append(_multiplied(node, factor))
@@ -479,6 +480,7 @@ def _celsius(deck: SindaDeck, course: FileCourse) -> FileCourse:
 
 
 def _node(deck: SindaDeck, submodel: str, line: Line, cells: Cells) -> FileNode:
+    """Return the node of a line of NODE DATA: capacitance [J/K], start [degC], whether its temperature is fixed."""
     number = int(cells[0][0])
     celsius = deck.units.celsius(deck.reading.number(deck.reading.value(*cells[1])))
     text, where = cells[2]
@@ -612,6 +614,7 @@ def _conductors(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     group = _Group(f"radiation_{identifier(submodel)}" if block else "", _followed(deck, lines) if block else {})
 
     def take(line: Line, kind: str, cells: Cells, factor: float | str) -> None:
+        """Add what a card of this kind states, times a factor."""
         for row in _conductors_of_card(deck, submodel, line, kind, cells, group):
             key = SCALED[row.table["kind"]]
             product = row.table[key] if factor == 1.0 else f"({factor})*{row.table[key]}"
@@ -679,6 +682,7 @@ class _Group:
         self.name, self.key, self.block, self.followed = "", ("", ""), block, followed
 
     def name_for(self, line: Line, ends: tuple[tuple[str, str], tuple[str, str]]) -> str:
+        """Return the name of the conductor of a line, by the contactor or block of comments above it and by its two ends."""
         (sub_a, a), (sub_b, b) = ends
         key = (sub_a, sub_b) if sub_a != sub_b else (sub_a, a)
         contactors = [_contactor(comment) for comment in line.before if re.match(r"(?:Contact|Conductor) - ", comment)]

@@ -174,6 +174,7 @@ class _Sinda(_Deck):
             yield from logic
 
     def _node(self, node: str, number: int, arrays: list[tuple[int, list[float]]]) -> str:
+        """Return the line of a node: its start [degC or K], its heat capacity [J/K], or that it is a boundary or has no mass."""
         capacitance = self.w.capacitances.get(node)
         if node in self.w.boundaries:
             return f"      -{number}, {number_text(self.constant(node))}, 0. $ {one_line(node)}"
@@ -185,6 +186,7 @@ class _Sinda(_Deck):
         return f"      {number}, {start}, {number_text(float(capacitance)) if capacitance is not None else '-1.'} $ {one_line(node)}"
 
     def _conductor(self, k: int, label: str, row: ConductorRow, arrays: list[tuple[int, list[float]]]) -> str:
+        """Return the line of a conductor; a law that the format does not have is refused."""
         ends = ", ".join(f"{owner}.{number}" for owner, number in (self.numbers[end] for end in row.ends))
         tail = f"$ {one_line(label)}"
         if row.signal:
@@ -255,6 +257,7 @@ class _Esatan(_Deck):
         yield from ("$EXECUTION", f"  TIMEND = {number_text(w.scenario.seconds)}", f"$ENDMODEL {self.main}")
 
     def _node(self, node: str, number: int, powers: Mapping[str, float]) -> str:
+        """Return the line of a node: its start [degC or K], its heat capacity [J/K], or that it is a boundary or has no mass."""
         label = one_line(node).replace("'", " ")
         if node in self.w.boundaries:
             return f"B{number} = '{label}', T = {number_text(self.constant(node))};"
@@ -265,6 +268,7 @@ class _Esatan(_Deck):
         return f"D{number} = '{label}', T = {start}{mass}{power};"
 
     def _conductor(self, label: str, row: ConductorRow) -> str:
+        """Return the line of a conductor; a law that the format does not have is refused."""
         a, b = (self.numbers[end][1] for end in row.ends)
         if row.signal or row.form not in ("linear", "radiation"):
             raise self.refused(label, row)

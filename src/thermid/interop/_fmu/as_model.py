@@ -369,6 +369,7 @@ def _quantity(v: Any, units: Mapping[str, _Measure], used: dict[str, str], file:
     offset = ICE_POINT if plain and v.causality == "output" else of.offset
 
     def si(number: Any) -> float | None:
+        """Return a number of the FMU in SI."""
         return None if number is None else of.factor * float(number) + offset
 
     start, low, high = si(v.start), si(attributes["min"]), si(attributes["max"])
@@ -397,12 +398,15 @@ def _course(signal: Drawn, factor: float, offset: float) -> InputCourse:
 
 
 def _held(times: Array, values: Array, time: float) -> float:
+    """Return the value that stands at a time, held from the sample before."""
     return float(values[max(int(np.searchsorted(times, time, side="right")) - 1, 0)])
 
 
 def _between(times: Array, values: Array, time: float) -> float:
+    """Return the value at a time, on a straight line between samples."""
     return float(np.interp(time, times, values))
 
 
 def _drawn(signal: Drawn, factor: float, offset: float, time: float) -> float:
+    """Return ``factor * signal + offset`` at a time. [s]"""
     return factor * float(np.ravel(signal.at(np.array([time])))[0]) + offset

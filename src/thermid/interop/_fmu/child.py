@@ -108,6 +108,7 @@ class _FmuRun(ABC):
             self.fmu.freeInstance()
 
     def _begin(self) -> None:
+        """Set up the experiment and enter initialisation with the values and inputs of the setting."""
         if self.file.second:
             self.fmu.setupExperiment(tolerance=CVODE_TOLERANCE, startTime=0.0, stopTime=None)
         if self.setting.values:
@@ -194,6 +195,7 @@ class _Exchange(_FmuRun):
         return outputs, slopes
 
     def _enter(self) -> None:
+        """Enter the mode in which the host integrates."""
         self.fmu.enterContinuousTimeMode()
 
     def _settle_events(self) -> float:
@@ -240,6 +242,7 @@ class _Exchange(_FmuRun):
         return bool(event)
 
     def _solver(self) -> Any:
+        """Return CVODE on the states of the FMU and, behind them, the derivatives of the states in every direction."""
         sundials = self.file.fmpy.sundials
         finest = min((c.step for c in self.courses), default=np.inf)
         return sundials.CVodeSolver(
@@ -263,21 +266,26 @@ class _Exchange(_FmuRun):
         self.drive(time, self.since)
 
     def _at(self, time: float) -> None:
+        """Set the time. [s]"""
         self._time = time
         self.fmu.setTime(time)
 
     def _whole(self, pointer: Any) -> Array:
+        """Return CVODE's vector as an array (states times one more than directions,)."""
         return np.asarray(np.ctypeslib.as_array(pointer, (self.n * (1 + len(self.ways)),)))
 
     def _get(self, pointer: Any, size: int) -> None:
+        """Fill CVODE's vector with the states, then their derivatives by direction."""
         self.fmu.getContinuousStates(pointer, self.n)
         self._whole(pointer)[self.n :] = self.moves.T.ravel()
 
     def _set(self, pointer: Any, size: int) -> None:
+        """Set states and their derivatives from CVODE's vector."""
         self.fmu.setContinuousStates(pointer, self.n)
         self.moves = self._whole(pointer)[self.n :].reshape(len(self.ways), self.n).T.copy()
 
     def _rates(self, pointer: Any, size: int) -> None:
+        """Fill CVODE's vector with the rates of the states, and with those of their derivatives by direction."""
         self.drive(self._time, self.since)
         get = self.fmu.getDerivatives if self.file.second else self.fmu.getContinuousStateDerivatives
         get(pointer, self.n)
@@ -289,6 +297,7 @@ class _Exchange(_FmuRun):
             self._whole(pointer)[self.n :] = self._derived(self.file.rates, self._time).T.ravel()
 
     def _nominals(self, pointer: Any, size: int) -> None:
+        """Fill CVODE's vector with what is a usual size of each state and each derivative, for its tolerance."""
         self.fmu.getNominalsOfContinuousStates(pointer, self.n)
         whole = self._whole(pointer)
         for k, way in enumerate(self.ways):
@@ -317,6 +326,7 @@ class _Steps(_FmuRun):
     """Co-simulation, stepped from instant to instant; inputs stand at their value in the middle of a step."""
 
     def _go(self) -> tuple[Array, Array]:
+        """Return the outputs on the grid of a co-simulation (times, outputs), and no derivatives."""
         if self.ways:
             raise EventsFound
         grid = self._grid()
@@ -394,12 +404,14 @@ def _note_calls(fmpy: Any, notes: str) -> None:
     load, call = base.__init__, base._call
 
     def loaded(fmu: Any, *args: Any, **named: Any) -> None:
+        """Note that the library is being loaded, and load it."""
         nonlocal at
         at = 0.0
         noted("dlopen")
         load(fmu, *args, **named)
 
     def called(fmu: Any, name: str, *args: Any) -> Any:
+        """Note which function is called, and at which time, and call it."""
         nonlocal at
         if name.endswith(("DoStep", "SetTime")):
             at = float(getattr(args[1], "value", args[1]))
@@ -407,6 +419,7 @@ def _note_calls(fmpy: Any, notes: str) -> None:
         return call(fmu, name, *args)
 
     def noted(name: str) -> None:
+        """Write count, time and name of a call where the host sees it if this process dies."""
         nonlocal count
         count += 1
         NOTE.pack_into(page, 0, count, at, name.encode())

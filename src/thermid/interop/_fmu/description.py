@@ -157,6 +157,7 @@ class _Description(ABC):
         """Return the root of the description."""
 
     def head(self, **more: str) -> dict[str, str]:
+        """Return the attributes of the root that FMI 2 and 3 share, and more."""
         text = self.what.text
         return {
             "modelName": self.what.title,
@@ -167,10 +168,12 @@ class _Description(ABC):
         }
 
     def experiment(self, root: Xml.Element) -> None:
+        """Add the default experiment: start, stop and tolerance."""
         more = {"stopTime": repr(self.what.seconds)} if self.what.seconds > 0 else {}
         Xml.SubElement(root, "DefaultExperiment", {"startTime": "0.0", **more, "tolerance": "1e-8"})
 
     def categories(self, root: Xml.Element) -> None:
+        """Add the categories of log messages."""
         table = Xml.SubElement(root, "LogCategories")
         for name in ("logStatusError", "logStatusDiscard"):
             Xml.SubElement(table, "Category", name=name)
@@ -178,6 +181,7 @@ class _Description(ABC):
 
 class _Third(_Description):
     def tree(self) -> Xml.Element:
+        """Return the model description in this version of FMI: interfaces, units, variables, structure."""
         root = Xml.Element("fmiModelDescription", self.head(fmiVersion="3.0", instantiationToken=self.what.token))
         able = {"canGetAndSetFMUState": "true", "canSerializeFMUState": "true", "providesDirectionalDerivatives": "true"}
         Xml.SubElement(root, "ModelExchange", {"modelIdentifier": self.what.identifier, **able})
@@ -208,6 +212,7 @@ class _Third(_Description):
 
 class _Second(_Description):
     def tree(self) -> Xml.Element:
+        """Return the model description in this version of FMI: interfaces, units, variables, structure."""
         count = sum(v.kind == INDICATOR for v in self.variables)
         root = Xml.Element("fmiModelDescription", self.head(fmiVersion="2.0", guid=self.what.token, numberOfEventIndicators=str(count)))
         able = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true", "providesDirectionalDerivative": "true"}

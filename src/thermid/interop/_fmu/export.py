@@ -173,6 +173,7 @@ class _Draft:
         self.notes = tuple(self._notes())
 
     def _variables(self) -> list[FmuVariable]:
+        """Return every variable of the FMU in the order of its value references: time, parameters, states, rates, temperatures, inputs."""
         out = [FmuVariable("time", told.TIME, 0, "independent", unit("s").dimension)]
         out += [self._symbol(k, s) for k, s in enumerate(self.formulas.symbols)]
         capacity = self.wiring.structure.capacity
@@ -529,6 +530,7 @@ class StraightLine:
         self.results = [self._place_of(f) for f in self._kept]
 
     def _place_of(self, formula: Formula | float) -> int:
+        """Return the place of a formula among the steps of the program, its parts before it; equal formulas share one."""
         if not isinstance(formula, Formula):
             return self._step(OPERATIONS.index("number"), self.numbers.setdefault(float(formula), len(self.numbers)), 0)
         if id(formula) in self._made:
@@ -544,6 +546,7 @@ class StraightLine:
         return at
 
     def _step(self, operation: int, a: int, b: int) -> int:
+        """Return the place of an operation on the results of steps `a` and `b`, added where it is new."""
         if (operation, a, b) not in self._known:
             self._known[operation, a, b] = len(self.steps)
             self.steps.append((operation, a, b))

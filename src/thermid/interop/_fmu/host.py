@@ -65,10 +65,12 @@ class InputCourse:
 
 
 def _sum(one: Callable[[float], float], other: Callable[[float], float], factor: float, time: float) -> float:
+    """Return ``one(time) + factor * other(time)``."""
     return one(time) + factor * other(time)
 
 
 def _constant(value: float, _: float) -> float:
+    """Return a value that no time changes."""
     return value
 
 
@@ -256,6 +258,7 @@ class FmuFile(FmuDescribed):
     def _agree(
         self, setting: FmuSetting, times: Array, wanted: Sequence[int], ways: Sequence[FmuSetting], base: Array, slopes: Array
     ) -> bool:
+        """Whether differences of two strides give the same slopes in every direction, to the share `AGREE` of the largest."""
         for k, way in enumerate(ways):
             other = self._difference(setting, times, wanted, way, base)
             if np.abs(other - slopes[..., k]).max(initial=0.0) > AGREE * max(float(np.abs(other).max(initial=0.0)), 1e-12):

@@ -102,6 +102,7 @@ def write_problem(to: ImageWriter, arrays: Mapping[str, Any]) -> None:
 
 
 def _write_controls(to: ImageWriter, follow: Mapping[str, Any]) -> None:
+    """Write thermostats, controlled factors and their guards to the image that the FMU reads."""
     to.ints([follow["states"]])
     to.ints(follow["machines"])
     to.count(len(follow["factors"]))

@@ -115,6 +115,7 @@ class ConfinedProgram:
 
     @staticmethod
     def _exchange(process: Any, request: bytes, most: int) -> bytes:
+        """Send a request to the process and return its answer of at most so many bytes."""
         send(process.stdin, request)
         return receive(process.stdout, most)
 

@@ -50,6 +50,7 @@ def in_child(read: Reader, module: str = "") -> Reader:
     """
 
     def of_bytes(data: bytes, file: str, separator: str | None) -> Cells:
+        """Read a file in a process of its own with limited memory; refuse it where its library is not installed."""
         if module and (sys.modules.get(module, module) is None or find_spec(module) is None):
             raise MissingExtraError(missing([module], "this kind of file"), file)
         memory = MEMORY_OVER_UNPACKED * cap("unpacked")

@@ -238,6 +238,7 @@ def channel_schema() -> dict[str, Any]:
     text, amount_ = {"type": "string"}, {"type": ["string", "number"]}
 
     def table(keys: tuple[str, ...], required: tuple[str, ...]) -> dict[str, Any]:
+        """Return the JSON Schema of a table of amounts."""
         return {"type": "object", "properties": dict.fromkeys(keys, amount_), "required": list(required), "additionalProperties": False}
 
     table_of_power = {"type": "object", "properties": {**dict.fromkeys(POWER_KEYS, text), "units": {"type": "object"}}}

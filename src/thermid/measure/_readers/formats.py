@@ -516,6 +516,7 @@ def _text(read: Callable[[str, str], Cells]) -> Callable[[bytes, str, str | None
     """Return a reader of bytes from a reader of text."""
 
     def of_bytes(data: bytes, file: str, separator: str | None) -> Cells:
+        """Decode a text file and read its cells; synthetic where one of its first lines has that word."""
         text, notes = decoded(data, file)
         cells = read(text, file)
         is_synthetic = any("SYNTHETIC" in line for line in text.split("\n", 20)[:20])

@@ -384,6 +384,7 @@ def _names_assumed(cells: Lines, numbers: Sequence[int], used: Sequence[int], na
     """Return what was assumed about several lines of names, in words."""
 
     def first_cells(row: Sequence[str]) -> str:
+        """Return the first cells of a row as text."""
         shown = [cell for cell in row if cell]
         return ", ".join(shown[:4]) + (", ..." if len(shown) > 4 else "")
 

@@ -241,12 +241,14 @@ def _power(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times
     where = f"{cells.file}, channels.{binding.name}"
 
     def column(name: str) -> tuple[FloatArray, str | None]:
+        """Return samples (times,) and unit of a column."""
         at = find_column(cells.header, name, where)
         return _samples(cells, parsed, at), name_and_unit(cells.header[at])[1]
 
     read = power_readings(binding.power, column, times, where)
 
     def size(written: str | float | None, word: str) -> float | None:
+        """Return a power of a table, None where none is written. [W]"""
         return None if written is None else amount(written, "W", f"{where}, {word}")
 
     return Channel(

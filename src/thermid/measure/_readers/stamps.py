@@ -570,6 +570,7 @@ def _plain_stamps(cells: Cells, clock: Clock) -> FloatArray:
     """
 
     def refusal(cell: str, error: ValueError) -> str:
+        """Return what is wrong with a time that cannot be read, and how to state its form."""
         return (
             f"'{cell}' is not a known time (seconds, an ISO 8601 stamp, or HH:MM:SS). Give its form, for example clock='%d.%m.%Y "
             "%H:%M:%S', or clock='%H:%M'."

@@ -84,9 +84,11 @@ def _model_of_content(
     """Return the model of a deck's content; `trail` has the decks that use it, and itself."""
 
     def use(name: str, where: str) -> Loaded:
+        """Load a deck that this one uses, from within its folder."""
         return _load(resolve_inside(path.parent, name, where), trail, loaded)
 
     def read(name: str, where: str) -> str:
+        """Read a text file from within the deck's folder."""
         return _text_of(resolve_inside(path.parent, name, where), where)
 
     return _built(data, path.name, lines, use, read)

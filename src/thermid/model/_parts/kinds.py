@@ -223,6 +223,7 @@ def _fin(f: Fields, which: int) -> Law:
     shine = 4.0 * STEFAN_BOLTZMANN * AMBIENT_DEFAULT**3 * f["emissivity"] if "emissivity" in f else 0.0
 
     def port(htc: Number) -> Number:
+        """Return the conductance of all fins at a coefficient. [W/K]"""
         conductances = conduction.fin_conductances(htc, f.get("perimeter", round_), f["conductivity"], section, f["length"])
         out: Number = f.get("count", 1.0) * conductances[which]
         return out

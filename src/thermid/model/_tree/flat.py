@@ -476,6 +476,7 @@ def _control(owner: Tree, prefix: str, name: str, control: Control, names: Names
     key = f"controls.{name}"
 
     def nodes(follows: Mapping[str, float], at: str) -> tuple[tuple[str, float], ...]:
+        """Return paths of nodes with their weights, read from a row at `at`."""
         return tuple((names.end(owner, prefix, node, at), weight) for node, weight in follows.items())
 
     followed = nodes(control.follows, f"{key}.follows")
@@ -493,6 +494,7 @@ def _slots(flat: Flat, model: Tree) -> Iterator[tuple[str, str, str, str]]:
     fitting: set[tuple[str, str]] = set()  # units that fit a slot
 
     def slot(path: str, kind: str, name: str, unit: str) -> tuple[str, str, str, str]:
+        """Return a place that a fitting law needs, once its parameter has the unit."""
         _require(fitting, flat.parameters, path, unit)
         return path, kind, name, unit
 
@@ -605,6 +607,7 @@ def still(flat: Flat) -> dict[str, str]:
     """Return surface -> its gas node, of those outside enclosures with an emissivity but no htc: a run with gas refuses them."""
 
     def silent(face: FlatSurface) -> bool:
+        """Whether a surface sees others, but takes no part in an exchange of radiation."""
         return not face.exchange and bool(face.sees) and "emissivity" in face.fields
 
     return {path: face.to for path, face in flat.faces.items() if silent(face)}

@@ -389,6 +389,7 @@ def _control_to(control: Control) -> dict[str, Any]:
     """Return the table of a control."""
 
     def follows(nodes: Mapping[str, float]) -> Any:
+        """Return the one node that a row follows, or its nodes with their weights."""
         return next(iter(nodes)) if list(nodes.values()) == [1.0] else dict(nodes)
 
     fields = dict(control.fields)

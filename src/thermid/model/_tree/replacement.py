@@ -169,6 +169,7 @@ def _at(model: M, path: str, new: M, full: str, keep: frozenset[str], new_values
     _check_read(model, path, new_values, full)
 
     def stays(raw: str, parameter: Parameter) -> bool:
+        """Whether a value is kept: of another part, named in `keep`, or a formula that reads what the new part has."""
         p = model.canonical(raw)
         return not inside(p, path) or p in keep or (not parameter.is_literal and p.removeprefix(f"{path}.") in new_values)
 

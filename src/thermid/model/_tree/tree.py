@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Generic, Self, TypeVar
 
-from thermid.base.errors import DeckError, ExpressionError, NameNotFoundError, errors_at, nearest, refuse_unknown
+from thermid.base.errors import DeckError, ExpressionError, NameNotFoundError, errors_at, nearest, quoted, refuse_unknown
 from thermid.base.memo import Memo
 from thermid.base.toml_files import Places
 from thermid.base.units import Dimension
@@ -437,10 +437,7 @@ class Names:
             names = [*self.nodes, *self.boundaries]
             inside = [n for n in self.nodes if n.startswith(f"{path}.")]
             if inside:
-                shown = ", ".join(inside[:MAX_LISTED_NAMES]) + (
-                    f" and {len(inside) - MAX_LISTED_NAMES} more" if len(inside) > MAX_LISTED_NAMES else ""
-                )
-                raise NameNotFoundError(f"'{raw}' is a submodel and no node. Its nodes: {shown}.", where or self.model.title)
+                raise NameNotFoundError(f"'{raw}' is a submodel and no node. Its nodes: {quoted(inside)}.", where or self.model.title)
             hint = nearest(path, [*names, *self.model.aliases]) or (
                 f" There are {', '.join(names)}." if len(names) <= MAX_LISTED_NAMES else ""
             )
@@ -562,6 +559,7 @@ class ParameterSet:
         trail: list[str] = []
 
         def visit(path: str) -> None:
+            """Put a parameter behind all those that its formula needs; refuse one that needs itself."""
             if path in done:
                 return
             if path in trail:

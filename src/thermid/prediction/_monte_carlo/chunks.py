@@ -42,6 +42,7 @@ class Job:
     seed, chunk : int               Of the draws; members that run together.
     options : Options               Of the integrator.
     version : str                   Of thermid.
+    limits : tuple of Limit         Whose crossings are kept of members that are counted; not in the key: no trace depends on them.
     """
 
     budget: Budget
@@ -52,6 +53,7 @@ class Job:
     chunk: int
     options: Options
     version: str
+    limits: tuple[Limit, ...] = ()
 
     @property
     def model(self) -> Model:
@@ -197,9 +199,9 @@ class CountTable:
     limits: tuple[Limit, ...]
 
     @classmethod
-    def of_pilot(cls, job: Job, limits: tuple[Limit, ...], pilot: Sequence[Chunk]) -> CountTable:
+    def of_pilot(cls, job: Job, pilot: Sequence[Chunk]) -> CountTable:
         """Return the table for what the first members did; without grids where none reached the end."""
-        return cls(Counted.grids({n: np.concatenate([c.rows(job.nodes, n) for c in pilot], axis=1) for n in job.nodes}), limits)
+        return cls(Counted.grids({n: np.concatenate([c.rows(job.nodes, n) for c in pilot], axis=1) for n in job.nodes}), job.limits)
 
     def counted(self, job: Job, chunk: Chunk) -> Counted:
         """Return what is kept of a chunk."""
@@ -291,16 +293,14 @@ class MemberRuns:
     ----------
     job : Job
     members, whole : int        In all; how many of these, the first, are kept whole.
-    limits : tuple of Limit     Whose crossings are kept of every member.
     folder : JobFolder          Where finished work is left; None for nowhere.
-    executor, progress      As in `uncertain_runs`.
+    executor, progress      As in `members_of_plan`.
     done, reused : int          Members that are done; of these, taken from the folder.
     """
 
     job: Job
     members: int
     whole: int
-    limits: tuple[Limit, ...]
     folder: JobFolder | None
     executor: Workers
     progress: Progress | None
@@ -329,7 +329,7 @@ class MemberRuns:
         members = sum(len(c.temperatures) for c in chunks)
         if len(chunks) < len(parts):
             return members
-        table = CountTable.of_pilot(self.job, self.limits, chunks)
+        table = CountTable.of_pilot(self.job, chunks)
         others = self.job.counted(self.whole, self.members)
         return members + sum(size for first, size in others if self.folder.load(table.name(first, size)) is not None)
 
@@ -425,5 +425,5 @@ class RunCost:
         points = sum(getattr(t, part).nbytes for t in chunk.turnings.values() for part in TURNING_FIELDS)
         size = whole * 2.0 * (chunk.temperatures.nbytes + points) / PACE_CHUNKS[1]  # as chunks, and all together
         if whole < members:
-            size += HELD_TABLES * sum(8.0 * g.bins.sum() for g in CountTable.of_pilot(job, (), [chunk]).grids.values())
+            size += HELD_TABLES * sum(8.0 * g.bins.sum() for g in CountTable.of_pilot(job, [chunk]).grids.values())
         return cls(members, members_kept, remaining * seconds_per_member + len(job.parts(0, remaining)) * besides, size)

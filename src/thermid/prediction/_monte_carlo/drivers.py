@@ -145,9 +145,7 @@ def sobol_of(
     groups = _groups(job)
     names = list(dict.fromkeys(groups))
     if len(names) < 2:
-        raise ScenarioError(
-            "Sobol's indices need at least two uncertain inputs; fewer are given.", job.model.title, code="value.outside-range"
-        )
+        raise ScenarioError("Sobol's indices need at least two uncertain inputs.", job.model.title, code="value.outside-range")
     if base < 2 or base & (base - 1):
         raise ScenarioError(f"the base of the design must be a power of two, not {base}.", job.model.title, code="value.outside-range")
     half = 0.5**32  # a normal has no value at 0 or 1

@@ -23,9 +23,10 @@ from thermid.model.elements import UNJUDGED, Standing
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction._budget import OFF, SILENT, UNFITTED
-from thermid.prediction._monte_carlo.chunks import Limit, Progress, RunCost
+from thermid.prediction._known import known_of
+from thermid.prediction._monte_carlo.chunks import Job, Limit, Progress, RunCost
 from thermid.prediction._monte_carlo.drivers import Driver, drivers_of
-from thermid.prediction._monte_carlo.uncertain import SIDES, UncertainRuns, kept_members, limits_of, plan_runs, uncertain_runs
+from thermid.prediction._monte_carlo.uncertain import SIDES, UncertainRuns, kept_members, limits_of, members_of_plan, plan_runs
 from thermid.prediction._reduction.macro import macro_model
 from thermid.simulation.runs import Workers
 from thermid.simulation.scenario_files import Scenario, load_scenario
@@ -205,6 +206,7 @@ class Hold(Result):
         """Return what a file or a page needs. Times in seconds, temperatures in degrees Celsius; null for beyond the scenario."""
 
         def as_table(p: HoldPoint) -> dict[str, Any]:
+            """Return a hold time as JSON holds it."""
             return {
                 "node": p.node,
                 "limit_C": p.limit,
@@ -370,18 +372,21 @@ class HoldQuestion(Shown):
 
     def cost(self, *, n: int = 0, folder: str | os.PathLike[str] | None = None) -> RunCost:
         """Return what `run` would take; two small chunks are run for it."""
-        members = n or self.members
-        job, _ = plan_runs(
+        job, members = self._plan()[0], n or self.members
+        return RunCost.of_members(job, members, kept_members(job, members, folder))
+
+    def _plan(self) -> tuple[Job, tuple[str, ...]]:
+        """Return the runs that answer the question, and what a reader must know."""
+        limits_of(self.limits, self.model.title)
+        return plan_runs(
             self.model,
             self.scenarios,
-            self.values,
-            at=self.unit,
+            known_of(self.values, self.model, self.unit),
             spread=self.spread,
             seed=self.seed,
-            nodes=list(self.limits),
+            nodes=self.limits,
             every=self.every or None,
         )
-        return RunCost.of_members(job, members, kept_members(job, members, self.limits, folder))
 
     @takes_objects
     def run(
@@ -392,24 +397,13 @@ class HoldQuestion(Shown):
         executor: Workers = None,
         progress: Progress | None = None,
     ) -> tuple[UncertainRuns, Hold]:
-        """Return the runs, and how long the limits are kept in them; arguments as in `uncertain_runs`."""
-        limits_of(self.limits, self.model.title)
-        check_members(n or self.members, self.confidence, self.model.title)
-        runs = uncertain_runs(
-            self.model,
-            self.scenarios,
-            self.values,
-            at=self.unit,
-            spread=self.spread,
-            n=n or self.members,
-            seed=self.seed,
-            nodes=list(self.limits),
-            every=self.every or None,
-            limits=self.limits,
-            folder=folder,
-            executor=executor,
-            progress=progress,
-        )
+        """Return the runs, and how long the limits are kept in them.
+
+        Arguments are as in `uncertain_runs`; `progress` is called with the members done and all of them.
+        """
+        members = n or self.members
+        check_members(members, self.confidence, self.model.title)
+        runs = members_of_plan(*self._plan(), members, folder, executor, progress)
         runs = replace(runs, warnings=(*self.remarks, *runs.warnings))
         return runs, hold(runs, self.limits, confidence=self.confidence)
 
@@ -430,6 +424,7 @@ def load_hold(path: str | os.PathLike[str]) -> HoldQuestion:
     content = by_grammar("thermid.prediction._monte_carlo.schema.HoldFile", data, where)
 
     def files(key: str, names: str | list[str]) -> list[Path]:
+        """Return the files of a key, each inside the project."""
         return [resolve_inside(target.parent, name, where(key)) for name in ([names] if isinstance(names, str) else names)]
 
     unit = content.unit

@@ -22,7 +22,7 @@ from thermid.model.elements import Standing, literal
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction._budget import AVERAGED, Budget, Spread, assumed_left_out, budget_of, check_variants, first_line, in_order
-from thermid.prediction._known import known_of
+from thermid.prediction._known import Knowledge, known_of
 from thermid.prediction._monte_carlo.chunks import Chunk, CountTable, Job, Limit, MemberRuns, Progress
 from thermid.prediction._predict import BENT, WayAnswer, centre_words, mixed_answer
 from thermid.prediction._reduction.macro import assumed
@@ -73,7 +73,7 @@ def starts(spec: Any, scenario: Scenario) -> tuple[list[float], tuple[str, ...],
 TIMES_OF_RUN = 121
 MEMBERS_PER_CHUNK = 500
 
-Values = Calibration | FittedValues | Spread
+Values = Calibration | FittedValues | Knowledge | Spread
 
 
 def plan_runs(
@@ -81,13 +81,11 @@ def plan_runs(
     scenario: Scenario | Sequence[Scenario],
     values: Values | Sequence[Values] = (),
     *,
-    at: str = "",
     spread: Mapping[str, Any] | None = None,
     without: Sequence[str] = (),
     seed: int = 0,
-    nodes: Sequence[str] | None = None,
+    nodes: Sequence[str] | Mapping[str, Any] | None = None,
     every: str | float | None = None,
-    chunk: int = MEMBERS_PER_CHUNK,
     options: Options | None = None,
 ) -> tuple[Job, tuple[str, ...]]:
     """Return what `uncertain_runs` would run, and what a reader must know."""
@@ -95,12 +93,13 @@ def plan_runs(
 
     sources = list(values) if isinstance(values, list | tuple) else [values]
     scenarios = [scenario] if isinstance(scenario, Scenario) else list(scenario)
-    if not scenarios or chunk < 1:
-        raise ScenarioError("a campaign of runs needs a scenario, and chunks of at least one member.", model.title, code="value.incomplete")
+    if not scenarios:
+        raise ScenarioError("a campaign of runs needs a scenario.", model.title, code="value.incomplete")
     stated = dict(spread or {})
     begun, stays, remarks = starts(stated.pop("start_time"), scenarios[0]) if "start_time" in stated else ([0.0], (), ())
     first = begun_at(scenarios[0], begun[0], stays)
-    knowledge = known_of([v for v in sources if not isinstance(v, Spread)], model, at)
+    fits = [v for v in sources if not isinstance(v, Spread)]
+    knowledge = known_of(next((v for v in fits if isinstance(v, Knowledge)), fits), model)
     joint = [v for v in sources if isinstance(v, Spread)]
     budget = budget_of(knowledge, first, [*joint, *([stated] if stated else [])], without=without)
     check_variants(stated, budget.model, scenarios)
@@ -114,7 +113,11 @@ def plan_runs(
     wanted = nodes if nodes is not None else points or [n for n in network.nodes if network.numbers().capacitances.get(n) is not None]
     nodes_kept = tuple(dict.fromkeys(network.find(n) for n in wanted))
     grid = output_times(first, every, None if every is not None else np.linspace(0.0, first.seconds, TIMES_OF_RUN))
-    return Job(budget, variants, nodes_kept, grid, seed, chunk, options or Options(), version("thermid")), (*remarks, *budget.remarks)
+    limits = {n: x for n, x in nodes.items() if x is not None} if isinstance(nodes, Mapping) else {}
+    named = limits_of(limits, budget.model.title) if limits else []
+    kept_limits = tuple(dict.fromkeys(Limit(budget.model.canonical(name), SIDES[side], kelvin) for name, side, kelvin in named))
+    job = Job(budget, variants, nodes_kept, grid, seed, MEMBERS_PER_CHUNK, options or Options(), version("thermid"), kept_limits)
+    return job, (*remarks, *budget.remarks)
 
 
 def _with_variants(budget: Budget, chosen: str, count: int) -> Budget:
@@ -285,7 +288,7 @@ class UncertainRuns(Result):
         """
         if self.counts:
             raise ScenarioError(
-                f"only the first {self.whole} of {len(self)} members were kept whole. Give keep=True to keep all.",
+                f"only the first {self.whole} of {len(self)} members were kept whole. Keep fewer nodes, or samples less often.",
                 self.title,
                 code="value.outside-range",
             )
@@ -361,9 +364,7 @@ class UncertainRuns(Result):
         if not self.counts:
             return limit.crossings(self.times, *self._followed(limit.node))
         if limit not in self.passed:
-            text = (
-                f"members were counted without the limit {limit.kelvin - ICE_POINT:g} degC of '{limit.node}'. Give 'limits', or keep=True."
-            )
+            text = f"members were counted without the limit {limit.kelvin - ICE_POINT:g} degC of '{limit.node}'. Give it in 'nodes'."
             raise ScenarioError(text, self.title)
         return np.delete(self.passed[limit], list(self.failed)) if self.failed else self.passed[limit]
 
@@ -399,19 +400,14 @@ def uncertain_runs(
     scenario: Scenario | Sequence[Scenario],
     values: Values | Sequence[Values] = (),
     *,
-    at: str = "",
     spread: Mapping[str, Any] | None = None,
     without: Sequence[str] = (),
     n: int = 10_000,
     seed: int = 0,
-    nodes: Sequence[str] | None = None,
+    nodes: Sequence[str] | Mapping[str, Any] | None = None,
     every: str | float | None = None,
-    limits: Mapping[str, Any] | None = None,
-    keep: bool = False,
     folder: str | os.PathLike[str] | None = None,
     executor: Workers = None,
-    chunk: int = MEMBERS_PER_CHUNK,
-    progress: Progress | None = None,
     options: Options | None = None,
 ) -> UncertainRuns:
     """Return runs of a model whose values and surroundings are drawn anew for every member.
@@ -425,21 +421,18 @@ def uncertain_runs(
     ----------
     model : Model
     scenario : Scenario, or several     Several are draws of the weather, all as likely.
-    values : Calibration, FittedValues, Spread, or several      What fits found (laid over the model) and left open (drawn).
-    at : str                    The submodel that the values belong to; empty for the model itself.
+    values : Calibration, FittedValues, Spread, or several      What fits found (laid over the model) and left open (drawn); a `Knowledge`
+                                where the values belong to a submodel.
     spread : dict               What else is not known exactly: name as in `ensemble`, or a pattern of parameters -> spread as text;
                                 ``start_time`` -> ``{"low": "0 [h]", "high": "6 [h]"}``: all that changes in time is entered at another
                                 time, but commands and what ``stays`` names, which count from the start.
     without : sequence of str   Sources that are not counted, as in `predict`.
     n, seed : int               Members; of the draws.
-    nodes : sequence of str     Nodes to keep; the reference points by default.
+    nodes : sequence of str, or dict    Nodes to keep; the reference points by default. Or node -> limits as in `hold`, which needs them
+                                where members are counted; None for a node without.
     every : str or float        Interval of the stored samples; 121 by default.
-    limits : dict               As in `hold`, which needs them where members are counted.
-    keep : bool                 Keep every member whole.
     folder : path               Where chunks are kept: what is there is not run again, and a run that was interrupted goes on.
     executor : executor, str or int    Who runs the chunks, as in `ensemble`.
-    chunk : int                 Members that run together.
-    progress : callable         Called with members done and members in all.
     options : Options           The integrator's.
 
     Raises
@@ -447,43 +440,38 @@ def uncertain_runs(
     ScenarioError       When a spread is none, a value is spread twice, or there is no such cluster.
     NameNotFoundError   When a name does not exist.
     """
+    plan = plan_runs(model, scenario, values, spread=spread, without=without, seed=seed, nodes=nodes, every=every, options=options)
+    return members_of_plan(*plan, n, folder, executor)
+
+
+def members_of_plan(
+    job: Job,
+    remarks: tuple[str, ...],
+    n: int,
+    folder: str | os.PathLike[str] | None = None,
+    executor: Workers = None,
+    progress: Progress | None = None,
+) -> UncertainRuns:
+    """Return `n` members of a job: the first kept whole, the others run and counted; `progress` is called with members done and in all.
+
+    Raises
+    ------
+    ScenarioError   When there are too many members, or none.
+    """
     if n > cap("members"):
         text = f"{n} members are too many; at most {cap('members'):,.0f} are run.{raising('members')}"
-        raise ScenarioError(text, model.title, code="cap.exceeded")
+        raise ScenarioError(text, job.model.title, code="cap.exceeded")
     if n < 1:
-        raise ScenarioError("a campaign of runs needs at least one member.", model.title, code="value.outside-range")
-    job, remarks = plan_runs(
-        model, scenario, values, at=at, spread=spread, without=without, seed=seed, nodes=nodes, every=every, chunk=chunk, options=options
-    )
-    wanted = _limits_of(job, limits)
+        raise ScenarioError("a campaign of runs needs at least one member.", job.model.title, code="value.outside-range")
     store = JobFolder.below(folder, job.key()) if folder is not None else None
-    campaign = MemberRuns(job, n, n if keep else job.whole(n), wanted, store, executor, progress)
-    return _runs_of_members(campaign, campaign.sample(), remarks)
-
-
-def _limits_of(job: Job, limits: Mapping[str, Any] | None) -> tuple[Limit, ...]:
-    """Return the limits of nodes that are kept, each once; a limit of another node is refused."""
-    named = limits_of(limits, job.model.title) if limits else []
-    limits_of_job = tuple(dict.fromkeys(Limit(job.model.canonical(name), SIDES[side], kelvin) for name, side, kelvin in named))
-    refuse_unknown(
-        [x.node for x in limits_of_job],
-        job.nodes,
-        job.model.title,
-        "'{}' has a limit and was not stored. Name it in 'nodes'.",
-        NameNotFoundError,
-    )
-    return limits_of_job
-
-
-def _runs_of_members(campaign: MemberRuns, sample: Sequence[Chunk], remarks: tuple[str, ...]) -> UncertainRuns:
-    """Return what the members say: the first kept whole, the others run and counted."""
-    job, n, whole = campaign.job, campaign.members, campaign.whole
+    campaign = MemberRuns(job, n, job.whole(n), store, executor, progress)
+    sample, whole = campaign.sample(), campaign.whole
     failed = {m: why for c in sample for m, why in c.failed.items()}
     counted = Counted(n, {}, {}, failed, {})
     if whole < n and len(failed) == whole:
         n, remarks = whole, (*remarks, f"none of the first {whole} members reached the end, so the other {n - whole} were not run")
     elif whole < n:
-        table = CountTable.of_pilot(job, campaign.limits, sample)
+        table = CountTable.of_pilot(job, sample)
         first = [(c.first, table.counted(job, c)) for c in sample]
         counted = Counted.gathered(chain(first, campaign.others(table)), n)
     if counted.failed:
@@ -497,7 +485,7 @@ def _runs_of_members(campaign: MemberRuns, sample: Sequence[Chunk], remarks: tup
         temperatures[c.first : c.first + len(c.temperatures)] = c.temperatures
     turnings, blind = _turnings(job, sample)
     campaign.say(0)
-    passed = dict(zip(campaign.limits, counted.rows.get("crossings", ()), strict=False))
+    passed = dict(zip(job.limits, counted.rows.get("crossings", ()), strict=False))
     outcome = (counted.failed, counted.tallies, passed, campaign.reused, (*remarks, *blind))
     return UncertainRuns(job, n, temperatures, turnings, *outcome)
 
@@ -513,9 +501,9 @@ def _turnings(job: Job, ordered: Sequence[Chunk]) -> tuple[dict[str, MemberTurni
     return turnings, (why,)
 
 
-def kept_members(job: Job, members: int, limits: Mapping[str, Any] | None, folder: str | os.PathLike[str] | None) -> int:
+def kept_members(job: Job, members: int, folder: str | os.PathLike[str] | None) -> int:
     """Return how many of the members an earlier run left in a folder."""
     if folder is None:
         return 0
-    campaign = MemberRuns(job, members, job.whole(members), _limits_of(job, limits), JobFolder.below(folder, job.key()), None, None)
+    campaign = MemberRuns(job, members, job.whole(members), JobFolder.below(folder, job.key()), None, None)
     return campaign.members_in_folder()

@@ -6,7 +6,7 @@ import os
 from dataclasses import dataclass
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import DeckError, NameNotFoundError, refuse_unknown
+from thermid.base.errors import DeckError, NameNotFoundError, quoted, refuse_unknown
 from thermid.model.deck import load_model
 from thermid.model.tree import Entry, Model, own_tables, parameter_table
 
@@ -57,9 +57,8 @@ def macro_model(host: Model | str | os.PathLike[str], unit: Model | str | os.Pat
     shapes = own_tables(model)
     bare = [v.path for v in host_values(model, at) if not v.source]
     if bare:
-        few = ", ".join(f"'{p}'" for p in bare[:12]) + (f" and {len(bare) - 12} more" if len(bare) > 12 else "")
         raise DeckError(
-            f"{_count(len(bare))} no source: {few}. Give the source of each: "
+            f"{_count(len(bare))} no source: {quoted(bare)}. Give the source of each: "
             '{ value = ..., source = "measured", "datasheet", "published", "derived" or "assumed", basis = "..." }'
             f"{', with source and basis beside the points of a table' if any(p in shapes for p in bare) else ''}.",
             model.file or model.title,
@@ -104,4 +103,5 @@ def assumed(model: Model) -> tuple[str, ...]:
 
 
 def _count(values: int) -> str:
+    """Return how many values of the host have something, in words that agree."""
     return "one value of the host has" if values == 1 else f"{values} values of the host have"

@@ -236,6 +236,7 @@ def chain(part: Subnetwork, keep: frozenset[str], drives: Sequence[Drive]) -> di
     exact = [_response(part, choice, d) for d in drives]
 
     def off(way: Partition) -> float:
+        """Return the largest deviation of a partition from the full model over all drives. [K]"""
         return max(float(np.abs(_response(part, way, d) - e).max()) for d, e in zip(drives, exact, strict=True))
 
     out = {len(choice.states): choice}
@@ -541,6 +542,7 @@ def _deck(part_model: Model, ahead: str, network: Network, small: Condensed) -> 
     numbers = network.numbers()
 
     def written(value: float, unit: str) -> dict[str, Any]:
+        """Return a number as a deck writes it, with unit, source and basis."""
         return {"value": f"{value!r} [{unit}]", "source": "derived", "basis": basis}
 
     nodes: dict[str, dict[str, Any]] = {name[n]: {"capacitance": written(c, "J/K")} for n, c in small.masses.items()} | {
@@ -600,6 +602,7 @@ def _law_table(row: ConductorRow, name: Mapping[str, str], written: Any, network
 
 
 def _load_table(load: FlatLoad, numbers: Numbers, name: Mapping[str, str], written: Any) -> dict[str, Any]:
+    """Return the deck's table of a load of the reduced model; one that is no constant power is refused."""
     plain = {"power", "command_curve", "reference_temperature"}
     plain |= {f"{law}_coefficient" for law in ("temperature", "quadratic", "exponential")}
     odd = sorted(set(load.fields) - plain)

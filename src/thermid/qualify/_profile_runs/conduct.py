@@ -182,6 +182,7 @@ class ChamberSetup:
             return Leg.of_scenario(self, course.scenario(self.base, self, "profile", tail=HELD_AFTER_END), past.times[-1])
 
         def make() -> Leg:
+            """Return the leg from one chamber temperature to another over `span`. [s]"""
             course = Timeline((0.0, span), (before, after)) if span else Timeline((0.0,), (after,))
             return Leg.of_scenario(
                 self, replace(course.scenario(self.base, self, "profile", tail=HELD_AFTER_END), initial={}, start=Kelvin(293.15)), 0.0

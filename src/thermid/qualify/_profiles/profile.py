@@ -209,6 +209,7 @@ def _step_from_row(profile: ThermalProfile, row: Mapping[str, Any], where: str) 
     """Return a step of a profile from its table in a file, in SI; `where` is its place for messages."""
 
     def value(key: str, slot: str) -> float | None:
+        """Return the number of a key in SI; None where it has none."""
         text = row.get(key)
         if text is None:
             return None

@@ -14,7 +14,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
-from thermid.base.errors import RecordError
+from thermid.base.errors import RecordError, quoted
 from thermid.base.results import Result
 from thermid.measure.amounts import duration_text, positive_seconds
 from thermid.measure.records import FloatArray, Record, stretch, within_log
@@ -400,7 +400,7 @@ def _stored_in_log(
         sits.setdefault(find(record.channel(name).target or name), []).append(name)
     hidden = {n: c for n, c in capacities.items() if n not in sits}
     if hidden:
-        listed = ", ".join(f"'{n}'" for n in sorted(hidden, key=lambda n: -hidden[n])[:4]) + (" and more" if len(hidden) > 4 else "")
+        listed = quoted(sorted(hidden, key=lambda n: -hidden[n]))
         share = 100.0 * sum(hidden.values()) / sum(capacities.values())
         raise RecordError(
             f"'{rule.name}' needs the temperature of every node that stores heat; {listed} "

@@ -468,7 +468,7 @@ class GrowingLog:
     def _beginning(self, piece: bytes, parsed: Record) -> bytes:
         """Return the fewest first lines of a piece that read as the beginning of its record."""
         lines = piece.splitlines(keepends=True)
-        for count in range(2, min(MAX_HEAD_LINES, len(lines)) + 1):
+        for count in range(1, min(MAX_HEAD_LINES, len(lines)) + 1):
             head = b"".join(lines[:count])
             first = self._parsed(head)
             if first is not None and first.times.size > 1 and abs(first.times[0] - parsed.times[0]) < 1e-3 * parsed.step:

@@ -333,6 +333,7 @@ def unknowns_with_priors(experiment: Experiment) -> tuple[tuple[str, ...], Array
     rows: dict[str, tuple[float, float, bool]] = {}
 
     def number(path: str) -> float:
+        """Return a parameter's number. [SI]"""
         return float(getattr(values[path], "value", values[path]))
 
     for s in suspect_values(network):

@@ -110,7 +110,6 @@ class WatchRequest:
     rule : StabilityRule        The plan's own rule of stability.
     within : float              Largest half-width of the interval of a final temperature. [K]
     limits : tuple              Limits that must be decided before a stop.
-    required : bool             Whether no stop is advised before the rule is met.
     slowest : str or float      Longest time constant that the unit can have, without a model. [s]
     since : str or float        When conditions last changed. [s]
     scenario : Scenario         Inputs that the log does not have.
@@ -121,7 +120,6 @@ class WatchRequest:
     rule: StabilityRule
     within: float
     limits: tuple[TemperatureLimit, ...] = ()
-    required: bool = False
     slowest: str | float | None = None
     since: str | float = "start"
     scenario: Scenario | None = None
@@ -151,7 +149,7 @@ class WatchRequest:
         if model is not None:
             scenario = scenario if self.conditions is None else self.conditions(record, scenario)
             more |= {"model": model, "scenario": scenario or Scenario(record.name)}
-        stopping = Stopping(self.rule, self.within, self.limits, required=self.required, **more)
+        stopping = Stopping(self.rule, self.within, self.limits, **more)
         return Watcher(stopping, names, model, scenario if model is not None else None, remarks=self.columns.remarks)
 
     def look(self, path: Path) -> WatchLook:

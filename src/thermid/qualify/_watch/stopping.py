@@ -89,7 +89,6 @@ class Stopping:
     within : float          Largest half-width of the interval of a final temperature. [K]
     limits : sequence       Limits on final temperatures; a stop needs each decided.
     risk : float            Probability of one wrong stop on a plateau, shared by `DECISIONS` decisions and all channels. [-]
-    required : bool         Whether the plan's rule must hold before a stop is advised.
     model, scenario         A model that is fitted to the readings, and the inputs that the log does not have.
     more                    Without a model, further arguments of `forecast`: reference, slowest.
     """
@@ -100,12 +99,11 @@ class Stopping:
         within: float,
         limits: tuple[TemperatureLimit, ...] = (),
         risk: float = RISK,
-        required: bool = False,
         model: Model | None = None,
         scenario: Scenario | None = None,
         **more: Any,
     ) -> None:
-        self.rule, self.within, self.limits, self.risk, self.required, self.more = rule, within, limits, risk, required, more
+        self.rule, self.within, self.limits, self.risk, self.more = rule, within, limits, risk, more
         self.settling = None if model is None else LiveFit(model, scenario)
         self.count, self._watched, self.changed = 0, 0.0, float("-inf")
         self.last: StopAdvice | None = None
@@ -203,6 +201,7 @@ class Stopping:
         now = float(record.times[-1])
 
         def advice_of(word: str, because: str) -> StopAdvice:
+            """Return this advice at the time of the decision."""
             return StopAdvice(word, because, self.count, level, ends, late, now)
 
         if doubt or why:
@@ -220,21 +219,8 @@ class Stopping:
             span = f"{short(f.low - ICE_POINT)} to {short(f.high - ICE_POINT)} degC"
             return advice_of(DECLINED, f"{m.channel} may end on either side of its limit {m}: {span}. Wait longer.")
         holds = late is not None and late <= now
-        if self.required and not holds:
-            return advice_of(
-                WAIT,
-                f"the final temperature is known, but the plan requires that '{self.rule.name}' is met{_when_text(late, now)}.",
-            )
-        rule = (
-            ""
-            if holds
-            else f" The plan's rule '{self.rule.name}' is not met yet{_when_text(late, now)}. Check in the plan whether the test may end."
-        )
+        when = "" if late is None else f" (expected at {duration_text(late)})"
+        rule = "" if holds else f" The plan's rule '{self.rule.name}' is not met yet{when}. Check in the plan whether the test may end."
         return advice_of(
             STOP, f"waiting longer does not change the verdict: every channel ends within +- {short(self.within)} K of its forecast.{rule}"
         )
-
-
-def _when_text(late: float | None, now: float) -> str:
-    """Return when a rule will hold, in brackets, by the clock of the log; empty where that has passed or is not known."""
-    return "" if late is None or late <= now else f" (expected at {duration_text(late)})"

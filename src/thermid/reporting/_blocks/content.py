@@ -359,6 +359,7 @@ def folded(title: str, blocks: Sequence[PageBlock], note: str = "") -> FoldOut:
 
 
 def _titled(title: str, blocks: Sequence[PageBlock]) -> tuple[PageBlock, ...]:
+    """Return blocks in which a table without a title has that of the heading above it."""
     out: list[PageBlock] = []
     for block in blocks:
         if isinstance(block, Heading):

@@ -60,6 +60,7 @@ def page_template(name: str, sheets: Sheets) -> Template:
         from markupsafe import Markup, escape
 
     def finished(value: object) -> object:
+        """Return a text typeset for a page; other values as they are."""
         return typeset(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
     loader = FunctionLoader(_asset)
@@ -145,6 +146,7 @@ def css_text(text: str) -> str:
 
 
 def _asset(name: str) -> str:
+    """Return the text of a file that stands beside this module."""
     from importlib.resources import files
 
     return files("thermid.reporting._blocks").joinpath(name).read_text(encoding="utf-8")

@@ -36,6 +36,7 @@ def numbered(page: str) -> str:
     kind, place = "", ""
 
     def count(element: re.Match[str]) -> str:
+        """Number a table or figure, and its caption."""
         nonlocal kind, place
         if element[3] is None:
             kind, place = ("Table", element[2] or "") if element[0].startswith("<table") else ("Fig.", element[1] or "")
@@ -119,6 +120,7 @@ class Sheets:
         return [replace(s, blocks=tuple(b for b in s.blocks if not self._put_away(b))) for s in sections]
 
     def _put_away(self, block: PageBlock) -> bool:
+        """Whether a block folds out; its tables are then kept, under its title, for the page of numbers."""
         if not isinstance(block, FoldOut):
             return False
         for inner in block.blocks:

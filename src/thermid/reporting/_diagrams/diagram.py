@@ -166,6 +166,7 @@ def fold(flat: Flat, paths: Sequence[str]) -> FoldedModel:
     outer = [p for p in paths if not any(p.startswith(f"{q}.") for q in paths)]
 
     def drawn(node: str) -> str:
+        """Return the part that a node is drawn in, or the node itself."""
         return next((p for p in outer if node.startswith(f"{p}.")), node)
 
     nodes: dict[str, list[FlatNode]] = {}

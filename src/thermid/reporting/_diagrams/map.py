@@ -143,6 +143,7 @@ class _Drawing:
         return "; ".join(texts)
 
     def _watts(self, c: FlatConductor) -> str:
+        """Return the power of a load or the heat of a conductor as the map shows it. [W]"""
         text = watts(self.plain, c.path, self.flows)
         return f", {text}" if text else ""
 
@@ -266,6 +267,7 @@ def _item(
 
 
 def _watts(numbers: Numbers, load: object) -> float:
+    """Return the power of a load or the heat of a conductor as the map shows it. [W]"""
     fields: Mapping[str, str] = getattr(load, "fields", {})
     return float(value_of(numbers.values[fields["power"]])) if "power" in fields else 0.0
 
@@ -284,6 +286,7 @@ def _badges(shown: _Drawing, inner: Collection[str], docks: Mapping[str, str], h
 
 
 def _style(conductors: Sequence[FlatConductor]) -> str:
+    """Return the style of a line by the kind of its first conductor: name and dash pattern."""
     return STYLES.get(conductors[0].kind, ("solid", ""))[0]
 
 
@@ -298,6 +301,7 @@ def _drawn(drawing: _Drawing, plan: MapPlaces) -> list[tuple[str, str]]:
 
 
 def _stroke_style(drawing: _Drawing, pair: tuple[str, str], most: float) -> str:
+    """Return the attribute of a line's width, in proportion to its heat; empty where no heat is known."""
     return f' style="stroke-width:{1.0 + (THICK - 1.0) * abs(drawing.heat[pair]) / most:.1f}"' if drawing.heat and most > 0.0 else ""
 
 
@@ -413,6 +417,7 @@ def _along(points: Sequence[Point], wide: float) -> Iterator[Point]:
 
 
 def _text(x: float, y: float, words: str, size: float, kind: str = "", tip: str = "", key: str = "") -> str:
+    """Return a text of SVG at (x, y), with a tip where one is given. [px]"""
     hint = f"<title>{escape(tip)}</title>" if tip else ""
     return f'<text x="{x:.1f}" y="{y:.1f}" font-size="{size:g}" class="{kind.strip()}"{key}>{escape(words)}{hint}</text>'
 

@@ -161,6 +161,7 @@ def card_places(nodes: Sequence[str], pairs: Sequence[tuple[str, str]], size: tu
 
 
 def _up(length: float) -> float:
+    """Return a length rounded up to the grid of places. [px]"""
     return PLACE_STEP * math.ceil(length / PLACE_STEP - 1e-9)
 
 
@@ -185,6 +186,7 @@ def docked(nodes: Sequence[str], pairs: Sequence[tuple[str, str]]) -> tuple[dict
 
 
 def _docks(nodes: Sequence[str], near: Mapping[str, Mapping[str, None]], hubs: set[str]) -> dict[str, str]:
+    """Return node -> the only neighbour that it hangs on, so that both share a card."""
     docks: dict[str, str] = {}
     height, size = dict.fromkeys(nodes, 0), dict.fromkeys(nodes, 1)
     order = sorted(nodes, key=lambda n: len(near[n]))
@@ -219,6 +221,7 @@ def _rows(nodes: Sequence[str], docks: Mapping[str, str]) -> dict[str, tuple[tup
             inside[docks[node]].append(node)
 
     def below(node: str, deep: int) -> Iterator[tuple[str, int]]:
+        """Yield a node and all that hang on it, each with its depth."""
         yield node, deep
         for n in inside[node]:
             yield from below(n, deep + 1)
@@ -350,6 +353,7 @@ def crossed(one: Array, two: Array) -> Bools:
     """Return whether each straight piece (x, y, x, y) of the one crosses each of the other; a common end is no crossing."""
 
     def sides(a: Array, b: Array) -> Bools:
+        """Whether the ends of each segment of `a` lie on either side of each segment of `b` (a, b)."""
         way = a[:, None, 2:] - a[:, None, :2]
         turns = [way[..., 0] * (b[None, :, k + 1] - a[:, None, 1]) - way[..., 1] * (b[None, :, k] - a[:, None, 0]) for k in (0, 2)]
         return turns[0] * turns[1] < 0.0

@@ -325,6 +325,7 @@ def _dots(campaign: Campaign) -> list[Dots]:
 
 
 def _rmse(calibrations: Sequence[Calibration]) -> dict[str, list[float]]:
+    """Return sensor -> root mean square residual of every record of the fits. [K]"""
     out: dict[str, list[float]] = {}
     for c in calibrations:
         for b in c.blocks:
@@ -433,10 +434,12 @@ def moved(calibration: Calibration) -> Table:
 
 
 def _result(verdict: str) -> Cell:
+    """Return the cell of a verdict in its colour."""
     return Cell(verdict, "", LOOKS[verdict])
 
 
 def _line(m: Move) -> Line:
+    """Return the row of a value that a stage below found: before and here, their difference in standard errors, its chance."""
     below, alone = from_si(m.below, m.unit), from_si(m.alone, m.unit)
     is_known = m.is_determined and math.isfinite(alone)
     share = number(100 * (alone / below - 1), 2) if below and is_known else DASH
@@ -451,6 +454,7 @@ def _line(m: Move) -> Line:
 
 
 def _group(g: MovedGroup) -> Line:
+    """Return the row of values that are tested together: chi-square, directions and chance."""
     what = Cell(g.name, ", ".join(g.paths), "main")
     square = f"χ² {number(g.chi_square, 3)} of {g.directions}" if g.directions else DASH
     return [what, "", "", "", "", "", square, number(g.chance, 2), "", _result(g.verdict)]
@@ -493,6 +497,7 @@ def _finding(analysis: Callable[[], object]) -> str:
 
 
 def _looks(campaign: Campaign, c: Calibration) -> str:
+    """Return which hold-out records judged a stage, one a line, and whether they still are independent."""
     lines = []
     for v in campaign.verdicts:
         if v.model == c.stage:

@@ -101,6 +101,7 @@ def decisive(campaign: Campaign) -> Decisive | None:
 
 
 def _decisive(fit: Calibration, block: SensorTrace, verdict: Verdict | None = None, check: Check | None = None) -> Decisive:
+    """Return what decides of a trace: without its sensor's constant error, with its verdict and check."""
     return Decisive(fit, without_error(fit, block), fit.bias.get(block.sensor, 0.0), verdict, check)
 
 
@@ -125,10 +126,12 @@ def front(campaign: Campaign) -> list[PageBlock]:
 
 
 def _tag(c: Calibration) -> str:
+    """Return the mark of a fit with records that were made and not measured; empty otherwise."""
     return SYNTHETIC if c.synthetic or any(e.record.origin.synthetic for e in c.experiments) else ""
 
 
 def _decides(decisive: Decisive, run: Course | None) -> Plot:
+    """Return the figure of the sensor that decides: measured, simulated and residual."""
     b = decisive.block
     drive = drives(decisive.fit, run)
     label = f"{b.sensor} in {b.record}: measured and simulated"

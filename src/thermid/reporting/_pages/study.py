@@ -60,9 +60,7 @@ def study_report(
 ) -> Path:
     """Write a study as one HTML page, or as a PDF where its name ends in .pdf, and return its path.
 
-    The page loads nothing and runs no script but its own.
-
-    Long tables are files of comma-separated values too, in a folder beside the page.
+    The page loads nothing and runs no script but its own. Long tables are files of comma-separated values too, in a folder beside the page.
 
     Parameters
     ----------
@@ -150,10 +148,12 @@ def steps(study: Study) -> list[PageBlock]:
 
 
 def _state(state: str) -> Cell:
+    """Return the cell of the state of a step."""
     return Cell(f"✓ {state}", "", "good") if state == "done" else Cell(state, "", "soft")
 
 
 def _instruments(study: Study) -> Table:
+    """Return the table of the sensors of a study: accuracy, resolution, range, conversion time, certificate."""
     columns = [
         Head("sensor"),
         Head("accuracy, K", True),
@@ -179,6 +179,7 @@ def _instruments(study: Study) -> Table:
 
 
 def _parts_section(study: Study) -> Section:
+    """Return the section on the parts: their table, and the source of every value."""
     counts = Counter(p.source for _, _, p in _stated(study))
     sources = ", ".join(f"{counts[source]} {source}" for source in sorted(counts))
     blocks: list[PageBlock] = [
@@ -261,6 +262,7 @@ def step_log(study: Study, campaign: Campaign) -> Table:
 
 
 def _record_section(study: Study, campaign: Campaign) -> Section:
+    """Return the section on record: log of steps, verdicts, data, fits, versions."""
     lines = step_log(study, campaign)
     blocks: list[PageBlock] = [
         folded("Log of every step", [lines], counted(len(lines.rows), "line")),
@@ -273,6 +275,7 @@ def _record_section(study: Study, campaign: Campaign) -> Section:
 
 
 def _verdicts(campaign: Campaign, ranked: bool = False) -> Table:
+    """Return the table of verdicts under the title and key that a study gives it."""
     return replace(tables.verdicts(campaign, ranked), title="Verdicts, criterion by criterion", key=VERDICTS_TABLE)
 
 
@@ -381,6 +384,7 @@ def structures_report(
 
 
 def _taken(structures: Sequence[Structure], chosen: str) -> Structure | None:
+    """Return the structure that is taken: the one named, or the simplest of the physical ones whose error is near the least."""
     if chosen:
         hits = [s for s in structures if s.name == chosen]
         if not hits:
@@ -411,6 +415,7 @@ def _findings(structures: Sequence[Structure], taken: Structure | None) -> list[
 
 
 def _overview(structures: Sequence[Structure], taken: Structure | None) -> Table:
+    """Return the table of structures: free values, information criteria, errors on fitted and hold-out runs."""
     sensors = list(dict.fromkeys(name for s in structures for name in s.unseen))
     columns = [
         Head("structure"),
@@ -455,6 +460,7 @@ def _overview(structures: Sequence[Structure], taken: Structure | None) -> Table
 
 
 def _dots(structures: Sequence[Structure]) -> list[PageBlock]:
+    """Return the figure of the errors of every structure on each hold-out run. [K]"""
     lines = [Dots(s.name, {sensor: list(runs.values()) for sensor, runs in s.unseen.items()}, True) for s in structures if s.unseen]
     if not lines:
         return []
@@ -463,6 +469,7 @@ def _dots(structures: Sequence[Structure]) -> list[PageBlock]:
 
 
 def _values(structures: Sequence[Structure]) -> list[PageBlock]:
+    """Return the values of each structure with their standard errors, below what speaks against it."""
     out: list[PageBlock] = []
     for s in structures:
         out.append(Heading(s.name))

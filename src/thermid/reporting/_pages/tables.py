@@ -88,6 +88,7 @@ def parameters(calibration: Calibration) -> Table:
 
 
 def _bounds(q: ShownValue) -> str:
+    """Return the bounds of a value as text; a dash where it has none."""
     low, high = (plain(b, 4) if math.isfinite(b) else "" for b in q.bounds)
     return f"{low} .. {high}" if low and high else f"from {low}" if low else f"to {high}" if high else DASH
 
@@ -163,6 +164,7 @@ def _names(model: Model, path: str) -> Iterator[tuple[str, str]]:
 
 
 def _level_row(names: Names, values_by_stage: Mapping[str, tuple[float, FittedValue | None]], campaign: Campaign) -> list[Cell]:
+    """Return the row of a value by stage: fitted with its standard error, held, or not there."""
     one = next((v for _, v in values_by_stage.values() if v), None)
     text = one.unit if one else "W/(m^2 K)"
     row = [Cell(names[-1][0]), Cell(names[0][1]), Cell(pretty(text))]
@@ -418,6 +420,7 @@ def versions() -> Table:
 
 
 def _version(package: str) -> str:
+    """Return the version of a package; a dash where it is not installed."""
     try:
         return version(package)
     except PackageNotFoundError:
@@ -525,6 +528,7 @@ def interval(v: FittedValue) -> tuple[float, float]:
 
 
 def _cut(remarks: list[Remark]) -> tuple[Remark, ...]:
+    """Return the first remarks, the last of which counts those that are left out."""
     if len(remarks) <= LINES:
         return tuple(remarks)
     return (*remarks[: LINES - 1], Remark(f"And {len(remarks) - LINES + 1} more, listed with their stages."))
@@ -543,6 +547,7 @@ def _values(campaign: Campaign) -> Iterator[tuple[Calibration, FittedValue]]:
 
 
 def _fitted(campaign: Campaign) -> Table:
+    """Return the table of fitted values with their 95 % intervals, those of the last stage first."""
     columns = [
         Head("value"),
         Head("stage"),

@@ -139,11 +139,13 @@ def calibration_object(fit: Calibration) -> dict[str, Any]:
 
 
 def _local(i: Any) -> dict[str, Any]:
+    """Return the value of one record as JSON holds it."""
     out = {"record": i.record, "name": i.name, "value": i.value, "error": i.error}
     return out | ({"value_C": i.value - ICE_POINT} if i.unit == "degC" else {})
 
 
 def _moved(moves: Moves) -> dict[str, Any]:
+    """Return as JSON what the logs of a stage say of values of the stages below."""
     values = {
         m.path: {
             "stage": m.stage,

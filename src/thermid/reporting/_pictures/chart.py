@@ -209,6 +209,7 @@ def _panel(
     last: bool,
     samples: Mapping[int, NDArray[np.int64]],
 ) -> str:
+    """Return a panel as SVG: frame, grid, ticks, lines and bands within its box. [px]"""
     x_left, top, width, height = box
     shown = [line.y[np.isfinite(line.y)] for line in p.lines] + [v for a in p.areas for v in (a.low, a.high)]
     low, high = min(float(v.min()) for v in shown if v.size), max(float(v.max()) for v in shown if v.size)
@@ -244,6 +245,7 @@ def _panel(
 
 
 def _text(x: float, y: float, anchor: str, text: str) -> str:
+    """Return a text of SVG at (x, y). [px]"""
     return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{text}</text>'
 
 
@@ -255,9 +257,11 @@ class _Scale:
     y: tuple[float, float]
 
     def across(self, values: Array) -> NDArray[np.int64]:
+        """Return abscissas as steps of the panel's grid, from its left edge."""
         return np.rint(PANEL_GRID_STEPS * (values - self.x[0]) / (self.x[1] - self.x[0])).astype(np.int64)
 
     def down(self, values: float | Array) -> NDArray[np.int64]:
+        """Return ordinates as steps of the panel's grid, from its upper edge; far outside they are cut off."""
         far = PANEL_GRID_STEPS * (self.y[1] - np.asarray(values)) / (self.y[1] - self.y[0])
         return np.rint(np.clip(far, -20 * PANEL_GRID_STEPS, 20 * PANEL_GRID_STEPS)).astype(np.int64)
 
@@ -278,6 +282,7 @@ def _stretches(line: Stroke) -> Iterator[NDArray[np.int64]]:
 
 
 def _line(line: Stroke, scale: _Scale, limit: int, samples: NDArray[np.int64] | None) -> str:
+    """Return the path of a line, thinned to about so many points; gaps stay gaps."""
     path = []
     whole = max(line.x.size, 1)
     for at in _stretches(line):
@@ -296,6 +301,7 @@ def _line(line: Stroke, scale: _Scale, limit: int, samples: NDArray[np.int64] | 
 
 
 def _area(area: Area, scale: _Scale, limit: int) -> str:
+    """Return the path of a band, thinned to about so many points."""
     keep = np.union1d(thinned(area.low, limit // 2), thinned(area.high, limit // 2))
     x = scale.across(area.x[keep])
     there, back = scale.down(area.high[keep]), scale.down(area.low[keep])

@@ -12,7 +12,7 @@ from thermid.base.linear_algebra import Array
 from thermid.physics.constants import ICE_POINT
 from thermid.reporting._blocks.content import Graphic, Plot
 from thermid.reporting._pictures.chart import nice_ticks, number_text
-from thermid.reporting._pictures.figures import GRID, INK, RESIDUAL, SIMULATED, SOFT
+from thermid.reporting._pictures.figures import GRID, INK, RESIDUAL, SIMULATED, SOFT, cut
 
 CHART_WIDTH, CHART_HEIGHT = 300.0, 232.0
 """Size of a chart. [px]"""
@@ -50,12 +50,12 @@ def matrix(cells: Mapping[tuple[str, str], tuple[float, bool | None]]) -> Graphi
         x = x_left + cell * (k + 0.5)
         turn = f' transform="rotate(-45 {x:.1f} {head - 6:.1f})"' if steep else ""
         out.append(
-            f'<text x="{x:.1f}" y="{head - 6:.1f}" text-anchor="{"start" if steep else "middle"}"{turn}>{escape(_cut(name, 16))}</text>'
+            f'<text x="{x:.1f}" y="{head - 6:.1f}" text-anchor="{"start" if steep else "middle"}"{turn}>{escape(cut(name, 16))}</text>'
         )
     tips = []
     for j, row in enumerate(rows):
         y = head + CELL * j
-        out.append(f'<text x="{x_left - 6:.1f}" y="{y + 15:.1f}" text-anchor="end">{escape(_cut(row, 18))}</text>')
+        out.append(f'<text x="{x_left - 6:.1f}" y="{y + 15:.1f}" text-anchor="end">{escape(cut(row, 18))}</text>')
         for k, column in enumerate(columns):
             key = (row, column) if across else (column, row)
             if key not in cells:
@@ -104,6 +104,7 @@ def scatter(measured: Sequence[Array], predicted: Sequence[Array]) -> Graphic:
     box = BOX
 
     def at(v: float, w: float) -> tuple[float, float]:
+        """Return where a pair of temperatures stands in the box. [px]"""
         return box[0] + box[2] * (v - low) / (high - low), box[1] + box[3] * (high - w) / (high - low)
 
     out = [_axes(box, (low, high), (low, high), ("measured, °C", "predicted, °C"))]
@@ -169,6 +170,7 @@ def _shares_within(residuals: Array) -> str:
 
 
 def _ends(values: Array, least: float) -> tuple[float, float]:
+    """Return the ends of an axis: 6 % beyond the values, and at least so far apart."""
     low, high = float(values.min()), float(values.max())
     room = max(0.06 * (high - low), 0.5 * (least - (high - low)), 1e-3)
     return low - room, high + room
@@ -200,12 +202,9 @@ def _axes(box: tuple[float, float, float, float], x: tuple[float, float], y: tup
 
 
 def _whole(parts: Iterator[str] | Sequence[str], label: str, width: float, height: float) -> Graphic:
+    """Return parts of SVG as one graphic of a size [px], with what a screen reader says of it."""
     return Graphic(
         f'<svg class="plot" role="img" aria-label="{escape(label)}." viewBox="0 0 {width:.0f} {height:.0f}" '
         f'style="font-size:12px;fill:var(--f-soft,{SOFT})">{"".join(parts)}</svg>',
         (),
     )
-
-
-def _cut(text: str, most: int) -> str:
-    return text if len(text) <= most else f"{text[: most - 1]}…"

@@ -214,9 +214,11 @@ def overview(lines: Sequence[Dots]) -> Graphic:
     ticks = nice_ticks(0.0, highest, 7)
 
     def place(value: float) -> float:
+        """Return where a value stands on the axis. [px]"""
         return x_left + (width - x_left - right) * value / highest
 
     def dot(m: int, x: float, y: float) -> str:
+        """Return the m-th mark as SVG at (x, y). [px]"""
         fill = f"fill:var(--s{m % len(SERIES)},{SERIES[m % len(SERIES)]})"
         return f'<path d="{SHAPES[m % len(SHAPES)]}" transform="translate({x:.1f} {y:.1f})" style="{fill};fill-opacity:.75"/>'
 
@@ -226,7 +228,7 @@ def overview(lines: Sequence[Dots]) -> Graphic:
     texts = []
     for k, line in enumerate(lines):
         middle = 8.0 + row * (k + 0.5)
-        name = f'<tspan style="fill:var(--f-ink,{INK})">{escape(_cut(line.label))}</tspan>'
+        name = f'<tspan style="fill:var(--f-ink,{INK})">{escape(cut(line.label, 26))}</tspan>'
         under = "held out" if line.held_out else escape(line.doubt)
         look = f' style="fill:var(--bad,{RESIDUAL});font-weight:700"' if line.doubt else ""
         held = f'<tspan x="{x_left - 10:g}" dy="13"{look}>{under}</tspan>' if under else ""
@@ -256,8 +258,9 @@ def overview(lines: Sequence[Dots]) -> Graphic:
     return Graphic(markup, tuple(entries))
 
 
-def _cut(text: str) -> str:
-    return text if len(text) <= 26 else text[:25] + "…"
+def cut(text: str, most: int) -> str:
+    """Return a text of at most so many characters; a longer one ends in an ellipsis."""
+    return text if len(text) <= most else f"{text[: most - 1]}…"
 
 
 def prediction(solution: Solution, key: str, label: str) -> Graphic:
@@ -388,6 +391,7 @@ def curves(
 def _axes(
     name: str, lines: Sequence[Stroke], length: float, areas: Sequence[Area] = (), top: float | None = None, share: float = 1.0
 ) -> Panel:
+    """Return a panel from a name as "quantity, symbol, unit" and lines over time in units of `length`. [s]"""
     what, _, unit = name.partition(", ")
     drawn = [replace(c, x=c.x / length) for c in lines]
     return Panel(what, unit, drawn, areas, top=top, share=share)

@@ -132,6 +132,7 @@ class Look(Result):
         return tuple(out)
 
     def _layout(self) -> str:
+        """Return the layout of the file in words: separator, encoding, preamble, row of units."""
         at = self.cells.layout
         parts = [f"separator {at.separator}"] if at.separator else []
         parts += [f"encoding {at.encoding}"] if at.encoding else []
@@ -218,6 +219,7 @@ class Look(Result):
         return "\n".join(out) + "\n"
 
     def _channel(self, c: Column) -> list[str]:
+        """Return the lines of a campaign that bind a column."""
         name = self.again.get(c.name, c.name)
         key = name if _BARE.match(name) else json.dumps(name, ensure_ascii=False)
         column = f"column = {json.dumps(c.name, ensure_ascii=False)}, " if name != c.name else ""
@@ -267,6 +269,7 @@ class Look(Result):
 
     @property
     def _of_supplies(self) -> list[Column]:
+        """The columns of voltage and current that make a power together."""
         return [c for pair in self.supplies.values() for c in pair]
 
     def as_object(self) -> dict[str, Any]:
@@ -544,6 +547,7 @@ def _digits(value: float, count: int) -> str:
 
 
 def _bare(look: Look) -> str:
+    """Return why a log has no clock."""
     return "is not readable yet" if look.times is None else "has no time stamps"
 
 
@@ -630,6 +634,7 @@ def _drawn(column: Column, width: int) -> str:
 
 
 def _short(text: str, width: int) -> str:
+    """Return a text cut to a width, its last four characters kept."""
     return text if len(text) <= width else f"{text[: width - 6]}..{text[-4:]}"
 
 

@@ -230,6 +230,7 @@ def sections(q: Qualification) -> list[Section]:
 
 
 def _criteria(q: Qualification) -> Table:
+    """Return the table of the sets of criteria that the tests use: their limits [K] and sources."""
     used = dict.fromkeys(n for t in q.plan.tests for n in t.criteria)
     shown = dict.fromkeys(("mean", "spread", "each", "rmse", *(key for name in used for key in q.plan.criteria[name].limits)))
     columns = [Head("set"), *(Head(f"{heading(key)}, K", True) for key in shown), Head("for"), Head("mark"), Head("source", wrapped=True)]
@@ -242,6 +243,7 @@ def _criteria(q: Qualification) -> Table:
 
 
 def _configuration(q: Qualification) -> list[PageBlock]:
+    """Return the blocks on the unit as tested and as flown: differences and size of the model."""
     configuration = q.plan.content.configuration
     rows: list[Line] = [[d.what, d.effect or DASH] for d in configuration.differences]
     flat = flatten(q.knowledge.model)
@@ -254,6 +256,7 @@ def _configuration(q: Qualification) -> list[PageBlock]:
 
 
 def _as_run(q: Qualification) -> list[PageBlock]:
+    """Return the blocks on every test as it was run: host, orientation, gravity, deviations, log."""
     rows: list[Line] = []
     for t in q.trials:
         deviations = "; ".join(t.test.deviations) or ("none stated" if t.correlation is not None else DASH)
@@ -273,6 +276,7 @@ def _as_run(q: Qualification) -> list[PageBlock]:
 
 
 def _leaks(q: Qualification) -> list[PageBlock]:
+    """Return the blocks on heat through what is there for the test only. [W]"""
     rows: list[Line] = []
     for t in q.trials:
         deck = q.plan.content.hosts[t.test.host].deck if t.test.host else ""
@@ -294,6 +298,7 @@ def _leaks(q: Qualification) -> list[PageBlock]:
 
 
 def _stabilisation(q: Qualification) -> list[PageBlock]:
+    """Return for each test with a profile how long it waited, and how far from steady state a dwell begins. [K]"""
     out: list[PageBlock] = []
     for t in (t for t in q.trials if t.course is not None):
         assert t.course is not None
@@ -310,6 +315,7 @@ def _stabilisation(q: Qualification) -> list[PageBlock]:
 
 
 def _heat(q: Qualification) -> list[PageBlock]:
+    """Return the heat balance of each test. [kJ]"""
     out: list[PageBlock] = []
     for t in q.trials:
         b = t.foresight.solution.heat_balance()
@@ -321,6 +327,7 @@ def _heat(q: Qualification) -> list[PageBlock]:
 
 
 def _deviations(logged: Sequence[Trial]) -> list[PageBlock]:
+    """Return for each test with a log its verdicts and deviations, sensor by sensor."""
     out: list[PageBlock] = []
     for t in logged:
         c = t.correlation
@@ -336,6 +343,7 @@ def _deviations(logged: Sequence[Trial]) -> list[PageBlock]:
 
 
 def _transients(logged: Sequence[Trial]) -> list[PageBlock]:
+    """Return for each test with a log the overlays of measured and predicted temperatures."""
     out: list[PageBlock] = []
     for k, t in enumerate(logged):
         assert t.correlation is not None
@@ -356,6 +364,7 @@ def _open(q: Qualification) -> list[PageBlock]:
 
 
 def _envelope(q: Qualification) -> list[PageBlock]:
+    """Return the table of the ranges in which the model holds."""
     v = q.plan.content.validity
     pairs = [
         ("temperature", v.temperature),
@@ -369,6 +378,7 @@ def _envelope(q: Qualification) -> list[PageBlock]:
 
 
 def _assumed(q: Qualification) -> list[PageBlock]:
+    """Return the assumed values: the first twelve, and all folded."""
     if not q.assumptions:
         return [Words("Nothing is assumed: every value of the decks has another source.")]
     whole = tables.assumed(q)
@@ -377,6 +387,7 @@ def _assumed(q: Qualification) -> list[PageBlock]:
 
 
 def _delivery(q: Qualification) -> Table:
+    """Return the table of what is delivered: model, identity, sizes, plan, lock, fitted values."""
     model = q.knowledge.model
     flat = flatten(model)
     sizes = f"{len(flat.nodes)}, {len(flat.conductors)}, {len(flat.loads)}"

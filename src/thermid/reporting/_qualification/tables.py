@@ -72,6 +72,7 @@ def tests(q: Qualification) -> Table:
 
 
 def _no_log(t: Trial) -> Cell:
+    """Return the cell of a test without a log: waived, not decided, or an analysis."""
     if t.test.state == "waived":
         return Cell("waived", t.test.note, "warn")
     return Cell("not decided: no log", "", "warn") if t.test.criteria else Cell("analysis", "", "soft")

@@ -127,6 +127,7 @@ class ControlRow:
         """
 
         def number(place: int) -> float:
+            """Return the coefficient at a place times its signal."""
             return float(value_of(self.coefficients[place]) * signal(place))
 
         for guard in self.guards:
@@ -150,6 +151,7 @@ class ControlRow:
         """
 
         def number(place: int, default: float) -> Any:
+            """Return the coefficient at a place times its signal."""
             return default if place == FREE else value_of(self.coefficients[place]) * signal(place)
 
         if form.kind == OF_STATE:

@@ -190,6 +190,7 @@ def _root_curve(gas: MolecularGas, windy: bool) -> Curve:
     """Return (beta / (nu alpha))^(1/4) of a gas over its value at 300 K as a table over temperature; `windy`: times k(T) / k(300 K). [-]"""
 
     def buoyancy(t: Any) -> Any:
+        """Return (beta / (nu alpha))^(1/4) of the gas at a temperature, times its conductivity in wind."""
         at = gas.at(t)
         root = (at.expansion_at(t) / (at.kinematic_viscosity * at.thermal_diffusivity())) ** 0.25
         return root * (gas.k(t) if windy else 1.0)
@@ -443,6 +444,7 @@ class Media:
         """Return `equivalent_wind` of a gas over time, and the levels between which it is interpolated. [m/s]"""
 
         def make() -> tuple[TableSignal, Array]:
+            """Return the wind that has the same effect at standard pressure, and the speeds at which films are tabled."""
             course = equivalent_wind(environment.wind, pressure, self.seconds)
             return course, wind_levels(course)
 
@@ -518,6 +520,7 @@ class Media:
         """
 
         def row(law: Law, signal: str = "") -> tuple[ConductorRow]:
+            """Return the row of the conductor under a law."""
             return (ConductorRow(c.path, c.ends, law, c.curve, signal),)
 
         if law.medium in ("solid", "radiation"):
@@ -588,6 +591,7 @@ class Media:
         air, bare, *radiating = law.coefficients
 
         def row(conductance: Number, signal: str = "") -> ConductorRow:
+            """Return the row of the conductor under a law."""
             return ConductorRow(c.path, c.ends, Law("linear", (conductance,)), None, signal)
 
         if "to" not in c.words:

@@ -285,6 +285,7 @@ def _load_rows(load: FlatLoad, values: Mapping[str, Any]) -> tuple[LoadRow, ...]
     control, settings = _control(load, f)
 
     def row(law: str, coefficients: tuple[Number, ...], curve: Curve | None, signal: str) -> LoadRow:
+        """Return the row of the load under a law, with the settings of its control."""
         return LoadRow(
             *(load.path, law, load.node, load.sensor, (*coefficients, *settings)), curve, f"{signal} {load.path}", control, load.controls
         )

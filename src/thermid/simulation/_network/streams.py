@@ -56,7 +56,7 @@ class Streams:
         ScenarioError   When a stream that names no fluid has another pressure than that of the ground at an end.
         """
         for c in streams_of(flat.conductors):
-            off = [n for n in c.ends if not _on_ground(media.pressure(n))]
+            off = [n for n in c.ends for low, high in (media.pressure(n).bounds,) if low < AIR_RANGE[0] or high > AIR_RANGE[1]]
             if off and not fluid_of(c):
                 raise ScenarioError(
                     f"'{c.path}' has no fluid, and the pressure in {quoted(off)} is not atmospheric. The flow of a gas depends on "
@@ -98,6 +98,7 @@ class Streams:
         place_of = {n: len(pressures) + k for k, n in enumerate(warm)}
 
         def flow(*pressures_and_temperatures: Any) -> Any:
+            """Return the share of the stream that flows at pressures [Pa] and temperatures [K]: none in vacuum."""
             present = np.all([p > VACUUM_LIMIT for p in pressures_and_temperatures[: len(pressures)]], axis=0)
             if not sources:
                 return 1.0 * present
@@ -300,8 +301,3 @@ def _lines(streams: Sequence[FlatConductor], inner: set[str]) -> dict[str, tuple
         nodes = list(dict.fromkeys([*(n for key in joined for n in lines[key]), *c.ends]))
         line |= dict.fromkeys((n for n in nodes if n in passed), nodes)
     return {c.path: tuple(next((line[n] for n in c.ends if n in passed), c.ends)) for c in streams}
-
-
-def _on_ground(pressure: Signal) -> bool:
-    """Return whether a pressure stays within `AIR_RANGE`, that of the ground."""
-    return pressure.bounds[0] >= AIR_RANGE[0] and pressure.bounds[1] <= AIR_RANGE[1]

@@ -289,6 +289,7 @@ def _obstacle(wiring: Wiring) -> str:
         return f"a control, '{s.factors[0].row.name}', follows a temperature"
 
     def moves(place: int) -> bool:
+        """Whether the coefficient at a place follows time."""
         k = s.coefficient_input[place]
         return k >= 0 and not isinstance(wiring.signals[named[k]], Constant)
 
@@ -626,6 +627,7 @@ def _next_mode(problem: KernelProblem, a: Assembled, temperatures: Array, time: 
     for k, name in enumerate(problem.machines):
 
         def signal(place: int, of: str = name) -> float:
+            """Return what a setting of the control is multiplied by now."""
             return float(np.ravel(wiring.control_signal(of, place, now))[0])
 
         after = rows[name].due(int(modes[k]), lambda n: float(traces.temperature(n)[0]), signal)
@@ -836,31 +838,22 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
     from scipy.linalg import expm
 
     period, where = engine.wiring.cycle or 0.0, engine.title
-    if any(row.control == "thermostat" for row in a.numbers.loads):
+    thermostat = any(row.control == "thermostat" for row in a.numbers.loads)
+    if thermostat or engine.machines:
+        switch = "a thermostat" if thermostat else f"the control '{engine.machines[0]}'"
         raise SolverError(
-            "a thermostat switches at its own period, so no state is periodic with the inputs. Simulate, and use a late part of the run.",
-            where,
-            code="run.no-periodic-state",
-        )
-    if engine.machines:
-        raise SolverError(
-            f"the control '{engine.machines[0]}' switches at its own period, so no state is periodic with the inputs. Simulate, and "
-            "use a late part of the run.",
+            f"{switch} switches at its own period, so no state is periodic with the inputs. Simulate, and use a late part of the run.",
             where,
             code="run.no-periodic-state",
         )
     capacity = engine.capacities(a)
     massive = capacity > 0.0
-    _, jacobian, _ = engine.still.rhs(a, guess, 0.0)
-    flow = jacobian[np.ix_(massive, massive)]
-    if not massive.all():
-        # nodes without mass follow at once: J_mm - J_m0 J_00^-1 J_0m is left for the others
-        rest = np.linalg.solve(jacobian[np.ix_(~massive, ~massive)], jacobian[np.ix_(~massive, massive)])
-        flow = flow - jacobian[np.ix_(massive, ~massive)] @ rest
     # a step s at the start comes back as exp(P C^-1 J) s, so (1 - exp(P C^-1 J)) s = T(P) - T(0) closes the period
+    flow = _flow_between_masses(engine.still.rhs(a, guess, 0.0)[1], massive)
     inverse: NDArray[Any] = np.linalg.inv(np.eye(int(massive.sum())) - expm(period * flow / capacity[massive][:, None]))
 
     def after(state: Array, moves: Array) -> tuple[Array, Array]:
+        """Return the state one period later [K], and its derivatives."""
         run = replace(a, initial=state, initial_gradient=moves)
         raw = engine.integrate(run, np.array([period]), engine.nodes, period, FINE, gradients)
         return raw.temperatures[0], raw.sensitivities[0] if gradients else moves
@@ -892,6 +885,20 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
         if float(np.abs(change).max(initial=0.0)) <= 1e-9 * float(np.abs(slopes).max(initial=1e-300)):
             break
     return state, slopes
+
+
+def _flow_between_masses(jacobian: Array, massive: NDArray[np.bool_]) -> Array:
+    """Return the derivatives (masses, masses) of the heat into nodes with mass by their temperatures. [W/K]
+
+    Nodes without mass follow at once, so that J_mm - J_m0 J_00^-1 J_0m is left.
+    """
+    flow = jacobian[np.ix_(massive, massive)]
+    if massive.all():
+        return flow
+    at_once = jacobian[np.ix_(massive, ~massive)] @ np.linalg.solve(
+        jacobian[np.ix_(~massive, ~massive)], jacobian[np.ix_(~massive, massive)]
+    )
+    return np.asarray(flow - at_once)
 
 
 def _mended(inverse: NDArray[Any], step: Array, fell: Array) -> Array:

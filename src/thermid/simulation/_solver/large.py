@@ -388,6 +388,7 @@ def integrate_model(
     initial[place[held]] = a.initial[held]
 
     def tables_left(time: float, temperatures: Array) -> str:
+        """Return which table a temperature has left, in words; empty where none."""
         return problem.tables_left(a, time, _levelled(problem, a, temperatures), MARGIN_TO_TABLE_END)
 
     beyond = tables_left if problem.refuses else None

@@ -44,6 +44,7 @@ def settle_large(network: SparseNetwork, time: float, where: str) -> tuple[Array
     iterations = 0
 
     def count(_: Any) -> None:
+        """Count an iteration of the conjugate gradients."""
         nonlocal iterations
         iterations += 1
 
@@ -99,6 +100,7 @@ def conductances(network: SparseNetwork, temperatures: Array, where: str) -> Cal
         precondition, _ = _preconditioner(matrix, where)
 
     def solve(heat: Array) -> Array:
+        """Solve the linear system by preconditioned conjugate gradients, to 1e-6 of the right-hand side."""
         with one_thread():
             return np.asarray(cg(matrix, heat, rtol=1e-6, maxiter=2000, M=precondition)[0])
 

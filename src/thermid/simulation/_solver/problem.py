@@ -494,10 +494,12 @@ class KernelProblem:
         place_of_factor: dict[tuple[str, int], int] = {}
 
         def probe(nodes: Sequence[tuple[str, int]], constant: int, places: Sequence[int]) -> list[int]:
+            """Return the places of a constant and of up to three weighted nodes that a form reads; -1 where there is none."""
             three = [(index[node], places[place]) for node, place in nodes] + [(-1, -1)] * (3 - len(nodes))
             return [places[constant] if constant != FREE else -1, *(node for node, _ in three), *(place for _, place in three)]
 
         def factor(name: str, form: FactorForm) -> int:
+            """Return the place of a factor among those of the kernel, its table added where it has one."""
             if (name, id(form)) not in place_of_factor:
                 places, table = rows[name].places, -1
                 if form.curve is not None:
@@ -510,10 +512,12 @@ class KernelProblem:
             return place_of_factor[name, id(form)]
 
         def named(control: str) -> int:
+            """Return the place of the factor of a named control."""
             row = rows[named_control(control)[0]].row
             return factor(row.name, row.factor_of(control))
 
         def guard(p: PlacedFactors, g: GuardForm) -> tuple[Any, ...]:
+            """Return a guard as numbers for the kernel: states before and after, what it reads, level, sign and delay."""
             level, delay = (p.places[k] if k != FREE else -1 for k in (g.level, g.delay))
             return of[p.row.name], g.before, g.after, probe(g.nodes, FREE, p.places), level, g.sign, delay
 

@@ -169,6 +169,7 @@ class SparseNetwork:
         tables: list[Any] = []
 
         def table(form: str, curve: Curve | None) -> int:
+            """Return the place of the first table of a law, all of its tables added; `NONE` for none."""
             if curve is None:
                 return NONE
             tables.extend(curve_arrays(curve_table, refuse=True) for curve_table in tables_behind(form, curve))

@@ -56,11 +56,13 @@ def normalised(network: Network, scenario: Scenario) -> Scenario:
     paths = [load.path for load in flat.loads]
 
     def load(name: str) -> str:
+        """Return the path of a load; refuse what is none."""
         path = flat.names.model.canonical(name)
         refuse_unknown([path], paths, where, f"no load '{name}'.", ScenarioError)
         return path
 
     def gain(name: str, need: str) -> str:
+        """Return the path of a parameter of the needed unit; refuse another."""
         path = flat.names.model.canonical(name)
         refuse_unknown([path], flat.parameters.table, where, f"no parameter '{name}'.", ScenarioError)
         require(flat.parameters.dimension(path), need, flat.parameters.table[path].parameter.unit)
@@ -293,6 +295,7 @@ class ScheduledCoefficients:
         base_parts = network.parts({**free, **schedule.overrides(self.reference)})
 
         def at(k: int) -> Varied:
+            """Return the network with the schedule's values at its k-th step."""
             return network.varied(base_parts, {**free, **schedule.overrides(k)}, names)
 
         first = {k: at(k) for k in {self.reference, *(course.sample for course in self.table.values())}}
@@ -771,6 +774,7 @@ class Wiring:
             mode = np.full(times.shape, row.starts) if modes is None or not row.modes else modes(row.name)
 
             def signal(place: int, name: str = row.name) -> Any:
+                """Return what a setting of the control is multiplied by, at the times."""
                 return self.control_signal(name, place, times)
 
             for name, form in ((row.name, row.share), (f"{COMPLEMENT}{row.name}", row.rest)):

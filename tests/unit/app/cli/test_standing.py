@@ -44,7 +44,7 @@ COMMANDS = {
     "simulate": ("simulate", "whole.toml", "--scenario", "scenario.toml", "--values", "results/whole.values.toml"),
     "hold": ("hold", "hold.toml"),
     "swap": ("swap", "campaign.toml", "p", "pair.toml"),
-    "watch": ("watch", "logs/whole_two.csv", "--campaign", "campaign.toml", "--record", "whole_one", "--once"),
+    "watch": ("watch", "logs/whole_two.csv", "--campaign", "campaign.toml", "--record", "whole_one", "--look", "once"),
     "deliver": ("deliver", "whole.toml", "--scenario", "scenario.toml", "--values", "results/whole.values.toml", "--to"),
 }
 

@@ -60,7 +60,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_columns_and_model_are_those_of_a_campaign(call: Call, running: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(running)
-    given = ("watch", "logs/whole_two.csv", "--campaign", "campaign.toml", "--once")
+    given = ("watch", "logs/whole_two.csv", "--campaign", "campaign.toml", "--look", "once")
     look = call(*given, "--record", "whole_one", "--json").object
     assert set(look["ends"]) == {"T_PB", "T_C"}
     assert [n for n, node in look["nodes"].items() if not node["measured"]] == ["p.a.case"]
@@ -79,7 +79,7 @@ class TestCommand:
         return path
 
     def test_replay_stops(self, call: Call, tmp_path: Path) -> None:
-        said = call("watch", self.written(tmp_path), "--slowest", "30 [min]", "--within", "2.5 [K]", "--replay", "--every", "300")
+        said = call("watch", self.written(tmp_path), "--slowest", "30 [min]", "--within", "2.5 [K]", "--look", "replay", "--every", "300")
         assert said.code == 0
         assert "stop now: waiting longer does not change the" in said.out
         assert "no model is given" in said.out
@@ -87,13 +87,13 @@ class TestCommand:
     def test_what_the_file_leaves_open(self, call: Call, tmp_path: Path) -> None:
         path = tmp_path / "counted.csv"
         path.write_text("\n".join(["k;T [degC]", *(f"{10 * k};{20 + k / 10:.1f}" for k in range(60))]) + "\n")
-        assert "no time column" in call("watch", path, "--once").err
+        assert "no time column" in call("watch", path, "--look", "once").err
         assert "T: +36" in call("settle", path, "--time", "k").out
         read = ("--read", "time=k", "--read", "separator=;")
-        assert call("watch", path, "--once", "--json", *read).object["advice"] == "wait"
+        assert call("watch", path, "--look", "once", "--json", *read).object["advice"] == "wait"
 
     def test_json_lines(self, call: Call, tmp_path: Path) -> None:
-        said = call("watch", self.written(tmp_path, 90), "--once", "--json")
+        said = call("watch", self.written(tmp_path, 90), "--look", "once", "--json")
         assert said.code == 4
         lines = [json.loads(line) for line in said.out.splitlines()]
         assert [line["advice"] for line in lines] == ["declined"]
@@ -133,10 +133,10 @@ class TestCommand:
         ],
     )
     def test_what_is_refused(self, call: Call, tmp_path: Path, more: tuple[str, ...], word: str) -> None:
-        said = call("watch", self.written(tmp_path, 90), "--once", *more)
+        said = call("watch", self.written(tmp_path, 90), "--look", "once", *more)
         assert said.code not in (0, 1)
         assert word in said.err
 
     def test_a_log_that_is_not_there(self, call: Call, tmp_path: Path) -> None:
-        said = call("watch", tmp_path / "none.csv", "--once")
+        said = call("watch", tmp_path / "none.csv", "--look", "once")
         assert said.code not in (0, 1)

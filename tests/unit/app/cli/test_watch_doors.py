@@ -1,4 +1,4 @@
-"""The Bench of the studio and `thermid watch --once --json`: the same log, the same answer."""
+"""The Bench of the studio and `thermid watch --look once --json`: the same log, the same answer."""
 
 from __future__ import annotations
 
@@ -34,7 +34,9 @@ def written(folder: Path, seed: int) -> tuple[Path, str]:
 def test_the_bench_says_what_the_command_says(call: Callable[..., Any], tmp_path: Path, seed: int) -> None:
     path, boundary = written(tmp_path, seed)
     save_model(rig(), tmp_path / "rig.toml")
-    said = call("watch", path, "--model", tmp_path / "rig.toml", "--once", "--json", *(["--boundary", boundary] if boundary else [])).object
+    said = call(
+        "watch", path, "--model", tmp_path / "rig.toml", "--look", "once", "--json", *(["--boundary", boundary] if boundary else [])
+    ).object
     model = load_model(tmp_path / "rig.toml")
     follower = Follower(tmp_path, None, LiveWatch(lambda: model))
     whole = path.read_text()

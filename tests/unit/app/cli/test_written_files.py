@@ -39,7 +39,7 @@ READ_BY = {
 READERS = {
     "look": ["look", "@"],
     "settle": ["settle", "@"],
-    "watch": ["watch", "@", "--once"],
+    "watch": ["watch", "@", "--look", "once"],
     "correlate": ["correlate", "@", "logs/pair_two.csv"],
     "check": ["check", "@"],
     "simulate": ["simulate", "@", "--scenario", "warm.toml"],
@@ -50,7 +50,7 @@ READERS = {
     "diagram": ["diagram", "@", "--to", "drawn.svg"],
     "compare": ["compare", "@", "box.toml"],
     "equations": ["equations", "@"],
-    "watch --model": ["watch", "logs/pair_one.csv", "--once", "--model", "@"],
+    "watch --model": ["watch", "logs/pair_one.csv", "--look", "once", "--model", "@"],
     "--scenario": ["simulate", "box.toml", "--scenario", "@"],
     "--values": ["simulate", "box.toml", "--scenario", "warm.toml", "--values", "@"],
     "plan": ["plan", "@"],

@@ -78,8 +78,8 @@ def held() -> Callable[[], Model]:
 
 
 def printed(*arguments: str) -> dict[str, Any]:
-    """Return what `thermid watch --once --json` prints, without the number of its form."""
-    done = CliRunner().invoke(app, ["watch", *arguments, "--once", "--json"])
+    """Return what `thermid watch --look once --json` prints, without the number of its form."""
+    done = CliRunner().invoke(app, ["watch", *arguments, "--look", "once", "--json"])
     said: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
     assert said.pop("schema") == 1
     return said
@@ -199,7 +199,7 @@ def unnamed(path: Path, seconds: float) -> Path:
 
 
 def test_columns_bound_on_the_page_are_those_of_the_command(tmp_path: Path) -> None:
-    """Units where the log has none, a duty with its power at 100 %: the same look as by --channel and --full-scale."""
+    """Units where the log has none, a duty with its power at 100 %: the same look as by --channel."""
     (tmp_path / "rig.toml").write_text(DECK, encoding="utf-8")
     path = unnamed(tmp_path / "run.csv", 2700.0)
     asked = {"boundaries": "air=22", "channels": {**UNNAMED, **DUTY, "time_s": {"unit": "s"}}}
@@ -207,7 +207,7 @@ def test_columns_bound_on_the_page_are_those_of_the_command(tmp_path: Path) -> N
     assert told["model"] == "rig"
     assert told["unused"] == told["like"] == ""
     assert told.pop("bound") == {**UNNAMED, **DUTY}
-    channels = ("--channel", "A0=chip [degF]", "--channel", "A1=case", "--channel", "Q1=heater", "--full-scale", "Q1=24 [W]")
+    channels = ("--channel", "A0=chip [degF]", "--channel", "A1=case", "--channel", "Q1=heater [24 W]")
     said = printed(str(path), "--model", str(tmp_path / "rig.toml"), "--boundary", "air=22 [degC]", *channels)
     assert {k: v for k, v in told.items() if k not in ("unused", "model", "like", "bound")} == said
     assert told["advice"] == "stop"

@@ -15,7 +15,7 @@ from by_code import raises_code
 from thermid.base.errors import NameNotFoundError, ScenarioError
 from thermid.prediction._budget import Target
 from thermid.prediction._known import normal_sources
-from thermid.prediction._monte_carlo import chunks as campaign_runs, drivers
+from thermid.prediction._monte_carlo import chunks as campaign_runs, drivers, uncertain
 from thermid.prediction._monte_carlo.drivers import drivers_of
 from thermid.prediction._monte_carlo.hold import hold
 from thermid.prediction._monte_carlo.uncertain import begun_at
@@ -47,7 +47,12 @@ SCENARIO = td.Scenario("warm-up", boundaries={"air": "20 [degC]"}, start="air", 
 
 
 def runs(**more: object) -> td.qualify.UncertainRuns:
-    return td.qualify.uncertain_runs(plate(), SCENARIO, **{"spread": SPREAD, "n": 60, "chunk": 16, "seed": 3, **more})
+    return td.qualify.uncertain_runs(plate(), SCENARIO, **{"spread": SPREAD, "n": 60, "seed": 3, **more})
+
+
+@pytest.fixture(autouse=True)
+def few_members_run_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(uncertain, "MEMBERS_PER_CHUNK", 16)
 
 
 def test_a_draw_depends_on_seed_name_and_index_alone() -> None:
@@ -85,7 +90,7 @@ def test_spreads_have_the_moments_that_were_asked_for() -> None:
         "loss.conductance": "range",
         "initial.body": {"low": "-1 [K]", "high": "3 [K]"},
     }
-    draws = runs(spread=spread, n=4000, chunk=4000, every="30 [min]").draws
+    draws = runs(spread=spread, n=4000, every="30 [min]").draws
     assert draws["air"].mean() == pytest.approx(0.0, abs=0.1)
     assert draws["air"].std() == pytest.approx(2.0, rel=0.04)
     assert np.log(draws["scale.heater"]).std() == pytest.approx(0.2, rel=0.04)
@@ -94,7 +99,7 @@ def test_spreads_have_the_moments_that_were_asked_for() -> None:
 
 
 def test_normals_stay_within_the_bounds_of_their_deck() -> None:
-    draws = runs(spread={"loss.conductance": "20 [%]"}, n=2000, chunk=2000, every="30 [min]").draws["loss.conductance"]
+    draws = runs(spread={"loss.conductance": "20 [%]"}, n=2000, every="30 [min]").draws["loss.conductance"]
     assert 0.4 < draws.min() < 0.405
     assert 0.545 < draws.max() < 0.55
 
@@ -109,7 +114,7 @@ def fitted(path: str = "loss.conductance", prefix: str = "") -> FittedValues:
 
 
 def test_what_a_fit_left_open_is_drawn_with_its_covariance() -> None:
-    found = runs(values=fitted(), spread={}, n=4000, chunk=4000, every="30 [min]")
+    found = runs(values=fitted(), spread={}, n=4000, every="30 [min]")
     log_g, watts = np.log(found.draws["loss.conductance"]), found.draws["heater.power"]
     assert np.cov(log_g, watts) == pytest.approx(fitted().covariance, rel=0.08)
     assert (np.exp(log_g.mean()), watts.mean()) == pytest.approx((0.48, 11.0), rel=5e-3)
@@ -135,7 +140,7 @@ def test_values_of_a_unit_reach_it_on_its_host() -> None:
         {"title": "host", "needs": ["out"], "submodels": {"unit": {"use": plate(), "bind": {"air": "out"}}}, "aliases": {"U": "unit.body"}}
     )
     scenario = td.Scenario("x", boundaries={"out": "20 [degC]"}, duration="1 [h]")
-    found = td.qualify.uncertain_runs(host, scenario, fitted(), at="unit", n=20, nodes=["U"])
+    found = td.qualify.uncertain_runs(host, scenario, td.design.Knowledge(host, (fitted(),), at="unit"), n=20, nodes=["U"])
     assert set(found.draws) == {"unit.loss.conductance", "unit.heater.power"}
     assert found.draws["unit.heater.power"].mean() == pytest.approx(11.0, abs=0.1)
 
@@ -170,7 +175,7 @@ def test_a_pattern_reaches_every_number_and_what_is_named_wins() -> None:
 def test_weather_and_start_times_are_drawn() -> None:
     day = SCENARIO.with_(boundaries={"air": {"mean": "20 [degC]", "amplitude": "8 [K]", "period": "24 [h]"}})
     cold = day.with_(title="cold", boundaries={"air": "5 [degC]"})
-    found = runs(spread={}, n=40, chunk=40)
+    found = runs(spread={}, n=40)
     assert np.ptp(found.node_temperatures("body")[:, -1]) == 0.0  # nothing was drawn
     found = td.qualify.uncertain_runs(
         plate(), [day, cold], n=400, spread={"start_time": {"low": "0 [h]", "high": "6 [h]", "step": "2 [h]"}}
@@ -223,7 +228,8 @@ def test_an_interrupted_run_goes_on_without_repeating(tmp_path: Path, monkeypatc
     assert worked == [0, 16]
     monkeypatch.setattr(campaign_runs, "work", honest)
     seen: list[tuple[int, int]] = []
-    again = runs(folder=tmp_path, progress=lambda done, members: seen.append((done, members)))
+    plan = uncertain.plan_runs(plate(), SCENARIO, spread=SPREAD, seed=3)
+    again = uncertain.members_of_plan(*plan, 60, tmp_path, progress=lambda done, members: seen.append((done, members)))
     assert again.reused == 32
     assert seen == [(32, 60), (48, 60), (60, 60)]
     assert np.array_equal(again.temperatures, whole.temperatures)
@@ -248,10 +254,13 @@ def small_sample(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("small_sample")
-def test_members_that_are_counted_say_what_kept_ones_say() -> None:
+def test_members_that_are_counted_say_what_kept_ones_say(monkeypatch: pytest.MonkeyPatch) -> None:
     """Quantiles within half a bin, hold times and probabilities to the last bit, on ten thousand members."""
-    given: dict[str, object] = {"n": 10_000, "chunk": 500, "every": "5 [min]", "limits": LIMIT}
-    few, whole = runs(**given), runs(**given, keep=True)
+    monkeypatch.setattr(uncertain, "MEMBERS_PER_CHUNK", 500)
+    given: dict[str, object] = {"n": 10_000, "every": "5 [min]", "nodes": LIMIT}
+    few = runs(**given)
+    monkeypatch.setattr(campaign_runs, "SAMPLE", 1 << 25)
+    whole = runs(**given)
     assert (few.whole, whole.whole, len(few)) == (1000, 10_000, 10_000)
     error = few.quantile_error("body", SHARES)
     assert (np.abs(few.quantile("body", SHARES) - whole.quantile("body", SHARES)) <= error * (1.0 + 1e-9)).all()
@@ -264,15 +273,16 @@ def test_members_that_are_counted_say_what_kept_ones_say() -> None:
         assert (x.hold, x.never, x.between, x.never_between) == (y.hold, y.never, y.between, y.never_between)
     assert a["body"].drivers[0].share == pytest.approx(b["body"].drivers[0].share, abs=0.05)
     assert "the first 1000 members were kept whole; all were counted" in str(few)
-    with pytest.raises(ScenarioError, match="keep=True"):
+    with pytest.raises(ScenarioError, match="Keep fewer nodes"):
         few.node_temperatures("body")
-    with pytest.raises(ScenarioError, match=r"without the limit 39 degC of 'body'\. Give 'limits'"):
+    with pytest.raises(ScenarioError, match=r"without the limit 39 degC of 'body'\. Give it in 'nodes'"):
         hold(few, {"body": "39 [degC]"})
 
 
 @pytest.mark.usefixtures("small_sample")
 def test_counted_members_go_on_after_an_interrupt_and_workers_change_no_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    given: dict[str, object] = {"n": 3300, "chunk": 100, "every": "30 [min]", "limits": LIMIT}
+    monkeypatch.setattr(uncertain, "MEMBERS_PER_CHUNK", 100)
+    given: dict[str, object] = {"n": 3300, "every": "30 [min]", "nodes": LIMIT}
     alone, begun, honest = bits(runs(**given)), list[int](), campaign_runs.count
     assert bits(runs(**given, executor=ThreadPoolExecutor(3))) == alone
 
@@ -286,25 +296,27 @@ def test_counted_members_go_on_after_an_interrupt_and_workers_change_no_bit(tmp_
     with pytest.raises(KeyboardInterrupt):
         runs(**given, folder=tmp_path)
     seen: list[tuple[int, int]] = []
-    again = runs(**given, folder=tmp_path, progress=lambda done, members: seen.append((done, members)))
+    plan = uncertain.plan_runs(plate(), SCENARIO, spread=SPREAD, seed=3, every="30 [min]", nodes=LIMIT)
+    again = uncertain.members_of_plan(*plan, 3300, tmp_path, progress=lambda done, members: seen.append((done, members)))
     assert seen[0] == (begun[2], 3300) == (again.reused, 3300)
     assert seen[-1] == (3300, 3300)
     assert bits(again) == alone
     assert begun[2:4] == [begun[2]] * 2
     more = runs(**(given | {"n": 4000}), folder=tmp_path)
     assert more.reused > 2500  # a longer job begins with the same tasks
-    other = runs(**(given | {"limits": {"body": "30 [degC]"}}), folder=tmp_path)
+    other = runs(**(given | {"nodes": {"body": "30 [degC]"}}), folder=tmp_path)
     assert other.reused == 1000  # crossings of another limit are not in the counts
 
 
 @pytest.mark.usefixtures("small_sample")
-def test_where_nobody_of_the_first_members_reaches_the_end_no_other_is_run() -> None:
-    found = runs(n=1500, chunk=500, every="30 [min]", options=td.Options(max_steps=1, method="integrator"))
+def test_where_nobody_of_the_first_members_reaches_the_end_no_other_is_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(uncertain, "MEMBERS_PER_CHUNK", 500)
+    found = runs(n=1500, every="30 [min]", options=td.Options(max_steps=1, method="integrator"))
     assert len(found) == len(found.failed) == 1000
     assert any("so the other 500 were not run" in w for w in found.warnings)
 
 
-@pytest.mark.parametrize("change", [{"seed": 4}, {"spread": {"air": "3 [K]"}}, {"every": "1 [min]"}, {"chunk": 8}])
+@pytest.mark.parametrize("change", [{"seed": 4}, {"spread": {"air": "3 [K]"}}, {"every": "1 [min]"}])
 def test_another_question_has_another_folder(change: dict[str, object], tmp_path: Path) -> None:
     runs(folder=tmp_path)
     assert runs(folder=tmp_path, **change).reused == 0
@@ -336,17 +348,18 @@ def test_members_that_fail_are_left_out_and_told() -> None:
     assert any("did not reach the end" in w for w in found.warnings) or len(found.failed) == 60
 
 
-def test_what_runs_will_take_is_said_before_they_begin(tmp_path: Path) -> None:
+def test_what_runs_will_take_is_said_before_they_begin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Memory within a factor of 2 of what the same runs take; what a folder has costs no time."""
+    monkeypatch.setattr(uncertain, "MEMBERS_PER_CHUNK", 200)
     import tracemalloc
 
     from thermid.prediction._monte_carlo.chunks import RunCost
     from thermid.prediction._monte_carlo.uncertain import plan_runs
 
-    job, _ = plan_runs(plate(), SCENARIO, spread=SPREAD, seed=3, chunk=200)
+    job, _ = plan_runs(plate(), SCENARIO, spread=SPREAD, seed=3)
     said = RunCost.of_members(job, 2000, 0)
     tracemalloc.start()
-    runs(n=2000, chunk=200)
+    runs(n=2000)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert 0.5 < said.size / peak < 2.0
@@ -370,7 +383,6 @@ def test_what_runs_will_take_is_said_before_they_begin(tmp_path: Path) -> None:
         ({"spread": {"airr": "1 [K]"}}, r"Did you mean 'air'\?"),
         ({"spread": {"loss.conductance": {"sd": "1e-6 [W/K]"}, "start_time": "1 [h]"}}, r"write \{ low = \"0 \[h\]\""),
         ({"nodes": ["bodi"]}, r"no node 'bodi'. Did you mean 'body'\?"),
-        ({"chunk": 0}, "chunks of at least one member"),
     ],
 )
 def test_mistakes_are_named(more: dict[str, object], words: str) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -62,6 +63,20 @@ class TestSensors:
         assert "has not changed since 2000 s" in self.values(stuck)[0]
 
 
+class TestConfirmation:
+    """Looks come at the first reading of each minute; what one alone says is not named, what the next but one still says is."""
+
+    @pytest.mark.parametrize(("step", "looks"), [(60.0, 2), (50.0, 2), (45.0, 2), (100.0, 1)])
+    def test_a_fault_is_named_at_the_second_look_after_it_was_first_seen(self, step: float, looks: int) -> None:
+        """Of readings 45 to 60 s apart two intervals are at least a minute and a half, one is not; a single one of 100 s is enough."""
+        watching = SimpleNamespace(_named=False, _since=None)
+        named = [
+            bool(Watcher._confirmed(watching, ["leak"], SimpleNamespace(times=np.array([0.0, k * step])), []))  # type: ignore[arg-type, list-item]
+            for k in range(looks + 1)
+        ]
+        assert named == [False] * looks + [True]
+
+
 class TestStopping:
     def decided(self, record: Record, **more: Any) -> Any:
         return Stopping(RULE, more.pop("within", 1.0), more.pop("limits", ()), slowest="30 [min]", **more).decide(record, ("T",))
@@ -73,10 +88,6 @@ class TestStopping:
         assert "is not met yet" in advice.because
         assert ". Check in the plan whether" in advice.because
         assert advice.level == pytest.approx(1.0 - 0.01 / DECISIONS)
-
-    def test_where_the_plan_asks_for_its_rule_no_stop_is_advised(self) -> None:
-        assert self.decided(rising(200), within=2.5, required=True).word == "wait"
-        assert self.decided(rising(600), within=2.5, required=True).word == "stop"
 
     def test_early_readings_are_declined(self) -> None:
         advice = self.decided(rising(60))
