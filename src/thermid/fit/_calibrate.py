@@ -511,7 +511,7 @@ def summarise(
     values = _with_uncut(view(store, list(values), name), problem, best, responses_of_fit)
     bias = dict(problem.fixed_bias) | {s: v.value for s, v in values.sensors.items()}
     blocks = Predictions(best.sums, problem, best.fitted)
-    local = tuple(_local(u, best.fitted[k], total[k, k]) for k, u in enumerate(problem.unknowns) if u.kind == "local" and not u.of_switch)
+    local = tuple(_local(problem, best, total, k) for k, u in enumerate(problem.unknowns) if u.kind == "local" and not u.of_switch)
     freedom = round(problem.freedom)
     handed_on = bool(request.store.states)
     moved = moves_above(request, problem, best, spread.variance_factor if spread is not None else 1.0) if handed_on else Moves()
@@ -575,10 +575,15 @@ def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) 
     )
 
 
-def _local(u: Unknown, fitted: float, variance: float) -> Local:
-    """Return the value of one record, from its fitted form and the variance of that."""
+def _local(problem: Problem, minimum: Fit, total: Array, k: int) -> Local:
+    """Return the unknown of one record at place `k`; its slopes are those of a Gaussian's conditional mean, C_kv C_vv^-1."""
+    u = problem.unknowns[k]
     record, _, name = u.name.partition(": ")
-    return Local(record, name, float(fitted), float(np.sqrt(variance)), u.unit)
+    shared = [i for i, other in enumerate(problem.unknowns) if other.kind != "local" and 0.0 < total[i, i] < np.inf]
+    sizes = np.sqrt(np.diag(total)[shared])  # of unlike units
+    slopes = np.linalg.pinv(total[np.ix_(shared, shared)] / np.outer(sizes, sizes), hermitian=True) @ (total[shared, k] / sizes) / sizes
+    by_value = dict(zip((problem.unknowns[i].name for i in shared), slopes.tolist(), strict=True))
+    return Local(record, name, float(minimum.fitted[k]), float(np.sqrt(total[k, k])), u.unit, by_value)
 
 
 def correlations_of(problem: Problem, total: Array) -> dict[tuple[str, str], float]:

@@ -63,11 +63,14 @@ def loudly(values: FittedValues) -> tuple[str, ...]:
 
 
 def _bracketed(fit: Calibration) -> list[str]:
-    """Return the assumed values that a fit held and whose deck has min and max, but no spread that would make these a range."""
+    """Return what a fit held and has no spread: set points of thermostats, and assumed values whose deck has min and max."""
     given = {p for s in fit.store.states.values() for p in s.acts}
     given |= {p for e in fit.experiments for p in e.scenario.driven(e.network.flat)}
-    held = {p: e.parameter for p, e in parameter_table(fit.model).items() if e.parameter.source == "assumed" and p not in given}
-    return [p for p, x in held.items() if x.is_literal and None not in x.walls and x.stated_range is None]
+    held = {p: e.parameter for p, e in parameter_table(fit.model).items() if p not in given}
+    bare = [p for p, x in held.items() if x.is_literal and x.stated_range is None]
+    # a set point is known to some tenths of a kelvin at best, and offsets of sensors take up what it is wrong by
+    points = [p for p in bare if ".thermostat." in p or p.endswith(".setpoint")]
+    return points + [p for p in bare if held[p].source == "assumed" and None not in held[p].walls and p not in points]
 
 
 def far_from_sheet(model: Model, values: FittedValues) -> tuple[str, ...]:
@@ -118,13 +121,24 @@ def _words(v: FittedValue, deviations: float) -> str:
 
 @dataclass(frozen=True)
 class Local:
-    """A value fitted for one record alone."""
+    """A value fitted for one record alone.
+
+    Parameters
+    ----------
+    record : str    The record.
+    name : str      What of it: ``initial.<node>``, a boundary, a clock offset.
+    value : float   Its value, in `unit`.
+    error : float   Its standard error, values that all records share counted.
+    unit : str      Its unit.
+    slopes : dict   Shared value -> what the readings would move this one by, if that one moved by one in fitted form.
+    """
 
     record: str
     name: str
     value: float
     error: float
     unit: str = "K"
+    slopes: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def words(self) -> str:

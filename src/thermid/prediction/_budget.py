@@ -207,6 +207,19 @@ def open_contacts(knowledge: Knowledge, rows: Rows, scenario: Scenario) -> tuple
     )
 
 
+def kept_as_solid(knowledge: Knowledge, rows: Rows, scenario: Scenario) -> str:
+    """Return a remark on the fitted conductances of conduction that a scenario with other gas keeps whole; empty where its gas stays."""
+    flat = compile_network(knowledge.model).flat
+    media = scenario.media()
+    fitted = {p for n in rows.names for p in (n, *rows.also.get(n, ()))}
+    stated = {c.path: c.fields["conductance"] for c in flat.conductors if c.kind == "conduction" and "conductance" in c.fields}
+    kept = [p for p, name in stated.items() if flat.parameters.literal_behind(name) in fitted]
+    if not kept or not any(media.changed(c.gas) for c in flat.conductors if c.kind in ("convection", "effective")):
+        return ""
+    path = "is kept whole without gas, as a solid path" if len(kept) == 1 else "are kept whole without gas, as solid paths"
+    return f'{quoted(kept, 3)} {path}. Where faces only touch, state kind = "contact": then the bands count the gas between them'
+
+
 def expanded(stated: Mapping[str, Any], model: Model) -> list[tuple[list[str], Any]]:
     """Return names that share one value, and how it is spread; patterns reach every number of the model that they match.
 
@@ -708,7 +721,7 @@ def budget_of(
     unseen = UNSEEN if split_model.runner is not None else ""
     unsought = UNSOUGHT if source.fit is not None and asks(source.fit) else ""
     make = make.with_ranges(open_ranges(split_model, scenario, {*source.assigned, *make.spread, *_of_laws(make)}))
-    whole = replace(make, remarks=tuple(r for r in (unseen, unsought, remark) if r))
+    whole = replace(make, remarks=tuple(r for r in (unseen, unsought, remark, kept_as_solid(source, rows, scenario)) if r))
     refuse_unknown_sources(without, (*(s.name for s in whole.sources), *whole.causes), source.model.title)
     omitted = left_out_of(source, whole, errors, without)
     return replace(whole.without(without), omitted=omitted, standing=source.standing)

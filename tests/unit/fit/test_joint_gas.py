@@ -25,7 +25,9 @@ def stack(joint: dict[str, Any]) -> td.Model:
             "needs": ["air", "base"],
             "nodes": {"block": {"capacitance": "60 [J/K]"}},
             "surfaces": {"skin": {"of": "block", "to": "air", "area": "20 [cm^2]", "htc": "5 [W/(m^2 K)]", "emissivity": 0.05}},
-            "conductors": {"joint": {"kind": "contact", "between": ["block", "base"], "area": AREA} | joint},
+            "conductors": {
+                "joint": {"between": ["block", "base"]} | (joint if "kind" in joint else {"kind": "contact", "area": AREA} | joint)
+            },
             "loads": {"heat": {"into": "block", "power": "4 [W]"}},
         }
     )

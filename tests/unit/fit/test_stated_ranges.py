@@ -138,6 +138,15 @@ def test_a_fit_says_which_brackets_it_held_as_exact() -> None:
     assert words not in str(td.calibrate(deck := box(parameters={"film": OWN_FILM}), log(deck), ["film"], scenario=BESIDE))
 
 
+def test_a_fit_names_set_points_that_it_held_as_exact() -> None:
+    """Offsets of sensors took up what a thermostat of a data sheet switched too late, and no line named its set points."""
+    for spread, told in (({}, True), ({"spread": "0.7 [K]"}, False)):
+        points = {"on_below": {"value": "40 [degC]", **spread}, "off_above": {"value": "45 [degC]", **spread}}
+        deck = box(loads={"heater": {"into": "a", "power": "6 [W]", "thermostat": {"sensor": "b", **points}}})
+        fitted = str(td.calibrate(deck, log(deck), ["joint.conductance"], scenario=BESIDE))
+        assert ("'heater.thermostat.on_below'" in next((x for x in fitted.splitlines() if "counted as exact" in x), "")) == told
+
+
 def test_a_deck_keeps_a_spread_as_it_was_stated() -> None:
     for stated in (OWN_FILM | {"spread": "range"}, {"value": "20 [degC]", "spread": "0.5 [K]"}, {"value": "30 [cm^2]", "spread": "5 [%]"}):
         assert parameter(written(parameter(stated))) == parameter(stated)

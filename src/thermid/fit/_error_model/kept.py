@@ -617,4 +617,7 @@ def _with_sources_of_structure(fit: Calibration, squares: Array, names: Sequence
     store = replace(fit.store, sources=sources, root=np.concatenate([fit.store.root, root], axis=1)).trimmed()
     items = {n: replace(v, error=store.error(n)) for n, v in fit.values.items()}
     covariance = np.where(np.isfinite(fit.values.covariance), store.covariance(items), np.inf)
-    return replace(fit, store=store, values=replace(fit.values, items_=items, covariance=covariance))
+    # what moves a value moves a start, a room or a clock that the same readings give
+    moves = [np.array([v.slopes.get(n, 0.0) for n in fit.store.states]) @ root for v in fit.local]
+    local = tuple(replace(v, error=float(np.hypot(v.error, np.linalg.norm(m)))) for v, m in zip(fit.local, moves, strict=True))
+    return replace(fit, store=store, values=replace(fit.values, items_=items, covariance=covariance), local=local)
