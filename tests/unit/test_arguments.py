@@ -71,6 +71,45 @@ def test_every_public_function_that_takes_an_object_is_guarded() -> None:
                 assert hasattr(function, "__wrapped__"), f"td.{name} takes an object; decorate it with takes_objects"
 
 
+def test_methods_of_what_is_shown_are_guarded() -> None:
+    """In one place, so that no class can be forgotten."""
+    for made in (td.Solution, td.Prediction, td.Record, td.simulation.Ensemble, td.qualify.UncertainRuns, td.inference.Posterior):
+        for name, method in vars(made).items():
+            if inspect.isfunction(method) and not name.startswith("_") and len(inspect.signature(method).parameters) > 1:
+                assert hasattr(method, "__wrapped__"), f"{made.__name__}.{name}"
+
+
+RUN = td.simulate(PART, BENCH.with_(start="25 [degC]"), every="10 [min]")
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: RUN.to_csv(ANY or 5), "to_csv: `path` takes the path of a file or folder, not 5"),
+        (lambda: RUN.to_csv("a\0b"), "holds a NUL"),
+        (lambda: RUN.plot(ANY or 5), r"plot: `axes` takes Axes, not 5. Make it with matplotlib.pyplot.subplots"),
+        (lambda: RUN.slopes(ANY or ["case"]), r"slopes: `node` takes a text, not \['case'\]"),
+        (lambda: td.inference.posterior(ANY or PART), "`fit` takes Calibration, not Model"),
+        (lambda: td.qualify.uncertain_runs(PART, BENCH, nodes=ANY or [[]]), r"uncertain_runs: `nodes` takes a list of names, not \[\]"),
+        (lambda: td.qualify.uncertain_runs(PART, BENCH, keep=ANY or 5), "uncertain_runs: `keep` takes True or False, not 5"),
+        (lambda: td.qualify.hold(ANY, {}, confidence=0.9), "`runs` takes UncertainRuns, not None"),
+        (lambda: td.inference.align(PART, LOG, LOG, offset=ANY or 5), r"align: `offset` takes two values, \(low, high\), not 5"),
+        (lambda: td.site.pad_scenario(albedo=float("nan")), "pad_scenario: `albedo` takes a number, not nan"),
+        (lambda: td.design.Action(ANY or 5, BENCH), "Action: `name` takes a text, not 5"),
+        (lambda: td.design.Action("a", ANY or "s.toml"), r"Action: `scenario` takes Scenario, not the text 's.toml'"),
+    ],
+)
+def test_a_method_and_a_constructor_say_what_they_take(call: Any, words: str) -> None:
+    with pytest.raises(td.ThermidError, match=words):
+        call()
+
+
+@pytest.mark.parametrize("times", [10**400, [[], 1.0], ["a", 2]])
+def test_times_that_are_none_are_refused(times: Any) -> None:
+    with pytest.raises(td.ThermidError, match=r"times|finite|number|text"):
+        td.simulate(PART, BENCH.with_(start="25 [degC]"), times=times)
+
+
 def test_a_guarded_function_is_itself() -> None:
     assert pickle.loads(pickle.dumps(td.steady)) is td.steady
     assert list(inspect.signature(td.steady).parameters) == ["model", "scenario", "time"]

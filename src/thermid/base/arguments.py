@@ -6,8 +6,11 @@ import os
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import wraps
-from numbers import Integral
+from inspect import isfunction
+from numbers import Integral, Real
 from typing import Any, ParamSpec, TypeVar
+
+import numpy as np
 
 from thermid.base.errors import DeckError
 
@@ -41,6 +44,10 @@ TYPES_WITH_OWN_MESSAGE = {
     "Correlation": "td.qualify.correlate(calibration)",
     "Structure": "td.reporting.Structure(...)",
     "Criteria": "td.Criteria(rmse='0.5 [K]')",
+    "Action": "td.design.Action(name, scenario)",
+    "Aim": "td.design.Aim(scenario, node)",
+    "Site": "td.site.Site(latitude, longitude)",
+    "Axes": "matplotlib.pyplot.subplots()[1]",
 }
 """What a user makes and hands on, and how it is made; the braces hold the file."""
 TEXTS = ("str", "PathLike", "Path")
@@ -51,10 +58,15 @@ CLOSED_OR_SEVERAL = CLOSED | {*COLLECTIONS}
 """Words of annotations that take nothing but what is looked at here, one of it alone or several."""
 
 
-def takes_objects(function: Callable[P, R]) -> Callable[P, R]:
+def takes_objects(function: Callable[P, R], called: str = "") -> Callable[P, R]:
     """Return a function that refuses, by its annotations, a path in place of what a file holds, one thing in place of another, and so on.
 
-    Only what users mix up is looked at: texts, paths, dictionaries and thermid's own objects. Annotations are read once.
+    Only what users mix up is looked at: texts, numbers, paths, dictionaries and thermid's own objects. Annotations are read once.
+
+    Parameters
+    ----------
+    function : callable   What is guarded.
+    called : str          Its name in messages; its own without one.
     """
     code, annotations = function.__code__, function.__annotations__
     names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
@@ -63,25 +75,37 @@ def takes_objects(function: Callable[P, R]) -> Callable[P, R]:
     }
     places = [(k, n) for k, n in enumerate(names[: code.co_argcount]) if n in expected]
 
+    called = called or code.co_name
     passed: set[tuple[str, type]] = set()  # what was taken once is taken again; a call then costs a microsecond
 
     def remember(name: str, value: Any) -> None:
-        if not isinstance(value, list | tuple | Mapping):  # what these hold may differ
+        if not isinstance(value, list | tuple | Mapping | float | np.ndarray | str):  # what these hold may differ
             passed.add((name, type(value)))
 
     @wraps(function)
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:
         for k, name in places:
             if k < len(args) and (name, type(args[k])) not in passed:
-                _check(args[k], expected[name], name, code.co_name)
+                _check(args[k], expected[name], name, called)
                 remember(name, args[k])
         for name, value in kwargs.items():
             if name in expected and (name, type(value)) not in passed:
-                _check(value, expected[name], name, code.co_name)
+                _check(value, expected[name], name, called)
                 remember(name, value)
         return function(*args, **kwargs)
 
     return checked
+
+
+def guard_methods(cls: type[R]) -> type[R]:
+    """Return a class whose public methods refuse the same in the same words; where it is a data class, what makes it too."""
+    for name, member in list(vars(cls).items()):
+        plain = member.__func__ if isinstance(member, classmethod) else member
+        public = not name.startswith("_") or name == "__init__"
+        if public and isfunction(plain) and not hasattr(plain, "__wrapped__"):
+            guarded = takes_objects(plain, cls.__name__ if name == "__init__" else name)
+            setattr(cls, name, classmethod(guarded) if isinstance(member, classmethod) else guarded)
+    return cls
 
 
 def _words(annotation: str) -> tuple[str, ...]:
@@ -91,17 +115,30 @@ def _words(annotation: str) -> tuple[str, ...]:
 
 
 def _plain(annotation: str) -> tuple[str, ...]:
-    """Return the kinds of an argument that is names, a dictionary or a whole number and nothing of thermid; nothing of others."""
-    if re.fullmatch(r"(Sequence|Iterable|Collection)\[str\]( \| None)?", annotation):
-        return (NAMES, *(["None"] if annotation.endswith("None") else []))
+    """Return the kinds of an argument that is names, a dictionary, a text or a number and nothing of thermid; nothing of others."""
+    if named := _NAMED.fullmatch(annotation):
+        return (NAMES, *(word for word in ("str", "None") if word in named.groups()))
+    if _TWO.fullmatch(annotation):
+        return (TWO, *(["None"] if annotation.endswith("None") else []))
     bare = annotation
     while (inner := re.sub(r"\[[^\[\]]*\]", "", bare)) != bare:
         bare = inner
     kinds = {*bare.split(" | ")}
-    return (PLAIN, *kinds) if kinds - {"None"} in ({"int"}, {"str"}, {"Mapping"}, {"Mapping", "str"}) else ()
+    return (PLAIN, *kinds) if kinds - {"None"} in (*({kind} for kind in KINDS), {"Mapping", "str"}) else ()
 
 
-PLAIN, NAMES = "plain", "names"
+PLAIN, NAMES, TWO = "plain", "names", "two"
+_NAMED = re.compile(r"(?:(str) \| )?(?:(?:Sequence|Iterable|Collection)\[str\]|tuple\[str, \.\.\.\])(?: \| (None))?")
+_TWO = re.compile(r"tuple\[([\w |]+), \1\](?: \| None)?")
+"""Annotations of names, and of two ends."""
+KINDS: dict[str, tuple[type | tuple[type, ...], str]] = {
+    "int": (Integral, "a whole number"),
+    "float": (Real, "a number"),
+    "bool": ((bool, np.bool_), "True or False"),
+    "Mapping": (Mapping, "a dictionary"),
+    "str": (str, "a text"),
+}
+"""Word of an annotation -> what is taken, and how it is said; of several the first one is said."""
 
 
 def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None:
@@ -111,29 +148,35 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
     ------
     DeckError   When it is a text, a path, a dictionary or an object of another kind.
     """
+    if (value is None and "None" in words) or (isinstance(value, str) and words[:2] == (NAMES, "str")):
+        return
     if words[0] == NAMES:
-        _check_names(value, name, function, "None" in words)
+        _check_names(value, name, function)
+        return
+    if words[0] == TWO:
+        if isinstance(value, str | Mapping) or getattr(value, "ndim", 1) != 1 or not hasattr(value, "__len__") or len(value) != 2:
+            raise DeckError(f"`{name}` takes two values, (low, high), not {_brief(value)}.", function, code="value.wrong-kind")
         return
     if words[0] == PLAIN:
-        wanted: dict[str, type] = {"int": Integral, "Mapping": Mapping, "str": str, "None": type(None)}
-        if isinstance(value, tuple(wanted[w] for w in words[1:])) and not isinstance(value, bool):
+        kinds = [KINDS[w] for w in KINDS if w in words]
+        fits = isinstance(value, bool) == ("bool" in words) and any(isinstance(value, kind) for kind, _ in kinds) and value == value
+        if fits:
             return
-        what = "a whole number" if "int" in words else "a dictionary" if "Mapping" in words else "a text"
-        raise DeckError(f"`{name}` takes {what}, not {value!r:.60}.", function, code="value.wrong-kind")
+        raise DeckError(f"`{name}` takes {kinds[0][1]}, not {_brief(value)}.", function, code="value.wrong-kind")
     if value is None:
-        if "None" in words:
-            return
         what = "None"
     elif isinstance(value, (*LISTS, float, int)) and {*words} <= (CLOSED if isinstance(value, LISTS) else CLOSED_OR_SEVERAL):
-        what = "a list" if isinstance(value, LISTS) else repr(value)
+        what = "a list" if isinstance(value, LISTS) else _brief(value)
     elif isinstance(value, LISTS):
         for item in value if any(m in words for m in COLLECTIONS) else ():
             _check(item, words, name, function)
         return
     elif isinstance(value, str | os.PathLike):
         if any(t in words for t in TEXTS):
+            if "PathLike" in words and "\0" in os.fspath(value):
+                raise DeckError(f"`{name}` is no file's name: {_brief(value)} holds a NUL.", function, code="value.wrong-kind")
             return
-        what = f"the text {value!r}" if isinstance(value, str) else f"the path {str(value)!r}"
+        what = f"the text {_brief(value)}" if isinstance(value, str) else f"the path {_brief(str(value))}"
     elif isinstance(value, Mapping) and type(value).__name__ not in TYPES_WITH_OWN_MESSAGE:
         if "Mapping" in words or "dict" in words:
             for item in value.values() if "str" not in words and "Any" not in words else ():
@@ -157,22 +200,27 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
     )
 
 
-def _check_names(value: Any, name: str, function: str, may_be_none: bool) -> None:
+def _check_names(value: Any, name: str, function: str) -> None:
     """Refuse what is no list of names: a text alone, whose letters would be taken for names, a number, a list of something else.
 
     Raises
     ------
     DeckError   With what to write.
     """
-    if value is None and may_be_none:
-        return
-    wrong = value if isinstance(value, str) or not isinstance(value, Iterable) else None
-    if wrong is None and isinstance(value, list | tuple | set | frozenset | Mapping):
-        wrong = next((item for item in value if item is not None and not isinstance(item, str)), value if None in value else None)
-    if wrong is not None or value is None:
-        text = repr(value) if wrong is None else repr(wrong)
-        hint = f" Write ['{value}']." if isinstance(value, str) else ""
-        raise DeckError(f"`{name}` takes a list of names, not {text[:60]}.{hint}", function, code="value.wrong-kind")
+    wrong = [] if isinstance(value, Iterable) and not isinstance(value, str) else [value]
+    if not wrong and not isinstance(value, Iterator):
+        try:
+            wrong = [item for item in value if not isinstance(item, str)]
+        except TypeError:  # a single quantity with a unit, which only looks like a list
+            wrong = [value]
+    if wrong:
+        hint = f" Write ['{value:.60}']." if isinstance(value, str) else ""
+        raise DeckError(f"`{name}` takes a list of names, not {_brief(wrong[0])}.{hint}", function, code="value.wrong-kind")
+
+
+def _brief(value: Any) -> str:
+    """Return a value in at most 60 characters of one line."""
+    return f"{' '.join(repr(value).split()):.60}"
 
 
 def _advice(words: tuple[str, ...], value: Any) -> str:
@@ -186,5 +234,5 @@ def _advice(words: tuple[str, ...], value: Any) -> str:
             if first == "Model"
             else f" Make it with {TYPES_WITH_OWN_MESSAGE[first].format('file')}."
         )
-    file = repr(os.fspath(value)) if isinstance(value, str | os.PathLike) else "file"
+    file = _brief(os.fspath(value)) if isinstance(value, str | os.PathLike) else "file"
     return f" Make it with {TYPES_WITH_OWN_MESSAGE[first].format(file)}."

@@ -658,7 +658,10 @@ def amount(written: object, slot: str, where: str = "") -> float:
             if isinstance(written, bool) or not isinstance(written, Real):
                 text = f"{_shown(written)} is neither a number nor a text with a unit, such as '4 [{slot or 's'}]'."
                 raise UnitError(text, code="value.not-an-amount")
-            value = float(written)
+            try:
+                value = float(written)
+            except OverflowError:  # a whole number of Python beyond all floats
+                value = math.inf
         if not math.isfinite(value):
             raise UnitError(f"{_shown(written)} is not finite.", code="value.outside-range")
     return value
@@ -708,7 +711,10 @@ def clocked(times: Any) -> tuple[Array, Stamp | None]:
     si_times = si_values(times, "s")
     if si_times is not None:
         return np.atleast_1d(np.asarray(si_times, dtype=float)), None
-    values, stamp = np.asarray(times), None
+    try:
+        values, stamp = np.asarray(times), None
+    except ValueError:  # rows of several lengths
+        values, stamp = np.empty(0, dtype="U"), None
     if values.dtype.kind == "O" and values.size:
         zoned = [t.timestamp() for t in values.ravel() if getattr(t, "tzinfo", None) is not None]
         if len(zoned) == values.size:
@@ -750,7 +756,7 @@ def instant(written: Any, where: str = "") -> Stamp:
 def _stamps(values: NDArray[Any]) -> NDArray[Any]:
     try:
         return values.astype("datetime64[us]")
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return values
 
 
@@ -769,7 +775,7 @@ def _numbers(values: ArrayLike) -> float | Array:
         if numbers.dtype.kind not in "iufO":
             raise TypeError
         numbers = numbers.astype(float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise UnitError(f"{_shown(values)} is no number. {THREE_WAYS}.", code="value.wrong-kind") from None
     return float(numbers) if numbers.ndim == 0 else numbers
 

@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
+from thermid.base.arguments import guard_methods, takes_objects
 from thermid.base.codes import CodedText
 from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError, quoted, refuse_unknown
@@ -64,6 +64,7 @@ ROOM_HATS = 25
 """Numbers by which a logged room may wander in a run, at most."""
 
 
+@guard_methods
 @dataclass(frozen=True, eq=False)
 class Spread(Shown):
     """How far some values may lie from where a model has them, normal or log-normal, correlated or not.
