@@ -17,7 +17,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from fractions import Fraction
 from functools import lru_cache, reduce
 from numbers import Real
@@ -460,6 +460,11 @@ class Stamp(NamedTuple):
 
     seconds: float
     zoned: bool
+
+    @property
+    def text(self) -> str:
+        """It as `instant` reads it."""
+        return (datetime(1970, 1, 1, tzinfo=UTC if self.zoned else None) + timedelta(seconds=self.seconds)).isoformat(" ")
 
 
 @dataclass(frozen=True, eq=False)

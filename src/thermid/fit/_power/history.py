@@ -17,6 +17,7 @@ from thermid.base.linear_algebra import HALF_WIDTH_95, NOTHING, Array, Bools, co
 from thermid.base.results import PlottedTrace, Result, Shown
 from thermid.base.units import unit
 from thermid.fit._minimisation import LocalCost, descend
+from thermid.fit._problem.experiment import on_the_clock_of
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request, priors_of
 from thermid.fit._problem.residuals import Influence, Problem, SensorTrace, Unknown
@@ -592,7 +593,7 @@ def _request_of_knots(
     """Return the request in which each knot is a load of its own, and the names of these."""
     heat_load = model.at(path)
     assert isinstance(heat_load, HeatLoad)
-    base = scenario or Scenario(record.name)
+    base = on_the_clock_of(record, scenario or Scenario(record.name))
     loads, names = dict(base.loads), []
     for k in range(knots.size):
         name = f"{path}_at_{k}"

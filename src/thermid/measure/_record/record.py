@@ -17,7 +17,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import RecordError, ThermidError, errors_at, refuse_unknown
-from thermid.base.expression import amount, counts_rows, seconds
+from thermid.base.expression import amount, clocked, counts_rows, seconds
 from thermid.base.extensions import optional
 from thermid.base.files import LOG, replacing
 from thermid.base.results import PlottedTrace, Result, Row
@@ -91,9 +91,9 @@ class Record(Samples, Result):
             key: samples if isinstance(samples, Channel) else Channel.from_array(key, samples, unit=unit, column=key)
             for key, samples in channels.items()
         }
-        axis = seconds(times)
+        axis, begun = clocked(times)
         sha = digest([("time", axis), *((key, samples.values) for key, samples in of.items())])
-        origin = Origin(name, sha, None, ("time", *of), axis.size, "time", synthetic)
+        origin = Origin(name, sha, None if begun is None else begun.text, ("time", *of), axis.size, "time", synthetic)
         return cls(name, axis, of, origin)
 
     @classmethod
@@ -126,7 +126,8 @@ class Record(Samples, Result):
                 name,
                 code="record.time-not-read",
             )
-        axis = _seconds(frame.index if time is None else frame[time], name)
+        axis = frame.index if time is None else frame[time]
+        _check_order(axis, name)
         channels_of_frame = {
             column: _channel_of(column, frame[column].to_numpy(dtype=np.float64), table, name) for column, table in channels.items()
         }
@@ -871,12 +872,12 @@ def _channel_line(channel: Channel) -> str:
     return "; ".join(parts)
 
 
-def _seconds(times: Any, where: str) -> FloatArray:
-    """Return the times of a frame, stamps from the first one. [s]
+def _check_order(times: Any, where: str) -> None:
+    """Refuse the times of a frame that do not increase strictly.
 
     Raises
     ------
-    RecordError   When they do not increase strictly.
+    RecordError   With what to do.
     """
     with errors_at(where):
         axis = seconds(times)
@@ -884,7 +885,6 @@ def _seconds(times: Any, where: str) -> FloatArray:
         raise RecordError(
             "the times do not increase strictly. Sort the frame by time and drop what is there twice.", where, code="record.time-order"
         )
-    return axis
 
 
 def _channel_of(column: str, values: FloatArray, table: Mapping[str, Any], name: str) -> Channel:
