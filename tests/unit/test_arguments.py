@@ -45,7 +45,7 @@ ANY: Any = None
         (lambda: td.simulate(PART, ANY or {"air": 20}), "`scenario` takes Scenario, not a dictionary"),
         (lambda: td.simulate(PART, ANY), "`scenario` takes Scenario, not None"),
         (lambda: td.simulate(ANY or {}, BENCH), r"`model` takes Model or Block, not a dictionary. Make it with td.model_from_dict"),
-        (lambda: td.model_from_dict(ANY or "part.toml"), "`data` takes a dictionary, not the text 'part.toml'"),
+        (lambda: td.model_from_dict(ANY or "part.toml"), "`data` takes a dictionary, not 'part.toml'"),
         (
             lambda: td.validate(ANY or PART, LOG, td.Criteria(rmse="1 [K]")),
             "`calibration` takes Calibration, not Model. Make it with td.c",
@@ -95,6 +95,11 @@ RUN = td.simulate(PART, BENCH.with_(start="25 [degC]"), every="10 [min]")
         (lambda: td.qualify.hold(ANY, {}, confidence=0.9), "`runs` takes UncertainRuns, not None"),
         (lambda: td.inference.align(PART, LOG, LOG, offset=ANY or 5), r"align: `offset` takes two values, \(low, high\), not 5"),
         (lambda: td.site.pad_scenario(albedo=float("nan")), "pad_scenario: `albedo` takes a number, not nan"),
+        (lambda: td.inference.fleet(PART, ANY or [], ["x"]), r"fleet: `units` takes a dictionary, not \[\]"),
+        (
+            lambda: td.ensemble(PART, BENCH.with_(start="25 [degC]"), {"case.capacitance": [8.0, 9.0]}, quantiles="nonsense"),
+            "give a quantile between 0 and 1",
+        ),
         (lambda: td.design.Action(ANY or 5, BENCH), "Action: `name` takes a text, not 5"),
         (lambda: td.design.Action("a", ANY or "s.toml"), r"Action: `scenario` takes Scenario, not the text 's.toml'"),
     ],

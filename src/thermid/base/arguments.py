@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import wraps
 from inspect import isfunction
@@ -24,6 +25,11 @@ TYPES_WITH_OWN_MESSAGE = {
     "Record": "td.read_record({}, {{'T1': {{'node': ...}}}})",
     "Calibration": "td.calibrate(model, record, free), or td.run_stages(campaign)[stage]",
     "Campaign": "td.run_stages({})",
+    "CampaignSource": "td.run_stages({}).source",
+    "ProfileRun": "td.qualify.run_profile(model, profile)",
+    "Profile": "td.inference.profile(fit, path)",
+    "Criticism": "td.inference.criticise(fit)",
+    "Hold": "td.qualify.hold(runs, limits)",
     "Study": "td.design.load_study({})",
     "Plan": "td.qualify.load_plan({})",
     "Qualification": "td.qualify.run_plan({})",
@@ -111,7 +117,17 @@ def guard_methods(cls: type[R]) -> type[R]:
 def _words(annotation: str) -> tuple[str, ...]:
     """Return the names in an annotation where it takes an object of thermid or a path; nothing where it takes neither."""
     words = tuple(dict.fromkeys(re.findall(r"\w+", re.sub(r"Mapping\[str, ?", "Mapping[", annotation))))
-    return words if {*words} & {*TYPES_WITH_OWN_MESSAGE, "PathLike", "Path"} or annotation.startswith("Mapping[str, Any]") else ()
+    if not {*words} & {*TYPES_WITH_OWN_MESSAGE, "PathLike", "Path"} and not annotation.startswith("Mapping[str, Any]"):
+        return ()
+    return (TABLE, *words) if _kinds(annotation) == {"Mapping"} else words
+
+
+def _kinds(annotation: str) -> set[str]:
+    """Return what an annotation takes but None, without what these hold."""
+    bare = annotation
+    while (inner := re.sub(r"\[[^\[\]]*\]", "", bare)) != bare:
+        bare = inner
+    return {*bare.split(" | ")} - {"None"}
 
 
 def _plain(annotation: str) -> tuple[str, ...]:
@@ -120,14 +136,12 @@ def _plain(annotation: str) -> tuple[str, ...]:
         return (NAMES, *(word for word in ("str", "None") if word in named.groups()))
     if _TWO.fullmatch(annotation):
         return (TWO, *(["None"] if annotation.endswith("None") else []))
-    bare = annotation
-    while (inner := re.sub(r"\[[^\[\]]*\]", "", bare)) != bare:
-        bare = inner
-    kinds = {*bare.split(" | ")}
-    return (PLAIN, *kinds) if kinds - {"None"} in (*({kind} for kind in KINDS), {"Mapping", "str"}) else ()
+    kinds = _kinds(annotation)
+    none = ["None"] if annotation.endswith("| None") else []
+    return (PLAIN, *kinds, *none) if kinds in (*({kind} for kind in KINDS), {"Mapping", "str"}) else ()
 
 
-PLAIN, NAMES, TWO = "plain", "names", "two"
+PLAIN, NAMES, TWO, TABLE = "plain", "names", "two", "table"
 _NAMED = re.compile(r"(?:(str) \| )?(?:(?:Sequence|Iterable|Collection)\[str\]|tuple\[str, \.\.\.\])(?: \| (None))?")
 _TWO = re.compile(r"tuple\[([\w |]+), \1\](?: \| None)?")
 """Annotations of names, and of two ends."""
@@ -157,10 +171,14 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
         if isinstance(value, str | Mapping) or getattr(value, "ndim", 1) != 1 or not hasattr(value, "__len__") or len(value) != 2:
             raise DeckError(f"`{name}` takes two values, (low, high), not {_brief(value)}.", function, code="value.wrong-kind")
         return
+    if words[0] == TABLE:
+        if not isinstance(value, Mapping):
+            raise DeckError(f"`{name}` takes a dictionary, not {_brief(value)}.", function, code="value.wrong-kind")
+        words = words[1:]
     if words[0] == PLAIN:
         kinds = [KINDS[w] for w in KINDS if w in words]
-        fits = isinstance(value, bool) == ("bool" in words) and any(isinstance(value, kind) for kind, _ in kinds) and value == value
-        if fits:
+        of_kind = isinstance(value, bool | np.bool_) == ("bool" in words) and any(isinstance(value, kind) for kind, _ in kinds)
+        if of_kind and _has_size(value):
             return
         raise DeckError(f"`{name}` takes {kinds[0][1]}, not {_brief(value)}.", function, code="value.wrong-kind")
     if value is None:
@@ -198,6 +216,11 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
     raise DeckError(
         f"`{name}` takes {' or '.join(takes) or 'a dictionary'}, not {what}.{_advice(words, value)}", function, code="value.wrong-kind"
     )
+
+
+def _has_size(value: Any) -> bool:
+    """Return whether a value is no NaN and no whole number beyond all floats."""
+    return bool(value == value) and not (isinstance(value, Integral) and abs(int(value)) > sys.float_info.max)
 
 
 def _check_names(value: Any, name: str, function: str) -> None:
