@@ -79,7 +79,8 @@ def test_methods_of_what_is_shown_are_guarded() -> None:
                 assert hasattr(method, "__wrapped__"), f"{made.__name__}.{name}"
 
 
-RUN = td.simulate(PART, BENCH.with_(start="25 [degC]"), every="10 [min]")
+WARM = BENCH.with_(start="25 [degC]")
+RUN = td.simulate(PART, WARM, every="10 [min]")
 
 
 @pytest.mark.parametrize(
@@ -112,7 +113,7 @@ def test_a_method_and_a_constructor_say_what_they_take(call: Any, words: str) ->
 @pytest.mark.parametrize("times", [10**400, [[], 1.0], ["a", 2]])
 def test_times_that_are_none_are_refused(times: Any) -> None:
     with pytest.raises(td.ThermidError, match=r"times|finite|number|text"):
-        td.simulate(PART, BENCH.with_(start="25 [degC]"), times=times)
+        td.simulate(PART, WARM, times=times)
 
 
 def test_a_guarded_function_is_itself() -> None:

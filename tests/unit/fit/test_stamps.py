@@ -73,3 +73,18 @@ def test_stamps_that_cannot_be_compared_are_refused(tmp_path: Path) -> None:
         _fitted(_from_frame().shift_start())
     with raises_code("record.time-unclear", td.ThermidError, match="28.02.2026 08:30:00"):
         _fitted(_from_file(tmp_path, "28.%m.%Y %H:%M:%S"))
+
+
+def test_logs_with_stamps_are_joined_by_them(tmp_path: Path) -> None:
+    """Without an offset; one that is given counts from the first samples, as before."""
+    first = _from_frame()
+    switched = pd.DataFrame({"P": np.where(np.arange(121) < 60, 0.0, 6.0)}, index=STAMPS)
+    power = td.Record.from_dataframe("power", switched, {"P": {"unit": "W", "load": "heat"}})
+    joint = first.joined(power)
+    assert joint.times[np.flatnonzero(joint["P"].values == 6.0)[0]] == 1800.0  # 09:00 on a clock that begins at 08:30
+    assert np.array_equal(first.joined(power, 0.0).times, np.arange(121) * 60.0)
+    again = td.Record.from_arrays("again", first.times, {"Q": td.celsius(np.full(first.times.size, 20.0))})
+    assert np.array_equal(first.joined(again).times, first.times)
+    german = _from_file(tmp_path, "28.%m.%Y %H:%M:%S")
+    with raises_code("record.time-unclear", td.ThermidError, match="Give the offset"):
+        german.joined(power)

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, UnitError, refuse_unknown
-from thermid.base.expression import Kelvin, Stamp, instant
+from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, refuse_unknown
+from thermid.base.expression import Kelvin, Stamp
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
 from thermid.measure.records import Channel, Record, SecondClock
@@ -62,7 +62,7 @@ def on_the_clock_of(record: Record, scenario: Scenario) -> Scenario:
     ------
     RecordError   When the record's times are no longer those of its log, or only one of both names a time zone.
     """
-    first, again = float(record.times[0]), next((s for s in record.steps if s.startswith(("shift_start", "steady point"))), "")
+    first = float(record.times[0])
 
     def own(course: Any) -> bool:
         return isinstance(course, TableSignal) and course.log is not None and course.log[0] == record.origin.sha256
@@ -72,19 +72,16 @@ def on_the_clock_of(record: Record, scenario: Scenario) -> Scenario:
 
     columns = {place.partition(".")[2] for place, course in scenario.signals() if own(course)}
     stamped = isinstance(scenario.begins, Stamp) and record.origin.start is not None
-    if again and (columns or stamped):
+    if record.moved and (columns or stamped):
         has = f"a column of the log '{record.origin.file}'" if columns else "stamps"
         raise RecordError(
-            f"the scenario has {has}, but the record has other times after this step ({again}). Leave that step out, or give "
+            f"the scenario has {has}, but the record has other times after this step ({record.moved}). Leave that step out, or give "
             f"{'the column in a separate log' if columns else 'the scenario times in seconds'}.",
             record.name,
             code="record.does-not-apply",
         )
     if stamped:
-        try:
-            began = instant(record.origin.start)
-        except UnitError:
-            began = None
+        began = record.zero
         if began is None or began.zoned != scenario.begins.zoned:
             why = "only one of the two names a time zone" if began else "that is not written as 2026-02-01 08:00"
             raise RecordError(

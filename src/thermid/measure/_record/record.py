@@ -396,16 +396,18 @@ class Record(Samples, Result):
         return self._noted(f"mask: {channel}, {self._masked_since(masked)} samples, {reason}", masked)
 
     @takes_objects
-    def joined(self, other: Record, offset: Any = 0.0, rate: float | tuple[float, float] = 1.0) -> Record:
+    def joined(self, other: Record, offset: Any = None, rate: float | tuple[float, float] = 1.0) -> Record:
         """Return the channels of both records, on the times of both.
 
-        A time t on the other's clock is ``offset + rate t`` on this one's. [s] Pairs are ranges, within which `calibrate` finds them; until
-        then the record stands in their middle.
+        A time t on the other's clock is ``offset + rate t`` on this one's [s]; without an offset they are laid by their stamps, or, where
+        one has none, zero on zero. Pairs are ranges, within which `calibrate` finds them; until then the record stands in their middle.
 
         Raises
         ------
         RecordError   When the rate is not above zero, a channel is in both, the logs do not overlap, or a range is none.
         """
+        if offset is None:
+            offset = self._later(other)
         offsets, rates = (
             _range(written, slot, name, other.name)
             for written, slot, name in ((offset, "s", "offset of its clock"), (rate, "1", "rate of its clock"))
@@ -424,6 +426,26 @@ class Record(Samples, Result):
         clock = SecondClock(tuple(other.channels), offsets, rates, middle, ends, other.step)
         between = f"between {offsets[0]:.6g} and {offsets[1]:.6g} s late and {rates[0]:.6g} to {rates[1]:.6g} times as slow, by the fit"
         return replace(joint, second=clock, steps=(*joint.steps[:-1], f"joined with {other.origin.file}, whose clock is {between}"))
+
+    def _later(self, other: Record) -> float:
+        """Return by how much another log begins later by the stamps of both; 0 where one has none. [s]
+
+        Raises
+        ------
+        RecordError   When both have stamps that differ and cannot be compared.
+        """
+        here, there = self.zero, other.zero
+        if here is not None and there is not None and here.zoned == there.zoned:
+            return there.seconds - here.seconds
+        starts = {self.origin.start, other.origin.start}
+        if None in starts or len(starts) == 1:
+            return 0.0
+        raise RecordError(
+            f"one log begins at {self.origin.start}, the other at {other.origin.start}, which cannot be compared. Give the offset of the "
+            "second log's clock.",
+            f"{self.name}, {other.name}",
+            code="record.time-unclear",
+        )
 
     def _joined(self, other: Record, offset: float, rate: float, slowest: float) -> Record:
         """Return the channels of both, a time t of the other at ``offset + rate t`` [s]; `slowest` is the lowest rate of its range."""
