@@ -110,6 +110,48 @@ def test_a_method_and_a_constructor_say_what_they_take(call: Any, words: str) ->
         call()
 
 
+HTC = ("1 [W]", "0.01 [m^2]", "24 [degC]", "20 [degC]", "0.1 [m]")
+HERE = td.site.Site(45.0, 5.0, timezone=1.0)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: td.prepare(PART, WARM, ["case.capacitance"]).bounds("nonsense"), "no free name 'nonsense'"),
+        (lambda: td.qualify.Limits("p", "case", ANY or 5), r"`operating` takes two values, \(low, high\), not 5"),
+        (lambda: td.qualify.Limits("p", "case", ("0 [degC]", "9 [degC]"), loads=ANY or 5), "`loads` takes a list of names, not 5"),
+        (lambda: td.qualify.equivalent_cycles("0 [degC]", "20 [degC]", ANY or 5), "unknown level '5'"),
+        (lambda: td.site.Site(45.0, 5.0, altitude=None), "None is neither a number nor a text with a unit"),
+        (lambda: td.site.Site(45.0, 5.0, timezone=ANY or [1]), r"\[1\] is neither a number"),
+        (lambda: HERE.instant(ANY or 5), "'5' is not a date and time"),
+        (lambda: HERE.sun("2026-02-01 12:00", "nonsense"), "'nonsense' must be a number with a unit"),
+        (lambda: td.site.Volume("1 [l]", humidity=ANY or [1]), r"\[1\] is neither a number"),
+        (lambda: td.inference.compare_htc(*HTC, box=ANY or 5), "`box` takes two values"),
+        (lambda: td.inference.compare_htc(*HTC, air=ANY or 5), "conductivity, viscosity, Prandtl number"),
+        (lambda: td.inference.compare_htc(*HTC, emissivity=ANY or "grey"), "`emissivity` takes a number"),
+        (lambda: td.reporting.structures_report("t", [], to="x.html"), "Give one at least"),
+        (lambda: td.Scenario("x", loads={"h": ([0.0, 60.0], [{}, 5.0])}), "is no number"),
+        (lambda: td.Record.from_arrays("r", ANY, {"T": td.celsius([1.0, 2.0])}), "finite|times"),
+        (lambda: td.ensemble(PART, WARM, {"case.capacitance": [8.0, 9.0]}, executor=ANY or object()), "no address of a scheduler"),
+        (lambda: td.qualify.reduce(PART, WARM, within="1 [K]"), "exchanges heat with nothing outside"),
+        (lambda: td.model.law(lambda t: t, between=ANY or 5), "`between` takes two values"),
+        (lambda: td.bench.SensorPart(lag=ANY or "fast"), "sensor, lag: 'fast' must be a number with a unit"),
+        (lambda: td.bench.SensorCertificate(ANY or [1], 0.1), r"certificate, offset: \[1\] is neither a number"),
+        (lambda: td.qualify.margins({}, [], states=ANY or {"hot": "nonsense"}), "no state 'nonsense'"),
+        (lambda: td.qualify.profile_of("SMC-S-016", "unit thermal cycle", cycles=float("nan")), "is not finite"),
+    ],
+)
+def test_what_was_a_traceback_is_a_sentence(call: Any, words: str) -> None:
+    with pytest.raises(td.ThermidError, match=words):
+        call()
+
+
+def test_a_sensor_takes_texts_with_a_unit() -> None:
+    """They were kept as texts, without a word."""
+    assert td.bench.SensorPart(lag="2 [min]", capacitance="1 [mJ/K]") == td.bench.SensorPart(lag=120.0, capacitance=1e-3)
+    assert td.bench.SensorCertificate("0.1 [K]", "20 [mK]").uncertainty == 0.02
+
+
 @pytest.mark.parametrize("times", [10**400, [[], 1.0], ["a", 2]])
 def test_times_that_are_none_are_refused(times: Any) -> None:
     with pytest.raises(td.ThermidError, match=r"times|finite|number|text"):

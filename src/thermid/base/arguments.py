@@ -40,6 +40,8 @@ TYPES_WITH_OWN_MESSAGE = {
     "Trajectory": "td.site.read_trajectory({})",
     "Limits": "td.qualify.load_limits({})",
     "Solution": "td.simulate(model, scenario)",
+    "Exclusions": "thermid.campaign.verdicts.Exclusions({{'T1': why}}, cap=0.1)",
+    "Job": "td.qualify.uncertain_runs(model, scenario).job",
     "UncertainRuns": "td.qualify.uncertain_runs(model, scenario)",
     "Network": "td.simulation.compile_network(model)",
     "StateSpace": "td.simulation.state_space(td.simulation.compile_network(model))",
@@ -150,6 +152,7 @@ KINDS: dict[str, tuple[type | tuple[type, ...], str]] = {
     "float": (Real, "a number"),
     "bool": ((bool, np.bool_), "True or False"),
     "Mapping": (Mapping, "a dictionary"),
+    "dict": (Mapping, "a dictionary"),
     "str": (str, "a text"),
 }
 """Word of an annotation -> what is taken, and how it is said; of several the first one is said."""
@@ -168,26 +171,26 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
         _check_names(value, name, function)
         return
     if words[0] == TWO:
-        if isinstance(value, str | Mapping) or getattr(value, "ndim", 1) != 1 or not hasattr(value, "__len__") or len(value) != 2:
-            raise DeckError(f"`{name}` takes two values, (low, high), not {_brief(value)}.", function, code="value.wrong-kind")
+        check_two(value, name, function)
         return
     if words[0] == TABLE:
         if not isinstance(value, Mapping):
             raise DeckError(f"`{name}` takes a dictionary, not {_brief(value)}.", function, code="value.wrong-kind")
         words = words[1:]
     if words[0] == PLAIN:
-        kinds = [KINDS[w] for w in KINDS if w in words]
-        of_kind = isinstance(value, bool | np.bool_) == ("bool" in words) and any(isinstance(value, kind) for kind, _ in kinds)
+        allowed = [KINDS[w] for w in KINDS if w in words]
+        of_kind = isinstance(value, bool | np.bool_) == ("bool" in words) and any(isinstance(value, kind) for kind, _ in allowed)
         if of_kind and _has_size(value):
             return
-        raise DeckError(f"`{name}` takes {kinds[0][1]}, not {_brief(value)}.", function, code="value.wrong-kind")
+        raise DeckError(f"`{name}` takes {allowed[0][1]}, not {_brief(value)}.", function, code="value.wrong-kind")
     if value is None:
         what = "None"
     elif isinstance(value, (*LISTS, float, int)) and {*words} <= (CLOSED if isinstance(value, LISTS) else CLOSED_OR_SEVERAL):
         what = "a list" if isinstance(value, LISTS) else _brief(value)
     elif isinstance(value, LISTS):
-        for item in value if any(m in words for m in COLLECTIONS) else ():
-            _check(item, words, name, function)
+        inner = tuple(w for w in words if w not in COLLECTIONS)  # a list holds no lists
+        for item in value if inner != words else ():
+            _check(item, inner, name, function)
         return
     elif isinstance(value, str | os.PathLike):
         if any(t in words for t in TEXTS):
@@ -221,6 +224,21 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
 def _has_size(value: Any) -> bool:
     """Return whether a value is no NaN and no whole number beyond all floats."""
     return bool(value == value) and not (isinstance(value, Integral) and abs(int(value)) > sys.float_info.max)
+
+
+def check_two(value: Any, name: str, where: str) -> None:
+    """Refuse what is no pair of a lower and an upper end.
+
+    Raises
+    ------
+    DeckError   With what it is.
+    """
+    try:
+        pair = not isinstance(value, str | Mapping) and len(value) == 2
+    except TypeError:  # a single quantity with a unit, which only looks like a list
+        pair = False
+    if not pair:
+        raise DeckError(f"`{name}` takes two values, (low, high), not {_brief(value)}.", where, code="value.wrong-kind")
 
 
 def _check_names(value: Any, name: str, function: str) -> None:

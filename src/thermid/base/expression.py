@@ -767,14 +767,19 @@ def _stamps(values: NDArray[Any]) -> NDArray[Any]:
 
 def _in_si(values: ArrayLike, of: Unit) -> float | Array:
     """Return numbers in a unit as SI numbers; a single one is rounded once, as that of a text."""
-    numbers = _numbers(values)
+    numbers = plain_numbers(values)
     if isinstance(numbers, float):
         return to_si(Fraction(repr(numbers)), of) if np.isfinite(numbers) else numbers
     return in_si(numbers, of)
 
 
-def _numbers(values: ArrayLike) -> float | Array:
-    """Return numbers as a float or an array of floats."""
+def plain_numbers(values: Any) -> float | Array:
+    """Return numbers as a float or an array of floats.
+
+    Raises
+    ------
+    UnitError   When they are none.
+    """
     try:
         numbers = np.asarray(values)
         if numbers.dtype.kind not in "iufO":

@@ -14,6 +14,7 @@ from thermid.base.arguments import guard_methods, takes_objects
 from thermid.base.codes import CodedText
 from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError, quoted, refuse_unknown
+from thermid.base.expression import plain_numbers
 from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse
 from thermid.base.results import Shown
 from thermid.fit.calibration import Calibration
@@ -92,8 +93,8 @@ class Spread(Shown):
         IdentificationError   When lengths differ, or the covariance is none.
         """
         size = len(self.names)
-        covariance = np.asarray(self.covariance, dtype=float)
-        if covariance.shape != (size, size) or len(self.log) not in (0, size):
+        covariance = np.asarray(plain_numbers(self.covariance))
+        if covariance.shape != (size, size) or not isinstance(self.log, tuple | list) or len(self.log) not in (0, size):
             raise IdentificationError(
                 f"{size} names need a covariance of {size} by {size}, and as many marks for logarithms.", self.cause, code="value.shape"
             )
@@ -109,7 +110,6 @@ class Spread(Shown):
         object.__setattr__(self, "log", tuple(self.log) or (False,) * size)
 
     @classmethod
-    @takes_objects
     def of_fit(cls, values: FittedValues) -> Spread:
         """Return what a fit leaves open, with its covariance.
 

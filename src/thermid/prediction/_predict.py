@@ -281,7 +281,7 @@ class Prediction(Result):
 
     def to_dict(self, at: list[float] | None = None) -> dict[str, Any]:
         """Return everything but the traces as plain numbers: at the end, settled, and at some times. [s]"""
-        times = seconds(() if at is None else at)
+        times = np.atleast_1d(seconds(() if at is None else at))
 
         def plain(e: Estimate) -> dict[str, Any]:
             return {"C": e.celsius, "error_K": e.error, "low_C": e.low, "high_C": e.high, "shares": dict(e.shares)}

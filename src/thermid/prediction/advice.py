@@ -594,7 +594,7 @@ def _remarks(before: Before, sensors: Sequence[Sensor]) -> tuple[str, ...]:
 def _gradient(before: Before, target: str | Aim) -> tuple[Array, float, str, str, Mapping[str, float]]:
     """Return how the target responds to the sources, its value, its name, its unit, and what else makes it uncertain [K]."""
     if not isinstance(target, str):
-        at = target.scenario.seconds if target.at == "" else amount(target.at, "s", "at")
+        at = target.scenario.seconds if isinstance(target.at, str) and not target.at else amount(target.at, "s", "at")
         gradient, value, beside = before.temperature(target.node, at)
         return gradient, value, str(target), "K", beside
     path = before.model.canonical(target)

@@ -264,10 +264,10 @@ def correlate(
     standing = UNJUDGED
     if isinstance(readings, Calibration):
         pairs, standing = overlays(readings), model_standing(readings.fitted_model)
-    elif len(readings) == 2 and isinstance(readings[0], Record) and isinstance(readings[1], Record):
+    elif isinstance(readings, list | tuple) and len(readings) == 2 and isinstance(readings[0], Record) and isinstance(readings[1], Record):
         pairs = paired(readings[0], readings[1])
     else:
-        pairs = tuple(o for o in readings if isinstance(o, Overlay))
+        pairs = tuple(o for o in readings if isinstance(o, Overlay)) if isinstance(readings, list | tuple) else ()
     if not pairs:
         raise IdentificationError("the log has no readings to compare with.", title, code="record.nothing-there")
     sensors = list(dict.fromkeys(o.sensor for o in pairs))

@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import RecordError, ThermidError, errors_at, refuse_unknown
 from thermid.base.expression import amount, clocked, counts_rows, seconds
 from thermid.base.extensions import optional
@@ -70,7 +69,6 @@ class Record(Samples, Result):
     """
 
     @classmethod
-    @takes_objects
     def from_arrays(cls, name: str, times: Any, channels: Mapping[str, Any], *, unit: str = "", synthetic: bool = True) -> Record:
         """Return a record of samples made in Python, marked as synthetic.
 
@@ -93,11 +91,11 @@ class Record(Samples, Result):
         }
         axis, begun = clocked(times)
         sha = digest([("time", axis), *((key, samples.values) for key, samples in of.items())])
-        origin = Origin(name, sha, None if begun is None else begun.text, ("time", *of), axis.size, "time", synthetic)
+        start = begun.text if begun is not None and np.isfinite(begun.seconds) else None
+        origin = Origin(name, sha, start, ("time", *of), axis.size, "time", synthetic)
         return cls(name, axis, of, origin)
 
     @classmethod
-    @takes_objects
     def from_dataframe(
         cls, name: str, frame: DataFrame, channels: Mapping[str, Mapping[str, Any]], *, time: str | None = None, synthetic: bool = False
     ) -> Record:
@@ -149,7 +147,6 @@ class Record(Samples, Result):
                 raise RecordError(f"it takes channels, not {channel!r:.60}.", f"record '{self.name}'", code="value.wrong-kind")
         return replace(self, channels={**self.channels, **{channel.name: channel for channel in channels}})
 
-    @takes_objects
     def with_sensor(self, name: str, **keys: object) -> Record:
         """Return the record with more known of a channel's sensor, by the keys of a campaign: ``lag="20 [s]"``, ``certificate={...}``.
 
@@ -318,7 +315,6 @@ class Record(Samples, Result):
             *masked,
         )
 
-    @takes_objects
     def flag_faults(
         self,
         codes: Iterable[str | float] = FAULT_CODES,
@@ -358,7 +354,6 @@ class Record(Samples, Result):
         limits = "".join(f", {word} {format_value(end, 'degC')}" for word, end in (("low", bottom), ("high", top)) if np.isfinite(end))
         return self._noted(f"faults: masked {self._lost(masked)}; codes {listed}{limits}", *masked)
 
-    @takes_objects
     def mask(self, channel: str, start: str | float = "start", end: str | float = "end", reason: str = "masked by hand") -> Record:
         """Return the record with a stretch of a channel masked, both ends included.
 
@@ -377,7 +372,6 @@ class Record(Samples, Result):
         masked = measured.masked(inside, reason)
         return self._noted(f"mask: {channel} from {text} ({self._masked_since(masked)} samples), {reason}", masked)
 
-    @takes_objects
     def masked_where(self, channel: str, where: BoolArray, reason: str) -> Record:
         """Return the record with samples of a channel masked where an array of truth values (samples,) is True.
 
@@ -395,7 +389,6 @@ class Record(Samples, Result):
         masked = measured.masked(chosen, reason)
         return self._noted(f"mask: {channel}, {self._masked_since(masked)} samples, {reason}", masked)
 
-    @takes_objects
     def joined(self, other: Record, offset: Any = None, rate: float | tuple[float, float] = 1.0) -> Record:
         """Return the channels of both records, on the times of both.
 
@@ -481,7 +474,6 @@ class Record(Samples, Result):
         step = f"joined with {other.origin.file}, whose clock is {offset:.6g} s late and {rate:.8g} times as slow"
         return replace(self, times=times, channels=channels, origin=origin, steps=(*self.steps, *other.steps, step))
 
-    @takes_objects
     def delayed(self, by: str | float | Sequence[str | float], channels: Sequence[str] | None = None) -> Record:
         """Return the record with powers and commands that act later than they were logged.
 

@@ -383,7 +383,6 @@ class HoldQuestion(Shown):
         )
         return RunCost.of_members(job, members, kept_members(job, members, self.limits, folder))
 
-    @takes_objects
     def run(
         self,
         *,

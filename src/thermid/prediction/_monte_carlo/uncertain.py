@@ -324,7 +324,7 @@ class UncertainRuns(Result):
 
     def quantile_error(self, node: str, share: Any) -> Array:
         """Return by how much `quantile` may be wrong because members were counted in bins: half a bin; zero where they were kept. [K]"""
-        return self._counted(node, share)[1][..., :-2] if self.counts else np.zeros((*np.shape(share), self.times.size))
+        return self._counted(node, share)[1][..., :-2] if self.counts else np.zeros_like(self.quantile(node, share))
 
     def highest_quantile(self, node: str, share: Any) -> Array:
         """Return the highest temperature of the run, between samples too, below which that of a share of the members lies. [degC]"""

@@ -15,10 +15,11 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError, ScenarioError
+from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.model.deck import model_from_dict
-from thermid.model.elements import KINDS, LOAD_SLOTS, literal
+from thermid.model.elements import KINDS, LOAD_SLOTS
 from thermid.model.identity import made_to
 from thermid.model.tree import FlatConductor, FlatLoad, Model
 from thermid.physics.constants import STEFAN_BOLTZMANN
@@ -444,7 +445,8 @@ def reduce(
 
     Raises
     ------
-    DeckError       When a load of the part is no plain power, a conductor of it changes with time, or a node of it stores latent heat.
+    DeckError       When a load of the part is no plain power, a conductor of it changes with time, a node of it stores latent heat, or the
+                    part exchanges heat with nothing outside.
     ScenarioError   When a scenario has another gas than the first.
     ScenarioError   When neither or both of `nodes` and `within` are given, or nothing is within.
     """
@@ -467,9 +469,15 @@ def reduce(
     heated = frozenset(load.node for load in network.flat.loads if load.path.startswith(ahead))
     judged = points or sorted(held | heated | offered)
     part = part_of(network, runs[0], ahead, held | frozenset(points) | offered | heated, judged)
+    if not part.outside:
+        raise DeckError(
+            f"'{at or model.title}' exchanges heat with nothing outside itself. Reduce a part that does, or give it a path to a boundary.",
+            model.title,
+            code="model.element-not-supported",
+        )
     drives = [Drive.of_run(part, network, r, Start.from_text(s.start, s.title) == Start(STEADY)) for s, r in zip(cases, runs, strict=True)]
     ways = chain(part, held, drives)
-    limit = literal(within, "K", "within") if isinstance(within, str) else within
+    limit = None if within is None else amount(within, "K", "within")
     for count in sorted(ways) if limit is not None else [min(max(nodes or 0, min(ways)), max(ways))]:
         trial = _tried(model, cases, runs, network, part, ways[count], at, judged)
         if limit is None or abs(trial.worst.largest) <= limit:
