@@ -167,22 +167,13 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
     """
     if (value is None and "None" in words) or (isinstance(value, str) and words[:2] == (NAMES, "str")):
         return
-    if words[0] == NAMES:
-        _check_names(value, name, function)
-        return
-    if words[0] == TWO:
-        check_two(value, name, function)
+    if words[0] in (NAMES, TWO, PLAIN):
+        _check_plain(value, words, name, function)
         return
     if words[0] == TABLE:
         if not isinstance(value, Mapping):
             raise DeckError(f"`{name}` takes a dictionary, not {_brief(value)}.", function, code="value.wrong-kind")
         words = words[1:]
-    if words[0] == PLAIN:
-        allowed = [KINDS[w] for w in KINDS if w in words]
-        of_kind = isinstance(value, bool | np.bool_) == ("bool" in words) and any(isinstance(value, kind) for kind, _ in allowed)
-        if of_kind and _has_size(value):
-            return
-        raise DeckError(f"`{name}` takes {allowed[0][1]}, not {_brief(value)}.", function, code="value.wrong-kind")
     if value is None:
         what = "None"
     elif isinstance(value, (*LISTS, float, int)) and {*words} <= (CLOSED if isinstance(value, LISTS) else CLOSED_OR_SEVERAL):
@@ -224,6 +215,24 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
 def _has_size(value: Any) -> bool:
     """Return whether a value is no NaN and no whole number beyond all floats."""
     return bool(value == value) and not (isinstance(value, Integral) and abs(int(value)) > sys.float_info.max)
+
+
+def _check_plain(value: Any, words: tuple[str, ...], name: str, function: str) -> None:
+    """Refuse what is not of the kind that an annotation without thermid's own objects takes.
+
+    Raises
+    ------
+    DeckError   With what it takes.
+    """
+    if words[0] == NAMES:
+        _check_names(value, name, function)
+    elif words[0] == TWO:
+        check_two(value, name, function)
+    else:
+        allowed = [KINDS[w] for w in KINDS if w in words]
+        of_kind = isinstance(value, bool | np.bool_) == ("bool" in words) and any(isinstance(value, kind) for kind, _ in allowed)
+        if not (of_kind and _has_size(value)):
+            raise DeckError(f"`{name}` takes {allowed[0][1]}, not {_brief(value)}.", function, code="value.wrong-kind")
 
 
 def check_two(value: Any, name: str, where: str) -> None:

@@ -13,6 +13,8 @@ from datetime import (
 )
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from thermid.base.errors import MissingExtraError, ScenarioError, ThermidError
 from thermid.base.expression import amount, seconds
 from thermid.base.extensions import missing
@@ -124,7 +126,7 @@ class Site:
         The algorithm of Reda and Andreas, Solar Energy 76 (2004) 577, as pvlib has it, with refraction.
         """
         pvlib = _pvlib()
-        clock = seconds(times)
+        clock = np.atleast_1d(seconds(times))
         with ignore_future_warnings():
             position = pvlib.solarposition.get_solarposition(
                 self.instants(begin, clock), self.latitude, self.longitude, altitude=self.altitude, method="nrel_numpy"
@@ -145,7 +147,7 @@ class Site:
         """
         pvlib = _pvlib()
         place = pvlib.location.Location(self.latitude, self.longitude, altitude=self.altitude)
-        index = self.instants(begin, seconds(times))
+        index = self.instants(begin, np.atleast_1d(seconds(times)))
         options = {} if turbidity is None else {"linke_turbidity": turbidity}
         try:
             with ignore_future_warnings():

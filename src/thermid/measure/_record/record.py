@@ -402,7 +402,7 @@ class Record(Samples, Result):
         if offset is None:
             offset = self._later(other)
         offsets, rates = (
-            _range(written, slot, name, other.name)
+            clock_range(written, slot, name, other.name)
             for written, slot, name in ((offset, "s", "offset of its clock"), (rate, "1", "rate of its clock"))
         )
         middle = 0.5 * sum(offsets), 0.5 * sum(rates)
@@ -497,7 +497,7 @@ class Record(Samples, Result):
                 f"{self.name}, delay",
                 code="record.does-not-apply",
             )
-        low, high = _range(by, "s", "delay", self.name)
+        low, high = clock_range(by, "s", "delay", self.name)
         if max(abs(low), abs(high)) >= self.duration:
             raise RecordError(
                 f"a delay of up to {max(abs(low), abs(high)):g} s is as long as the record. Give a shorter delay.",
@@ -780,7 +780,7 @@ def _interleaved(one: Samples, other: Samples, there: FloatArray) -> tuple[Float
     }
 
 
-def _range(written: Any, slot: str, name: str, where: str) -> tuple[float, float]:
+def clock_range(written: Any, slot: str, name: str, where: str) -> tuple[float, float]:
     """Return the (low, high) of a clock's offset or rate, or of a delay; equal for a single value.
 
     Raises

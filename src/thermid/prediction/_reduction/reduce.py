@@ -123,6 +123,13 @@ def part_of(network: Network, run: Solution, inside: str, shown: frozenset[str],
             code="model.element-not-supported",
         )
     outside = tuple(dict.fromkeys(e for r in rows for e in r.ends if e not in nodes))
+    if not outside:
+        raise DeckError(
+            f"'{inside.rstrip('.') or network.title}' exchanges heat with nothing outside itself. Reduce a part that does, or give it a "
+            "path to a boundary.",
+            network.title,
+            code="model.element-not-supported",
+        )
     means = {n: float(np.trapezoid(run[n].kelvin, run.times) / (run.times[-1] - run.times[0])) for n in (*nodes, *outside)}
     shares = {n: _relative_specific_heat(network, run, n) for n in nodes if n in network.stores}
     capacitances = np.array([value_of(numbers.capacitances[n] or 0.0) * shares.get(n, (1.0,))[0] for n in nodes])
@@ -469,12 +476,6 @@ def reduce(
     heated = frozenset(load.node for load in network.flat.loads if load.path.startswith(ahead))
     judged = points or sorted(held | heated | offered)
     part = part_of(network, runs[0], ahead, held | frozenset(points) | offered | heated, judged)
-    if not part.outside:
-        raise DeckError(
-            f"'{at or model.title}' exchanges heat with nothing outside itself. Reduce a part that does, or give it a path to a boundary.",
-            model.title,
-            code="model.element-not-supported",
-        )
     drives = [Drive.of_run(part, network, r, Start.from_text(s.start, s.title) == Start(STEADY)) for s, r in zip(cases, runs, strict=True)]
     ways = chain(part, held, drives)
     limit = None if within is None else amount(within, "K", "within")
