@@ -100,7 +100,7 @@ def part_of(network: Network, run: Solution, inside: str, shown: frozenset[str],
 
     Raises
     ------
-    DeckError   When a conductor of the part changes with its gas in the run, or a node of it stores latent heat.
+    DeckError   When a conductor of the part changes with its gas in the run, a node of it stores latent heat, or nothing is outside it.
     """
     numbers = network.numbers()
     nodes = tuple(n for n in network.nodes if n.startswith(inside))
@@ -452,8 +452,7 @@ def reduce(
 
     Raises
     ------
-    DeckError       When a load of the part is no plain power, a conductor of it changes with time, a node of it stores latent heat, or the
-                    part exchanges heat with nothing outside.
+    DeckError       When a load of the part is no plain power, a conductor of it changes with time, or a node of it stores latent heat.
     ScenarioError   When a scenario has another gas than the first.
     ScenarioError   When neither or both of `nodes` and `within` are given, or nothing is within.
     """
