@@ -45,7 +45,7 @@ ANY: Any = None
         (lambda: td.simulate(PART, ANY or {"air": 20}), "`scenario` takes Scenario, not a dictionary"),
         (lambda: td.simulate(PART, ANY), "`scenario` takes Scenario, not None"),
         (lambda: td.simulate(ANY or {}, BENCH), r"`model` takes Model or Block, not a dictionary. Make it with td.model_from_dict"),
-        (lambda: td.model_from_dict(ANY or "part.toml"), "`data` takes a dictionary, not the text 'part.toml'"),
+        (lambda: td.model_from_dict(ANY or "part.toml"), "`data` takes a dictionary, not 'part.toml'"),
         (
             lambda: td.validate(ANY or PART, LOG, td.Criteria(rmse="1 [K]")),
             "`calibration` takes Calibration, not Model. Make it with td.c",
@@ -69,6 +69,93 @@ def test_every_public_function_that_takes_an_object_is_guarded() -> None:
             told = [a for n, a in inspect.unwrap(function).__annotations__.items() if n != "return" and isinstance(a, str)]
             if any(word in TYPES_WITH_OWN_MESSAGE for a in told for word in a.replace("[", " ").replace("]", " ").split()):
                 assert hasattr(function, "__wrapped__"), f"td.{name} takes an object; decorate it with takes_objects"
+
+
+def test_methods_of_what_is_shown_are_guarded() -> None:
+    """In one place, so that no class can be forgotten."""
+    for made in (td.Solution, td.Prediction, td.Record, td.simulation.Ensemble, td.qualify.UncertainRuns, td.inference.Posterior):
+        for name, method in vars(made).items():
+            if inspect.isfunction(method) and not name.startswith("_") and len(inspect.signature(method).parameters) > 1:
+                assert hasattr(method, "__wrapped__"), f"{made.__name__}.{name}"
+
+
+WARM = BENCH.with_(start="25 [degC]")
+RUN = td.simulate(PART, WARM, every="10 [min]")
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: RUN.to_csv(ANY or 5), "to_csv: `path` takes the path of a file or folder, not 5"),
+        (lambda: RUN.to_csv("a\0b"), "holds a NUL"),
+        (lambda: RUN.plot(ANY or 5), r"plot: `axes` takes Axes, not 5. Make it with matplotlib.pyplot.subplots"),
+        (lambda: RUN.slopes(ANY or ["case"]), r"slopes: `node` takes a text, not \['case'\]"),
+        (lambda: td.inference.posterior(ANY or PART), "`fit` takes Calibration, not Model"),
+        (lambda: td.qualify.uncertain_runs(PART, BENCH, nodes=ANY or [[]]), r"uncertain_runs: `nodes` takes a list of names, not \[\]"),
+        (lambda: td.qualify.uncertain_runs(PART, BENCH, keep=ANY or 5), "uncertain_runs: `keep` takes True or False, not 5"),
+        (lambda: td.qualify.hold(ANY, {}, confidence=0.9), "`runs` takes UncertainRuns, not None"),
+        (lambda: td.inference.align(PART, LOG, LOG, offset=ANY or 5), r"align: `offset` takes two values, \(low, high\), not 5"),
+        (lambda: td.site.pad_scenario(albedo=float("nan")), "pad_scenario: `albedo` takes a number, not nan"),
+        (lambda: td.inference.fleet(PART, ANY or [], ["x"]), r"fleet: `units` takes a dictionary, not \[\]"),
+        (
+            lambda: td.ensemble(PART, BENCH.with_(start="25 [degC]"), {"case.capacitance": [8.0, 9.0]}, quantiles="nonsense"),
+            "give a quantile between 0 and 1",
+        ),
+        (lambda: td.design.Action(ANY or 5, BENCH), "Action: `name` takes a text, not 5"),
+        (lambda: td.design.Action("a", ANY or "s.toml"), r"Action: `scenario` takes Scenario, not the text 's.toml'"),
+    ],
+)
+def test_a_method_and_a_constructor_say_what_they_take(call: Any, words: str) -> None:
+    with pytest.raises(td.ThermidError, match=words):
+        call()
+
+
+HTC = ("1 [W]", "0.01 [m^2]", "24 [degC]", "20 [degC]", "0.1 [m]")
+HERE = td.site.Site(45.0, 5.0, timezone=1.0)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: td.prepare(PART, WARM, ["case.capacitance"]).bounds("nonsense"), "no free name 'nonsense'"),
+        (lambda: td.qualify.Limits("p", "case", ANY or 5), r"`operating` takes two values, \(low, high\), not 5"),
+        (lambda: td.qualify.Limits("p", "case", ("0 [degC]", "9 [degC]"), loads=ANY or 5), "`loads` takes a list of names, not 5"),
+        (lambda: td.qualify.equivalent_cycles("0 [degC]", "20 [degC]", ANY or 5), "unknown level '5'"),
+        (lambda: td.site.Site(45.0, 5.0, altitude=None), "None is neither a number nor a text with a unit"),
+        (lambda: td.site.Site(45.0, 5.0, timezone=ANY or [1]), r"\[1\] is neither a number"),
+        (lambda: HERE.instant(ANY or 5), "'5' is not a date and time"),
+        (lambda: HERE.sun("2026-02-01 12:00", "nonsense"), "'nonsense' must be a number with a unit"),
+        (lambda: td.site.Volume("1 [l]", humidity=ANY or [1]), r"\[1\] is neither a number"),
+        (lambda: td.inference.compare_htc(*HTC, box=ANY or 5), "`box` takes two values"),
+        (lambda: td.inference.compare_htc(*HTC, air=ANY or 5), "conductivity, viscosity, Prandtl number"),
+        (lambda: td.inference.compare_htc(*HTC, emissivity=ANY or "grey"), "`emissivity` takes a number"),
+        (lambda: td.reporting.structures_report("t", [], to="x.html"), "Give one at least"),
+        (lambda: td.Scenario("x", loads={"h": ([0.0, 60.0], [{}, 5.0])}), "is no number"),
+        (lambda: td.Record.from_arrays("r", ANY, {"T": td.celsius([1.0, 2.0])}), "finite|times"),
+        (lambda: td.ensemble(PART, WARM, {"case.capacitance": [8.0, 9.0]}, executor=ANY or object()), "no address of a scheduler"),
+        (lambda: td.qualify.reduce(PART, WARM, within="1 [K]"), "exchanges heat with nothing outside"),
+        (lambda: td.model.law(lambda t: t, between=ANY or 5), "`between` takes two values"),
+        (lambda: td.bench.SensorPart(lag=ANY or "fast"), "sensor, lag: 'fast' must be a number with a unit"),
+        (lambda: td.bench.SensorCertificate(ANY or [1], 0.1), r"certificate, offset: \[1\] is neither a number"),
+        (lambda: td.qualify.margins({}, [], states=ANY or {"hot": "nonsense"}), "no state 'nonsense'"),
+        (lambda: td.qualify.profile_of("SMC-S-016", "unit thermal cycle", cycles=float("nan")), "is not finite"),
+    ],
+)
+def test_what_was_a_traceback_is_a_sentence(call: Any, words: str) -> None:
+    with pytest.raises(td.ThermidError, match=words):
+        call()
+
+
+def test_a_sensor_takes_texts_with_a_unit() -> None:
+    """They were kept as texts, without a word."""
+    assert td.bench.SensorPart(lag="2 [min]", capacitance="1 [mJ/K]") == td.bench.SensorPart(lag=120.0, capacitance=1e-3)
+    assert td.bench.SensorCertificate("0.1 [K]", "20 [mK]").uncertainty == 0.02
+
+
+@pytest.mark.parametrize("times", [10**400, [[], 1.0], ["a", 2]])
+def test_times_that_are_none_are_refused(times: Any) -> None:
+    with pytest.raises(td.ThermidError, match=r"times|finite|number|text"):
+        td.simulate(PART, WARM, times=times)
 
 
 def test_a_guarded_function_is_itself() -> None:

@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import wraps
-from numbers import Integral
+from inspect import isfunction
+from numbers import Integral, Real
 from typing import Any, ParamSpec, TypeVar
+
+import numpy as np
 
 from thermid.base.errors import DeckError
 
@@ -21,6 +25,11 @@ TYPES_WITH_OWN_MESSAGE = {
     "Record": "td.read_record({}, {{'T1': {{'node': ...}}}})",
     "Calibration": "td.calibrate(model, record, free), or td.run_stages(campaign)[stage]",
     "Campaign": "td.run_stages({})",
+    "CampaignSource": "td.run_stages({}).source",
+    "ProfileRun": "td.qualify.run_profile(model, profile)",
+    "Profile": "td.inference.profile(fit, path)",
+    "Criticism": "td.inference.criticise(fit)",
+    "Hold": "td.qualify.hold(runs, limits)",
     "Study": "td.design.load_study({})",
     "Plan": "td.qualify.load_plan({})",
     "Qualification": "td.qualify.run_plan({})",
@@ -31,6 +40,8 @@ TYPES_WITH_OWN_MESSAGE = {
     "Trajectory": "td.site.read_trajectory({})",
     "Limits": "td.qualify.load_limits({})",
     "Solution": "td.simulate(model, scenario)",
+    "Exclusions": "thermid.campaign.verdicts.Exclusions({{'T1': why}}, cap=0.1)",
+    "Job": "td.qualify.uncertain_runs(model, scenario).job",
     "UncertainRuns": "td.qualify.uncertain_runs(model, scenario)",
     "Network": "td.simulation.compile_network(model)",
     "StateSpace": "td.simulation.state_space(td.simulation.compile_network(model))",
@@ -41,6 +52,10 @@ TYPES_WITH_OWN_MESSAGE = {
     "Correlation": "td.qualify.correlate(calibration)",
     "Structure": "td.reporting.Structure(...)",
     "Criteria": "td.Criteria(rmse='0.5 [K]')",
+    "Action": "td.design.Action(name, scenario)",
+    "Aim": "td.design.Aim(scenario, node)",
+    "Site": "td.site.Site(latitude, longitude)",
+    "Axes": "matplotlib.pyplot.subplots()[1]",
 }
 """What a user makes and hands on, and how it is made; the braces hold the file."""
 TEXTS = ("str", "PathLike", "Path")
@@ -51,10 +66,15 @@ CLOSED_OR_SEVERAL = CLOSED | {*COLLECTIONS}
 """Words of annotations that take nothing but what is looked at here, one of it alone or several."""
 
 
-def takes_objects(function: Callable[P, R]) -> Callable[P, R]:
+def takes_objects(function: Callable[P, R], called: str = "") -> Callable[P, R]:
     """Return a function that refuses, by its annotations, a path in place of what a file holds, one thing in place of another, and so on.
 
-    Only what users mix up is looked at: texts, paths, dictionaries and thermid's own objects. Annotations are read once.
+    Only what users mix up is looked at: texts, numbers, paths, dictionaries and thermid's own objects. Annotations are read once.
+
+    Parameters
+    ----------
+    function : callable   What is guarded.
+    called : str          Its name in messages; its own without one.
     """
     code, annotations = function.__code__, function.__annotations__
     names = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
@@ -63,11 +83,12 @@ def takes_objects(function: Callable[P, R]) -> Callable[P, R]:
     }
     places = [(k, n) for k, n in enumerate(names[: code.co_argcount]) if n in expected]
 
+    called = called or code.co_name
     passed: set[tuple[str, type]] = set()  # what was taken once is taken again; a call then costs a microsecond
 
     def remember(name: str, value: Any) -> None:
         """Note that a type was accepted for an argument; what containers hold may differ from call to call."""
-        if not isinstance(value, list | tuple | Mapping):  # what these hold may differ
+        if not isinstance(value, list | tuple | Mapping | float | np.ndarray | str):  # what these hold may differ
             passed.add((name, type(value)))
 
     @wraps(function)
@@ -75,35 +96,68 @@ def takes_objects(function: Callable[P, R]) -> Callable[P, R]:
         """Call the function once its arguments are of the types that it states."""
         for k, name in places:
             if k < len(args) and (name, type(args[k])) not in passed:
-                _check(args[k], expected[name], name, code.co_name)
+                _check(args[k], expected[name], name, called)
                 remember(name, args[k])
         for name, value in kwargs.items():
             if name in expected and (name, type(value)) not in passed:
-                _check(value, expected[name], name, code.co_name)
+                _check(value, expected[name], name, called)
                 remember(name, value)
         return function(*args, **kwargs)
 
     return checked
 
 
+def guard_methods(cls: type[R]) -> type[R]:
+    """Return a class whose public methods refuse the same in the same words; where it is a data class, what makes it too."""
+    for name, member in list(vars(cls).items()):
+        plain = member.__func__ if isinstance(member, classmethod) else member
+        public = not name.startswith("_") or name == "__init__"
+        if public and isfunction(plain) and not hasattr(plain, "__wrapped__"):
+            guarded = takes_objects(plain, cls.__name__ if name == "__init__" else name)
+            setattr(cls, name, classmethod(guarded) if isinstance(member, classmethod) else guarded)
+    return cls
+
+
 def _words(annotation: str) -> tuple[str, ...]:
     """Return the names in an annotation where it takes an object of thermid or a path; nothing where it takes neither."""
     words = tuple(dict.fromkeys(re.findall(r"\w+", re.sub(r"Mapping\[str, ?", "Mapping[", annotation))))
-    return words if {*words} & {*TYPES_WITH_OWN_MESSAGE, "PathLike", "Path"} or annotation.startswith("Mapping[str, Any]") else ()
+    if not {*words} & {*TYPES_WITH_OWN_MESSAGE, "PathLike", "Path"} and not annotation.startswith("Mapping[str, Any]"):
+        return ()
+    return (TABLE, *words) if _kinds(annotation) == {"Mapping"} else words
 
 
-def _plain(annotation: str) -> tuple[str, ...]:
-    """Return the kinds of an argument that is names, a dictionary or a whole number and nothing of thermid; nothing of others."""
-    if re.fullmatch(r"(Sequence|Iterable|Collection)\[str\]( \| None)?", annotation):
-        return (NAMES, *(["None"] if annotation.endswith("None") else []))
+def _kinds(annotation: str) -> set[str]:
+    """Return what an annotation takes but None, without what these hold."""
     bare = annotation
     while (inner := re.sub(r"\[[^\[\]]*\]", "", bare)) != bare:
         bare = inner
-    kinds = {*bare.split(" | ")}
-    return (PLAIN, *kinds) if kinds - {"None"} in ({"int"}, {"str"}, {"Mapping"}, {"Mapping", "str"}) else ()
+    return {*bare.split(" | ")} - {"None"}
 
 
-PLAIN, NAMES = "plain", "names"
+def _plain(annotation: str) -> tuple[str, ...]:
+    """Return the kinds of an argument that is names, a dictionary, a text or a number and nothing of thermid; nothing of others."""
+    if named := _NAMED.fullmatch(annotation):
+        return (NAMES, *(word for word in ("str", "None") if word in named.groups()))
+    if _TWO.fullmatch(annotation):
+        return (TWO, *(["None"] if annotation.endswith("None") else []))
+    kinds = _kinds(annotation)
+    none = ["None"] if annotation.endswith("| None") else []
+    return (PLAIN, *kinds, *none) if kinds in (*({kind} for kind in KINDS), {"Mapping", "str"}) else ()
+
+
+PLAIN, NAMES, TWO, TABLE = "plain", "names", "two", "table"
+_NAMED = re.compile(r"(?:(str) \| )?(?:(?:Sequence|Iterable|Collection)\[str\]|tuple\[str, \.\.\.\])(?: \| (None))?")
+_TWO = re.compile(r"tuple\[([\w |]+), \1\](?: \| None)?")
+"""Annotations of names, and of two ends."""
+KINDS: dict[str, tuple[type | tuple[type, ...], str]] = {
+    "int": (Integral, "a whole number"),
+    "float": (Real, "a number"),
+    "bool": ((bool, np.bool_), "True or False"),
+    "Mapping": (Mapping, "a dictionary"),
+    "dict": (Mapping, "a dictionary"),
+    "str": (str, "a text"),
+}
+"""Word of an annotation -> what is taken, and how it is said; of several the first one is said."""
 
 
 def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None:
@@ -113,29 +167,30 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
     ------
     DeckError   When it is a text, a path, a dictionary or an object of another kind.
     """
-    if words[0] == NAMES:
-        _check_names(value, name, function, "None" in words)
+    if (value is None and "None" in words) or (isinstance(value, str) and words[:2] == (NAMES, "str")):
         return
-    if words[0] == PLAIN:
-        wanted: dict[str, type] = {"int": Integral, "Mapping": Mapping, "str": str, "None": type(None)}
-        if isinstance(value, tuple(wanted[w] for w in words[1:])) and not isinstance(value, bool):
-            return
-        what = "a whole number" if "int" in words else "a dictionary" if "Mapping" in words else "a text"
-        raise DeckError(f"`{name}` takes {what}, not {value!r:.60}.", function, code="value.wrong-kind")
+    if words[0] in (NAMES, TWO, PLAIN):
+        _check_plain(value, words, name, function)
+        return
+    if words[0] == TABLE:
+        if not isinstance(value, Mapping):
+            raise DeckError(f"`{name}` takes a dictionary, not {_brief(value)}.", function, code="value.wrong-kind")
+        words = words[1:]
     if value is None:
-        if "None" in words:
-            return
         what = "None"
     elif isinstance(value, (*LISTS, float, int)) and {*words} <= (CLOSED if isinstance(value, LISTS) else CLOSED_OR_SEVERAL):
-        what = "a list" if isinstance(value, LISTS) else repr(value)
+        what = "a list" if isinstance(value, LISTS) else _brief(value)
     elif isinstance(value, LISTS):
-        for item in value if any(m in words for m in COLLECTIONS) else ():
-            _check(item, words, name, function)
+        inner = tuple(w for w in words if w not in COLLECTIONS)  # a list holds no lists
+        for item in value if inner != words else ():
+            _check(item, inner, name, function)
         return
     elif isinstance(value, str | os.PathLike):
         if any(t in words for t in TEXTS):
+            if "PathLike" in words and "\0" in os.fspath(value):
+                raise DeckError(f"`{name}` is no file's name: {_brief(value)} holds a NUL.", function, code="value.wrong-kind")
             return
-        what = f"the text {value!r}" if isinstance(value, str) else f"the path {str(value)!r}"
+        what = f"the text {_brief(value)}" if isinstance(value, str) else f"the path {_brief(str(value))}"
     elif isinstance(value, Mapping) and type(value).__name__ not in TYPES_WITH_OWN_MESSAGE:
         if "Mapping" in words or "dict" in words:
             for item in value.values() if "str" not in words and "Any" not in words else ():
@@ -159,22 +214,65 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
     )
 
 
-def _check_names(value: Any, name: str, function: str, may_be_none: bool) -> None:
+def _has_size(value: Any) -> bool:
+    """Return whether a value is no NaN and no whole number beyond all floats."""
+    return bool(value == value) and not (isinstance(value, Integral) and abs(int(value)) > sys.float_info.max)
+
+
+def _check_plain(value: Any, words: tuple[str, ...], name: str, function: str) -> None:
+    """Refuse what is not of the kind that an annotation without thermid's own objects takes.
+
+    Raises
+    ------
+    DeckError   With what it takes.
+    """
+    if words[0] == NAMES:
+        _check_names(value, name, function)
+    elif words[0] == TWO:
+        check_two(value, name, function)
+    else:
+        allowed = [KINDS[w] for w in KINDS if w in words]
+        of_kind = isinstance(value, bool | np.bool_) == ("bool" in words) and any(isinstance(value, kind) for kind, _ in allowed)
+        if not (of_kind and _has_size(value)):
+            raise DeckError(f"`{name}` takes {allowed[0][1]}, not {_brief(value)}.", function, code="value.wrong-kind")
+
+
+def check_two(value: Any, name: str, where: str) -> None:
+    """Refuse what is no pair of a lower and an upper end.
+
+    Raises
+    ------
+    DeckError   With what it is.
+    """
+    try:
+        pair = not isinstance(value, str | Mapping) and len(value) == 2
+    except TypeError:  # a single quantity with a unit, which only looks like a list
+        pair = False
+    if not pair:
+        raise DeckError(f"`{name}` takes two values, (low, high), not {_brief(value)}.", where, code="value.wrong-kind")
+
+
+def _check_names(value: Any, name: str, function: str) -> None:
     """Refuse what is no list of names: a text alone, whose letters would be taken for names, a number, a list of something else.
 
     Raises
     ------
     DeckError   With what to write.
     """
-    if value is None and may_be_none:
-        return
-    wrong = value if isinstance(value, str) or not isinstance(value, Iterable) else None
-    if wrong is None and isinstance(value, list | tuple | set | frozenset | Mapping):
-        wrong = next((item for item in value if item is not None and not isinstance(item, str)), value if None in value else None)
-    if wrong is not None or value is None:
-        text = repr(value) if wrong is None else repr(wrong)
-        hint = f" Write ['{value}']." if isinstance(value, str) else ""
-        raise DeckError(f"`{name}` takes a list of names, not {text[:60]}.{hint}", function, code="value.wrong-kind")
+    wrong = [] if isinstance(value, Iterable) and not isinstance(value, str) else [value]
+    if not wrong and not isinstance(value, Iterator):
+        try:
+            wrong = [item for item in value if not isinstance(item, str)]
+        except TypeError:  # a single quantity with a unit, which only looks like a list
+            wrong = [value]
+    if wrong:
+        hint = f" Write ['{value:.60}']." if isinstance(value, str) else ""
+        raise DeckError(f"`{name}` takes a list of names, not {_brief(wrong[0])}.{hint}", function, code="value.wrong-kind")
+
+
+def _brief(value: Any) -> str:
+    """Return a value in at most 60 characters of one line."""
+    return f"{' '.join(repr(value).split()):.60}"
 
 
 def _advice(words: tuple[str, ...], value: Any) -> str:
@@ -188,5 +286,5 @@ def _advice(words: tuple[str, ...], value: Any) -> str:
             if first == "Model"
             else f" Make it with {TYPES_WITH_OWN_MESSAGE[first].format('file')}."
         )
-    file = repr(os.fspath(value)) if isinstance(value, str | os.PathLike) else "file"
+    file = _brief(os.fspath(value)) if isinstance(value, str | os.PathLike) else "file"
     return f" Make it with {TYPES_WITH_OWN_MESSAGE[first].format(file)}."

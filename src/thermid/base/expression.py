@@ -17,7 +17,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from datetime import datetime, timedelta
+from datetime import UTC, datetime, timedelta
 from fractions import Fraction
 from functools import lru_cache, reduce
 from numbers import Real
@@ -462,6 +462,11 @@ class Stamp(NamedTuple):
     seconds: float
     zoned: bool
 
+    @property
+    def text(self) -> str:
+        """It as `instant` reads it."""
+        return (datetime(1970, 1, 1, tzinfo=UTC if self.zoned else None) + timedelta(seconds=self.seconds)).isoformat(" ")
+
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
@@ -659,7 +664,10 @@ def amount(written: object, slot: str, where: str = "") -> float:
             if isinstance(written, bool) or not isinstance(written, Real):
                 text = f"{_shown(written)} is neither a number nor a text with a unit, such as '4 [{slot or 's'}]'."
                 raise UnitError(text, code="value.not-an-amount")
-            value = float(written)
+            try:
+                value = float(written)
+            except OverflowError:  # a whole number of Python beyond all floats
+                value = math.inf
         if not math.isfinite(value):
             raise UnitError(f"{_shown(written)} is not finite.", code="value.outside-range")
     return value
@@ -709,7 +717,10 @@ def clocked(times: Any) -> tuple[Array, Stamp | None]:
     si_times = si_values(times, "s")
     if si_times is not None:
         return np.atleast_1d(np.asarray(si_times, dtype=float)), None
-    values, stamp = np.asarray(times), None
+    try:
+        values, stamp = np.asarray(times), None
+    except ValueError:  # rows of several lengths
+        values, stamp = np.empty(0, dtype="U"), None
     if values.dtype.kind == "O" and values.size:
         zoned = [t.timestamp() for t in values.ravel() if getattr(t, "tzinfo", None) is not None]
         if len(zoned) == values.size:
@@ -751,26 +762,31 @@ def instant(written: Any, where: str = "") -> Stamp:
 def _stamps(values: NDArray[Any]) -> NDArray[Any]:
     try:
         return values.astype("datetime64[us]")
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return values
 
 
 def _in_si(values: ArrayLike, of: Unit) -> float | Array:
     """Return numbers in a unit as SI numbers; a single one is rounded once, as that of a text."""
-    numbers = _numbers(values)
+    numbers = plain_numbers(values)
     if isinstance(numbers, float):
         return to_si(Fraction(repr(numbers)), of) if np.isfinite(numbers) else numbers
     return in_si(numbers, of)
 
 
-def _numbers(values: ArrayLike) -> float | Array:
-    """Return numbers as a float or an array of floats."""
+def plain_numbers(values: Any) -> float | Array:
+    """Return numbers as a float or an array of floats.
+
+    Raises
+    ------
+    UnitError   When they are none.
+    """
     try:
         numbers = np.asarray(values)
         if numbers.dtype.kind not in "iufO":
             raise TypeError
         numbers = numbers.astype(float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise UnitError(f"{_shown(values)} is no number. {THREE_WAYS}.", code="value.wrong-kind") from None
     return float(numbers) if numbers.ndim == 0 else numbers
 

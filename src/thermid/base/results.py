@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from thermid.base.arguments import guard_methods
 from thermid.base.errors import ThermidError
 from thermid.base.extensions import optional
 from thermid.base.linear_algebra import Array
@@ -73,8 +74,9 @@ class Shown:
     """Base of what a console and a notebook show: a short `repr` and `_repr_html_`, of `_summary` (one line) and `_as_rows`."""
 
     def __init_subclass__(cls, **more: Any) -> None:
-        """Give a class the short `repr` in place of the one that a dataclass would write."""
+        """Give a class the short `repr` in place of the one that a dataclass would write; its methods refuse arguments of a wrong kind."""
         super().__init_subclass__(**more)
+        guard_methods(cls)
         if "__repr__" not in cls.__dict__:
             cls.__repr__ = Shown.__repr__  # type: ignore[method-assign]
 

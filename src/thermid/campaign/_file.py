@@ -194,14 +194,15 @@ class CampaignSource:
                 where,
                 code="value.excludes-another",
             )
-        for k, one in enumerate(sorted(several, key=lambda t: not (isinstance(t.offset, str) and isinstance(t.rate, float)))):
+        for k, one in enumerate(sorted(several, key=lambda t: isinstance(t.offset, tuple) or not isinstance(t.rate, float))):
             other, offset, place = one.record, one.offset, f"{where}.joined" + (f".{k}" if len(several) > 1 else "")
             if other not in self.names() or self.names()[other][1].joined is not None:
                 missing = f"is not in this campaign.{nearest(other, self.names())}"
                 what = "is joined with a third." if other in self.names() else missing
                 raise RecordError(f"it is joined with record '{other}', which {what}", where, code="campaign.refused")
-            ends = tuple(literal(text, "s", f"{place}.offset") for text in ((offset, offset) if isinstance(offset, str) else offset))
-            record = record.joined(self.record(other), (ends[0], ends[1]), one.rate)
+            texts = (offset, offset) if isinstance(offset, str) else offset
+            ends = None if texts is None else tuple(literal(text, "s", f"{place}.offset") for text in texts)
+            record = record.joined(self.record(other), ends, one.rate)
         return record
 
     def bound(self, name: str, stage: StageTable) -> Record:

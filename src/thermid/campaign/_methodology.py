@@ -207,7 +207,6 @@ class Study(Shown):
             f"there is no '{name}' in the model.{nearest(name, [*places, *self.components, *self.model.aliases])}", self.title
         )
 
-    @takes_objects
     def log(self, campaign: Campaign) -> tuple[LogEntry, ...]:
         """Return what every stage and every verdict found, sensor by sensor."""
         action = {stage: a.name for a in self.actions for stage in a.stages}
@@ -215,7 +214,6 @@ class Study(Shown):
         steps += [_entry(action.get(v.model, ""), v.model, block, True) for v in campaign.verdicts for block in v.blocks]
         return tuple(steps)
 
-    @takes_objects
     def exceeded(self, solution: Solution, at: str = "") -> tuple[Exceeded, ...]:
         """Return the limits of components that a run passes, each with the time.
 

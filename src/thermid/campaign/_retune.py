@@ -167,7 +167,6 @@ class RetunePlan(Result):
         records = (r.name for request in self.campaign.requests.values() for r in request.records)
         return tuple(dict.fromkeys(r for r in records if r not in self.tests))
 
-    @takes_objects
     def run(
         self, data: str | os.PathLike[str] | CampaignSource, *, everything: bool = False, part_only: bool = False, notice: Any = None
     ) -> Campaign:

@@ -22,7 +22,7 @@ class JoinedTable(StrictTable):
     """Another log of the same test, on a clock of its own; pairs are ranges in which the fit finds offset and rate."""
 
     record: str
-    offset: str | tuple[str, str] = "0 [s]"
+    offset: str | tuple[str, str] | None = None
     rate: float | tuple[float, float] = 1.0
 
 

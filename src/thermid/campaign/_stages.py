@@ -403,7 +403,7 @@ class Campaign(Result):
 
     def next_step(self, name: str) -> str:
         """Return what to do about the fit of a stage, in words; empty where it is good."""
-        return in_words(next_command(self.file, self.stages[name], self.mistakes[name]))
+        return in_words(next_command(self.file, self[name], self.mistakes[name]))
 
     def __str__(self) -> str:
         """Return all stages and verdicts as text, below lines that say which must not be used and which mistake would explain it."""

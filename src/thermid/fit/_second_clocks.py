@@ -25,7 +25,7 @@ from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Request
 from thermid.fit._problem.residuals import SHIFT, Compressed, Problem, SensorTrace, Unknown, as_triangle, clock_at, loss_of, starting_point
 from thermid.fit._uncertainty.noise import Binned, autocorrelation_of_traces, trace_in_stretches
-from thermid.measure.records import Record
+from thermid.measure.records import Record, clock_range
 from thermid.model.elements import TableSignal
 from thermid.model.tree import Model
 from thermid.simulation.runs import Scenario
@@ -404,15 +404,17 @@ def align(
     ----------
     model : Model           What the hardware is.
     first, second : Record  Temperatures on one clock; powers or commands on the other.
-    offset : (low, high)    Where the offset is looked for. [s]
+    offset : (low, high)    Where the offset is looked for: numbers in s or texts.
     rate : (low, high)      Where the rate is looked for; equal values hold it. [-]
     scenario, local         As in `calibrate`.
 
     Raises
     ------
+    RecordError             When a range has not two ends, or the first is the higher.
     IdentificationError     When no offset lets the model run over both logs, or they do not tell it within its range.
     """
-    starts, noise = _nearest(Clocked(model, first, second, scenario, dict(local or {}), (offset, rate)))
+    ranges = (clock_range(offset, "s", "offset of its clock", second.name), clock_range(rate, "1", "rate of its clock", second.name))
+    starts, noise = _nearest(Clocked(model, first, second, scenario, dict(local or {}), ranges))
     if not starts[0].ticking:
         return _at(starts[0], starting_point(starts[0].unknowns), (0.0, 0.0))
     ends = [(sides, minimise(sides, done=ROUGH)) for sides in (replace(start, noise=noise) for start in starts)]

@@ -17,7 +17,7 @@ from thermid.base.extensions import optional
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array, covariance
 from thermid.base.results import Result, Row
 from thermid.fit.calibration import Calibration, Compressed, Problem, box_of
-from thermid.simulation.runs import Workers, in_tasks
+from thermid.simulation.runs import Workers, in_tasks, shares_of
 
 MIN_LENGTH = 50
 """A chain is long enough when it holds this many of its autocorrelation times (Foreman-Mackey and others, PASP 125 (2013) 306)."""
@@ -60,9 +60,11 @@ class Posterior(Result):
         Raises
         ------
         NameNotFoundError   With the nearest name.
+        ScenarioError       When the share does not lie between 0 and 1.
         """
         refuse_unknown([path], self.draws, self.stage, "'{}' was not sampled.", NameNotFoundError)
-        low, high = np.quantile(self.draws[path], [(1.0 - share) / 2.0, (1.0 + share) / 2.0])
+        inside = float(shares_of(share, self.stage))
+        low, high = np.quantile(self.draws[path], [(1.0 - inside) / 2.0, (1.0 + inside) / 2.0])
         return float(low), float(high)
 
     def __str__(self) -> str:

@@ -6,10 +6,12 @@ import math
 import warnings
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from numbers import Real
 from typing import Any
 
 import numpy as np
 
+from thermid.base.arguments import takes_objects
 from thermid.base.codes import CodedText
 from thermid.base.errors import ThermidError, ThermidWarning, refuse_unknown
 from thermid.base.expression import amount
@@ -149,6 +151,7 @@ class HtcComparison(Result):
         return "\n".join([*lines, *(f"remark: {r}" for r in self.remarks)])
 
 
+@takes_objects
 def compare_htc(
     power: str | float,
     area: str | float,
@@ -228,9 +231,13 @@ def compare_htc(
 
 def _gas(air: Gas | tuple[float, float, float] | None, temperature: float) -> Gas:
     """Return the air of a comparison: as given, or dry air at a temperature [K]."""
-    if isinstance(air, tuple) and not min(air) > 0.0:
-        raise ThermidError("conductivity, viscosity and Prandtl number of the air must be above zero.", "air", code="value.outside-range")
-    return Gas(*air) if isinstance(air, tuple) else air or dry_air(temperature)
+    if isinstance(air, tuple) and (len(air) != 3 or not all(isinstance(x, Real) and x > 0.0 for x in air)):
+        raise ThermidError(
+            "conductivity, viscosity and Prandtl number of the air must be three numbers above zero.", "air", code="value.outside-range"
+        )
+    if air is not None and not isinstance(air, tuple | Gas):
+        raise ThermidError(f"it takes (conductivity, viscosity, Prandtl number), not {air!r:.60}.", "air", code="value.wrong-kind")
+    return Gas(*air) if isinstance(air, tuple) else dry_air(temperature) if air is None else air
 
 
 def _biot(

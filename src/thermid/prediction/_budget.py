@@ -10,10 +10,11 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
+from thermid.base.arguments import guard_methods, takes_objects
 from thermid.base.codes import CodedText
 from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, SolverError, quoted, refuse_unknown
+from thermid.base.expression import plain_numbers
 from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse
 from thermid.base.results import Shown
 from thermid.fit.calibration import Calibration
@@ -64,6 +65,7 @@ ROOM_HATS = 25
 """Numbers by which a logged room may wander in a run, at most."""
 
 
+@guard_methods
 @dataclass(frozen=True, eq=False)
 class Spread(Shown):
     """How far some values may lie from where a model has them, normal or log-normal, correlated or not.
@@ -91,8 +93,8 @@ class Spread(Shown):
         IdentificationError   When lengths differ, or the covariance is none.
         """
         size = len(self.names)
-        covariance = np.asarray(self.covariance, dtype=float)
-        if covariance.shape != (size, size) or len(self.log) not in (0, size):
+        covariance = np.asarray(plain_numbers(self.covariance))
+        if covariance.shape != (size, size) or not isinstance(self.log, tuple | list) or len(self.log) not in (0, size):
             raise IdentificationError(
                 f"{size} names need a covariance of {size} by {size}, and as many marks for logarithms.", self.cause, code="value.shape"
             )
@@ -108,7 +110,6 @@ class Spread(Shown):
         object.__setattr__(self, "log", tuple(self.log) or (False,) * size)
 
     @classmethod
-    @takes_objects
     def of_fit(cls, values: FittedValues) -> Spread:
         """Return what a fit leaves open, with its covariance.
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, IdentificationError
 from thermid.base.linear_algebra import Array, square_root
 from thermid.base.results import Result, Row
@@ -57,12 +56,13 @@ class Knowledge(Result):
 
     def __post_init__(self) -> None:
         """Take values in every way that they are given."""
-        if not isinstance(self.model, Model):
-            raise DeckError(f"`model` takes Model, not {self.model!r:.60}.", "Knowledge", code="value.wrong-kind")
+        for name, kind in (("model", Model), ("fit", Calibration | None), ("at", str)):
+            if not isinstance(value := getattr(self, name), kind):
+                takes = getattr(kind, "__name__", "Calibration")
+                raise DeckError(f"`{name}` takes {takes}, not {value!r:.60}.", "Knowledge", code="value.wrong-kind")
         object.__setattr__(self, "values", fitted_values(self.values, self.model.title))
 
     @classmethod
-    @takes_objects
     def of_source(cls, source: Model | Calibration) -> Knowledge:
         """Return what a fit knows; of a model that nobody fitted, nothing but its values."""
         if isinstance(source, Model):

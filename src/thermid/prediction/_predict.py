@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, NameNotFoundError, nearest, quoted
+from thermid.base.expression import seconds
 from thermid.base.files import TABLE, replacing
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result, Row
@@ -281,6 +282,7 @@ class Prediction(Result):
 
     def to_dict(self, at: list[float] | None = None) -> dict[str, Any]:
         """Return everything but the traces as plain numbers: at the end, settled, and at some times. [s]"""
+        times = np.atleast_1d(seconds(() if at is None else at))
 
         def plain(e: Estimate) -> dict[str, Any]:
             """Return an estimate as JSON holds it."""
@@ -292,7 +294,7 @@ class Prediction(Result):
                 "moved_K": {c: float(v[-1]) for c, v in b.moved.items()},
                 "final": plain(b.final),
                 "steady": plain(self.settled[n]) if n in self.settled else None,
-                "at": [plain(b.at(t)) for t in at or []],
+                "at": [plain(b.at(float(t))) for t in times],
             }
             for n, b in self.bands.items()
         }

@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
+from thermid.base.arguments import guard_methods, takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, nearest, quoted
+from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array, variance
 from thermid.base.results import Result, Shown
 from thermid.fit.calibration import (
@@ -72,6 +73,7 @@ SHARE_OF_GAIN = 0.9
 """A test is long enough when it has brought nine tenths of what it could."""
 
 
+@guard_methods
 @dataclass(frozen=True)
 class Aim(Shown):
     """A temperature that is to be known better.
@@ -93,6 +95,7 @@ class Aim(Shown):
         return f"'{self.node}' in '{self.scenario.title}'{when}"
 
 
+@guard_methods
 @dataclass(frozen=True, eq=False)
 class Action(Shown):
     """A test that could be made.
@@ -593,7 +596,7 @@ def _remarks(before: Before, sensors: Sequence[Sensor]) -> tuple[str, ...]:
 def _gradient(before: Before, target: str | Aim) -> tuple[Array, float, str, str, Mapping[str, float]]:
     """Return how the target responds to the sources, its value, its name, its unit, and what else makes it uncertain [K]."""
     if not isinstance(target, str):
-        at = literal(target.at, "s", "at") if isinstance(target.at, str) and target.at else float(target.at or target.scenario.seconds)
+        at = target.scenario.seconds if isinstance(target.at, str) and not target.at else amount(target.at, "s", "at")
         gradient, value, beside = before.temperature(target.node, at)
         return gradient, value, str(target), "K", beside
     path = before.model.canonical(target)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, errors_at, quoted, refuse_unknown
+from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, errors_at, look_up, quoted, refuse_unknown
 from thermid.base.extensions import by_grammar, refuse_another_kind
 from thermid.base.files import RESULTS_FILE, read_bytes, write_text
 from thermid.base.results import Result
@@ -30,7 +30,7 @@ from thermid.prediction.reduction import macro_model
 from thermid.values.value_files import filed
 
 if TYPE_CHECKING:
-    from thermid.qualify._plan_schema import LockFile, PlanFile, TestTable
+    from thermid.qualify._plan_schema import HostTable, LockFile, PlanFile, TestTable
 
 
 AS_RUN = ("log", "state", "deviations", "date", "heat_leaks", "note")
@@ -107,15 +107,24 @@ class Plan(Result):
         """Return the model inside the plan's macro model `host`, its values under their paths there; the bare model for an empty name."""
         if not host:
             return self.knowledge
-        table = self.content.hosts[host]
+        table = self._host(host)
         whole = macro_model(resolve_inside(self.path.parent, table.deck, f"hosts.{host}.deck"), unit=self.knowledge.model)
         return Knowledge(whole, self.knowledge.values, None, self.knowledge.synthetic, at=table.unit)
+
+    def _host(self, name: str) -> HostTable:
+        """Return the table of a macro model.
+
+        Raises
+        ------
+        NameNotFoundError   With the nearest name.
+        """
+        return look_up(name, self.content.hosts, "no host '{}'; there are {known}.", str(self.path))
 
     def limits_on(self, host: str) -> tuple[Limits, ...]:
         """Return the limits with nodes and loads under their paths in the macro model `host`; as they are for an empty name."""
         if not host:
             return self.limits
-        unit = self.content.hosts[host].unit
+        unit = self._host(host).unit
         return tuple(replace(one, node=f"{unit}.{one.node}", loads=tuple(f"{unit}.{n}" for n in one.loads)) for one in self.limits)
 
     def _summary(self) -> str:

@@ -127,21 +127,25 @@ class Ensemble(Result):
 
     def highest_quantile(self, node: str, share: Any) -> Array:
         """Return the highest temperature of the run, between samples too, below which that of a share of the members lies. [degC]"""
-        return np.asarray(self._shared(node, share)[0][..., -2] - ICE_POINT if self._counts else np.nanquantile(self.highest(node), share))
+        return self._of_extremes(node, share, -2)
 
     def lowest_quantile(self, node: str, share: Any) -> Array:
         """Return the lowest temperature of the run, between samples too, below which that of a share of the members lies. [degC]"""
-        return np.asarray(self._shared(node, share)[0][..., -1] - ICE_POINT if self._counts else np.nanquantile(self.lowest(node), share))
+        return self._of_extremes(node, share, -1)
+
+    def _of_extremes(self, node: str, share: Any, column: int) -> Array:
+        """Return quantiles of the highest (column -2) or lowest (-1) temperature of members. [degC]"""
+        if self._counts:
+            return np.asarray(self._shared(node, share)[0][..., column] - ICE_POINT)
+        return np.asarray(np.nanquantile(self.highest(node) if column == -2 else self.lowest(node), shares_of(share, self.title)))
 
     def _shared(self, node: str, share: Any) -> tuple[Array, Array]:
         """Return quantiles (..., times + 2) of a node that was counted, and by how much each may be wrong. [K]"""
-        check_shares(np.atleast_1d(share), self.title)
-        return self._counts[self._stored_node(node)].read(share)
+        return self._counts[self._stored_node(node)].read(shares_of(share, self.title))
 
     def _of_whole(self, node: str, share: Any) -> Array:
         """Return quantiles (..., times) of a node whose traces were kept. [K]"""
-        check_shares(np.atleast_1d(share), self.title)
-        return np.asarray(np.quantile(self._whole(self._stored_node(node)), share, axis=1))
+        return np.asarray(np.quantile(self._whole(self._stored_node(node)), shares_of(share, self.title), axis=1))
 
     def mean(self, node: str) -> Array:
         """Return the mean temperature (times,) over the members. [K]"""
@@ -219,15 +223,20 @@ def spread_of(values: Array) -> Array:
     return values.std(axis=1, ddof=1) if values.shape[1] > 1 else np.zeros(values.shape[0])
 
 
-def check_shares(shares: Array, where: str) -> None:
-    """Refuse quantiles that are none.
+def shares_of(share: Any, where: str) -> Array:
+    """Return one share or several, for quantiles.
 
     Raises
     ------
     ScenarioError   When a share does not lie between 0 and 1.
     """
-    if shares.ndim != 1 or shares.size == 0 or not ((shares >= 0.0) & (shares <= 1.0)).all():
+    try:
+        shares = np.asarray(share)
+    except ValueError:  # rows of several lengths
+        shares = np.empty(0)
+    if shares.dtype.kind not in "iuf" or shares.ndim > 1 or shares.size == 0 or not ((shares >= 0.0) & (shares <= 1.0)).all():
         raise ScenarioError("give a quantile between 0 and 1, such as 0.95.", where, code="value.outside-range")
+    return shares
 
 
 TRACE_BYTES_AT_ONCE = 64_000_000
@@ -565,12 +574,7 @@ def run_members(
     values, members = _columns(draws, where)
     if threads < 1:
         raise ScenarioError("an ensemble needs at least one thread.", where, code="value.outside-range")
-    try:
-        shares = () if quantiles is None else tuple(float(q) for q in quantiles)
-    except (TypeError, ValueError):
-        raise ScenarioError(f"quantiles are numbers from 0 to 1, not {quantiles!r:.60}.", where, code="value.wrong-kind") from None
-    if quantiles is not None:
-        check_shares(np.array(shares), where)
+    shares = () if quantiles is None else tuple(float(q) for q in np.atleast_1d(shares_of(quantiles, where)))
     wanted = tuple(dict.fromkeys(network.find(n) for n in nodes)) if nodes is not None else (*network.nodes, *network.boundaries)
     if nodes is not None and options.extremes and (followed := frozenset(wiring.gone) & {*wanted}):
         engine = Engine(Wiring(network, wiring.scenario, wiring.free, followed))  # as sums, their weights would differ between members

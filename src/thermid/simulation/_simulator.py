@@ -216,7 +216,6 @@ class Simulator(Shown):
             self.title, self.wiring.scenario.title, self.times, run.all_nodes(), free, "ok", answer.statistics, self._remarks, run
         )
 
-    @takes_objects
     def ensemble(
         self,
         draws: Mapping[str, Any],
@@ -268,6 +267,7 @@ class Simulator(Shown):
 
     def slots(self, name: str) -> tuple[str, str]:
         """Return the units that a value of a free name, and a difference of two, are written in."""
+        refuse_unknown([name], self.nominal, self.title, "no free name '{}'.", NameNotFoundError)
         wiring = self.wiring
         if name in wiring.parameters:
             literal_ = wiring.network.flat.parameters.table[name].parameter.expression.literal
@@ -283,6 +283,7 @@ class Simulator(Shown):
 
         Without a minimum, a value above zero of a quantity that cannot be negative, or a factor on a power, is bounded by zero.
         """
+        refuse_unknown([name], self.nominal, self.title, "no free name '{}'.", NameNotFoundError)
         parameters = self.wiring.network.flat.parameters
         freed = name in self.wiring.parameters
         positive = parameters.dimension(name) in POSITIVE if freed else name.startswith("scale.")
@@ -315,7 +316,7 @@ class Simulator(Shown):
         point = self._by_free_name(values)
         try:
             return np.array([point.get(name, self.nominal[name]) for name in self.free], dtype=float)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise ScenarioError("each value is one number, or a text with its unit.", self.title, code="value.wrong-kind") from None
 
     def _by_free_name(self, values: Mapping[str, Any]) -> dict[str, Any]:

@@ -584,7 +584,7 @@ class Solution(Result):
                 "max_time_s": trace.maximum.time,
                 "min_C": trace.lowest,
                 "min_time_s": trace.minimum.time,
-                "at_C": trace.at(at).tolist() if at else [],
+                "at_C": trace.at(at).tolist() if len(at) else [],
                 "steady_C": None if steady is None else steady[name] - ICE_POINT,
             }
         return {

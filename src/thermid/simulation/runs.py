@@ -2,7 +2,7 @@
 
 from thermid.simulation._block import BlockSolution as BlockSolution
 from thermid.simulation._draws import draw as draw
-from thermid.simulation._ensemble import Ensemble as Ensemble, run_members as run_members
+from thermid.simulation._ensemble import Ensemble as Ensemble, run_members as run_members, shares_of as shares_of
 from thermid.simulation._heat_map import margin_lines as margin_lines, margins as margins
 from thermid.simulation._many.counted import Counted as Counted
 from thermid.simulation._many.kept import JobFolder as JobFolder, digest as digest

@@ -18,7 +18,7 @@ from thermid.base.results import Shown
 from thermid.base.sourced import Figure
 from thermid.base.units import TEMPERATURE
 from thermid.measure.readers import read_plain
-from thermid.model.elements import Constant, Signal, TableSignal, joined, literal, signal
+from thermid.model.elements import Constant, Signal, TableSignal, joined, signal
 from thermid.simulation.network import MAX_IRRADIATION, Environment, Irradiation
 from thermid.simulation.runs import Scenario
 from thermid.site._atmosphere import HIGHEST_ALTITUDE, UPPER, Air, standard_atmosphere, upper_atmosphere
@@ -185,13 +185,7 @@ def ascent_scenario(
     """
     seconds = _duration(duration, trajectory, title)
     times = trajectory.grid(seconds, upper) if trajectory is not None else np.zeros(1)
-    gone = (
-        None
-        if separation is None
-        else literal(separation, "s", f"{title}, separation")
-        if isinstance(separation, str)
-        else float(separation)
-    )
+    gone = None if separation is None else amount(separation, "s", f"{title}, separation")
     if gone is not None and not 0.0 <= gone <= seconds:
         raise ScenarioError(
             f"the fairing separates at {gone:g} s, outside the {seconds:g} s of the ascent.",

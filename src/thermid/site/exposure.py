@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError
 from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
@@ -212,6 +213,7 @@ def driving_rain(rain: Any, wind: Any) -> Array:
     return np.asarray(0.222 * np.asarray(wind, dtype=float) * millimetres**0.88 / 3.6e6)
 
 
+@takes_objects
 def orbit_irradiation(
     altitude: str | float,
     *,
@@ -265,6 +267,7 @@ def orbit_irradiation(
     )
 
 
+@takes_objects
 def eclipse_signal(altitude: str | float, beta: float | str, duration: str | float, begin: str | float = 0.0) -> Signal:
     """Return the light of a circular orbit about the earth, orbit after orbit: 1 in the sun, 0 in the earth's shadow, a cylinder.
 

@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError, nearest
 from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
@@ -198,6 +199,7 @@ class OrbitFluxes:
         return "\n".join(lines)
 
 
+@takes_objects
 def orbit_fluxes(
     perigee: str | float,
     *,
@@ -272,7 +274,7 @@ def _checked(
     planet: str | Planet, attitude: str, perigee: str | float, apogee: str | float | None, albedo: float, beta: float | str
 ) -> tuple[Planet, float, float, float]:
     """Return the planet, altitudes of perigee and apogee [m], and the angle between plane and sun [deg]."""
-    body = planet if isinstance(planet, Planet) else PLANETS.get(planet.lower())
+    body = planet if isinstance(planet, Planet) else PLANETS.get(str(planet).lower())
     if body is None:
         raise ScenarioError(
             f"unknown planet '{planet}'.{nearest(str(planet), PLANETS)} There are {', '.join(PLANETS)}.", "orbit", code="name.unknown"

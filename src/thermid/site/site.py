@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from thermid.base.errors import MissingExtraError, ScenarioError, ThermidError
+from thermid.base.expression import amount, seconds
 from thermid.base.extensions import missing
 from thermid.base.linear_algebra import Array
-from thermid.model.elements import degrees, literal
+from thermid.model.elements import degrees
 from thermid.site._atmosphere import standard_atmosphere
 
 if TYPE_CHECKING:
@@ -68,8 +69,9 @@ class Site:
                 raise ScenarioError(
                     f"a {field} of {value:g} degrees is not on earth; give -{limit:g} to {limit:g}.", self.name, code="value.outside-range"
                 )
-        if isinstance(self.altitude, str):
-            object.__setattr__(self, "altitude", literal(self.altitude, "m", f"{self.name}, altitude"))
+        object.__setattr__(self, "altitude", amount(self.altitude, "m", f"{self.name}, altitude"))
+        if self.timezone is not None:
+            object.__setattr__(self, "timezone", amount(self.timezone, "1", f"{self.name}, timezone"))
         if not -450.0 <= self.altitude <= 9000.0:
             raise ScenarioError(f"a site at {self.altitude:g} m is not on the ground.", self.name, code="value.outside-range")
         if self.timezone is not None and not -12.0 <= self.timezone <= 14.0:
@@ -105,9 +107,9 @@ class Site:
         """
         try:
             instant = begin if isinstance(begin, datetime) else datetime.fromisoformat(begin)
-        except ValueError:
+        except (TypeError, ValueError):
             raise ScenarioError(
-                f"'{begin}' is not a date and time. Write it as 2026-03-21 06:00.", self.name, code="value.wrong-kind"
+                f"'{begin!s:.60}' is not a date and time. Write it as 2026-03-21 06:00.", self.name, code="value.wrong-kind"
             ) from None
         return instant if instant.tzinfo is not None else instant.replace(tzinfo=self.zone)
 
@@ -124,12 +126,12 @@ class Site:
         The algorithm of Reda and Andreas, Solar Energy 76 (2004) 577, as pvlib has it, with refraction.
         """
         pvlib = _pvlib()
-        seconds = np.atleast_1d(np.asarray(times, dtype=float))
+        clock = np.atleast_1d(seconds(times))
         with ignore_future_warnings():
             position = pvlib.solarposition.get_solarposition(
-                self.instants(begin, seconds), self.latitude, self.longitude, altitude=self.altitude, method="nrel_numpy"
+                self.instants(begin, clock), self.latitude, self.longitude, altitude=self.altitude, method="nrel_numpy"
             )
-        return SunPath(seconds, position["apparent_zenith"].to_numpy(float), position["azimuth"].to_numpy(float))
+        return SunPath(clock, position["apparent_zenith"].to_numpy(float), position["azimuth"].to_numpy(float))
 
     def clear_sky(self, begin: str | datetime, times: Any, turbidity: float | None = None) -> dict[str, Array]:
         """Return direct_normal, diffuse and global (samples,) of a sky without clouds. [W/m^2]
@@ -145,7 +147,7 @@ class Site:
         """
         pvlib = _pvlib()
         place = pvlib.location.Location(self.latitude, self.longitude, altitude=self.altitude)
-        index = self.instants(begin, np.atleast_1d(np.asarray(times, dtype=float)))
+        index = self.instants(begin, np.atleast_1d(seconds(times)))
         options = {} if turbidity is None else {"linke_turbidity": turbidity}
         try:
             with ignore_future_warnings():

@@ -81,7 +81,7 @@ class Volume:
 
     def __post_init__(self) -> None:
         """Turn texts into numbers."""
-        for name, slot in (("volume", "m^3"), ("exchange", "m^3/s")):
+        for name, slot in (("volume", "m^3"), ("exchange", "m^3/s"), ("humidity", "1")):
             object.__setattr__(self, name, amount(getattr(self, name), slot, name))
         if not float(self.volume) > 0.0 or float(self.exchange) < 0.0:
             raise ScenarioError("a volume of gas must be above zero, and its exchange zero or more.", code="value.outside-range")

@@ -89,7 +89,7 @@ def test_no_offset_is_refused() -> None:
 
 
 def test_an_offset_at_the_end_of_its_range_says_so() -> None:
-    found = td.inference.align(BOX, *logs(130.0, 1.0), offset=(60.0, 100.0), scenario=AIR)
+    found = td.inference.align(BOX, *logs(130.0, 1.0), offset=("1 [min]", "100 [s]"), scenario=AIR)
     assert found.at_end == ("offset",)
     assert "offset 100.00 +- " in str(found)
     assert " s, the end of its range, rate 1.0000 +- 0;" in str(found)

@@ -12,6 +12,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, NameNotFoundError, RecordError, look_up, nearest, quoted, refuse_unknown
+from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array, Bools
 from thermid.base.results import Result, Row
 from thermid.base.sourced import VERDICTS, weigh
@@ -249,7 +250,7 @@ def correlate(
     readings : overlays, Calibration or two Records   Readings with what is simulated in their place; the result of `compare`; or a
                             measured and a simulated log, whose columns of one name are compared.
     criteria : sequence     Names of `CRITERIA`, or sets of the project.
-    steady : dict           Case -> settled stretches, (begin, end) each. [s]
+    steady : dict           Case -> settled stretches, (begin, end) each: numbers in s or texts.
     weights : dict          Sensor -> its weight in the means over sensors; 1 by default. [-]
     exclusions : Exclusions Sensors that do not count.
     title : str             What it is about.
@@ -263,21 +264,21 @@ def correlate(
     standing = UNJUDGED
     if isinstance(readings, Calibration):
         pairs, standing = overlays(readings), model_standing(readings.fitted_model)
-    elif len(readings) == 2 and isinstance(readings[0], Record) and isinstance(readings[1], Record):
+    elif isinstance(readings, list | tuple) and len(readings) == 2 and isinstance(readings[0], Record) and isinstance(readings[1], Record):
         pairs = paired(readings[0], readings[1])
     else:
-        pairs = tuple(o for o in readings if isinstance(o, Overlay))
+        pairs = tuple(o for o in readings if isinstance(o, Overlay)) if isinstance(readings, list | tuple) else ()
     if not pairs:
         raise IdentificationError("the log has no readings to compare with.", title, code="record.nothing-there")
     sensors = list(dict.fromkeys(o.sensor for o in pairs))
     left_out = exclusions or Exclusions()
     left_out.check(sensors)
     for sensor, weight in (weights or {}).items():
-        if sensor not in sensors or not weight > 0:
+        if sensor not in sensors or not amount(weight, "1", f"{title}, weights, {sensor}") > 0:
             raise IdentificationError(
-                f"'{sensor}' has weight {weight:g}. Give a sensor a weight above zero.", title, code="value.outside-range"
+                f"'{sensor}' has weight {weight}. Give a sensor a weight above zero.", title, code="value.outside-range"
             )
-    windows = {case: tuple(stretches) for case, stretches in (steady or {}).items()}
+    windows = {case: tuple(_window(w, f"{title}, steady, {case}") for w in stretches) for case, stretches in (steady or {}).items()}
     unread = "steady periods are given for '{}', which has no log."
     refuse_unknown(windows, [o.case for o in pairs], title, unread, IdentificationError)
     deviations = []
@@ -289,6 +290,20 @@ def correlate(
     sets = [_named(c) for c in criteria]
     gates = [g for c in sets for g in judge(c, deviations, title)]
     return Correlation(title, pairs, tuple(deviations), tuple(gates), left_out, windows, standing)
+
+
+def _window(written: Any, where: str) -> Window:
+    """Return the two ends of a steady period. [s]
+
+    Raises
+    ------
+    IdentificationError   When it is no pair.
+    UnitError             When an end is no time.
+    """
+    if not isinstance(written, tuple | list) or len(written) != 2:
+        text = f"a steady period is a pair such as ('50 [min]', '60 [min]'), not {written!r:.60}."
+        raise IdentificationError(text, where, code="value.wrong-kind")
+    return amount(written[0], "s", where), amount(written[1], "s", where)
 
 
 def _named(criteria: str | Criteria) -> Criteria:

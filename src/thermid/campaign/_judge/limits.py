@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
+from thermid.base.arguments import check_two, guard_methods, takes_objects
 from thermid.base.errors import NameNotFoundError, ScenarioError, errors_at, refuse_unknown
 from thermid.base.expression import end_of_range
 from thermid.base.extensions import by_grammar
@@ -26,6 +26,7 @@ STATES = {"operating": "operating", "non-operating": "non_operating", "start-up"
 """State of a unit -> the limit that holds in it."""
 
 
+@guard_methods
 @dataclass(frozen=True)
 class Limits:
     """Limits of temperature at one reference point.
@@ -60,7 +61,8 @@ class Limits:
         where = f"limits of '{self.point}'"
         check_mark(self.mark, where)
         for state, field in STATES.items():
-            if (ends := getattr(self, field)) is not None:
+            if (ends := getattr(self, field)) is not None or field == "operating":
+                check_two(ends, field, where)
                 with errors_at(f"{where}, {state}"):
                     object.__setattr__(self, field, tuple(end_of_range(end) for end in ends))
         if not np.isfinite(self.operating).any():

@@ -13,10 +13,11 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import NameNotFoundError, ScenarioError, look_up, refuse_unknown
+from thermid.base.expression import amount
 from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.results import Result
 from thermid.base.sourced import Figure, weakest
-from thermid.campaign._judge.limits import Limits, times_in_state
+from thermid.campaign._judge.limits import STATES, Limits, times_in_state
 from thermid.model.elements import UNJUDGED, Standing
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction.bands import Foresight
@@ -238,8 +239,8 @@ def margins(
     NameNotFoundError   When there is no such policy.
     ScenarioError       Without a run.
     """
-    if isinstance(policy, str):
-        policy = look_up(policy, POLICIES, f"unknown margin policy '{{}}'. Use one of {'; '.join(POLICIES)}.", "margins")
+    policy = _policy(policy)
+    refuse_unknown(filter(None, (states or {}).values()), STATES, "margins", "no state '{}'; there are {known}.", ScenarioError)
     if not runs:
         raise ScenarioError("margins need at least one run.", "margins", code="value.outside-range")
     out = []
@@ -251,6 +252,18 @@ def margins(
             if candidates:
                 out.append(min(candidates, key=lambda m: m.margin))
     return tuple(out)
+
+
+def _policy(policy: Policy | str) -> Policy:
+    """Return a policy, or that of a name.
+
+    Raises
+    ------
+    NameNotFoundError   When there is none.
+    """
+    if isinstance(policy, Policy):
+        return policy
+    return look_up(policy, POLICIES, f"unknown margin policy '{{}}'. Use one of {'; '.join(POLICIES)}.", "margins")
 
 
 def _sides(name: str, run: Foresight, one: Limits, k: int, side: str, policy: Policy, tested: bool, state: str) -> list[Margin]:
@@ -332,12 +345,12 @@ def heater_duty(
     NameNotFoundError   When there is no such load.
     ScenarioError       When the full power is not above zero, or the window lies outside the run.
     """
-    rule = (POLICIES[policy] if isinstance(policy, str) else policy).heater
+    rule = _policy(policy).heater
     powers, times = run.solution.load_powers, run.solution.times
     refuse_unknown([load], powers, run.solution.title, "no load '{}'.", NameNotFoundError)
     if full <= 0:
         raise ScenarioError(f"the full power of heater '{load}' must be above zero.", run.solution.title, code="value.outside-range")
-    begin, end = window or (0.5 * float(times[-1]), float(times[-1]))
+    begin, end = (0.5 * float(times[-1]), float(times[-1])) if window is None else (amount(t, "s", f"window of '{load}'") for t in window)
     inside = (times >= begin) & (times <= end)
     if np.count_nonzero(inside) < 2:
         raise ScenarioError(

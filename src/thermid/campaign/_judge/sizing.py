@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import ScenarioError, refuse_unknown
+from thermid.base.errors import NameNotFoundError, ScenarioError, refuse_unknown
 from thermid.base.expression import amount
 from thermid.base.results import Result
 from thermid.base.units import counted, si_unit
@@ -170,6 +170,7 @@ class _Task:
 
     def __init__(self, model: Model, path: str, margin: float) -> None:
         values = ParameterSet(model)
+        refuse_unknown([path], values.table, model.title, "no value '{}'.", NameNotFoundError)
         self.model, self.path, self.margin = model, path, margin
         self.parameter, self.unit = values.bounded(path), si_unit(values.dimension(path))
         self._kept: dict[tuple[int, float], Mapping[str, tuple[float, float]]] = {}

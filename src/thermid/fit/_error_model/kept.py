@@ -410,19 +410,20 @@ class ErrorModel(Result):
 
         Raises
         ------
-        IdentificationError   When a file of another version of thermid lacks some of it.
+        IdentificationError   When a file of another version of thermid lacks some of it, or has something else in its place.
         """
-        stage, at = data["stage"], data["at"]
-        fitted_values = {
-            placed(n, at): SeenValue(kind, log, tuple((placed(a, at), float(f), float(o)) for a, f, o in acts), *map(float, rest))
-            for n, (kind, log, acts, *rest) in data["seen"].items()
-        }
         try:
+            stage, at = data["stage"], data["at"]
+            fitted_values = {
+                placed(n, at): SeenValue(kind, log, tuple((placed(a, at), float(f), float(o)) for a, f, o in acts), *map(float, rest))
+                for n, (kind, log, acts, *rest) in data["seen"].items()
+            }
             return cls(stage, fitted_values, tuple(KeptWay.from_dict(w, at) for w in data["ways"]), float(data["misfit"]), data["why"])
-        except KeyError as error:
+        except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
+            lacks = f"has no {error}" if isinstance(error, KeyError) else f"cannot be read ({error})"
             raise IdentificationError(
-                f"the values file is of another version of thermid: its model of error has no {error}. Run the fit again.",
-                stage,
+                f"the values file is of another version of thermid: its model of error {lacks}. Run the fit again.",
+                str(data.get("stage", "")),
                 code=FOLLOWED,
             ) from error
 

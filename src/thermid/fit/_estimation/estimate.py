@@ -100,7 +100,7 @@ def _estimated(request: Request, noise_table: Mapping[str, Any], start_sd: Mappi
     noises = read_process(noise_table, problem.experiments[0].network, request.name)
     starts = starts_sd(problem, start_sd, noises, request.name)
     spans = [float(e.times[-1]) for e in problem.experiments]
-    ahead = amount(horizon, "s", f"{request.name}, horizon") if horizon else 0.2 * min(spans)
+    ahead = 0.2 * min(spans) if isinstance(horizon, str) and not horizon else amount(horizon, "s", f"{request.name}, horizon")
     if not 0.0 < ahead <= (1.0 - MIN_FITTED_SHARE) * min(spans):
         raise IdentificationError(
             f"a horizon of {duration_text(ahead)} leaves too little to fit: of the {duration_text(min(spans))} of the shortest record "

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from thermid.base.errors import IdentificationError, refuse_unknown
+from thermid.base.expression import seconds
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array, symmetric_inverse
 from thermid.base.results import Result
 from thermid.base.units import from_si
@@ -194,7 +195,14 @@ class Estimation(Result):
         """Return the states of a record, by all readings or by those up to each moment, at the values of process noise.
 
         Their standard deviations hold the errors of the values too.
+
+        Raises
+        ------
+        IdentificationError   When there is no such record.
         """
+        count = len(self.process.likelihood.dynamics)
+        if not 0 <= record < count:
+            raise IdentificationError(f"no record {record}: there are {count}, from 0 on.", self.title, code="name.unknown")
         likelihood, maximum = self.process.likelihood, self.process.maximum
         members, root = members_about(likelihood, maximum.fitted, symmetric_inverse(maximum.information))
         filtered = likelihood.passing(record, members).run(keep=True)
@@ -231,7 +239,7 @@ class Estimation(Result):
         estimators = {e.name: e for e in (self.process, self.output)}
         refuse_unknown([by or self.chosen.name], estimators, self.title, "'{}' is not a way to look at the logs.", IdentificationError)
         e = estimators[by or self.chosen.name]
-        grid = np.unique(np.append(np.linspace(0.0, scenario.seconds, 201) if times is None else np.asarray(times, dtype=np.float64), 0.0))
+        grid = np.unique(np.append(np.linspace(0.0, scenario.seconds, 201) if times is None else seconds(times), 0.0))
         assert self.request is not None
         likelihood = unread(self.request, e.likelihood, scenario, grid, start_sd or {})
         place = {u.name: k for k, u in enumerate(e.likelihood.unknowns)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from thermid.base.linear_algebra import HALF_WIDTH_95, NOTHING, Array, Bools, co
 from thermid.base.results import PlottedTrace, Result, Shown
 from thermid.base.units import unit
 from thermid.fit._minimisation import LocalCost, descend
+from thermid.fit._problem.experiment import on_the_clock_of
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request, priors_of
 from thermid.fit._problem.residuals import Influence, Problem, SensorTrace, Unknown
@@ -30,6 +31,9 @@ from thermid.physics.constants import ICE_POINT
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Scenario, simulate
 from thermid.values.spreads import deviation
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 LAW_STARTS, LAW_STEP = 12, 1e-6
 """Starts of a law with a bend, and half the step of its differences, beside a coefficient."""
@@ -134,7 +138,7 @@ class PowerHistory(Result):
         lines += [f"  {sensor}: RMSE {size:.3g} K" for sensor, size in self.rmse.items()]
         return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
 
-    def plot(self, axes: Any = None) -> Any:
+    def plot(self, axes: Axes | None = None) -> Axes:
         """Return the axes of a figure: the history with its 95 % band over hours, known stretches grey."""
         from matplotlib.figure import Figure
 
@@ -467,14 +471,14 @@ def power_history(
     if free and not known and not priors:
         words = "without a period of known power only ratios to the power can be estimated, so no parameter can be free. "
         raise IdentificationError(f"{words}Give 'known' or a prior.", where, code="fit.not-determined")
-    if any(len(stretch) != 3 or isinstance(stretch, str) for stretch in known):
+    if not isinstance(known, list | tuple) or any(not isinstance(stretch, list | tuple) or len(stretch) != 3 for stretch in known):
         raise IdentificationError(KNOWN_FORM, where, code="value.wrong-kind")
     logged = next((n for n, c in record.channels.items() if c.role in ("load", "auto") and (c.target or n) in (load, path)), "")
     if logged:
         words = f"channel '{logged}' of '{record.name}' already gives this power. Leave it out."
         raise IdentificationError(words, where, code="value.without-effect")
     usual = max(record.duration / KNOTS, record.step)
-    step = amount(every, "s", where) if every else usual
+    step = usual if isinstance(every, str) and not every else amount(every, "s", where)
     knots, pins = _knots(record, step, known, accuracy, where)
     nominal = compile_network(model).flat.parameters.evaluate({}).get(f"{path}.power", 0.0)
     base = PRIOR_WIDTH * max(abs(float(nominal)), 1.0)
@@ -603,7 +607,7 @@ def _request_of_knots(
     """Return the request in which each knot is a load of its own, and the names of these."""
     heat_load = model.at(path)
     assert isinstance(heat_load, HeatLoad)
-    base = scenario or Scenario(record.name)
+    base = on_the_clock_of(record, scenario or Scenario(record.name))
     loads, names = dict(base.loads), []
     for k in range(knots.size):
         name = f"{path}_at_{k}"

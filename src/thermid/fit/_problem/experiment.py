@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, refuse_unknown
-from thermid.base.expression import Kelvin
+from thermid.base.expression import Kelvin, Stamp
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
 from thermid.measure.records import Channel, Record, SecondClock
@@ -54,28 +54,44 @@ class Inputs:
 
 
 def on_the_clock_of(record: Record, scenario: Scenario) -> Scenario:
-    """Return a scenario whose columns of the record's own log count from the record's first sample, though its start was cut off.
+    """Return a scenario that counts from the record's first sample, though its start was cut off: columns of its own log, and stamps.
+
+    Where both have stamps the scenario begins at the instant of that sample; a log without them begins where the scenario does.
 
     Raises
     ------
-    RecordError   When the record's times are no longer those of its log.
+    RecordError   When the record's times are no longer those of its log, or only one of both names a time zone.
     """
+    first = float(record.times[0])
+
+    def own(course: Any) -> bool:
+        return isinstance(course, TableSignal) and course.log is not None and course.log[0] == record.origin.sha256
 
     def moved(course: Any) -> Any:
         """Return a course that was read from this log on the record's new clock; any other as it is."""
-        if not isinstance(course, TableSignal) or course.log is None or course.log[0] != record.origin.sha256:
-            return course
-        again = next((step for step in record.steps if step.startswith(("shift_start", "steady point"))), "")
-        if again:
-            raise RecordError(
-                f"the scenario has a column of the log '{record.origin.file}', but the record has other times after this step "
-                f"({again}). Leave that step out, or give the column in a separate log.",
-                record.name,
-                code="record.does-not-apply",
-            )
-        zero = float(record.times[0])
-        return course.shifted(zero - course.log[1])
+        return course.shifted(first - course.log[1]) if own(course) else course
 
+    columns = {place.partition(".")[2] for place, course in scenario.signals() if own(course)}
+    stamped = isinstance(scenario.begins, Stamp) and record.origin.start is not None
+    if record.moved and (columns or stamped):
+        has = f"a column of the log '{record.origin.file}'" if columns else "stamps"
+        raise RecordError(
+            f"the scenario has {has}, but the record has other times after this step ({record.moved}). Leave that step out, or give "
+            f"{'the column in a separate log' if columns else 'the scenario times in seconds'}.",
+            record.name,
+            code="record.does-not-apply",
+        )
+    if stamped:
+        began = record.zero
+        if began is None or began.zoned != scenario.begins.zoned:
+            why = "only one of the two names a time zone" if began else "that is not written as 2026-02-01 08:00"
+            raise RecordError(
+                f"the log begins at {record.origin.start} and the scenario's times are stamps too, but {why}. Give both with a zone "
+                "or both without one, or the scenario's times in seconds from the log's first sample.",
+                record.name,
+                code="record.time-unclear",
+            )
+        scenario = scenario.begun(began.seconds + first - scenario.begins.seconds, columns)
     return scenario.mapped(moved)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, ThermidError
+from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.fit.calibration import Calibration
@@ -296,7 +297,7 @@ def diagnose(
 
 def _sd(ready: Simulator, path: str, written: Any) -> float:
     """Return the standard deviation of a value, from a number or from what `read_spread` takes. [SI]"""
-    return float(written) if isinstance(written, Real) else math.sqrt(ready.law(path, written).variance)
+    return amount(written, "1", path) if isinstance(written, Real) else math.sqrt(ready.law(path, written).variance)
 
 
 def _weighed(bench: FaultBench) -> Diagnosis:

@@ -117,6 +117,10 @@ class CovariateDesign:
         IdentificationError   When a unit lacks a covariate, there are none of the unit's name, or all units have the same value.
         """
         refuse_unknown(covariates, units, "fleet", "covariates are given for '{}', which is not a unit of this fleet.", IdentificationError)
+        for unit, table in covariates.items():
+            if not isinstance(table, Mapping):
+                text = f"its covariates are a dictionary such as {{'lot': 'A'}}, not {table!r:.60}."
+                raise IdentificationError(text, f"fleet, {unit}", code="value.wrong-kind")
         names = list(dict.fromkeys(n for of in covariates.values() for n in of))
         columns, values = list[tuple[str, str, float]](), [np.ones(len(units))]
         for name in names:

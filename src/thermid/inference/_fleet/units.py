@@ -186,7 +186,7 @@ def fleet(
     units: Mapping[str, Record | Sequence[Record]],
     free: Sequence[str],
     *,
-    covariates: Covariates | None = None,
+    covariates: Mapping[str, Mapping[str, float | str]] | None = None,
     scenario: Scenario | Mapping[str, Scenario] | None = None,
     local: Mapping[str, Any] | None = None,
     loss: str = "linear",

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from thermid.base.codes import CodedText
-from thermid.base.errors import ExpressionError, NameNotFoundError, RecordError, errors_at, nearest, refuse_unknown
-from thermid.base.expression import amount, quantity, si_values, stated
+from thermid.base.errors import ExpressionError, NameNotFoundError, RecordError, UnitError, errors_at, nearest, refuse_unknown
+from thermid.base.expression import Stamp, amount, instant, quantity, si_values, stated
 from thermid.base.results import Row, Shown
 from thermid.base.units import TEMPERATURE, format_value, from_si, require_unit, unit as read_unit
 from thermid.measure._record.sensor import KEYS, SensorCertificate, SensorPart
@@ -457,6 +457,21 @@ class Samples:
     origin: Origin
     steps: tuple[str, ...] = ()
     second: SecondClock | None = None
+
+    @property
+    def zero(self) -> Stamp | None:
+        """Instant of its time zero; None without stamps of a known form, and after a step that moved its times."""
+        if self.origin.start is None or self.moved:
+            return None
+        try:
+            return instant(self.origin.start)
+        except UnitError:
+            return None
+
+    @property
+    def moved(self) -> str:
+        """The step after which its times are no longer those of its log; empty without one."""
+        return next((step for step in self.steps if step.startswith(("shift_start", "steady point"))), "")
 
     def __post_init__(self) -> None:
         """Check the channels against the times and each other."""

@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import RecordError, ThermidError, errors_at, refuse_unknown
-from thermid.base.expression import amount, counts_rows, seconds
+from thermid.base.expression import amount, clocked, counts_rows, seconds
 from thermid.base.extensions import optional
 from thermid.base.files import LOG, replacing
 from thermid.base.results import PlottedTrace, Result, Row
@@ -70,7 +69,6 @@ class Record(Samples, Result):
     """
 
     @classmethod
-    @takes_objects
     def from_arrays(cls, name: str, times: Any, channels: Mapping[str, Any], *, unit: str = "", synthetic: bool = True) -> Record:
         """Return a record of samples made in Python, marked as synthetic.
 
@@ -91,13 +89,13 @@ class Record(Samples, Result):
             key: samples if isinstance(samples, Channel) else Channel.from_array(key, samples, unit=unit, column=key)
             for key, samples in channels.items()
         }
-        axis = seconds(times)
+        axis, begun = clocked(times)
         sha = digest([("time", axis), *((key, samples.values) for key, samples in of.items())])
-        origin = Origin(name, sha, None, ("time", *of), axis.size, "time", synthetic)
+        start = begun.text if begun is not None and np.isfinite(begun.seconds) else None
+        origin = Origin(name, sha, start, ("time", *of), axis.size, "time", synthetic)
         return cls(name, axis, of, origin)
 
     @classmethod
-    @takes_objects
     def from_dataframe(
         cls, name: str, frame: DataFrame, channels: Mapping[str, Mapping[str, Any]], *, time: str | None = None, synthetic: bool = False
     ) -> Record:
@@ -126,7 +124,8 @@ class Record(Samples, Result):
                 name,
                 code="record.time-not-read",
             )
-        axis = _seconds(frame.index if time is None else frame[time], name)
+        axis = frame.index if time is None else frame[time]
+        _check_order(axis, name)
         channels_of_frame = {
             column: _channel_of(column, frame[column].to_numpy(dtype=np.float64), table, name) for column, table in channels.items()
         }
@@ -148,7 +147,6 @@ class Record(Samples, Result):
                 raise RecordError(f"it takes channels, not {channel!r:.60}.", f"record '{self.name}'", code="value.wrong-kind")
         return replace(self, channels={**self.channels, **{channel.name: channel for channel in channels}})
 
-    @takes_objects
     def with_sensor(self, name: str, **keys: object) -> Record:
         """Return the record with more known of a channel's sensor, by the keys of a campaign: ``lag="20 [s]"``, ``certificate={...}``.
 
@@ -317,7 +315,6 @@ class Record(Samples, Result):
             *masked,
         )
 
-    @takes_objects
     def flag_faults(
         self,
         codes: Iterable[str | float] = FAULT_CODES,
@@ -357,7 +354,6 @@ class Record(Samples, Result):
         limits = "".join(f", {word} {format_value(end, 'degC')}" for word, end in (("low", bottom), ("high", top)) if np.isfinite(end))
         return self._noted(f"faults: masked {self._lost(masked)}; codes {listed}{limits}", *masked)
 
-    @takes_objects
     def mask(self, channel: str, start: str | float = "start", end: str | float = "end", reason: str = "masked by hand") -> Record:
         """Return the record with a stretch of a channel masked, both ends included.
 
@@ -376,7 +372,6 @@ class Record(Samples, Result):
         masked = measured.masked(inside, reason)
         return self._noted(f"mask: {channel} from {text} ({self._masked_since(masked)} samples), {reason}", masked)
 
-    @takes_objects
     def masked_where(self, channel: str, where: BoolArray, reason: str) -> Record:
         """Return the record with samples of a channel masked where an array of truth values (samples,) is True.
 
@@ -394,19 +389,20 @@ class Record(Samples, Result):
         masked = measured.masked(chosen, reason)
         return self._noted(f"mask: {channel}, {self._masked_since(masked)} samples, {reason}", masked)
 
-    @takes_objects
-    def joined(self, other: Record, offset: Any = 0.0, rate: float | tuple[float, float] = 1.0) -> Record:
+    def joined(self, other: Record, offset: Any = None, rate: float | tuple[float, float] = 1.0) -> Record:
         """Return the channels of both records, on the times of both.
 
-        A time t on the other's clock is ``offset + rate t`` on this one's. [s] Pairs are ranges, within which `calibrate` finds them; until
-        then the record stands in their middle.
+        A time t on the other's clock is ``offset + rate t`` on this one's [s]; without an offset they are laid by their stamps, or, where
+        one has none, zero on zero. Pairs are ranges, within which `calibrate` finds them; until then the record stands in their middle.
 
         Raises
         ------
         RecordError   When the rate is not above zero, a channel is in both, the logs do not overlap, or a range is none.
         """
+        if offset is None:
+            offset = self._later(other)
         offsets, rates = (
-            _range(written, slot, name, other.name)
+            clock_range(written, slot, name, other.name)
             for written, slot, name in ((offset, "s", "offset of its clock"), (rate, "1", "rate of its clock"))
         )
         middle = 0.5 * sum(offsets), 0.5 * sum(rates)
@@ -423,6 +419,26 @@ class Record(Samples, Result):
         clock = SecondClock(tuple(other.channels), offsets, rates, middle, ends, other.step)
         between = f"between {offsets[0]:.6g} and {offsets[1]:.6g} s late and {rates[0]:.6g} to {rates[1]:.6g} times as slow, by the fit"
         return replace(joint, second=clock, steps=(*joint.steps[:-1], f"joined with {other.origin.file}, whose clock is {between}"))
+
+    def _later(self, other: Record) -> float:
+        """Return by how much another log begins later by the stamps of both; 0 where one has none. [s]
+
+        Raises
+        ------
+        RecordError   When both have stamps that differ and cannot be compared.
+        """
+        here, there = self.zero, other.zero
+        if here is not None and there is not None and here.zoned == there.zoned:
+            return there.seconds - here.seconds
+        starts = {self.origin.start, other.origin.start}
+        if None in starts or len(starts) == 1:
+            return 0.0
+        raise RecordError(
+            f"one log begins at {self.origin.start}, the other at {other.origin.start}, which cannot be compared. Give the offset of the "
+            "second log's clock.",
+            f"{self.name}, {other.name}",
+            code="record.time-unclear",
+        )
 
     def _joined(self, other: Record, offset: float, rate: float, slowest: float) -> Record:
         """Return the channels of both, a time t of the other at ``offset + rate t`` [s]; `slowest` is the lowest rate of its range."""
@@ -458,7 +474,6 @@ class Record(Samples, Result):
         step = f"joined with {other.origin.file}, whose clock is {offset:.6g} s late and {rate:.8g} times as slow"
         return replace(self, times=times, channels=channels, origin=origin, steps=(*self.steps, *other.steps, step))
 
-    @takes_objects
     def delayed(self, by: str | float | Sequence[str | float], channels: Sequence[str] | None = None) -> Record:
         """Return the record with powers and commands that act later than they were logged.
 
@@ -482,7 +497,7 @@ class Record(Samples, Result):
                 f"{self.name}, delay",
                 code="record.does-not-apply",
             )
-        low, high = _range(by, "s", "delay", self.name)
+        low, high = clock_range(by, "s", "delay", self.name)
         if max(abs(low), abs(high)) >= self.duration:
             raise RecordError(
                 f"a delay of up to {max(abs(low), abs(high)):g} s is as long as the record. Give a shorter delay.",
@@ -765,7 +780,7 @@ def _interleaved(one: Samples, other: Samples, there: FloatArray) -> tuple[Float
     }
 
 
-def _range(written: Any, slot: str, name: str, where: str) -> tuple[float, float]:
+def clock_range(written: Any, slot: str, name: str, where: str) -> tuple[float, float]:
     """Return the (low, high) of a clock's offset or rate, or of a delay; equal for a single value.
 
     Raises
@@ -871,12 +886,12 @@ def _channel_line(channel: Channel) -> str:
     return "; ".join(parts)
 
 
-def _seconds(times: Any, where: str) -> FloatArray:
-    """Return the times of a frame, stamps from the first one. [s]
+def _check_order(times: Any, where: str) -> None:
+    """Refuse the times of a frame that do not increase strictly.
 
     Raises
     ------
-    RecordError   When they do not increase strictly.
+    RecordError   With what to do.
     """
     with errors_at(where):
         axis = seconds(times)
@@ -884,7 +899,6 @@ def _seconds(times: Any, where: str) -> FloatArray:
         raise RecordError(
             "the times do not increase strictly. Sort the frame by time and drop what is there twice.", where, code="record.time-order"
         )
-    return axis
 
 
 def _channel_of(column: str, values: FloatArray, table: Mapping[str, Any], name: str) -> Channel:

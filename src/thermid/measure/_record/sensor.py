@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
+from thermid.base.arguments import takes_objects
 from thermid.base.errors import RecordError, errors_at, refuse_unknown
 from thermid.base.expression import Kelvin, amount, end_of_range, kelvin
 from thermid.base.units import TEMPERATURE
@@ -49,7 +50,9 @@ class SensorCertificate:
     date: str = ""
 
     def __post_init__(self) -> None:
-        """Read the temperature."""
+        """Read numbers and texts with a unit, and the temperature."""
+        for key in ("offset", "uncertainty"):
+            object.__setattr__(self, key, amount(getattr(self, key), "K", f"certificate, {key}"))
         with errors_at("certificate, at"):
             object.__setattr__(self, "at", kelvin(self.at))
 
@@ -116,12 +119,16 @@ class SensorPart:
     high: Any = math.inf
 
     def __post_init__(self) -> None:
-        """Read the temperatures."""
+        """Read numbers and texts with a unit, and the temperatures."""
+        for key, slot in {**_NUMBERS, "lead_conductance": "W/K"}.items():
+            if key not in TEMPERATURES:
+                object.__setattr__(self, key, amount(getattr(self, key), slot, f"sensor, {key}"))
         for key in TEMPERATURES:
             with errors_at(f"sensor, {key}"):
                 object.__setattr__(self, key, end_of_range(getattr(self, key)))
 
     @classmethod
+    @takes_objects
     def read(cls, table: Mapping[str, Any], where: str) -> SensorPart | None:
         """Return the sensor of a channel's table, or None where no key describes it.
 

@@ -15,7 +15,19 @@ from typing import Any, Self
 import numpy as np
 
 from thermid.base.errors import ScenarioError, ThermidError, cap, errors_at, raising
-from thermid.base.expression import THREE_WAYS, Quantity, Stamp, clocked, parse, quantity, si_value, si_values, stated, text_value
+from thermid.base.expression import (
+    THREE_WAYS,
+    Quantity,
+    Stamp,
+    clocked,
+    parse,
+    plain_numbers,
+    quantity,
+    si_value,
+    si_values,
+    stated,
+    text_value,
+)
 from thermid.base.linear_algebra import Array
 from thermid.base.units import TEMPERATURE, require, unit as read_unit
 
@@ -835,7 +847,7 @@ def signal(value: Any, slot: str, where: str = "", held: bool = False) -> Signal
     try:
         if isinstance(value, tuple) and len(value) == 2 and not isinstance(value[0], str):
             values, (times, stamp) = si_values(value[1], slot), clocked(value[0])
-            return TableSignal(times, np.atleast_1d(np.asarray(value[1] if values is None else values, dtype=float)), stamp=stamp)
+            return TableSignal(times, np.atleast_1d(plain_numbers(value[1] if values is None else values)), stamp=stamp)
         with_unit = _array(value, slot)
         if with_unit is not None and np.ndim(with_unit.si):
             return _sampled(with_unit, slot, held)

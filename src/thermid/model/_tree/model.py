@@ -32,7 +32,6 @@ class Model(Tree, Shown):
         kinds = ("nodes", "surfaces", "conductors", "loads", "submodels", "needs")
         return [{"what": name, "number": len(getattr(self, name))} for name in kinds]
 
-    @takes_objects
     def with_values(self, values: Mapping[str, Any], origin: str = "caller", at: str = "") -> Model:
         """Return the model with values laid over it.
 
@@ -53,7 +52,6 @@ class Model(Tree, Shown):
             return self.with_part(at, self.submodel(at).with_values(values, origin))
         return lay_values(self, values, origin)
 
-    @takes_objects
     def cut(self, *places: str) -> Model:
         """Return the model in which some instances or values share with no other; numbers stay as they are.
 
@@ -67,7 +65,6 @@ class Model(Tree, Shown):
         """
         return cut(self, places)
 
-    @takes_objects
     def with_part(self, path: str, changed: Model) -> Model:
         """Return the model with a submodel in another state; it stays the same part, and what lies over it stays too.
 
@@ -81,12 +78,10 @@ class Model(Tree, Shown):
         inner = old.model.with_part(rest, changed) if rest else changed
         return replace(self, submodels={**self.submodels, head: replace(old, model=inner)})
 
-    @takes_objects
     def replace(self, path: str, new: Model, keep: Sequence[str] = ()) -> Model:
         """Return the model with the submodel at `path` replaced; see `replaced`, which says what became of the old one's values too."""
         return self.replaced(path, new, keep)[0]
 
-    @takes_objects
     def replaced(self, path: str, new: Model, keep: Sequence[str] = ()) -> tuple[Model, Replacement]:
         """Return the model with the submodel at `path` replaced, and what became of the values there.
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from thermid.base.arguments import takes_objects
 from thermid.base.errors import MissingExtraError, NameNotFoundError, ScenarioError, refuse_unknown
 from thermid.base.extensions import missing
 from thermid.base.linear_algebra import Array
@@ -109,6 +110,7 @@ class Sobol:
         return "\n".join(lines)
 
 
+@takes_objects
 def sobol_of(
     job: Job,
     node: str,

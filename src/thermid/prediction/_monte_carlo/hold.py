@@ -388,7 +388,6 @@ class HoldQuestion(Shown):
             every=self.every or None,
         )
 
-    @takes_objects
     def run(
         self,
         *,

@@ -28,7 +28,7 @@ from thermid.prediction._predict import BENT, WayAnswer, centre_words, mixed_ans
 from thermid.prediction._reduction.macro import assumed
 from thermid.prediction._setting import Setting
 from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Counted, JobFolder, Scenario, Workers, output_times, simulate
+from thermid.simulation.runs import Counted, JobFolder, Scenario, Workers, output_times, shares_of, simulate
 from thermid.simulation.solver import MemberTurnings, Options
 from thermid.values.fitted import FittedValues
 from thermid.values.store import Choice, LeftOut, Source, model_standing
@@ -322,22 +322,23 @@ class UncertainRuns(Result):
         return (
             self._counted(node, share)[0][..., :-2]
             if self.counts
-            else np.asarray(np.quantile(self._kept_temperatures(node), share, axis=0))
+            else np.asarray(np.quantile(self._kept_temperatures(node), shares_of(share, self.job.model.title), axis=0))
         )
 
     def quantile_error(self, node: str, share: Any) -> Array:
         """Return by how much `quantile` may be wrong because members were counted in bins: half a bin; zero where they were kept. [K]"""
-        return self._counted(node, share)[1][..., :-2] if self.counts else np.zeros((*np.shape(share), self.times.size))
+        return self._counted(node, share)[1][..., :-2] if self.counts else np.zeros_like(self.quantile(node, share))
 
     def highest_quantile(self, node: str, share: Any) -> Array:
         """Return the highest temperature of the run, between samples too, below which that of a share of the members lies. [degC]"""
-        highest = self._counted(node, share)[0][..., -2] if self.counts else np.quantile(self.furthest(node), share)
+        shares = shares_of(share, self.job.model.title)
+        highest = self._counted(node, shares)[0][..., -2] if self.counts else np.quantile(self.furthest(node), shares)
         return np.asarray(highest - ICE_POINT)
 
     def _counted(self, node: str, share: Any) -> tuple[Array, Array]:
         """Return quantiles of the rows of a node, and by how much each may be wrong. [K]"""
         self._kept_temperatures(node)
-        quantiles, error = self.counts[self.job.model.canonical(node)].read(share)
+        quantiles, error = self.counts[self.job.model.canonical(node)].read(shares_of(share, self.job.model.title))
         return quantiles, error
 
     def furthest(self, node: str, sign: float = 1.0) -> Array:

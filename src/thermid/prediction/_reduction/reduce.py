@@ -15,10 +15,11 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError, ScenarioError
+from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result
 from thermid.model.deck import model_from_dict
-from thermid.model.elements import KINDS, LOAD_SLOTS, literal
+from thermid.model.elements import KINDS, LOAD_SLOTS
 from thermid.model.identity import made_to
 from thermid.model.tree import FlatConductor, FlatLoad, Model
 from thermid.physics.constants import STEFAN_BOLTZMANN
@@ -99,7 +100,7 @@ def part_of(network: Network, run: Solution, inside: str, shown: frozenset[str],
 
     Raises
     ------
-    DeckError   When a conductor of the part changes with its gas in the run, or a node of it stores latent heat.
+    DeckError   When a conductor of the part changes with its gas in the run, a node of it stores latent heat, or nothing is outside it.
     """
     numbers = network.numbers()
     nodes = tuple(n for n in network.nodes if n.startswith(inside))
@@ -122,6 +123,13 @@ def part_of(network: Network, run: Solution, inside: str, shown: frozenset[str],
             code="model.element-not-supported",
         )
     outside = tuple(dict.fromkeys(e for r in rows for e in r.ends if e not in nodes))
+    if not outside:
+        raise DeckError(
+            f"'{inside.rstrip('.') or network.title}' exchanges heat with nothing outside itself. Reduce a part that does, or give it a "
+            "path to a boundary.",
+            network.title,
+            code="model.element-not-supported",
+        )
     means = {n: float(np.trapezoid(run[n].kelvin, run.times) / (run.times[-1] - run.times[0])) for n in (*nodes, *outside)}
     shares = {n: _relative_specific_heat(network, run, n) for n in nodes if n in network.stores}
     capacitances = np.array([value_of(numbers.capacitances[n] or 0.0) * shares.get(n, (1.0,))[0] for n in nodes])
@@ -470,7 +478,7 @@ def reduce(
     part = part_of(network, runs[0], ahead, held | frozenset(points) | offered | heated, judged)
     drives = [Drive.of_run(part, network, r, Start.from_text(s.start, s.title) == Start(STEADY)) for s, r in zip(cases, runs, strict=True)]
     ways = chain(part, held, drives)
-    limit = literal(within, "K", "within") if isinstance(within, str) else within
+    limit = None if within is None else amount(within, "K", "within")
     for count in sorted(ways) if limit is not None else [min(max(nodes or 0, min(ways)), max(ways))]:
         trial = _tried(model, cases, runs, network, part, ways[count], at, judged)
         if limit is None or abs(trial.worst.largest) <= limit:

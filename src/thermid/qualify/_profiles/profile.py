@@ -8,8 +8,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
+from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError, ThermidError, cap, errors_at, look_up, nearest, raising, refuse_unknown
-from thermid.base.expression import Kelvin, Quantity, si_value
+from thermid.base.expression import Kelvin, Quantity, amount, si_value
 from thermid.base.extensions import by_grammar
 from thermid.base.files import PROFILE, toml_value, write_text
 from thermid.base.results import Result
@@ -93,7 +94,7 @@ def number(name: str, spec: Any, mark: str, clause: str, where: str) -> Number:
         si = si_value(spec, SLOTS[name])
     if si is None and (isinstance(spec, bool) or not isinstance(spec, int | float)):
         raise ScenarioError(f"{spec!r} is not a value with a unit.", place, code="value.wrong-kind")
-    value = float(spec) if si is None else si
+    value = amount(spec, "1", place) if si is None else si
     if SLOTS[name] != TEMPERATURE and value < 0.0:
         raise ScenarioError(f"{spec!r} is below zero.", place, code="value.outside-range")
     return Number(value, SLOTS[name], mark, clause, note)
@@ -145,6 +146,7 @@ EQUIVALENCE: Final[Mapping[str, Equivalence]] = {
 """Level -> the formula of SMC-S-016; read."""
 
 
+@takes_objects
 def equivalent_cycles(cold: str | float, hot: str | float, level: str | Equivalence = "qualification") -> int:
     """Return N = cycles (range / (hot - cold))^exponent, rounded up: the cycles between two temperatures that a level requires.
 
@@ -161,7 +163,7 @@ def equivalent_cycles(cold: str | float, hot: str | float, level: str | Equivale
     ----------
     SMC-S-016 (2014), 6.3.8.3: N = 27 (105/dT)^1.4, 20 (95/dT)^1.4, 14 (85/dT)^1.4.
     """
-    if isinstance(level, str):
+    if not isinstance(level, Equivalence):
         level = look_up(level, EQUIVALENCE, "unknown level '{}'. Use one of {known}.", "cycles", ScenarioError)
     low, high = (literal(v, TEMPERATURE, "cycles") for v in (cold, hot))
     if low >= high:
@@ -509,6 +511,8 @@ class ThermalProfile(Result):
             changed = replace(changed, predicted=predicted_range(predicted, self.title))
         if steps is None:
             return changed
+        if not isinstance(steps, list | tuple):
+            raise ScenarioError(f"`steps` takes a list of dictionaries, not {steps!r:.60}.", self.title, code="value.wrong-kind")
         place = Places(f"{self.title}, steps")
         rows = (by_grammar("thermid.qualify._profiles.schema.StepTable", s, place).written for s in steps)
         return replace(changed, plan=tuple(rows), step_mark="project")

@@ -10,6 +10,7 @@ from pathlib import Path
 from statistics import median
 
 from thermid.base.arguments import takes_objects
+from thermid.base.errors import ThermidError, look_up
 from thermid.base.units import counted, from_si
 from thermid.campaign.stages import Campaign
 from thermid.campaign.studies import Study
@@ -360,7 +361,7 @@ def structures_report(
     OutputError         When the file may not be written, or its name promises another format.
     """
     if not structures:
-        raise ValueError("no structures are given to compare.")
+        raise ThermidError("no structures are given to compare. Give one at least.", title, code="value.incomplete")
     check_page(to)
     taken = _taken(structures, chosen)
     return write_page(
@@ -386,10 +387,7 @@ def structures_report(
 def _taken(structures: Sequence[Structure], chosen: str) -> Structure | None:
     """Return the structure that is taken: the one named, or the simplest of the physical ones whose error is near the least."""
     if chosen:
-        hits = [s for s in structures if s.name == chosen]
-        if not hits:
-            raise ValueError(f"unknown structure '{chosen}'. Known: {', '.join(s.name for s in structures)}.")
-        return hits[0]
+        return look_up(chosen, {s.name: s for s in structures}, "no structure '{}'; there are {known}.")
     good = [s for s in structures if s.physical]
     best = min((s.error for s in good), default=0.0)
     return min((s for s in good if s.error <= SAME_ERROR_FACTOR * best), key=lambda s: s.free, default=None)

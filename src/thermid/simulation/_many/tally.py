@@ -148,7 +148,7 @@ class Tally:
             error[:, row] = np.maximum(halves[a], halves[b])
         return quantiles, error
 
-    def read(self, share: float | Sequence[float]) -> tuple[Array, Array]:
+    def read(self, share: float | Sequence[float] | Array) -> tuple[Array, Array]:
         """Return the quantiles (rows,) of a share, or (shares, rows) of several, and by how much each may be wrong. [K]"""
         quantiles, error = self.quantiles(np.atleast_1d(share).tolist())
         return (quantiles, error) if np.ndim(share) else (quantiles[0], error[0])

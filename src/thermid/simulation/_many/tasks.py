@@ -57,7 +57,7 @@ def in_tasks(
         raise ScenarioError(f"{workers} processes cannot do anything. Give at least one.", code="value.outside-range")
     if workers is None or (isinstance(workers, int) and (min(workers, len(tasks)) <= 1 or seconds < PROCESSES_PAY)):
         yield from map(_done, enumerate(calls))
-    elif workers == "joblib":
+    elif isinstance(workers, str) and workers == "joblib":
         joblib = optional("joblib", "a run on several processes")
         with _worker_errors_named("of joblib"):
             pool = joblib.Parallel(return_as="generator_unordered")
@@ -74,8 +74,8 @@ def _pool(workers: Executor | str | int, stack: ExitStack) -> Executor:
     if isinstance(workers, int):
         loky = optional("joblib.externals.loky", "a run on several processes")
         return loky.get_reusable_executor(max_workers=workers, env=ONE_THREAD, initializer=_leave_interrupts)  # type: ignore[no-any-return]
-    if "://" not in workers:
-        raise ScenarioError(f"'{workers}' is no address of a scheduler. Write tcp://host:8786, or joblib.", code="run.cluster")
+    if not isinstance(workers, str) or "://" not in workers:
+        raise ScenarioError(f"'{workers!s:.60}' is no address of a scheduler. Write tcp://host:8786, or joblib.", code="run.cluster")
     distributed = optional("distributed", "a run on several processes")
     try:
         client = distributed.Client(workers, timeout=PATIENCE, set_as_default=False)

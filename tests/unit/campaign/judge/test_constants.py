@@ -133,3 +133,13 @@ def test_the_final_error_is_the_mean_over_the_last_twentieth() -> None:
     for begins, expected in ((9480.0, 1.0), (9520.0, 481.0 / 501.0)):
         found = Residuals(times, np.where(times >= begins, 1.0, 0.0), np.full(times.size, 1.0 / times.size))
         assert METRICS["final"].of(found) == pytest.approx(expected)
+
+
+def test_a_steady_period_is_read_in_any_unit_and_refused_where_it_is_none() -> None:
+    (case, [(begin, end)]) = next(iter(SETTLED.items()))
+    texts = {case: [(f"{begin / 60.0!r} [min]", f"{end / 60.0!r} [min]")]}
+    assert correlate(seen(0.1), ["ECSS"], steady=texts).to_dict() == correlate(seen(0.1), ["ECSS"], steady=SETTLED).to_dict()
+    with raises_code("value.wrong-kind", match="a steady period is a pair"):
+        correlate(seen(0.1), ["ECSS"], steady={case: [5.0]})
+    with raises_code("value.not-an-amount"):
+        correlate(seen(0.1), ["ECSS"], steady={case: [(None, 5.0)]})
