@@ -64,9 +64,8 @@ export function Canvas() {
   });
   useEffect(() => {
     const svg = host.current!, watch = new ResizeObserver(() => {
-      const wide = view.size[0];
-      view.size = [svg.clientWidth, svg.clientHeight];
-      if (Math.abs(view.size[0] / wide - 1) > 0.3) fit(); else setBox((b) => ({ ...b }));
+      const [wide, high] = view.size, [w, h] = view.size = [svg.clientWidth, svg.clientHeight];
+      if (Math.abs(w / wide - 1) > 0.3) fit(); else setBox((b) => ({ ...b, x: b.x + (wide - w) / 2 / b.k, y: b.y + (high - h) / 2 / b.k })); // the middle stays
     });
     view.size = [svg.clientWidth, svg.clientHeight];
     watch.observe(svg);

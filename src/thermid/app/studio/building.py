@@ -33,7 +33,6 @@ from thermid.app.studio.shapes import (
 )
 from thermid.app.studio.work import Jobs, JobState
 from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, ThermidError, quoted, refuse_unknown
-from thermid.base.expression import kelvin
 from thermid.base.files import RESULTS_FILE, read_bytes, write_bytes
 from thermid.base.toml_files import read_toml, resolve_inside
 from thermid.base.units import from_si
@@ -385,7 +384,7 @@ class Building:
         name, value = text_of(body, "name"), text_of(body, "value")
         refuse_unknown([name], self.draft.deck.content.get("needs", []), "build", "no boundary '{}'.", NameNotFoundError)
         if value.strip():
-            kelvin(value)
+            Scenario(self._stage()["name"], boundaries={name: value})
         where = ("stages", self._place_of_stage(), "scenario", "boundaries", name)
         return self.draft.edited({CAMPAIGN: valued({}, where, value, "")})
 

@@ -35,7 +35,7 @@ from thermid.simulation._network.controls import ControlRow
 from thermid.simulation._network.network import Network, Numbers, Reduced, Varied, eliminable, reduce_network, with_controllers, with_stores
 from thermid.simulation._network.rows import CONTROLS, ConductorRow, LoadRow, conductance, heat
 from thermid.simulation._network.streams import signal_of
-from thermid.simulation._scenarios.scenario import PERIODIC, STEADY, Scenario, Start
+from thermid.simulation._scenarios.scenario import PERIODIC, STEADY, Scenario, Start, above_zero
 
 Csr = tuple[NDArray[np.int32], NDArray[np.int32], Array]
 Row = TypeVar("Row", ConductorRow, LoadRow, ControlRow)
@@ -613,7 +613,8 @@ class Wiring:
                     f"{self.scenario.title}, {key}",
                     code="name.unknown",
                 )
-        return literal(value, TEMPERATURE, f"{self.scenario.title}, {key}") if isinstance(value, str) else float(value)
+        where = f"{self.scenario.title}, {key}"
+        return above_zero(literal(value, TEMPERATURE, where), where) if isinstance(value, str) else float(value)
 
     def assemble(self, x: Array | None = None, gradients: bool = True) -> Assembled:
         """Return the numbers at values x (free,) of the free names [SI], or at the model's own; with derivatives where `gradients`.
