@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from thermid.base.codes import CodedText
 from thermid.base.errors import ScenarioError, errors_at, refuse_unknown
-from thermid.base.expression import Kelvin, amount, instant, kelvin
+from thermid.base.expression import amount, instant, kelvin
 from thermid.base.results import Shown
 from thermid.base.units import TEMPERATURE
 from thermid.model.elements import Constant, Signal, TableSignal, check_span, in_run, literal, own_signal, signal
