@@ -211,7 +211,7 @@ def test_a_log_of_six_hours_is_watched_as_the_command_watches_it(tmp_path: Path,
         if not fault:  # by the readings alone, of a unit whose slowest part is known, the forecast is a fan
             for where, value in (("watch-boundaries", ""), ("slowest", "1")):
                 shown.run(SET, where, value)
-            shown.until("document.querySelectorAll('[data-fan]').length === 2", 30)
+            shown.until("document.querySelectorAll('[data-fan]').length === 2")
         shown.clean()
     times = sorted(looks)
     slow = len(whole[20:]) // round(TRUE_SPEED * FASTER / STEP)

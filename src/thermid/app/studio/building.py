@@ -253,8 +253,7 @@ class Building:
 
     def _unmended(self) -> DeckError:
         """Return the refusal of what would lose a text that is no deck yet."""
-        line = self._refused()["refused"]["line"]
-        at = f" at line {line}" if line else ""
+        at = f" at line {line}" if (line := self._refused()["refused"]["line"]) else ""
         return DeckError(f"the text has a fault{at}. Mend it in Text, or drop what was typed there.", "text", code="output.edit-refused")
 
     def _refused(self) -> dict[str, Any]:
@@ -319,8 +318,7 @@ class Building:
 
     def _remove(self, body: Body) -> Draft:
         keys = texts_of(body, "keys")
-        placed = self.draft.documents[VIEW].content.get(PLACES, {})
-        places = [Edit((PLACES, keys[1]))] if keys[1] in placed else []
+        places = [Edit((PLACES, keys[1]))] if keys[1] in self.draft.documents[VIEW].content.get(PLACES, {}) else []
         return self.draft.edited({DECK: removed(self.draft.deck.content, keys), VIEW: places})
 
     def _bind(self, body: Body) -> Draft:
@@ -385,8 +383,7 @@ class Building:
         refuse_unknown([name], self.draft.deck.content.get("needs", []), "build", "no boundary '{}'.", NameNotFoundError)
         if value.strip():
             Scenario(self._stage()["name"], boundaries={name: value})
-        where = ("stages", self._place_of_stage(), "scenario", "boundaries", name)
-        return self.draft.edited({CAMPAIGN: valued({}, where, value, "")})
+        return self.draft.edited({CAMPAIGN: valued({}, ("stages", self._place_of_stage(), "scenario", "boundaries", name), value, "")})
 
     def _free(self, body: Body) -> Draft:
         return self.draft.edited({CAMPAIGN: [Edit(("stages", self._place_of_stage(), "free"), list(texts_of(body, "paths")))]})

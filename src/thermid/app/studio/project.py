@@ -406,8 +406,7 @@ class Project:
         """
         if self.source is None:
             raise DeckError("a swap needs a campaign whose stages have been run.", self.path.name, code="campaign.not-run")
-        undone = [n for n in self.stages if n not in self.done]
-        if undone:
+        if undone := [n for n in self.stages if n not in self.done]:
             raise DeckError(f"stage '{undone[0]}' has not been run. Run the stages first.", self.title, code="campaign.not-run")
         file = resolve_inside(self.path.parent, deck, "swap", ())
         return plan_retune(self.campaign or self._unjudged_campaign(), part, load_model(file))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import Any
 
 from thermid.base.codes import CodedText
 from thermid.base.errors import ScenarioError, errors_at, refuse_unknown
@@ -17,7 +17,6 @@ from thermid.simulation._network.environment import Environment
 from thermid.simulation._network.irradiation import Irradiation, Sky
 from thermid.simulation._network.medium import Media
 
-Warm = TypeVar("Warm", bound=float)
 SLOTS = {"boundaries": TEMPERATURE, "loads": "W", "commands": "1", "prescribed": TEMPERATURE, "schedule": ""}
 """Tables of signals, and what each holds; only the model knows the unit of a scheduled parameter."""
 STEADY = "steady"
@@ -276,7 +275,7 @@ def _start(written: Any, where: str) -> Any:
         return above_zero(kelvin(written), where)
 
 
-def above_zero(temperature: Warm, where: str) -> Warm:
+def above_zero(temperature: float, where: str) -> float:
     """Return a temperature. [K]
 
     Raises

@@ -602,6 +602,7 @@ class Wiring:
 
     def _temperature(self, value: Any, key: str) -> Number | str:
         """Return an initial temperature: a number, or the canonical name of a boundary."""
+        where = f"{self.scenario.title}, {key}"
         if isinstance(value, str):
             path = self.network.flat.names.model.canonical(value)
             if path in self.network.boundaries:
@@ -609,11 +610,8 @@ class Wiring:
             if path.replace(".", "").replace("_", "").isalnum() and not path[0].isdigit():
                 names = [*self.network.boundaries, STEADY, PERIODIC]
                 raise ScenarioError(
-                    f"'{value}' is neither a temperature nor a boundary.{nearest(value, names)}",
-                    f"{self.scenario.title}, {key}",
-                    code="name.unknown",
+                    f"'{value}' is neither a temperature nor a boundary.{nearest(value, names)}", where, code="name.unknown"
                 )
-        where = f"{self.scenario.title}, {key}"
         return above_zero(literal(value, TEMPERATURE, where), where) if isinstance(value, str) else float(value)
 
     def assemble(self, x: Array | None = None, gradients: bool = True) -> Assembled:
