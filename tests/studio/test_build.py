@@ -624,13 +624,11 @@ for (const wire of document.querySelectorAll('[data-wire]')) {
     for (const [name, b] of boxes) if (!ends.includes(name) && p.x > b.left && p.x < b.right && p.y > b.top && p.y < b.bottom) found.push(`${wire.dataset.wire} under ${name}`);
   }
 }
-const texts = [...document.querySelectorAll('[data-wire] text:first-of-type')].map((t) => t.getBoundingClientRect());
-texts.forEach((a, k) => texts.slice(0, k).forEach((b) => { if (Math.min(a.right, b.right) > Math.max(a.left, b.left) && Math.min(a.bottom, b.bottom) > Math.max(a.top, b.top)) found.push('a label on a label'); }));
 return [...new Set(found)];"""  # noqa: E501
 
 
 @pytest.mark.campaign
-def test_no_line_passes_under_a_card_and_no_label_lies_on_another(page: Page, folder: Path) -> None:
+def test_no_line_passes_under_a_card_that_it_does_not_join(page: Page, folder: Path) -> None:
     """Seen by a first user: the foot of a sink seemed to join the air, whose card lay between."""
     (folder / "crossed.toml").write_text(CROSSED, encoding="utf-8")
     places = {"board": [0, 0], "trafo": [272, 0], "seat": [-272, 120], "air": [0, 120], "sink": [272, 120]}

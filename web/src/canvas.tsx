@@ -158,7 +158,7 @@ export function Canvas() {
   }
 
   const drawn = state.elements.filter((e) => (e.table === "conductors" || e.table === "surfaces") && isDrawn(e));
-  const beside = new Map<string, number>(), labels: Point[] = [], parts = [...Array(19).keys()].map((k) => (k + 1) / 20);
+  const beside = new Map<string, number>(), parts = [...Array(19).keys()].map((k) => (k + 1) / 20);
   const bound = Object.values(state.log?.channels ?? {}).map((b) => (typeof b === "string" ? b : b.node ?? b.boundary ?? ""));
   return (
     <div class="canvas">
@@ -174,13 +174,11 @@ export function Canvas() {
             const others = nodes.value.filter((n) => !e.ends.map(top).includes(n.name)).map((n) => at(n.name));
             const clear = (m: Point) => parts.every((t) => { const [x, y] = along(p, m, q, t); return others.every((o) => Math.abs(o[0] - x) > W / 2 + 6 || Math.abs(o[1] - y) > H / 2 + 6); });
             const mid = [0, 64, -64, 112, -112, 160, -160].map((more) => over(side + more)).find(clear) ?? over(side);
-            const label = [0.5, 0.34, 0.66, 0.22, 0.78].map((t) => along(p, mid, q, t)).find((l) => labels.every((o) => Math.abs(o[0] - l[0]) > 96 || Math.abs(o[1] - l[1]) > 36)) ?? mid;
-            labels.push(label);
             const d = `M${p[0]} ${p[1]} Q${2 * mid[0] - (p[0] + q[0]) / 2} ${2 * mid[1] - (p[1] + q[1]) / 2} ${q[0]} ${q[1]}`, id = idOf(e);
             return (
               <g key={id} class={`wire ${e.shape} ${chosen.value === id ? "chosen" : ""} ${lacking(e) ? "lacking" : ""}`} tabindex={0} role="button" aria-pressed={chosen.value === id} aria-label={`${e.shape} ${e.name}, ${e.ends.join(" to ")}, ${valueOf(e)}`} data-wire={e.name}
                 onPointerDown={(v) => { v.stopPropagation(); chosen.value = id; }} onKeyDown={(v) => { if (v.key === "Enter" || v.key === " ") { chosen.value = id; focusName.value++; v.preventDefault(); v.stopPropagation(); } }}>
-                <path class="hit" d={d} /><path class="line" d={d} /><text x={label[0]} y={label[1] - 6} class="label">{valueOf(e).split(", ")[0] || e.name}</text><text x={label[0]} y={label[1] + 15} class={`label small ${wanting(e) ? "wanting" : ""}`}>{(wanting(e) || e.shape) + turns(e)}</text>
+                <path class="hit" d={d} /><path class="line" d={d} /><text x={mid[0]} y={mid[1] - 6} class="label">{valueOf(e).split(", ")[0] || e.name}</text><text x={mid[0]} y={mid[1] + 15} class={`label small ${wanting(e) ? "wanting" : ""}`}>{(wanting(e) || e.shape) + turns(e)}</text>
               </g>
             );
           })}
