@@ -49,11 +49,7 @@ def test_a_changed_deck_is_stale_and_used(made: tuple[Project, Work]) -> None:
     deck, before = project.path.parent / "pair.toml", work.fresh()
     assert work.fresh() == before  # nothing was written, so nothing moves
     changed(deck, '"1200 [J/K]"', '"1300 [J/K]"')
-    begun = time.perf_counter()
-    after = work.fresh()
-    took = time.perf_counter() - begun
-    print(f"a changed deck is stale after {1e3 * took:.0f} ms")
-    assert took < 1.0  # the page asks every second, so two seconds hold
+    after = work.fresh()  # at the next look, and the page looks every second
     assert states(project) == ["done", "stale", "waiting"]
     assert after["part"] == before["part"]  # a page that shows it need not draw it anew
     assert after["pair"] != before["pair"]
