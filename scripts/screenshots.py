@@ -78,7 +78,8 @@ def build(page: Page) -> None:
     """Open the deck of the last stage on the canvas, and choose a part of it."""
     page.driver.get(page.address.partition("?")[0] + "build")
     page.until("window.studio && window.studio.ready && document.querySelector('[data-node]')")
-    page.run("document.querySelector('[data-node]').dispatchEvent(new KeyboardEvent('keydown', { key: 'Enter', bubbles: true }))")
+    page.run("document.querySelector('[data-node=disk]').focus(); canvas.dispatchEvent(new KeyboardEvent('keydown', { key: ' ' }))")
+    page.until("document.querySelector('#sheet-name')")
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import json
 import os
@@ -109,6 +110,20 @@ def studio(*arguments: str) -> Iterator[str]:
         process.stdout.close()
 
 
+_idle: dict[tuple[int, int, bool], Any] = {}
+"""Browsers that no page is in, by width and height [px] and by whether they trace; their start would cost more than most tests."""
+
+
+def _started(width: int, height: int, traced: bool) -> Any:
+    """Return a new browser, which ends with the tests."""
+    profile = tempfile.mkdtemp()
+    driver = _firefox(width, height) if FIREFOX else _chromium(width, height, profile, traced)
+    driver.set_script_timeout(120)
+    atexit.register(shutil.rmtree, profile, ignore_errors=True)
+    atexit.register(driver.quit)
+    return driver
+
+
 class Page:
     """A page of the studio in a browser.
 
@@ -120,9 +135,8 @@ class Page:
     """
 
     def __init__(self, address: str, width: int = 1600, height: int = 1000, traced: bool = False) -> None:
-        self.address, self._profile = address, tempfile.mkdtemp()
-        self.driver = _firefox(width, height) if FIREFOX else _chromium(width, height, self._profile, traced)
-        self.driver.set_script_timeout(120)
+        self.address, self._key = address, (width, height, traced)
+        self.driver = _idle.pop(self._key, None) or _started(*self._key)
         self.asked: list[str] = []
         self.said: list[str] = []
 
@@ -232,9 +246,21 @@ class Page:
         assert [url for url in self.asked if url.startswith(("http", "ws", "ftp")) and not url.startswith(own)] == []
 
     def close(self) -> None:
-        """End the browser."""
-        self.driver.quit()
-        shutil.rmtree(self._profile, ignore_errors=True)
+        """Leave the browser to the next page of its size, as it was when it began."""
+        from selenium.common.exceptions import WebDriverException
+
+        try:
+            self.driver.delete_all_cookies()
+            self.run("if (origin.startsWith('http')) { localStorage.clear(); sessionStorage.clear(); }")
+            if not FIREFOX:
+                self.driver.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+                self.emulate()
+            self.driver.get("about:blank")
+            self.listen()
+        except WebDriverException:  # a browser that no longer answers is not used again
+            self.driver.quit()
+        else:
+            _idle[self._key] = self.driver
 
 
 @contextlib.contextmanager

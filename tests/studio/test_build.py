@@ -600,6 +600,48 @@ def test_nodes_are_dragged_moved_by_keys_and_joined_by_a_drag(page: Page, folder
     assert page.run("return document.querySelector('[data-wire]')") is None
 
 
+CROSSED = """title = "crossed"
+needs = ["air", "seat"]
+
+[nodes]
+board = { capacitance = "100 [J/K]" }
+trafo = { capacitance = "180 [J/K]" }
+sink = { capacitance = "134 [J/K]" }
+
+[conductors]
+pad = { kind = "conduction", between = ["board", "sink"], conductance = "0.6 [W/K]" }
+foot = { kind = "conduction", between = ["sink", "seat"], conductance = "0.5 [W/K]" }
+
+[surfaces]
+top = { of = "trafo", to = "air", area = "60 [cm^2]", effective_htc = "8 [W/(m^2 K)]" }
+"""
+UNDER = """
+const boxes = [...document.querySelectorAll('[data-node]')].map((n) => [n.dataset.node, n.querySelector('rect').getBoundingClientRect()]), found = [];
+for (const wire of document.querySelectorAll('[data-wire]')) {
+  const line = wire.querySelector('.line'), m = line.getScreenCTM(), ends = wire.getAttribute('aria-label').split(', ')[1].split(' to ');
+  for (let s = 0; s < line.getTotalLength(); s += 4) {
+    const p = line.getPointAtLength(s).matrixTransform(m);
+    for (const [name, b] of boxes) if (!ends.includes(name) && p.x > b.left && p.x < b.right && p.y > b.top && p.y < b.bottom) found.push(`${wire.dataset.wire} under ${name}`);
+  }
+}
+return [...new Set(found)];"""  # noqa: E501
+
+
+@pytest.mark.campaign
+def test_no_line_passes_under_a_card_that_it_does_not_join(page: Page, folder: Path) -> None:
+    """Seen by a first user: the foot of a sink seemed to join the air, whose card lay between."""
+    (folder / "crossed.toml").write_text(CROSSED, encoding="utf-8")
+    places = {"board": [0, 0], "trafo": [272, 0], "seat": [-272, 120], "air": [0, 120], "sink": [272, 120]}
+    view = "\n".join(["[places]", *(f"{n} = {at}" for n, at in places.items()), ""])
+    (folder / "crossed.view.toml").write_text(view, encoding="utf-8")
+    page.driver.refresh()
+    page.until("document.querySelector('[data-file=\"crossed.toml\"]')", 15)
+    Person(page).click('[data-file="crossed.toml"]')
+    page.driver.get(page.address.partition("?")[0] + "build")
+    page.until("document.querySelectorAll('[data-wire]').length === 3", 15)
+    assert page.run(UNDER) == []
+
+
 @pytest.mark.campaign
 def test_the_text_shows_its_fault_at_the_line_and_the_canvas_follows_it(page: Page, folder: Path) -> None:
     from selenium.webdriver.common.keys import Keys

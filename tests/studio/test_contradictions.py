@@ -64,6 +64,7 @@ def test_after_a_run_the_table_has_its_values(shown: Page) -> None:
 def test_after_fit_these_the_metrics_are_those_of_a_run(shown: Page) -> None:
     worst = 0.0
     for stage, sensor in (("part", "T1"), ("pair", "T_PLATE"), ("whole", "T_BASE")):
+        shown.run("studio.begun = 0")  # curves that are asked for when the stage is opened are not counted
         shown.click(f"[data-stage={stage}]")
         shown.until(f"document.querySelector('[data-sensor={sensor}]') && !document.getElementById('fit').disabled")
         before = shown.run("return studio.latencies.length")

@@ -124,6 +124,14 @@ return [...document.getAnimations().map(() => 'an animation'), ...[...document.q
 """  # noqa: E501
 
 
+def test_names_on_the_map_and_of_powers_can_be_read(rack: Page) -> None:
+    """Seen by a first user: twelve masses were drawn with letters of five pixels, and of two powers one was named."""
+    sizes = "[...document.querySelectorAll('#picture text')].map((t) => t.getScreenCTM().a * parseFloat(getComputedStyle(t).fontSize))"
+    assert min(rack.run(f"return {sizes}")) >= 9.0
+    keys = "document.querySelector('[data-track] figcaption')"
+    assert rack.run(f"return {keys}.scrollHeight - {keys}.clientHeight") <= 1
+
+
 @pytest.mark.parametrize(("width", "height"), [(320, 700), (800, 500)])
 def test_a_narrow_window_and_twice_the_size_need_no_sideways_scrolling(rack: Page, width: int, height: int) -> None:
     """800 x 500 is a screen of 1600 x 1000 at 200 %; every view, in the light and the dark, without motion."""
@@ -203,7 +211,7 @@ def test_a_log_of_six_hours_is_watched_as_the_command_watches_it(tmp_path: Path,
         if not fault:  # by the readings alone, of a unit whose slowest part is known, the forecast is a fan
             for where, value in (("watch-boundaries", ""), ("slowest", "1")):
                 shown.run(SET, where, value)
-            shown.until("document.querySelectorAll('[data-fan]').length === 2", 30)
+            shown.until("document.querySelectorAll('[data-fan]').length === 2")
         shown.clean()
     times = sorted(looks)
     slow = len(whole[20:]) // round(TRUE_SPEED * FASTER / STEP)

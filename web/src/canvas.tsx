@@ -32,6 +32,12 @@ function edgeOf(at: Point, to: Point): Point {
   return [at[0] + dx * s, at[1] + dy * s];
 }
 
+// a point of a line from p over m, its middle, to q
+function along(p: Point, m: Point, q: Point, t: number): Point {
+  const at = (i: 0 | 1) => (1 - t) ** 2 * p[i] + 2 * t * (1 - t) * (2 * m[i] - (p[i] + q[i]) / 2) + t * t * q[i];
+  return [at(0), at(1)];
+}
+
 const given = (e: Element) => e.fields.filter((f) => f.given && !["area", "htc"].includes(f.name) || (f.given && e.fields.filter((g) => g.given).length === 1));
 const rounded = (text: string) => (Number.isFinite(Number(text)) ? shown(Number(text)) : text);
 const cut = (text: string, most: number) => (text.length > most ? `${text.slice(0, most - 1)}…` : text);
@@ -64,9 +70,8 @@ export function Canvas() {
   });
   useEffect(() => {
     const svg = host.current!, watch = new ResizeObserver(() => {
-      const wide = view.size[0];
-      view.size = [svg.clientWidth, svg.clientHeight];
-      if (Math.abs(view.size[0] / wide - 1) > 0.3) fit(); else setBox((b) => ({ ...b }));
+      const [wide, high] = view.size, [w, h] = view.size = [svg.clientWidth, svg.clientHeight];
+      if (Math.abs(w / wide - 1) > 0.3) fit(); else setBox((b) => ({ ...b, x: b.x + (wide - w) / 2 / b.k, y: b.y + (high - h) / 2 / b.k })); // the middle stays
     });
     view.size = [svg.clientWidth, svg.clientHeight];
     watch.observe(svg);
@@ -153,7 +158,7 @@ export function Canvas() {
   }
 
   const drawn = state.elements.filter((e) => (e.table === "conductors" || e.table === "surfaces") && isDrawn(e));
-  const beside = new Map<string, number>();
+  const beside = new Map<string, number>(), parts = [...Array(19).keys()].map((k) => (k + 1) / 20);
   const bound = Object.values(state.log?.channels ?? {}).map((b) => (typeof b === "string" ? b : b.node ?? b.boundary ?? ""));
   return (
     <div class="canvas">
@@ -163,8 +168,12 @@ export function Canvas() {
           {drawn.map((e) => {
             const a = at(top(e.ends[0]!)), b = at(top(e.ends[1]!)), pair = [...e.ends].map(top).sort().join("|"), k = beside.get(pair) ?? 0;
             beside.set(pair, k + 1);
-            const p = edgeOf(a, b), q = edgeOf(b, a), off = (k % 2 ? -1 : 1) * Math.ceil(k / 2) * 44, len = Math.hypot(q[0] - p[0], q[1] - p[1]) || 1;
-            const mid: Point = [(p[0] + q[0]) / 2 - (q[1] - p[1]) / len * off, (p[1] + q[1]) / 2 + (q[0] - p[0]) / len * off];
+            const p = edgeOf(a, b), q = edgeOf(b, a), side = (k % 2 ? -1 : 1) * Math.ceil(k / 2) * 44, len = Math.hypot(q[0] - p[0], q[1] - p[1]) || 1;
+            const over = (off: number): Point => [(p[0] + q[0]) / 2 - (q[1] - p[1]) / len * off, (p[1] + q[1]) / 2 + (q[0] - p[0]) / len * off];
+            // a line under a card would seem to end at it: it bends around
+            const others = nodes.value.filter((n) => !e.ends.map(top).includes(n.name)).map((n) => at(n.name));
+            const clear = (m: Point) => parts.every((t) => { const [x, y] = along(p, m, q, t); return others.every((o) => Math.abs(o[0] - x) > W / 2 + 6 || Math.abs(o[1] - y) > H / 2 + 6); });
+            const mid = [0, 64, -64, 112, -112, 160, -160].map((more) => over(side + more)).find(clear) ?? over(side);
             const d = `M${p[0]} ${p[1]} Q${2 * mid[0] - (p[0] + q[0]) / 2} ${2 * mid[1] - (p[1] + q[1]) / 2} ${q[0]} ${q[1]}`, id = idOf(e);
             return (
               <g key={id} class={`wire ${e.shape} ${chosen.value === id ? "chosen" : ""} ${lacking(e) ? "lacking" : ""}`} tabindex={0} role="button" aria-pressed={chosen.value === id} aria-label={`${e.shape} ${e.name}, ${e.ends.join(" to ")}, ${valueOf(e)}`} data-wire={e.name}

@@ -3,7 +3,7 @@ import { signal, useComputed } from "@preact/signals";
 import { useEffect, useMemo, useRef } from "preact/hooks";
 import { Plot, colour, css, dash, hour, nearest, scheme, zoomed, type Line } from "./plot";
 import { ask, nice, shown, type Curve } from "./server";
-import { FEW, at, choose, chosen, cursor, desk, diff, drawn, folded, given, look, misfit, order, picture, pin, pinFile, pinned, project, refresh, run, runs, stage, status, time, tried, values, valueOf, whole, zoom, type Desk } from "./project";
+import { at, choose, chosen, cursor, desk, diff, drawn, folded, given, look, misfit, order, picture, pin, pinFile, pinned, project, refresh, run, runs, stage, status, time, tried, values, valueOf, whole, zoom, type Desk } from "./project";
 import { StageDetail, Levels } from "./stages";
 import { Found, Tuning, Values, findValue } from "./values";
 
@@ -58,12 +58,13 @@ function Tiles() {
 }
 
 function Picture() {
-  const box = useRef<HTMLDivElement>(null), d = drawn.value, now = desk.value!, many = now.parts.length > FEW;
+  const box = useRef<HTMLDivElement>(null), d = drawn.value, now = desk.value!;
   useEffect(() => {
     if (!box.current || !d) return;
     box.current.innerHTML = d.svg; // made by the server, every text in it escaped, and no script may run here
     const svg = box.current.querySelector("svg")!;
-    if (many || wide.value) svg.style.minWidth = `${0.85 * svg.viewBox.baseVal.width}px`; // letters that can be read
+    const { width, height } = svg.viewBox.baseVal;
+    [svg.style.minWidth, svg.style.minHeight] = [`${0.87 * width}px`, `${0.87 * height}px`]; // letters that can be read
     for (const n of box.current.querySelectorAll("[data-path]")) if (chosen.value && (n as HTMLElement).dataset.path === chosen.value) n.classList.add("chosen");
   }, [d, chosen.value, wide.value]);
   const fold = (part: string) => { const next = new Set(folded.value); if (next.has(part)) next.delete(part); else next.add(part); folded.value = next; void picture(); };
@@ -77,7 +78,7 @@ function Picture() {
       <div class="bar"><label class="grow">Map at <input id="time" type="range" min="0" max={whole.value[1]} step="any" value={time.value} aria-valuetext={hour(time.value)} onInput={(e) => at(Number(e.currentTarget.value))} /><output id="time-text">{hour(time.value)}</output></label>
         {now.parts.length > 0 && <label>Fold <select id="fold" value="" onChange={(e) => { const to = e.currentTarget.value; e.currentTarget.value = ""; if (to === " all") { folded.value = new Set(now.parts.filter((p) => !p.includes("."))); void picture(); } else if (to === " none") { folded.value = new Set(); void picture(); } else if (to) fold(to); }}>
           <option value="">{folded.value.size ? `${folded.value.size} of ${now.parts.length}` : "…"}</option><option value=" all">all</option><option value=" none">none</option>{now.parts.map((p) => <option key={p} value={p}>{folded.value.has(p) ? "unfold" : "fold"} {p}</option>)}</select></label>}<button type="button" id="map-whole" aria-pressed={wide.value} onClick={() => { wide.value = !wide.value; }}>{wide.value ? "Back" : "Whole page"}</button></div>
-      <div id="picture" class={`picture ${many ? "large" : ""}`} tabIndex={0} role="group" aria-label="Map of the model: temperatures, and heat from node to node. Its numbers are in the tables below." ref={box} onClick={pick} />
+      <div id="picture" class="picture" tabIndex={0} role="group" aria-label="Map of the model: temperatures, and heat from node to node. Its numbers are in the tables below." ref={box} onClick={pick} />
       <div id="detail" class="detail" aria-live="polite">{chosen.value && <><strong>{chosen.value}</strong>{own.length ? <ul>{own.map((x) => <li key={x.path}>{x.path} = {shown(valueOf(x))} {x.unit === "1" ? "" : nice(x.unit)}; {x.source || "no source given"}{x.note && `; ${nice(x.note)}`}</li>)}</ul> : <p>Its values are derived from others, or zero.</p>}</>}</div>
     </section>
   );

@@ -84,7 +84,7 @@ export function Log() {
         <label class="tick" key={p.path}><input type="checkbox" checked={p.free} data-path={p.path} onChange={(e) => command({ do: "free", paths: e.currentTarget.checked ? [...ticked, p.path] : ticked.filter((t) => t !== p.path) })} /> {p.path} <span class="soft">{nice(p.text)}</span></label>
       ))}{!state.parameters.length && <span class="soft">Nothing to find yet.</span>}</fieldset>
       <div class="bar"><button id="run" type="button" disabled={running} onClick={() => begin("run")}>Run</button><button id="fit" type="button" class="main" disabled={running || !(bound || state.inherited.length) || !ticked.length} onClick={() => begin("fit")}>Fit {ticked.length || ""}</button>
-        <span class="soft">{state.missing > 0 && `${state.missing} values are numbers of the palette and not yours (red). `}{!bound && "Without a log a run is five hours in a room of 24 °C."}</span></div>
+        <span class="soft">{state.missing > 0 && `${state.missing === 1 ? "1 value is a number" : `${state.missing} values are numbers`} of the palette and not yours (red). `}{!bound && "Without a log a run is five hours in a room of 24 °C."}</span></div>
     </div>
   );
 }

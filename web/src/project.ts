@@ -7,11 +7,11 @@ import { error, errors, say } from "./state";
 export interface Told { state: string; stage: string; accepted?: boolean; because: string }
 export interface Stage { name: string; state: string; why: string; below: string[]; sensors: Record<string, number>; standing: string; because: string; usable: boolean; told: Told; verdicts: { record: string; text: string }[]; open: string; edition: number; says?: string }
 export interface Fitted { value: number; error: number | null; unit: string }
-export interface Doing { what?: string; stage?: string; ended?: boolean; stopped?: boolean; error?: string; evaluations?: number; rms?: number; seconds?: number; share?: number; reached?: number; path?: [number, number][]; result?: { values: Record<string, Fitted>; others: Record<string, number>; warnings: string[]; standing: Told; text: string; evaluations: number } }
+export interface Doing { what?: string; stage?: string; ended?: boolean; stopped?: boolean; error?: string; evaluations?: number; rms?: number; seconds?: number; share?: number; reached?: number; path?: [number, number][]; result?: { values: Record<string, Fitted>; others: Record<string, number>; warnings: string[]; clocks: Record<string, string>; standing: Told; text: string; evaluations: number } }
 export interface Project { title: string; file: string; kind: string; note: string; stages: Stage[]; decks: string[]; kept: string[]; table: { heads: string[]; rows: [string, string][][] }; job: Doing }
 export interface Track { path: string; unit: string; value: number; low: number; high: number; log: boolean; free: boolean; error: number | null; source: string; note: string; also: string[]; prior: [number, number] | []; deck: number | null; found?: number }
 export interface Run { name: string; remarks: string[]; curves: Curve[] }
-export interface Desk { title: string; sliders: Track[]; others: string[]; parts: string[]; fitted: boolean; measured: boolean; warnings: string[]; standing: Told; synthetic: boolean; scheduled: string[]; runs: Run[] }
+export interface Desk { title: string; sliders: Track[]; others: string[]; parts: string[]; fitted: boolean; measured: boolean; warnings: string[]; clocks: Record<string, string>; standing: Told; synthetic: boolean; scheduled: string[]; runs: Run[] }
 export interface Drawn { svg: string; table: { temperatures: Record<string, number>; flows: Record<string, number>; powers: Record<string, number> } }
 export type Values = Record<string, number>;
 type Pair = [number, number];
@@ -22,7 +22,7 @@ export const run = signal(0), time = signal(0), zoom = signal<Pair | null>(null)
 export const folded = signal<ReadonlySet<string>>(new Set()), chosen = signal(""), drawn = signal<Drawn | null>(null);
 export const pinned = signal<{ label: string; values: Values; runs: Record<number, Run> } | null>(null);
 export const view = signal<"correlate" | "scenarios" | "watch">("correlate"), status = signal("");
-export const found = signal<{ title: string; values: Record<string, Fitted>; warnings: string[]; text: string } | null>(null), diff = signal("");
+export const found = signal<{ title: string; clocks: Record<string, string>; warnings: string[]; text: string } | null>(null), diff = signal("");
 export const after = new Map<string, (job: Doing) => Promise<void> | void>(), entered = new Set<() => unknown>();
 export const studio = { errors, project, latencies: [] as number[], frames, ready: false, begun: 0, outcomes: 0, looks: 0, look: null as unknown, get state() { return { values: values.value, stage: stage.value, runs: runs.value, desk: desk.value, window: zoom.value }; } };
 export const busy = computed(() => project.value?.job.ended === false);
@@ -69,7 +69,7 @@ export async function open(name: string) {
   runs.value = made.runs;
   desk.value = made;
   time.value = hottest();
-  if (made.fitted && made.measured) found.value = { title: "What the stage's fit says", values: {}, warnings: made.warnings.length ? made.warnings : ["none"], text: "" };
+  if (made.fitted && made.measured) found.value = { title: "What the stage's fit says", clocks: made.clocks, warnings: made.warnings.length ? made.warnings : ["none"], text: "" };
   sort();
   await null; // tiles have a width now, and it says how many points are seen
   await move(true);
@@ -177,7 +177,7 @@ after.set("fit", async (job) => {
   remember();
   desk.value = { ...desk.value!, sliders: desk.value!.sliders.map((x) => { const v = result.values[x.path]; return v ? { ...x, error: v.error, found: v.value } : x; }) };
   const { state, because } = result.standing, loud = ["credible", "unjudged"].includes(state) || result.warnings.some((w) => w.includes(because)) ? [] : [`${state.toUpperCase()}: ${because}`];
-  found.value = { title: `Fitted, ${result.evaluations} evaluations, ${(job.seconds ?? 0).toPrecision(2)} s`, values: result.values, warnings: [...loud, ...result.warnings], text: result.text };
+  found.value = { title: `Fitted, ${result.evaluations} evaluations, ${(job.seconds ?? 0).toPrecision(2)} s`, clocks: result.clocks, warnings: [...loud, ...result.warnings], text: result.text };
   await become({ ...values.value, ...got });
 });
 

@@ -18,6 +18,9 @@ export function Tile({ curve: c }: { curve: Curve }) {
   );
 }
 
+// what a fit found of the clocks of its records, in the words of the command
+export const Clocks = ({ found = {} }: { found?: Record<string, string> }) => <>{Object.entries(found).map(([name, words]) => <p key={name} class="clock">{name}: <strong>{nice(words)}</strong></p>)}</>;
+
 export function Results() {
   const { result, what } = job.value;
   if (job.value.ended === false) return <p>{what === "fit" ? `Fitting: ${job.value.evaluations ?? 0} runs, RMS ${shown(job.value.rms, 3)}` : "Running"} …</p>;
@@ -29,6 +32,7 @@ export function Results() {
         {(result.warnings ?? []).map((w) => <p key={w} class="warning">{nice(w)}</p>)}
         <table id="fitted"><caption>Found by the fit, with its standard error</caption><thead><tr><th scope="col">Value</th><th scope="col" class="num">Found</th><th scope="col" class="num">±</th><th scope="col">Unit</th></tr></thead>
           <tbody>{fitted.map(([path, v]) => <tr key={path} data-path={path} data-value={v.value}><th scope="row">{path}</th><td class="num">{shown(v.value, 5)}</td><td class="num">{shown(v.error, 2)}</td><td>{nice(v.unit)}</td></tr>)}</tbody></table>
+        <Clocks found={result.clocks} />
         <button id="take-fit" type="button" class="main" onClick={() => command({ do: "take fit" })}>Take these values into the model</button>
       </section>}
       <p class="soft key"><span class="measured">— measured</span> <span class="simulated">- - simulated</span>{what === "run" && " with the values as they are"}</p>

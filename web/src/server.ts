@@ -17,7 +17,7 @@ export interface Draft {
 }
 export interface Curve { name: string; node: string; times: Float32Array; simulated: Float32Array; seen?: Float32Array; measured?: Float32Array; apart?: Float32Array; left?: Float32Array; rmse?: number | null; bias?: number | null; largest?: number | null; count?: number; sigma?: number | null }
 export interface Result {
-  runs?: { name: string; curves: Curve[] }[]; fitted?: Record<string, { value: number; unit: string; error: number | null }>; warnings?: string[];
+  runs?: { name: string; curves: Curve[] }[]; fitted?: Record<string, { value: number; unit: string; error: number | null }>; warnings?: string[]; clocks?: Record<string, string>;
   standing?: { word?: string; standing?: string; text?: string };
 }
 export interface Job { what?: string; ended?: boolean; error?: string; evaluations?: number; rms?: number; seconds?: number; result?: Result }

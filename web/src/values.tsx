@@ -1,5 +1,6 @@
 // The values of a stage, one row each: tick, name, value, unit, error, and a track with its interval and prior on it.
 import { signal, useComputed } from "@preact/signals";
+import { Clocks } from "./results";
 import { ask, nice, shown } from "./server";
 import { error } from "./state";
 import { Typed } from "./typed";
@@ -101,7 +102,7 @@ export function Found() {
   return (
     <div id="fit-result" class="detail" tabIndex={0} role="region" aria-label={f.title}>
       <h3>{f.title}</h3>
-      {Object.keys(f.values).length > 0 && <ul>{Object.entries(f.values).map(([p, v]) => <li key={p}>{p}: {shown(v.value)} ± {shown(v.error, 2)} {unitOf(v)}</li>)}</ul>}
+      <Clocks found={f.clocks} />
       {f.warnings.map((w) => <p key={w} class={w === "none" ? "soft" : "warning"}>{w === "none" ? "No warning." : `warning: ${nice(w)}`}</p>)}
       {f.text && <details><summary>The whole report</summary><pre tabIndex={0}>{nice(f.text)}</pre></details>}
     </div>

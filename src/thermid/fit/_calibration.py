@@ -234,6 +234,11 @@ class Calibration(Result):
         return self.model.with_values(self.values.assignments, f"stage '{self.stage}'")
 
     @property
+    def clocks(self) -> dict[str, str]:
+        """Record and name -> value with its error in words, of offsets and rates of clocks that were found."""
+        return {f"{i.record}: {i.name}": i.words for i in self.local if i.unit in ("s", "1")}
+
+    @property
     def instrument_errors(self) -> dict[str, float]:
         """Channel -> constant error that was found for a logged boundary [K] or power (a share of it): reading minus truth."""
         return {p.removesuffix(" error"): v.value for p, v in self.values.items() if v.kind == INPUT}

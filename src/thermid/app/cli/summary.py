@@ -248,9 +248,8 @@ def _block(campaign: Campaign, name: str, fit: Calibration) -> StageRows:
     if step := campaign.next_step(name):
         notes.append(f"{name}: next: {step}")
     rows = sorted(fitted, key=lambda v: -abs(v.error / v.value) if v.value else 0.0)
-    clocks = [i for i in fit.local if i.unit in ("s", "1")]
-    notes += [f"{name}: {i.record}: {i.name} {i.words}" for i in clocks]
-    notes += [f"{name}: {w}" for w in fit.warnings if any(w.startswith(f"'{i.record}: {i.name}' ") for i in clocks)]
+    notes += [f"{name}: {clock} {words}" for clock, words in fit.clocks.items()]
+    notes += [f"{name}: {w}" for w in fit.warnings if any(w.startswith(f"'{clock}' ") for clock in fit.clocks)]
     return StageRows(name, fit.standing.state, sensor, tuple(map(_value, rows)), tuple(notes))
 
 

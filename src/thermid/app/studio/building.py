@@ -33,7 +33,6 @@ from thermid.app.studio.shapes import (
 )
 from thermid.app.studio.work import Jobs, JobState
 from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, ThermidError, quoted, refuse_unknown
-from thermid.base.expression import kelvin
 from thermid.base.files import RESULTS_FILE, read_bytes, write_bytes
 from thermid.base.toml_files import read_toml, resolve_inside
 from thermid.base.units import from_si
@@ -254,8 +253,7 @@ class Building:
 
     def _unmended(self) -> DeckError:
         """Return the refusal of what would lose a text that is no deck yet."""
-        line = self._refused()["refused"]["line"]
-        at = f" at line {line}" if line else ""
+        at = f" at line {line}" if (line := self._refused()["refused"]["line"]) else ""
         return DeckError(f"the text has a fault{at}. Mend it in Text, or drop what was typed there.", "text", code="output.edit-refused")
 
     def _refused(self) -> dict[str, Any]:
@@ -320,8 +318,7 @@ class Building:
 
     def _remove(self, body: Body) -> Draft:
         keys = texts_of(body, "keys")
-        placed = self.draft.documents[VIEW].content.get(PLACES, {})
-        places = [Edit((PLACES, keys[1]))] if keys[1] in placed else []
+        places = [Edit((PLACES, keys[1]))] if keys[1] in self.draft.documents[VIEW].content.get(PLACES, {}) else []
         return self.draft.edited({DECK: removed(self.draft.deck.content, keys), VIEW: places})
 
     def _bind(self, body: Body) -> Draft:
@@ -385,9 +382,8 @@ class Building:
         name, value = text_of(body, "name"), text_of(body, "value")
         refuse_unknown([name], self.draft.deck.content.get("needs", []), "build", "no boundary '{}'.", NameNotFoundError)
         if value.strip():
-            kelvin(value)
-        where = ("stages", self._place_of_stage(), "scenario", "boundaries", name)
-        return self.draft.edited({CAMPAIGN: valued({}, where, value, "")})
+            Scenario(self._stage()["name"], boundaries={name: value})
+        return self.draft.edited({CAMPAIGN: valued({}, ("stages", self._place_of_stage(), "scenario", "boundaries", name), value, "")})
 
     def _free(self, body: Body) -> Draft:
         return self.draft.edited({CAMPAIGN: [Edit(("stages", self._place_of_stage(), "free"), list(texts_of(body, "paths")))]})

@@ -82,8 +82,7 @@ class Desk:
                 continue
             value, error = (fitted[path].value, fitted[path].error) if path in fitted else (literal.value, None)
             if value != 0.0 and math.isfinite(value):
-                unknown = unknowns.get(path)
-                out.append(slider_of(path, entry, value, error, unknown))
+                out.append(slider_of(path, entry, value, error, unknowns.get(path)))
         return tuple(sorted(out, key=lambda s: not s.free))
 
     @cached_property
@@ -115,8 +114,8 @@ class Desk:
 
     def tuned(self, values: Mapping[str, float]) -> Model:
         """Return the model at values in the units of the sliders."""
-        held = self.calibration.fitted_model if self.calibration is not None else self.model
-        return self._with_sliders(held, {path: v for path, v in values.items() if path not in self.others})
+        moved = {path: v for path, v in values.items() if path not in self.others}
+        return self._with_sliders(self.model if self.calibration is None else self.calibration.fitted_model, moved)
 
     def fixed_at(self, values: Mapping[str, float], free: Collection[str]) -> Model:
         """Return the model whose parameters stand where their sliders do, but for those that a fit is about to find.

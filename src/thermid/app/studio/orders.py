@@ -140,6 +140,7 @@ def desk_object(desk: Desk) -> dict[str, Any]:
         "fitted": desk.calibration is not None,
         "measured": desk.problem is not None,
         "warnings": list(desk.calibration.warnings) if desk.calibration is not None else [],
+        "clocks": desk.calibration.clocks if desk.calibration is not None else {},
         "standing": (desk.calibration.standing if desk.calibration is not None else model_standing(desk.model)).to_dict(desk.title),
         "synthetic": desk.problem is not None and any(e.record.origin.synthetic for e in desk.problem.experiments),
         "scheduled": desk.scheduled,

@@ -161,6 +161,8 @@ class Project:
             if request.hand is not None:
                 return self._finish(name, fit(request))  # values tuned by hand: there is nothing to run
             recalled = recall(self.results, name, self._keys[name])
+            if recalled is None:
+                compile_network(request.model)  # what it would end in when it is run: a wrong unit, a node that nothing holds
         except ThermidError as error:
             return self._set(StageState(name, "failed", str(error), direct))
         if recalled is None:
@@ -404,8 +406,7 @@ class Project:
         """
         if self.source is None:
             raise DeckError("a swap needs a campaign whose stages have been run.", self.path.name, code="campaign.not-run")
-        undone = [n for n in self.stages if n not in self.done]
-        if undone:
+        if undone := [n for n in self.stages if n not in self.done]:
             raise DeckError(f"stage '{undone[0]}' has not been run. Run the stages first.", self.title, code="campaign.not-run")
         file = resolve_inside(self.path.parent, deck, "swap", ())
         return plan_retune(self.campaign or self._unjudged_campaign(), part, load_model(file))
@@ -421,9 +422,9 @@ class Project:
         if name not in self._requests:
             k = self.stages.index(self.checked_stage(name))
             stage = self.source.content.stages[k]
-            missing = [n for i in stage.inherit.values() for n in i.stages if n not in self.done]
-            if missing:
-                raise DeckError(f"needs values of '{missing[0]}', which has not been run. Run that first.", name, code="campaign.not-run")
+            if missing := [self.states[n] for n in self.below(name) if n not in self.done]:
+                why = f"failed: {missing[0].why}" if missing[0].state == "failed" else "has not been run. Run that first."
+                raise DeckError(f"needs values of '{missing[0].name}', which {why}", name, code="campaign.not-run")
             request, self._made_of[name] = keyed(request_of(self.source, stage, k, self.done), stage, self._keys)
             self._keys[name], self._requests[name] = request.key, request
         return self._requests[name]

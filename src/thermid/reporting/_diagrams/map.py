@@ -447,7 +447,7 @@ def _legend(drawing: _Drawing, plan: MapPlaces, title: str) -> Iterator[str]:
         x += width_of(ends[0], NAME) + 8.0
         for k in range(24):
             colour = tint(low + (high - low) * k / 23, {"low": low, "high": high})
-            yield f'<rect x="{x + 4 * k:.1f}" y="{y - 9:.1f}" width="4.3" height="11" style="fill:{colour}"/>'
+            yield f'<rect x="{x + 4 * k:.1f}" y="{y - 9:.1f}" width="5" height="11" style="fill:{colour}"/>'
         yield _text(x + 104.0, y, ends[1], NAME, "m-soft")
         x += 124.0 + width_of(ends[1], NAME)
     most = _max_heat(drawing, plan)

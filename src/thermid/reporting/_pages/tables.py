@@ -659,7 +659,7 @@ def _todo(campaign: Campaign, named: Sequence[CampaignPrediction]) -> Iterator[t
     apart = [c.stage for c in _fits(campaign) if _twins(c) or any(not math.isfinite(v.error) for v in c.values.parameters.values())]
     if apart:
         yield (
-            f"{', '.join(reversed(apart))} cannot be separated well. td.design.next_test ranks tests that would separate them.",
+            f"some values of {', '.join(reversed(apart))} cannot be separated well. td.design.next_test ranks tests that would do so.",
             apart[-1] if len(apart) == 1 else "",
         )
     for c in _fits(campaign):

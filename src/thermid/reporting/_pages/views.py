@@ -100,6 +100,7 @@ def fit_object(fit: Calibration) -> dict[str, Any]:
         "others": {u.name: u.to_value(fit.fitted[u.name]) for u in unknowns if u.kind != "parameter"},
         "sensors": {n: {"rmse": s.rmse, "bias": s.bias} for n, s in shown.sensors.items()},
         "warnings": list(fit.warnings),
+        "clocks": fit.clocks,
         "evaluations": fit.evaluations,
         "text": str(fit),
         "standing": fit.standing.to_dict(fit.stage),

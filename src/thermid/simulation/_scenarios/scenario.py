@@ -8,7 +8,7 @@ from typing import Any
 
 from thermid.base.codes import CodedText
 from thermid.base.errors import ScenarioError, errors_at, refuse_unknown
-from thermid.base.expression import Kelvin, amount, instant, kelvin
+from thermid.base.expression import amount, instant, kelvin
 from thermid.base.results import Shown
 from thermid.base.units import TEMPERATURE
 from thermid.model.elements import Constant, Signal, TableSignal, check_span, in_run, literal, own_signal, signal
@@ -126,11 +126,7 @@ class Scenario(Shown):
             table = {k: signal(v, slot, f"{self.title}, {name}.{k}", held) for k, v in getattr(self, name).items()}
             object.__setattr__(self, name, table)
             for key, course in table.items() if slot == TEMPERATURE else ():
-                lowest = course.bounds[0]
-                if lowest < 0.0:
-                    raise ScenarioError(
-                        f"{lowest - 273.15:g} degC lies below 0 K.", f"{self.title}, {name}.{key}", code="value.outside-range"
-                    )
+                above_zero(course.bounds[0], f"{self.title}, {name}.{key}")
         for gas, around in self.environment.items():
             if not isinstance(around, Environment):
                 raise ScenarioError(
@@ -273,10 +269,22 @@ class Scenario(Shown):
 
 def _start(written: Any, where: str) -> Any:
     """Return a start: a text as it is, since names of boundaries are resolved later, any other value as a temperature. [K]"""
-    if isinstance(written, str | Kelvin):
+    if isinstance(written, str):
         return written
     with errors_at(where):
-        return kelvin(written)
+        return above_zero(kelvin(written), where)
+
+
+def above_zero(temperature: float, where: str) -> float:
+    """Return a temperature. [K]
+
+    Raises
+    ------
+    ScenarioError   When it lies below 0 K.
+    """
+    if temperature < 0.0:
+        raise ScenarioError(f"{temperature - 273.15:g} degC lies below 0 K.", where, code="value.outside-range")
+    return temperature
 
 
 def sampled_logs(scenario: Scenario) -> tuple[str, ...]:

@@ -35,7 +35,7 @@ from thermid.simulation._network.controls import ControlRow
 from thermid.simulation._network.network import Network, Numbers, Reduced, Varied, eliminable, reduce_network, with_controllers, with_stores
 from thermid.simulation._network.rows import CONTROLS, ConductorRow, LoadRow, conductance, heat
 from thermid.simulation._network.streams import signal_of
-from thermid.simulation._scenarios.scenario import PERIODIC, STEADY, Scenario, Start
+from thermid.simulation._scenarios.scenario import PERIODIC, STEADY, Scenario, Start, above_zero
 
 Csr = tuple[NDArray[np.int32], NDArray[np.int32], Array]
 Row = TypeVar("Row", ConductorRow, LoadRow, ControlRow)
@@ -605,6 +605,7 @@ class Wiring:
 
     def _temperature(self, value: Any, key: str) -> Number | str:
         """Return an initial temperature: a number, or the canonical name of a boundary."""
+        where = f"{self.scenario.title}, {key}"
         if isinstance(value, str):
             path = self.network.flat.names.model.canonical(value)
             if path in self.network.boundaries:
@@ -612,11 +613,9 @@ class Wiring:
             if path.replace(".", "").replace("_", "").isalnum() and not path[0].isdigit():
                 names = [*self.network.boundaries, STEADY, PERIODIC]
                 raise ScenarioError(
-                    f"'{value}' is neither a temperature nor a boundary.{nearest(value, names)}",
-                    f"{self.scenario.title}, {key}",
-                    code="name.unknown",
+                    f"'{value}' is neither a temperature nor a boundary.{nearest(value, names)}", where, code="name.unknown"
                 )
-        return literal(value, TEMPERATURE, f"{self.scenario.title}, {key}") if isinstance(value, str) else float(value)
+        return above_zero(literal(value, TEMPERATURE, where), where) if isinstance(value, str) else float(value)
 
     def assemble(self, x: Array | None = None, gradients: bool = True) -> Assembled:
         """Return the numbers at values x (free,) of the free names [SI], or at the model's own; with derivatives where `gradients`.

@@ -229,6 +229,7 @@ REFUSED = [
     (["--every", "1e-9 [s]"], "an interval of 1e-09 s would store 3.6e+12 samples, of at most 10,000,000"),
     (["--for", "inf [h]"], "is not finite"),
     (["--boundary", "air=-300"], "command line, boundaries.air: -300 degC lies below 0 K"),
+    (["--start", "-300"], "command line, start: -300 degC lies below 0 K"),
     (["--boundary", "air=22,5"], "write numbers with a decimal point: '22.5'."),
     (["--boundary", "air=22 C"], "Write a number with its unit, '22 [degC]'"),
     (["--boundary", "air=22 [Celsius]"], "'[Celsius]' is not a known unit. Write [degC]"),

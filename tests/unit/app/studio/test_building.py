@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+import re
 from pathlib import Path
 from typing import Any
 
@@ -474,13 +475,19 @@ def test_the_log_of_a_supply_belongs_to_the_test_that_another_logger_saw(tmp_pat
     assert low < 0.0 < high  # the fit finds it
     assert [r for r in state["records"] if r["use"] != "fit"] == [{**joined, "offset": state["records"][-1]["offset"]}]
     assert state["held"] == {}  # the other log has the room
+    free = ["joint.contact_conductance", "skin.effective_htc"]
+    do(building, "free", paths=free)
+    building.fit()
+    building.jobs.wait()
+    ((name, words),) = building.jobs.state()["result"]["clocks"].items()  # what the fit found of it was said nowhere
+    assert name.startswith("run: ")
+    late, error = re.fullmatch(r"([-0-9.]+) \+- ([0-9.]+) s", words).groups()  # type: ignore[union-attr]
+    assert abs(float(late)) < 3.0 * float(error)
     state = do(building, "offset", record="supply", value="0")
     assert state["records"][-1] == joined
     for wrong, code in (("soon", "value.wrong-kind"), ("3 [K]", "unit.wrong-dimension")):
         with raises_code(code):
             do(building, "offset", record="supply", value=wrong)
-    free = ["joint.contact_conductance", "skin.effective_htc"]
-    do(building, "free", paths=free)
     building.fit()
     building.jobs.wait()
     found = building.jobs.state()["result"]["fitted"]
@@ -593,6 +600,8 @@ def test_a_second_log_is_held_out_until_the_fit_is_to_use_it(tmp_path: Path) -> 
             do(building, "limit", record="second", value=value)
     with raises_code("name.unknown", NameNotFoundError, match="'rom'"):
         do(building, "hold", name="rom", value="20 [degC]")
+    with raises_code("value.outside-range", match="below 0 K"):
+        do(building, "hold", name="room", value="-300 [degC]")
     before = building.draft
     twice = Edit(("verdicts", 1), {**content["verdicts"][0], "name": "again"})
     building.draft = before.edited({"campaign": [twice]})

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from by_code import raises_code
 from thermid.app.cli.app import main
 from thermid.app.studio.building import Building
 from thermid.base.errors import NameNotFoundError, ThermidError
@@ -93,6 +94,13 @@ def test_a_factor_that_is_no_number_is_refused_with_its_place(deck: Path, factor
     assert refused.value.where == "factors.heater"
     said, number = (Building(deck).compared({"factors": {"heater": f}})["changes"] for f in ("1.5", 1.5))
     assert said == number != ()
+
+
+def test_a_start_below_zero_kelvin_is_refused_at_its_field(deck: Path) -> None:
+    """The run ended in an error that named no field."""
+    with raises_code("value.outside-range", match="-300 degC lies below 0 K") as refused:
+        Building(deck).compared({"start": "-300 [degC]"})
+    assert refused.value.where.endswith(", start")
 
 
 def test_unknown_names_are_refused(deck: Path) -> None:
