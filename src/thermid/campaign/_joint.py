@@ -495,7 +495,7 @@ def _judged(calibration: Calibration, levels: Sequence[Level], shared: Shared, d
     store = _store(calibration.store, items, levels[-1].request)
     plain = {f.name: getattr(calibration, f.name) for f in fields(Calibration)} | {"values": values, "store": store}
     held = {level.name: (level.request.model, names[level.name]) for level in levels}
-    return JointFit(**plain | {"moved": _moves(calibration.model, values, shared, done)}, levels=held)
+    return JointFit(**plain | {"moved": _moves(calibration.given_model, values, shared, done)}, levels=held)
 
 
 def _store(store: Store, items: Mapping[str, FittedValue], top: Request) -> Store:

@@ -96,7 +96,7 @@ def running_test(campaign: Campaign, record: str = "", stage: str = "") -> Runni
             "a campaign made in Python has no records of a file. Give its file.", campaign.title, code="campaign.not-from-file"
         )
     name = stage or list(campaign)[-1]
-    model = campaign[name].fitted_model
+    model = campaign[name].model
     stage_table = next(s for s in source.content.stages if s.name == name)
     table = source.table_of(_named(record, list(source.content.records), campaign.title))
     first = {n: (t.start, 0.0) for n, t in {**stage_table.local, **table.local}.items() if "." not in n and t.start in table.channels}

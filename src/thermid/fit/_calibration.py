@@ -66,7 +66,7 @@ def _bracketed(fit: Calibration) -> list[str]:
     """Return the assumed values that a fit held and whose deck has min and max, but no spread that would make these a range."""
     given = {p for s in fit.store.states.values() for p in s.acts}
     given |= {p for e in fit.experiments for p in e.scenario.driven(e.network.flat)}
-    held = {p: e.parameter for p, e in parameter_table(fit.model).items() if e.parameter.source == "assumed" and p not in given}
+    held = {p: e.parameter for p, e in parameter_table(fit.given_model).items() if e.parameter.source == "assumed" and p not in given}
     return [p for p, x in held.items() if x.is_literal and None not in x.walls and x.stated_range is None]
 
 
@@ -140,7 +140,7 @@ class Calibration(Result):
     Parameters
     ----------
     stage : str                 Name of the stage, or of the model.
-    model : Model               The model as it was given, without the fitted values; `fitted_model` has them.
+    given_model : Model         The model as it was given, without the fitted values; `model` has them.
     values : FittedValues       Parameters and sensors' constant errors, with their joint covariance.
     local : tuple of Local      What was fitted per record.
     blocks : sequence of Block  Measured and predicted readings, per record and sensor; predicted when they are first looked at.
@@ -172,7 +172,7 @@ class Calibration(Result):
     """
 
     stage: str
-    model: Model
+    given_model: Model
     values: FittedValues
     local: tuple[Local, ...]
     blocks: Sequence[SensorTrace]
@@ -214,9 +214,9 @@ class Calibration(Result):
         return replace(judged_fit, values=self.values.judged(judged_fit.standing), store=self.store.judged(now))
 
     @cached_property
-    def fitted_model(self) -> Model:
+    def model(self) -> Model:
         """The model with the fitted values laid over it."""
-        return self.model.with_values(self.values.assignments, f"stage '{self.stage}'")
+        return self.given_model.with_values(self.values.assignments, f"stage '{self.stage}'")
 
     @property
     def instrument_errors(self) -> dict[str, float]:
@@ -302,7 +302,7 @@ class Calibration(Result):
         width = max((len(p) for p in fitted), default=0)
         lines += [f"  {_value_line(v, width, self.structural_errors, self.range_shares(v.path))}" for v in fitted.values()]
         lines += [f"  {v.path}: shares its value with {', '.join(v.also)}" for v in fitted.values() if v.also]
-        lines += [f"  cut from the other instances of its deck: {place}" for place in cuts_of(self.model)]
+        lines += [f"  cut from the other instances of its deck: {place}" for place in cuts_of(self.given_model)]
         lines += _known_lines(self.store, {*self.values.assignments}, width)
         lines += [f"  counted as exact: {without_spread(bare)}; min and max only bound a search"] if (bare := _bracketed(self)) else []
         for name, s in self.sensors.items():

@@ -43,6 +43,7 @@ from thermid.model._parts.facing import Facing as Facing, degrees as degrees
 from thermid.model._parts.kinds import (
     ACCOMMODATION as ACCOMMODATION,
     CARRIED_BY as CARRIED_BY,
+    NO_GAS as NO_GAS,
     HINGES as HINGES,
     KINDS as KINDS,
     Law as Law,

@@ -115,7 +115,7 @@ class Desk:
 
     def tuned(self, values: Mapping[str, float]) -> Model:
         """Return the model at values in the units of the sliders."""
-        held = self.calibration.fitted_model if self.calibration is not None else self.model
+        held = self.calibration.model if self.calibration is not None else self.model
         return self._with_sliders(held, {path: v for path, v in values.items() if path not in self.others})
 
     def fixed_at(self, values: Mapping[str, float], free: Collection[str]) -> Model:

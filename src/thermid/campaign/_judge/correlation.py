@@ -262,7 +262,7 @@ def correlate(
     """
     standing = UNJUDGED
     if isinstance(readings, Calibration):
-        pairs, standing = overlays(readings), model_standing(readings.fitted_model)
+        pairs, standing = overlays(readings), model_standing(readings.model)
     elif len(readings) == 2 and isinstance(readings[0], Record) and isinstance(readings[1], Record):
         pairs = paired(readings[0], readings[1])
     else:

@@ -32,6 +32,7 @@ from thermid.fit._minimisation import Fit, covariances, ended
 from thermid.fit._problem.request import Request, known_before
 from thermid.fit._problem.residuals import Influence, Problem, Unknown
 from thermid.fit._uncertainty.noise import Autocorrelation, Binned, binned, score_excess
+from thermid.model.elements import NO_GAS
 from thermid.model.identity import identity_of
 from thermid.model.tree import FlatConductor
 from thermid.physics.gas import GASES, REFERENCE
@@ -49,8 +50,8 @@ MAX_GAS_CONDUCTANCE: Final = float(GASES["air"].k(REFERENCE)) / MIN_CONTACT_GAP
 
 def bare_contacts(network: Network) -> list[FlatConductor]:
     """Return the contacts whose deck does not say what of them is gas: touching spots and gas between in one conductance."""
-    conductors = network.flat.conductors
-    return [c for c in conductors if c.kind == "contact" and "contact_conductance" in c.fields and "gap" not in c.fields]
+    contacts = [c for c in network.flat.conductors if c.kind == "contact" and "contact_conductance" in c.fields]
+    return [c for c in contacts if "gap" not in c.fields and c.words.get("gas") != NO_GAS]
 
 
 def separated(network: Network, media: Sequence[Media]) -> tuple[str, ...]:
@@ -177,7 +178,7 @@ def with_discrepancy(fit: Calibration, assumed: AssumedMoves) -> Calibration:
     problem = fit.problem
     assert problem is not None
     at = np.array(list(fit.fitted.values()))
-    is_same_model = [identity_of(e.model) == identity_of(fit.model) for e in problem.experiments]
+    is_same_model = [identity_of(e.model) == identity_of(fit.given_model) for e in problem.experiments]
     histories = [course for course, here in zip(_courses(problem, at), is_same_model, strict=False) if here]
     network = problem.experiments[is_same_model.index(True)].network if any(is_same_model) else problem.experiments[0].network
     surfaces = _constant(network)
