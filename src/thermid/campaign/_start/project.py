@@ -270,7 +270,7 @@ def _campaign(
     """Return the campaign: the logs, one stage, one verdict."""
     seats = {c.name: str(c.target) for c in request.records[0].channels.values() if c.role == "node"}
     channels = _channels(proposal, seats)
-    step = thinned_step(max(fitted, key=lambda r: r.duration)) if max(r.times.size for r in fitted) > 600 else 0.0
+    step = thinned_step(max(r.duration for r in fitted)) if max(r.times.size for r in fitted) > 600 else 0.0
     document = tomlkit.document()
     document.add("title", f"{title}: first fit and hold-out")
     document.add("note", f"Written by thermid init from {source}.")
