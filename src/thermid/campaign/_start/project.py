@@ -318,6 +318,7 @@ def _campaign(
         f"Limits of the verdict: {VERDICT_NOISES:g} noises or {100 * VERDICT_SHARE_OF_RANGE:g} % of the range of the readings. "
         "Replace them by yours.",
         "The noise is estimated from second differences of the readings.",
+        *([proposal.powers_text] if proposal.powers_text else []),
         proposal.offsets_text,
         *([instants_text(proposal.instants)] if proposal.instants else []),
         *(f"{reason}; empty in the logs beside this file." for reason in masked),

@@ -203,6 +203,17 @@ class Proposal:
         return f"Offsets of thermometers, accuracy {self.known.accuracy:g} K assumed{against}: {offsets}. {where}"
 
     @property
+    def powers_text(self) -> str:
+        """Which part all of a power heats that nobody placed, and how it is shared among several; empty where it is told."""
+        loads = self.chosen.request.model.loads
+        placed = [(p, loads[p.load].into) for p in self.roles.powers if not p.told and len(self.roles.parts) > 1]
+        return " ".join(
+            f"All of {p.column} heats '{node}', which explains the log best. If it heats several parts, give each a load and its share: "
+            f'power = "0.8 * {p.column}" and power = "0.2 * {p.column}" in their channels.'
+            for p, node in placed
+        )
+
+    @property
     def thinned_text(self) -> str:
         """How coarse the logs are that structures were tried on; empty where they are as they were read."""
         steps = [(e.record.name, s) for e in self.chosen.problem.experiments for s in e.record.steps if s.startswith("resample: ")]
@@ -225,7 +236,7 @@ class Proposal:
         lines[1:1] = [f"Not physical: {c}" for c in self.not_physical]
         lines += [self.depending_text] if self.depending else []
         lines += [f"Assumed: {self.assumed}"] if self.assumed else []
-        lines += [t for t in (self.thinned_text, self.offsets_text, instants_text(self.instants), *self.roles.questions) if t]
+        lines += [t for t in (self.powers_text, self.thinned_text, self.offsets_text, instants_text(self.instants), *self.roles.questions) if t]
         return "\n".join([*lines, str(self.search)])
 
 
