@@ -43,9 +43,9 @@ from thermid.model._parts.facing import Facing as Facing, degrees as degrees
 from thermid.model._parts.kinds import (
     ACCOMMODATION as ACCOMMODATION,
     CARRIED_BY as CARRIED_BY,
-    NO_GAS as NO_GAS,
     HINGES as HINGES,
     KINDS as KINDS,
+    NO_GAS as NO_GAS,
     Law as Law,
 )
 from thermid.model._parts.parameter import (

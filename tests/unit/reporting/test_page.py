@@ -182,7 +182,9 @@ def hostile(campaign: Campaign) -> Campaign:
         local = tuple(replace(i, record=i.record + EVIL, name=i.name + EVIL) for i in fit.local)
         model = replace(fit.given_model, title=fit.given_model.title + EVIL, use=EVIL)
         records = {r + EVIL: sha for r, sha in fit.records.items()}
-        return replace(fit, stage=fit.stage + EVIL, given_model=model, blocks=blocks, local=local, records=records, warnings=(EVIL,), bias={})
+        return replace(
+            fit, stage=fit.stage + EVIL, given_model=model, blocks=blocks, local=local, records=records, warnings=(EVIL,), bias={}
+        )
 
     verdicts = tuple(
         replace(v, model=EVIL, record=EVIL, title=EVIL, fitted_locally=(EVIL,), prediction=soil(v.prediction)) for v in campaign.verdicts

@@ -236,7 +236,9 @@ class Proposal:
         lines[1:1] = [f"Not physical: {c}" for c in self.not_physical]
         lines += [self.depending_text] if self.depending else []
         lines += [f"Assumed: {self.assumed}"] if self.assumed else []
-        lines += [t for t in (self.powers_text, self.thinned_text, self.offsets_text, instants_text(self.instants), *self.roles.questions) if t]
+        lines += [
+            t for t in (self.powers_text, self.thinned_text, self.offsets_text, instants_text(self.instants), *self.roles.questions) if t
+        ]
         return "\n".join([*lines, str(self.search)])
 
 
