@@ -45,7 +45,6 @@ from thermid.model._parts.kinds import (
     CARRIED_BY as CARRIED_BY,
     HINGES as HINGES,
     KINDS as KINDS,
-    NO_GAS as NO_GAS,
     Law as Law,
 )
 from thermid.model._parts.parameter import (

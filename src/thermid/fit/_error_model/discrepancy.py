@@ -32,7 +32,6 @@ from thermid.fit._minimisation import Fit, covariances, ended
 from thermid.fit._problem.request import Request, known_before
 from thermid.fit._problem.residuals import Influence, Problem, Unknown
 from thermid.fit._uncertainty.noise import Autocorrelation, Binned, binned, score_excess
-from thermid.model.elements import NO_GAS
 from thermid.model.identity import identity_of
 from thermid.model.tree import FlatConductor
 from thermid.physics.gas import GASES, REFERENCE
@@ -49,9 +48,11 @@ MAX_GAS_CONDUCTANCE: Final = float(GASES["air"].k(REFERENCE)) / MIN_CONTACT_GAP
 
 
 def bare_contacts(network: Network) -> list[FlatConductor]:
-    """Return the contacts whose deck does not say what of them is gas: touching spots and gas between in one conductance."""
-    contacts = [c for c in network.flat.conductors if c.kind == "contact" and "contact_conductance" in c.fields]
-    return [c for c in contacts if "gap" not in c.fields and c.words.get("gas") != NO_GAS]
+    """Return the contacts whose deck does not say what of them is gas, by a gap or gas = "none": spots and gas in one conductance."""
+    conductors = network.flat.conductors
+    return [
+        c for c in conductors if c.kind == "contact" and "contact_conductance" in c.fields and not {"gap", "gas"} & {*c.fields, *c.words}
+    ]
 
 
 def separated(network: Network, media: Sequence[Media]) -> tuple[str, ...]:

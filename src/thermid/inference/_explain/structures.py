@@ -666,7 +666,7 @@ def telling_test(one: FittedStructure, other: FittedStructure) -> str:
         return "No test of the logged powers could be run with both."
     words = max(gains, key=gains.__getitem__)
     if gains[words] < TIE:
-        return f"No test with these powers and sensors would decide: of those tried, '{words}' gives {short(gains[words], 2)} units of {TIE:g}."
+        return f"No test with these powers and sensors would decide: of those tried, '{words}' gives {short(gains[words], 2)} units."
     return f"To decide, test from rest, {words} (it separates them by about {short(gains[words], 2)} units; {TIE:g} decide)."
 
 

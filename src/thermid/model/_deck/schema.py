@@ -50,7 +50,7 @@ from thermid.model._parts.elements import (
     gap_scatter,
 )
 from thermid.model._parts.facing import Facing, degrees
-from thermid.model._parts.kinds import CARRIED_BY, KINDS, NO_GAS
+from thermid.model._parts.kinds import CARRIED_BY, KINDS
 from thermid.model._parts.parameter import Parameter
 from thermid.physics.gas import GASES, gas_named
 from thermid.physics.view_factors import SHAPES, PlacedFace, placed_factors
@@ -728,22 +728,6 @@ def _check_stream(fields: set[str], fluid: str, where: str) -> None:
         )
 
 
-def _check_filled(fields: Mapping[str, Parameter], words: Mapping[str, str], where: str) -> None:
-    """Refuse a gas of a contact that says nothing, or that says two things of its gap."""
-    if words.get("gas") == NO_GAS and "gap" in fields:
-        raise DeckError(
-            f'gas = "{NO_GAS}" states that a pad or grease fills the contact, and gap states gas between. Give one.',
-            where,
-            code="value.contradicts",
-        )
-    if "gas" in words and words["gas"] != NO_GAS and "gap" not in fields:
-        raise DeckError(
-            f'a contact without a gap has no gas of its own. Give the gap, or gas = "{NO_GAS}" where a pad or grease fills the contact.',
-            where,
-            code="value.without-effect",
-        )
-
-
 def _check_gap(fields: dict[str, Parameter], words: Mapping[str, str], where: str) -> None:
     """Refuse a gap that says half of how it lies; give one that convects the scatter of its correlation."""
     if not {"tilt", "aspect"} & set(words):
@@ -801,8 +785,12 @@ class _ConductorTable(ElementTable):
         _check_carried_by(fields, words, where(""))
         if self.kind == "gas":
             _check_gap(fields, words, where(""))
-        if self.kind == "contact":
-            _check_filled(fields, words, where("gas"))
+        if self.kind == "contact" and self.gas and ("gap" in fields) == (self.gas == "none"):
+            raise DeckError(
+                'the gas of a contact is that in its gap: give both. Where a pad or grease fills the contact, gas = "none" stands alone.',
+                where("gas"),
+                code="value.contradicts",
+            )
         if self.kind == "flow":
             _check_stream(set(fields), words.get("fluid", ""), where(""))
         if self.reversible and (self.kind != "flow" or (words.get("fluid") in GASES and "volume_flow" in fields)):

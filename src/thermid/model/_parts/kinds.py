@@ -93,8 +93,6 @@ Fields = Mapping[str, Number]
 
 CARRIED_BY = "carried_by"
 """Word of an element: what carries the heat behind its constant coefficient."""
-NO_GAS = "none"
-"""Gas of a contact that a pad or grease fills, so that all of its conductance stays in vacuum."""
 
 
 @dataclass(frozen=True)

@@ -531,8 +531,11 @@ class Unreached:
         many = len(self.nodes) > 1
         word = ("warm" if self.rate > 0 else "cool") + ("" if many else "s")
         still = abs(self.rate) < 1e-12
-        stays = "the heat stays there" if many else "its temperature stays where it starts"
-        follows = f", so {stays}" if still else f": {word} at {abs(self.rate) * 3600:.6g} K/h without limit"
+        follows = (
+            f", so {'the heat stays there' if many else 'its temperature stays where it starts'}"
+            if still
+            else f": {word} at {abs(self.rate) * 3600:.6g} K/h without limit"
+        )
         return CodedText(f"{named} {'have' if many else 'has'} no path to a boundary{follows}", "model.no-path-to-boundary")
 
 
