@@ -274,7 +274,7 @@ class JointFit(Calibration):
             for u in (self.problem.unknowns if self.problem else ())
         )
         plain["problem"] = self.problem and replace(self.problem, unknowns=tuple(named))
-        return Calibration(**plain | {"stage": f"{self.stage}, {stage}", "model": model, "values": values, "store": store})
+        return Calibration(**plain | {"stage": f"{self.stage}, {stage}", "given_model": model, "values": values, "store": store})
 
     def _store_at(self, items: Mapping[str, FittedValue], chosen: Mapping[str, str]) -> Store:
         """Return what the joint fit found of one level, a submodel or the whole, its values named by their paths in that level's deck."""
