@@ -63,7 +63,7 @@ def predicted(data: Path, run: str, fit: td.Calibration) -> td.Verdict:
 
 def aligned(data: Path, run: str, fit: td.Calibration) -> td.inference.Alignment:
     """Return where `align` puts the clock of a run at the values of a fit."""
-    return td.inference.align(fit.fitted_model, *logs(data, run), offset=OFFSET, rate=RATE, scenario=START)
+    return td.inference.align(fit.model, *logs(data, run), offset=OFFSET, rate=RATE, scenario=START)
 
 
 if __name__ == "__main__":

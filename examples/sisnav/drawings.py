@@ -58,7 +58,7 @@ FIG_26 = (
 def panel(work: Work, p: Panel, key: str) -> Graphic:
     """Return one panel: readings, the calibrated model, and the document's own structure without convection."""
     block = next(b for b in work.natural[p.stage].blocks if b.record == p.record and b.sensor == p.sensor)
-    printed = td.simulate(work.constant[p.stage].fitted_model, BENCH.vacuum(as_printed=True))[block.node]
+    printed = td.simulate(work.constant[p.stage].model, BENCH.vacuum(as_printed=True))[block.node]
     measured, simulated = block.measured - 273.15, block.predicted - 273.15
     lines = [
         curve("measured", "measured", block.times, measured),

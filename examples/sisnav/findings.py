@@ -50,7 +50,7 @@ def _constant(work: Work, stage: str, surface: str) -> Cell:
     fitted = work.constant[stage].values.assignments.get(path)
     if fitted:
         return Cell(f"{fitted.value:.2f} ± {fitted.error:.2f}", "fitted")
-    held = float(td.simulation.compile_network(work.constant[stage].fitted_model).numbers().values[path])
+    held = float(td.simulation.compile_network(work.constant[stage].model).numbers().values[path])
     return Cell(f"{held:.2f}", "held", "soft")
 
 
@@ -131,7 +131,7 @@ def settling(work: Work) -> Table:
         deck = td.load_model(HERE / f"{part}.toml")
         tau = float(td.simulate(deck, BENCH).time_constants[0])
         hours = PRINTED_SETTLING.get(part)
-        fitted = float(td.simulate(work.constant[part].fitted_model, BENCH).time_constants[0])
+        fitted = float(td.simulate(work.constant[part].model, BENCH).time_constants[0])
         needed = hours * HOUR / math.log(100) if hours else math.nan
         differs = bool(hours) and not 0.67 < needed / tau < 1.5
         flag = (

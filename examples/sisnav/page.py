@@ -248,7 +248,7 @@ def scenarios(work: Work, runs: list[Vacuum]) -> Section:
 def warmer(work: Work) -> Table:
     """Return settled temperatures at 24 and at 34 °C with both structures."""
     rows: list[Line] = []
-    models = {"constant": work.constant["m_Sd"].fitted_model, "natural": work.model("m_Sd")}
+    models = {"constant": work.constant["m_Sd"].model, "natural": work.model("m_Sd")}
     found = {k: [td.steady(m, td.Scenario("x", boundaries={"cv": f"{t} [degC]"})) for t in (24, 34)] for k, m in models.items()}
     for name, path in SEEN.items():
         cells = [f"{found[k][i][path] - 273.15:.2f}" for k in found for i in (0, 1)]

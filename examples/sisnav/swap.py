@@ -66,9 +66,9 @@ def swapped(name: str, folder: Path, before: td.Campaign) -> Swap:
         seconds.append(time.process_time() - begun)
     local, full = (m["m_Sd"] for m in made)
     held_out = read_campaign(HERE / "campaign.toml", folder / deck).record("sd_held_out")
-    (one, near), (other, best) = (predicted(c.fitted_model, c.bias, held_out) for c in (local, full))
+    (one, near), (other, best) = (predicted(c.model, c.bias, held_out) for c in (local, full))
     old = before["m_Sd"]
-    model, what = old.fitted_model.replaced(part, plan.model)
+    model, what = old.model.replaced(part, plan.model)
     _, plain = predicted(what.starting(model), old.bias, held_out)
     values = sum(len(made[0][s.name].values.parameters) for s in plan.stages if s.action == "run")
     return Swap(plan, values, (seconds[0], seconds[1]), float(np.abs(one - other).max()), (plain, near, best))

@@ -77,7 +77,7 @@ def without_gas(folder: Path, part: str, second: bool, world: laboratory.World) 
         scenarios[names[1]] = scenarios[names[1]].vacuum()
     deck = td.load_model(folder / "natural" / f"{part}.toml")
     fit = td.calibrate(deck, [record(folder, n) for n in names], FREE, scenario=scenarios)
-    model, meter = as_logged(folder, part, fit.fitted_model), {"scale.electronics": f"{laboratory.POWER_ACCURACY}"}
+    model, meter = as_logged(folder, part, fit.model), {"scale.electronics": f"{laboratory.POWER_ACCURACY}"}
     told = td.predict(fit, BENCH.vacuum(), model=model, spread=meter, nodes=["case"])
     low, high = (float(x[-1]) for x in told["case"].interval(0.95))
     truth = td.simulate(world.models[part], BENCH.vacuum(), times=np.linspace(0.0, bench.seconds, 61))["case"].final

@@ -139,7 +139,7 @@ class Work:
 
     def model(self, stage: str) -> td.Model:
         """Return the calibrated model of a stage, its gyros' power following their temperature as it was logged."""
-        fitted = self.natural[stage].fitted_model
+        fitted = self.natural[stage].model
         measured = {}
         for path in td.simulation.compile_network(fitted).flat.parameters.table:
             if path.endswith("electronics.temperature_coefficient"):
@@ -154,7 +154,7 @@ class Work:
 
     def effective(self, stage: str, surface: str) -> Value:
         """Return the effective coefficient of a surface, radiation in it, where the stage's model settles on the bench. [W/(m^2 K)]"""
-        model = self.natural[stage].fitted_model
+        model = self.natural[stage].model
         kelvin, found = _settled(model, surface), td.simulation.compile_network(model).numbers().values
         drawn = self.draws(stage)
 
@@ -173,7 +173,7 @@ class Work:
     def true_effective(self, stage: str, surface: str) -> float:
         """Return the hidden unit's effective coefficient at the same temperature. [W/(m^2 K)]"""
         calibration = self.natural[stage]
-        kelvin = _settled(calibration.fitted_model, surface)
+        kelvin = _settled(calibration.model, surface)
         values = td.simulation.compile_network(self.hidden.models[calibration.model.title]).numbers().values
         convection = float(values[f"{surface}.htc.coefficient"]) * (kelvin - laboratory.AMBIENT) ** structures.EXPONENT
         radiation = radiation_conductance(radiation_coefficient(float(values[f"{surface}.emissivity"]), 1.0), kelvin, laboratory.AMBIENT)

@@ -154,7 +154,7 @@ def inflation(found: td.Calibration) -> float:
 def first_reading(which: Candidate, found: td.Calibration, records: Sequence[td.Record]) -> td.Calibration:
     """Return the one constant of the board: how far the room stands above the first reading of sensor 1, all else held."""
     asked = Request(
-        found.fitted_model,
+        found.model,
         tuple(records),
         ("first_reading",),
         {"*": scenario(which)},

@@ -513,7 +513,7 @@ def house(_: Path) -> TestSet:
     def follows(found: Calibration, c: Condition) -> dict[str, str]:
         begun = {"wall": f"{found.fitted['part 1: initial.wall']!r} [K]"}
         k = int(c.name.removeprefix("part ")) - 1
-        until = td.simulate(found.fitted_model, week.scenario(begun), times=whole)
+        until = td.simulate(found.model, week.scenario(begun), times=whole)
         return {"wall": f"{float(until['wall'].kelvin[np.array_split(np.arange(whole.size), 4)[k][0]])!r} [K]"}
 
     free = ("indoor.capacitance", "wall.capacitance", "inside.conductance", "outside.conductance")

@@ -52,13 +52,13 @@ def test_A4_interfaces_alone_are_tuned() -> None:  # noqa: N802
     record = log({n: run[n].kelvin for n in ("proc.case", "ele.case")}, 0.01)
     fit = td.calibrate(pair, record, list(planted), scenario=step)
     assert {p: v.value for p, v in fit.values.parameters.items()} == pytest.approx(planted, rel=0.01)
-    before, after = (td.simulation.compile_network(m) for m in (pair, fit.fitted_model))
+    before, after = (td.simulation.compile_network(m) for m in (pair, fit.model))
     one, two = before.numbers(), after.numbers()
     assert dict(one.capacitances) == dict(two.capacitances)
     changed = {p for p, v in one.values.items() if float(two.values[p]) != float(v)}
     assert changed == {"stack_conductivity", "stack.gap.htc", "stack.contact_conductance"}
     assert [(line.surface, line.total) for line in td.model.ledger(pair)] == [
-        (line.surface, line.total) for line in td.model.ledger(fit.fitted_model)
+        (line.surface, line.total) for line in td.model.ledger(fit.model)
     ]
 
 

@@ -101,7 +101,7 @@ def test_A10_what_is_fitted_counts_as_calibrated(macro: td.Model) -> None:  # no
     fit = td.calibrate(macro, record, ["ring.conductance"], scenario=hold)
     found = fit["ring.conductance"]
     assert found.value == pytest.approx(4.0, abs=4 * found.error)
-    (value,) = (v for v in host_values(td.qualify.macro_model(fit.fitted_model)) if v.path == "ring.conductance")
+    (value,) = (v for v in host_values(td.qualify.macro_model(fit.model)) if v.path == "ring.conductance")
     assert value.source == "calibrated"
 
 

@@ -103,17 +103,17 @@ class TestA4:
 
     def test_every_other_value_is_bit_identical(self, joint: Calibration) -> None:
         model = load_model(STACK)
-        before, after = ParameterSet(model).evaluate({}), ParameterSet(joint.fitted_model).evaluate({})
+        before, after = ParameterSet(model).evaluate({}), ParameterSet(joint.model).evaluate({})
         assert set(before) == set(after)
         moved = {p for p in before if before[p] != after[p]}
         assert moved == set(FREE)
         for part in ("proc", "ele"):
-            assert joint.fitted_model.submodel(part).identity() == model.submodel(part).identity()
+            assert joint.model.submodel(part).identity() == model.submodel(part).identity()
 
     def test_total_areas_stay(self, joint: Calibration) -> None:
         from thermid.model.tree import ledger
 
-        assert [line.total for line in ledger(joint.fitted_model)] == [line.total for line in ledger(load_model(STACK))]
+        assert [line.total for line in ledger(joint.model)] == [line.total for line in ledger(load_model(STACK))]
 
 
 def quantised(kelvin: np.ndarray, step: float = 1 / 16) -> np.ndarray:

@@ -112,8 +112,8 @@ def test_added_mass_and_leads_belong_to_the_bench_and_not_to_the_part() -> None:
     assert blind["skin.conductance"].value == pytest.approx((0.05 + 0.2 * 0.003 / 0.203) * 0.203 / 0.2, rel=0.002)
     assert blind["case.capacitance"].value > 32.0
     # and a prediction of the part is of the part without its sensor
-    assert not whole.fitted_model.submodels
-    rest = simulate(whole.fitted_model, BENCH, times=TIMES)["case"].final
+    assert not whole.model.submodels
+    rest = simulate(whole.model, BENCH, times=TIMES)["case"].final
     assert rest == pytest.approx(20.0 + 18.0 * (1 - np.exp(-5400.0 * 0.05 / 30.0)), abs=0.1)
 
 

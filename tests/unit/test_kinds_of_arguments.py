@@ -53,7 +53,7 @@ def test_values_are_taken_alone_in_several_and_from_files(fit: td.Calibration, t
     file = tmp_path / "box.values.toml"
     fit.save(file)
     several: tuple[Any, ...] = (fit, fit.values, (fit.values,), [fit], file, str(file), (file,))
-    ends = [td.predict(td.design.Knowledge(fit.fitted_model, values), BENCH)["case"].final.celsius for values in several]
+    ends = [td.predict(td.design.Knowledge(fit.model, values), BENCH)["case"].final.celsius for values in several]
     assert ends == pytest.approx([ends[0]] * len(ends), abs=1e-6)
     for values in several:
         assert td.qualify.uncertain_runs(BOX, BENCH, values, n=2).failed == {}

@@ -239,6 +239,18 @@ def test_the_blank_tail_of_a_channel_is_said() -> None:
     assert "no valid sample in the last" in " ".join(str(fit).splitlines()[:4])
 
 
+def test_a_tail_too_short_to_matter_is_not_said() -> None:
+    """A supply that began 25 s after a logger of 10 h was a warning in every summary."""
+    _, deck, record = warm(3)
+    times = np.arange(0.0, 36000.0, 10.0)
+    values = {n: np.interp(times, record.times, c.values) for n, c in record.channels.items()}
+    channels = {n: replace(c, values=values[n], valid=np.isfinite(values[n])) for n, c in record.channels.items()}
+    long = td.Record.from_arrays("long", times, channels)
+    for log, said in ((long.mask("A", "start", "25 [s]"), False), (long.mask("A", "start", "60 [s]"), True)):
+        rows = [r for r in td.calibrate(deck, log, ["skin.effective_htc"]).inputs.rows if r.kind == "boundary"]
+        assert [r.partly for r in rows] == [said]
+
+
 def test_a_channel_that_begins_late_is_not_called_missing(campaign: Path) -> None:
     """A power that a second logger began 50 s later stood under "neither log nor scenario gives it"."""
     rows = "\n".join(f"{10 * k},{30 - 0.1 * k:.2f},20.0,{'' if k < 5 else '3.2'}" for k in range(30))

@@ -138,7 +138,7 @@ def credibility(campaign: Campaign) -> CredibilityRecord:
     campaign : Campaign     As `run_stages` returned it.
     """
     last = campaign.joint or tuple(campaign.stages.values())[-1]
-    model = last.fitted_model
+    model = last.model
     values = ParameterSet(model)
     numbers = values.evaluate({})
     fits = dict(campaign.stages) | ({"joint": campaign.joint} if campaign.joint is not None else {})

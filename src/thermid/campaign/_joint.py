@@ -277,7 +277,7 @@ class JointFit(Calibration):
             for u in (self.problem.unknowns if self.problem else ())
         )
         plain["problem"] = self.problem and replace(self.problem, unknowns=tuple(named))
-        return Calibration(**plain | {"stage": f"{self.stage}, {stage}", "model": model, "values": values, "store": store})
+        return Calibration(**plain | {"stage": f"{self.stage}, {stage}", "given_model": model, "values": values, "store": store})
 
     def _store_at(self, items: Mapping[str, FittedValue], chosen: Mapping[str, str]) -> Store:
         """Return what the joint fit found of one level, a submodel or the whole, its values named by their paths in that level's deck."""
@@ -500,7 +500,7 @@ def _judged(calibration: Calibration, levels: Sequence[Level], shared: Shared, d
     store = _store(calibration.store, items, levels[-1].request)
     plain = {f.name: getattr(calibration, f.name) for f in fields(Calibration)} | {"values": values, "store": store}
     held = {level.name: (level.request.model, names[level.name]) for level in levels}
-    return JointFit(**plain | {"moved": _moves(calibration.model, values, shared, done)}, levels=held)
+    return JointFit(**plain | {"moved": _moves(calibration.given_model, values, shared, done)}, levels=held)
 
 
 def _store(store: Store, items: Mapping[str, FittedValue], top: Request) -> Store:

@@ -271,7 +271,7 @@ def plan_retune(
     model = new if isinstance(new, Model) else load_model(new)
     levels = [Level(name, request) for name, request in campaign.requests.items()]
     top = levels[-1].name
-    above = campaign[top].fitted_model
+    above = campaign[top].model
     part = above.canonical(part)
     old = above.submodel(part)
     places = places_of(source, levels, top)
@@ -325,8 +325,8 @@ def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str
     """Return what becomes of a stage, and what of its values the part touches."""
     done, request = campaign[level.name], level.request
     records = tuple(r.name for r in request.records)
-    same = done.model.identity()
-    unchanged = StagePlan(level.name, level.name, "kept", "none of its inputs changes", (), (), (same, same), done.model)
+    same = done.given_model.identity()
+    unchanged = StagePlan(level.name, level.name, "kept", "none of its inputs changes", (), (), (same, same), done.given_model)
     if f"{part}." in places:
         free = tuple(p for p in request.free if request.model.canonical(p) in ParameterSet(new).table)
         lost = [p for p in request.free if p not in free]
@@ -360,7 +360,7 @@ def _staged(campaign: Campaign, level: Level, places: tuple[str, ...], part: str
 
 def _touches(done: Calibration, level: Level, inner: str, new: Model) -> tuple[list[Touch], tuple[PlaceStart, ...]]:
     """Return the values of a stage that act at the part's interfaces, and those of the place that it decides and that start anew."""
-    model = done.fitted_model
+    model = done.model
     values, touched = ParameterSet(model), touching(model, inner)
     bare, what = model.replaced(inner, new)
     after = what.starting(bare)
@@ -520,7 +520,7 @@ def _carried(before: Calibration, request: Request, gone: Sequence[str]) -> Cali
     new_paths = [p for p, s in store.states.items() if s.origin.stage == stage]
     return replace(
         before,
-        model=request.model,
+        given_model=request.model,
         values=view(store, new_paths, stage),
         store=store,
         request=request,
@@ -577,7 +577,7 @@ def _model(source: CampaignSource, table: StageTable, k: int, stage: StagePlan, 
     model = model.replace(stage.part, plan.model).cut(stage.part)  # a new unit, even of the same deck, has values of its own
     if before is None:
         return model
-    what = before.fitted_model.replaced(stage.part, plan.model)[1]
+    what = before.model.replaced(stage.part, plan.model)[1]
     return model.with_values({s.path: s.text for s in what.starts if s.of_part or s in stage.starts}, START)
 
 
@@ -632,7 +632,7 @@ def _same_part(plan: RetunePlan, stage: str, path: str) -> bool:
 
 def _local(request: Request, stage: StagePlan, before: Calibration, plan: RetunePlan) -> Request:
     """Return a request in which all but the stage's freed values stand where they stood, constant errors of instruments among them."""
-    old = before.fitted_model
+    old = before.model
     what = old.replaced(stage.part, plan.model)[1]
     states = known_below(request.store, what).states
     starts = {s.path: s.text for s in what.starts if s.path not in states}

@@ -97,7 +97,7 @@ def running_test(campaign: Campaign, record: str = "") -> RunningTest:
         )
     record = _named(record, list(source.content.records), campaign.title)
     name = [*campaign, *(n for n, request in campaign.requests.items() if record in {r.name for r in request.records})][-1]
-    model = campaign[name].fitted_model
+    model = campaign[name].model
     stage_table = next(s for s in source.content.stages if s.name == name)
     table = source.table_of(record)
     first = {n: (t.start, 0.0) for n, t in {**stage_table.local, **table.local}.items() if "." not in n and t.start in table.channels}

@@ -348,10 +348,10 @@ class Campaign(Result):
         """Return part -> stage -> value of every parameter of a name, parts down, levels across: the document's Table 2. [SI]"""
         out: dict[str, dict[str, float]] = {}
         for stage, calibration in self.stages.items():
-            values = ParameterSet(calibration.fitted_model).evaluate({})
-            for path in parameter_table(calibration.fitted_model):
+            values = ParameterSet(calibration.model).evaluate({})
+            for path in parameter_table(calibration.model):
                 if path == field_name or path.endswith(f".{field_name}"):
-                    part = path.removesuffix(field_name).rstrip(".") or calibration.model.title
+                    part = path.removesuffix(field_name).rstrip(".") or calibration.given_model.title
                     out.setdefault(part, {})[stage] = float(values[path])
         return out
 

@@ -66,7 +66,7 @@ def _bracketed(fit: Calibration) -> list[str]:
     """Return what a fit held and has no spread: set points of thermostats, and assumed values whose deck has min and max."""
     given = {p for s in fit.store.states.values() for p in s.acts}
     given |= {p for e in fit.experiments for p in e.scenario.driven(e.network.flat)}
-    held = {p: e.parameter for p, e in parameter_table(fit.model).items() if p not in given}
+    held = {p: e.parameter for p, e in parameter_table(fit.given_model).items() if p not in given}
     bare = [p for p, x in held.items() if x.is_literal and x.stated_range is None]
     # a set point is known to some tenths of a kelvin at best, and offsets of sensors take up what it is wrong by
     points = [p for p in bare if ".thermostat." in p or p.endswith(".setpoint")]
@@ -155,7 +155,7 @@ class Calibration(Result):
     Parameters
     ----------
     stage : str                 Name of the stage, or of the model.
-    model : Model               The model as it was given, without the fitted values; `fitted_model` has them.
+    given_model : Model         The model as it was given, without the fitted values; `model` has them.
     values : FittedValues       Parameters and sensors' constant errors, with their joint covariance.
     local : tuple of Local      What was fitted per record.
     blocks : sequence of Block  Measured and predicted readings, per record and sensor; predicted when they are first looked at.
@@ -187,7 +187,7 @@ class Calibration(Result):
     """
 
     stage: str
-    model: Model
+    given_model: Model
     values: FittedValues
     local: tuple[Local, ...]
     blocks: Sequence[SensorTrace]
@@ -229,9 +229,9 @@ class Calibration(Result):
         return replace(judged_fit, values=self.values.judged(judged_fit.standing), store=self.store.judged(now))
 
     @cached_property
-    def fitted_model(self) -> Model:
+    def model(self) -> Model:
         """The model with the fitted values laid over it."""
-        return self.model.with_values(self.values.assignments, f"stage '{self.stage}'")
+        return self.given_model.with_values(self.values.assignments, f"stage '{self.stage}'")
 
     @property
     def clocks(self) -> dict[str, str]:
@@ -322,7 +322,7 @@ class Calibration(Result):
         width = max((len(p) for p in fitted), default=0)
         lines += [f"  {_value_line(v, width, self.structural_errors, self.range_shares(v.path))}" for v in fitted.values()]
         lines += [f"  {v.path}: shares its value with {', '.join(v.also)}" for v in fitted.values() if v.also]
-        lines += [f"  cut from the other instances of its deck: {place}" for place in cuts_of(self.model)]
+        lines += [f"  cut from the other instances of its deck: {place}" for place in cuts_of(self.given_model)]
         lines += _known_lines(self.store, {*self.values.assignments}, width)
         lines += [f"  counted as exact: {without_spread(bare)}; min and max only bound a search"] if (bare := _bracketed(self)) else []
         for name, s in self.sensors.items():

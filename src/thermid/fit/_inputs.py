@@ -20,8 +20,8 @@ Source = Literal["assumed", "deck", "scenario", "log"]
 SOURCES: tuple[Source, ...] = ("assumed", "deck", "scenario", "log")
 """Where an input may come from, in the order of the table: what nobody said stands first."""
 NAN = float("nan")
-SHORT_TAIL = 1.5
-"""Usual intervals that a channel may miss at either end of a log before its held value counts as assumed."""
+SHORT_TAIL, SHORT_SHARE = 1.5, 1e-3
+"""Usual intervals, or part of the log, that a channel may miss at either end before its held value counts as assumed: 36 s of 10 h."""
 CHANNEL = "channel "
 """How the words begin of what a log gives."""
 
@@ -151,10 +151,10 @@ def _channel_source(e: Experiment, channel: Channel) -> tuple[Source, str]:
     """Return the source that a channel is: assumed where the log ends before its record does, or begins after it."""
     times = e.record.times
     inside = times[channel.valid]
-    words, step = [], float(np.median(np.diff(times)))
-    if inside[0] - times[0] > SHORT_TAIL * step:
+    words, short_tail = [], max(SHORT_TAIL * float(np.median(np.diff(times))), SHORT_SHARE * e.record.duration)
+    if inside[0] - times[0] > short_tail:
         words.append(f"no valid sample in the first {short(float(inside[0] - times[0]), 3)} s: its first value is used before")
-    if times[-1] - inside[-1] > SHORT_TAIL * step:
+    if times[-1] - inside[-1] > short_tail:
         words.append(f"no valid sample in the last {short(float(times[-1] - inside[-1]), 3)} s: its last value is used up to the end")
     return ("assumed", f"{CHANNEL}{channel.name}, {'; '.join(words)}") if words else ("log", f"{CHANNEL}{channel.name}")
 

@@ -136,7 +136,7 @@ def problem_and_place(fit: Calibration, path: str) -> tuple[Problem, int]:
             "this calibration was not made by a fit in this session; repeat the fit.", fit.stage, code="fit.needs-session"
         )
     names = [u.name for u in fit.problem.unknowns]
-    name = fit.model.canonical(path)
+    name = fit.given_model.canonical(path)
     refuse_unknown([name], names, fit.stage, f"'{path}' was not free in this fit.", NameNotFoundError)
     return fit.problem, names.index(name)
 

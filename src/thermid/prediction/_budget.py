@@ -185,7 +185,8 @@ def open_contacts(knowledge: Knowledge, rows: Rows, scenario: Scenario) -> tuple
     """Return fitted contact conductance -> source of its relative change without gas, and a remark; none where no gas leaves.
 
     A contact fitted in air is the sum of touching spots and of gas between. Without gas it is anything from what is fitted less what gas
-    can carry to all of it, each as likely. A joint with a `gap` in its deck, or a record at low pressure, separates both.
+    can carry to all of it, each as likely. A joint with a `gap` in its deck, or a record at low pressure, separates both; one that a
+    pad or grease fills has no gas (``gas = "none"``).
     """
     network = compile_network(knowledge.model)
     separated = [p for k in knowledge.discrepancies for p in k.separated]
@@ -204,7 +205,7 @@ def open_contacts(knowledge: Knowledge, rows: Rows, scenario: Scenario) -> tuple
     return out, (
         f"{named} {was} fitted in air. No log shows how much of {it} is conduction through the gas between the faces, so without gas "
         f"{it} lies anywhere from the fitted value less that to all of it; the bands include this. A record at low pressure, or a gap in "
-        "the deck, would separate both"
+        "the deck, would separate both; if a pad or grease fills the joint, state gas = 'none'"
     )
 
 

@@ -67,7 +67,7 @@ class Knowledge(Result):
         """Return what a fit knows; of a model that nobody fitted, nothing but its values."""
         if isinstance(source, Model):
             return cls(source)
-        return cls(source.fitted_model, (source.values,), source, source.synthetic)
+        return cls(source.model, (source.values,), source, source.synthetic)
 
     @classmethod
     def of_file(cls, filled: Filed) -> Knowledge:
@@ -85,7 +85,7 @@ class Knowledge(Result):
     def replaced_values(self, model: Model) -> str:
         """Return a warning that names values of another model which the fit's replace; empty where they equal the fit's or its deck's."""
         laid, given = (flatten(m).parameters.table for m in (self.for_model(model).model, model))
-        known = [laid, *([flatten(self.fit.model).parameters.table] if self.fit is not None else [])]
+        known = [laid, *([flatten(self.fit.given_model).parameters.table] if self.fit is not None else [])]
         told = [p for v in self.placed for p in v.parameters if p in given]
         own = {p: given[p].parameter.text for p in told if all(p not in t or t[p].parameter.text != given[p].parameter.text for t in known)}
         if not own:

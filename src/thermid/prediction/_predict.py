@@ -71,7 +71,7 @@ NARROWS = {
     UNEXPLAINED: "an element that explains what the residuals show: criticise looks for it",
     AVERAGED: "a deck that states what carries the heat (carried_by), measured emissivities, or a run at another difference",
     STATED_RANGES: "a measured value instead of one within a range, or a record that determines it",
-    GAS_IN_JOINTS: "a record at low pressure, or a gap in the deck",
+    GAS_IN_JOINTS: "a record at low pressure, a gap in the deck, or gas = 'none' where a pad or grease fills the joint",
 }
 """Cause -> what would narrow a band that comes from it."""
 PROBE_MEMBERS = 32

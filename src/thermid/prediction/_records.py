@@ -284,7 +284,7 @@ def record_request(
     cut = [f"{n} ({held[n]:+.2g} of {x:+.3g} K)" for n, x in constant_errors.items() if held[n] != x]
     remark = f"{FIRST}constant errors that the fit found are taken off up to twice the stated accuracy: {', '.join(cut)}."
     return Request(
-        calibration.fitted_model,
+        calibration.model,
         (as_found(record, calibration.values, calibration.bias),),
         scenarios={"*": scenario} if scenario else {},
         local={k: LocalSpec.read(v, f"local.{k}") for k, v in (local or {}).items()},

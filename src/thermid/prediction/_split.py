@@ -349,7 +349,7 @@ def split(
     """
     wanted = (paths,) if isinstance(paths, str) else tuple(paths)
     base = of.values.bare() if isinstance(of, Calibration) else FittedValues(of.title, {}, np.zeros((0, 0)))
-    model = of.fitted_model if isinstance(of, Calibration) else of
+    model = of.model if isinstance(of, Calibration) else of
     discrepancy = discrepancy_kept(of.values) if isinstance(of, Calibration) else None
     surfaces = conditions if conditions is not None else discrepancy.surfaces if discrepancy is not None else {}
     return split_values(model, base, wanted, surfaces, priors or {})

@@ -97,7 +97,7 @@ class TestRun:
         above = campaign["pair"]
         assert list(above.values.parameters) == [JOINT]
         for path in (HTC, MASS):
-            value = above.fitted_model.at(f"a.{path}").expression.literal.value
+            value = above.model.at(f"a.{path}").expression.literal.value
             assert value == campaign["box"][path].value
         assert above.bias["T_A"] == pytest.approx(campaign["box"].bias["T_A"], abs=3 * campaign["box"]["sensor T_A"].error)
 
@@ -193,13 +193,13 @@ class TestInheritance:
     def test_only_some(self, project: Path) -> None:
         found = run_stages(unjudged(changed(project, (FIXED, 'as = "prior", only = ["case.mass"]'))))["pair"]
         assert list(found.values.parameters) == [JOINT, f"a.{MASS}"]
-        assert found.fitted_model.at(f"a.{HTC}").text == "6 [W/(m^2 K)]"
+        assert found.model.at(f"a.{HTC}").text == "6 [W/(m^2 K)]"
 
     def test_the_parents_own_set_wins_and_it_is_said(self, project: Path) -> None:
         deck = project.parent / "pair.toml"
         deck.write_text(deck.read_text() + '\n[set]\n"a.skin.effective_htc" = "5.5 [W/(m^2 K)]"\n')
         found = run_stages(unjudged(project))["pair"]
-        assert found.fitted_model.at(f"a.{HTC}").text == "5.5 [W/(m^2 K)]"
+        assert found.model.at(f"a.{HTC}").text == "5.5 [W/(m^2 K)]"
         assert f"'a.{HTC}' is 5.5 [W/(m^2 K)] by [set] of Pair, which overrides the result of stage 'box'." in found.warnings
 
     def test_what_the_set_hides_is_no_prior_either(self, project: Path) -> None:
@@ -207,7 +207,7 @@ class TestInheritance:
         deck.write_text(deck.read_text() + '\n[set]\n"a.skin.effective_htc" = "5.5 [W/(m^2 K)]"\n')
         found = run_stages(unjudged(changed(project, (FIXED, 'as = "prior"'))))["pair"]
         assert list(found.values.parameters) == [JOINT, f"a.{MASS}"]
-        assert found.fitted_model.at(f"a.{HTC}").text == "5.5 [W/(m^2 K)]"
+        assert found.model.at(f"a.{HTC}").text == "5.5 [W/(m^2 K)]"
         assert any(", which overrides the result of" in w for w in found.warnings)
 
     @pytest.mark.parametrize("how", ["fixed", "prior"])
@@ -240,7 +240,7 @@ class TestInheritance:
         )
         changed(project, ('["stack.contact_conductance"]', '["power"]'), ("{ a = {", '{ "." = {'))
         found = run_stages(unjudged(project))["pair"]
-        assert found.fitted_model.at(HTC).expression.literal.value == run_stages(unjudged(project))["box"][HTC].value
+        assert found.model.at(HTC).expression.literal.value == run_stages(unjudged(project))["box"][HTC].value
 
     def test_readings_that_are_in_the_prior_already_are_remarked(self, project: Path) -> None:
         again = '[[stages]]\nname = "again"\nmodel = "box.toml"\nrecords = ["box_bench"]\n'

@@ -42,7 +42,7 @@ class TestRecord:
     def test_every_value_is_there(self, record: td.inference.CredibilityRecord, campaign: Campaign) -> None:
         from thermid.model.tree import parameter_table
 
-        assert set(record) == set(parameter_table(campaign["pair"].fitted_model))
+        assert set(record) == set(parameter_table(campaign["pair"].model))
         assert sum(record.states.values()) == len(record)
 
     def test_calibrated_here(self, record: td.inference.CredibilityRecord, campaign: Campaign) -> None:

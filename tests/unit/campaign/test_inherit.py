@@ -104,7 +104,7 @@ def test_a_prior_of_a_parameter_below_is_handed_on(stack: Model, records: tuple[
 def test_fixed_values_are_not_that(stack: Model, records: tuple[Record, Record], below: Calibration, joint: Calibration) -> None:
     model = stack.with_values({"a.power": below["a.power"]}, "below")
     fixed = fit(Request(model, records[1:], ("b.power",), held_bias=below.bias))
-    assert fixed.fitted_model.at("a.power").expression.literal.value == below["a.power"].value != joint["a.power"].value
+    assert fixed.model.at("a.power").expression.literal.value == below["a.power"].value != joint["a.power"].value
     assert fixed["b.power"].error < 0.9 * joint["b.power"].error, "what is held is taken for known"
 
 

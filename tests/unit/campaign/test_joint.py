@@ -70,7 +70,7 @@ def test_each_level_sees_the_same_value(campaign: Campaign) -> None:
     assert list(box.values.parameters) == [HTC, MASS]
     assert box.problem is not None
     assert {u.name for u in box.problem.unknowns if u.kind == "parameter"} == {HTC, MASS}  # bands of a record ask for these alone
-    assert box[HTC].value == campaign.joint[f"a.{HTC}"].value == box.fitted_model.at(HTC).expression.literal.value
+    assert box[HTC].value == campaign.joint[f"a.{HTC}"].value == box.model.at(HTC).expression.literal.value
     np.testing.assert_array_equal(box.values.covariance[:2, :2], campaign.joint.values.covariance[:2, :2])
     with raises_code("name.unknown", IdentificationError, match="'boxx'.*'box'"):
         campaign.joint.at("boxx")
@@ -104,7 +104,7 @@ def test_a_value_that_the_level_above_sets_is_its_own(project: Path) -> None:
     own = joint.values[f"box: {HTC}"]
     assert own.kind == "level"
     assert abs(own.value - 5.0) < 4 * own.error
-    assert joint.fitted_model.at(f"a.{HTC}").expression.literal.value == joint[f"a.{HTC}"].value
+    assert joint.model.at(f"a.{HTC}").expression.literal.value == joint[f"a.{HTC}"].value
     assert joint.at("box")[HTC].value == own.value
     assert f"box: {HTC}" in str(joint)
     assert {m.part for m in joint.moved.values} == {"a", "", "box, alone"}
@@ -116,7 +116,7 @@ def test_instances_of_one_part_share_what_the_part_alone_said(project: Path) -> 
     joint = td.run_stages(with_text(project, ("{ a = { stage", '{ b = { stage = "box", as = "prior" }, a = { stage'))).joint
     assert joint is not None
     assert joint[f"a.{HTC}"].also == (f"b.{HTC}",)
-    assert joint.fitted_model.at(f"b.{HTC}").expression.literal.value == joint[f"a.{HTC}"].value
+    assert joint.model.at(f"b.{HTC}").expression.literal.value == joint[f"a.{HTC}"].value
 
 
 def test_a_deck_that_nothing_inherits_stands_where_it_is_used(project: Path) -> None:

@@ -169,7 +169,7 @@ def test_a_deck_of_six_watts(project: Path, campaign: Campaign, tmp_path: Path) 
     assert plan.watts == (2.1, 6.0)
     text = str(plan)
     assert "Six has the 6 W and all other values of its deck; its own test must be repeated" in text
-    of_twin = campaign["unit"].fitted_model
+    of_twin = campaign["unit"].model
     foot = f"{2000 * of_twin.at(FOOT).expression.literal.value:.4g}"
     assert f"foot_y.contact_conductance is that of foot_x, {foot} [W/(m^2 K)] within 25 %" in text
     assert {d.path for d in plan.replacement.dropped} == {"y.mass", f"y.{HTC}"}
@@ -177,12 +177,12 @@ def test_a_deck_of_six_watts(project: Path, campaign: Campaign, tmp_path: Path) 
     assert [(t.path, t.held) for t in plan.touched if t.held] == [
         (FOOT, "stays with foot_x; foot_y.contact_conductance now has a separate value")
     ]
-    swapped = campaign["unit"].fitted_model.replace("y", load_model(path))
+    swapped = campaign["unit"].model.replace("y", load_model(path))
     assert swapped.at("y.power").text == "6 [W]"
     assert swapped.at("y.mass").text == "0.9 [kg]"
     assert identities(swapped)["x.mass"].paths == ("x.mass",)
     rise = plan.after["T_Y"] - plan.before["T_Y"]
-    assert rise == pytest.approx(peak(plan.replacement.starting(swapped)) - peak(campaign["unit"].fitted_model), abs=0.5)
+    assert rise == pytest.approx(peak(plan.replacement.starting(swapped)) - peak(campaign["unit"].model), abs=0.5)
     assert rise > 10.0
 
 
@@ -192,8 +192,8 @@ def test_values_shared_with_the_twin_are_those_of_the_new_part(project: Path, ca
     same = load_model(project / "gyro.toml")
     write_log(log(same, {"mass": "0.5 [kg]"}, {"T": "case"}, noise=0.03, samples=61, seed=9), new.folder / "logs" / "gyro.csv")
     made = td.design.plan_retune(campaign, "y", same).run(new.folder, part_only=True)["unit"]
-    assert made.fitted_model.at("x.mass").expression.literal.value == pytest.approx(0.71, rel=0.02)
-    assert made.fitted_model.at("y.mass").expression.literal.value == pytest.approx(0.5, rel=0.02)
+    assert made.model.at("x.mass").expression.literal.value == pytest.approx(0.71, rel=0.02)
+    assert made.model.at("y.mass").expression.literal.value == pytest.approx(0.5, rel=0.02)
 
 
 def tried(project: Path, campaign: Campaign, folder: Path, seed: int) -> tuple[bool, float, float]:
@@ -205,7 +205,7 @@ def tried(project: Path, campaign: Campaign, folder: Path, seed: int) -> tuple[b
     at = int(np.argmax(band.kelvin))
     low, high = (float(end[at]) + 273.15 for end in band.interval())
     measured = peak(new.truth) + 0.03 * float(np.random.default_rng(seed).standard_normal())
-    local, full = (plan.run(new.folder, everything=e)["unit"].fitted_model for e in (False, True))
+    local, full = (plan.run(new.folder, everything=e)["unit"].model for e in (False, True))
     apart = abs(peak(local) - peak(full))
     return low <= measured <= high, 0.5 * (high - low) / (float(band.kelvin[at]) - 308.15), apart
 

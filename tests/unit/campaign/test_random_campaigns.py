@@ -36,7 +36,7 @@ def compare(seed: int, folder: Path) -> Compared:
         fit = ran[name]
         # white noise looks as if it wandered once in a hundred traces; errors are wider then, and weights above lower
         plain = fit.autocorrelation is None or all(t.white_variance == 0.0 for t in fit.autocorrelation.traces)
-        tried = {p: float(fit.fitted_model.at(p).expression.literal.value) for p in stage.deck.paths()}
+        tried = {p: float(fit.model.at(p).expression.literal.value) for p in stage.deck.paths()}
         found = reference(stage, done, None if stage.hand else tried)
         done[name] = found.known
         every = {q: s for s in fit.store.parameters.values() for q in s.paths}
@@ -78,7 +78,7 @@ def check_places(seed: int, stage: Stage, fit: Calibration, done: dict[str, list
     for p in hidden:
         assert any(f"'{p}' is" in w and "overrides" in w for w in fit.warnings), (seed, stage.name, p)
     for p in stage.deck.paths():
-        value = float(fit.fitted_model.at(p).expression.literal.value)
+        value = float(fit.model.at(p).expression.literal.value)
         reads = p in fit.values.assignments or p in now.acting
         assert value == (fit.store[p].value if reads else stage.deck.value(p, False)), (seed, stage.name, p)
 

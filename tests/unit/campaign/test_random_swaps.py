@@ -77,7 +77,7 @@ def swapped(folder: Path, seed: int) -> list[str]:
     logs = folder / "again" / "logs"
     logs.mkdir(parents=True)
     write_log(record_of(deck, new.values(), new.nodes(), old.definition, 70 + seed, 0.02, {}), logs / f"{old.definition}.csv")
-    known = before[top.definition].fitted_model
+    known = before[top.definition].model
     stale = {float(v) for p, v in ParameterSet(known).evaluate({}).items() if p.startswith(f"{place}.")}
     stale -= {float(v) for v in ParameterSet(deck).evaluate({}).values()}
     below = {part.definition for prefix, part in new.every() if prefix}  # parts of the new part that are of the decks of before
@@ -96,7 +96,7 @@ def swapped(folder: Path, seed: int) -> list[str]:
     wrong += [f"plan: {line}" for line in said for p, v in old_values.items() if f"{p} " in line and v in line]
 
     made = plan.run(folder / "again", part_only=True)[top.definition]
-    numbers = _numbers(made.fitted_model, place)
+    numbers = _numbers(made.model, place)
     states = [s for s in made.store.parameters.values() if any(p.startswith(f"{place}.") for p in s.paths)]
     tested = {*below, *(s.name for s in plan.stages if s.alone)}
     wrong += [f"fitted model: {n}" for n, v in numbers.items() if v in stale]

@@ -59,7 +59,7 @@ def test_a_stage_that_is_not_credible_is_told_three_levels_up(bad: Campaign, fol
     assert above.line("whole").startswith(f"NOT CREDIBLE: rests on stage 'box' ({WHY}")
     assert str(bad).startswith("NOT CREDIBLE: stage 'box' (")
     assert str(bad["whole"]).startswith("whole: NOT CREDIBLE: rests on stage 'box' (")
-    assert model_standing(bad["whole"].fitted_model) == above
+    assert model_standing(bad["whole"].model) == above
     assert not bad.passed
     assert bad.exit_code == 1
 

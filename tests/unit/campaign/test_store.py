@@ -44,8 +44,8 @@ def three_levels(folder: Path, inherit: str = 'as = "fixed"', **more: str) -> Ca
 def test_what_the_component_found_reaches_the_third_level(tmp_path: Path, how: str) -> None:
     found = three_levels(tmp_path, f'as = "{how}"')
     whole = found["whole"]
-    assert whole.fitted_model.at(f"s.p.{G}").expression.literal.value == pytest.approx(0.20, abs=0.002)
-    assert whole.fitted_model.at(f"s.{J}").expression.literal.value == pytest.approx(0.30, abs=0.01)
+    assert whole.model.at(f"s.p.{G}").expression.literal.value == pytest.approx(0.20, abs=0.002)
+    assert whole.model.at(f"s.{J}").expression.literal.value == pytest.approx(0.30, abs=0.01)
     assert abs(whole[E].value - 0.25) < 3 * whole[E].error < 0.02
     assert whole.store[f"s.p.{G}"].origin.stage == ("component" if how == "fixed" else "whole")
 
@@ -85,7 +85,7 @@ def test_a_stage_tuned_by_hand_is_a_stage_like_any_other(tmp_path: Path, row: st
     assert str(found["bench"]).startswith("bench: 1 value tuned by hand")
     state = found["whole"].store[f"s.p.{G}"]
     assert (state.value, state.origin.kind, state.origin.stage) == (pytest.approx(value), "hand", "bench")
-    assert found["whole"].fitted_model.at(f"s.p.{G}").expression.literal.value == pytest.approx(value)
+    assert found["whole"].model.at(f"s.p.{G}").expression.literal.value == pytest.approx(value)
     if sd:
         assert found["whole"].store.error(f"s.p.{G}") == pytest.approx(sd)
         # its error is the largest part of those above
@@ -131,7 +131,7 @@ def test_the_file_holds_the_whole_store_to_the_bit(tmp_path: Path, how: str) -> 
     assert {p: back[p] for p in whole.values} == dict(whole.values)
     laid = load_model(tmp_path / "whole.toml").with_values(back.assignments, "file")
     for path in store.parameters:
-        assert laid.at(path).expression.literal.value == whole.fitted_model.at(path).expression.literal.value
+        assert laid.at(path).expression.literal.value == whole.model.at(path).expression.literal.value
 
 
 def test_awkward_values_come_back_too(tmp_path: Path) -> None:

@@ -174,7 +174,7 @@ def check_nothing_is_lost(seed: int, folder: Path) -> int:
     seen = 0
     for name, stage in drawn.stages.items():
         fit = found[name]
-        table = fit.fitted_model
+        table = fit.model
         twins = {p for p in stage.gives if p not in stage.alone()}
         for path, given in stage.gives.items():
             seen += path.count(".") > 1

@@ -135,7 +135,7 @@ def test_new_logs_that_are_not_used_are_named(campaign: Campaign, tests_again: P
 
 def test_before_and_after_are_at_the_same_conditions(project: Path, campaign: Campaign) -> None:
     """A part in place of itself changes nothing, whatever its meter showed; a part with another power says which."""
-    old = campaign["pair"].model.submodel("a")
+    old = campaign["pair"].given_model.submodel("a")
     same = td.design.plan_retune(campaign, "a", old)
     assert same.before == pytest.approx(same.after)
     assert same.watts[0] == same.watts[1]
@@ -158,8 +158,8 @@ def test_only_that_is_run(plan: RetunePlan, campaign: Campaign, tests_again: Pat
     above = made["pair"]
     assert list(above.values.parameters) == [JOINT]
     assert above[JOINT].value == pytest.approx(300.0, rel=0.15)
-    assert above.fitted_model.at("b.skin.effective_htc").expression.literal.value == campaign["pair"]["b.skin.effective_htc"].value
-    assert above.fitted_model.at(f"a.{HTC}").expression.literal.value == made["box"][HTC].value
+    assert above.model.at("b.skin.effective_htc").expression.literal.value == campaign["pair"]["b.skin.effective_htc"].value
+    assert above.model.at(f"a.{HTC}").expression.literal.value == made["box"][HTC].value
     assert any(w.startswith("only the values that Light at a affects were fitted again") for w in above.warnings)
 
 
@@ -212,7 +212,7 @@ def test_one_of_two_instances(project: Path, tmp_path: Path, tests_again: Path) 
     assert {s.name: s.action for s in plan.stages} == {"box": "kept", "box at a": "run", "cool": "kept", "pair": "carried"}
     made = plan.run(tests_again)
     assert any(w.startswith("kept after a swap: the model") for w in made["pair"].warnings)
-    model = made["pair"].fitted_model
+    model = made["pair"].model
     assert model.at(JOINT).expression.literal.value == old["pair"][JOINT].value
     assert model.at(f"b.{HTC}").expression.literal.value == old["box"][HTC].value
     assert model.at(f"a.{HTC}").expression.literal.value == made["box at a"][HTC].value

@@ -129,7 +129,7 @@ def test_a_twin_that_stays_is_predicted_as_before(
     errors = td.design.Knowledge.of_source(fit).errors[0]
     assert errors.seen[f"{stayed}.pot.conductance"].acts == ((f"{stayed}.pot.conductance", 1.0, 0.0),)
     fit.save(tmp_path / "unit.values.toml")
-    again = td.predict(td.design.Knowledge(fit.fitted_model, (td.load_values(tmp_path / "unit.values.toml"),)), HOT)[node]
+    again = td.predict(td.design.Knowledge(fit.model, (td.load_values(tmp_path / "unit.values.toml"),)), HOT)[node]
     assert again.kelvin[-1] == pytest.approx(now.kelvin[-1], abs=0.02)
     assert again.error[-1] == pytest.approx(now.error[-1], rel=0.02)
 
@@ -147,7 +147,7 @@ def test_a_prediction_stands_on_the_new_part(retuned: tuple[td.Campaign, td.Camp
     """The unit's model of error, made with the old part, stood for the new one: the band was the old unit's, 17.7 K off."""
     before, after = retuned
     fit, node = after["unit"], "head.element"
-    run, old = (td.simulate(c["unit"].fitted_model, HOT)[node].final for c in (after, before))
+    run, old = (td.simulate(c["unit"].model, HOT)[node].final for c in (after, before))
     assert run - old > 10.0
     assert td.predict(fit, HOT)[node].kelvin[-1] - 273.15 == pytest.approx(run, abs=0.5)
     assert td.predict(fit, HOT, draws=200)[node].kelvin[-1] - 273.15 == pytest.approx(run, abs=0.5)
@@ -161,7 +161,7 @@ def test_what_the_unit_showed_of_its_own_elements_is_kept(retuned: tuple[td.Camp
     assert after["base"].error[-1] == pytest.approx(before["base"].error[-1], rel=0.1)
     fit = retuned[1]["unit"]
     fit.save(tmp_path / "unit.values.toml")
-    again = td.predict(td.design.Knowledge(fit.fitted_model, (td.load_values(tmp_path / "unit.values.toml"),)), HOT)
+    again = td.predict(td.design.Knowledge(fit.model, (td.load_values(tmp_path / "unit.values.toml"),)), HOT)
     for node in ("base", "head.element"):
         assert again[node].kelvin == pytest.approx(after[node].kelvin, abs=0.02)
         assert again[node].error == pytest.approx(after[node].error, rel=0.02, abs=1e-3)
@@ -169,9 +169,9 @@ def test_what_the_unit_showed_of_its_own_elements_is_kept(retuned: tuple[td.Camp
 
 def test_values_of_a_given_model_that_those_of_the_fit_replace_are_named(retuned: tuple[td.Campaign, td.Campaign]) -> None:
     fit, path = retuned[0]["unit"], "coefficient"
-    other = fit.fitted_model.with_values({path: "3 [W/(m^2 K)]"})
+    other = fit.model.with_values({path: "3 [W/(m^2 K)]"})
     assert f"'{path}' is 1." in td.predict(fit, HOT, model=other).warnings[0]
-    for same in (fit.model, fit.fitted_model):
+    for same in (fit.model, fit.model):
         assert not any("replace those" in w for w in td.predict(fit, HOT, model=same).warnings)
 
 

@@ -42,7 +42,7 @@ def stages_of(how: str, **more: str) -> list[str]:
 
 
 def acting(fit: Calibration, path: str) -> float:
-    return float(fit.fitted_model.at(path).expression.literal.value)
+    return float(fit.model.at(path).expression.literal.value)
 
 
 def first_lines(fit: Calibration) -> list[str]:
@@ -61,7 +61,7 @@ def test_a_twin_higher_in_the_tree_has_what_was_found_below(tmp_path: Path, how:
     for path, true in RACK.values().items():
         assert abs(acting(rack, path) - true) < 4.0 * rack.store.error(path), path
     assert any(f"c2.{G}" in line and (how == "prior" or "stage 'cell', fixed; acts at" in line) for line in first_lines(rack))
-    known = local_identities(rack.fitted_model)
+    known = local_identities(rack.model)
     assert known[f"c2.{G}"].paths == known[f"p.c1.{G}"].paths
     assert joint is not None
     assert {p for p in joint.values.assignments if p.endswith(G)} == {f"p.c1.{G}", f"c2.{G}"}

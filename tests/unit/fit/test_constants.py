@@ -39,14 +39,14 @@ def test_what_was_fixed_counts_by_what_a_fit_at_another_value_finds() -> None:
     below = fitted_by(Request(box(), (log(box(), {}, {"T": "case"}, noise=0.3, seed=1, samples=61),), (HTC,), name="below"))
     data = log(box(), {}, {"T": "case"}, noise=0.3, seed=2, samples=121)
     data = data.with_channels(replace(data["T"], noise=0.1))
-    found = fitted_by(Request(below.fitted_model, (data,), (MASS,), store=below.store, name="above"))
+    found = fitted_by(Request(below.model, (data,), (MASS,), store=below.store, name="above"))
     size = below[HTC].error
     at = below[HTC].value
     sides = [td.calibrate(box().with_values({HTC: f"{at + s * size} [W/(m^2 K)]"}), data, [MASS])[MASS].value for s in (-1.0, 1.0)]
     by_hand = (sides[1] - sides[0]) / 2.0
     rows = found.store.rows([MASS])[0] * found[MASS].value
     own = [abs(r) for r, s in zip(rows, found.store.sources, strict=True) if "below" in s.words or s.name.startswith("below")]
-    noise = td.calibrate(below.fitted_model, data, [MASS])[MASS].error
+    noise = td.calibrate(below.model, data, [MASS])[MASS].error
     assert found[MASS].error ** 2 - noise**2 == pytest.approx(by_hand**2, rel=0.05), own
 
 

@@ -109,7 +109,7 @@ def test_in_vacuum_a_coefficient_of_air_has_nothing_to_grow_with() -> None:
     emissive = box({"surfaces/skin/emissivity": 0.5})
     found = calibrate(emissive, bench(lawful(0.25, 0.5)), [HTC, MASS])
     told = predict(found, FAR.vacuum())
-    assert abs(told["case"].final.celsius - simulate(found.fitted_model, FAR.vacuum())["case"].final) < 1.0
+    assert abs(told["case"].final.celsius - simulate(found.model, FAR.vacuum())["case"].final) < 1.0
 
 
 def test_the_error_of_a_start_counts_what_the_structure_adds_to_the_offset_of_its_sensor() -> None:

@@ -89,7 +89,7 @@ def test_run_with_the_best_values_misses_it(fit: td.Calibration) -> None:
     """What the mean of free air is worth: a constant coefficient is off by more than the band is wide."""
     times = np.linspace(0.0, 18000.0, 31)
     true = td.simulate(_truth("free air"), _asked(8.0), times=times)["case"].kelvin
-    assert np.abs(td.simulate(fit.fitted_model, _asked(8.0), times=times)["case"].kelvin - true).max() > 1.5
+    assert np.abs(td.simulate(fit.model, _asked(8.0), times=times)["case"].kelvin - true).max() > 1.5
 
 
 def test_steps_end_where_a_value_stands_at_its_bound(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -147,7 +147,7 @@ def test_a_finish_that_is_not_the_decks_is_in_the_band_of_vacuum(polished: td.Ca
     times = np.linspace(0.0, 18000.0, 31)
     told = td.predict(polished, asked, nodes=["case"], times=times)
     true = td.simulate(_truth("free air"), asked, times=times)["case"].kelvin
-    assert np.abs(td.simulate(polished.fitted_model, asked, times=times)["case"].kelvin - true).max() > 10.0
+    assert np.abs(td.simulate(polished.model, asked, times=times)["case"].kelvin - true).max() > 10.0
     low, high = told["case"].interval()
     assert np.mean((low <= true - ICE_POINT) & (true - ICE_POINT <= high)) > 0.95
     assert any("its emissivity" in w for w in told.warnings)

@@ -46,7 +46,7 @@ def test_the_truth_comes_back_within_its_errors_and_the_model_stays_as_it_was() 
     assert found.reduced_chi_square == pytest.approx(1.0, abs=0.25)
     assert model.identity() == before
     assert found.model is model
-    assert found.fitted_model.at(HTC).expression.literal.value == found[HTC].value
+    assert found.model.at(HTC).expression.literal.value == found[HTC].value
 
 
 def test_covariance_is_that_of_the_linear_problem() -> None:
@@ -348,7 +348,7 @@ class TestCompare:
         assert found.fitted == {}
         assert found.sensors["T"].bias == 0.0
         assert found.evaluations <= 1
-        assert found.fitted_model is model
+        assert found.model is model
 
     def test_says_how_far_the_model_is(self) -> None:
         model = box()

@@ -9,7 +9,7 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.base.errors import IdentificationError
+from thermid.base.errors import DeckError, IdentificationError
 from thermid.measure.records import Channel, Record
 
 AREA = "4 [cm^2]"
@@ -53,13 +53,33 @@ def test_fitted_in_air_the_joint_is_doubtful_without() -> None:
     truth = td.simulate(stack(HALF), EMPTY)["block"].kelvin[-1] - 273.15
     last = found["block"].final
     assert last.low < truth < last.high
-    alone = td.simulate(fit.fitted_model, EMPTY)["block"].final
+    alone = td.simulate(fit.model, EMPTY)["block"].final
     assert alone + 5.0 < truth  # by itself the fitted joint carries twice as much as what is left of it
     assert any(w.startswith("'joint.contact_conductance' was fitted in air. No log shows how much") for w in found.warnings)
     assert any("gas in joints" in cause for cause in found.causes)
     in_air = td.predict(fit, BENCH)
     assert not any("gas in joints" in cause for cause in in_air.causes)
     assert in_air["block"].final.error < 0.1 * last.error
+
+
+def test_a_joint_filled_by_a_pad_loses_nothing_without_gas() -> None:
+    """A pad took its heat conductance for gas between faces: in vacuum a band of 9 K about a joint that had not changed."""
+    bands = []
+    for words in ({}, {"gas": "none"}):
+        model = stack({"contact_conductance": {"value": "300 [W/(m^2 K)]", "min": 20, "max": 3000}} | words)
+        fit = td.calibrate(model, log_of(BENCH, 1), ["joint.contact_conductance", "block.capacitance"], scenario=BENCH)
+        bands.append(td.predict(fit, EMPTY))
+    bare, padded = (found["block"].final for found in bands)
+    assert padded.error < 0.3 * bare.error
+    assert bare.celsius > padded.celsius + 5.0
+    assert not any("gas in joints" in cause for cause in bands[1].causes)
+    assert not any("gas between the faces" in w for w in bands[1].warnings)
+
+
+@pytest.mark.parametrize("words", [{"gas": "none", "gap": "100 [um]"}, {"gas": "He"}])
+def test_a_gas_of_a_joint_needs_a_gap_and_none_excludes_it(words: dict[str, str]) -> None:
+    with raises_code("value.contradicts", DeckError, match="gap"):
+        stack({"contact_conductance": "300 [W/(m^2 K)]"} | words)
 
 
 def test_a_second_record_at_low_pressure_tells_spots_and_gas_apart() -> None:

@@ -45,7 +45,7 @@ def below(stack: Model) -> Calibration:
 def above(stack: Model, below: Calibration, data: Record, fixed: bool = False) -> Calibration:
     """Return the fit of another log, which inherits both powers."""
     if fixed:
-        return fit(Request(below.fitted_model, (data,), (), store=below.store, name="above"))
+        return fit(Request(below.model, (data,), (), store=below.store, name="above"))
     return fit(Request(stack, (data,), FREE, store=below.store, prior=FREE, name="above"))
 
 
@@ -134,7 +134,7 @@ def test_half_as_much_mass_again_is_never_called_agreement(fixed: bool) -> None:
         hidden = log(part, {MASS: "1.044 [kg]"}, {"T": "case"}, seed=seed + 10, hours=4.0, samples=241)
         data = deviating(hidden, seed, size, 1800.0, "T")
         more = {} if fixed else {"prior": (HTC, MASS)}
-        found = fit(Request(first.fitted_model, (data,), store=first.store, name="above", **more))  # type: ignore[arg-type]
+        found = fit(Request(first.model, (data,), store=first.store, name="above", **more))  # type: ignore[arg-type]
         told.append(found.moved[MASS].verdict)
         assert found.moved[MASS].below == first[MASS].value
     assert told[0] == "moved"
@@ -162,7 +162,7 @@ def test_a_value_of_which_the_log_says_nothing() -> None:
     rested = log(part, {}, {"A": "case"}, samples=31, start="24 [degC]", hours=60.0, seed=4).trim(45 * 3600.0)
     for fixed in (False, True):
         asked = {} if fixed else {"prior": (HTC, MASS)}
-        found = fit(Request(below.fitted_model, (rested,), store=below.store, name="rest", **asked))  # type: ignore[arg-type]
+        found = fit(Request(below.model, (rested,), store=below.store, name="rest", **asked))  # type: ignore[arg-type]
         assert found.moved[MASS].verdict == UNDECIDED
         assert "this log cannot decide" in str(found.moved[MASS])
         assert math.isfinite(found.moved[HTC].deviations)
@@ -170,7 +170,7 @@ def test_a_value_of_which_the_log_says_nothing() -> None:
 
 def test_a_value_tuned_by_hand_without_an_error(below: Calibration, stack: Model) -> None:
     sure = replace(below.store, root=np.zeros_like(below.store.root)).trimmed()
-    found = fit(Request(below.fitted_model, (bench(stack, 3, 5.0),), (), store=sure, name="above"))
+    found = fit(Request(below.model, (bench(stack, 3, 5.0),), (), store=sure, name="above"))
     assert found.moved["a.power"].verdict == "moved"
     assert found.moved["b.power"].verdict == UNDECIDED, "no shift lies within three errors of a value without an error"
 
@@ -179,7 +179,7 @@ def test_one_value_of_two_instances_is_tested_once() -> None:
     stack = pair()
     data = log(stack, {}, {"A": "a.case", "B": "b.case"}, boundary="room", samples=61)
     below = fit(Request(stack, (data,), ("a.power",), name="below"))
-    found = fit(Request(below.fitted_model, (replace(data, name="again"),), store=below.store, name="above"))
+    found = fit(Request(below.model, (replace(data, name="again"),), store=below.store, name="above"))
     assert below["a.power"].also == ("b.power",)
     assert [m.path for m in found.moved.values] == ["a.power"]
     assert found.moved["a.power"].verdict == "not rejected"
@@ -193,7 +193,7 @@ def test_a_step_beyond_the_bounds_or_the_derivatives_is_no_value() -> None:
     wide = box({"parameters/power/max": 100, "nodes/case/mass/min": 0.01})
     for truth, path, side in (({"power": "30 [W]"}, "power", "up"), ({MASS: "0.4 [kg]"}, MASS, "down"), ({MASS: "0.05 [kg]"}, MASS, "")):
         data = log(wide, truth, {"T": "case"}, samples=61, seed=7)
-        move = fit(Request(below.fitted_model, (data,), store=below.store, name="above")).moved[path]
+        move = fit(Request(below.model, (data,), store=below.store, name="above")).moved[path]
         assert math.isnan(move.alone)
         assert "->" not in str(move)
         if side:
@@ -201,7 +201,7 @@ def test_a_step_beyond_the_bounds_or_the_derivatives_is_no_value() -> None:
             assert f"errors {side}; " in str(move)
             assert f"{UNDECIDED}, " in str(replace(move, chance=0.2))
     near = log(wide, {"power": "6 [W]"}, {"T": "case"}, samples=61, seed=7)
-    assert fit(Request(below.fitted_model, (near,), store=below.store, name="above")).moved["power"].alone == pytest.approx(6.0, rel=0.1)
+    assert fit(Request(below.model, (near,), store=below.store, name="above")).moved["power"].alone == pytest.approx(6.0, rel=0.1)
 
 
 def _values(stage: str, rows: dict[str, tuple[float, float]]) -> FittedValues:

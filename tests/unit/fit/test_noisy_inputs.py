@@ -82,13 +82,13 @@ def test_it_is_what_every_sample_does_by_itself(tmp_path: Path, logged: str, sd:
     problem, at = fit.problem, np.array(list(fit.fitted.values()))
     rows = problem.jacobian(at)
     unmoved = log(still, laboratory.truth["plate"], laboratory.truth["cover"])
-    start = {b.sensor: b.predicted for b in td.compare(fit.fitted_model, unmoved).blocks}
+    start = {b.sensor: b.predicted for b in td.compare(fit.model, unmoved).blocks}
     brute = np.zeros((len(problem.unknowns),) * 2)
     for k in range(laboratory.times.size):
         one = still.copy()
         one[k, 2] = 1.0
         moved = log(one, laboratory.truth["plate"], laboratory.truth["cover"])
-        other = td.compare(fit.fitted_model, moved)
+        other = td.compare(fit.model, moved)
         shift = np.concatenate([(start[b.sensor] - b.predicted) / SD for b in other.blocks])
         g = rows.T @ shift
         brute += sd**2 * np.outer(g, g)

@@ -261,7 +261,7 @@ def diagnosed(c: Cell) -> None:
 
 def recovered(c: Cell) -> None:
     found = td.inference.power_history(
-        c.fit.fitted_model, c.record, "heat", known=[("0 [min]", "60 [min]", "4 [W]")], prior="walk", every="30 [min]"
+        c.fit.model, c.record, "heat", known=[("0 [min]", "60 [min]", "4 [W]")], prior="walk", every="30 [min]"
     )
     finite(found.power)
 

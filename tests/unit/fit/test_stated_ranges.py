@@ -80,7 +80,7 @@ def test_a_material_beyond_its_range_is_a_right_fit() -> None:
         assert v.prior == pytest.approx((math.log(477.0), math.log(1.04 / 0.96) / (2 * 1.96)), rel=1e-3)
         assert v.bounds == (-np.inf, np.inf)
         assert abs(v.value - 451.0) < 2.5 * v.error
-    assert ParameterSet(found.fitted_model).evaluate({})["a.specific_heat"] == found["a.specific_heat"].value
+    assert ParameterSet(found.model).evaluate({})["a.specific_heat"] == found["a.specific_heat"].value
 
 
 OWN_FILM = {"value": "6 [W/(m^2 K)]", "min": 4.5, "max": 8.0, "source": "assumed"}

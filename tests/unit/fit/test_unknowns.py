@@ -148,7 +148,7 @@ class TestTies:
         data = log(stack, {"a.case.mass": "1.2 [kg]", "b.case.mass": "1.2 [kg]"}, {"A": "a.case"}, boundary="room")
         found = calibrate(stack, data, ["a.case.mass"])
         assert found["a.case.mass"].value == pytest.approx(1.2, abs=4 * found["a.case.mass"].error)
-        fitted = found.fitted_model
+        fitted = found.model
         assert fitted.at("a.case.mass").text == fitted.at("b.case.mass").text
 
     def test_untie(self) -> None:

@@ -60,7 +60,7 @@ OWN = td.Scenario("own", boundaries={"air": "22 [degC]"}, start="22 [degC]", dur
 def test_in_the_conditions_of_the_fit_a_spread_of_an_assumed_area_widens_a_band_by_at_most_a_tenth(found: Calibration) -> None:
     bare, spread = (td.predict(found, OWN, spread=s)["case"].half_width.max() for s in ({}, {"skin.area": "0.006 [m^2]"}))
     assert spread <= 1.1 * bare
-    unsolved = td.predict(Knowledge(found.fitted_model), OWN, spread={"skin.area": "0.006 [m^2]"})["case"].half_width.max()
+    unsolved = td.predict(Knowledge(found.model), OWN, spread={"skin.area": "0.006 [m^2]"})["case"].half_width.max()
     assert unsolved > 3.0 * bare  # without the fit it would be this
 
 
@@ -85,7 +85,7 @@ def test_the_first_line_counts_what_is_left_and_names_the_costliest(found: Calib
     (words,) = [x for x in told.left_out if "assumed value" in x.what]
     assert "'seal.conductance' costs most" in words.what
     assert "than halve this uncertainty" in words.what
-    (alone,) = [x for x in td.predict(Knowledge(found.fitted_model), OWN).left_out if "assumed value" in x.what]
+    (alone,) = [x for x in td.predict(Knowledge(found.model), OWN).left_out if "assumed value" in x.what]
     assert words.kelvin < alone.kelvin
 
 

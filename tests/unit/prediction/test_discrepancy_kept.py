@@ -34,9 +34,9 @@ def fit() -> td.Calibration:
 def test_values_keep_it_and_predictions_from_them_count_it(fit: td.Calibration, tmp_path: Path) -> None:
     fit.values.save(tmp_path / "values.toml")
     values = load_values(tmp_path / "values.toml")
-    (errors,) = td.design.Knowledge(fit.fitted_model, (values,)).errors
+    (errors,) = td.design.Knowledge(fit.model, (values,)).errors
     kept = sum(w.weight * w.left_over**2 for w in errors.ways)
-    seen = td.design.foresee(td.design.Knowledge(fit.fitted_model, (values,)), soak(40.0))
+    seen = td.design.foresee(td.design.Knowledge(fit.model, (values,)), soak(40.0))
     assert seen.prediction["proc"].parts[UNEXPLAINED] == pytest.approx(kept, rel=1e-6)
     assert not seen.prediction["air"].parts[UNEXPLAINED].any()
     told = td.predict(fit, soak(40.0))
@@ -44,7 +44,7 @@ def test_values_keep_it_and_predictions_from_them_count_it(fit: td.Calibration, 
 
 
 def test_of_two_accounts_of_it_the_larger_counts(fit: td.Calibration) -> None:
-    seen = td.design.foresee(td.design.Knowledge(fit.fitted_model, (fit.values,)), soak(40.0), nodes=["proc"])
+    seen = td.design.foresee(td.design.Knowledge(fit.model, (fit.values,)), soak(40.0), nodes=["proc"])
     for size, cause in ((2.0, IN_TESTS), (0.01, UNEXPLAINED)):
         wide = widened(seen, {"proc": size}, IN_TESTS, "x").prediction["proc"].parts
         assert {c for c in (UNEXPLAINED, IN_TESTS) if c in wide} == {cause}

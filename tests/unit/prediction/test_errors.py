@@ -131,7 +131,7 @@ def test_a_fit_whose_elements_cannot_be_followed_counts_its_values_and_says_why(
 def test_power_of_a_deck_departs_as_that_of_a_scenario_does(fit: td.Calibration) -> None:
     """A scenario that does not give the power of 4 W is as unsure of it as a log that does not: 1.4 % from run to run."""
     silent = replace(_asked(4.0), loads={})
-    wiring = Wiring(network_for(fit.fitted_model, silent), silent)
+    wiring = Wiring(network_for(fit.model, silent), silent)
     (course,) = [course_of(wiring, Engine(wiring), None, Options())]
     assert {load: watts.value for load, (_, watts) in course.powers.items()} == {"heat": 4.0}
     given, open_ = (td.predict(fit, s)["case"].parts["differences between tests"][-1] for s in (_asked(4.0), silent))

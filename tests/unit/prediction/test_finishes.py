@@ -115,7 +115,7 @@ def test_the_size_of_an_assumption_is_that_of_its_finish() -> None:
 
 
 def test_a_fit_in_air_does_not_tell_it_and_vacuum_asks_it(fitted: td.Calibration) -> None:
-    hidden = td.simulate(fitted.fitted_model.with_values({"top.emissivity": 0.13, "side.emissivity": 0.13}), BENCH.vacuum())["case"].kelvin
+    hidden = td.simulate(fitted.model.with_values({"top.emissivity": 0.13, "side.emissivity": 0.13}), BENCH.vacuum())["case"].kelvin
     told = td.predict(fitted, BENCH.vacuum())
     assert (np.abs(told["case"].kelvin - hidden) <= told["case"].half_width).mean() > 0.95
     assert told["case"].final.shares[STATED_RANGES] > 0.5

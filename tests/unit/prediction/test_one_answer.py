@@ -104,11 +104,11 @@ def test_what_moves_the_centre_of_a_band_is_said_with_its_size(name: str, place:
     scenario: td.Scenario = getattr(case, place)
     told = td.predict(case.fit, scenario, nodes=[case.node])
     band = told[case.node]
-    run = td.simulate(case.fit.fitted_model, scenario, times=band.times)[case.node].kelvin
+    run = td.simulate(case.fit.model, scenario, times=band.times)[case.node].kelvin
     assert band.simulated == pytest.approx(run, abs=1e-3)
     assert run + sum(band.moved.values(), np.zeros(run.size)) == pytest.approx(band.kelvin, abs=1e-3)
     drawn = td.qualify.uncertain_runs(case.fit.model, scenario, case.fit, n=400, nodes=[case.node], seed=7)
-    middle = td.simulate(case.fit.fitted_model, scenario, times=drawn.times)[case.node].kelvin
+    middle = td.simulate(case.fit.model, scenario, times=drawn.times)[case.node].kelvin
     off = np.abs(drawn.node_temperatures(case.node).mean(axis=0) - middle).max()
     for apart, said in ((np.abs(band.kelvin - run).max(), told.centre), (off, drawn.centre)):
         if apart > 0.1:
@@ -127,7 +127,7 @@ def test_a_hold_out_record_has_one_run_and_what_moves_a_band_from_it_is_said(nam
     case = CASES[name]()
     scenario: td.Scenario = getattr(case, place)
     times = np.arange(0.0, scenario.seconds + 1.0, 60.0)
-    seen = td.simulate(case.fit.fitted_model, scenario, times=times)[case.node].kelvin + 0.3
+    seen = td.simulate(case.fit.model, scenario, times=times)[case.node].kelvin + 0.3
     seen += 0.1 * np.random.default_rng(5).standard_normal(times.size)
     channel = td.Channel.from_array("T", seen, unit="K", role="node", target=case.node, noise=0.1, accuracy=0.2)
     record = td.Record.from_arrays("hold-out", times, {"T": channel})

@@ -34,14 +34,14 @@ def found() -> Calibration:
 
 def test_it_is_the_simulation_with_the_error_of_the_covariance(found: Calibration) -> None:
     told = plain(found, HOT, times=[3600.0, 10800.0])
-    run = simulate(found.fitted_model, HOT, times=[3600.0, 10800.0])
+    run = simulate(found.model, HOT, times=[3600.0, 10800.0])
     assert told["case"].kelvin == pytest.approx(run["case"].kelvin, abs=1e-4)
     # by differences: the logarithms of both values, one standard error along each direction of their covariance
     paths = list(found.values.parameters)
     covariance = found.values.bare().covariance
     slopes = []
     for p in paths:
-        up = found.fitted_model.with_values({p: f"{float(found[p].in_unit * np.exp(1e-3))!r} [{found[p].unit}]"})
+        up = found.model.with_values({p: f"{float(found[p].in_unit * np.exp(1e-3))!r} [{found[p].unit}]"})
         slopes.append((simulate(up, HOT, times=[3600.0, 10800.0])["case"].kelvin - run["case"].kelvin) / 1e-3)
     by_hand = np.sqrt(np.einsum("pt,pq,qt->t", slopes, covariance, slopes))
     assert told["case"].error == pytest.approx(by_hand, rel=2e-3)
@@ -52,7 +52,7 @@ def test_it_is_the_simulation_with_the_error_of_the_covariance(found: Calibratio
 
 def test_what_is_settled_is_the_steady_state(found: Calibration) -> None:
     told = plain(found, HOT)
-    steady = td.steady(found.fitted_model, HOT)
+    steady = td.steady(found.model, HOT)
     assert told.settled["case"].celsius == pytest.approx(steady["case"] - 273.15, abs=1e-6)
     # at the end only the coefficient counts: rise / (h A)
     share = found[HTC].error / found[HTC].value

@@ -203,7 +203,7 @@ def test_a_second_record_without_gas_overrides_the_finish() -> None:
     truth = td.simulate(HIDDEN, far)["case"].kelvin[-1]
     lawful = part("0.03 [m^2]", {"htc": {"coefficient": "3 [W/(m^2 K)]", "exponent": 0.25}}, "2.5 [W]", "paint, any non-metallic")
     fit = td.calibrate(lawful, records, ["skin.htc.coefficient", "case.capacitance", "skin.emissivity"], scenario=scenarios)
-    assert half_width(fit.values, fit.fitted_model, far, truth) < 0.10
+    assert half_width(fit.values, fit.model, far, truth) < 0.10
     # a constant coefficient is not what the air does: the fit says so, and the emissivity is near all the same
     constant = part("0.03 [m^2]", "8 [W/(m^2 K)]", "2.5 [W]", "paint, any non-metallic")
     fit = td.calibrate(constant, records, ["skin.effective_htc", "case.capacitance", "skin.emissivity"], scenario=scenarios)

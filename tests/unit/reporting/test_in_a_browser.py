@@ -62,7 +62,7 @@ def browser() -> Iterator[Page]:
 @pytest.fixture(scope="module")
 def address(campaign: Campaign, tmp_path_factory: pytest.TempPathFactory) -> str:
     bench = td.Scenario("hot bench", boundaries={"room": "45 [degC]"}, start="24 [degC]", duration="5 [h]")
-    run = td.simulate(campaign["submodel"].fitted_model, bench)
+    run = td.simulate(campaign["submodel"].model, bench)
     return report(campaign, to=tmp_path_factory.mktemp("shown") / "page.html", scenarios=[("Hot", run)]).as_uri()
 
 
@@ -75,8 +75,8 @@ def hostile(campaign: Campaign, tmp_path_factory: pytest.TempPathFactory) -> str
             replace(b, sensor=NAMES[(k + n) % 6], record=NAMES[(k + n + 1) % 6], node=NAMES[(k + n + 2) % 6])
             for n, b in enumerate(fit.blocks)
         )
-        model = replace(fit.model, title=NAMES[k % 6], use=NAMES[(k + 1) % 6])
-        return replace(fit, stage=NAMES[k % 6], model=model, blocks=blocks, warnings=NAMES, bias={})
+        model = replace(fit.given_model, title=NAMES[k % 6], use=NAMES[(k + 1) % 6])
+        return replace(fit, stage=NAMES[k % 6], given_model=model, blocks=blocks, warnings=NAMES, bias={})
 
     fits = [soiled(c, k) for k, c in enumerate(campaign.stages.values())]
     verdicts = tuple(

@@ -74,6 +74,17 @@ def test_its_lines_are_a_campaign_that_reads_the_log(log):
     assert td.read_record(log, channels)["heater"].values.max() == pytest.approx(4.0)
 
 
+@pytest.mark.parametrize(("rows", "said"), [(7200, [{"resample": {"step": "25 [s]", "switches": True}}]), (600, [])])
+def test_a_log_of_two_seconds_is_thinned_by_its_lines(tmp_path, rows, said):
+    """A test of hours at 2 s was copied as printed, and its fit took minutes."""
+    path = tmp_path / "fine.csv"
+    path.write_text("time [s],T [degC],P [W]\n" + "".join(f"{2 * k},{20 + 0.001 * k:.3f},{5 * (k > 300)}\n" for k in range(rows)))
+    record = tomllib.loads(td.look(path).campaign())["records"]["fine"]
+    assert record.get("prepare", []) == said
+    read = td.read_record(path, record["channels"], time=record["time"]).prepare(said)
+    assert read.times.size < 700
+
+
 def test_picture_stands_by_itself_and_shows_every_known_column(log):
     root = fromstring(td.look(log).svg())
     assert root.tag == "{http://www.w3.org/2000/svg}svg"

@@ -16,7 +16,7 @@ TABLE = "<table><caption>x.</caption><thead><tr>{}</tr></thead><tbody><tr>{}</tr
 
 def test_every_number_of_a_page_has_unit_and_error(campaign: Campaign, tmp_path: Path) -> None:
     run = td.simulate(
-        campaign["submodel"].fitted_model,
+        campaign["submodel"].model,
         td.Scenario("hot", boundaries={"room": "45 [degC]"}, start="24 [degC]", duration="5 [h]"),
     )
     page = report(campaign, to=tmp_path / "page.html", scenarios=[("Hot", run)])

@@ -66,7 +66,7 @@ class Page(HTMLParser):
 @pytest.fixture(scope="module")
 def page(campaign: Campaign, tmp_path_factory: pytest.TempPathFactory) -> Page:
     bench = td.Scenario("hot bench", boundaries={"room": "45 [degC]"}, start="24 [degC]", duration="5 [h]")
-    model = campaign["submodel"].fitted_model
+    model = campaign["submodel"].model
     runs = [("Hot", td.simulate(model, bench)), ("Vacuum", td.simulate(model, bench.vacuum(as_printed=True)))]
     target = tmp_path_factory.mktemp("out") / "new" / "report.html"
     assert report(campaign, to=target, scenarios=runs, notes="First thought.\n\nSecond thought.") == target
@@ -180,9 +180,11 @@ def hostile(campaign: Campaign) -> Campaign:
         names = {b.sensor: f"{b.sensor}{EVIL}" for b in fit.blocks}
         blocks = tuple(replace(b, sensor=names[b.sensor], record=b.record + EVIL, node=b.node + EVIL) for b in fit.blocks)
         local = tuple(replace(i, record=i.record + EVIL, name=i.name + EVIL) for i in fit.local)
-        model = replace(fit.model, title=fit.model.title + EVIL, use=EVIL)
+        model = replace(fit.given_model, title=fit.given_model.title + EVIL, use=EVIL)
         records = {r + EVIL: sha for r, sha in fit.records.items()}
-        return replace(fit, stage=fit.stage + EVIL, model=model, blocks=blocks, local=local, records=records, warnings=(EVIL,), bias={})
+        return replace(
+            fit, stage=fit.stage + EVIL, given_model=model, blocks=blocks, local=local, records=records, warnings=(EVIL,), bias={}
+        )
 
     verdicts = tuple(
         replace(v, model=EVIL, record=EVIL, title=EVIL, fitted_locally=(EVIL,), prediction=soil(v.prediction)) for v in campaign.verdicts
@@ -192,7 +194,7 @@ def hostile(campaign: Campaign) -> Campaign:
 
 
 def test_hostile_names_never_become_markup(campaign: Campaign, tmp_path: Path) -> None:
-    model = campaign["component"].fitted_model
+    model = campaign["component"].model
     run = td.simulate(model, td.Scenario(EVIL, boundaries={"air": "24 [degC]"}, start="24 [degC]", duration="1 [h]"))
     soiled = Page(report(hostile(campaign), to=tmp_path / "evil.html", scenarios=[(EVIL, run)], notes=[EVIL]))
     assert not any(name.startswith("on") for _, attributes in soiled.elements for name in attributes)

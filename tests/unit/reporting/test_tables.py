@@ -119,7 +119,7 @@ def test_verdicts_name_found_limit_and_result(campaign: Campaign) -> None:
 
 
 def test_the_area_ledger_adds_up(campaign: Campaign) -> None:
-    table = tables.areas(campaign["submodel"].fitted_model)
+    table = tables.areas(campaign["submodel"].model)
     assert [r[0].text for r in table.rows] == ["a.skin", "b.skin"]
     for line in table.rows:
         total, exposed, contact, gap = (float(c.text) for c in line[1:5])

@@ -139,7 +139,7 @@ def test_tied_instances_are_all_assigned() -> None:
     data = log(stack, {"a.case.mass": "1.2 [kg]", "b.case.mass": "1.2 [kg]"}, {"A": "a.case"}, boundary="room", samples=61)
     found = calibrate(stack, data, ["a.case.mass"])
     assert list(found.values.assignments) == ["a.case.mass", "b.case.mass"]
-    fitted = found.fitted_model
+    fitted = found.model
     assert (
         fitted.at("b.case.mass").expression.literal.value == fitted.at("a.case.mass").expression.literal.value == found["a.case.mass"].value
     )

@@ -105,6 +105,7 @@ def init(
         "changes": [c.name for c in proposal.chosen.changes],
         "rmse_K": proposal.chosen.rmse,
         "assumed": proposal.assumed,
+        "powers": proposal.powers_text,
         "thinned": proposal.thinned_text,
         "masked": masked,
         "unexplained": proposal.unexplained,

@@ -649,7 +649,7 @@ class Building:
             result = fit(request, j.tell, stoppable=True)
             shown = fit_object(result)
             self.fitted = shown["values"]
-            desk = Desk(request.name, result.model, result.problem, (), result)
+            desk = Desk(request.name, result.given_model, result.problem, (), result)
             j.result = {**shown, "fitted": self.fitted, **curves_object(desk, {})}
 
         return self.jobs.start("fit", request.name, job, keeps=True)

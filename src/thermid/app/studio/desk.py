@@ -115,7 +115,7 @@ class Desk:
     def tuned(self, values: Mapping[str, float]) -> Model:
         """Return the model at values in the units of the sliders."""
         moved = {path: v for path, v in values.items() if path not in self.others}
-        return self._with_sliders(self.model if self.calibration is None else self.calibration.fitted_model, moved)
+        return self._with_sliders(self.model if self.calibration is None else self.calibration.model, moved)
 
     def fixed_at(self, values: Mapping[str, float], free: Collection[str]) -> Model:
         """Return the model whose parameters stand where their sliders do, but for those that a fit is about to find.

@@ -85,7 +85,7 @@ class LiveWatch:
         """Return what columns may be bound to: path -> node, boundary or load; nothing where there is no model yet."""
         try:
             known = self._known()
-            model = known[list(known)[-1]].fitted_model if isinstance(known, Campaign) else known
+            model = known[list(known)[-1]].model if isinstance(known, Campaign) else known
             return {} if model is None else roles_of_paths(compile_network(model))
         except ThermidError:
             return {}
@@ -206,7 +206,7 @@ def _like_a_record(path: Path, campaign: Campaign, stated: Scenario | None, bare
     }
     alike = [name for name, columns in columns_of_records.items() if columns and columns <= header]
     if not alike and told:
-        return _by_names(path, campaign[list(campaign)[-1]].fitted_model, stated, bare, told)
+        return _by_names(path, campaign[list(campaign)[-1]].model, stated, bare, told)
     if not alike:
         return _without_model(bare, "the log has not the columns of one of the campaign's records. Bind the columns")
     last = next(s.records for s in campaign.source.content.stages if s.name == list(campaign)[-1]) if campaign.source is not None else ()

@@ -278,9 +278,9 @@ class Project:
             calibration = self.fits[name]
             return Desk(
                 name,
-                calibration.model,
+                calibration.given_model,
                 calibration.problem,
-                () if calibration.problem is not None else self.scenarios(calibration.model),
+                () if calibration.problem is not None else self.scenarios(calibration.given_model),
                 calibration,
             )
         request = self._request(name)

@@ -263,7 +263,7 @@ def correlate(
     """
     standing = UNJUDGED
     if isinstance(readings, Calibration):
-        pairs, standing = overlays(readings), model_standing(readings.fitted_model)
+        pairs, standing = overlays(readings), model_standing(readings.model)
     elif isinstance(readings, list | tuple) and len(readings) == 2 and isinstance(readings[0], Record) and isinstance(readings[1], Record):
         pairs = paired(readings[0], readings[1])
     else:

@@ -23,7 +23,6 @@ from thermid.inference.criticism import FittedStructure
 from thermid.measure.records import Record
 from thermid.model.deck import model_text
 from thermid.model.elements import parameter
-from thermid.model.tree import Model
 
 FITTED, HOLDOUT_NAME = 0.7, "holdout"
 """Part of a single log that is fitted; the rest judges."""
@@ -142,8 +141,9 @@ def settled(one: FittedStructure, boundary: str = SURROUNDINGS) -> tuple[Request
     too.
     """
     slight = _slight(one, one.errors(), boundary)
-    model = _without(one.request.model, slight)
-    texts = {n: parameter(f"{v:.4g} [{u}]", n) for n, (v, u) in _values(one).items() if n.partition(".")[0] not in slight}
+    model = replace(one.request.model, conductors={n: c for n, c in one.request.model.conductors.items() if n not in slight})
+    units = {u.name: u.unit for u in one.problem.unknowns}
+    texts = {n: parameter(f"{v:.4g} [{units[n]}]", n) for n, v in one.values.items() if n.partition(".")[0] not in slight}
     model = model.with_values(texts, "thermid init")
     free = [n for n in one.request.free if n.partition(".")[0] not in slight]
     fixed: list[str] = []
@@ -166,11 +166,6 @@ def settled(one: FittedStructure, boundary: str = SURROUNDINGS) -> tuple[Request
     return request, tuple(fixed), tuple(slight)
 
 
-def _values(one: FittedStructure) -> dict[str, tuple[float, str]]:
-    units = {u.name: u.unit for u in one.problem.unknowns}
-    return {n: (v, units[n]) for n, v in one.values.items()}
-
-
 def _slight(one: FittedStructure, sizes: Mapping[str, float], boundary: str) -> list[str]:
     """Return conductors that carry little and are not told by the log."""
     values = one.values
@@ -184,10 +179,6 @@ def _slight(one: FittedStructure, sizes: Mapping[str, float], boundary: str) -> 
         for n, ends in paths.items()
         if sizes[f"{n}.conductance"] > 0.5 and all(values[f"{n}.conductance"] < SLIGHT * strength[e] for e in ends if e != boundary)
     ]
-
-
-def _without(model: Model, names: Sequence[str]) -> Model:
-    return replace(model, conductors={n: c for n, c in model.conductors.items() if n not in names})
 
 
 def _as_comments(lines: Sequence[str]) -> str:
@@ -278,7 +269,7 @@ def _campaign(
     """Return the campaign: the logs, one stage, one verdict."""
     seats = {c.name: str(c.target) for c in request.records[0].channels.values() if c.role == "node"}
     channels = _channels(proposal, seats)
-    step = thinned_step(max(fitted, key=lambda r: r.duration)) if max(r.times.size for r in fitted) > 600 else 0.0
+    step = thinned_step(max(r.duration for r in fitted)) if max(r.times.size for r in fitted) > 600 else 0.0
     document = tomlkit.document()
     document.add("title", f"{title}: first fit and hold-out")
     document.add("note", f"Written by thermid init from {source}.")
@@ -326,6 +317,7 @@ def _campaign(
         f"Limits of the verdict: {VERDICT_NOISES:g} noises or {100 * VERDICT_SHARE_OF_RANGE:g} % of the range of the readings. "
         "Replace them by yours.",
         "The noise is estimated from second differences of the readings.",
+        *([proposal.powers_text] if proposal.powers_text else []),
         proposal.offsets_text,
         *([instants_text(proposal.instants)] if proposal.instants else []),
         *(f"{reason}; empty in the logs beside this file." for reason in masked),

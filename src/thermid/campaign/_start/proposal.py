@@ -203,6 +203,17 @@ class Proposal:
         return f"Offsets of thermometers, accuracy {self.known.accuracy:g} K assumed{against}: {offsets}. {where}"
 
     @property
+    def powers_text(self) -> str:
+        """Which part all of a power heats that nobody placed, and how it is shared among several; empty where it is told."""
+        loads = self.chosen.request.model.loads
+        placed = [(p, loads[p.load].into) for p in self.roles.powers if not p.told and len(self.roles.parts) > 1]
+        return " ".join(
+            f"All of {p.column} heats '{node}', which explains the log best. If it heats several parts, give each a load and its share: "
+            f'power = "0.8 * {p.column}" and power = "0.2 * {p.column}" in their channels.'
+            for p, node in placed
+        )
+
+    @property
     def thinned_text(self) -> str:
         """How coarse the logs are that structures were tried on; empty where they are as they were read."""
         steps = [(e.record.name, s) for e in self.chosen.problem.experiments for s in e.record.steps if s.startswith("resample: ")]
@@ -225,7 +236,9 @@ class Proposal:
         lines[1:1] = [f"Not physical: {c}" for c in self.not_physical]
         lines += [self.depending_text] if self.depending else []
         lines += [f"Assumed: {self.assumed}"] if self.assumed else []
-        lines += [t for t in (self.thinned_text, self.offsets_text, instants_text(self.instants), *self.roles.questions) if t]
+        lines += [
+            t for t in (self.powers_text, self.thinned_text, self.offsets_text, instants_text(self.instants), *self.roles.questions) if t
+        ]
         return "\n".join([*lines, str(self.search)])
 
 
@@ -380,7 +393,14 @@ def propose(
         one, estimated_noise = with_noise(record, sizes, facts.accuracy)
         prepared.append(one)
         sizes = {**estimated_noise, **sizes}
-    _refuse_still(prepared, roles, sizes)
+    seen = [(c, record[c]) for record in prepared for c in roles.parts if c in record.channels]
+    if not any(float(np.ptp(channel.values[channel.valid])) > 8.0 * sizes[c] for c, channel in seen):
+        raise IdentificationError(
+            "no temperature of a part changes by more than its noise, so the log does not determine any time constant. Log a test in "
+            "which a power or the ambient changes.",
+            prepared[0].name,
+            code="fit.not-determined",
+        )
     roles = replace(roles, powers=tuple(_placed(p, roles, prepared) for p in roles.powers))
     roles, begun = _begun(roles, prepared, facts, budget)
     begun, facts = _bounded_where_it_matters(roles, prepared, facts, begun, budget)
@@ -447,20 +467,6 @@ def _weighed(change: MissingElement, roles: Roles, facts: StatedFacts) -> Missin
     if not facts.masses:
         return change
     return replace(change, request=light(change.request), make=lambda request: light(change.make(request)), judge=judge)
-
-
-def _refuse_still(records: Sequence[Record], roles: Roles, noise: Mapping[str, float]) -> None:
-    for record in records:
-        for column in roles.parts:
-            channel = record.channels.get(column)
-            if channel is not None and float(np.ptp(channel.values[channel.valid])) > 8.0 * noise[column]:
-                return
-    raise IdentificationError(
-        "no temperature of a part changes by more than its noise, so the log does not determine any time constant. Log a test in "
-        "which a power or the ambient changes.",
-        records[0].name,
-        code="fit.not-determined",
-    )
 
 
 def _placed(power: Power, roles: Roles, records: Sequence[Record]) -> Power:
@@ -549,8 +555,7 @@ def _bounded_where_it_matters(
 
 def _placements(roles: Roles) -> list[Roles]:
     """Return the roles with each power that nobody placed in every part in turn; as it is where that would be too many."""
-    parts = list(roles.parts.values())
-    choices = [[p] if p.told else [replace(p, node=n) for n in parts] for p in roles.powers]
+    choices = [[p] if p.told else [replace(p, node=n) for n in roles.parts.values()] for p in roles.powers]
     placements = list(itertools.islice(itertools.product(*choices), MOST_PLACEMENTS + 1))
     return [replace(roles, powers=powers) for powers in placements] if len(placements) <= MOST_PLACEMENTS else [roles]
 

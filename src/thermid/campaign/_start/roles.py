@@ -177,12 +177,12 @@ def thinned(record: Record) -> Record:
     """Return a record of at most `MAX_SEARCHED_READINGS` readings, switching of powers kept."""
     if record.times.size <= MAX_SEARCHED_READINGS:
         return record
-    return record.resample(thinned_step(record), switches=True)
+    return record.resample(thinned_step(record.duration), switches=True)
 
 
-def thinned_step(record: Record) -> float:
-    """Return the interval that a long record is resampled to, two digits of it. [s]"""
-    step = record.duration / (MAX_SEARCHED_READINGS - 1)
+def thinned_step(duration: float) -> float:
+    """Return the interval that a record of a duration is resampled to where it is long, two digits of it. [s]"""
+    step = duration / (MAX_SEARCHED_READINGS - 1)
     scale = 10.0 ** (np.floor(np.log10(step)) - 1)
     return float(np.ceil(step / scale) * scale)
 

@@ -48,9 +48,11 @@ MAX_GAS_CONDUCTANCE: Final = float(GASES["air"].k(REFERENCE)) / MIN_CONTACT_GAP
 
 
 def bare_contacts(network: Network) -> list[FlatConductor]:
-    """Return the contacts whose deck does not say what of them is gas: touching spots and gas between in one conductance."""
+    """Return the contacts whose deck does not say what of them is gas, by a gap or gas = "none": spots and gas in one conductance."""
     conductors = network.flat.conductors
-    return [c for c in conductors if c.kind == "contact" and "contact_conductance" in c.fields and "gap" not in c.fields]
+    return [
+        c for c in conductors if c.kind == "contact" and "contact_conductance" in c.fields and not {"gap", "gas"} & {*c.fields, *c.words}
+    ]
 
 
 def separated(network: Network, media: Sequence[Media]) -> tuple[str, ...]:
@@ -177,7 +179,7 @@ def with_discrepancy(fit: Calibration, assumed: AssumedMoves) -> Calibration:
     problem = fit.problem
     assert problem is not None
     at = np.array(list(fit.fitted.values()))
-    is_same_model = [identity_of(e.model) == identity_of(fit.model) for e in problem.experiments]
+    is_same_model = [identity_of(e.model) == identity_of(fit.given_model) for e in problem.experiments]
     histories = [course for course, here in zip(_courses(problem, at), is_same_model, strict=False) if here]
     network = problem.experiments[is_same_model.index(True)].network if any(is_same_model) else problem.experiments[0].network
     surfaces = _constant(network)

@@ -550,9 +550,9 @@ def _problem_of(fit: Calibration) -> Problem:
     problem = fit.problem
     if problem is None or not any(u.kind == "parameter" for u in problem.unknowns):
         raise IdentificationError("this calibration does not hold what its fit was asked. Run the fit again.", fit.stage, code=FOLLOWED)
-    if any(identity_of(e.model) != identity_of(fit.model) for e in problem.experiments):
+    if any(identity_of(e.model) != identity_of(fit.given_model) for e in problem.experiments):
         raise IdentificationError("several levels were fitted together, and elements are followed in one.", fit.stage, code=FOLLOWED)
-    if fit.model.runner is not None:
+    if fit.given_model.runner is not None:
         raise IdentificationError("the elements of an FMU are not known, so nothing is known of how they depart.", fit.stage, code=FOLLOWED)
     return problem
 

@@ -148,7 +148,7 @@ class Estimation(Result):
     Parameters
     ----------
     title : str
-    model : Model               As it was given.
+    given_model : Model         As it was given; `model` has the values of the estimator that was chosen.
     process, output : Estimator With process noise, and without.
     horizon : float             Over which predictions were compared. [s]
     ratio, p_value : float      Likelihood ratio, twice the difference of the logarithms, and the probability of as much were there no
@@ -161,7 +161,7 @@ class Estimation(Result):
     """
 
     title: str
-    model: Model
+    given_model: Model
     process: Estimator
     output: Estimator
     horizon: float
@@ -187,9 +187,9 @@ class Estimation(Result):
         return self.chosen.values
 
     @property
-    def fitted_model(self) -> Model:
+    def model(self) -> Model:
         """The model with the values of the estimator that was chosen."""
-        return self.model.with_values(self.values.assignments, f"{self.chosen.name} of '{self.title}'")
+        return self.given_model.with_values(self.values.assignments, f"{self.chosen.name} of '{self.title}'")
 
     def states(self, record: int = 0, *, smooth: bool = True) -> States:
         """Return the states of a record, by all readings or by those up to each moment, at the values of process noise.

@@ -111,7 +111,7 @@ def energy_balance(
     For each measured node, power in, less heat to its neighbours at the measured temperatures, less capacitance times drift. Nodes that
     were not measured are calculated from those that were.
     """
-    of = model.fitted_model if isinstance(model, Calibration) else model
+    of = model.model if isinstance(model, Calibration) else model
     point = record.steady(start, end, limit=limit)
     case = _Case(of, point, scenario)
     values = _by_values(model, case, lambda moved: _Case(moved, point, scenario)) if isinstance(model, Calibration) else None

@@ -270,9 +270,9 @@ def criticise(fit: Calibration, elements: bool | None = None, *, executor: Worke
             "this calibration was not made by a fit in this session; repeat the fit.", fit.stage, code="fit.needs-session"
         )
     traces, checks = tuple(_traces(fit)), tuple(running_locals(fit))
-    wanted = (any(not t.is_noise for t in traces) and fit.model.runner is None) if elements is None else elements
+    wanted = (any(not t.is_noise for t in traces) and fit.given_model.runner is None) if elements is None else elements
     if wanted:
-        refuse_unseen(fit.model, "a search for missing elements")
+        refuse_unseen(fit.given_model, "a search for missing elements")
     if not wanted:
         return Criticism(fit.stage, traces, (), checks)
     return Criticism(fit.stage, traces, tuple(_tried(fit, fit.request, executor)), checks)
@@ -326,7 +326,7 @@ def _traces(fit: Calibration) -> list[TraceCriticism]:
     powers = {}
     for e in fit.experiments:
         times = np.linspace(0.0, e.scenario.seconds, 301)
-        run = simulate(fit.fitted_model, e.bare, times=times)
+        run = simulate(fit.model, e.bare, times=times)
         powers[e.record.name] = times, np.sum([np.broadcast_to(p, times.shape) for p in run.load_powers.values()] or [0.0 * times], axis=0)
     for b in fit.blocks:
         at, watts = powers[b.record]

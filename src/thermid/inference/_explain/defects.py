@@ -96,7 +96,7 @@ def explained(fit: Calibration) -> tuple[ExplainedFit, ...]:
 def asks(fit: Calibration) -> bool:
     """Whether the residuals of a fit are larger than the stated noise, and the fit is small enough for refits."""
     problem, request = fit.problem, fit.request
-    if problem is None or request is None or fit.stopped or fit.loss != "linear" or fit.model.runner is not None or problem.clocked:
+    if problem is None or request is None or fit.stopped or fit.loss != "linear" or fit.given_model.runner is not None or problem.clocked:
         return False
     surfaces = constant_coefficients(problem.experiments[0].network)
     if any(c.words.get(CARRIED_BY, FREE_AIR) == FREE_AIR for c in surfaces.values()):

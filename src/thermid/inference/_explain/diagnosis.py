@@ -277,7 +277,7 @@ def diagnose(
             code="fit.not-possible",
         )
     accuracies = {s: accuracy if o.accuracy is None else o.accuracy for s, o in noted.items()}
-    grown, candidates = faults_of(several[0].fitted_model, {s: o.seat for s, o in noted.items()})
+    grown, candidates = faults_of(several[0].model, {s: o.seat for s, o in noted.items()})
     extra = list(spread or {})
     cases = [c for t in several for c in cases_of(t, grown, candidates, extra)]
     bench = FaultBench(cases, candidates, accuracies)

@@ -299,7 +299,7 @@ def _weights(fit: Calibration, network: Network, owners: Mapping[str, FittedValu
 def _losses(fit: Calibration, network: Network, owners: Mapping[str, FittedValue], delivered: Mapping[str, str]) -> Iterator[RangeCheck]:
     """Yield checks of losses P of converters that deliver P_out: P_out (1 / efficiency - 1); `delivered` is load -> P_out as text."""
     for raw, text in delivered.items():
-        path = fit.model.canonical(raw)
+        path = fit.given_model.canonical(raw)
         load = next((x for x in network.flat.loads if x.path == path), None)
         if load is None:
             raise NameNotFoundError(f"no load '{raw}'.{nearest(path, [x.path for x in network.flat.loads])}", "delivered")
@@ -336,7 +336,7 @@ def _from_records(of: Calibration, surfaces: Sequence[FlatConductor]) -> dict[st
     """Return surface -> mean temperatures of surface and gas over the records with gas, weighted by (T_s - T_g)^2; NaN without any. [K]"""
     sums = {c.path: np.zeros(3) for c in surfaces}
     for e in of.experiments:
-        solution = simulate(of.fitted_model, e.bare, times=e.times)
+        solution = simulate(of.model, e.bare, times=e.times)
         media = e.scenario.media()
         for c in surfaces:
             if media.empty(c.gas):

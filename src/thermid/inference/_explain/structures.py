@@ -669,7 +669,7 @@ def telling_test(one: FittedStructure, other: FittedStructure) -> str:
     words = max(gains, key=gains.__getitem__)
     if gains[words] < TIE:
         return f"No test with these powers and sensors would decide: of those tried, '{words}' gives {short(gains[words], 2)} units."
-    return f"To decide, test from rest, {words} (about {short(gains[words], 2)} units of log-likelihood)."
+    return f"To decide, test from rest, {words} (it separates them by about {short(gains[words], 2)} units; {TIE:g} decide)."
 
 
 def _separation(one: FittedStructure, other: FittedStructure, times: Array, loads: Mapping[str, TableSignal]) -> float:

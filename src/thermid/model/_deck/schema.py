@@ -785,6 +785,12 @@ class _ConductorTable(ElementTable):
         _check_carried_by(fields, words, where(""))
         if self.kind == "gas":
             _check_gap(fields, words, where(""))
+        if self.kind == "contact" and self.gas and ("gap" in fields) == (self.gas == "none"):
+            raise DeckError(
+                'the gas of a contact is that in its gap: give both. Where a pad or grease fills the contact, gas = "none" stands alone.',
+                where("gas"),
+                code="value.contradicts",
+            )
         if self.kind == "flow":
             _check_stream(set(fields), words.get("fluid", ""), where(""))
         if self.reversible and (self.kind != "flow" or (words.get("fluid") in GASES and "volume_flow" in fields)):

@@ -171,7 +171,7 @@ def _stage(key: str, c: Calibration, campaign: Campaign, sheets: Sheets) -> Part
     """Return what the page says of one stage."""
     samples = sum(s.samples for s in c.sensors.values())
     facts = (
-        ("model", c.model.title),
+        ("model", c.given_model.title),
         ("records", str(len(c.records))),
         ("samples", str(samples)),
         ("free parameters", str(len(c.values.parameters))),
@@ -188,14 +188,14 @@ def _stage(key: str, c: Calibration, campaign: Campaign, sheets: Sheets) -> Part
         "local": tables.locals_(c),
         "moved": moved(c),
         "correlations": tables.correlations(c),
-        "areas": tables.areas(c.fitted_model),
+        "areas": tables.areas(c.model),
         "held": tables.held(c),
         "inputs": tables.inputs(c),
     }
     logged = {load for e in c.experiments for load in (*e.scenario.loads, *e.scenario.commands)}
     whole = sheets.audience == "all"
     title = f"{c.stage}: the model with its fitted values"
-    picture = fitting_map(c.fitted_model, SHEET if whole else BRIEF_MAP, logged=logged, title=title)
+    picture = fitting_map(c.model, SHEET if whole else BRIEF_MAP, logged=logged, title=title)
     annex = [(title, shown[name]) for name, title in ANNEX if shown[name].rows]
     for name, title in (INSTRUMENTS, *ANNEX):
         if not whole and shown[name].rows:
@@ -203,10 +203,10 @@ def _stage(key: str, c: Calibration, campaign: Campaign, sheets: Sheets) -> Part
     return {
         "key": key,
         "name": c.stage,
-        "model": c.model,
+        "model": c.given_model,
         "facts": facts,
         "warnings": c.warnings,
-        "diagram": picture if whole or len(flatten(c.fitted_model).nodes) > 1 else "",
+        "diagram": picture if whole or len(flatten(c.model).nodes) > 1 else "",
         "oversized": "sheet" if oversized(picture) else "column" if not whole and oversized(picture, BRIEF_MAP) else "",
         "traces": _traces(c.blocks, f"{key}-trace", sheets.audience, fits={id(b): c for b in c.blocks}, most=BRIEF),
         "tables": shown,
@@ -401,10 +401,10 @@ NEAR_LIMIT = 30.0
 def _models_of(solution: Solution, campaign: Campaign) -> Iterator[Model]:
     """Yield the campaign's model that a solution is of, if it is one of them."""
     for c in reversed(list(campaign.stages.values())):
-        if c.model.title == solution.title:
-            names = Names(c.model)
+        if c.given_model.title == solution.title:
+            names = Names(c.given_model)
             if {*names.nodes, *names.boundaries} == set(solution.nodes):
-                yield c.fitted_model
+                yield c.model
                 return
 
 

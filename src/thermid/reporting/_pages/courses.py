@@ -31,7 +31,7 @@ def run_of(c: Calibration, record: str) -> tuple[Model, Scenario] | None:
     fitted = np.array([c.fitted[u.name] for u in c.problem.unknowns])
     bench = c.problem.bench(place, fitted)
     inputs = dict(zip(c.problem.benches()[place].free, c.problem.inputs(place, fitted)[0].tolist(), strict=True))
-    return bench.experiment.as_fitted(c.fitted_model, inputs)
+    return bench.experiment.as_fitted(c.model, inputs)
 
 
 def course_of(c: Calibration, record: str, times: Array | None = None) -> Solution | None:
@@ -78,5 +78,5 @@ def drives(c: Calibration, run: Solution | None) -> RecordDrive | None:
     """Return ambient temperatures and the sum of all powers over the run of a record."""
     if run is None:
         return None
-    ambient = {b: run[b].kelvin for b in flatten(c.model).names.boundaries if b in run.nodes}
+    ambient = {b: run[b].kelvin for b in flatten(c.given_model).names.boundaries if b in run.nodes}
     return RecordDrive(run.times, ambient, total_power(run))

@@ -147,7 +147,7 @@ def _network(decisive: Decisive, run: Course | None) -> Plot | None:
     """Return the coloured network at the hottest moment of the record; None where the run cannot be made again."""
     if run is None:
         return None
-    model = decisive.fit.fitted_model
+    model = decisive.fit.model
     flat = flatten(model)
     nodes = [n.path for n in flat.nodes]
     inside = {*nodes, *flat.names.boundaries}  # a sensor that lags has a node in the run, and none in the model

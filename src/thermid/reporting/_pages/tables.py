@@ -61,7 +61,7 @@ def parameters(calibration: Calibration) -> Table:
         Head("source before"),
         Head("state"),
     ]
-    table = parameter_table(calibration.model)
+    table = parameter_table(calibration.given_model)
     rows: list[Line] = []
     shown = view(calibration).values
     for path, v in calibration.values.parameters.items():
@@ -119,10 +119,10 @@ def levels(campaign: Campaign) -> tuple[Table, Table]:
     lines: list[tuple[Names, dict[str, tuple[float, FittedValue | None]]]] = []
     for stage in reversed(tuple(campaign)):
         calibration = campaign[stage]
-        values = ParameterSet(calibration.fitted_model).evaluate({})
+        values = ParameterSet(calibration.model).evaluate({})
         fitted = calibration.values.assignments
         for path in values:
-            names = tuple(_names(calibration.model, path))
+            names = tuple(_names(calibration.given_model, path))
             hits = [values_by_stage for keys, values_by_stage in lines if names[0] in keys]
             if not hits:
                 lines.append((names, {}))
@@ -403,12 +403,12 @@ def models(campaign: Campaign) -> Table:
     ]
     rows: list[Line] = []
     for stage, c in campaign.stages.items():
-        flat, provenance = flatten(c.model), c.values.provenance
+        flat, provenance = flatten(c.given_model), c.values.provenance
         identity, key = str(provenance.get("model", DASH)), campaign.keys.get(stage, "")
         sizes = [str(len(flat.nodes)), str(len(flat.conductors)), str(c.evaluations)]
         code = Cell(identity[:12], identity, "code")
         made_with = [str(provenance.get("version", DASH)), str(provenance.get("date", DASH))]
-        rows.append([Cell(stage, "", "main"), c.model.title, code, *sizes, *made_with, Cell(key[:12] or DASH, key, "code")])
+        rows.append([Cell(stage, "", "main"), c.given_model.title, code, *sizes, *made_with, Cell(key[:12] or DASH, key, "code")])
     return Table.of_rows(columns, rows)
 
 
@@ -429,7 +429,7 @@ def _version(package: str) -> str:
 
 def held(calibration: Calibration) -> Table:
     """Return every value of the fitted model: who set it, from what source, and which values it hides."""
-    values = ParameterSet(calibration.fitted_model)
+    values = ParameterSet(calibration.model)
     numbers = values.evaluate({})
     columns = [
         Head("parameter"),
@@ -608,10 +608,10 @@ def _unknown(campaign: Campaign) -> Iterator[tuple[str, str]]:
         if twins:
             yield f"Better determined together than each alone: {_some(twins)}.", c.stage
     for c in _fits(campaign)[:1]:
-        values = ParameterSet(c.fitted_model).table
+        values = ParameterSet(c.model).table
         held = [p for p, e in values.items() if e.parameter.source == "assumed" and p not in c.values.assignments]
         if held:
-            yield f"{counted(len(held), 'value')} of {c.model.title} stayed as the deck assumes, such as {held[0]}.", c.stage
+            yield f"{counted(len(held), 'value')} of {c.given_model.title} stayed as the deck assumes, such as {held[0]}.", c.stage
 
 
 def _todo(campaign: Campaign, named: Sequence[CampaignPrediction]) -> Iterator[tuple[str, str]]:

@@ -17,6 +17,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import ThermidError
 from thermid.base.results import Result
 from thermid.base.units import counted, from_si, in_si, unit
+from thermid.campaign.start import thinned_step
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.readers import (
     Cells,
@@ -48,6 +49,8 @@ _ELECTRIC: Final = re.compile(r"([vuia]|volts?|voltage|spannung|tens[aã]o|amp(e
 _BLOCKS: Final = "▁▂▃▄▅▆▇█"
 _SHOWN: Final = ("temperature", "boundary", "power", "duty")
 _PANELS: Final = (("temperature", "°C", ("temperature", "boundary")), ("power", "W", ("power",)), ("duty", "%", ("duty",)))
+MANY_READINGS: Final = 6000
+"""Readings of a log from which its lines for a campaign thin it as `init` does: fits of 18,000 take minutes, and means lose nothing."""
 _BARE: Final = re.compile(r"[A-Za-z0-9_-]+\Z")
 
 
@@ -204,9 +207,12 @@ class Look(Result):
             out.append(f"time     = {json.dumps(self.clock.header, ensure_ascii=False)}")
         codes = [f'"{v:.10g} [{c.unit}]"' for c in self.columns for v in c.codes]
         if any(v not in SENSOR_FAULT_CODES or c.unit != "degC" for c in self.columns for v in c.codes):
-            out.append(f"prepare  = [{{ faults = {{ codes = [{', '.join(dict.fromkeys(codes))}] }} }}]")
-        elif any(c.faults for c in self.columns):
-            out.append("prepare  = [{ faults = true }]")
+            steps = [f"{{ faults = {{ codes = [{', '.join(dict.fromkeys(codes))}] }} }}"]
+        else:
+            steps = ["{ faults = true }"] if any(c.faults for c in self.columns) else []
+        if self.times is not None and self.times.values.size > MANY_READINGS:
+            steps.append(f'{{ resample = {{ step = "{thinned_step(float(np.ptp(self.times.values))):g} [s]", switches = true }} }}')
+        out += [f"prepare  = [{', '.join(steps)}]"] if steps else []
         out += ["", f"[records.{name}.channels]"]
         out += [f"# {ACCURACY}"] if any(c.guess == "temperature" for c in self.columns) else []
         for c in self.columns:

@@ -532,7 +532,11 @@ class Unreached:
         many = len(self.nodes) > 1
         word = ("warm" if self.rate > 0 else "cool") + ("" if many else "s")
         still = abs(self.rate) < 1e-12
-        follows = ", so the heat stays there" if still else f": {word} at {abs(self.rate) * 3600:.6g} K/h without limit"
+        follows = (
+            f", so {'the heat stays there' if many else 'its temperature stays where it starts'}"
+            if still
+            else f": {word} at {abs(self.rate) * 3600:.6g} K/h without limit"
+        )
         return CodedText(f"{named} {'have' if many else 'has'} no path to a boundary{follows}", "model.no-path-to-boundary")
 
 
@@ -548,7 +552,7 @@ def unreached(network: Network, numbers: Numbers, powers: Mapping[str, float]) -
     names = [*network.nodes, *network.boundaries]
     joined: dict[str, set[str]] = {n: set() for n in names}
     for row in numbers.conductors:
-        if value_of(row.coefficients[0]) != 0.0:
+        if value_of(row.coefficients[0]) not in (0.0, TRACE):
             a, b = row.ends
             joined[a].add(b)
             if row.form != "flow":  # a stream carries the temperature of its first end alone

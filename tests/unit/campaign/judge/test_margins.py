@@ -53,8 +53,7 @@ def test_what_the_calibration_bought(fit: td.Calibration) -> None:
     hot = margins({"hot soak": seen}, [PROC])[1]
     at = fit.values["out.conductance"].value
     ends = [
-        td.simulate(fit.fitted_model.with_values({"out.conductance": f"{at * f} [W/K]"}), soak(55.0))["proc"].kelvin[-1]
-        for f in (0.999, 1.001)
+        td.simulate(fit.model.with_values({"out.conductance": f"{at * f} [W/K]"}), soak(55.0))["proc"].kelvin[-1] for f in (0.999, 1.001)
     ]
     expected = abs(ends[1] - ends[0]) / 0.002 * np.log(2 / 0.3) / np.sqrt(12)
     assert hot.before == pytest.approx(expected, rel=1e-3)
@@ -64,7 +63,7 @@ def test_what_the_calibration_bought(fit: td.Calibration) -> None:
 
 def test_values_whose_records_are_gone_still_carry_their_covariance(fit: td.Calibration) -> None:
     whole = foresee(Knowledge.of_source(fit), soak(55.0))
-    bare = foresee(Knowledge(fit.fitted_model, (fit.values,)), soak(55.0))
+    bare = foresee(Knowledge(fit.model, (fit.values,)), soak(55.0))
     own = whole.prediction["proc"].parts["values"][-1]
     assert bare.prediction["proc"].parts["values"][-1] == pytest.approx(own, rel=1e-6)
     assert bare.before["proc"] == pytest.approx(whole.before["proc"])

@@ -168,13 +168,13 @@ def test_two_sensors_that_begin_together_start_a_judged_run_at_their_mean(found:
     """A second sensor 0.8 K above the first: the verdict starts at the mean of both, as the fit does, and not at the last one."""
     held = run("held", 3, loads={"heat": 4.0})
     above = replace(held["T"], name="T2", values=held["T"].values + 0.8)
-    judged = compare(found.fitted_model, held.with_channels(above))
+    judged = compare(found.model, held.with_channels(above))
     assert judged.problem is not None
     (e,) = judged.problem.experiments
     assert float(e.scenario.initial["case"]) == pytest.approx(float(held["T"].values[0]) + 0.4, abs=1e-9)
     assert e.first_readings() == pytest.approx({"T": held["T"].values[0], "T2": held["T"].values[0] + 0.8})
     late = held.with_channels(replace(above, valid=held.times >= 7200.0))
-    (e,) = build_problem(Request(found.fitted_model, (late,), held_errors={}, fit_start=False)).experiments
+    (e,) = build_problem(Request(found.model, (late,), held_errors={}, fit_start=False)).experiments
     assert set(e.first_readings()) == {"T"}
 
 

@@ -112,6 +112,8 @@ def test_a_late_power_does_not_make_one_body_of_a_box_and_its_plate(hour: Module
     mass = f"box={bench.capacities['box'] / 896.0:.3f} [kg]"
     code, made = said("init", str(log), "--to", str(tmp_path / "p"), "--mass", mass, "--material", "box=aluminium", "--evaluations", "700")
     assert code == 4
+    assert made["powers"].startswith("All of P_IN heats 'box")  # and not the board and the converter in it, of which it knows nothing
+    assert made["powers"].split(". ")[0] in (tmp_path / "p" / "campaign.toml").read_text()
     assert [c["path"] for c in made["not_physical"]] == ["box.capacitance"]  # at the most that its weight allows
     deck = tomllib.loads((tmp_path / "p" / "box.toml").read_text())
     found = {path: float(deck[a][b][c].split()[0]) for path, a, b, c in (

@@ -49,7 +49,7 @@ def test_the_choice_is_what_foresees_left_out_readings(found: Estimation) -> Non
     better = min((found.process, found.output), key=lambda e: e.left_out.rmse if e.left_out else np.inf)
     assert found.chosen is better
     assert set(found.values) == set(VALUES)
-    assert td.simulation.compile_network(found.fitted_model).numbers().values["Ro"] == pytest.approx(found.values["Ro"].value)
+    assert td.simulation.compile_network(found.model).numbers().values["Ro"] == pytest.approx(found.values["Ro"].value)
 
 
 def test_bands_carry_the_noise(found: Estimation) -> None:

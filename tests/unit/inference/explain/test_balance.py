@@ -92,7 +92,7 @@ class TestNoise:
     def test_a_balance_counts_the_errors_of_a_fit(self) -> None:
         data = bench(hours=10)
         fit = td.calibrate(box(), bench(seed=2, hours=2.0), [HTC, MASS])
-        alone = td.inference.energy_balance(fit.fitted_model, data, "9 [h]", "end")
+        alone = td.inference.energy_balance(fit.model, data, "9 [h]", "end")
         found = td.inference.energy_balance(fit, data, "9 [h]", "end")
         assert found.total == pytest.approx(alone.total, abs=1e-6)
         rise = data.steady("9 [h]", "end")["T"].value - data.steady("9 [h]", "end")["ROOM"].value

@@ -136,7 +136,7 @@ class TestRanges:
 
         fit = td.calibrate(box(), log(box(), {}, {"T": "case"}), [HTC])
         found = td.inference.plausibility(fit)[HTC]
-        run = td.simulate(fit.fitted_model, fit.experiments[0].bare, times=fit.experiments[0].times)
+        run = td.simulate(fit.model, fit.experiments[0].bare, times=fit.experiments[0].times)
         case, air = run["case"].kelvin, run["air"].kelvin
         weight = (case - air) ** 2 / np.sum((case - air) ** 2)
         hot, cold = float(weight @ case), float(weight @ air)

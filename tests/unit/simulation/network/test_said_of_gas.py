@@ -321,6 +321,14 @@ def test_first_lines_say_what_stops_and_what_stays_without_gas() -> None:
     assert td.simulate(model, kept).warnings == ()
 
 
+def test_gas_that_is_gone_has_no_temperature_and_the_run_says_so() -> None:
+    """Inner gas that nothing but gas joined to the rest was predicted at 22.00 +- 1e-05 degC, without a word."""
+    model = box(skin={"sees": "wall"})
+    said = "'inside' has no path to a boundary, so its temperature stays where it starts"
+    assert said in td.simulate(model, ROOM.vacuum()).warnings
+    assert not any("no path" in w for w in td.simulate(model, ROOM).warnings)
+
+
 # reductions ----------------------------------------------------------------------------------------------------------------------------
 
 
