@@ -29,7 +29,7 @@ from thermid.model.elements import Constant
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation._many.counted import Counted, added
-from thermid.simulation._many.kept import JobFolder, digest
+from thermid.simulation._many.kept import JobFolder, KeptTasks, digest
 from thermid.simulation._many.tally import PILOT, CountGrid, Tally
 from thermid.simulation._many.tasks import Workers, in_tasks
 from thermid.simulation._solution import Trace
@@ -571,6 +571,8 @@ def run_members(
         raise ScenarioError(f"quantiles are numbers from 0 to 1, not {quantiles!r:.60}.", where, code="value.wrong-kind") from None
     if quantiles is not None:
         check_shares(np.array(shares), where)
+    if isinstance(executor, KeptTasks):
+        executor, job = executor.workers, job or (executor.folder if shares else None)
     wanted = tuple(dict.fromkeys(network.find(n) for n in nodes)) if nodes is not None else (*network.nodes, *network.boundaries)
     if nodes is not None and options.extremes and (followed := frozenset(wiring.gone) & {*wanted}):
         engine = Engine(Wiring(network, wiring.scenario, wiring.free, followed))  # as sums, their weights would differ between members

@@ -28,7 +28,7 @@ from thermid.prediction._predict import BENT, WayAnswer, centre_words, mixed_ans
 from thermid.prediction._reduction.macro import assumed
 from thermid.prediction._setting import Setting
 from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Counted, JobFolder, Scenario, Workers, output_times, simulate
+from thermid.simulation.runs import Counted, JobFolder, KeptTasks, Scenario, Workers, output_times, simulate
 from thermid.simulation.solver import MemberTurnings, Options
 from thermid.values.fitted import FittedValues
 from thermid.values.store import Choice, LeftOut, Source, model_standing
@@ -456,6 +456,8 @@ def uncertain_runs(
         model, scenario, values, at=at, spread=spread, without=without, seed=seed, nodes=nodes, every=every, chunk=chunk, options=options
     )
     wanted = _limits_of(job, limits)
+    if isinstance(executor, KeptTasks):
+        executor, folder = executor.workers, folder or executor.folder
     store = JobFolder.below(folder, job.key()) if folder is not None else None
     campaign = MemberRuns(job, n, n if keep else job.whole(n), wanted, store, executor, progress)
     return _runs_of_members(campaign, campaign.sample(), remarks)

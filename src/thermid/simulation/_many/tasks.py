@@ -15,12 +15,13 @@ from typing import Any, TypeVar
 
 from thermid.base.errors import ScenarioError, ThermidError, errors_at
 from thermid.base.extensions import optional
+from thermid.simulation._many.kept import KeptTasks
 
 Made = TypeVar("Made")
-Workers = Executor | str | int | None
+Workers = Executor | KeptTasks | str | int | None
 """Who does tasks: any executor of `concurrent.futures` (threads, processes, mpi4py's, Dask's ``client.get_executor()``); the address of a
 Dask scheduler, ``tcp://host:8786``; ``"joblib"``, the backend of `joblib.parallel_config`; a number of processes of this machine; None for
-this process alone."""
+this process alone; any of these with a folder for what is finished, `KeptTasks`."""
 PATIENCE = 20.0
 """How long a cluster may take to answer, and may be without workers. [s]"""
 PROCESSES_PAY = 20.0
@@ -52,6 +53,9 @@ def in_tasks(
     """
     from importlib.metadata import version
 
+    if isinstance(workers, KeptTasks):
+        yield from _kept(function, tasks, workers, seconds)
+        return
     calls = [(function, version("thermid"), name, arguments) for name, arguments in tasks]
     if isinstance(workers, int) and workers < 1:
         raise ScenarioError(f"{workers} processes cannot do anything. Give at least one.", code="value.outside-range")
@@ -65,6 +69,27 @@ def in_tasks(
     else:
         with ExitStack() as stack:
             yield from _by(_pool(workers, stack), calls, f"of '{workers}'" if isinstance(workers, str) else "of the pool")
+
+
+def workers_of(workers: Workers) -> Executor | str | int | None:
+    """Return who does tasks, whether or not they are kept."""
+    return workers.workers if isinstance(workers, KeptTasks) else workers  # type: ignore[return-value]
+
+
+def _kept(
+    function: Callable[..., Made], tasks: Sequence[tuple[str, tuple[Any, ...]]], kept: KeptTasks, seconds: float
+) -> Iterator[tuple[int, Made]]:
+    """Yield position and result of each task, those first that a folder has; each of the others goes there when it is done."""
+    keys = [kept.key(function, arguments) for _, arguments in tasks]
+    open_ = []
+    for k, key in enumerate(keys):
+        if (found := kept.load(key)) is not None:
+            yield k, found[0]
+        else:
+            open_.append(k)
+    for at, result in in_tasks(function, [tasks[k] for k in open_], kept.workers, seconds * len(open_) / max(len(tasks), 1)):
+        kept.save(keys[open_[at]], result)
+        yield open_[at], result
 
 
 def _pool(workers: Executor | str | int, stack: ExitStack) -> Executor:
