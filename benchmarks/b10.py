@@ -1,7 +1,7 @@
 """B10: correlation of a network of 127 nodes and 2,520 conductors: fits of 12 factors to 20 logged nodes.
 
-The network is drawn to the size of a public deck. The peers are methods of the literature, a genetic algorithm and a particle swarm of pymoo,
-stopped after `RUNS` runs of the network. See `correlation.py`.
+The network is drawn to the size of a public deck. The peers are methods of the literature, a genetic algorithm and a particle swarm of
+pymoo, stopped after `RUNS` runs of the network. See `correlation.py`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from machine import versions
 
 import thermid as td
 
-LOGS, RUNS = 5, 300
+LOGS, RUNS = 3, 50
 TARGET = 60.0
 """Time of a fit. [s]"""
 FARTHEST = 4.0

@@ -75,8 +75,11 @@ def _worker(way: str, path: Path) -> dict[str, Any]:
     if way == "thermid":
         from thermid.measure.readers import read_record
 
+        channels = {f"T{k}_K": {"node": f"n{k}", "unit": "K"} for k in range(COLUMNS - 4)} | {"room_K": {"boundary": "room", "unit": "K"}}
+        channels |= {f"P{k}_W": {"load": f"p{k}", "unit": "W"} for k in (1, 2)}
+
         def read() -> float:
-            return float(read_record(path).channels["T0_K"].values.sum())
+            return float(read_record(path, channels, time="time_s").channels["T0_K"].values.sum())
 
     elif way == "numpy":
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import suppress
@@ -110,6 +113,22 @@ def test_a_task_is_known_by_what_it_computes(fit: td.Calibration, tmp_path: Path
     assert kept.key(ends, (fit.problem, 1.0)) == before
     assert len({before, kept.key(ends, (fit.problem, np.nextafter(1.0, 2.0))), kept.key(actions, (fit.problem, 1.0))}) == 3
     assert digest({"a", "b"}) == digest({"b", "a"}) != digest({"a"})
+
+
+def test_a_task_has_the_same_name_in_every_process() -> None:
+    """Whatever order sets have there."""
+    words = "from unit.inference.test_kept_loops import *; print(KeptTasks('.').key(structures, (Request(box(), (RECORD,), (HTC, MASS)),)))"
+    said = {
+        subprocess.run(
+            [sys.executable, "-c", words],
+            env={**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": str(Path(__file__).parents[2])},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for seed in ("1", "2")
+    }
+    assert len(said) == 1
 
 
 def test_nothing_of_a_folder_is_run(tmp_path: Path) -> None:
