@@ -18,8 +18,8 @@ import pytest
 import thermid as td
 from thermid.fit.calibration import Request
 from thermid.inference._explain.structures import search_structure
-from thermid.simulation._many.kept import KeptTasks, digest
-from thermid.simulation._many.tasks import Workers
+from thermid.simulation._many.kept import digest
+from thermid.simulation._many.tasks import KeptTasks, Workers
 from unit.fit.bench import HTC, MASS, box, log
 
 RECORD = log(box(), {}, {"T": "case"}, noise=0.05, samples=61)
