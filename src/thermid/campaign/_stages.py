@@ -479,7 +479,7 @@ def run_stages(
     keys: dict[str, str] = {}
     requests: dict[str, Request] = {}
     changed: dict[str, tuple[str, ...]] = {}
-    todo, workers = dict(enumerate(source.content.stages)), KeptTasks.of(executor).workers
+    todo, workers = dict(enumerate(source.content.stages)), KeptTasks.of_workers(executor).workers
     while todo:
         ready = [k for k, s in todo.items() if not _waits(s, [todo[j].name for j in todo if j < k])][: None if workers else 1]
         tasks, ingredients = [], {}

@@ -126,7 +126,7 @@ def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: in
     start = np.clip(start, density.box[:, 0], density.box[:, 1])
     moves = [(emcee.moves.MHMove(near), INDEPENDENT_STEP_SHARE), (emcee.moves.StretchMove(), 1.0 - INDEPENDENT_STEP_SHARE)]
     sampler = emcee.EnsembleSampler(
-        count, size, _Several(density, KeptTasks.of(executor).workers, steps * count), moves=moves, vectorize=True
+        count, size, _Several(density, KeptTasks.of_workers(executor).workers, steps * count), moves=moves, vectorize=True
     )
     sampler.random_state = np.random.RandomState(seed).get_state()  # the kind of state that emcee takes
     names = [density.problem.unknowns[k] for k in density.at]

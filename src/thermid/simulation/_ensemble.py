@@ -579,7 +579,7 @@ def run_members(
     runs = _Runs(engine, times, wanted, options, threads, simd)
     ensemble = partial(Ensemble, *titles, times, wanted, members, values)
     if shares:
-        counted = _all_counted(runs, values, members, executor, KeptTasks.of(executor, job).folder)
+        counted = _all_counted(runs, values, members, executor, KeptTasks.of_workers(executor, job).folder)
         return ensemble(counted.failed, counted.statistics, network.find, _no_traces, counted.tallies, {}, warnings)
     if job is not None:
         raise ScenarioError(
@@ -591,7 +591,7 @@ def run_members(
         group = runs.group(values)
         return ensemble(group.failed, group.statistics, network.find, group.temperature, {}, group.turnings, warnings)
     tasks = [(f"members from {first} on", (runs, v)) for first, v in _tasks(values, members, runs.at_once)]
-    parts = [group for _, group in sorted(in_tasks(_Runs.group, tasks, KeptTasks.of(executor).workers), key=itemgetter(0))]
+    parts = [group for _, group in sorted(in_tasks(_Runs.group, tasks, KeptTasks.of_workers(executor).workers), key=itemgetter(0))]
     # members are numbered through all groups; turning points of nodes that were not followed in each group are left out
     firsts = np.cumsum([0, *(p.members for p in parts)])[:-1].tolist()
     failed = {first + m: why for first, p in zip(firsts, parts, strict=True) for m, why in p.failed.items()}
@@ -615,7 +615,7 @@ def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executo
     done = _left_in(folder, {at + first: v for first, v in tasks}, grids)
     open_ = [at + first for first, _ in tasks if at + first not in done]
     calls = [(f"members from {at + first} on", (runs, v, grids)) for first, v in tasks if at + first in open_]
-    others = in_tasks(_count, calls, KeptTasks.of(executor).workers, seconds=ahead)
+    others = in_tasks(_count, calls, KeptTasks.of_workers(executor).workers, seconds=ahead)
 
     def counted() -> Iterator[tuple[int, Counted]]:
         for k, part in others:

@@ -159,7 +159,7 @@ def sobol_of(
     }
     numbers = np.asarray(design.sample(problem, base, calc_second_order=False, seed=job.seed)).T
     tasks = [(f"run {k} of the design", (job, numbers[:, k : k + job.chunk], path, time)) for k in range(0, numbers.shape[1], job.chunk)]
-    temperatures = dict(in_tasks(_temperature_of, tasks, KeptTasks.of(executor, folder)))
+    temperatures = dict(in_tasks(_temperature_of, tasks, KeptTasks.of_workers(executor, folder)))
     result = np.concatenate([temperatures[k] for k in range(len(temperatures))])
     indices = analysis.analyze(problem, result, calc_second_order=False, seed=job.seed)
     first, total, errors = ({n: float(x) for n, x in zip(names, indices[k], strict=True)} for k in ("S1", "ST", "ST_conf"))

@@ -455,7 +455,7 @@ def uncertain_runs(
     job, remarks = plan_runs(
         model, scenario, values, at=at, spread=spread, without=without, seed=seed, nodes=nodes, every=every, chunk=chunk, options=options
     )
-    wanted, kept_tasks = _limits_of(job, limits), KeptTasks.of(executor, folder)
+    wanted, kept_tasks = _limits_of(job, limits), KeptTasks.of_workers(executor, folder)
     store = JobFolder.below(kept_tasks.folder, job.key()) if kept_tasks.folder is not None else None
     campaign = MemberRuns(job, n, n if keep else job.whole(n), wanted, store, kept_tasks.workers, progress)
     return _runs_of_members(campaign, campaign.sample(), remarks)

@@ -62,7 +62,7 @@ def in_tasks(
     if isinstance(workers, KeptTasks) and workers.folder is not None:
         yield from workers.results(function, tasks, seconds)
         return
-    workers = KeptTasks.of(workers).workers
+    workers = KeptTasks.of_workers(workers).workers
     calls = [(function, version("thermid"), name, arguments) for name, arguments in tasks]
     if isinstance(workers, int) and workers < 1:
         raise ScenarioError(f"{workers} processes cannot do anything. Give at least one.", code="value.outside-range")
@@ -95,7 +95,7 @@ class KeptTasks:
     workers: Executor | str | int | None = None
 
     @classmethod
-    def of(cls, workers: Workers, folder: str | os.PathLike[str] | None = None) -> KeptTasks:
+    def of_workers(cls, workers: Workers, folder: str | os.PathLike[str] | None = None) -> KeptTasks:
         """Return any workers with their folder, None where they have none; a folder that is given goes before."""
         whole = workers if isinstance(workers, KeptTasks) else cls(None, workers)
         return whole if folder is None else cls(folder, whole.workers)
