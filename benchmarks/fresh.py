@@ -10,6 +10,11 @@ from pathlib import Path
 from typing import Any
 
 
+def as_installed(cache: str) -> dict[str, str]:
+    """Return the environment of a process that reads compiled files, as an installed package has them; `cache` is where they go."""
+    return {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"} | {"PYTHONPYCACHEPREFIX": cache}
+
+
 def fresh(script: str, *words: object) -> dict[str, Any]:
     """Return what a script prints as JSON in its last line, run with some words in a process of its own."""
     command = [sys.executable, script, *map(str, words)]
