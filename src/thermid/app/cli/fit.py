@@ -133,6 +133,9 @@ def report(
     audience: Audience = "all",
     fresh: Fresh = False,
     accept: Accept = None,
+    workers: Processes = 1,
+    cluster: Cluster = "",
+    job: Job = None,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
@@ -148,7 +151,7 @@ def report(
         to = Path("report.html")
     to, pdf = ready(to, pdf)
     check_audience(audience)
-    result, _ = _run(campaign, data, results, fresh, accept)
+    result, _ = _run(campaign, data, results, fresh, accept, executor_of(workers, cluster, job))
     beside = tables_folder(to or pdf or "")
     with working("writing the report"):
         files = written(lambda path: page.report(result, to=path, audience=audience, tables_to=beside), to, pdf)
