@@ -148,7 +148,7 @@ def table_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
     return _long_table(plain, file, separator, notes) or cells_of_text(text, file, separator, notes)
 
 
-BLOCK: Final = 1 << 20
+BLOCK: Final = 1_000_000
 """Characters in which ends of lines are looked for at once: a whole text would be copied twice."""
 
 

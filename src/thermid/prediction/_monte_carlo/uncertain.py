@@ -258,8 +258,8 @@ class UncertainRuns(Result):
         job, store = self.job, JobFolder.below(folder, self.job.key())
         for _ in MemberRuns(job, n, n, (), store, KeptTasks.of_workers(executor).workers, progress).chunks():
             pass  # each goes to its file
-        read, shape = dask.delayed(_temperatures_of), (len(job.nodes), job.times.size)
-        pieces = [arrays.from_delayed(read(store, chunk_name(*part)), (part[1], *shape), float) for part in job.parts(0, n)]
+        read, shape = dask.delayed(store.load), (len(job.nodes), job.times.size)
+        pieces = [arrays.from_delayed(read(chunk_name(*part))["temperatures"], (part[1], *shape), float) for part in job.parts(0, n)]
         temperatures = {"temperature": (("member", "node", "time"), arrays.concatenate(pieces), {"units": "K"})}
         drawn = {name: ("member", values) for name, values in self._drawn(n).items()}
         lazy: xarray.Dataset = data.Dataset(temperatures | drawn, {"node": list(job.nodes), "time": ("time", job.times, {"units": "s"})})
@@ -552,8 +552,3 @@ def kept_members(job: Job, members: int, limits: Mapping[str, Any] | None, folde
         return 0
     campaign = MemberRuns(job, members, job.whole(members), _limits_of(job, limits), JobFolder.below(folder, job.key()), None, None)
     return campaign.members_in_folder()
-
-
-def _temperatures_of(store: JobFolder, name: str) -> Array:
-    """Return the temperatures (members, nodes, times) of a chunk's file. [K]"""
-    return np.asarray((store.load(name) or {})["temperatures"])
