@@ -113,6 +113,7 @@ def test_a_task_is_known_by_what_it_computes(fit: td.Calibration, tmp_path: Path
     assert kept.key(ends, (fit.problem, 1.0)) == before
     assert len({before, kept.key(ends, (fit.problem, np.nextafter(1.0, 2.0))), kept.key(actions, (fit.problem, 1.0))}) == 3
     assert digest({"a", "b"}) == digest({"b", "a"}) != digest({"a"})
+    assert len({digest(f) for f in (max, min, np.sin, np.mean, tmp_path.joinpath)}) == 5
 
 
 def test_a_task_has_the_same_name_in_every_process() -> None:

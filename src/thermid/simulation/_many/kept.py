@@ -8,6 +8,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from importlib import import_module
+from inspect import ismodule
 from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile
@@ -47,7 +48,8 @@ def _plain(thing: Any, numbered: dict[int, tuple[Any, int]]) -> Any:
         return [_plain(v, numbered) for v in thing]
     if callable(thing) and hasattr(thing, "__qualname__"):
         cells = [c.cell_contents for c in getattr(thing, "__closure__", None) or ()]
-        return [thing.__module__, thing.__qualname__, *(_plain(x, numbered) for x in (cells, getattr(thing, "__self__", None)))]
+        owner = getattr(thing, "__self__", None)  # of a built-in function its module
+        return [thing.__module__, thing.__qualname__, *(_plain(x, numbered) for x in (cells, None if ismodule(owner) else owner))]
     if is_dataclass(thing):
         return [type(thing).__name__, *(_plain(getattr(thing, f.name), numbered) for f in fields(thing))]
     whole = "__reduce__" in vars(type(thing)) or not hasattr(thing, "__dict__")
