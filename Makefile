@@ -43,7 +43,7 @@ test-browser: setup-test  ## every test of a page in a browser; it fails, and do
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile -rs --durations=10 $(BROWSED)
 
 bench: setup-test  ## every benchmark beside the peers that are installed, the tables of docs/benchmarks.md, the guards
-	@for case in B1 B2 B3 B4 B5 B6 B7 B8; do $(BIN)/python benchmarks/run.py $$case --save benchmarks/results || exit 1; done
+	@for case in B1 B2 B3 B4 B5 B6 B7 B8 B9 B10 B11; do $(BIN)/python benchmarks/run.py $$case --save benchmarks/results || exit 1; done
 	@$(BIN)/python benchmarks/table.py
 	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q --benchmark-only tests/benchmarks
 

@@ -7,8 +7,6 @@ for steady states a Newton step by scipy from where thermid has ended.
 from __future__ import annotations
 
 import json
-import os
-import subprocess
 import sys
 import tempfile
 from argparse import Namespace
@@ -17,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import peers
+from fresh import fresh, peak
 
 SIZES = (1_000, 10_000, 100_000, 1_000_000)
 ELIMINATED = 10_000
@@ -54,14 +53,14 @@ def run(options: Namespace) -> list[dict[str, Any]]:
 
 def _of_size(work: str, nodes: int, options: Namespace, speed: float) -> list[dict[str, Any]]:
     with tempfile.TemporaryDirectory() as folder:
-        own = _fresh("thermid", work, nodes, folder, 1 if nodes >= 100_000 or options.quick else 3)
+        own = fresh(__file__, "thermid", work, nodes, folder, 1 if nodes >= 100_000 or options.quick else 3)
         by_scipy = nodes <= ELIMINATED
         judge = "reference" if by_scipy else "tighter" if work == "transient" else "corrected"
-        right = _fresh(judge, work, nodes, folder, 1)["fields"]
+        right = fresh(__file__, judge, work, nodes, folder, 1)["fields"]
         rows = [own]
         if by_scipy and "scipy" in options.peers:
             for tol in (1e-3, 1e-4, 1e-5, 1e-6) if work == "transient" else (0.0,):
-                peer = _fresh("scipy", work, nodes, folder, 1, tol)
+                peer = fresh(__file__, "scipy", work, nodes, folder, 1, tol)
                 if _error(peer, right) <= LIMIT:
                     break
             rows.append(peer)
@@ -95,15 +94,6 @@ def _growth(rows: list[dict[str, Any]]) -> str:
     return f"processor time grows with cells to the power {power:.2f} from {own[0]['nodes']:.0e} to {own[-1]['nodes']:.0e}"
 
 
-def _fresh(who: str, work: str, nodes: int, folder: str, runs: int, tol: float = 0.0) -> dict[str, Any]:
-    """Return what a process of its own reports."""
-    command = [sys.executable, str(Path(__file__)), who, work, str(nodes), folder, str(runs), str(tol)]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ)
-    if done.returncode:
-        raise RuntimeError(f"{' '.join(command[1:4])} ended with {done.returncode}:\n{done.stderr[-2000:]}")
-    return dict(json.loads(done.stdout.splitlines()[-1]))
-
-
 def _worker(who: str, work: str, nodes: int, folder: Path, runs: int, tol: float) -> dict[str, Any]:
     from contest import timed
 
@@ -121,20 +111,10 @@ def _worker(who: str, work: str, nodes: int, folder: Path, runs: int, tol: float
         "seconds": min(t[0] for t in times),
         "cpu_seconds": min(t[1] for t in times),
         "runs": runs,
-        "peak_MB": _peak(),
+        "peak_MB": peak(),
         "statistics": statistics,
         "fields": str(path),
     }
-
-
-def _peak() -> float:
-    """Return the most memory that this process has held. [MB]"""
-    status = Path("/proc/self/status")
-    if status.is_file():  # what getrusage says includes the parent's
-        return next(float(line.split()[1]) for line in status.read_text(encoding="utf-8").splitlines() if line.startswith("VmHWM")) / 1e3
-    import resource
-
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e6 if sys.platform == "darwin" else 1e3)
 
 
 def _path(folder: Path, who: str, work: str, nodes: int, tol: float = 0.0) -> Path:
@@ -176,5 +156,5 @@ def _plainly(statistics: Any) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    _who, _work, _nodes, _folder, _runs, _tol = sys.argv[1:]
-    print(json.dumps(_worker(_who, _work, int(_nodes), Path(_folder), int(_runs), float(_tol))))
+    _who, _work, _nodes, _folder, _runs, *_tol = sys.argv[1:]
+    print(json.dumps(_worker(_who, _work, int(_nodes), Path(_folder), int(_runs), float(_tol[0]) if _tol else 0.0)))

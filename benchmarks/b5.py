@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import peers
+from fresh import as_installed
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 DECK = EXAMPLES / "02_stack" / "m_PrE.toml"
@@ -90,12 +91,11 @@ def run(options: Namespace) -> list[dict[str, Any]]:
 
 def _in_turns(codes: dict[tuple[str, str], str], rounds: int, cache: str) -> dict[tuple[str, str], list[tuple[float, float]]]:
     """Return wall and processor times of every process, compiled files written beforehand where the environment forbids them. [s]"""
-    surroundings = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"} | {"PYTHONPYCACHEPREFIX": cache}
     times: dict[tuple[str, str], list[tuple[float, float]]] = {name: [] for name in codes}
     for n in range(rounds + 1):
         for name, code in codes.items():
             before, begun = os.times(), time.perf_counter()
-            done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=surroundings, check=False)
+            done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=as_installed(cache), check=False)
             wall, after = time.perf_counter() - begun, os.times()
             if done.returncode:
                 raise RuntimeError(f"{name} ended with {done.returncode}:\n{done.stderr[-2000:]}")

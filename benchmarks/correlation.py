@@ -102,6 +102,12 @@ def fits(model: td.Model, seeds: int) -> tuple[list[float], list[float], list[in
     return errors, times, runs
 
 
+def best(model: td.Model) -> float:
+    """Return the sum of squares of the fit of the first log."""
+    record = log(model, 0)
+    return td.calibrate(model, record, FREE, scenario=CASE).reduced_chi_square * (record.times.size * SENSORS - FACTORS)
+
+
 def swarm(model: td.Model, kind: str, most: int) -> tuple[float, int, float]:
     """Return the sum of squares that a search without derivatives reaches, its runs of the network, and its processor time [s]."""
     from pymoo.algorithms.soo.nonconvex.ga import GA
@@ -138,12 +144,11 @@ def main() -> None:
     print(f"{seeds} logs, {size.size} factors: {np.mean(size < 1.96):.1%} within 1.96 errors, largest {size.max():.2f}")
     print(f"processor time of a fit: median {np.median(times):.1f} s, most {max(times):.1f} s")
     print(f"runs of the network in a fit: median {np.median(runs):.0f}")
-    record, known = log(model, 0), td.calibrate(model, log(model, 0), FREE, scenario=CASE)
-    best = known.reduced_chi_square * (record.times.size * SENSORS - FACTORS)
-    print(f"sum of squares of the fit: {best:.0f}")
+    lowest = best(model)
+    print(f"sum of squares of the fit: {lowest:.0f}")
     for kind in ("GA", "PSO") if most else ():
         reached, n, seconds = swarm(model, kind, most)
-        print(f"{kind}: {reached:.0f} after {n} runs of the network, {seconds:.0f} s; {reached / best:.1f} times the fit's")
+        print(f"{kind}: {reached:.0f} after {n} runs of the network, {seconds:.0f} s; {reached / lowest:.1f} times the fit's")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-PACKAGES = ("numpy", "scipy", "pydantic", "casadi", "diffrax", "jax", "pathsim", "pycanha-core", "scikit-sundae")
+PACKAGES = ("numpy", "scipy", "pydantic", "casadi", "diffrax", "jax", "pathsim", "pycanha-core", "scikit-sundae", "pandas", "pymoo")
 
 
 def processor() -> str:

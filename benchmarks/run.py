@@ -23,11 +23,11 @@ import report
 from machine import floor, machine
 from peers import MODULES
 
-CASES = ("B1", "B2", "B3", "B4", "B5", "B6", "B7", "B8")
+CASES = ("B1", "B2", "B3", "B4", "B5", "B6", "B7", "B8", "B9", "B10", "B11")
 PARTS = ("run", "sens", "calibrate")
 TIMING = (
     "seconds: best wall time; cpu_seconds: best processor time; ratio: of processor times (B5: of wall times). "
-    "One thread each, in turns within one process (B3, B5, B6: each in a process of its own)"
+    "One thread each, in turns within one process (B3, B5, B6, B9, B11: each in a process of its own)"
 )
 
 
@@ -42,7 +42,7 @@ def arguments(given: list[str] | None = None) -> argparse.Namespace:
     parser.add_argument(
         "--peers", nargs="*", choices=MODULES, default=MODULES, metavar="PEER", help=f"of {', '.join(MODULES)}; none: thermid alone"
     )
-    parser.add_argument("--sizes", nargs="+", type=int, metavar="NODES", help="of B3, B7 and B8")
+    parser.add_argument("--sizes", nargs="+", type=int, metavar="NODES", help="of B3, B7 to B9 and B11")
     parser.add_argument("--plot", type=_absolute, metavar="FILE", help="of B3: time and memory against size")
     found = parser.parse_args(given)
     if found.part and found.part not in getattr(import_module(found.case.lower()), "PARTS", ()):

@@ -12,7 +12,7 @@ from report import duration, remarks, sections, shown
 HERE = Path(__file__).parent
 RESULTS, PAGE = HERE / "results", HERE.parent / "docs" / "benchmarks.md"
 BEGIN, END = "<!-- results: written by benchmarks/table.py -->\n", "<!-- end of results -->\n"
-CASES = ("B1", "B2", "B3", "B4", "B5", "B6", "B7", "B8")
+CASES = ("B1", "B2", "B3", "B4", "B5", "B6", "B7", "B8", "B9", "B10", "B11")
 PARTS = ("run", "sens", "calibrate")
 
 

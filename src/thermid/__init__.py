@@ -69,6 +69,7 @@ _NAMESPACES = {
         "steady_levels": "simulation.runs",
         "Steady": "simulation.runs",
         "Ensemble": "simulation.runs",
+        "KeptTasks": "simulation.runs",
         "BlockSolution": "simulation.runs",
     },
     "inference": {

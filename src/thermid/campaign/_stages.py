@@ -57,7 +57,7 @@ from thermid.measure.records import Record
 from thermid.model.elements import Standing, literal, worst
 from thermid.model.identity import definition_of, instances
 from thermid.model.tree import Model, ParameterSet, parameter_table
-from thermid.simulation.runs import STEADY, Scenario, Workers, in_tasks
+from thermid.simulation.runs import STEADY, KeptTasks, Scenario, Workers, in_tasks
 from thermid.values.store import Store, graft
 from thermid.values.value_files import hand_values
 
@@ -477,11 +477,11 @@ def run_stages(
     source = accepting(source, accept) if accept else source
     done: dict[str, Calibration] = {}
     keys, requests, changed = dict[str, str](), dict[str, Request](), dict[str, tuple[str, ...]]()
-    todo = dict(enumerate(source.content.stages))
+    todo, workers = dict(enumerate(source.content.stages)), KeptTasks.of_workers(executor).workers
     while todo:
         # a stage waits for the earlier ones that it rests on
         rests = {k: {n for i in s.inherit.values() for n in i.stages} for k, s in todo.items()}
-        ready = [k for k in todo if rests[k].isdisjoint(todo[j].name for j in todo if j < k)][: 1 if executor is None else None]
+        ready = [k for k in todo if rests[k].isdisjoint(todo[j].name for j in todo if j < k)][: None if workers else 1]
         tasks, ingredients = [], {}
         for k in ready:
             name, place = todo[k].name, source.where(f"stages.{k}")
@@ -490,7 +490,7 @@ def run_stages(
             requests[name], keys[name] = request, (key := request.key)
             alone = (progress_of(notice, name), executor) if len(ready) == 1 else (None, None)
             tasks.append((place, (request, source.path.name, place, recall(folder, name, key), errors_kept(folder, name, key), *alone)))
-        for _, (fitted, new) in in_tasks(_fitted, tasks, executor if len(ready) > 1 else None):
+        for _, (fitted, new) in in_tasks(_fitted, tasks, workers if len(ready) > 1 else None):
             name = fitted.stage
             if new:
                 changed[name] = changed_since(folder, name, ingredients[name])

@@ -371,7 +371,7 @@ class Search:
     def from_all(self, starts: Array) -> Iterator[Fit]:
         """Yield the ends of descents from starts (starts, unknowns), in their order; those that the model cannot be run at have none."""
         alone = self.executor is None
-        worker = self if alone else replace(self, progress=None, stoppable=False)
+        worker = self if alone else replace(self, progress=None, stoppable=False, executor=None, spent=[])
         tasks = [(f"the descent from start {k + 1}", (worker, start)) for k, start in enumerate(starts)]
         numbered_ends = in_tasks(_end_of, tasks, self.executor, seconds=len(tasks) * float(np.mean(self.spent)))
         for _, end in numbered_ends if alone else sorted(numbered_ends, key=itemgetter(0)):

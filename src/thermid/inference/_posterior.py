@@ -17,7 +17,7 @@ from thermid.base.extensions import optional
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array, covariance
 from thermid.base.results import Result, Row
 from thermid.fit.calibration import Calibration, Compressed, Problem, box_of
-from thermid.simulation.runs import Workers, in_tasks, shares_of
+from thermid.simulation.runs import KeptTasks, Workers, in_tasks, shares_of
 
 MIN_LENGTH = 50
 """A chain is long enough when it holds this many of its autocorrelation times (Foreman-Mackey and others, PASP 125 (2013) 306)."""
@@ -111,7 +111,7 @@ def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: in
     walkers : int       Twice the parameters and at least 12 by default.
     seed : int
     executor            Who simulates the records at the proposals of one step, as in `ensemble`: the same draws from all. It pays where one
-                        simulation takes a tenth of a second or more.
+                        simulation takes a tenth of a second or more. Proposals are too many to be kept in a folder.
 
     Raises
     ------
@@ -127,7 +127,9 @@ def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: in
     start = near.middle + rng.standard_normal((count, size)) @ near.root.T
     start = np.clip(start, density.box[:, 0], density.box[:, 1])
     moves = [(emcee.moves.MHMove(near), INDEPENDENT_STEP_SHARE), (emcee.moves.StretchMove(), 1.0 - INDEPENDENT_STEP_SHARE)]
-    sampler = emcee.EnsembleSampler(count, size, _Several(density, executor, steps * count), moves=moves, vectorize=True)
+    sampler = emcee.EnsembleSampler(
+        count, size, _Several(density, KeptTasks.of_workers(executor).workers, steps * count), moves=moves, vectorize=True
+    )
     sampler.random_state = np.random.RandomState(seed).get_state()  # the kind of state that emcee takes
     names = [density.problem.unknowns[k] for k in density.at]
     chain, lag = _long_enough(sampler, start, steps, [u.name for u in names], fit.stage)

@@ -10,6 +10,7 @@ from thermid.simulation.network import (
 from thermid.simulation.runs import (
     BlockSolution as BlockSolution,
     Ensemble as Ensemble,
+    KeptTasks as KeptTasks,
     Simulator as Simulator,
     Steady as Steady,
     draw as draw,

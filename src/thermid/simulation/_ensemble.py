@@ -31,7 +31,7 @@ from thermid.physics.constants import ICE_POINT
 from thermid.simulation._many.counted import Counted, added
 from thermid.simulation._many.kept import JobFolder, digest
 from thermid.simulation._many.tally import PILOT, CountGrid, Tally
-from thermid.simulation._many.tasks import Workers, in_tasks
+from thermid.simulation._many.tasks import KeptTasks, Workers, in_tasks
 from thermid.simulation._solution import Trace
 from thermid.simulation._solver.engine import Engine
 from thermid.simulation._solver.extremes import MemberTurnings
@@ -583,7 +583,7 @@ def run_members(
     runs = _Runs(engine, times, wanted, options, threads, simd)
     ensemble = partial(Ensemble, *titles, times, wanted, members, values)
     if shares:
-        counted = _all_counted(runs, values, members, executor, job)
+        counted = _all_counted(runs, values, members, executor, KeptTasks.of_workers(executor, job).folder)
         return ensemble(counted.failed, counted.statistics, network.find, _no_traces, counted.tallies, {}, warnings)
     if job is not None:
         raise ScenarioError(
@@ -595,7 +595,7 @@ def run_members(
         group = runs.group(values)
         return ensemble(group.failed, group.statistics, network.find, group.temperature, {}, group.turnings, warnings)
     tasks = [(f"members from {first} on", (runs, v)) for first, v in _tasks(values, members, runs.at_once)]
-    parts = [group for _, group in sorted(in_tasks(_Runs.group, tasks, executor), key=itemgetter(0))]
+    parts = [group for _, group in sorted(in_tasks(_Runs.group, tasks, KeptTasks.of_workers(executor).workers), key=itemgetter(0))]
     # members are numbered through all groups; turning points of nodes that were not followed in each group are left out
     firsts = np.cumsum([0, *(p.members for p in parts)])[:-1].tolist()
     failed = {first + m: why for first, p in zip(firsts, parts, strict=True) for m, why in p.failed.items()}
@@ -619,7 +619,7 @@ def _all_counted(runs: _Runs, values: Mapping[str, Array], members: int, executo
     done = _left_in(folder, {at + first: v for first, v in tasks}, grids)
     open_ = [at + first for first, _ in tasks if at + first not in done]
     calls = [(f"members from {at + first} on", (runs, v, grids)) for first, v in tasks if at + first in open_]
-    others = in_tasks(_count, calls, executor, seconds=ahead)
+    others = in_tasks(_count, calls, KeptTasks.of_workers(executor).workers, seconds=ahead)
 
     def counted() -> Iterator[tuple[int, Counted]]:
         """Yield the counts of each part as it ends, kept in the folder before."""

@@ -19,6 +19,7 @@ from thermid.app.cli.options import (
     Cluster,
     Data,
     Force,
+    Job,
     Json,
     Moments,
     Page,
@@ -95,6 +96,7 @@ def calibrate(
     accept: Accept = None,
     workers: Processes = 1,
     cluster: Cluster = "",
+    job: Job = None,
     force: Force = False,
     verbose: Verbose = False,
     as_json: Json = False,
@@ -105,7 +107,7 @@ def calibrate(
 
     Exit code 1 if a verdict failed or a fit is not credible, 4 if the data cannot decide.
     """
-    result, files = _run(campaign, data, to, fresh, accept, executor_of(workers, cluster))
+    result, files = _run(campaign, data, to, fresh, accept, executor_of(workers, cluster, job))
     names = [f.name for f in files]
     if as_json:
         say(True, campaign_object(result, names), "")
@@ -131,6 +133,9 @@ def report(
     audience: Audience = "all",
     fresh: Fresh = False,
     accept: Accept = None,
+    workers: Processes = 1,
+    cluster: Cluster = "",
+    job: Job = None,
     force: Force = False,
     as_json: Json = False,
 ) -> None:
@@ -146,7 +151,7 @@ def report(
         to = Path("report.html")
     to, pdf = ready(to, pdf)
     check_audience(audience)
-    result, _ = _run(campaign, data, results, fresh, accept)
+    result, _ = _run(campaign, data, results, fresh, accept, executor_of(workers, cluster, job))
     beside = tables_folder(to or pdf or "")
     with working("writing the report"):
         files = written(lambda path: page.report(result, to=path, audience=audience, tables_to=beside), to, pdf)
@@ -239,6 +244,7 @@ def fleet(
     results: Results = None,
     workers: Processes = 1,
     cluster: Cluster = "",
+    job: Job = None,
     verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
@@ -248,7 +254,7 @@ def fleet(
     the temperatures of a unit that is not built yet. Exit code 1 if a unit is odd.
     """
     conditions = load_scenario(scenario) if scenario is not None else None
-    executor = executor_of(workers, cluster)
+    executor = executor_of(workers, cluster, job)
     with campaign_progress(campaign) as progress:
         population = fleet_in(campaign, data=data, cache=results or campaign.parent / "results", notice=progress, executor=executor)
     answer, lines = population.to_dict(), [str(population)]

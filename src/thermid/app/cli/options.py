@@ -21,7 +21,7 @@ from thermid.measure.amounts import pairs as pairs, with_unit as with_unit
 from thermid.model.deck import load_model
 from thermid.model.elements import Standing, literal
 from thermid.model.tree import Model
-from thermid.simulation.runs import Workers
+from thermid.simulation.runs import KeptTasks, Workers
 from thermid.simulation.scenario_files import Scenario, load_scenario
 from thermid.values.store import model_standing
 from thermid.values.value_files import Filed, filed
@@ -49,6 +49,9 @@ KeepValues = Annotated[
 ]
 Processes = Annotated[int, typer.Option("--workers", help="Processes of this machine.", min=1)]
 Cluster = Annotated[str, typer.Option("--cluster", help="Address of a Dask scheduler, tcp://host:8786.")]
+Job = Annotated[
+    Path | None, typer.Option("--job", help="Folder where finished tasks are kept; after an interrupt the same command goes on.")
+]
 Accept = Annotated[
     list[str] | None,
     typer.Option("--accept", help="A stage that is accepted as it is: its state stays, the exit code does not count it; may be repeated."),
@@ -91,9 +94,10 @@ def say(as_json: bool, content: Mapping[str, Any], text: object, verbose: bool |
         show(mark_codes(str(text), content) if verbose else str(text), whole=verbose is not False)
 
 
-def executor_of(workers: int, cluster: str) -> Workers:
-    """Return who does tasks, as the options say; None for this process alone."""
-    return cluster or (workers if workers > 1 else None)
+def executor_of(workers: int, cluster: str, job: Path | None = None) -> Workers:
+    """Return who does tasks, as the options say, kept in a folder where one is given; None for this process alone."""
+    by = cluster or (workers if workers > 1 else None)
+    return by if job is None else KeptTasks(job, by)
 
 
 def leave(standing: Standing, code: int = 0) -> NoReturn:

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from thermid.app.cli.options import CampaignPath, Cluster, Data, Json, Processes, Results, Whole, executor_of, leave, pairs, say
+from thermid.app.cli.options import CampaignPath, Cluster, Data, Job, Json, Processes, Results, Whole, executor_of, leave, pairs, say
 from thermid.app.cli.screen import searching, show, working
 from thermid.app.cli.summary import show_campaign, staged
 from thermid.base.errors import IdentificationError, NameNotFoundError, ScenarioError, nearest, refuse_unknown
@@ -194,6 +194,7 @@ def improve(
     data: Data = None,
     workers: Processes = 1,
     cluster: Cluster = "",
+    job: Job = None,
     as_json: Json = False,
 ) -> None:
     """Search for a better structure of a stage and write its files.
@@ -201,7 +202,7 @@ def improve(
     Deck and campaign are written beside the old ones, with a comparison before and after.
     """
     with working("searching for a structure"):
-        improved_model = improved.improve(campaign, stage, evaluations, data, executor=executor_of(workers, cluster))
+        improved_model = improved.improve(campaign, stage, evaluations, data, executor=executor_of(workers, cluster, job))
     content = {
         "changes": list(improved_model.changes),
         "gain": improved_model.search.likelihood(improved_model.search.proposed),
@@ -329,6 +330,7 @@ def criticise(
     results: Results = None,
     workers: Processes = 1,
     cluster: Cluster = "",
+    job: Job = None,
     verbose: Whole = False,
     as_json: Json = False,
 ) -> None:
@@ -341,7 +343,7 @@ def criticise(
     with working("") as progress:
         for k, (name, fit) in enumerate(fits.items()):
             progress.now(f"refits of stage {name}", k / len(fits))
-            criticisms[name] = criticised(fit, executor=executor_of(workers, cluster))
+            criticisms[name] = criticised(fit, executor=executor_of(workers, cluster, job))
     say(as_json, {"stages": {n: c.to_dict() for n, c in criticisms.items()}}, "\n\n".join(map(str, criticisms.values())), verbose)
     leave(worst(f.standing for f in fits.values()))
 

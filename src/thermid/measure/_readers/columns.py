@@ -148,11 +148,16 @@ def table_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
     return _long_table(plain, file, separator, notes) or cells_of_text(text, file, separator, notes)
 
 
+BLOCK: Final = 1_000_000
+"""Characters in which ends of lines are looked for at once: a whole text would be copied twice."""
+
+
 def _long_table(text: str, file: str, separator: str | None, notes: Sequence[str]) -> Cells | None:
     """Return the cells of a long text whose rows are all as the first ones; None where it is short, or a row is not."""
     if not text.isascii() or '"' in text or text.count("\n") < LINES_AT_ONCE + 2:
         return None
-    ends = np.flatnonzero(np.frombuffer(text.encode("ascii"), np.uint8) == ord("\n")) + 1
+    blocks = ((at, text[at : at + BLOCK].encode("ascii")) for at in range(0, len(text), BLOCK))
+    ends = np.concatenate([np.flatnonzero(np.frombuffer(block, np.uint8) == ord("\n")) + at + 1 for at, block in blocks])
     starts = np.concatenate([[0], ends, [] if text.endswith("\n") else [len(text) + 1]]).astype(int)
     try:
         first_rows = cells_of_text(text[: starts[LINES_AT_ONCE]] + text[starts[-3] :], file, separator, notes)

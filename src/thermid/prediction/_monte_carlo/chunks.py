@@ -308,11 +308,14 @@ class MemberRuns:
     reused: int = 0
     _told: bool = field(default=False, init=False)
 
+    def chunks(self) -> Iterator[tuple[int, Chunk]]:
+        """Yield the members that are kept whole, with the first of each chunk, in any order."""
+        tasks = {(first, size): (self.job, first, size) for first, size in self.job.parts(0, self.whole)}
+        return self._run_or_read(work, tasks, chunk_name, as_arrays, as_chunk)
+
     def sample(self) -> list[Chunk]:
         """Return the members that are kept whole."""
-        tasks = {(first, size): (self.job, first, size) for first, size in self.job.parts(0, self.whole)}
-        chunks = self._run_or_read(work, tasks, chunk_name, as_arrays, as_chunk)
-        return [chunk for _, chunk in sorted(chunks, key=itemgetter(0))]
+        return [chunk for _, chunk in sorted(self.chunks(), key=itemgetter(0))]
 
     def others(self, table: CountTable) -> Iterator[tuple[int, Counted]]:
         """Yield what is kept of the other members, with the first of each part."""

@@ -14,7 +14,7 @@ from thermid.base.errors import MissingExtraError, NameNotFoundError, ScenarioEr
 from thermid.base.extensions import missing
 from thermid.base.linear_algebra import Array
 from thermid.prediction._monte_carlo.chunks import Job, run_members_of
-from thermid.simulation.runs import JobFolder, Workers, digest, in_tasks
+from thermid.simulation.runs import KeptTasks, Workers, in_tasks
 
 MIN_MEMBERS_PER_INPUT = 30
 """Members per input below which shares are not distinguishable from chance. [-]"""
@@ -159,14 +159,7 @@ def sobol_of(
     }
     numbers = np.asarray(design.sample(problem, base, calc_second_order=False, seed=job.seed)).T
     tasks = [(f"run {k} of the design", (job, numbers[:, k : k + job.chunk], path, time)) for k in range(0, numbers.shape[1], job.chunk)]
-    store = JobFolder.below(folder, digest((job.key(), "sobol", path, time, base))) if folder is not None else None
-    loaded = {k: store.load(f"runs_{k}") for k in range(len(tasks))} if store is not None else {}
-    temperatures = {k: arrays["temperatures"] for k, arrays in loaded.items() if arrays is not None}
-    open_ = [k for k in range(len(tasks)) if k not in temperatures]
-    for at, part in in_tasks(_temperature_of, [tasks[k] for k in open_], executor):
-        temperatures[open_[at]] = part
-        if store is not None:
-            store.save(f"runs_{open_[at]}", {"temperatures": part})
+    temperatures = dict(in_tasks(_temperature_of, tasks, KeptTasks.of_workers(executor, folder)))
     result = np.concatenate([temperatures[k] for k in range(len(temperatures))])
     indices = analysis.analyze(problem, result, calc_second_order=False, seed=job.seed)
     first, total, errors = ({n: float(x) for n, x in zip(names, indices[k], strict=True)} for k in ("S1", "ST", "ST_conf"))

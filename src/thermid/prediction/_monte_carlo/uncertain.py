@@ -7,13 +7,14 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import NameNotFoundError, ScenarioError, cap, raising, refuse_unknown
+from thermid.base.extensions import optional
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result
 from thermid.base.units import TEMPERATURE, counted
@@ -23,15 +24,18 @@ from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction._budget import AVERAGED, Budget, Spread, assumed_left_out, budget_of, check_variants, first_line, in_order
 from thermid.prediction._known import Knowledge, known_of
-from thermid.prediction._monte_carlo.chunks import Chunk, CountTable, Job, Limit, MemberRuns, Progress
+from thermid.prediction._monte_carlo.chunks import Chunk, CountTable, Job, Limit, MemberRuns, Progress, chunk_name
 from thermid.prediction._predict import BENT, WayAnswer, centre_words, mixed_answer
 from thermid.prediction._reduction.macro import assumed
 from thermid.prediction._setting import Setting
 from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Counted, JobFolder, Scenario, Workers, output_times, shares_of, simulate
+from thermid.simulation.runs import Counted, JobFolder, KeptTasks, Scenario, Workers, output_times, shares_of, simulate
 from thermid.simulation.solver import MemberTurnings, Options
 from thermid.values.fitted import FittedValues
 from thermid.values.store import Choice, LeftOut, Source, model_standing
+
+if TYPE_CHECKING:
+    import xarray
 
 START_TIME_STEP = 1800.0
 """Step of start times where none is given. [s]"""
@@ -234,6 +238,33 @@ class UncertainRuns(Result):
             for name, values in setting.member_values(sources[:, here]).items():
                 out.setdefault(name, np.zeros(members))[here] = values
         return out | ({AVERAGED: chosen.astype(float)} if len(job.budget.ways) > 1 else {})
+
+    def open_members(self, n: int, folder: str | os.PathLike[str], *, executor: Workers = None) -> xarray.Dataset:
+        """Return runs of the same question as one lazy data set: temperatures (member, node, time) of a folder with a file a chunk. [K]
+
+        Members that the folder lacks are run first. No more than a chunk is held, by this process or by each worker; what is asked of the
+        data set is read when it is computed. What was drawn are its variables, a number a member [SI]. Its `to_netcdf` writes one file.
+
+        Parameters
+        ----------
+        n : int                     Members.
+        folder : path               As of `uncertain_runs`, which shares its files.
+        executor                    As in `uncertain_runs`.
+
+        Raises
+        ------
+        MissingExtraError   When xarray or dask is not installed.
+        """
+        dask, arrays, data = (optional(name, "lazy members") for name in ("dask", "dask.array", "xarray"))
+        job, store = self.job, JobFolder.below(folder, self.job.key())
+        for _ in MemberRuns(job, n, n, store, KeptTasks.of_workers(executor).workers, None).chunks():
+            pass  # each goes to its file
+        read, shape = dask.delayed(store.load), (len(job.nodes), job.times.size)
+        pieces = [arrays.from_delayed(read(chunk_name(*part))["temperatures"], (part[1], *shape), float) for part in job.parts(0, n)]
+        temperatures = {"temperature": (("member", "node", "time"), arrays.concatenate(pieces), {"units": "K"})}
+        drawn = {name: ("member", values) for name, values in self._drawn(n).items()}
+        lazy: xarray.Dataset = data.Dataset(temperatures | drawn, {"node": list(job.nodes), "time": ("time", job.times, {"units": "s"})})
+        return lazy
 
     @cached_property
     def left_out(self) -> tuple[LeftOut, ...]:
@@ -464,8 +495,9 @@ def members_of_plan(
         raise ScenarioError(text, job.model.title, code="cap.exceeded")
     if n < 1:
         raise ScenarioError("a campaign of runs needs at least one member.", job.model.title, code="value.outside-range")
-    store = JobFolder.below(folder, job.key()) if folder is not None else None
-    campaign = MemberRuns(job, n, job.whole(n), store, executor, progress)
+    kept_tasks = KeptTasks.of_workers(executor, folder)
+    store = JobFolder.below(kept_tasks.folder, job.key()) if kept_tasks.folder is not None else None
+    campaign = MemberRuns(job, n, job.whole(n), store, kept_tasks.workers, progress)
     sample, whole = campaign.sample(), campaign.whole
     failed = {m: why for c in sample for m, why in c.failed.items()}
     counted = Counted(n, {}, {}, failed, {})

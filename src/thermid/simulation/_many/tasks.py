@@ -5,22 +5,29 @@ A task carries all that it needs, and may be done twice. Nothing is handed out b
 
 from __future__ import annotations
 
+import json
+import os
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, as_completed
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from math import inf
+from pathlib import Path
 from time import sleep
-from typing import Any, TypeVar
+from typing import Any, TypeVar, Union
+
+import numpy as np
 
 from thermid.base.errors import ScenarioError, ThermidError, errors_at
 from thermid.base.extensions import optional
+from thermid.simulation._many.kept import JobFolder, digest, restored, taken_apart
 
 Made = TypeVar("Made")
-Workers = Executor | str | int | None
+Workers = Union[Executor, "KeptTasks", str, int, None]
 """Who does tasks: any executor of `concurrent.futures` (threads, processes, mpi4py's, Dask's ``client.get_executor()``); the address of a
 Dask scheduler, ``tcp://host:8786``; ``"joblib"``, the backend of `joblib.parallel_config`; a number of processes of this machine; None for
-this process alone."""
+this process alone; any of these with a folder for what is finished, `KeptTasks`."""
 PATIENCE = 20.0
 """How long a cluster may take to answer, and may be without workers. [s]"""
 PROCESSES_PAY = 20.0
@@ -52,6 +59,10 @@ def in_tasks(
     """
     from importlib.metadata import version
 
+    if isinstance(workers, KeptTasks) and workers.folder is not None:
+        yield from workers.results(function, tasks, seconds)
+        return
+    workers = KeptTasks.of_workers(workers).workers
     calls = [(function, version("thermid"), name, arguments) for name, arguments in tasks]
     if isinstance(workers, int) and workers < 1:
         raise ScenarioError(f"{workers} processes cannot do anything. Give at least one.", code="value.outside-range")
@@ -65,6 +76,63 @@ def in_tasks(
     else:
         with ExitStack() as stack:
             yield from _by(_pool(workers, stack), calls, f"of '{workers}'" if isinstance(workers, str) else "of the pool")
+
+
+@dataclass(frozen=True)
+class KeptTasks:
+    """Workers whose finished tasks stay in a folder: the `executor` of any loop, which then goes on where an earlier one ended.
+
+    A task is known by what it computes, from which values, and by the version of thermid. Results are kept as arrays and JSON; nothing in
+    the folder is run.
+
+    Parameters
+    ----------
+    folder : path               It may serve any number of loops.
+    workers : see `Workers`     Who does the tasks that the folder does not have.
+    """
+
+    folder: str | os.PathLike[str] | None
+    workers: Executor | str | int | None = None
+
+    @classmethod
+    def of_workers(cls, workers: Workers, folder: str | os.PathLike[str] | None = None) -> KeptTasks:
+        """Return any workers with their folder, None where they have none; a folder that is given goes before."""
+        whole = workers if isinstance(workers, KeptTasks) else cls(None, workers)
+        return whole if folder is None else cls(folder, whole.workers)
+
+    def key(self, function: Callable[..., Any], arguments: tuple[Any, ...]) -> str:
+        """Return the name of a task."""
+        from importlib.metadata import version
+
+        return digest((version("thermid"), function, arguments))
+
+    def load(self, key: str) -> tuple[Any] | None:
+        """Return what a finished task returned, alone in a tuple; None where it is not there."""
+        arrays = JobFolder(Path(self.folder or "")).load(key)
+        return (restored(json.loads(str(arrays["about"])), arrays),) if arrays is not None else None
+
+    def save(self, key: str, result: Any) -> None:
+        """Keep what a task returned: numbers, texts, arrays, and dataclasses, tuples, lists and tables of them."""
+        arrays: dict[str, Any] = {}
+        about = json.dumps(taken_apart(result, arrays))
+        place = Path(self.folder or "")
+        place.mkdir(parents=True, exist_ok=True)
+        JobFolder(place).save(key, {**arrays, "about": np.array(about)})
+
+    def results(
+        self, function: Callable[..., Made], tasks: Sequence[tuple[str, tuple[Any, ...]]], seconds: float
+    ) -> Iterator[tuple[int, Made]]:
+        """Yield position and result of each task, those first that the folder has; each of the others goes there when it is done."""
+        keys = [self.key(function, arguments) for _, arguments in tasks]
+        open_ = []
+        for k, key in enumerate(keys):
+            if (loaded := self.load(key)) is not None:
+                yield k, loaded[0]
+            else:
+                open_.append(k)
+        for at, result in in_tasks(function, [tasks[k] for k in open_], self.workers, seconds * len(open_) / max(len(tasks), 1)):
+            self.save(keys[open_[at]], result)
+            yield open_[at], result
 
 
 def _pool(workers: Executor | str | int, stack: ExitStack) -> Executor:

@@ -35,11 +35,16 @@ def test_noise_needs_no_element(fitted_campaign: Path, call: Call) -> None:
     assert (found["suggested"], found["candidates"], found["traces"][0]["white"]) == (None, [], True)
 
 
-def test_a_missing_element_is_named_in_text_and_as_an_object(lagging: Path, call: Call) -> None:
-    said = call("criticise", lagging, "--stage", "box")
+def test_a_missing_element_is_named_in_text_and_as_an_object(lagging: Path, call: Call, tmp_path: Path) -> None:
+    """The second time its refits are read from the job's folder."""
+    job = tmp_path / "job"
+    said = call("criticise", lagging, "--stage", "box", "--job", job)
     assert "T_A in box_bench: RMSE" in said.out
     assert "  candidates, each alone:" in said.out
-    found = call("criticise", lagging, "--stage", "box", "--json").object["stages"]["box"]
+    finished = {path: path.stat().st_mtime_ns for path in job.iterdir()}
+    assert len(finished) > 1
+    found = call("criticise", lagging, "--stage", "box", "--json", "--job", job).object["stages"]["box"]
+    assert {path: path.stat().st_mtime_ns for path in job.iterdir()} == finished
     best = max((c for c in found["candidates"] if c["tried"]), key=lambda c: c["evidence"])
     assert best["evidence"] > 10.0
     assert best["name"] in said.out

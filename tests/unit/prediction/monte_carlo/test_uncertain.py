@@ -418,6 +418,20 @@ def test_too_few_members_have_no_drivers() -> None:
     assert drivers_of({"a": rng.normal(size=20)}, rng.normal(size=20)) == ()
 
 
+def test_members_of_a_folder_are_one_lazy_data_set(tmp_path: Path) -> None:
+    """Chunk by chunk, and the same bits as those that are held."""
+    few = runs(n=8, chunk=8, every="10 [min]")
+    whole = runs(n=30, chunk=8, every="10 [min]", keep=True)
+    with few.open_members(30, tmp_path) as lazy:
+        assert [*lazy.temperature.chunksizes["member"]] == [8, 8, 8, 6]
+        assert np.array_equal(lazy.temperature.values, whole.temperatures)
+        assert all(np.array_equal(lazy[name].values, values) for name, values in whole.draws.items())
+        lazy.to_netcdf(tmp_path / "members.nc", engine="h5netcdf")
+    files = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.npz")}
+    few.open_members(30, tmp_path)
+    assert files == {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.npz")}
+
+
 def test_sobol_of_a_sum_is_its_variances() -> None:
     """Settled, T = air + P/G: shares of 2 K and of 20 K times 5 % are 4 to 1."""
     job = runs(nodes=["body"], every="30 [min]").job
