@@ -37,19 +37,15 @@ from thermid.fit._error_model.gaussian import log_sum, weights_of
 from thermid.fit._error_model.model import GROUPS, FittedWay, before, evidence_of_structure, fitted_way, points_of
 from thermid.fit._error_model.runs import Departures, Smooth, UnknownColumn
 from thermid.fit._error_model.sizes import (
-    BEYOND_WIDENING,
     COUNTED,
     FAR_SIZE,
     KEPT_OF_PRIOR,
-    LARGE_MOVE,
     MIN_LOG_BAYES_FACTOR,
     OUTSIDE,
     SIZES,
-    SURE_MOVE,
 )
 from thermid.fit._problem.residuals import Problem, Unknown
 from thermid.fit._uncertainty.information import square_between
-from thermid.measure.amounts import short
 from thermid.model.elements import CARRIED_BY, Standing
 from thermid.model.identity import identity_of, outside
 from thermid.simulation.network import Network
@@ -329,17 +325,15 @@ class ErrorModel(Result):
 
     @property
     def contradiction(self) -> str:
-        """What of the readings no departure of a usual size explains, in words; empty where all is explained."""
+        """What of the readings no departure of a possible size explains, in words; empty where all is explained."""
         if self.misfit > OUTSIDE:
             return f"the readings lie {self.misfit:.2g} times further from the model than noise and all departures allow"
-        # of all departures that of a room alone extrapolates with no element: a wrong power hides in it
-        drift = self.sizes.get("room", 0.0) / SIZES["room"].value
-        if drift > FAR_SIZE:
-            return (
-                f"the readings ask for {drift:.2g} times the usual {SIZES['room'].effect} "
-                f"({self.sizes['room']:.2g} K beside {SIZES['room'].value:g} K)"
-            )
-        return ""
+        sizes = {**self.sizes, "left": float(np.sqrt(sum(w.weight * w.left_over**2 for w in self.ways)))}
+        name = max(sizes, key=lambda n: sizes[n] / SIZES[n].value)
+        usual = SIZES[name]
+        times = sizes[name] / usual.value
+        asked = f"{sizes[name]:.2g} {usual.unit} beside {usual.value:g}".replace(" 1 ", " ")
+        return f"the readings ask for {times:.2g} times a usual departure: {usual.effect} ({asked})" if times > FAR_SIZE else ""
 
     @property
     def unknowns(self) -> tuple[str, ...]:
@@ -563,7 +557,9 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
     smaller. Where there is no model of error a warning of the fit says why.
     """
     is_requested = fit.request is not None and fit.request.structural_errors
-    if why := errors.numbers["table"]["why"]:
+    table = errors.numbers["table"]
+    fit = _judged_by(fit, ErrorModel.from_dict(table).contradiction)
+    if why := table["why"]:
         words = f"the errors do not count what the structure may lack ({why.rstrip('.')}). Look for it with `thermid criticise`."
         return replace(fit, warnings=(*fit.warnings, words))
     if not is_requested and errors.numbers["gain"] < MIN_LOG_BAYES_FACTOR:
@@ -571,23 +567,18 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
     return _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]))
 
 
+def _judged_by(fit: Calibration, contradiction: str) -> Calibration:
+    """Return a fit that is not adequate where its readings contradict its model of error, unless its stage states what they may be."""
+    if not contradiction or not fit.own.fair or (fit.request is not None and fit.request.adequate > 0.0):
+        return fit
+    accepted = fit.request is not None and fit.request.accepted
+    return replace(fit, own=Standing("not adequate", contradiction, fit.stage, accepted)).judged(fit.rests, fit.verdict)
+
+
 def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array) -> Calibration:
     """Return a fit with wider errors, by what its values would move by and their covariance (values, values); fitted form."""
-    variances = dict(zip(moved, np.diag(covariance).tolist(), strict=True))
     fit = _with_sources_of_structure(fit, covariance + np.outer([*moved.values()], [*moved.values()]), tuple(moved))
-    assert fit.problem is not None
-    is_requested, stated = fit.request is not None and fit.request.structural_errors, fit.request is not None and fit.request.adequate > 0.0
-    logs = {u.name for u in fit.problem.unknowns if u.kind == "parameter" and u.log}
-    far = {p: x for p, x in moved.items() if p in logs and abs(x) > BEYOND_WIDENING and x**2 > SURE_MOVE**2 * variances[p]}
-    # with a stated `adequate` it is the user's to say what residuals may be
-    if far and not (is_requested or stated) and fit.own.fair:
-        worst = max(far, key=lambda p: abs(far[p]))
-        size = far[worst]
-        by = f"{short(100.0 * math.expm1(size), 2)} %" if abs(size) < math.log(LARGE_MOVE) else f"more than a factor of {LARGE_MOVE:g}"
-        because = f"what the structure may lack would move '{worst}' by {by}, and the residuals ask for it"
-        fit = replace(fit, own=Standing("not adequate", because, fit.stage, fit.request is not None and fit.request.accepted)).judged(
-            fit.rests, fit.verdict
-        )
+    is_requested = fit.request is not None and fit.request.structural_errors
     why = "the structure is a proposal" if is_requested else "the residuals are larger than this structure explains"
     remark = f"{why}, so the errors of the values allow for deviations of its elements from their laws."
     # right structures wander too, by less than the noise: no question to anybody
