@@ -578,12 +578,17 @@ def _judged_by(fit: Calibration, contradiction: str) -> Calibration:
 def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array) -> Calibration:
     """Return a fit with wider errors, by what its values would move by and their covariance (values, values); fitted form."""
     fit = _with_sources_of_structure(fit, covariance + np.outer([*moved.values()], [*moved.values()]), tuple(moved))
+    assert fit.problem is not None
+    unknowns = {u.name: u for u in fit.problem.unknowns if u.kind == "parameter"}
+    errors = dict(zip(moved, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    at = {n: (u, fit.fitted[n] + moved[n], errors[n]) for n, u in unknowns.items() if n in moved}
+    expected = {n: (u.to_value(x), u.slope(x) * error) for n, (u, x, error) in at.items()}
     is_requested = fit.request is not None and fit.request.structural_errors
     why = "the structure is a proposal" if is_requested else "the residuals are larger than this structure explains"
     remark = f"{why}, so the errors of the values allow for deviations of its elements from their laws."
     # right structures wander too, by less than the noise: no question to anybody
     warnings = (*fit.warnings, f"{FIRST}{remark}" if is_requested or fit.reduced_chi_square > MISFIT else remark)
-    return replace(fit, structural_errors=True, warnings=warnings)
+    return replace(fit, expected=expected, warnings=warnings)
 
 
 def _with_sources_of_structure(fit: Calibration, squares: Array, names: Sequence[str]) -> Calibration:
