@@ -32,13 +32,14 @@ from thermid.fit._calibration import (
 )
 from thermid.fit._error_model.discrepancy import assumed_moves, with_discrepancy
 from thermid.fit._error_model.kept import KEY as ERRORS, ErrorsOfFit, Keeping, with_structural_errors
+from thermid.fit._error_model.sizes import LEAST_NOISE, OUTSIDE
 from thermid.fit._inputs import inputs_of
 from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
 from thermid.fit._problem.experiment import UNSAID_NOISE, Experiment
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Request, counted_twice, freed, mean_of, priors_of, weighing
 from thermid.fit._problem.residuals import Predictions, Problem, Unknown, pooled, starting_point, wanders
-from thermid.fit._search import Progress, searched
+from thermid.fit._search import CHANCE, Progress, searched
 from thermid.fit._second_clocks import at_clocks, in_turns, widened_by_noise_of_powers, with_clocks
 from thermid.fit._uncertainty.groups import SHARE, Group, percent, structural_groups, together
 from thermid.fit._uncertainty.information import Information, Responses, elsewhere, responses
@@ -58,8 +59,8 @@ _version = cache(version)  # half a millisecond, once
 ASIDE, STRAINED = 3.0, 5.0
 """Standard deviations from its prior at which a value of a single record is remarked on, and from which its fit is not adequate: what
 one record takes up so far from what is known of it is physics that the model lacks, or a prior that is wrong. [-]"""
-NOISE_RATIO, NO_NOISE = 1.5, 1e-3
-"""Factor between stated noise and the noise that readings show, from which it is said; what they show below which they have none [K]."""
+NOISE_RATIO = 1.5
+"""Factor between stated noise and the noise that readings show, from which it is said. [-]"""
 ERROR_OF_SEEN_NOISE = 1.6
 """Standard error of the logarithm of the noise that white readings show, times the root of their number; 20 to 500 were simulated. [-]"""
 CHANCE_DEVIATIONS = 3.0
@@ -452,9 +453,6 @@ def _by_instruments(problem: Problem, total: Array, k: int) -> str:
     return f"; most of that is the constant error of {names}{cure}"
 
 
-CHANCE = 0.01
-
-
 def summarise(
     request: Request, problem: Problem, best: Fit, responses_of_fit: Responses, random: Array, spread: Autocorrelation | None = None
 ) -> Calibration:
@@ -707,7 +705,7 @@ def _seen_noise(problem: Problem) -> dict[tuple[str, str], _SeenNoise]:
         )
         for e in problem.experiments
         for o in e.observations
-        if o.effective_share == 1.0 and (channel := e.record.channels[o.sensor]).noise_seen > NO_NOISE
+        if o.effective_share == 1.0 and (channel := e.record.channels[o.sensor]).noise_seen > LEAST_NOISE
     }
 
 
@@ -948,7 +946,7 @@ def _with_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration:
 
 
 def _suspect(fit: Calibration, spread: Autocorrelation) -> bool:
-    """Whether the residuals of a fit may refute its structure: larger than the noise allows, and some of them wander.
+    """Whether the residuals of a fit may refute its structure: larger than the noise allows, and some of them wander or by far.
 
     The noise is what the readings show where none is stated, or more than that.
     """
@@ -964,6 +962,8 @@ def _suspect(fit: Calibration, spread: Autocorrelation) -> bool:
     ]
     squares = [t.samples * (t.white_variance + t.correlated_variance) * m for t, m in zip(slow, more, strict=True)]
     count = sum(t.samples for t in slow)
+    if stated and fit.chi_square > OUTSIDE**2 * max(fit.freedom, 1):
+        return True  # white or not
     return bool(slow) and (
         (stated and fit.chi_square > fit.freedom + CHANCE_DEVIATIONS * (2.0 * max(fit.freedom, 1)) ** 0.5)
         or sum(squares) > count + CHANCE_DEVIATIONS * (2.0 * count) ** 0.5

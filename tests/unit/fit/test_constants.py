@@ -154,6 +154,13 @@ class TestAdequacy:
         assert any("times the stated noise; the errors were widened by that factor" in w for w in found.warnings)
         assert found[HTC].error > 3.0 * calm[HTC].error
 
+    def test_spikes_of_a_wrong_log_are_not_adequate_though_they_do_not_wander(self) -> None:
+        data = log(box(), {}, {"T": "case"}, noise=0.05)
+        spiked = data["T"].values.copy()
+        spiked[::17] += 8.0
+        found = td.calibrate(box(), data.with_channels(replace(data["T"], values=spiked)), [HTC])
+        assert found.standing.state == "not adequate"
+
     def test_neighbours_of_white_residuals_correlate_by_chance(self) -> None:
         """1.96 / sqrt(n) in 95 of 100 cases."""
         for lag, white in ((1.9 / 20.0, True), (2.0 / 20.0, False)):
