@@ -554,25 +554,20 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
 
     A value stays where its fit found it. Where the covariance by the model of error, and what that would move values by, say more than the
     fit, the difference becomes sources of its errors: they go into files and to the stages above with its values, and no error becomes
-    smaller. Where there is no model of error a warning of the fit says why.
+    smaller. A fit whose readings contradict its model of error is not adequate. Where elements are not followed a warning says why.
     """
-    is_requested = fit.request is not None and fit.request.structural_errors
+    assert fit.request is not None
     table = errors.numbers["table"]
-    fit = _judged_by(fit, ErrorModel.from_dict(table).contradiction)
+    contradiction = ErrorModel.from_dict(table).contradiction
+    # with a stated `adequate` it is the user's to say what residuals may be
+    if contradiction and fit.own.fair and not fit.request.adequate:
+        fit = replace(fit, own=Standing("not adequate", contradiction, fit.stage, fit.request.accepted)).judged(fit.rests, fit.verdict)
     if why := table["why"]:
         words = f"the errors do not count what the structure may lack ({why.rstrip('.')}). Look for it with `thermid criticise`."
         return replace(fit, warnings=(*fit.warnings, words))
-    if not is_requested and errors.numbers["gain"] < MIN_LOG_BAYES_FACTOR:
+    if not fit.request.structural_errors and errors.numbers["gain"] < MIN_LOG_BAYES_FACTOR:
         return fit  # what wanders is as likely noise
     return _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]))
-
-
-def _judged_by(fit: Calibration, contradiction: str) -> Calibration:
-    """Return a fit that is not adequate where its readings contradict its model of error, unless its stage states what they may be."""
-    if not contradiction or not fit.own.fair or (fit.request is not None and fit.request.adequate > 0.0):
-        return fit
-    accepted = fit.request is not None and fit.request.accepted
-    return replace(fit, own=Standing("not adequate", contradiction, fit.stage, accepted)).judged(fit.rests, fit.verdict)
 
 
 def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array) -> Calibration:
