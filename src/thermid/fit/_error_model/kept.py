@@ -329,11 +329,11 @@ class ErrorModel(Result):
         if self.misfit > OUTSIDE:
             return f"the readings lie {self.misfit:.2g} times further from the model than noise and all departures allow"
         sizes = {**self.sizes, "left": float(np.sqrt(sum(w.weight * w.left_over**2 for w in self.ways)))}
-        name = max(sizes, key=lambda n: sizes[n] / SIZES[n].value)
-        usual = SIZES[name]
-        times = sizes[name] / usual.value
-        asked = f"{sizes[name]:.2g} {usual.unit} beside {usual.value:g}".replace(" 1 ", " ")
-        return f"the readings ask for {times:.2g} times a usual departure: {usual.effect} ({asked})" if times > FAR_SIZE else ""
+        times, name = max((size / SIZES[n].value, n) for n, size in sizes.items())
+        if times <= FAR_SIZE:
+            return ""
+        asked = f"{sizes[name]:.2g} {SIZES[name].unit} beside {SIZES[name].value:g}".replace(" 1 ", " ")
+        return f"the readings ask for {times:.2g} times a usual departure: {SIZES[name].effect} ({asked})"
 
     @property
     def unknowns(self) -> tuple[str, ...]:
