@@ -556,16 +556,17 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
     fit, the difference becomes sources of its errors: they go into files and to the stages above with its values, and no error becomes
     smaller. A fit whose readings contradict its model of error is not adequate. Where elements are not followed a warning says why.
     """
-    assert fit.request is not None
+    request = fit.request
+    assert request is not None
     table = errors.numbers["table"]
     contradiction = ErrorModel.from_dict(table).contradiction
     # with a stated `adequate` it is the user's to say what residuals may be
-    if contradiction and fit.own.fair and not fit.request.adequate:
-        fit = replace(fit, own=Standing("not adequate", contradiction, fit.stage, fit.request.accepted)).judged(fit.rests, fit.verdict)
+    if contradiction and fit.own.fair and not request.adequate:
+        fit = replace(fit, own=Standing("not adequate", contradiction, fit.stage, request.accepted)).judged(fit.rests, fit.verdict)
     if why := table["why"]:
         words = f"the errors do not count what the structure may lack ({why.rstrip('.')}). Look for it with `thermid criticise`."
         return replace(fit, warnings=(*fit.warnings, words))
-    if not fit.request.structural_errors and errors.numbers["gain"] < MIN_LOG_BAYES_FACTOR:
+    if not request.structural_errors and errors.numbers["gain"] < MIN_LOG_BAYES_FACTOR:
         return fit  # what wanders is as likely noise
     return _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]))
 
