@@ -33,7 +33,8 @@ def section(rows: list[str], benches: int) -> str:
 
 {benches} synthetic benches of one to three parts in air: natural convection (dT^0.25), radiation, a power that grows with temperature by up
 to 0.4 % per kelvin and settles by up to 6 % over 15 to 60 minutes, two or three levels of power, readings with noise of 0.05 K in steps of
-1/16 K. The document's structure is fitted: constant coefficients and the logged power. Then the structure that the tool itself proposes is
+1/16 K. The document's structure is fitted: constant coefficients and the logged power. Beside the values of that fit its model of error
+says which they are *if elements depart* from their laws. Then the structure that the tool itself proposes is
 fitted: the element that `criticise` suggests, or what the search of `improve` does. *Inside*: 95 % intervals that contain the true mass;
 *or told*: or their fit states that it is not adequate. Errors are in standard errors. *Widened*: fits whose errors count what
 the structure may lack ([decision 240](design/inference.md)). *Not adequate*: fits that state it.

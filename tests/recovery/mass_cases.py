@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -114,8 +114,15 @@ def criticised(first: Calibration) -> Calibration:
     return first if best is None or best.fit is None else best.fit
 
 
+def departed(first: Calibration) -> Calibration:
+    """Return the fit with its values and errors as they are expected if elements depart from their laws."""
+    items = {p: replace(first.values[p], value=value, error=error) for p, (value, error) in first.expected.items()}
+    return replace(first, values=replace(first.values, items_={**first.values.items_, **items}))
+
+
 STEPS: dict[str, Callable[[Calibration], Calibration]] = {
     "first structure": lambda first: first,
+    "if elements depart": departed,
     "after `criticise`": criticised,
     "after `improve`": searched,
 }

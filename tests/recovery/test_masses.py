@@ -34,11 +34,26 @@ def test_a_first_structure_that_residuals_refute_says_so(first: Calibration) -> 
     head = str(first).splitlines()[:4]
     assert any("larger than this structure explains" in line for line in head), head
     assert any("larger than this structure explains" in w for w in first.warnings)
-    assert "(the structure)" in str(first)
+    assert "(the structure; " in str(first)
     # as much wandering below the noise is no question to anybody
     quiet = _widened(replace(first, chi_square=1.2 * first.freedom, warnings=()), {}, np.zeros((0, 0)))
     (remark,) = quiet.warnings
     assert remark.startswith("the residuals are larger")
+
+
+def test_values_if_elements_depart_are_narrow_and_hold() -> None:
+    """Masses of three parts in air by constant coefficients: the fit puts the base at 1.3 kg, which has 0.56 kg."""
+    found = campaign(range(302, 303), ("first structure", "if elements depart"))
+    fitted, expected = found["first structure"], found["if elements depart"]
+    assert max(expected.half) < 0.5 * max(fitted.half)
+    assert expected.inside == fitted.inside == 1.0
+
+
+def test_a_fit_that_its_readings_support_expects_nothing_else() -> None:
+    bench = drawn(0, matched=True)
+    found = td.calibrate(bench.model, bench.record, list(bench.free))
+    assert not found.structural_errors
+    assert dict(found.expected) == {}
 
 
 def test_what_is_printed_is_handed_on(first: Calibration, tmp_path: Path) -> None:

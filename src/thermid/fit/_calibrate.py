@@ -32,13 +32,14 @@ from thermid.fit._calibration import (
 )
 from thermid.fit._error_model.discrepancy import assumed_moves, with_discrepancy
 from thermid.fit._error_model.kept import KEY as ERRORS, ErrorsOfFit, Keeping, with_structural_errors
+from thermid.fit._error_model.sizes import LEAST_NOISE, OUTSIDE
 from thermid.fit._inputs import inputs_of
 from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
 from thermid.fit._problem.experiment import UNSAID_NOISE, Experiment
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Request, counted_twice, freed, mean_of, priors_of, weighing
 from thermid.fit._problem.residuals import Predictions, Problem, Unknown, pooled, starting_point, wanders
-from thermid.fit._search import Progress, searched
+from thermid.fit._search import CHANCE, Progress, searched
 from thermid.fit._second_clocks import at_clocks, in_turns, widened_by_noise_of_powers, with_clocks
 from thermid.fit._uncertainty.groups import SHARE, Group, percent, structural_groups, together
 from thermid.fit._uncertainty.information import Information, Responses, elsewhere, responses
@@ -55,22 +56,17 @@ from thermid.values.store import INPUT, LaterTable, State, Store, ValueOrigin, g
 
 _version = cache(version)  # half a millisecond, once
 
-MAX_RESIDUAL_TO_NOISE, MAX_RESIDUAL_TO_RANGE = 3.0, 0.02
-"""What residuals may be, as a standard deviation: so many times the stated noise of the sensor. Where no noise was stated, their
-autocorrelated part may be so many times the independent one, or so much of what the sensor ranged over, whichever is more. [-]"""
 ASIDE, STRAINED = 3.0, 5.0
 """Standard deviations from its prior at which a value of a single record is remarked on, and from which its fit is not adequate: what
 one record takes up so far from what is known of it is physics that the model lacks, or a prior that is wrong. [-]"""
-NOISE_RATIO, NO_NOISE = 1.5, 1e-3
-"""Factor between stated noise and the noise that readings show, from which it is said; what they show below which they have none [K]."""
+NOISE_RATIO = 1.5
+"""Factor between stated noise and the noise that readings show, from which it is said. [-]"""
 ERROR_OF_SEEN_NOISE = 1.6
 """Standard error of the logarithm of the noise that white readings show, times the root of their number; 20 to 500 were simulated. [-]"""
 CHANCE_DEVIATIONS = 3.0
 """Standard deviations of chi-square by chance, from which residuals that wander are asked whether the structure lacks something. [-]"""
 UNKNOWN_CLOCK = 0.5
 """Part of the range of a second clock that its 95 % must leave, for the records to have determined it. [-]"""
-REFUTED = 1e-3
-"""Chance of as large a chi-square, beside residuals of so many noises, from which the stated noise refutes the fit."""
 
 
 def own_standing(
@@ -81,7 +77,7 @@ def own_standing(
     if wrong:
         return Standing("not credible", "; ".join(wrong), values.stage, request.accepted)
     short_of = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, minimum, total)]
-    short_of += _missed(request, problem, minimum, spread) if spread is not None else []
+    short_of += _beyond_stated(problem, spread, request.adequate) if request.adequate and spread is not None else []
     far = _far_from_prior(problem, minimum)
     if far and (size := max(far.values())) > STRAINED:
         name = max(far, key=far.__getitem__)
@@ -125,44 +121,16 @@ def at_bounds(problem: Problem, minimum: Fit, total: Array) -> list[tuple[Unknow
     return out
 
 
-def _missed(request: Request, problem: Problem, minimum: Fit, spread: Autocorrelation) -> list[str]:
-    """Return in words which traces the model misses by more than it may, the worst first; one reason for all of them."""
-    observations = {(e.record.name, o.sensor): o for e in problem.experiments for o in e.observations}
-    scatter = {(record, sensor): float(np.sqrt(s.mean_square)) for record, sensor, s in minimum.sums}
-    missed: list[tuple[float, str]] = []
-    shown = _seen_noise(problem)
-    for t in spread.traces:
-        o = observations[t.record, t.sensor]
-        sigma = o.sigma(problem.noise)
-        size = float(np.sqrt(t.correlated_variance)) * sigma
-        if request.adequate:
-            limit, what = request.adequate, "'adequate'"
-        elif o.noise is not None and ((seen := shown.get((t.record, t.sensor))) is None or o.noise <= seen.ratio * seen.size):
-            size = scatter[t.record, t.sensor] if size > 0.0 else 0.0
-            limit, what = MAX_RESIDUAL_TO_NOISE * o.noise, f"{MAX_RESIDUAL_TO_NOISE:g} times its stated noise"
-        else:  # nothing stated, or more than the readings show
-            limit = max(MAX_RESIDUAL_TO_NOISE * float(np.sqrt(t.white_variance)) * sigma, MAX_RESIDUAL_TO_RANGE * float(np.ptp(o.measured)))
-            what = f"{MAX_RESIDUAL_TO_NOISE:g} noises and {100 * MAX_RESIDUAL_TO_RANGE:g} % of its range"
-        if size > limit:
-            missed.append((size / limit, f"{t.sensor} in {t.record} has a residual of {short(size)} K (limit {short(limit)} K: {what})"))
+def _beyond_stated(problem: Problem, spread: Autocorrelation, limit: float) -> list[str]:
+    """Return in words which traces wander by more than a stage says that they may [K], the worst first; one reason for all of them."""
+    sigma = {(e.record.name, o.sensor): o.sigma(problem.noise) for e in problem.experiments for o in e.observations}
+    sizes = [(float(np.sqrt(t.correlated_variance)) * sigma[t.record, t.sensor], t) for t in spread.traces]
+    missed = sorted(((size, t) for size, t in sizes if size > limit), key=lambda pair: -pair[0])
     if not missed:
-        return [] if request.adequate else _refuted(problem, minimum)
-    first = max(missed)[1]
+        return []
+    size, t = missed[0]
+    first = f"{t.sensor} in {t.record} has a residual of {short(size)} K (limit {short(limit)} K: 'adequate')"
     return [f"{first}, and {counted(len(missed) - 1, 'further trace')}" if len(missed) > 1 else first]
-
-
-def _refuted(problem: Problem, minimum: Fit) -> list[str]:
-    """Return in words that the sum of squares refutes the fit, white residuals or not; nothing where some noise was not stated."""
-    from scipy.special import gammaincc
-
-    freedom, squares = problem.freedom, minimum.chi_square
-    if freedom <= 0.0 or any(o.noise is None for o in problem.observations()) or squares <= MAX_RESIDUAL_TO_NOISE**2 * freedom:
-        return []
-    chance = float(gammaincc(0.5 * freedom, 0.5 * squares))
-    if chance > REFUTED:
-        return []
-    times = short(float(np.sqrt(squares / freedom)))
-    return [f"the residuals are {times} times the stated noise, which the noise refutes (limit {MAX_RESIDUAL_TO_NOISE:g} times)"]
 
 
 def rests_on(request: Request, values: FittedValues) -> dict[str, Standing]:
@@ -485,9 +453,6 @@ def _by_instruments(problem: Problem, total: Array, k: int) -> str:
     return f"; most of that is the constant error of {names}{cure}"
 
 
-CHANCE = 0.01
-
-
 def summarise(
     request: Request, problem: Problem, best: Fit, responses_of_fit: Responses, random: Array, spread: Autocorrelation | None = None
 ) -> Calibration:
@@ -747,7 +712,7 @@ def _seen_noise(problem: Problem) -> dict[tuple[str, str], _SeenNoise]:
         )
         for e in problem.experiments
         for o in e.observations
-        if o.effective_share == 1.0 and (channel := e.record.channels[o.sensor]).noise_seen > NO_NOISE
+        if o.effective_share == 1.0 and (channel := e.record.channels[o.sensor]).noise_seen > LEAST_NOISE
     }
 
 
@@ -989,7 +954,7 @@ def _with_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration:
 
 
 def _suspect(fit: Calibration, spread: Autocorrelation) -> bool:
-    """Whether the residuals of a fit may refute its structure: larger than the noise allows, and some of them wander.
+    """Whether the residuals of a fit may refute its structure: larger than the noise allows, and some of them wander or by far.
 
     The noise is what the readings show where none is stated, or more than that.
     """
@@ -1005,6 +970,8 @@ def _suspect(fit: Calibration, spread: Autocorrelation) -> bool:
     ]
     squares = [t.samples * (t.white_variance + t.correlated_variance) * m for t, m in zip(slow, more, strict=True)]
     count = sum(t.samples for t in slow)
+    if stated and fit.chi_square > OUTSIDE**2 * max(fit.freedom, 1):
+        return True  # white or not
     return bool(slow) and (
         (stated and fit.chi_square > fit.freedom + CHANCE_DEVIATIONS * (2.0 * max(fit.freedom, 1)) ** 0.5)
         or sum(squares) > count + CHANCE_DEVIATIONS * (2.0 * count) ** 0.5

@@ -183,7 +183,8 @@ class Calibration(Result):
     store : Store               Everything known of the model's values, at every depth.
     stopped : bool              Whether the interrupt key ended the search; the values are then the best so far, and not credible.
     kept : KeptFit or None      What a results folder keeps of the fit, so that it can be taken again; None where values are set by hand.
-    structural_errors : bool    Whether the errors of its values count what the structure may lack.
+    expected : dict             Value -> (value, standard error) if elements depart from their laws, by the model of error; nothing where
+                                the residuals ask for no departures. [SI]
     """
 
     stage: str
@@ -215,7 +216,12 @@ class Calibration(Result):
     verdict: Standing | None = None
     stopped: bool = False
     kept: KeptFit | None = field(default=None, repr=False)
-    structural_errors: bool = False
+    expected: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def structural_errors(self) -> bool:
+        """Whether the errors of its values count what the structure may lack."""
+        return bool(self.expected)
 
     @property
     def standing(self) -> Standing:
@@ -320,7 +326,7 @@ class Calibration(Result):
         lines += [f"  {w}" for w in self.warnings if w.startswith(FIRST)]
         lines += [f"  {line}" for line in input_lines(self.inputs.assumed)]
         width = max((len(p) for p in fitted), default=0)
-        lines += [f"  {_value_line(v, width, self.structural_errors, self.range_shares(v.path))}" for v in fitted.values()]
+        lines += [f"  {_value_line(v, width, self.expected.get(v.path), self.range_shares(v.path))}" for v in fitted.values()]
         lines += [f"  {v.path}: shares its value with {', '.join(v.also)}" for v in fitted.values() if v.also]
         lines += [f"  cut from the other instances of its deck: {place}" for place in cuts_of(self.given_model)]
         lines += _known_lines(self.store, {*self.values.assignments}, width)
@@ -388,12 +394,14 @@ class Calibration(Result):
         return list(self.values)
 
 
-def _value_line(v: FittedValue, width: int, structural: bool, ranges: Mapping[str, float]) -> str:
+def _value_line(v: FittedValue, width: int, expected: tuple[float, float] | None, ranges: Mapping[str, float]) -> str:
     """Return the line of a fitted value: number, errors, bounds, and what makes its error wide."""
     total, random = v.shown(v.error), v.shown(v.error_random)
     low, high = (v.converted(b) if np.isfinite(b) else b for b in v.bounds)
     bounds = f", bounds {low:.4g} .. {high:.4g}" if np.isfinite(low) or np.isfinite(high) else ""
-    wider = " (the structure)" if structural else " (constant errors, priors)"
+    wider = " (constant errors, priors)"
+    if expected is not None:
+        wider = f" (the structure; {digits(*map(v.shown, expected))} +- {short(v.shown(expected[1]))} if elements depart)"
     share, first = sum(ranges.values()), next(iter(ranges), "")
     if share >= MIN_RANGE_SHARE:
         more = f" and {len(ranges) - 1} more" if len(ranges) > 1 else ""

@@ -24,7 +24,7 @@ from thermid.fit._problem.experiment import OFFSET, SCALE, Experiment, Ticks
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Request
 from thermid.fit._problem.residuals import SHIFT, Compressed, Problem, SensorTrace, Unknown, as_triangle, clock_at, loss_of, starting_point
-from thermid.fit._uncertainty.noise import Binned, autocorrelation_of_traces, trace_in_stretches
+from thermid.fit._uncertainty.noise import CHANGES, Binned, autocorrelation_of_traces, trace_in_stretches
 from thermid.measure.records import Record, clock_range
 from thermid.model.elements import TableSignal
 from thermid.model.tree import Model
@@ -160,8 +160,6 @@ def _cost(problem: Problem, i: int, fitted: Array, loss: str, loss_scale: float)
 
 MAX_CACHED_OFFSETS = 8
 """Offsets and rates whose residuals are kept."""
-CHANGES = 20
-"""The largest changes of a sampled power whose instants are followed; what small ones do is small."""
 
 
 @dataclass(frozen=True, eq=False)

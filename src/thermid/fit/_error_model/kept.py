@@ -37,19 +37,15 @@ from thermid.fit._error_model.gaussian import log_sum, weights_of
 from thermid.fit._error_model.model import GROUPS, FittedWay, before, evidence_of_structure, fitted_way, points_of
 from thermid.fit._error_model.runs import Departures, Smooth, UnknownColumn
 from thermid.fit._error_model.sizes import (
-    BEYOND_WIDENING,
     COUNTED,
     FAR_SIZE,
     KEPT_OF_PRIOR,
-    LARGE_MOVE,
     MIN_LOG_BAYES_FACTOR,
     OUTSIDE,
     SIZES,
-    SURE_MOVE,
 )
 from thermid.fit._problem.residuals import Problem, Unknown
 from thermid.fit._uncertainty.information import square_between
-from thermid.measure.amounts import short
 from thermid.model.elements import CARRIED_BY, Standing
 from thermid.model.identity import identity_of, outside
 from thermid.simulation.network import Network
@@ -329,17 +325,15 @@ class ErrorModel(Result):
 
     @property
     def contradiction(self) -> str:
-        """What of the readings no departure of a usual size explains, in words; empty where all is explained."""
+        """What of the readings no departure of a possible size explains, in words; empty where all is explained."""
         if self.misfit > OUTSIDE:
             return f"the readings lie {self.misfit:.2g} times further from the model than noise and all departures allow"
-        # of all departures that of a room alone extrapolates with no element: a wrong power hides in it
-        drift = self.sizes.get("room", 0.0) / SIZES["room"].value
-        if drift > FAR_SIZE:
-            return (
-                f"the readings ask for {drift:.2g} times the usual {SIZES['room'].effect} "
-                f"({self.sizes['room']:.2g} K beside {SIZES['room'].value:g} K)"
-            )
-        return ""
+        sizes = {**self.sizes, "left": float(np.sqrt(sum(w.weight * w.left_over**2 for w in self.ways)))}
+        times, name = max((size / SIZES[n].value, n) for n, size in sizes.items())
+        if times <= FAR_SIZE:
+            return ""
+        asked = f"{sizes[name]:.2g} {SIZES[name].unit} beside {SIZES[name].value:g}".replace(" 1 ", " ")
+        return f"the readings ask for {times:.2g} times a usual departure: {SIZES[name].effect} ({asked})"
 
     @property
     def unknowns(self) -> tuple[str, ...]:
@@ -562,39 +556,37 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
 
     A value stays where its fit found it. Where the covariance by the model of error, and what that would move values by, say more than the
     fit, the difference becomes sources of its errors: they go into files and to the stages above with its values, and no error becomes
-    smaller. Where there is no model of error a warning of the fit says why.
+    smaller. A fit whose readings contradict its model of error is not adequate. Where elements are not followed a warning says why.
     """
-    is_requested = fit.request is not None and fit.request.structural_errors
-    if why := errors.numbers["table"]["why"]:
+    request = fit.request
+    assert request is not None
+    table = errors.numbers["table"]
+    contradiction = ErrorModel.from_dict(table).contradiction
+    # with a stated `adequate` it is the user's to say what residuals may be
+    if contradiction and fit.own.fair and not request.adequate:
+        fit = replace(fit, own=Standing("not adequate", contradiction, fit.stage, request.accepted)).judged(fit.rests, fit.verdict)
+    if why := table["why"]:
         words = f"the errors do not count what the structure may lack ({why.rstrip('.')}). Look for it with `thermid criticise`."
         return replace(fit, warnings=(*fit.warnings, words))
-    if not is_requested and errors.numbers["gain"] < MIN_LOG_BAYES_FACTOR:
+    if not request.structural_errors and errors.numbers["gain"] < MIN_LOG_BAYES_FACTOR:
         return fit  # what wanders is as likely noise
     return _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]))
 
 
 def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array) -> Calibration:
     """Return a fit with wider errors, by what its values would move by and their covariance (values, values); fitted form."""
-    variances = dict(zip(moved, np.diag(covariance).tolist(), strict=True))
     fit = _with_sources_of_structure(fit, covariance + np.outer([*moved.values()], [*moved.values()]), tuple(moved))
     assert fit.problem is not None
-    is_requested, stated = fit.request is not None and fit.request.structural_errors, fit.request is not None and fit.request.adequate > 0.0
-    logs = {u.name for u in fit.problem.unknowns if u.kind == "parameter" and u.log}
-    far = {p: x for p, x in moved.items() if p in logs and abs(x) > BEYOND_WIDENING and x**2 > SURE_MOVE**2 * variances[p]}
-    # with a stated `adequate` it is the user's to say what residuals may be
-    if far and not (is_requested or stated) and fit.own.fair:
-        worst = max(far, key=lambda p: abs(far[p]))
-        size = far[worst]
-        by = f"{short(100.0 * math.expm1(size), 2)} %" if abs(size) < math.log(LARGE_MOVE) else f"more than a factor of {LARGE_MOVE:g}"
-        because = f"what the structure may lack would move '{worst}' by {by}, and the residuals ask for it"
-        fit = replace(fit, own=Standing("not adequate", because, fit.stage, fit.request is not None and fit.request.accepted)).judged(
-            fit.rests, fit.verdict
-        )
+    unknowns = {u.name: u for u in fit.problem.unknowns if u.kind == "parameter"}
+    errors = dict(zip(moved, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    at = {n: (u, fit.fitted[n] + moved[n], errors[n]) for n, u in unknowns.items() if n in moved}
+    expected = {n: (u.to_value(x), u.slope(x) * error) for n, (u, x, error) in at.items()}
+    is_requested = fit.request is not None and fit.request.structural_errors
     why = "the structure is a proposal" if is_requested else "the residuals are larger than this structure explains"
     remark = f"{why}, so the errors of the values allow for deviations of its elements from their laws."
     # right structures wander too, by less than the noise: no question to anybody
     warnings = (*fit.warnings, f"{FIRST}{remark}" if is_requested or fit.reduced_chi_square > MISFIT else remark)
-    return replace(fit, structural_errors=True, warnings=warnings)
+    return replace(fit, expected=expected, warnings=warnings)
 
 
 def _with_sources_of_structure(fit: Calibration, squares: Array, names: Sequence[str]) -> Calibration:

@@ -46,10 +46,9 @@ from thermid.fit._error_model.sizes import (
     SIZE_ROUNDS,
     SIZES,
     UNBOUNDED,
-    USUAL_NOISE,
     WORTH_A_POINT,
 )
-from thermid.fit._problem.experiment import Experiment, Observation
+from thermid.fit._problem.experiment import UNSAID_NOISE, Experiment, Observation
 from thermid.fit._problem.residuals import Problem, Unknown, prior_rows
 from thermid.simulation.network import Network
 
@@ -231,7 +230,7 @@ def traces_of(problem: Problem, i: int, network: Network, heats: Sequence[Depart
 def noise_of(e: Experiment, o: Observation) -> float:
     """Return the noise of a reading: as stated, else as neighbouring readings scatter; whatever weight the fit gave them. [K]"""
     noise = o.noise or e.record.channels[o.sensor].noise_seen
-    return (noise if noise > LEAST_NOISE else USUAL_NOISE) / float(np.sqrt(o.effective_share))
+    return (noise if noise > LEAST_NOISE else UNSAID_NOISE) / float(np.sqrt(o.effective_share))
 
 
 def fitted_way(problem: Problem, fitted: Array, way: Way, points: Mapping[str, OperatingPoint]) -> FittedWay:

@@ -43,8 +43,13 @@ class SizeTable(dict[str, SizePrior]):
 LEARNED: Final = "public test sets"
 SIZES: Final = SizeTable(
     surface=SizePrior(0.15, "1", LEARNED, "size of the smooth departure of a constant coefficient about its physical mean", 8),
-    joint=SizePrior(0.15, "1", LEARNED, "the same of a constant conductance of a joint or a solid", 8),
-    law=SizePrior(0.16, "1", "surface and joint, a factor of two about what they share", "the same of radiation and of correlations"),
+    joint=SizePrior(0.15, "1", LEARNED, "size of the smooth departure of a constant conductance of a joint or a solid", 8),
+    law=SizePrior(
+        0.16,
+        "1",
+        "surface and joint, a factor of two about what they share",
+        "size of the smooth departure of radiation and of correlations",
+    ),
     trend=SizePrior(0.018, "1/K", LEARNED, "growth of a joint with its level", 8),
     hidden=SizePrior(
         0.1,
@@ -130,12 +135,12 @@ OUTSIDE: Final = 2.0
 """Root mean square of readings over what the model of error allows, from which nothing is predicted: then a log, its noise or a column is
 wrong. One is expected, with a standard deviation of a few per cent. [-]"""
 FAR_SIZE: Final = 4.0
-"""Drift of a room in scales of its prior, from which a power or a column is said to hide in it: a room that wanders by 0.4 K beside a right
-structure asks for 1.7 to 2.6, a power that no log has for 6.4. [-]"""
+"""Size of a departure in scales of its prior, from which the readings contradict the model: a room that wanders by 0.4 K beside a right
+structure asks for 1.7 to 2.6, a power that no log has for 6.4, constant coefficients where the truth convects and radiates for 1.1. [-]"""
 COUNTED: Final = 1e-3
 """Probability from which a way or a remainder is kept; so much of the members is left out of their sums, at most. [-]"""
-LEAST_NOISE, USUAL_NOISE = 1e-3, 0.1
-"""Scatter of neighbouring readings below which they show no noise, and what is then taken where nobody states any. [K]"""
+LEAST_NOISE = 1e-3
+"""Scatter of neighbouring readings below which they show no noise. [K]"""
 CONDUCTORS, NODES = 24, 16
 """Elements of a model that are followed at most, those through which most heat flows, and nodes, those that store most of it."""
 ALL_COLUMNS: Final = 72
@@ -144,10 +149,5 @@ run to run."""
 MIN_LOG_BAYES_FACTOR: Final = 3.0
 """ln of the Bayes factor from which residuals ask for departures of elements, and not for noise that wanders (20 to 1: Kass and Raftery,
 J. Am. Stat. Assoc. 90 (1995) 773)."""
-SURE_MOVE, BEYOND_WIDENING = 3.0**0.5, 0.25
-"""Standard deviations of a move from which the readings ask for it [-], and the move of a logarithm beyond which a wider error of a value
-does not do: its structure is then not adequate. [-]"""
-LARGE_MOVE: Final = 10.0
-"""Factor on a value from which a move is told as more than that. [-]"""
 KEPT_OF_PRIOR = 0.5
 """Part of what was known before that a value keeps where no reading determines it. [-]"""

@@ -21,7 +21,7 @@ from thermid.fit._problem.experiment import on_the_clock_of
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request, priors_of
 from thermid.fit._problem.residuals import Influence, Problem, SensorTrace, Unknown
-from thermid.fit._uncertainty.noise import Binned, TraceNoise, answers_to_inputs, binned, covariance_of_means
+from thermid.fit._uncertainty.noise import MIN_LIKELIHOOD_GAIN, Binned, TraceNoise, answers_to_inputs, binned, covariance_of_means
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import Record
 from thermid.model.deck import model_from_dict
@@ -725,8 +725,6 @@ COLOURS, SIZES = 4, (0.1, 0.5, 2.0, 10.0, 50.0, 300.0, 2000.0)
 """Correlation times, and variances of autocorrelated noise in squares of the white noise, that are tried."""
 MIN_INPUT_NOISE_SHARE = 0.05
 """Part of the variance of a mean of readings from which noise of logged inputs counts."""
-MIN_LIKELIHOOD_GAIN = 5.0
-"""Twice the logarithm of the likelihood ratio from which residuals are held to wander."""
 
 
 @dataclass(frozen=True, eq=False)

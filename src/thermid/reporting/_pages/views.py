@@ -123,6 +123,7 @@ def calibration_object(fit: Calibration) -> dict[str, Any]:
         "values": {p: v.value for p, v in fitted.items()},
         "errors": {p: v.error_random for p, v in fitted.items()},
         "errors_total": {p: v.error for p, v in fitted.items()},
+        "expected": {p: {"value": x, "error": error} for p, (x, error) in fit.expected.items()},
         "units": {p: v.unit for p, v in fitted.items()},
         "shown": {p: v.answer() for p, v in shown.values.items()},
         "sensors": {n: s.to_dict() for n, s in fit.sensors.items()},
