@@ -106,10 +106,11 @@ def check_campaign(
     source = read_campaign(campaign, data)
     tables = source.content.stages
     files = {stage.model: source.where(f"stages.{k}.model") for k, stage in enumerate(tables)}
-    findings = [f for file, where in files.items() for f in source.model(file, where).check()]
+    findings: list[Finding] = []
     questions: list[Finding] = []
     inputs: dict[str, InputTable] = {}
     requests: dict[str, Request] = {}
+    gains: dict[str, set[str]] = {}
     for k, stage in enumerate(tables):
         where = source.where(f"stages.{k}")
         try:
@@ -119,10 +120,12 @@ def check_campaign(
             findings.append(_finding(error, where))
             continue
         requests[stage.name] = request
+        gains.setdefault(stage.model, set()).update(c.gain for r in request.records for c in r.channels.values() if c.gain)
         questions += [Finding("warning", where, question, code_of(question)) for question in open_questions(request.records)]
         rows, wrong = _bound(request, where)
         findings += wrong
         inputs[stage.name] = InputTable.in_order(rows)
+    findings[:0] = [f for file, where in files.items() for f in source.model(file, where).check(gains.get(file, ()))]
     for k, verdict in enumerate(source.content.verdicts):
         stage = next(s for s in tables if s.name == verdict.model)
         findings += _judged_on(source, verdict, stage, requests.get(stage.name), source.where(f"verdicts.{k}"))
