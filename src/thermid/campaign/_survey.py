@@ -268,25 +268,24 @@ def _refuse_shared(source: CampaignSource, requests: dict[str, Request]) -> None
             of[record.name] = unit
 
 
-def campaign_predictions(campaign: Campaign) -> tuple[CampaignPrediction, ...]:
+def campaign_predictions(campaign: Campaign) -> dict[str, CampaignPrediction | ThermidError]:
     """Predictions that the file of a campaign names, by its fitted stages, in the order of the file; none of a campaign made in Python.
 
-    Raises
-    ------
-    MissingDataError    When a scenario is not where the campaign says.
-    ThermidError        When a scenario does not fit the model.
+    In the place of one whose scenario is missing or does not fit the model stands the error: it does not lose the others.
     """
-    source = campaign.source
+    source, out = campaign.source, dict[str, CampaignPrediction | ThermidError]()
     if source is None:
-        return ()
-    out = []
+        return out
     for name, table in source.content.predictions.items():
         stage = table.stage or source.content.stages[-1].name
-        with errors_at(source.where(f"predictions.{name}"), ": "):
-            predicted = predict(campaign[stage], scenario_asked(source, name, table))
-            limits = {predicted[limit.node].path: limit.operating for limit in limits_of(table)}
-            out.append(CampaignPrediction(name, stage, predicted, limits))
-    return tuple(out)
+        try:
+            with errors_at(source.where(f"predictions.{name}"), ": "):
+                predicted = predict(campaign[stage], scenario_asked(source, name, table))
+                limits = {predicted[limit.node].path: limit.operating for limit in limits_of(table)}
+                out[name] = CampaignPrediction(name, stage, predicted, limits)
+        except ThermidError as error:
+            out[name] = error
+    return out
 
 
 def scenario_asked(source: CampaignSource, name: str, table: PredictionTable) -> Scenario:
