@@ -415,7 +415,9 @@ def _dimension(node: ast.expr, lookup: Callable[[str], Dimension], text: str) ->
     if isinstance(node.op, ast.Pow):
         return _power_dimension(node, lhs, right, text)
     if lhs != right:
-        raise ExpressionError(f"'{text}': '{_written(node, text)}' adds {describe(lhs)} and {describe(right)}.", code="expression.mixed-dimensions")
+        raise ExpressionError(
+            f"'{text}': '{_written(node, text)}' adds {describe(lhs)} and {describe(right)}.", code="expression.mixed-dimensions"
+        )
     return lhs
 
 
@@ -426,12 +428,14 @@ def _function_dimension(node: ast.Call, of: list[Dimension], text: str) -> Dimen
         return tuple(dimension / 2 for dimension in of[0])
     if name == "exp" and of[0] != DIMENSIONLESS:
         raise ExpressionError(
-            f"'{text}': exp() takes a plain number; '{_written(node.args[0], text)}' is {describe(of[0])}.", code="expression.mixed-dimensions"
+            f"'{text}': exp() takes a plain number; '{_written(node.args[0], text)}' is {describe(of[0])}.",
+            code="expression.mixed-dimensions",
         )
     for dimension in of[1:]:
         if dimension != of[0]:
             raise ExpressionError(
-                f"'{text}': '{_written(node, text)}' compares {describe(of[0])} and {describe(dimension)}.", code="expression.mixed-dimensions"
+                f"'{text}': '{_written(node, text)}' compares {describe(of[0])} and {describe(dimension)}.",
+                code="expression.mixed-dimensions",
             )
     return of[0]
 

@@ -128,6 +128,10 @@ def check_campaign(
     findings[:0] = [f for file, where in files.items() for f in source.model(file, where).check(gains.get(file, ()))]
     for k, verdict in enumerate(source.content.verdicts):
         stage = next(s for s in tables if s.name == verdict.model)
+        later = [s.name for s in tables[tables.index(stage) + 1 :] if s.model == stage.model]
+        if later:
+            said = f"the verdict judges the values of stage '{stage.name}'; '{later[-1]}' fits the same deck after it. Is that one meant?"
+            findings.append(Finding("note", source.where(f"verdicts.{k}.model"), said, "campaign.verdict-before-refit"))
         findings += _judged_on(source, verdict, stage, requests.get(stage.name), source.where(f"verdicts.{k}"))
     for name, prediction in source.content.predictions.items():
         stage = next(s for s in tables if s.name == (prediction.stage or tables[-1].name))

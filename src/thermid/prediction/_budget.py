@@ -709,7 +709,9 @@ def budget_of(
     unseen = UNSEEN if split_model.runner is not None else ""
     unsought = UNSOUGHT if source.fit is not None and asks(source.fit) else ""
     make = make.with_ranges(open_ranges(split_model, scenario, {*source.assigned, *make.spread, *_of_laws(make)}))
-    driven = f"the scenario's schedule gives {quoted(idle)}: what was fitted of it does not act, and its error is not counted" if idle else ""
+    driven = (
+        f"the scenario's schedule gives {quoted(idle)}: what was fitted of it does not act, and its error is not counted" if idle else ""
+    )
     whole = replace(make, remarks=tuple(r for r in (unseen, unsought, remark, driven) if r))
     refuse_unknown_sources(without, (*(s.name for s in whole.sources), *whole.causes), source.model.title)
     omitted = left_out_of(source, whole, errors, without)

@@ -619,7 +619,9 @@ class Solution(Result):
             if traces:
                 coordinates[axis] = list(traces)
                 data[name] = (("time", axis), np.column_stack(list(traces.values())), {"units": units})
-        dataset: xarray.Dataset = library.Dataset(data, coordinates, {"title": self.title, "scenario": self.scenario, "status": self.status})
+        dataset: xarray.Dataset = library.Dataset(
+            data, coordinates, {"title": self.title, "scenario": self.scenario, "status": self.status}
+        )
         return dataset
 
     def to_netcdf(self, path: str | os.PathLike[str]) -> None:

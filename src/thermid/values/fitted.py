@@ -97,6 +97,11 @@ class FittedValue:
         return from_si(number, self.unit)
 
     @property
+    def relative(self) -> float:
+        """Standard error over the value; infinite of zero, and of a temperature in degrees, whose zero is that of its scale. [-]"""
+        return self.error / abs(self.value) if self.value and not unit(self.unit).absolute else math.inf
+
+    @property
     def in_unit(self) -> float:
         """The value in its unit."""
         return self.converted(self.value)

@@ -228,7 +228,14 @@ def test_an_offset_that_leaves_much_of_a_log_alone_is_questioned(offset: str, as
     times = np.arange(0.0, 18001.0, 10.0)
 
     def channel(name: str, unit: str) -> td.Channel:
-        return td.Channel.from_array(name, np.full(times.size, 290.0), unit=unit, quantity="power" if unit == "W" else "temperature", role="load" if unit == "W" else "node", target="a")
+        return td.Channel.from_array(
+            name,
+            np.full(times.size, 290.0),
+            unit=unit,
+            quantity="power" if unit == "W" else "temperature",
+            role="load" if unit == "W" else "node",
+            target="a",
+        )
 
     board = td.Record.from_arrays("board", times, {"T": channel("T", "K")})
     supply = td.Record.from_arrays("supply", times, {"P": channel("P", "W")})

@@ -201,4 +201,7 @@ def test_a_fitted_value_that_the_scenario_schedules_is_not_among_those_that_vary
     assert driven["case"].simulated == pytest.approx(free["case"].simulated, abs=1e-3)
     assert driven["case"].error[-1] < free["case"].error[-1]
     assert any(HTC in w and "schedule" in w for w in driven.warnings)
-    assert td.predict(fit, _asked(3.0).with_(schedule={HTC: "20 [W/(m^2 K)]"}), times=TIMES[::8])["case"].celsius[-1] < free["case"].celsius[-1]
+    assert (
+        td.predict(fit, _asked(3.0).with_(schedule={HTC: "20 [W/(m^2 K)]"}), times=TIMES[::8])["case"].celsius[-1]
+        < free["case"].celsius[-1]
+    )

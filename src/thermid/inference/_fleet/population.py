@@ -261,7 +261,8 @@ class PopulationFit:
         Satterthwaite, Biometrics Bull. 2 (1946) 110.
         """
         row = self._elements[:, k, k]
-        return float(2.0 * (self.omega[k, k] if variance is None else variance) ** 2 / max(row @ self.of_omega @ row, 1e-300))
+        whole = float(self.omega[k, k]) if variance is None else variance
+        return 2.0 * whole**2 / max(float(row @ self.of_omega @ row), 1e-300)
 
     def freedom_of_mean(self, c: Array) -> float:
         """Return the degrees of freedom of a combination c of coefficients (Giesbrecht and Burns, Biometrics 41 (1985) 477)."""

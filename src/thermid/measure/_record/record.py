@@ -451,8 +451,8 @@ class Record(Samples, Result):
         times, channels = _interleaved(self, other, there)
         apart = max(there[0] - self.times[0], 0.0) + max(self.times[-1] - there[-1], 0.0)
         unpaired = (
-            f"for {duration_text(apart)} of its {duration_text(self.duration)} there is no reading of '{other.name}' beside it, whose clock "
-            f"is {offset:.6g} s late. Check this offset."
+            f"for {duration_text(apart)} of its {duration_text(self.duration)} there is no reading of '{other.name}' beside it, "
+            f"whose clock is {offset:.6g} s late. Check this offset."
         )
         origin = replace(
             self.origin,

@@ -379,7 +379,9 @@ def _starts(looks: Sequence[Look], courses: Sequence[Sequence[LogCourse]]) -> tu
     if not local or not stated:
         return starts, ""
     ahead = zone_shared([(courses[j], courses[k], _late(starts[j], starts[k]) or 0.0) for j in local for k in stated])
-    names, zones = (", ".join(texts) for texts in ([looks[k].path.name for k in local], [f"{looks[k].path.name} {_zone(looks[k])}" for k in stated]))
+    names, zones = (
+        ", ".join(texts) for texts in ([looks[k].path.name for k in local], [f"{looks[k].path.name} {_zone(looks[k])}" for k in stated])
+    )
     said = f"check: no time zone is stated in {names}, but in {zones}. "
     if ahead is None:
         kept = local if stamped[0] in local else stated
@@ -387,7 +389,10 @@ def _starts(looks: Sequence[Look], courses: Sequence[Sequence[LogCourse]]) -> tu
         return starts, said + "Stamps alone leave whole hours open, and no power with a temperature decides: which zone is it?"
     starts = [start - ahead if start is not None and k in local else start for k, start in enumerate(starts)]
     sign = "ahead of" if ahead >= 0.0 else "behind"
-    return starts, said + f"Powers and temperatures fit best if {names} is {abs(ahead) / 3600.0:g} h {sign} UTC, and the offsets below count that"
+    return (
+        starts,
+        said + f"Powers and temperatures fit best if {names} is {abs(ahead) / 3600.0:g} h {sign} UTC, and the offsets below count that",
+    )
 
 
 def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
