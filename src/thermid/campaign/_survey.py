@@ -272,24 +272,24 @@ def _refuse_shared(source: CampaignSource, requests: dict[str, Request]) -> None
             of[record.name] = unit
 
 
-def campaign_predictions(campaign: Campaign) -> dict[str, CampaignPrediction | ThermidError]:
+def campaign_predictions(campaign: Campaign) -> tuple[tuple[CampaignPrediction, ...], dict[str, ThermidError]]:
     """Predictions that the file of a campaign names, by its fitted stages, in the order of the file; none of a campaign made in Python.
 
-    In the place of one whose scenario is missing or does not fit the model stands the error: it does not lose the others.
+    Beside them stand name and error of each whose scenario is missing or does not fit the model: it does not lose the others.
     """
-    source, out = campaign.source, dict[str, CampaignPrediction | ThermidError]()
+    source, out, failed = campaign.source, list[CampaignPrediction](), dict[str, ThermidError]()
     if source is None:
-        return out
+        return (), failed
     for name, table in source.content.predictions.items():
         stage = table.stage or source.content.stages[-1].name
         try:
             with errors_at(source.where(f"predictions.{name}"), ": "):
                 predicted = predict(campaign[stage], scenario_asked(source, name, table))
                 limits = {predicted[limit.node].path: limit.operating for limit in limits_of(table)}
-                out[name] = CampaignPrediction(name, stage, predicted, limits)
+                out.append(CampaignPrediction(name, stage, predicted, limits))
         except ThermidError as error:
-            out[name] = error
-    return out
+            failed[name] = error
+    return tuple(out), failed
 
 
 def scenario_asked(source: CampaignSource, name: str, table: PredictionTable) -> Scenario:

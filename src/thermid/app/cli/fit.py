@@ -41,7 +41,7 @@ from thermid.app.cli.options import (
 )
 from thermid.app.cli.screen import Progress, show, working
 from thermid.app.cli.summary import campaign_progress, ready, show_campaign, staged, written
-from thermid.base.errors import ScenarioError, SolverError, ThermidError
+from thermid.base.errors import ScenarioError, SolverError
 from thermid.base.files import CREDIBILITY, PICTURE, TABLE, VALUES, may_write, read_bytes
 from thermid.base.toml_files import kind_of_text
 from thermid.campaign import studies as origins
@@ -411,12 +411,10 @@ def _predict_named(campaign: Campaign, given: Sequence[str], as_json: bool, verb
     if given:
         words = f"{', '.join(given)} {'is' if len(given) == 1 else 'are'} not for the predictions that a campaign names."
         raise ScenarioError(f"{words} Give --scenario FILE or --record NAME too.", "command line", code="command.not-understood")
-    tried = campaign_predictions(campaign)
-    if not tried:
+    predictions, failed = campaign_predictions(campaign)
+    if not (predictions or failed):
         words = 'nothing to predict: give --scenario FILE or --record NAME, or write [predictions.hot] with scenario = "hot.toml".'
         raise ScenarioError(words, campaign.title, code="command.not-understood")
-    predictions = [p for p in tried.values() if not isinstance(p, ThermidError)]
-    failed = {name: error for name, error in tried.items() if isinstance(error, ThermidError)}
     if not predictions:
         raise next(iter(failed.values()))
     heads = [f"NOT PREDICTED: '{name}': {error}" for name, error in failed.items()]

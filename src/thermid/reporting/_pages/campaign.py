@@ -99,16 +99,14 @@ def report(
     stages = [_stage(f"stage-{k}", c, campaign, sheets) for k, c in enumerate(campaign.fits, 1)] if audience != "summary" else []
     places = {k: k for k in ("verdicts", "predictions")} | {str(s["name"]): str(s["key"]) for s in stages}
     paragraphs = [p for text in ([notes] if isinstance(notes, str) else notes) for p in text.split("\n\n") if p.strip()]
-    asked = campaign_predictions(campaign)
-    named = tuple(p for p in asked.values() if not isinstance(p, ThermidError))
-    failed = [f"NOT PREDICTED: '{name}': {error}" for name, error in asked.items() if isinstance(error, ThermidError)]
+    named, failed = campaign_predictions(campaign)
     return write_page(
         "page.html.jinja",
         to,
         title=campaign.title,
         campaign=campaign,
         made=tables.made_records(campaign),
-        notes=[p for p in (campaign.note, *paragraphs, *failed) if p],
+        notes=[p for p in (campaign.note, *paragraphs, *map("NOT PREDICTED: '{0[0]}': {0[1]}".format, failed.items())) if p],
         verdicts=replace(tables.verdicts(campaign, audience == "summary"), key=VERDICTS_TABLE) if campaign.verdicts else None,
         held_out=_held_out(campaign, audience) if audience != "summary" else None,
         coverage=_coverage(campaign) if audience != "summary" else None,
