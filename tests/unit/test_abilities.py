@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+import thermid as td
 from by_code import raises_code
 from thermid.base.errors import MissingExtraError
 from thermid.base.results import MAX_REPR_CHARACTERS, ROWS, PlottedTrace, Result, clean
+from thermid.values.fitted import FittedValue, FittedValues
+from unit.fit.bench import box
 from unit.results import of_a_fit, of_a_run
 
 pandas = pytest.importorskip("pandas")
@@ -178,9 +181,27 @@ def test_a_missing_package_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         def _as_traces(self) -> list[PlottedTrace]:
             return [PlottedTrace("a", np.arange(3.0), np.arange(3.0))]
 
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    with raises_code("extra.not-installed", MissingExtraError, match="'pandas'"):
-        Line().to_frame()
+    record = td.Record.from_arrays("log", np.arange(3.0), {"T": np.arange(3.0)}, unit="K")
+    run = td.simulate(box(), td.Scenario("bench", boundaries={"air": "24 [degC]"}, start="air", duration="60 [s]"))
+    for name, told in (("pandas", Line().to_frame), ("xarray", record.to_xarray), ("xarray", run.to_xarray)):
+        monkeypatch.setitem(sys.modules, name, None)
+        with raises_code("extra.not-installed", MissingExtraError, match=f"'{name}'"):
+            told()
+
+
+def test_fitted_values_are_a_frame_in_their_units_and_have_no_per_cent_of_degrees() -> None:
+    values = FittedValues(
+        "box",
+        {
+            "a": FittedValue("a", 300.15, 2.0, 2.0, False, "degC", 300.0, (0.0, 1e3)),
+            "b": FittedValue("b", 3e-3, 3e-5, 3e-5, True, "W/(m^2 K)", 1.0, (0.0, 1e3)),
+        },
+        np.eye(2),
+    )
+    frame = values.to_frame()
+    assert frame["value"].tolist() == pytest.approx([27.0, 3e-3])
+    assert frame["error"].tolist() == pytest.approx([2.0, 3e-5])
+    assert [v.relative for v in values.values()] == pytest.approx([np.inf, 0.01])
 
 
 def test_arrays_and_numbers_of_arrays_are_cleaned_for_json_as_plain_ones_are() -> None:

@@ -309,6 +309,17 @@ def test_dimensions_of_functions(text: str, message: str) -> None:
     assert parse("sqrt(x*x)").dimension(of.__getitem__) == of["x"]
 
 
+def test_a_constant_power_of_a_product_beside_a_number_with_a_unit() -> None:
+    """The exponent was read at its place in another text: it was refused, and a message named a number `__quantity0`."""
+    of = {"U": unit("V").dimension, "I": unit("A").dimension}
+    for text in ("0.00095 [1/W]*(U*I)**2", "2.5 [W] + 0.1 [1/W]*(U*I)**2", "(U*I)**(1/2 + 1.5)/1 [W]", "(U*I)**-1*(3 [W])**2"):
+        assert parse(text).dimension(of.__getitem__) == unit("W").dimension
+    with raises_code("expression.mixed-dimensions", ExpressionError, match=r"'3 \[K\] \+ U \* I' adds"):
+        parse("3 [K] + U*I").dimension(of.__getitem__)
+    with raises_code("expression.mixed-dimensions", ExpressionError, match=r"'max\(U \* I, 3 \[K\]\)' compares"):
+        parse("max(U*I, 3 [K])").dimension(of.__getitem__)
+
+
 @pytest.mark.parametrize(
     ("text", "code", "message"),
     [

@@ -334,3 +334,30 @@ def test_check_opens_what_a_verdict_holds_out_and_shows_none_of_its_numbers(camp
     (error,) = [f for f in findings if f.severity == "error"]
     assert "'X'" in error.message
     assert {r.record for r in inputs["box"].rows} == {"a"}
+
+
+def test_a_gain_uses_its_parameter_and_a_verdict_before_a_refit_is_named(tmp_path: Path) -> None:
+    """`check` said that nothing uses a share which a gain names, and nothing of a verdict by values that were fitted anew."""
+    (tmp_path / "box.toml").write_text(
+        'title = "box"\nneeds = ["air"]\nparameters = { rf = 0.3, share = "1 - rf", spare = 2 }\n'
+        '[nodes]\ncase = { capacitance = "90 [J/K]" }\n'
+        '[surfaces]\nskin = { of = "case", to = "air", area = "0.03 [m^2]", effective_htc = "8 [W/(m^2 K)]" }\n'
+        '[loads]\nheat = { into = "case", power = "0 [W]" }\n'
+    )
+    for name in ("a", "b"):
+        rows = "".join(f"{60 * k},{20 + 0.1 * k:.2f},20.0,{5 * (k > 9)}\n" for k in range(60))
+        (tmp_path / f"{name}.csv").write_text(f"t [s],T [degC],room [degC],P [W]\n{rows}")
+    channels = 'T = { node = "case" }\nroom = { boundary = "air" }\nP = { load = "heat", gain = "share" }\n'
+    records = "".join(f'[records.{n}]\nfile = "{n}.csv"\ntime = "t [s]"\n[records.{n}.channels]\n{channels}' for n in "ab")
+    stages = "".join(
+        f'[[stages]]\nname = "{n}"\nmodel = "box.toml"\nrecords = ["a"]\nfree = ["{v}"]\n'
+        for n, v in (("first", "skin.effective_htc"), ("again", "case.capacitance"))
+    )
+    (tmp_path / "c.toml").write_text(
+        f'title = "c"\n{records}{stages}[[verdicts]]\nmodel = "first"\nrecord = "b"\ncriteria = {{ rmse = "1 [K]" }}\n'
+    )
+    found = {f.code: f.message for f in check_campaign(tmp_path / "c.toml")[0]}
+    assert "'spare'" in found["model.unused"]
+    assert "'again' fits the same deck after it" in found["campaign.verdict-before-refit"]
+    named = [f.message for f in check_campaign(tmp_path / "c.toml")[0] if f.code == "model.unused"]
+    assert len(named) == 1

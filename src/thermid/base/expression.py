@@ -318,7 +318,7 @@ def _check(node: ast.expr, text: str, names: list[str], depth: int = 0, places: 
         names.append(path)
         return
     try:
-        part = ast.unparse(node)
+        part = _written(node, text)
     except RecursionError:
         raise ExpressionError(f"'{_short(text)}' is nested too deeply.", code="expression.not-arithmetic") from None
     if part == "...":
@@ -332,6 +332,13 @@ def _check(node: ast.expr, text: str, names: list[str], depth: int = 0, places: 
         f"parentheses, pi, {', '.join(FUNCTIONS)}. It does not run code.",
         code="expression.not-arithmetic",
     )
+
+
+def _written(node: ast.expr, text: str) -> str:
+    """Return a part of an expression as its text has it: numbers with their units, and words of Python as they are."""
+    quantities = _QUANTITY.findall(text)
+    part = re.sub(rf"{_PLACE}(\d+)", lambda match: "{} [{}]".format(*quantities[int(match[1])]), ast.unparse(node))
+    return part.replace(_MARK, "")
 
 
 def _fraction(node: ast.expr, body: str) -> Fraction:
@@ -409,8 +416,9 @@ def _dimension(node: ast.expr, lookup: Callable[[str], Dimension], text: str) ->
     if isinstance(node.op, ast.Pow):
         return _power_dimension(node, lhs, right, text)
     if lhs != right:
-        part = ast.unparse(node)
-        raise ExpressionError(f"'{text}': '{part}' adds {describe(lhs)} and {describe(right)}.", code="expression.mixed-dimensions")
+        raise ExpressionError(
+            f"'{text}': '{_written(node, text)}' adds {describe(lhs)} and {describe(right)}.", code="expression.mixed-dimensions"
+        )
     return lhs
 
 
@@ -421,12 +429,14 @@ def _function_dimension(node: ast.Call, of: list[Dimension], text: str) -> Dimen
         return tuple(dimension / 2 for dimension in of[0])
     if name == "exp" and of[0] != DIMENSIONLESS:
         raise ExpressionError(
-            f"'{text}': exp() takes a plain number; '{ast.unparse(node.args[0])}' is {describe(of[0])}.", code="expression.mixed-dimensions"
+            f"'{text}': exp() takes a plain number; '{_written(node.args[0], text)}' is {describe(of[0])}.",
+            code="expression.mixed-dimensions",
         )
     for dimension in of[1:]:
         if dimension != of[0]:
             raise ExpressionError(
-                f"'{text}': '{ast.unparse(node)}' compares {describe(of[0])} and {describe(dimension)}.", code="expression.mixed-dimensions"
+                f"'{text}': '{_written(node, text)}' compares {describe(of[0])} and {describe(dimension)}.",
+                code="expression.mixed-dimensions",
             )
     return of[0]
 
@@ -438,7 +448,7 @@ def _power_dimension(node: ast.BinOp, base_dimension: Dimension, right: Dimensio
     if base_dimension == DIMENSIONLESS:
         return DIMENSIONLESS
     try:
-        power = _fraction(node.right, text.strip())
+        power = _fraction(_tree(exponent := ast.unparse(node.right), text), exponent)
     except (ArithmeticError, ValueError, ThermidError):
         raise ExpressionError(
             f"'{text}': a quantity with a unit can be raised to a constant power only.", code="expression.exponent-not-plain"

@@ -106,10 +106,11 @@ def check_campaign(
     source = read_campaign(campaign, data)
     tables = source.content.stages
     files = {stage.model: source.where(f"stages.{k}.model") for k, stage in enumerate(tables)}
-    findings = [f for file, where in files.items() for f in source.model(file, where).check()]
+    findings: list[Finding] = []
     questions: list[Finding] = []
     inputs: dict[str, InputTable] = {}
     requests: dict[str, Request] = {}
+    gains: dict[str, set[str]] = {}
     for k, stage in enumerate(tables):
         where = source.where(f"stages.{k}")
         try:
@@ -119,12 +120,18 @@ def check_campaign(
             findings.append(_finding(error, where))
             continue
         requests[stage.name] = request
+        gains.setdefault(stage.model, set()).update(c.gain for r in request.records for c in r.channels.values() if c.gain)
         questions += [Finding("warning", where, question, code_of(question)) for question in open_questions(request.records)]
         rows, wrong = _bound(request, where)
         findings += wrong
         inputs[stage.name] = InputTable.in_order(rows)
+    findings[:0] = [f for file, where in files.items() for f in source.model(file, where).check(gains.get(file, ()))]
     for k, verdict in enumerate(source.content.verdicts):
         stage = next(s for s in tables if s.name == verdict.model)
+        later = [s.name for s in tables[tables.index(stage) + 1 :] if s.model == stage.model]
+        if later:
+            said = f"the verdict judges the values of stage '{stage.name}'; '{later[-1]}' fits the same deck after it. Is that one meant?"
+            findings.append(Finding("note", source.where(f"verdicts.{k}.model"), said, "campaign.verdict-before-refit"))
         findings += _judged_on(source, verdict, stage, requests.get(stage.name), source.where(f"verdicts.{k}"))
     for name, prediction in source.content.predictions.items():
         stage = next(s for s in tables if s.name == (prediction.stage or tables[-1].name))
@@ -265,25 +272,24 @@ def _refuse_shared(source: CampaignSource, requests: dict[str, Request]) -> None
             of[record.name] = unit
 
 
-def campaign_predictions(campaign: Campaign) -> tuple[CampaignPrediction, ...]:
+def campaign_predictions(campaign: Campaign) -> tuple[tuple[CampaignPrediction, ...], dict[str, ThermidError]]:
     """Predictions that the file of a campaign names, by its fitted stages, in the order of the file; none of a campaign made in Python.
 
-    Raises
-    ------
-    MissingDataError    When a scenario is not where the campaign says.
-    ThermidError        When a scenario does not fit the model.
+    Beside them stand name and error of each whose scenario is missing or does not fit the model: it does not lose the others.
     """
-    source = campaign.source
+    source, out, failed = campaign.source, list[CampaignPrediction](), dict[str, ThermidError]()
     if source is None:
-        return ()
-    out = []
+        return (), failed
     for name, table in source.content.predictions.items():
         stage = table.stage or source.content.stages[-1].name
-        with errors_at(source.where(f"predictions.{name}"), ": "):
-            predicted = predict(campaign[stage], scenario_asked(source, name, table))
-            limits = {predicted[limit.node].path: limit.operating for limit in limits_of(table)}
-            out.append(CampaignPrediction(name, stage, predicted, limits))
-    return tuple(out)
+        try:
+            with errors_at(source.where(f"predictions.{name}"), ": "):
+                predicted = predict(campaign[stage], scenario_asked(source, name, table))
+                limits = {predicted[limit.node].path: limit.operating for limit in limits_of(table)}
+                out.append(CampaignPrediction(name, stage, predicted, limits))
+        except ThermidError as error:
+            failed[name] = error
+    return tuple(out), failed
 
 
 def scenario_asked(source: CampaignSource, name: str, table: PredictionTable) -> Scenario:

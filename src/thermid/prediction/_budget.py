@@ -710,6 +710,7 @@ def budget_of(
     errors = source.errors if not {*ELEMENTS} & {*without} else ()
     lawful = {p for e in errors for w in e.ways for p in w.laws}  # what of such a surface is radiation stands in its law
     split_model, rows = split_rows(source, rows, scenario, [n for s in plain for n in _names(s)], lawful)
+    rows, idle = rows.without({*map(split_model.canonical, scenario.schedule)})
     make = Budget.of_rows(rows, split_model, scenario)
     network = network_for(split_model, scenario if scenario.seconds else lasting(scenario))
     if errors:
@@ -723,7 +724,10 @@ def budget_of(
     unseen = UNSEEN if split_model.runner is not None else ""
     unsought = UNSOUGHT if source.fit is not None and asks(source.fit) else ""
     make = make.with_ranges(open_ranges(split_model, scenario, {*source.assigned, *make.spread, *_of_laws(make)}))
-    whole = replace(make, remarks=tuple(r for r in (unseen, unsought, remark, kept_as_solid(source, rows, scenario)) if r))
+    driven = (
+        f"the scenario's schedule gives {quoted(idle)}: what was fitted of it does not act, and its error is not counted" if idle else ""
+    )
+    whole = replace(make, remarks=tuple(r for r in (unseen, unsought, remark, kept_as_solid(source, rows, scenario), driven) if r))
     refuse_unknown_sources(without, (*(s.name for s in whole.sources), *whole.causes), source.model.title)
     omitted = left_out_of(source, whole, errors, without)
     return replace(whole.without(without), omitted=omitted, standing=source.standing)

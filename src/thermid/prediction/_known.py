@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from typing import Any
@@ -236,6 +236,15 @@ class Rows:
     def covariance(self) -> Array:
         """Covariance (names, names), matrix matrix', of logarithms where `log`, else of values. [SI]"""
         return np.asarray(self.matrix @ self.matrix.T)
+
+    def without(self, driven: Collection[str]) -> tuple[Rows, tuple[str, ...]]:
+        """Return the rows without values that a scenario drives, and the paths of these; a twin that it does not drive keeps its row."""
+        paths = [[p for p in (n, *self.also.get(n, ())) if p not in driven] for n in self.names]
+        kept = [k for k, left in enumerate(paths) if left]
+        idle = tuple(n for n, left in zip(self.names, paths, strict=True) if not left)
+        also = {paths[k][0]: tuple(paths[k][1:]) for k in kept if len(paths[k]) > 1}
+        names, log = tuple(paths[k][0] for k in kept), tuple(self.log[k] for k in kept)
+        return replace(self, names=names, log=log, also=also, matrix=self.matrix[kept]), idle
 
     def beside(self, other: Rows) -> Rows:
         """Return these rows and others; sources of one name are one source."""

@@ -13,6 +13,7 @@ import numpy as np
 from thermid.base.dual import value_of
 from thermid.base.errors import NameNotFoundError, ScenarioError, look_up
 from thermid.base.expression import amount, kelvin
+from thermid.base.extensions import optional
 from thermid.base.files import NETCDF, NETCDF_SOURCE, TABLE, replacing
 from thermid.base.linear_algebra import Array
 from thermid.base.memo import Memo
@@ -598,9 +599,13 @@ class Solution(Result):
         }
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return temperatures [K], heat flows and powers [W] over time as a labelled data set of xarray, with each node's extremes."""
-        import xarray
+        """Return temperatures [K], heat flows and powers [W] over time as a labelled data set of xarray, with each node's extremes.
 
+        Raises
+        ------
+        MissingExtraError   When xarray is not installed.
+        """
+        library = optional("xarray", "to_xarray")
         flows, powers = self.heat_flows, self.load_powers
         tables = {"heat_flow": ("conductor", flows, "W"), "power": ("load", powers, "W")}
         data: dict[str, Any] = {"temperature": (("time", "node"), self.temperatures, {"units": "K"})}
@@ -614,7 +619,10 @@ class Solution(Result):
             if traces:
                 coordinates[axis] = list(traces)
                 data[name] = (("time", axis), np.column_stack(list(traces.values())), {"units": units})
-        return xarray.Dataset(data, coordinates, {"title": self.title, "scenario": self.scenario, "status": self.status})
+        dataset: xarray.Dataset = library.Dataset(
+            data, coordinates, {"title": self.title, "scenario": self.scenario, "status": self.status}
+        )
+        return dataset
 
     def to_netcdf(self, path: str | os.PathLike[str]) -> None:
         """Write the data set of `to_xarray` as a netCDF file, which MATLAB and Octave can open."""

@@ -17,7 +17,7 @@ from thermid.base.errors import DeckError, look_up
 from thermid.base.extensions import by_grammar
 from thermid.base.files import VALUES, parse_toml, read_text, toml_key, toml_value, write_text
 from thermid.base.linear_algebra import Array, square_root
-from thermid.base.results import Row, Shown
+from thermid.base.results import Result, Row
 from thermid.base.toml_files import Places
 from thermid.base.units import counted, from_si, unit
 from thermid.model.elements import UNJUDGED, Parameter, Standing, exact, worst
@@ -97,13 +97,18 @@ class FittedValue:
         return from_si(number, self.unit)
 
     @property
+    def relative(self) -> float:
+        """Standard error over the value; infinite of zero, and of a temperature in degrees, whose zero is that of its scale. [-]"""
+        return self.error / abs(self.value) if self.value and not unit(self.unit).absolute else math.inf
+
+    @property
     def in_unit(self) -> float:
         """The value in its unit."""
         return self.converted(self.value)
 
 
 @dataclass(frozen=True, eq=False)
-class FittedValues(Shown, Mapping[str, FittedValue]):
+class FittedValues(Result, Mapping[str, FittedValue]):
     """The fitted values of a stage, by path, with their joint covariance.
 
     Parameters
@@ -126,8 +131,8 @@ class FittedValues(Shown, Mapping[str, FittedValue]):
         return f"{self.stage}: {counted(len(self.items_), 'value')}"
 
     def _as_rows(self) -> list[Row]:
-        """Return every value with its error."""
-        return [{"path": p, "value": v.value, "error": v.error, "unit": v.unit} for p, v in self.items_.items()]
+        """Return every value with its error, in its unit."""
+        return [{"path": p, "value": v.in_unit, "error": v.shown(v.error), "unit": v.unit} for p, v in self.items_.items()]
 
     def __getitem__(self, path: str) -> FittedValue:
         """Return one value.

@@ -144,6 +144,16 @@ def test_an_odd_unit_is_named_and_no_other() -> None:
     assert {(o.unit, o.value) for o in found} == {(10, 1), (20, 2)}
 
 
+@pytest.mark.parametrize(("far", "named"), [(1.0, [4]), (0.3, [])])
+def test_a_unit_beside_others_that_do_not_differ_is_as_far_as_its_own_error_says(far: float, named: list[int]) -> None:
+    """Of four units within their errors, 0.1, the spread vanishes; the fifth was 68,410,206 standard deviations away, of none left."""
+    values, information = np.array([-0.05, 0.02, 0.06, -0.03, far]), np.full((5, 1, 1), 0.1**-2)
+    said = Summaries(information, 0.1**-2 * values[:, None], np.repeat(np.eye(1)[None], 5, axis=0))
+    found = odd_units(PopulationFit.fitted(said, np.ones((1, 1), dtype=bool)))
+    assert [o.unit for o in found] == named
+    assert [o.distance for o in found] == pytest.approx([far / (0.1 * 1.25**0.5)] * len(found), rel=1e-3)
+
+
 @pytest.fixture(scope="module")
 def logs() -> dict[str, td.Record]:
     return boxes(14, 21, weak=0.4)[0]

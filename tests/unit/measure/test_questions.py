@@ -220,3 +220,24 @@ def test_an_exchange_that_fitted_values_absorb_is_asked_about(heavy: str, asks: 
     record = td.Record.from_arrays("log", TIMES, channels)
     fit = td.calibrate(model, record, ["a.capacitance", "b.capacitance"], scenario=td.Scenario("s"))
     assert any("'Ta' and 'Tb' agree with each other's node" in w for w in fit.warnings) == asks
+
+
+@pytest.mark.parametrize(("offset", "asked"), [("-3600 [s]", True), ("-40 [s]", False)])
+def test_an_offset_that_leaves_much_of_a_log_alone_is_questioned(offset: str, asked: bool) -> None:
+    """An hour of five was without powers, and `check` counted no error and no warning."""
+    times = np.arange(0.0, 18001.0, 10.0)
+
+    def channel(name: str, unit: str) -> td.Channel:
+        return td.Channel.from_array(
+            name,
+            np.full(times.size, 290.0),
+            unit=unit,
+            quantity="power" if unit == "W" else "temperature",
+            role="load" if unit == "W" else "node",
+            target="a",
+        )
+
+    board = td.Record.from_arrays("board", times, {"T": channel("T", "K")})
+    supply = td.Record.from_arrays("supply", times, {"P": channel("P", "W")})
+    questions = board.joined(supply, offset).origin.questions
+    assert [q.startswith("for 60 min of its 5 h there is no reading of 'supply' beside it") for q in questions] == [True] * asked

@@ -191,3 +191,17 @@ def test_a_value_that_is_stated_better_than_joints_depart_is_predicted() -> None
     band = td.predict(_with_core("10 [%]"), _into_core(1.0))["core"].final
     case = td.predict(_with_core("10 [%]"), _into_core(1.0))["case"].final
     assert band.low < case.celsius + 1.0 / (0.5 * 1.2) < case.celsius + 1.0 / (0.5 / 1.2) < band.high
+
+
+def test_a_fitted_value_that_the_scenario_schedules_is_not_among_those_that_vary(fit: td.Calibration) -> None:
+    """It was refused as one that cannot be fitted, though a prediction fits nothing; its error is not counted, and that is said."""
+    value = fit.values[HTC]
+    same = {HTC: f"{value.value!r} [W/(m^2 K)]"}
+    free, driven = (td.predict(fit, _asked(3.0).with_(schedule=s), times=TIMES[::8]) for s in ({}, same))
+    assert driven["case"].simulated == pytest.approx(free["case"].simulated, abs=1e-3)
+    assert driven["case"].error[-1] < free["case"].error[-1]
+    assert any(HTC in w and "schedule" in w for w in driven.warnings)
+    assert (
+        td.predict(fit, _asked(3.0).with_(schedule={HTC: "20 [W/(m^2 K)]"}), times=TIMES[::8])["case"].celsius[-1]
+        < free["case"].celsius[-1]
+    )

@@ -154,9 +154,7 @@ def write_back(
     if rest:
         what = f"INCOMPLETE: {counted(len(rest), 'changed value')} without a number of its own in the deck, not written: {', '.join(rest)}"
         lines.insert(0, what)
-    shown = {"files": [target.name for target in targets], "not_written": list(rest), "standing": standing.to_dict()}
-    say(as_json, shown, "\n".join(lines))
-    leave(standing)
+    answer(standing, as_json, {"files": [target.name for target in targets], "not_written": list(rest)}, "\n".join(lines))
 
 
 def _network(file: Path, units: str = "") -> NetworkFile:

@@ -417,11 +417,14 @@ def _predict_named(campaign: Campaign, given: Sequence[str], as_json: bool, verb
     if given:
         words = f"{', '.join(given)} {'is' if len(given) == 1 else 'are'} not for the predictions that a campaign names."
         raise ScenarioError(f"{words} Give --scenario FILE or --record NAME too.", "command line", code="command.not-understood")
-    predictions = campaign_predictions(campaign)
-    if not predictions:
+    predictions, failed = campaign_predictions(campaign)
+    if not (predictions or failed):
         words = 'nothing to predict: give --scenario FILE or --record NAME, or write [predictions.hot] with scenario = "hot.toml".'
         raise ScenarioError(words, campaign.title, code="command.not-understood")
-    heads = ["\n".join(p.head for p in predictions)] if len(predictions) > 1 else []
+    if not predictions:
+        raise next(iter(failed.values()))
+    heads = [f"NOT PREDICTED: '{name}': {error}" for name, error in failed.items()]
+    heads += ["\n".join(p.head for p in predictions)] if len(predictions) > 1 else []
     standing = worst(p.prediction.standing for p in predictions)  # told once, above all of them
     bare = [replace(p, prediction=replace(p.prediction, causes={}, standing=UNJUDGED)) for p in predictions]
     causes: dict[str, str] = {}  # each told once; of its widest band also what would narrow it
@@ -429,8 +432,10 @@ def _predict_named(campaign: Campaign, given: Sequence[str], as_json: bool, verb
         causes[cause] = max(causes.get(cause, ""), words, key=len)
     meanings = ["\n".join(["What the bands come from:", *(f"  {cause}: {words}" for cause, words in causes.items())])] if causes else []
     text = standing.over("\n\n".join([*heads, *map(str, bare), *meanings]))
-    say(as_json, {p.name: p.to_dict() for p in predictions}, text, verbose)
-    leave(standing, 1 if any(p.within is False for p in predictions) else 0)
+    refused = {name: {"error": error.message, "where": error.where, "code": error.code} for name, error in failed.items()}
+    say(as_json, {p.name: p.to_dict() for p in predictions} | refused, text, verbose)
+    code = max((error.exit_code for error in failed.values()), default=0)
+    leave(standing, code or (1 if any(p.within is False for p in predictions) else 0))
 
 
 def _predict_records(

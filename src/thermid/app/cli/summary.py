@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -247,7 +248,7 @@ def _block(campaign: Campaign, name: str, fit: Calibration) -> StageRows:
         notes.append(f"{name}: accuracy not stated, so readings count as exact: {exact}")
     if step := campaign.next_step(name):
         notes.append(f"{name}: next: {step}")
-    rows = sorted(fitted, key=lambda v: -abs(v.error / v.value) if v.value else 0.0)
+    rows = sorted(fitted, key=lambda v: -v.relative if math.isfinite(v.relative) else 0.0)
     notes += [f"{name}: {clock} {words}" for clock, words in fit.clocks.items()]
     notes += [f"{name}: {w}" for w in fit.warnings if any(w.startswith(f"'{clock}' ") for clock in fit.clocks)]
     return StageRows(name, fit.standing.state, sensor, tuple(map(_value, rows)), tuple(notes))
@@ -256,7 +257,7 @@ def _block(campaign: Campaign, name: str, fit: Calibration) -> StageRows:
 def _value(v: FittedValue) -> Row:
     """Return the cells of a fitted value: path, value, standard error, unit and relative error."""
     error = v.shown(v.error)
-    per_cent = f"{short(100.0 * abs(v.error / v.value), 2)} %" if v.value else ""
+    per_cent = f"{short(100.0 * v.relative, 2)} %" if math.isfinite(v.relative) else ""
     return (f"  {v.path}", digits(v.in_unit, error), f"+- {short(error)}", v.unit, per_cent)
 
 

@@ -85,6 +85,11 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
         "Stages, records and levels of a campaign do not fit together.",
         "Change the place that the message names.",
     ),
+    "campaign.verdict-before-refit": CodeMeaning(
+        "remark",
+        "A verdict judges the values of a stage, and a later stage fits the same deck.",
+        "Nothing, if the earlier values are meant; otherwise name the later stage in `model`.",
+    ),
     "cap.exceeded": CodeMeaning(
         "error",
         "A file, a text or a request goes beyond a limit of the table of caps, which lies far above usual sizes.",

@@ -25,6 +25,7 @@ from thermid.base.units import counted
 from thermid.campaign._judge.criteria import Check, Criteria, Deviation, judge_sensors
 from thermid.campaign._judge.metrics import Residuals
 from thermid.fit.calibration import FIRST, Calibration, Request, SensorStatistics, SensorTrace, fit
+from thermid.measure.amounts import short
 from thermid.measure.records import Record
 from thermid.model.elements import UNJUDGED, Standing
 from thermid.model.tree import Model
@@ -32,6 +33,8 @@ from thermid.prediction.bands import RecordPrediction, record_bands, record_requ
 from thermid.simulation.runs import Scenario
 
 FILE = "looks.json"
+ONE_SIGN = 0.7
+"""Part of the root mean square of a sensor's deviations that their mean is, from which most of their squares is a constant. [-]"""
 
 
 @dataclass(frozen=True)
@@ -147,8 +150,15 @@ class Verdict(Result):
 
     @property
     def questions(self) -> tuple[str, ...]:
-        """What its record asks of its owner: exchanged sensors, a power in another unit."""
-        return tuple(w for w in self.prediction.warnings if w.startswith(FIRST)) if self.prediction is not None else ()
+        """What its record asks of its owner: exchanged sensors, a power in another unit, a sensor that moved since the fit."""
+        missed = {c.sensor for c in self.missed}
+        apart = {n: s.mean for n, s in self.statistics.items() if n in missed and abs(s.mean) > ONE_SIGN * s.rmse}
+        moved = [
+            f"{FIRST}{n} reads {short(abs(mean))} K {'above' if mean > 0.0 else 'below'} the prediction throughout. Does this sensor sit "
+            "at another place than in the fitted records?"
+            for n, mean in apart.items()
+        ]
+        return (*(w for w in self.prediction.warnings if w.startswith(FIRST)), *moved) if self.prediction is not None else ()
 
     @property
     def head(self) -> str:

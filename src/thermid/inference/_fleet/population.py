@@ -255,10 +255,14 @@ class PopulationFit:
         between = np.einsum("ab,ebc,cd,fda->ef", at.spread, self._moved, at.spread, self._moved, optimize=True)
         return symmetric_inverse(0.5 * (basis @ kernel @ basis.T + between))
 
-    def freedom_of_spread(self, k: int) -> float:
-        """Return the degrees of freedom of a spread: 2 Omega_kk^2 / var(Omega_kk) (Satterthwaite, Biometrics Bull. 2 (1946) 110)."""
+    def freedom_of_spread(self, k: int, variance: float | None = None) -> float:
+        """Return the degrees of freedom 2 v^2 / var(Omega_kk) of a spread, v = Omega_kk, or of a `variance` v of which that is a part.
+
+        Satterthwaite, Biometrics Bull. 2 (1946) 110.
+        """
         row = self._elements[:, k, k]
-        return float(2.0 * self.omega[k, k] ** 2 / max(row @ self.of_omega @ row, 1e-300))
+        whole = float(self.omega[k, k]) if variance is None else variance
+        return 2.0 * whole**2 / max(float(row @ self.of_omega @ row), 1e-300)
 
     def freedom_of_mean(self, c: Array) -> float:
         """Return the degrees of freedom of a combination c of coefficients (Giesbrecht and Burns, Biometrics 41 (1985) 477)."""
@@ -433,7 +437,7 @@ def odd_units(population: PopulationFit) -> list[Odd]:
 
     The farthest unit is left out, the population fitted without it, and the unit compared with that, in turn up to a tenth of the fleet
     (generalised extreme Studentised deviate: Rosner, Technometrics 25 (1983) 165). The last that exceeds the threshold and all before it
-    are odd. The threshold is Student's with the degrees of freedom of the spread, for units times values tries (Bonferroni).
+    are odd. The threshold is Student's with the degrees of freedom of the difference, for units times values tries (Bonferroni).
     """
     summaries, (count, size) = population.summaries, population.summaries.score.shape
     left_out: list[int] = []
@@ -449,7 +453,9 @@ def odd_units(population: PopulationFit) -> list[Odd]:
         carried = weights[0] @ summaries.design[unit]
         push = pushed[0] - carried @ reduced.at.beta
         wide = weights[0] + carried @ reduced.at.spread @ carried.T
-        distance, all_freedom = float(push[k] / math.sqrt(wide[k, k])), reduced.freedom_of_spread(k)
+        # the variance of the difference has the errors of the unit and of the mean too: where the spread vanishes, they are all of it
+        variance = float(wide[k, k] / weights[0, k, k] ** 2)
+        distance, all_freedom = float(push[k] / math.sqrt(wide[k, k])), max(reduced.freedom_of_spread(k, variance), 1.0)
         # the value is compared with its regression on the others: that costs freedom, and is the more wrong the farther they are (leverage)
         others = max(float(push @ symmetric_inverse(wide) @ push) - distance**2, 0.0) if reduced.together.all() else 0.0
         freedom = max(all_freedom - (reduced.together[k].sum() - 1.0), 1.0)

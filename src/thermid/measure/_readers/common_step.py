@@ -42,6 +42,10 @@ MIN_INDEPENDENT = 4.0
 FINER = 3
 """How often offsets are tried again, eight times as close about the best."""
 
+ZONES = (*range(-12, 15), -9.5, -3.5, 3.5, 4.5, 5.5, 5.75, 6.5, 8.75, 9.5, 10.5, 12.75)
+"""By how much local times are ahead of UTC, standard and summer (IANA time zone database). [h]"""
+CLOCKS_APART, HOUR, DAY = 300.0, 3600.0, 86400.0
+"""By how much clocks that nobody set by each other may differ beside their zones. [s]"""
 
 MAX_POINTS = 20000
 """Points of a response, at most."""
@@ -164,6 +168,50 @@ def common_step(first: Sequence[LogCourse], second: Sequence[LogCourse]) -> Comm
     return best if best is not None and best.error <= MAX_OFFSET_ERROR * length else None
 
 
+def zone_shared(pairs: Sequence[tuple[Sequence[LogCourse], Sequence[LogCourse], float]]) -> float | None:
+    """Return by how much the clocks of logs without a stated zone are ahead of UTC; None where no zone fits much better than others. [s]
+
+    The zone is that at which powers explain temperatures best, clocks up to 5 min off. What a power does to a thermometer is a sum of
+    first-order responses of which none cools, so that a response cannot stand for a power that is hours early; a single rise can.
+
+    Parameters
+    ----------
+    pairs : sequence of (courses, courses, float)   A log without a zone, one in UTC, and by how much its stamps begin later. [s]
+    """
+    known: dict[float, float] = {}
+    ways = [
+        (*((a, b, 1.0) if b.power else (b, a, -1.0)), late)
+        for first, second, late in pairs
+        for a in first
+        for b in second
+        if a.power != b.power and a.heated and b.heated and a.moves and b.moves and _switched(a if a.power else b).size > 1
+    ]
+    made = [_ways(effect, cause)[0] for effect, cause, _, _ in ways]
+    for hours in sorted(ZONES, key=abs):
+        begins = [sign * ((late + hours * HOUR + 0.5 * DAY) % DAY - 0.5 * DAY) for _, _, sign, late in ways]
+        if not any(abs(hours - other) == 24.0 for other in known):  # the same time of day
+            known[hours] = sum(
+                max(_heating_information(effect, one, at + apart) for apart in np.linspace(-CLOCKS_APART, CLOCKS_APART, 13))
+                for at, one, (effect, cause, _, _) in zip(begins, made, ways, strict=True)
+                if _enough_switches(effect, cause, at)
+            )
+    best, rival = sorted(known, key=lambda hours: -known[hours])[:2]
+    return best * HOUR if known[rival] < RIVAL[True] * known[best] else None
+
+
+def _heating_information(seen: LogCourse, made: Explanation, offset: float) -> float:
+    """Return the same as `_information`, of responses of which none cools."""
+    from scipy.optimize import nnls
+
+    rows, target = _rows(seen, made, offset)
+    own = rows.shape[1] - made.columns.shape[1]
+    if target.size < 4 * rows.shape[1] or float(np.ptp(rows[:, own])) == 0.0:
+        return 0.0
+    rows = rows / np.maximum(np.linalg.norm(rows, axis=0), 1e-300)
+    left = float(nnls(np.column_stack([rows, -rows[:, :own]]), target)[1]) ** 2
+    return -target.size * float(np.log(max(left / max(_solved(rows[:, :own], target)[0], 1e-300), 1e-12)))
+
+
 def _as_pairs_agree(offsets: Sequence[CommonStep]) -> list[CommonStep]:
     """Return offsets; those by a power get the variance between pairs beyond their own errors (DerSimonian and Laird 1986)."""
     sure = [f for f in offsets if not (f.lags or f.candidate)]
@@ -215,7 +263,8 @@ def _compared(a: LogCourse, b: LogCourse) -> CommonStep | None:
     lags = not (a.power or b.power) and left > target.size * (TWO_PLACES * noise) ** 2
     candidate = not (a.power or b.power) and a.heated and a.name.casefold() != b.name.casefold()
     late = max(_quarter_time(a), _quarter_time(b)) if candidate else ways[0].begun(shares, length)
-    error = float(np.linalg.norm([error, np.std(refined_offsets), late / 3.0**0.5]))  # later or earlier by any time up to that one
+    apart = np.std(refined_offsets) * (len(ways) / max(len(ways) - 1, 1)) ** 0.5
+    error = float(np.linalg.norm([error, apart, late / 3.0**0.5]))  # later or earlier by any time up to that one
     offset = float(np.median(refined_offsets)) + (0.0 if effect.power else _seen_late(cause))
     return CommonStep(sign * offset, error, a.name, b.name, explained, lags, candidate)
 
@@ -236,9 +285,14 @@ def _scatter(course: LogCourse) -> float:
 
 def _enough_switches(seen: LogCourse, cause: LogCourse, offset: float) -> bool:
     """Whether a course covers two switches of a power, or all that it has: any single rise looks like any other."""
-    switched = cause.times[1:][np.abs(np.diff(cause.values)) > SWITCH * float(np.ptp(cause.values))]
+    switched = _switched(cause)
     inside = np.count_nonzero((switched > -offset) & (switched < seen.times[-1] - offset))
     return bool(inside >= min(2, switched.size))
+
+
+def _switched(cause: LogCourse) -> FloatArray:
+    """Return the times at which a power switches. [s]"""
+    return cause.times[1:][np.abs(np.diff(cause.values)) > SWITCH * float(np.ptp(cause.values))]
 
 
 def _ways(effect: LogCourse, cause: LogCourse) -> list[Explanation]:

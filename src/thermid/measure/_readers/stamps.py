@@ -670,15 +670,13 @@ def of_day(match: re.Match[str]) -> float:
     if match["h"] is None:
         return 0.0
     fraction = float(f"0.{match['f']}") if match["f"] else 0.0
-    return _day_seconds(match["h"], match["m"], match["s"], match["half"]) + fraction - _offset(match["zone"])
+    return _day_seconds(match["h"], match["m"], match["s"], match["half"]) + fraction - zone_offset(match["zone"] or "")
 
 
-def _offset(zone: str | None) -> float:
-    """Return the offset of a time zone such as +01:00; zero for UTC or none. [s]"""
-    if not zone or zone[0] not in "+-":
-        return 0.0
-    digits = zone[1:].replace(":", "")
-    return (1.0 if zone[0] == "+" else -1.0) * (3600.0 * int(digits[:2]) + 60.0 * int(digits[2:] or 0))
+def zone_offset(zone: str) -> float:
+    """Return by how much a time zone such as +01:00 or GMT-3 is ahead of UTC; zero for UTC or none. [s]"""
+    match = re.search(r"([+-])(\d\d?):?(\d\d)?\Z", zone)
+    return float(f"{match[1]}1") * (3600.0 * int(match[2]) + 60.0 * int(match[3] or 0)) if match else 0.0
 
 
 def _years(text: str) -> int:

@@ -47,6 +47,8 @@ if TYPE_CHECKING:
     from pandas import DataFrame
     from xarray import Dataset
 
+UNPAIRED: Final = 0.05
+"""Part of a record without a reading of the log that is joined with it, from which the offset between them is questioned. [-]"""
 FAULT_CODES: Final = ("85 [degC]", "-127 [degC]")
 """What a DS18B20 gives after power-on (note to table 1 of its data sheet), and what its usual driver gives when the sensor is gone."""
 
@@ -463,8 +465,14 @@ class Record(Samples, Result):
                 code="record.not-overlapping",
             )
         times, channels = _interleaved(self, other, there)
+        apart = max(there[0] - self.times[0], 0.0) + max(self.times[-1] - there[-1], 0.0)
+        unpaired = (
+            f"for {duration_text(apart)} of its {duration_text(self.duration)} there is no reading of '{other.name}' beside it, "
+            f"whose clock is {offset:.6g} s late. Check this offset."
+        )
         origin = replace(
             self.origin,
+            questions=(*self.origin.questions, *([unpaired] if apart > UNPAIRED * self.duration else [])),
             file=f"{self.origin.file} + {other.origin.file}",
             sha256=hashlib.sha256(f"{self.origin.sha256} {other.origin.sha256}".encode()).hexdigest(),
             columns=(*self.origin.columns, *other.origin.columns),
@@ -597,10 +605,13 @@ class Record(Samples, Result):
             writer.writerows(zip(*columns, strict=True))
 
     def to_xarray(self) -> Dataset:
-        """Return a record as a data set over `time`, SI units in the attributes, masked samples as NaN."""
-        import xarray
+        """Return a record as a data set over `time`, SI units in the attributes, masked samples as NaN.
 
-        data = xarray.Dataset(coords={"time": ("time", self.times, {"units": "s"})})
+        Raises
+        ------
+        MissingExtraError   When xarray is not installed.
+        """
+        data: Dataset = optional("xarray", "to_xarray").Dataset(coords={"time": ("time", self.times, {"units": "s"})})
         for channel in self.channels.values():
             words = {
                 "quantity": channel.quantity,

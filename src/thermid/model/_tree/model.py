@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -100,9 +100,14 @@ class Model(Tree, Shown):
         """
         return replaced(self, path, new, keep)
 
-    def check(self) -> tuple[Finding, ...]:
-        """Check the model: errors, warnings and notes, one per finding."""
-        return findings(self) if self.runner is None else ()  # of what runs elsewhere, a deck has names alone
+    def check(self, named: Collection[str] = ()) -> tuple[Finding, ...]:
+        """Check the model: errors, warnings and notes, one per finding.
+
+        Parameters
+        ----------
+        named : collection of str   Parameters that something else uses, such as the gain of a channel.
+        """
+        return findings(self, named) if self.runner is None else ()  # of what runs elsewhere, a deck has names alone
 
     def identity(self) -> str:
         """Return a hash of what the model means: not of its file, comments, layout or the order of its tables."""

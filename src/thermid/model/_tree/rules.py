@@ -6,8 +6,8 @@ Rules see the tree laid flat. They say what to do, and change nothing.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -71,6 +71,7 @@ class _View:
                             impossible; without those that have no law.
     refused : tuple         What their laws say of the others.
     impossible : dict       Path of a value that physics forbids -> what is said of it.
+    named : frozenset       Parameters that something outside the tree uses.
     """
 
     model: Tree
@@ -79,6 +80,7 @@ class _View:
     conductances: Mapping[str, float]
     refused: tuple[Finding, ...]
     impossible: Mapping[str, Finding]
+    named: frozenset[str] = frozenset()
 
     def grounded(self) -> set[str]:
         """Return the nodes from which heat can reach a boundary; a flow reaches only downstream."""
@@ -365,14 +367,14 @@ def _unused(view: _View) -> Iterator[Finding]:
             needs[prefix + name] |= {prefix + other for other in parameter.expression.names}
         declared |= {prefix + name: owner.where(f"parameters.{name}") for name in owner.parameters}
     used: set[str] = set()
-    todo = [path for path in table if path not in declared]
+    todo = [path for path in table if path not in declared or path in view.named]
     while todo:
         new = needs[todo.pop()] - used
         used |= new
         todo += new
     read = {f"{prefix}{name}.pressure" for owner, prefix in view.model.walk() for name, s in owner.submodels.items() if s.made == "fans"}
     for path, where in declared.items():
-        if path not in used and path.rpartition(".")[2] not in READINGS and path not in read:
+        if path not in used | view.named and path.rpartition(".")[2] not in READINGS and path not in read:
             yield Finding("warning", where, f"the parameter '{path}' is declared but nothing uses it.", "model.unused")
     elements = [*(c.controls for c in view.flat.conductors), *(load.controls for load in view.flat.loads)]
     named = {named_control(name)[0] for several in elements for name in several}
@@ -621,10 +623,15 @@ RULES: Final[tuple[Rule, ...]] = (
 )
 
 
-def findings(model: Tree) -> tuple[Finding, ...]:
-    """Return the findings of all checks, errors first; one error alone when the tree cannot be laid flat."""
+def findings(model: Tree, named: Collection[str] = ()) -> tuple[Finding, ...]:
+    """Return the findings of all checks, errors first; one error alone when the tree cannot be laid flat.
+
+    Parameters
+    ----------
+    named : collection of str   Parameters that something outside the tree uses.
+    """
     try:
-        view = _view(model)
+        view = replace(_view(model), named=frozenset(named))
     except ThermidError as error:
         return (_refused(error, error.where or model.title),)
     unique = dict.fromkeys(finding for rule in RULES for finding in rule(view))

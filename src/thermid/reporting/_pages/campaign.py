@@ -99,13 +99,14 @@ def report(
     stages = [_stage(f"stage-{k}", c, campaign, sheets) for k, c in enumerate(campaign.fits, 1)] if audience != "summary" else []
     places = {k: k for k in ("verdicts", "predictions")} | {str(s["name"]): str(s["key"]) for s in stages}
     paragraphs = [p for text in ([notes] if isinstance(notes, str) else notes) for p in text.split("\n\n") if p.strip()]
+    named, failed = campaign_predictions(campaign)
     return write_page(
         "page.html.jinja",
         to,
         title=campaign.title,
         campaign=campaign,
         made=tables.made_records(campaign),
-        notes=[p for p in (campaign.note, *paragraphs) if p],
+        notes=[p for p in (campaign.note, *paragraphs, *map("NOT PREDICTED: '{0[0]}': {0[1]}".format, failed.items())) if p],
         verdicts=replace(tables.verdicts(campaign, audience == "summary"), key=VERDICTS_TABLE) if campaign.verdicts else None,
         held_out=_held_out(campaign, audience) if audience != "summary" else None,
         coverage=_coverage(campaign) if audience != "summary" else None,
@@ -116,7 +117,7 @@ def report(
         stages=stages,
         values=_joined(stages) if audience == "agency" else [],
         predictions=[_prediction(f"prediction-{k}", title, s, campaign) for k, (title, s) in enumerate(scenarios, 1)],
-        named=(named := campaign_predictions(campaign)),
+        named=named,
         named_blocks=list(_named(named, audience == "summary")),
         data=tables.data(campaign),
         models=tables.models(campaign),

@@ -67,7 +67,7 @@ def parameters(calibration: Calibration) -> Table:
     for path, v in calibration.values.parameters.items():
         entry, q = table[path], shown[path]
         source = entry.origin if entry.origin.startswith("stage ") else entry.parameter.source or "not stated"
-        share = 100 * v.error / abs(v.value) if v.value else math.inf
+        share = 100 * v.relative
         shift = (v.value - v.start) / v.error if v.error > 0 and math.isfinite(v.error) else math.nan
         rows.append(
             [

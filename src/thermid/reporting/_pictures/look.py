@@ -20,6 +20,7 @@ from thermid.base.units import counted, from_si, in_si, unit
 from thermid.campaign.start import thinned_step
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.readers import (
+    CLOCKS_APART,
     Cells,
     Clock,
     Column,
@@ -38,6 +39,8 @@ from thermid.measure.readers import (
     read_times,
     repeated_stamps,
     unit_question,
+    zone_offset,
+    zone_shared,
 )
 from thermid.measure.records import SENSOR_FAULT_CODES, Channel, even_step, gap_from, usual_step
 from thermid.reporting._pictures.chart import DASHES, SERIES, Panel, Stroke, chart, time_unit
@@ -358,14 +361,47 @@ DAY = 86400.0
 
 
 def _time_of_day(look: Look) -> float | None:
-    """Return the time of day at which a log begins, by its first stamp; None where it has none. [s]"""
+    """Return the time of day at which a log begins, by its first stamp, in UTC where that has a zone; None where it has none. [s]"""
     text = None if look.times is None else look.times.start or look.cells.start
     match = _OF_DAY.search(text or "")
     if match is None:
         return None
     hours, half = int(match[1]), (match[4] or "").lower()
     hours = hours % 12 + 12 * (half == "p") if half else hours
-    return 3600.0 * hours + 60.0 * int(match[2]) + float((match[3] or "0").replace(",", "."))
+    return 3600.0 * hours + 60.0 * int(match[2]) + float((match[3] or "0").replace(",", ".")) - zone_offset(_zone(look))
+
+
+def _zone(look: Look) -> str:
+    """Return the time zone that a log states; empty for none."""
+    return look.times.zone if look.times is not None else ""
+
+
+def _starts(looks: Sequence[Look], courses: Sequence[Sequence[LogCourse]]) -> tuple[list[float | None], str]:
+    """Return the times of day at which logs begin, on one clock [s], and what is to be checked where only some state their zone.
+
+    The zone of the others, taken as one, is that at which powers and temperatures fit. Where none does, their stamps do not count beside
+    those of the rest.
+    """
+    starts = [_time_of_day(one) for one in looks]
+    stamped = [k for k, start in enumerate(starts) if start is not None]
+    local, stated = ([k for k in stamped if bool(_zone(looks[k])) is has] for has in (False, True))
+    if not local or not stated:
+        return starts, ""
+    ahead = zone_shared([(courses[j], courses[k], _late(starts[j], starts[k]) or 0.0) for j in local for k in stated])
+    names, zones = (
+        ", ".join(texts) for texts in ([looks[k].path.name for k in local], [f"{looks[k].path.name} {_zone(looks[k])}" for k in stated])
+    )
+    said = f"check: no time zone is stated in {names}, but in {zones}. "
+    if ahead is None:
+        kept = local if stamped[0] in local else stated
+        starts = [start if k in kept else None for k, start in enumerate(starts)]
+        return starts, said + "Stamps alone leave whole hours open, and no power with a temperature decides: which zone is it?"
+    starts = [start - ahead if start is not None and k in local else start for k, start in enumerate(starts)]
+    sign = "ahead of" if ahead >= 0.0 else "behind"
+    return (
+        starts,
+        said + f"Powers and temperatures fit best if {names} is {abs(ahead) / 3600.0:g} h {sign} UTC, and the offsets below count that",
+    )
 
 
 def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
@@ -375,19 +411,22 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
     `step` has by how much it is late on another log, `after`, by a step of a power or temperature that both show, with its standard
     error [s]; `stamps` is the same by their stamps, and `contradicted` whether that is further away than the error allows. `at` is the
     offset from the first log by the steps and stamps between them, with the error of the steps. [s] `step` and `at` are left out where
-    stamps alone, or nothing, give the place.
+    stamps alone, or nothing, give the place. `zone` is what is to be checked where only some logs state their time zone; `at` then has
+    the stamps of clocks that may differ.
 
     Notes
     -----
     From the first log on, the log that is placed best comes next: by a step with a power, by two temperatures that stamps contradict, by
     stamps, by two temperatures. So two loggers of temperatures meet by way of the supply that both follow.
     """
-    starts, courses = [_time_of_day(one) for one in looks], [one.courses() for one in looks]
+    courses = [one.courses() for one in looks]
+    starts, said = _starts(looks, courses)
     steps = {(j, k): f for k in range(len(looks)) for j in range(k) if (f := common_step(courses[j], courses[k])) is not None}
     steps |= {(k, j): replace(f, offset=-f.offset, first=f.second, second=f.first) for (j, k), f in steps.items()}
     places = {0: _OffsetSoFar(0.0)}
     entries: dict[int, dict[str, Any]] = {
-        k: {"file": further.path.name, "record": further.name, "offset": _late(starts[0], starts[k])} for k, further in enumerate(looks)
+        k: {"file": further.path.name, "record": further.name, "offset": _late(starts[0], starts[k])} | ({"zone": said} if said else {})
+        for k, further in enumerate(looks)
     }
     while len(places) < len(looks):
         ways = [
@@ -399,6 +438,9 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
         best = min(ways, key=lambda way: way.rank)
         places[best.to] = best.place
         if best.by_step is None:
+            if said and best.place.at is not None:
+                entries[best.to]["at"] = {"offset": best.place.at, "error": CLOCKS_APART / MAX_OFFSET_ERRORS, "stamps": True}
+                entries[best.to]["at"] |= {"candidate": False, "by_stamps": True}
             continue
         step, entry = best.by_step, entries[best.to]
         entry["step"] = {"offset": step.offset, "error": step.error, "columns": [step.first, step.second], "candidate": step.candidate}
@@ -492,7 +534,8 @@ def clock_lines(looks: Sequence[Look]) -> list[str]:
     if not clocks:
         return []
     with_stamp = [f for f in clocks if f["offset"] is not None]
-    lines = [f"{counted(len(looks), 'clock')} of one test, compared by the time of day of their first stamps"] if with_stamp else []
+    lines = [clocks[0]["zone"]] if "zone" in clocks[0] else []
+    lines += [f"{counted(len(looks), 'clock')} of one test, compared by the time of day of their first stamps"] if with_stamp else []
     lines += [
         f"  {f['file']} begins {abs(f['offset']):.6g} s {'after' if f['offset'] >= 0 else 'before'} {looks[0].path.name}"
         for f in with_stamp
@@ -500,8 +543,8 @@ def clock_lines(looks: Sequence[Look]) -> list[str]:
     for f, other in zip(clocks, looks[1:], strict=True):
         lines += _by_step(f, looks[0], other)
     compared = {f["record"] for f, other in zip(clocks, looks[1:], strict=True) if any(c.guess == "temperature" for c in other.columns)}
-    for f in (f for f in with_stamp if "at" not in f):
-        advice = ALIGNED if f["record"] in compared else "give a range to have it fitted"
+    for f in (f for f in with_stamp if "at" not in f or "step" not in f):
+        advice = ALIGNED if f["record"] in compared else "a range has it fitted" if "at" in f else "give a range to have it fitted"
         lines.append(f"  {f['file']} is placed by time stamps; two loggers' clocks may differ by minutes: {advice}")
     ranged = [f for f in clocks if "at" in f and f["record"] not in compared and not f["at"]["candidate"]]
     fitted = max(ranged, key=lambda f: f["at"]["error"], default=None)

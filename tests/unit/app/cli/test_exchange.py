@@ -222,6 +222,9 @@ def test_an_incomplete_import_marks_every_result(call: Call, tmp_path: Path) -> 
     ):
         done = call(*command)
         assert (done.code, "INCOMPLETE: " in done.out + done.err) == (5, True), command
+    for first in (("write-back", case, deck, "--param", "BOX.T2.capacitance=60 [J/K]", "--to", tmp_path / "back"), ("steady", deck)):
+        done = call(*first, *(("--scenario", bench) if first[0] == "steady" else ()))
+        assert (done.code, done.out.splitlines()[0].startswith("INCOMPLETE: ")) == (5, True), first
     done = call("simulate", deck, "--scenario", bench, "--for", "1 [h]", "--json").object
     assert done["standing"]["state"] == "incomplete"
     scenario = td.load_scenario(bench).with_(duration="1 [h]")

@@ -96,6 +96,20 @@ def test_what_a_prediction_names_wrongly_is_found_by_check(call: Call, campaign:
     assert words in said.out
 
 
+def test_one_that_fails_is_named_and_the_others_are_made(call: Call, fitted_campaign: Path, tmp_path: Path) -> None:
+    """One of three could not be run, and none was told."""
+    asked(fitted_campaign, "90")
+    (fitted_campaign.parent / "box.scenario.toml").unlink()
+    said = call("predict", fitted_campaign)
+    assert said.code == 2
+    assert "NOT PREDICTED: 'cold': " in said.out
+    assert "hot: smallest margin" in said.out
+    assert set(call("predict", fitted_campaign, "--json").object) >= {"hot", "cold"}
+    page = tmp_path / "page.html"
+    assert call("report", fitted_campaign, "--to", page, "--for", "summary").code == 0
+    assert "NOT PREDICTED: 'cold'" in unescape(page.read_text())
+
+
 def test_a_campaign_without_predictions_says_how_to_ask(call: Call, fitted_campaign: Path) -> None:
     said = call("predict", fitted_campaign, "--json")
     assert said.code == 2

@@ -45,6 +45,7 @@ COMMANDS = {
     "hold": ("hold", "hold.toml"),
     "swap": ("swap", "campaign.toml", "p", "pair.toml"),
     "watch": ("watch", "logs/whole_two.csv", "--campaign", "campaign.toml", "--record", "whole_one", "--look", "once"),
+    "fmu": ("export", "whole.toml", "--values", "results/whole.values.toml", "--scenario", "scenario.toml", "--as", "fmu", "--to"),
     "deliver": ("deliver", "whole.toml", "--scenario", "scenario.toml", "--values", "results/whole.values.toml", "--to"),
 }
 
@@ -56,7 +57,8 @@ def test_every_command_says_it_first_and_in_its_exit_code(
     monkeypatch.chdir(folder)
 
     def said_with(*more: str) -> Said:
-        to = [str(tmp_path / f"delivered{len(list(tmp_path.iterdir()))}")] if name == "deliver" else []
+        written = tmp_path / f"written{len(list(tmp_path.iterdir()))}"
+        to = {"deliver": [str(written)], "fmu": [f"{written}.fmu"]}.get(name, [])
         return call(*COMMANDS[name], *to, *more)
 
     said = said_with()

@@ -142,6 +142,16 @@ def test_refused_criteria(found: Calibration, table: dict[str, object], error: t
         validate(found, run("held", 3), Criteria.read(table, "here"))
 
 
+def test_a_sensor_that_misses_by_a_constant_is_asked_about_its_place(found: Calibration) -> None:
+    """A thermometer was taken off the body and glued to the lid: 2.5 K, and nobody was asked."""
+    held = run("held", 3)
+    moved = held.with_channels(replace(held["T"], values=held["T"].values + np.where(held.times > 600.0, 2.5, 0.0)))
+    (question,) = validate(found, moved, WIDE).questions
+    assert question.startswith("check: T reads 2.")
+    assert question.endswith("K above the prediction throughout. Does this sensor sit at another place than in the fitted records?")
+    assert validate(found, moved, Criteria(rmse="5 [K]")).questions == ()
+
+
 def test_the_text_says_the_word_and_every_criterion(found: Calibration) -> None:
     text = str(validate(found, run("held", 3), Criteria(rmse="1 [K]", max_error="0.0001 [K]"), title="bench"))
     first, second, third, *bands = text.splitlines()
