@@ -45,7 +45,7 @@ def test_the_truth_comes_back_within_its_errors_and_the_model_stays_as_it_was() 
     assert found.warnings == ()
     assert found.reduced_chi_square == pytest.approx(1.0, abs=0.25)
     assert model.identity() == before
-    assert found.model is model
+    assert found.given_model is model
     assert found.model.at(HTC).expression.literal.value == found[HTC].value
 
 
@@ -348,7 +348,7 @@ class TestCompare:
         assert found.fitted == {}
         assert found.sensors["T"].bias == 0.0
         assert found.evaluations <= 1
-        assert found.model is model
+        assert found.given_model is model
 
     def test_says_how_far_the_model_is(self) -> None:
         model = box()
