@@ -215,8 +215,10 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
 
 
 def _has_size(value: Any) -> bool:
-    """Return whether a value is no NaN and no whole number beyond all floats."""
-    return bool(value == value) and not (isinstance(value, Integral) and abs(int(value)) > sys.float_info.max)
+    """Return whether a value is no NaN and no whole number beyond all floats; what is no number is."""
+    if isinstance(value, Integral):
+        return bool(abs(value) <= sys.float_info.max)
+    return not isinstance(value, Real) or bool(value == value)
 
 
 def _check_plain(value: Any, words: tuple[str, ...], name: str, function: str) -> None:
