@@ -180,3 +180,9 @@ def test_a_dictionary_whose_arrays_are_read_anew_is_taken(tmp_path: Path) -> Non
     np.savez(tmp_path / "arrays.npz", T=np.arange(2.0))
     with np.load(tmp_path / "arrays.npz") as arrays:
         assert sizes(arrays) == [2]
+
+
+def test_names_that_are_gone_once_they_were_read_are_refused() -> None:
+    """A generator of free names was empty when they were read again: a fit of nothing."""
+    with raises_code("value.wrong-kind", DeckError, match="`free` takes a list of names, not <generator"):
+        td.calibrate(PART, LOG, ANY or (name for name in ["case.capacitance"]))

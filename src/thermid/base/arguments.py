@@ -137,7 +137,7 @@ def _kinds(annotation: str) -> set[str]:
 def _plain(annotation: str) -> tuple[str, ...]:
     """Return the kinds of an argument that is names, a dictionary, a text or a number and nothing of thermid; nothing of others."""
     if named := _NAMED.fullmatch(annotation):
-        return (NAMES, *(word for word in ("str", "None") if word in named.groups()))
+        return (NAMES, *(word for word in ("str", "None") if word in named.groups()), *(["Iterable"] if "Iterable" in annotation else []))
     if _TWO.fullmatch(annotation):
         return (TWO, *(["None"] if annotation.endswith("None") else []))
     kinds = _kinds(annotation)
@@ -229,7 +229,7 @@ def _check_plain(value: Any, words: tuple[str, ...], name: str, function: str) -
     DeckError   With what it takes.
     """
     if words[0] == NAMES:
-        _check_names(value, name, function)
+        _check_names(value, name, function, "Iterable" in words)
     elif words[0] == TWO:
         check_two(value, name, function)
     else:
@@ -254,14 +254,16 @@ def check_two(value: Any, name: str, where: str) -> None:
         raise DeckError(f"`{name}` takes two values, (low, high), not {_brief(value)}.", where, code="value.wrong-kind")
 
 
-def _check_names(value: Any, name: str, function: str) -> None:
+def _check_names(value: Any, name: str, function: str, once: bool) -> None:
     """Refuse what is no list of names: a text alone, whose letters would be taken for names, a number, a list of something else.
+
+    What can be read but once, such as a generator, is none either, except where it is read `once`.
 
     Raises
     ------
     DeckError   With what to write.
     """
-    wrong = [] if isinstance(value, Iterable) and not isinstance(value, str) else [value]
+    wrong = [] if isinstance(value, Iterable) and not isinstance(value, str) and (once or not isinstance(value, Iterator)) else [value]
     if not wrong and not isinstance(value, Iterator):
         try:
             wrong = [item for item in value if not isinstance(item, str)]

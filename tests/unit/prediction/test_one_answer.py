@@ -29,7 +29,8 @@ def answers(case: Case, scenario: td.Scenario, file: Path, members: int) -> dict
     fit.save(file)
     values = td.load_values(file)
     out = {"predict": ends(td.predict(fit, scenario, nodes=[node])[node])}
-    for route, known in (("foresee", td.design.Knowledge.of_source(fit)), ("foresee, file", td.design.Knowledge(fit.given_model, (values,)))):
+    of_file = td.design.Knowledge(fit.given_model, (values,))
+    for route, known in (("foresee", td.design.Knowledge.of_source(fit)), ("foresee, file", of_file)):
         seen = foresee(known, scenario, nodes=[node])
         out[route] = ends(seen.prediction[node])
         limits = Limits("point", node, operating=td.quantity((-np.inf, 700.0), unit="K"))
