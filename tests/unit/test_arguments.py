@@ -186,3 +186,15 @@ def test_names_that_are_gone_once_they_were_read_are_refused() -> None:
     """A generator of free names was empty when they were read again: a fit of nothing."""
     with raises_code("value.wrong-kind", DeckError, match="`free` takes a list of names, not <generator"):
         td.calibrate(PART, LOG, ANY or (name for name in ["case.capacitance"]))
+
+
+def test_one_number_in_an_array_is_a_number() -> None:
+    """`Trace.at` returns such, and they were refused."""
+
+    @takes_objects
+    def doubled(number: float) -> float:
+        return 2.0 * number
+
+    assert doubled(ANY or np.array(1.5)) == 3.0
+    with raises_code("value.wrong-kind", DeckError):
+        doubled(ANY or np.array([1.5]))

@@ -217,7 +217,7 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
 def _has_size(value: Any) -> bool:
     """Return whether a value is no NaN and no whole number beyond all floats; what is no number is."""
     if isinstance(value, Integral):
-        return bool(abs(value) <= sys.float_info.max)
+        return abs(int(value)) <= sys.float_info.max
     return not isinstance(value, Real) or bool(value == value)
 
 
@@ -234,8 +234,9 @@ def _check_plain(value: Any, words: tuple[str, ...], name: str, function: str) -
         check_two(value, name, function)
     else:
         allowed = [KINDS[w] for w in KINDS if w in words]
-        of_kind = isinstance(value, bool | np.bool_) == ("bool" in words) and any(isinstance(value, kind) for kind, _ in allowed)
-        if not (of_kind and _has_size(value)):
+        plain = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value  # as `Trace.at` returns one number
+        of_kind = isinstance(plain, bool | np.bool_) == ("bool" in words) and any(isinstance(plain, kind) for kind, _ in allowed)
+        if not (of_kind and _has_size(plain)):
             raise DeckError(f"`{name}` takes {allowed[0][1]}, not {_brief(value)}.", function, code="value.wrong-kind")
 
 
