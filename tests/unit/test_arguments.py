@@ -94,6 +94,8 @@ RUN = td.simulate(PART, WARM, every="10 [min]")
         (lambda: RUN.slopes(ANY or ["case"]), r"slopes: `node` takes a text, not \['case'\]"),
         (lambda: td.inference.posterior(ANY or PART), "`fit` takes Calibration, not Model"),
         (lambda: td.qualify.uncertain_runs(PART, BENCH, nodes=ANY or [[]]), r"a name is a text such as 'case.mass', not \[\]"),
+        (lambda: td.simulation.KeptTasks("jobs\0"), "KeptTasks: `folder` is no file's name"),
+        (lambda: td.simulation.KeptTasks(ANY or 5), "KeptTasks: `folder` takes the path of a file or folder, not 5"),
         (lambda: td.site.pad_scenario(sun=ANY or 5), "pad_scenario: `sun` takes True or False, not 5"),
         (lambda: td.qualify.hold(ANY, {}, confidence=0.9), "`runs` takes UncertainRuns, not None"),
         (lambda: td.inference.align(PART, LOG, LOG, offset=ANY or 5), r"align: `offset` takes two values, \(low, high\), not 5"),
