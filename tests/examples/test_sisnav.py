@@ -99,7 +99,7 @@ def test_A6_only_coefficients_and_joints_of_the_full_model_are_tuned(campaign: t
     full = campaign["m_Sd"]
     own = {"imu_foot_conductivity", "cd_conductivity"}
     assert {p for p in full.values.parameters if not p.endswith("effective_htc")} == own
-    before, after = (td.simulation.compile_network(m).numbers().values for m in (full.model, full.model))
+    before, after = (td.simulation.compile_network(m).numbers().values for m in (full.given_model, full.model))
     tuned = {q for p, v in full.values.parameters.items() for q in (p, *v.also)}
     moved = {p for p, v in before.items() if float(after[p]) != float(v)}
     assert moved - tuned == {"foot.contact_conductance", "pillar.conductivity"}  # by the two joints' own expressions

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import inspect
 import pickle
+from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.base.arguments import TYPES_WITH_OWN_MESSAGE
+from thermid.base.arguments import TYPES_WITH_OWN_MESSAGE, takes_objects
 from thermid.base.errors import DeckError, ScenarioError
 
 PART = td.model_from_dict({"title": "Part", "needs": ["air"], "nodes": {"case": {"capacitance": "9 [J/K]"}}})
@@ -91,8 +93,10 @@ RUN = td.simulate(PART, WARM, every="10 [min]")
         (lambda: RUN.plot(ANY or 5), r"plot: `axes` takes Axes, not 5. Make it with matplotlib.pyplot.subplots"),
         (lambda: RUN.slopes(ANY or ["case"]), r"slopes: `node` takes a text, not \['case'\]"),
         (lambda: td.inference.posterior(ANY or PART), "`fit` takes Calibration, not Model"),
-        (lambda: td.qualify.uncertain_runs(PART, BENCH, nodes=ANY or [[]]), r"uncertain_runs: `nodes` takes a list of names, not \[\]"),
-        (lambda: td.qualify.uncertain_runs(PART, BENCH, keep=ANY or 5), "uncertain_runs: `keep` takes True or False, not 5"),
+        (lambda: td.qualify.uncertain_runs(PART, BENCH, nodes=ANY or [[]]), r"a name is a text such as 'case.mass', not \[\]"),
+        (lambda: td.simulation.KeptTasks("jobs\0"), "KeptTasks: `folder` is no file's name"),
+        (lambda: td.simulation.KeptTasks(ANY or 5), "KeptTasks: `folder` takes the path of a file or folder, not 5"),
+        (lambda: td.site.pad_scenario(sun=ANY or 5), "pad_scenario: `sun` takes True or False, not 5"),
         (lambda: td.qualify.hold(ANY, {}, confidence=0.9), "`runs` takes UncertainRuns, not None"),
         (lambda: td.inference.align(PART, LOG, LOG, offset=ANY or 5), r"align: `offset` takes two values, \(low, high\), not 5"),
         (lambda: td.site.pad_scenario(albedo=float("nan")), "pad_scenario: `albedo` takes a number, not nan"),
@@ -166,3 +170,33 @@ def test_a_guarded_function_is_itself() -> None:
 def test_a_table_of_a_scenario_is_a_dictionary() -> None:
     with raises_code("value.wrong-kind", ScenarioError, match="'air'"):
         BENCH.with_(boundaries="air")
+
+
+def test_a_dictionary_whose_arrays_are_read_anew_is_taken(tmp_path: Path) -> None:
+    """NumPy's files are such; their items are not compared."""
+
+    @takes_objects
+    def sizes(arrays: Mapping[str, np.ndarray]) -> list[int]:
+        return [a.size for a in arrays.values()]
+
+    np.savez(tmp_path / "arrays.npz", T=np.arange(2.0))
+    with np.load(tmp_path / "arrays.npz") as arrays:
+        assert sizes(arrays) == [2]
+
+
+def test_names_that_are_gone_once_they_were_read_are_refused() -> None:
+    """A generator of free names was empty when they were read again: a fit of nothing."""
+    with raises_code("value.wrong-kind", DeckError, match="`free` takes a list of names, not <generator"):
+        td.calibrate(PART, LOG, ANY or (name for name in ["case.capacitance"]))
+
+
+def test_one_number_in_an_array_is_a_number() -> None:
+    """`Trace.at` returns such, and they were refused."""
+
+    @takes_objects
+    def doubled(number: float) -> float:
+        return 2.0 * number
+
+    assert doubled(ANY or np.array(1.5)) == 3.0
+    with raises_code("value.wrong-kind", DeckError):
+        doubled(ANY or np.array([1.5]))

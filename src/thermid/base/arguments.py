@@ -137,7 +137,7 @@ def _kinds(annotation: str) -> set[str]:
 def _plain(annotation: str) -> tuple[str, ...]:
     """Return the kinds of an argument that is names, a dictionary, a text or a number and nothing of thermid; nothing of others."""
     if named := _NAMED.fullmatch(annotation):
-        return (NAMES, *(word for word in ("str", "None") if word in named.groups()))
+        return (NAMES, *(word for word in ("str", "None") if word in named.groups()), *(["Iterable"] if "Iterable" in annotation else []))
     if _TWO.fullmatch(annotation):
         return (TWO, *(["None"] if annotation.endswith("None") else []))
     kinds = _kinds(annotation)
@@ -215,8 +215,10 @@ def _check(value: Any, words: tuple[str, ...], name: str, function: str) -> None
 
 
 def _has_size(value: Any) -> bool:
-    """Return whether a value is no NaN and no whole number beyond all floats."""
-    return bool(value == value) and not (isinstance(value, Integral) and abs(int(value)) > sys.float_info.max)
+    """Return whether a value is no NaN and no whole number beyond all floats; what is no number is."""
+    if isinstance(value, Integral):
+        return abs(int(value)) <= sys.float_info.max
+    return not isinstance(value, Real) or bool(value == value)
 
 
 def _check_plain(value: Any, words: tuple[str, ...], name: str, function: str) -> None:
@@ -227,13 +229,14 @@ def _check_plain(value: Any, words: tuple[str, ...], name: str, function: str) -
     DeckError   With what it takes.
     """
     if words[0] == NAMES:
-        _check_names(value, name, function)
+        _check_names(value, name, function, "Iterable" in words)
     elif words[0] == TWO:
         check_two(value, name, function)
     else:
         allowed = [KINDS[w] for w in KINDS if w in words]
-        of_kind = isinstance(value, bool | np.bool_) == ("bool" in words) and any(isinstance(value, kind) for kind, _ in allowed)
-        if not (of_kind and _has_size(value)):
+        plain = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value  # as `Trace.at` returns one number
+        of_kind = isinstance(plain, bool | np.bool_) == ("bool" in words) and any(isinstance(plain, kind) for kind, _ in allowed)
+        if not (of_kind and _has_size(plain)):
             raise DeckError(f"`{name}` takes {allowed[0][1]}, not {_brief(value)}.", function, code="value.wrong-kind")
 
 
@@ -252,14 +255,16 @@ def check_two(value: Any, name: str, where: str) -> None:
         raise DeckError(f"`{name}` takes two values, (low, high), not {_brief(value)}.", where, code="value.wrong-kind")
 
 
-def _check_names(value: Any, name: str, function: str) -> None:
+def _check_names(value: Any, name: str, function: str, once: bool) -> None:
     """Refuse what is no list of names: a text alone, whose letters would be taken for names, a number, a list of something else.
+
+    What can be read but once, such as a generator, is none either, except where it is read `once`.
 
     Raises
     ------
     DeckError   With what to write.
     """
-    wrong = [] if isinstance(value, Iterable) and not isinstance(value, str) else [value]
+    wrong = [] if isinstance(value, Iterable) and not isinstance(value, str) and (once or not isinstance(value, Iterator)) else [value]
     if not wrong and not isinstance(value, Iterator):
         try:
             wrong = [item for item in value if not isinstance(item, str)]

@@ -242,7 +242,7 @@ class Calibration(Result):
     @property
     def clocks(self) -> dict[str, str]:
         """Record and name -> value with its error in words, of offsets and rates of clocks that were found."""
-        return {f"{i.record}: {i.name}": i.words for i in self.local if i.unit in ("s", "1")}
+        return {f"{i.record}: {i.name}": i.words for i in self.local if i.unit == "s" or i.name == "clock rate"}
 
     @property
     def instrument_errors(self) -> dict[str, float]:
@@ -401,7 +401,8 @@ def _value_line(v: FittedValue, width: int, expected: tuple[float, float] | None
     bounds = f", bounds {low:.4g} .. {high:.4g}" if np.isfinite(low) or np.isfinite(high) else ""
     wider = " (constant errors, priors)"
     if expected is not None:
-        wider = f" (the structure; {digits(*map(v.shown, expected))} +- {short(v.shown(expected[1]))} if elements depart)"
+        at, error = v.converted(expected[0]), v.shown(expected[1])
+        wider = f" (the structure; {digits(at, error)} +- {short(error)} if elements depart)"
     share, first = sum(ranges.values()), next(iter(ranges), "")
     if share >= MIN_RANGE_SHARE:
         more = f" and {len(ranges) - 1} more" if len(ranges) > 1 else ""

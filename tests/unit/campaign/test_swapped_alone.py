@@ -171,7 +171,7 @@ def test_values_of_a_given_model_that_those_of_the_fit_replace_are_named(retuned
     fit, path = retuned[0]["unit"], "coefficient"
     other = fit.model.with_values({path: "3 [W/(m^2 K)]"})
     assert f"'{path}' is 1." in td.predict(fit, HOT, model=other).warnings[0]
-    for same in (fit.model, fit.model):
+    for same in (fit.given_model, fit.model):
         assert not any("replace those" in w for w in td.predict(fit, HOT, model=same).warnings)
 
 

@@ -45,7 +45,7 @@ def test_the_truth_comes_back_within_its_errors_and_the_model_stays_as_it_was() 
     assert found.warnings == ()
     assert found.reduced_chi_square == pytest.approx(1.0, abs=0.25)
     assert model.identity() == before
-    assert found.model is model
+    assert found.given_model is model
     assert found.model.at(HTC).expression.literal.value == found[HTC].value
 
 
@@ -348,7 +348,7 @@ class TestCompare:
         assert found.fitted == {}
         assert found.sensors["T"].bias == 0.0
         assert found.evaluations <= 1
-        assert found.model is model
+        assert found.given_model is model
 
     def test_says_how_far_the_model_is(self) -> None:
         model = box()
@@ -423,3 +423,15 @@ def test_derivatives_that_grow_as_high_powers_of_time_are_those_of_differences()
     assert np.abs(differences[-1]) > 1e-3
     np.testing.assert_allclose(run.sensitivity("n19", name), differences, rtol=1e-5, atol=1e-8)
     assert run.statistics["steps"] < 5000
+
+
+def test_what_a_set_point_is_expected_to_be_is_on_its_own_scale() -> None:
+    """40 degC are not 313 of a degree Celsius."""
+    path = "heat.proportional.setpoint"
+    heater = {"into": "case", "power": "20 [W]", "proportional": {"gain": "2 [W/K]", "setpoint": "40 [degC]"}}
+    model = box({"loads/heat": heater})
+    found = calibrate(model, log(model, {}, {"T": "case"}, seed=3), [path])
+    value = found[path]
+    wider = replace(found.values, items_={**found.values, path: replace(value, error=2.0 * value.error)})
+    told = str(replace(found, values=wider, expected={path: (313.15 + 1.25, 0.5)}))
+    assert "(the structure; 41.25 +- 0.5 if elements depart)" in told

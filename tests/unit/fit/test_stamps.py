@@ -88,3 +88,8 @@ def test_logs_with_stamps_are_joined_by_them(tmp_path: Path) -> None:
     german = _from_file(tmp_path, "28.%m.%Y %H:%M:%S")
     with raises_code("record.time-unclear", td.ThermidError, match="Give the offset"):
         german.joined(power)
+    at_once = td.Record.from_arrays("at once", STAMPS[LATE:], {"Q": td.celsius(np.full(first.times.size, 20.0))})
+    later = first.trim("10 [min]", "end").shift_start()
+    with raises_code("record.time-unclear", td.ThermidError, match="Give the offset"):
+        later.joined(at_once)  # its zero is no more that of the other, though both logs begin at one instant
+    assert np.array_equal(later.joined(at_once.trim("10 [min]", "end").shift_start()).times, later.times)

@@ -29,7 +29,8 @@ def answers(case: Case, scenario: td.Scenario, file: Path, members: int) -> dict
     fit.save(file)
     values = td.load_values(file)
     out = {"predict": ends(td.predict(fit, scenario, nodes=[node])[node])}
-    for route, known in (("foresee", td.design.Knowledge.of_source(fit)), ("foresee, file", td.design.Knowledge(fit.model, (values,)))):
+    of_file = td.design.Knowledge(fit.given_model, (values,))
+    for route, known in (("foresee", td.design.Knowledge.of_source(fit)), ("foresee, file", of_file)):
         seen = foresee(known, scenario, nodes=[node])
         out[route] = ends(seen.prediction[node])
         limits = Limits("point", node, operating=td.quantity((-np.inf, 700.0), unit="K"))
@@ -86,7 +87,7 @@ def test_a_file_gives_the_numbers_of_the_fit(name: str, tmp_path: Path) -> None:
         foresee(k, case.outside, nodes=[case.node]).prediction[case.node]
         for k in (
             td.design.Knowledge.of_source(case.fit),
-            td.design.Knowledge(case.fit.model, (td.load_values(tmp_path / "fit.values.toml"),)),
+            td.design.Knowledge(case.fit.given_model, (td.load_values(tmp_path / "fit.values.toml"),)),
         )
     )
     assert filed.kelvin == pytest.approx(live.kelvin, abs=1e-6)

@@ -184,7 +184,7 @@ def test_hidden_values_are_told(campaign: Campaign) -> None:
 
 def test_models_and_versions_are_told(campaign: Campaign) -> None:
     line = row(tables.models(campaign), "submodel")
-    assert line["identity"].tip == campaign["submodel"].model.identity()
+    assert line["identity"].tip == campaign["submodel"].given_model.identity()
     assert (line["nodes"].text, line["conductors"].text) == ("3", "4")
     assert line["result key"].tip == campaign.keys["submodel"]
     assert [r[0].text for r in tables.versions().rows] == ["thermid", "numpy", "scipy", "Python", "page made"]

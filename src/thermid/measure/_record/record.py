@@ -432,8 +432,8 @@ class Record(Samples, Result):
         here, there = self.zero, other.zero
         if here is not None and there is not None and here.zoned == there.zoned:
             return there.seconds - here.seconds
-        starts = {self.origin.start, other.origin.start}
-        if None in starts or len(starts) == 1:
+        starts = {(one.origin.start, one.moved) for one in (self, other)}
+        if None in (self.origin.start, other.origin.start) or len(starts) == 1:
             return 0.0
         raise RecordError(
             f"one log begins at {self.origin.start}, the other at {other.origin.start}, which cannot be compared. Give the offset of the "

@@ -37,6 +37,8 @@ def _plain(thing: Any, numbered: dict[int, tuple[Any, int]]) -> Any:
         return float(thing).hex() if isinstance(thing, float) else thing.item()
     if isinstance(thing, str | int | None):
         return thing
+    if isinstance(thing, bytes):  # of an instant, as it is copied
+        return ["bytes", thing.hex()]
     if id(thing) in numbered:
         return ["seen", numbered[id(thing)][1]]
     numbered[id(thing)] = thing, len(numbered)  # with the thing itself, so that no other takes its number

@@ -19,6 +19,7 @@ from typing import Any, TypeVar, Union
 
 import numpy as np
 
+from thermid.base.arguments import guard_methods
 from thermid.base.errors import ScenarioError, ThermidError, errors_at
 from thermid.base.extensions import optional
 from thermid.simulation._many.kept import JobFolder, digest, restored, taken_apart
@@ -78,6 +79,7 @@ def in_tasks(
             yield from _by(_pool(workers, stack), calls, f"of '{workers}'" if isinstance(workers, str) else "of the pool")
 
 
+@guard_methods
 @dataclass(frozen=True)
 class KeptTasks:
     """Workers whose finished tasks stay in a folder: the `executor` of any loop, which then goes on where an earlier one ended.

@@ -88,6 +88,7 @@ class TestNoise:
         assert more == pytest.approx(np.hypot(plain, loud["METER"].error / 4.0), rel=0.1)
         assert more > 2.0 * plain
         assert any("error of the mean of heat" in v.name for v in fits[1].local)
+        assert not fits[1].clocks
 
     def test_a_balance_counts_the_errors_of_a_fit(self) -> None:
         data = bench(hours=10)

@@ -36,6 +36,18 @@ def test_products_and_sums_of_signals_have_a_key_of_their_own(made: Callable[[],
     assert len(set(keys)) == 3
 
 
+def test_a_time_on_the_pad_has_a_key_of_its_own() -> None:
+    """Its sky is worked out from an instant."""
+    pytest.importorskip("pvlib")
+
+    def pad(begin: str) -> td.Scenario:
+        site = td.site.Site(5.2, -52.8, "0 [m]", -3.0)
+        return td.site.pad_scenario(site, begin=begin, duration="1 [h]", air_temperature="30 [degC]", sky=False)
+
+    first, again, later = (digest(pad(begin)) for begin in ("2026-03-21 06:00", "2026-03-21 06:00", "2026-03-21 07:00"))
+    assert first == again != later
+
+
 def test_a_job_runs_with_a_product_as_its_ambient(tmp_path: Path) -> None:
     """What a pad or an ascent gives: an ambient that follows from other signals."""
     deck = {"title": "one", "needs": ["room"], "nodes": {"case": {"capacitance": "10 [J/K]"}}}
