@@ -9,10 +9,9 @@ from pathlib import Path
 import pytest
 
 from planted import campaign
-from two_masses import write_log
+from two_masses import write_plan
 
 from .browser import Page, needed, page, studio
-from .test_refused import DECK
 
 pytestmark = pytest.mark.campaign
 TILES = "return Object.fromEntries([...document.querySelectorAll('#stages button')].map((b) => [b.dataset.stage, b.innerText]))"
@@ -139,18 +138,6 @@ def test_a_changed_deck_is_stale_at_the_next_look_and_a_mended_one_works(shown: 
     shown.clean()
 
 
-PLAN = """title = "plan"
-
-[records.run]
-file = "logs/run.csv"
-channels = { "board C" = { node = "board", unit = "degC" }, "case C" = { node = "case", unit = "degC" }, "room C" = { boundary = "room", unit = "degC" }, "heater W" = { load = "heater", unit = "W" } }
-
-[[stages]]
-name = "both"
-model = "box.toml"
-records = ["run"]
-free = ["joint.contact_conductance", "skin.effective_htc"]
-"""  # noqa: E501
 MOVED = """const s = document.querySelector('[id="s-joint.contact_conductance"]');
 s.value = 0.9; for (const type of ['input', 'change']) s.dispatchEvent(new Event(type, { bubbles: true }))"""
 TABLE = """Object.fromEntries([...document.querySelectorAll('[data-slider]')].map((r) =>
@@ -160,11 +147,7 @@ TABLE = """Object.fromEntries([...document.querySelectorAll('[data-slider]')].ma
 def test_the_table_shows_what_a_run_found(tmp_path: Path) -> None:
     """It kept the values from before the fit, without their errors, until the page was loaded anew."""
     needed()
-    (tmp_path / "logs").mkdir()
-    write_log(tmp_path / "logs" / "run.csv")
-    (tmp_path / "box.toml").write_text(DECK, encoding="utf-8")
-    (tmp_path / "plan.toml").write_text(PLAN, encoding="utf-8")
-    with studio(str(tmp_path / "plan.toml")) as address, page(address) as made:
+    with studio(str(write_plan(tmp_path))) as address, page(address) as made:
         before = made.run(f"return {TABLE}")
         made.run(MOVED)
         made.until("Object.keys(studio.state.values).length === 1")
