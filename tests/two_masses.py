@@ -67,6 +67,46 @@ def write_log(path: Path, seed: int = 3) -> Path:
     return path
 
 
+BOX = """title = "box"
+needs = ["room"]
+
+[nodes]
+board = { capacitance = { value = "120 [J/K]", min = "1 [J/K]", max = "1e5 [J/K]" } }
+case = { capacitance = "450 [J/K]" }
+
+[conductors]
+joint = { kind = "contact", between = ["board", "case"], contact_conductance = "500 [W/(m^2 K)]", area = "10 [cm^2]" }
+
+[surfaces]
+skin = { of = "case", to = "room", area = "600 [cm^2]", effective_htc = "8 [W/(m^2 K)]" }
+
+[loads]
+heater = { into = "board", power = "5 [W]" }
+"""
+
+PLAN = """title = "plan"
+
+[records.run]
+file = "logs/run.csv"
+channels = { "board C" = { node = "board", unit = "degC" }, "case C" = { node = "case", unit = "degC" }, "room C" = { boundary = "room", unit = "degC" }, "heater W" = { load = "heater", unit = "W" } }
+
+[[stages]]
+name = "both"
+model = "box.toml"
+records = ["run"]
+free = ["joint.contact_conductance", "skin.effective_htc"]
+"""  # noqa: E501
+
+
+def write_plan(folder: Path) -> Path:
+    """Write the box as a person guesses it, its log, and a plan of one stage that fits it; return the plan."""
+    (folder / "logs").mkdir()
+    write_log(folder / "logs" / "run.csv")
+    (folder / "box.toml").write_text(BOX, encoding="utf-8")
+    (folder / "plan.toml").write_text(PLAN, encoding="utf-8")
+    return folder / "plan.toml"
+
+
 HEATERS = {
     "title": "lab",
     "needs": ["room"],

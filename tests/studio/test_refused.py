@@ -7,28 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from two_masses import write_log
+from two_masses import BOX, write_log
 
 from .browser import Page, needed, studio
 from .test_build import Person
 
 pytestmark = pytest.mark.campaign
-DECK = """title = "box"
-needs = ["room"]
-
-[nodes]
-board = { capacitance = { value = "120 [J/K]", min = "1 [J/K]", max = "1e5 [J/K]" } }
-case = { capacitance = "450 [J/K]" }
-
-[conductors]
-joint = { kind = "contact", between = ["board", "case"], contact_conductance = "500 [W/(m^2 K)]", area = "10 [cm^2]" }
-
-[surfaces]
-skin = { of = "case", to = "room", area = "600 [cm^2]", effective_htc = "8 [W/(m^2 K)]" }
-
-[loads]
-heater = { into = "board", power = "5 [W]" }
-"""
 
 
 @pytest.fixture
@@ -38,7 +22,7 @@ def person(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Person]:
     (tmp_path / "logs").mkdir()
     write_log(tmp_path / "logs" / "run.csv")
     deck = tmp_path / "box.toml"
-    deck.write_text(DECK, encoding="utf-8")
+    deck.write_text(BOX, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     with studio(str(deck)) as address:
         page = Page(address).open()

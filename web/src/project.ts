@@ -25,7 +25,7 @@ export const view = signal<"correlate" | "scenarios" | "watch">("correlate"), st
 export const found = signal<{ title: string; clocks: Record<string, string>; warnings: string[]; text: string } | null>(null), diff = signal("");
 export const after = new Map<string, (job: Doing) => Promise<void> | void>(), entered = new Set<() => unknown>();
 export const studio = { errors, project, latencies: [] as number[], frames, ready: false, begun: 0, outcomes: 0, looks: 0, look: null as unknown, get state() { return { values: values.value, stage: stage.value, runs: runs.value, desk: desk.value, window: zoom.value }; } };
-export const busy = computed(() => project.value?.job.ended === false);
+export const opening = signal(false), busy = computed(() => opening.value || project.value?.job.ended === false);
 export const current = computed(() => project.value?.stages.find((x) => x.name === stage.value) ?? null);
 // just before the hottest of the sensors is at its top, where its power may go off: what the map shows at first
 function hottest(): number {
@@ -53,11 +53,15 @@ effect(() => { const now = { values: values.value, done: done.value, undone: und
 export const points = () => Math.min(1200, Math.max(300, 2 * (document.querySelector("#tiles .plot")?.clientWidth ?? 600)));
 const sort = () => { const all = runs.value[run.value]?.curves ?? []; order.value = [...all].sort((a, b) => misfit(b) - misfit(a)).map((c) => c.name); };
 
+let turn = 0; // counts what was opened: an answer to what was asked before is not shown
 export async function open(name: string) {
-  stage.value = name;
+  const mine = ++turn;
+  stage.value = name; opening.value = true;
   opened = editions[name] ?? "";
-  const made = await tried(() => ask<Desk>(`desk?stage=${encodeURIComponent(name)}`));
-  pinned.value = null; drawn.value = null; given.value = [];
+  // one that waits has nothing to show before the stages below it are run, as its button says
+  const made = await tried(async () => (current.value?.state === "waiting" ? null : ask<Desk>(`desk?stage=${encodeURIComponent(name)}`)));
+  if (mine !== turn) return;
+  pinned.value = null; drawn.value = null; given.value = []; drawing++; opening.value = false;
   zoom.value = null; run.value = 0; chosen.value = ""; found.value = null; diff.value = "";
   desk.value = null;
   if (!made) { runs.value = []; values.value = {}; return; }
@@ -73,6 +77,7 @@ export async function open(name: string) {
   sort();
   await null; // tiles have a width now, and it says how many points are seen
   await move(true);
+  if (mine !== turn) return;
   void surroundings();
   await Promise.all([...entered].map((f) => f()));
 }
@@ -84,20 +89,20 @@ async function surroundings() {
   await picture();
 }
 
-// the newest values win: one question at a time, and what was moved meanwhile is asked for after it
-let asking = false, again = false;
-export async function move(measured = false) {
-  if (asking) { again = true; return; }
-  asking = true;
-  const mine = stage.value, at = run.value, begun = studio.begun, sent = { stage: mine, values: values.value, run: at, measured, window: zoom.value, points: points() };
-  const got = await tried(() => ask<{ runs: Run[] }>("curves", sent));
-  if (got && mine === stage.value) {
+// the newest values win: one question at a time, and what was moved meanwhile is asked for after it; whoever asks waits for the last
+let asking: Promise<void> | null = null, again = false, full = false;
+export function move(measured = false): Promise<void> { again = true; full ||= measured; return (asking ??= answers()); }
+async function answers() {
+  while (again) {
+    const mine = turn, at = run.value, begun = studio.begun, sent = { stage: stage.value, values: values.value, run: at, measured: full, window: zoom.value, points: points() };
+    again = full = false;
+    const got = await tried(() => ask<{ runs: Run[] }>("curves", sent));
+    if (!got || mine !== turn) continue;
     const fresh = got.runs[0]!, before = runs.value[at]!;
     runs.value = runs.value.map((r, k) => (k === at ? { ...fresh, name: r.name, curves: fresh.curves.map((c, i) => ({ ...before.curves[i]!, ...c, ...still(before.curves[i]!, c) })) } : r));
     if (begun) requestAnimationFrame(() => studio.latencies.push(performance.now() - begun));
   }
-  asking = false;
-  if (again) { again = false; await move(); }
+  asking = null;
 }
 // what a screen cannot show is not drawn again: the arrays stay where the curve moved by less than a fifth of a pixel of its tile
 function still(a: Curve, b: Curve): Partial<Curve> {
@@ -108,7 +113,7 @@ function still(a: Curve, b: Curve): Partial<Curve> {
   return most < Math.min((high - low) / 1000, rest / 150) ? { times: a.times, simulated: a.simulated, apart: a.apart, left: a.left } : {};
 }
 // the hand left the slider: tiles are put in order, the map is drawn
-export function settle() { if (asking) { setTimeout(settle, 40); return; } sort(); void picture(); }
+export async function settle() { await asking; sort(); void picture(); }
 
 let drawing = 0;
 export async function picture() {
@@ -129,14 +134,14 @@ function stepped(from: typeof done, to: typeof done) {
   void become(last);
 }
 export const undo = () => stepped(done, undone), redo = () => stepped(undone, done);
-export async function become(to: Values) { values.value = to; studio.begun = performance.now(); await move(); settle(); }
+export async function become(to: Values) { values.value = to; studio.begun = performance.now(); await move(); await settle(); }
 
 // state A: what is compared with; its curves come from its own values
 export async function pin(label?: string, of?: Values) {
   const now = label === undefined ? pinned.value : label ? { label, values: of ?? values.value, runs: {} } : null;
   if (!now) { pinned.value = null; return; }
-  const got = await tried(() => ask<{ runs: Run[] }>("curves", { stage: stage.value, values: now.values, run: run.value, measured: false, window: zoom.value, points: points() }));
-  if (got) pinned.value = { ...now, runs: { [run.value]: got.runs[0]! } };
+  const mine = turn, got = await tried(() => ask<{ runs: Run[] }>("curves", { stage: stage.value, values: now.values, run: run.value, measured: false, window: zoom.value, points: points() }));
+  if (got && mine === turn) pinned.value = { ...now, runs: { [run.value]: got.runs[0]! } };
 }
 export const pinFile = async (file: string) => { const got = await tried(() => ask<Values>("kept", { stage: stage.value, file })); if (got) await pin(file.replace(".values.toml", ""), got); };
 
@@ -175,10 +180,12 @@ after.set("fit", async (job) => {
     return;
   }
   remember();
+  const mine = turn;
+  await become({ ...values.value, ...got }); // what the page says of the fit comes with its curves, not before them
+  if (mine !== turn) return;
   desk.value = { ...desk.value!, sliders: desk.value!.sliders.map((x) => { const v = result.values[x.path]; return v ? { ...x, error: v.error, found: v.value } : x; }) };
   const { state, because } = result.standing, loud = ["credible", "unjudged"].includes(state) || result.warnings.some((w) => w.includes(because)) ? [] : [`${state.toUpperCase()}: ${because}`];
   found.value = { title: `Fitted, ${result.evaluations} evaluations, ${(job.seconds ?? 0).toPrecision(2)} s`, clocks: result.clocks, warnings: [...loud, ...result.warnings], text: result.text };
-  await become({ ...values.value, ...got });
 });
 
 // decks, logs and campaigns that their author changes: what is shown is opened anew

@@ -138,7 +138,7 @@ class Desk:
     def curves(
         self, values: Mapping[str, float], window: Window = None, runs: Collection[int] | None = None, points: int = MAX_SENT_POINTS
     ) -> tuple[RunCurves, ...]:
-        """Return measured and simulated curves of records, or of scenarios where nothing was measured.
+        """Return measured and simulated curves of records, or of scenarios where nothing was measured, as `simulate` runs them.
 
         Parameters
         ----------
@@ -274,7 +274,7 @@ class Desk:
         fitted = self._fitted(values)
         bench = self._bench(run, fitted)
         values_si = {**self._starts, **self.si(values), **self._inputs(run, fitted)}
-        columns, _ = bench.temperatures(np.array([values_si[n] for n in bench.free]), False, problem.options)
+        columns, _ = bench.temperatures(np.array([values_si[n] for n in bench.free]), False, None)
         # of the stage as it is, its own statistics: what every other door prints
         statistics = None if values or self.calibration is None else self.calibration.statistics[bench.experiment.record.name]
         out = []

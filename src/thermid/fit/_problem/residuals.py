@@ -315,11 +315,12 @@ class Bench:
         return experiment.memo.value((tuple(free), at), make, MAX_CACHED_BENCHES)
 
     def temperatures(
-        self, x: Array, gradients: bool, options: Options, times: Array | None = None, *, from_rest: bool = False
+        self, x: Array, gradients: bool, options: Options | None, times: Array | None = None, *, from_rest: bool = False
     ) -> tuple[Array, Array]:
         """Return observed temperatures (times, sensors) [K] and their derivatives (times, sensors, free), empty when not asked for.
 
-        `times` are the experiment's own where none are given [s]; `from_rest` holds the start while the free names change.
+        Without `options` it is the run of `simulate`, else the one that least squares take. `times` are the experiment's own where none
+        are given [s]; `from_rest` holds the start while the free names change.
         """
         wanted = self.experiment.times if times is None else times
         assembled = self.engine.started(self.wiring.assemble(x, gradients), gradients)
@@ -328,7 +329,8 @@ class Bench:
         nodes = tuple(o.node for o in self.experiment.observations)
         nodes_kept = kept_for(assembled, nodes)
         duration = max(self.experiment.scenario.seconds, float(self.experiment.times[-1]))
-        stepped = replace(options, method="integrator")  # as least squares are, so that traces and statistics agree
+        # traces of a fit are stepped as its least squares are, so that its statistics agree
+        stepped = Options() if options is None else replace(options, method="integrator")
         answer = self.engine.integrate(assembled, wanted, nodes_kept, duration, stepped, gradients and bool(self.free))
         traces = Traces(self.wiring, assembled, wanted, nodes_kept, answer.temperatures, answer.sensitivities)
         columns = np.column_stack([traces.temperature(n) for n in nodes])

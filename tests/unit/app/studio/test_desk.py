@@ -27,7 +27,7 @@ def test_a_deck_alone_runs_its_plain_scenario(project: Project) -> None:
     (run,) = desk.curves({})
     (curve,) = run.curves
     bench = td.Scenario(boundaries={"air": "24 [degC]"}, start="24 [degC]", duration="5 [h]")
-    assert curve.simulated[-1] == pytest.approx(td.simulate(td.load_model(DECK), bench)["case"].celsius[-1], abs=1e-3)
+    assert curve.simulated[-1] == pytest.approx(td.simulate(td.load_model(DECK), bench)["case"].celsius[-1], abs=1e-9)
     assert curve.measured.size == 0
     assert np.isnan(curve.rmse)
 
@@ -37,7 +37,7 @@ def test_a_slider_acts_as_the_parameter_does(project: Project) -> None:
     bench = td.Scenario(boundaries={"air": "24 [degC]"}, start="24 [degC]", duration="5 [h]")
     changed = td.load_model(DECK).with_values({"area": "0.005 [m^2]"})
     (run,) = desk.curves({"area": 0.005})
-    assert run.curves[0].simulated[-1] == pytest.approx(td.simulate(changed, bench)["case"].celsius[-1], abs=1e-3)
+    assert run.curves[0].simulated[-1] == pytest.approx(td.simulate(changed, bench)["case"].celsius[-1], abs=1e-9)
     assert td.simulate(desk.tuned({"area": 0.005}), bench)["case"].final == td.simulate(changed, bench)["case"].final
 
 
