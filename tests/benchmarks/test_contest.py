@@ -112,7 +112,7 @@ def test_the_program_prints_json() -> None:
     assert {"cpu", "cores", "python", "versions"} <= document["machine"].keys()
 
 
-@pytest.mark.parametrize("arguments", [["B9"], ["B3", "--part", "sens"], ["B1", "--part", "calibrate"]])
+@pytest.mark.parametrize("arguments", [["B12"], ["B3", "--part", "sens"], ["B1", "--part", "calibrate"]])
 def test_what_does_not_exist_is_refused(arguments: list[str]) -> None:
     code, _, err = script(RUN, arguments, RUN.parent)
     assert code == 2

@@ -40,6 +40,7 @@ def of_a_fit(folder: Path) -> dict[str, Any]:
         "channel": record["T"],
         "calibration": fit,
         "identity": next(iter(td.model.identities(model).values())),
+        "kept tasks": td.simulation.KeptTasks(folder / "job"),
         "campaign": campaign,
         "joint": campaign.joint,
         "verdict": campaign.verdicts[0],

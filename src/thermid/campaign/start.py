@@ -17,8 +17,6 @@ from thermid.campaign._start.roles import (
     Roles as Roles,
     read_as as read_as,
     roles_of as roles_of,
-    thinned as thinned,
-    thinned_step as thinned_step,
     word as word,
 )
 from thermid.campaign._start.templates import TEMPLATES as TEMPLATES, write_template as write_template

@@ -17,5 +17,11 @@ from thermid.measure._record.channel import (
     usual_step as usual_step,
     within_log as within_log,
 )
-from thermid.measure._record.record import Record as Record, clock_range as clock_range, without_strays as without_strays
+from thermid.measure._record.record import (
+    Record as Record,
+    clock_range as clock_range,
+    thinned as thinned,
+    thinned_step as thinned_step,
+    without_strays as without_strays,
+)
 from thermid.measure._record.rounding import blur_of as blur_of, shared_rounding as shared_rounding

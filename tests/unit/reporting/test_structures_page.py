@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 import thermid as td
+from by_code import raises_code
+from thermid.base.errors import ThermidError
 from webpage import without_script
 
 PLAIN = td.reporting.Structure(
@@ -48,7 +50,7 @@ def test_the_simplest_physical_one_near_the_best_is_taken(tmp_path: Path) -> Non
 def test_the_author_may_take_another_and_none_may_do(tmp_path: Path) -> None:
     assert "Taken: plain" in text(td.reporting.structures_report("Box", ALL, to=tmp_path / "a.html", chosen="plain"))
     assert "None is acceptable" in text(td.reporting.structures_report("Box", (CURVE, LIKELY, REFUSED), to=tmp_path / "b.html"))
-    with pytest.raises(ValueError, match=r"unknown structure 'boardd'\. Known: plain, lag"):
+    with raises_code("name.unknown", match="no structure 'boardd'; there are plain, lag"):
         td.reporting.structures_report("Box", ALL, to=tmp_path / "c.html", chosen="boardd")
-    with pytest.raises(ValueError, match="no structures are given to"):
+    with pytest.raises(ThermidError, match="no structures are given to"):
         td.reporting.structures_report("Box", (), to=tmp_path / "d.html")

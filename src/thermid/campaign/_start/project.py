@@ -14,13 +14,13 @@ import tomlkit
 from thermid.base.errors import IdentificationError, ThermidError
 from thermid.base.files import DECK, FileKind, may_write, write_text
 from thermid.campaign._start.proposal import LOOSE_AMBIENT, Proposal, orders_text
-from thermid.campaign._start.roles import SURROUNDINGS, thinned_step
+from thermid.campaign._start.roles import SURROUNDINGS
 from thermid.campaign._start.schemas import headed, may_write_schemas, write_schemas
 from thermid.campaign._start.switching import instants_text, with_instants
 from thermid.campaign._start.templates import ROOT, TEMPLATE
 from thermid.fit.calibration import LocalSpec, Request, fit
 from thermid.inference.criticism import FittedStructure
-from thermid.measure.records import Record
+from thermid.measure.records import Record, thinned_step
 from thermid.model.deck import model_text
 from thermid.model.elements import parameter
 

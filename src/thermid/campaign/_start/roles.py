@@ -14,10 +14,8 @@ import numpy as np
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, nearest, refuse_unknown
 from thermid.base.units import unit
 from thermid.measure.readers import Column, clock_column, columns_of, decimal_sign, log_cells, name_and_unit, read_record
-from thermid.measure.records import Channel, FloatArray, Record
+from thermid.measure.records import Channel, FloatArray, Record, thinned
 
-MAX_SEARCHED_READINGS = 600
-"""Readings that a structure is searched with; longer logs are resampled. [-]"""
 ACCURACY = 0.5
 """Constant error that an instrument has unless somebody says better: DS18B20 and thermocouples of class 1, as their makers print. [K]"""
 SURROUNDINGS = "surroundings"
@@ -112,7 +110,7 @@ class Roles:
         return out
 
     def read(self, path: Path, noise: Mapping[str, float] | None = None) -> Record:
-        """Return a log with these roles, in at most `MAX_SEARCHED_READINGS` readings."""
+        """Return a log with these roles, in at most 600 readings."""
         return thinned(read_record(path, self.channels(noise), time=self.time))
 
 
@@ -171,20 +169,6 @@ def part_name(column: str) -> str:
     plain = re.sub(r"(?<=[a-z0-9])_(c|f|k|w|mw|pct|degc)\Z", "", word(column))
     bare = re.sub(r"\A(t|temp|temperature|p|power)_(?=[a-z])|_(temp|temperature|power)\Z", "", plain)
     return bare or plain
-
-
-def thinned(record: Record) -> Record:
-    """Return a record of at most `MAX_SEARCHED_READINGS` readings, switching of powers kept."""
-    if record.times.size <= MAX_SEARCHED_READINGS:
-        return record
-    return record.resample(thinned_step(record.duration), switches=True)
-
-
-def thinned_step(duration: float) -> float:
-    """Return the interval that a record of a duration is resampled to where it is long, two digits of it. [s]"""
-    step = duration / (MAX_SEARCHED_READINGS - 1)
-    scale = 10.0 ** (np.floor(np.log10(step)) - 1)
-    return float(np.ceil(step / scale) * scale)
 
 
 def roles_of(

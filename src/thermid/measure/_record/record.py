@@ -53,6 +53,10 @@ FAULT_CODES: Final = ("85 [degC]", "-127 [degC]")
 """What a DS18B20 gives after power-on (note to table 1 of its data sheet), and what its usual driver gives when the sensor is gone."""
 
 
+MAX_SEARCHED_READINGS = 600
+"""Readings that a structure is searched with; longer logs are resampled. [-]"""
+
+
 class Record(Samples, Result):
     """Measured channels on one time axis.
 
@@ -750,6 +754,20 @@ class Record(Samples, Result):
     def _ipython_key_completions_(self) -> list[str]:
         """Return the names of the channels."""
         return list(self.channels)
+
+
+def thinned(record: Record) -> Record:
+    """Return a record of at most `MAX_SEARCHED_READINGS` readings, switching of powers kept."""
+    if record.times.size <= MAX_SEARCHED_READINGS:
+        return record
+    return record.resample(thinned_step(record.duration), switches=True)
+
+
+def thinned_step(duration: float) -> float:
+    """Return the interval that a record of a duration is resampled to where it is long, two digits of it. [s]"""
+    step = duration / (MAX_SEARCHED_READINGS - 1)
+    scale = 10.0 ** (np.floor(np.log10(step)) - 1)
+    return float(np.ceil(step / scale) * scale)
 
 
 def without_strays(record: Record) -> tuple[Record, tuple[str, ...]]:

@@ -17,7 +17,6 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import ThermidError
 from thermid.base.results import Result
 from thermid.base.units import counted, from_si, in_si, unit
-from thermid.campaign.start import thinned_step
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.readers import (
     CLOCKS_APART,
@@ -42,7 +41,7 @@ from thermid.measure.readers import (
     zone_offset,
     zone_shared,
 )
-from thermid.measure.records import SENSOR_FAULT_CODES, Channel, even_step, gap_from, usual_step
+from thermid.measure.records import SENSOR_FAULT_CODES, Channel, even_step, gap_from, thinned_step, usual_step
 from thermid.reporting._pictures.chart import DASHES, SERIES, Panel, Stroke, chart, time_unit
 
 ACCURACY: Final = 'add accuracy = "0.5 [K]" to each thermometer, half of the +-1 K of its data sheet; no log shows it'

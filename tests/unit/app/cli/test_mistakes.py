@@ -36,7 +36,7 @@ from .conftest import Call
         (("check", "nosuch.toml"), "there is no file 'nosuch.toml' in this folder."),
         (
             ("htc", *"--power 3 --area 1 --surface 40 --ambient 20 --height 1 --air 0 0 0".split()),
-            "Prandtl number of the air must be above zero",
+            "conductivity, viscosity and Prandtl number of the air must be three numbers above zero",
         ),
         (
             ("moisture", "DECK", *"--boundary air=24 --for 60 --humidity air=60".split()),

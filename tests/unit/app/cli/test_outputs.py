@@ -23,6 +23,14 @@ from unit.qualify.project import PLAN, project
 SCENARIO = 'title = "warm"\nstart = "24 [degC]"\nduration = "10 [min]"\n\n[boundaries]\n{} = "24 [degC]"\n'
 SCRIPT = "m = 1.25; % mass [kg]\n"
 QUESTION = 'model = "box.toml"\nscenario = "warm.toml"\nmembers = 40\n[limits]\ncase = "60 [degC]"\n[spread]\n"scale.heat" = "5 [%]"\n'
+UNIT = """
+[records.{0}]
+file     = "logs/box_bench.csv"
+time     = "time_s"
+channels = {{ T_A = {{ node = "case", noise = "0.05 [K]", accuracy = "0.3 [K]" }}, ROOM = {{ boundary = "air" }} }}
+"""
+STAGE = '\n[[stages]]\nname = "box"\nmodel = "box.toml"\nrecords = ["p"]\nfree = ["skin.effective_htc"]\n\n[fleet.units]\n'
+FLEET = "\n".join(['title = "boxes"', *map(UNIT.format, "pqr"), STAGE, *(f'{n} = {{ records = ["{n}"] }}' for n in "pqr"), ""])
 FREE = {
     "limits.toml": '[limits.processor]\nnode = "case"\noperating = ["-20 [degC]", "70 [degC]"]\n',
     "heaters.toml": '[[steps]]\nat = "0 [s]"\nduty = { a = 50 }\n',
@@ -32,6 +40,7 @@ FREE = {
     "by_hand.values.toml": 'schema = 1\nstage = "box"\n',
     "notes.txt": "what I saw in the laboratory\n",
     "net.cc": SINDA,
+    "fleet.toml": FLEET,
     "knobs.cc": "HEADER REGISTER DATA\nmcp = 100.0\n" + SINDA.replace("100.0", "mcp"),
 }
 
@@ -98,6 +107,11 @@ OUTPUTS = {
     "write-back": ["write-back", "knobs.cc", "knobs.toml", "--param", "mcp=90", "--to"],
     "swap": ["swap", "campaign.toml", "a", "cool.toml", "--results", "r", "--new-data", "logs", "--to"],
     "hold": ["hold", "hold.toml", "--job"],
+    "calibrate --job": ["calibrate", "campaign.toml", "--job"],
+    "report --job": ["report", "campaign.toml", "--to", "new.html", "--job"],
+    "criticise --job": ["criticise", "campaign.toml", "--job"],
+    "improve --job": ["improve", "campaign.toml", "--job"],
+    "fleet --job": ["fleet", "fleet.toml", "--job"],
     "watch --capture": ["watch", "/dev/null", "--every", "1 [s]", "--capture"],
     "report --results": ["report", "campaign.toml", "--to", "new.html", "--results"],
 }
