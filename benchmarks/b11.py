@@ -74,7 +74,8 @@ def _worker(members: int, way: int) -> dict[str, Any]:
 
     def solve() -> tuple[float, float]:
         if way == 2:
-            runs = td.qualify.uncertain_runs(model, day, spread=spread, n=members, seed=1, every="10 [min]", limits={last: "330 [K]"})
+            limits = {name: None for name in model.nodes} | {last: "330 [K]"}
+            runs = td.qualify.uncertain_runs(model, day, spread=spread, n=members, seed=1, nodes=limits, every="10 [min]")
             return float(runs.quantile(last, 0.95)[-1]), 0.0
         out = td.ensemble(model, day, draws, every="10 [min]", quantiles=SHARES if way == 0 else None)
         return float(out.quantile(last, 0.95)[-1]), float(out.quantile_error(last, 0.95)[-1])

@@ -253,8 +253,10 @@ class UncertainRuns(Result):
 
         Raises
         ------
+        ScenarioError       When there are too many members, or none.
         MissingExtraError   When xarray or dask is not installed.
         """
+        _check_members(self.job, n)
         dask, arrays, data = (optional(name, "lazy members") for name in ("dask", "dask.array", "xarray"))
         job, store = self.job, JobFolder.below(folder, self.job.key())
         for _ in MemberRuns(job, n, n, store, KeptTasks.of_workers(executor).workers, None).chunks():
@@ -476,6 +478,20 @@ def uncertain_runs(
     return members_of_plan(*plan, n, folder, executor)
 
 
+def _check_members(job: Job, n: int) -> None:
+    """Refuse too many members, or none.
+
+    Raises
+    ------
+    ScenarioError   With how many there may be.
+    """
+    if n > cap("members"):
+        text = f"{n} members are too many; at most {cap('members'):,.0f} are run.{raising('members')}"
+        raise ScenarioError(text, job.model.title, code="cap.exceeded")
+    if n < 1:
+        raise ScenarioError("a campaign of runs needs at least one member.", job.model.title, code="value.outside-range")
+
+
 def members_of_plan(
     job: Job,
     remarks: tuple[str, ...],
@@ -490,11 +506,7 @@ def members_of_plan(
     ------
     ScenarioError   When there are too many members, or none.
     """
-    if n > cap("members"):
-        text = f"{n} members are too many; at most {cap('members'):,.0f} are run.{raising('members')}"
-        raise ScenarioError(text, job.model.title, code="cap.exceeded")
-    if n < 1:
-        raise ScenarioError("a campaign of runs needs at least one member.", job.model.title, code="value.outside-range")
+    _check_members(job, n)
     kept_tasks = KeptTasks.of_workers(executor, folder)
     store = JobFolder.below(kept_tasks.folder, job.key()) if kept_tasks.folder is not None else None
     campaign = MemberRuns(job, n, job.whole(n), store, kept_tasks.workers, progress)

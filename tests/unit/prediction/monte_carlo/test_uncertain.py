@@ -420,15 +420,17 @@ def test_too_few_members_have_no_drivers() -> None:
 
 def test_members_of_a_folder_are_one_lazy_data_set(tmp_path: Path) -> None:
     """Chunk by chunk, and the same bits as those that are held."""
-    few = runs(n=8, chunk=8, every="10 [min]")
-    whole = runs(n=30, chunk=8, every="10 [min]", keep=True)
+    few = runs(n=8, every="10 [min]")
+    whole = runs(n=30, every="10 [min]")
     with few.open_members(30, tmp_path) as lazy:
-        assert [*lazy.temperature.chunksizes["member"]] == [8, 8, 8, 6]
+        assert [*lazy.temperature.chunksizes["member"]] == [16, 14]
         assert np.array_equal(lazy.temperature.values, whole.temperatures)
         assert all(np.array_equal(lazy[name].values, values) for name, values in whole.draws.items())
         lazy.to_netcdf(tmp_path / "members.nc", engine="h5netcdf")
     files = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.npz")}
     few.open_members(30, tmp_path)
+    with raises_code("value.outside-range", ScenarioError):
+        few.open_members(0, tmp_path)
     assert files == {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.npz")}
 
 
