@@ -106,11 +106,16 @@ def test_a_zoom_while_a_slider_moves_has_the_readings_too(shown: Page) -> None:
     """They stayed those of the window before."""
     run_all(shown)
     shown.run(SLOW, "/api/curves")
-    shown.run("const s = document.querySelector('.slider input[type=range]'); s.value = 0.4; s.dispatchEvent(new Event('input', { bubbles: true }))")
+    shown.run(
+        "const s = document.querySelector('.slider input[type=range]');"
+        "s.value = 0.4; s.dispatchEvent(new Event('input', { bubbles: true }))"
+    )
     shown.click("[aria-label='Zoom in']")
     shown.run(SLOW, "")
     shown.wait("await pause(1500)")
-    ends = shown.run("const { runs, window: w } = studio.state; return runs[0].curves.map((c) => [c.seen[0], c.seen[c.seen.length - 1], ...w])")
+    ends = shown.run(
+        "const { runs, window: w } = studio.state;return runs[0].curves.map((c) => [c.seen[0], c.seen[c.seen.length - 1], ...w])"
+    )
     assert all(begin - 61.0 <= first and last <= end + 61.0 for first, last, begin, end in ends)  # one reading more on either side
     shown.click("#zoom-all")
     shown.click("#undo")

@@ -97,7 +97,10 @@ def say(as_json: bool, content: Mapping[str, Any], text: object, verbose: bool |
 def executor_of(workers: int, cluster: str, job: Path | None = None) -> Workers:
     """Return who does tasks, as the options say, kept in a folder where one is given; None for this process alone."""
     by = cluster or (workers if workers > 1 else None)
-    return by if job is None else KeptTasks(job, by)
+    if job is None:
+        return by
+    job.mkdir(parents=True, exist_ok=True)  # a file of that name is refused before long work
+    return KeptTasks(job, by)
 
 
 def leave(standing: Standing, code: int = 0) -> NoReturn:

@@ -32,7 +32,6 @@ from thermid.campaign.start import (
     read_as,
     roles_of,
     seated,
-    thinned,
     word,
     write_project,
     write_template,
@@ -40,7 +39,7 @@ from thermid.campaign.start import (
 from thermid.fit.calibration import Calibration
 from thermid.inference.criticism import EVALUATIONS, criticise as criticised
 from thermid.inference.diagnosis import plausibility as ranges_of
-from thermid.measure.records import without_strays
+from thermid.measure.records import thinned, without_strays
 from thermid.model.deck import STANDARD, load_model, standard_parts
 from thermid.model.elements import worst
 from thermid.physics.finishes import FINISHES
@@ -338,12 +337,13 @@ def criticise(
 
     Missing elements are tried in refits where the residuals are more than noise.
     """
+    executor = executor_of(workers, cluster, job)
     fits = _fits(campaign, stage, data, results)
     criticisms = {}
     with working("") as progress:
         for k, (name, fit) in enumerate(fits.items()):
             progress.now(f"refits of stage {name}", k / len(fits))
-            criticisms[name] = criticised(fit, executor=executor_of(workers, cluster, job))
+            criticisms[name] = criticised(fit, executor=executor)
     say(as_json, {"stages": {n: c.to_dict() for n, c in criticisms.items()}}, "\n\n".join(map(str, criticisms.values())), verbose)
     leave(worst(f.standing for f in fits.values()))
 
