@@ -64,14 +64,15 @@ def on_the_clock_of(record: Record, scenario: Scenario) -> Scenario:
     """
     first = float(record.times[0])
 
-    def own(course: Any) -> bool:
+    def is_of_log(course: Any) -> bool:
+        """Return whether a course was read from this log."""
         return isinstance(course, TableSignal) and course.log is not None and course.log[0] == record.origin.sha256
 
     def moved(course: Any) -> Any:
         """Return a course that was read from this log on the record's new clock; any other as it is."""
-        return course.shifted(first - course.log[1]) if own(course) else course
+        return course.shifted(first - course.log[1]) if is_of_log(course) else course
 
-    columns = {place.partition(".")[2] for place, course in scenario.signals() if own(course)}
+    columns = {place.partition(".")[2] for place, course in scenario.signals() if is_of_log(course)}
     stamped = isinstance(scenario.begins, Stamp) and record.origin.start is not None
     if record.moved and (columns or stamped):
         has = f"a column of the log '{record.origin.file}'" if columns else "stamps"
