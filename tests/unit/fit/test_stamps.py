@@ -103,3 +103,9 @@ def test_logs_with_stamps_are_joined_by_them(tmp_path: Path) -> None:
     with raises_code("record.time-unclear", td.ThermidError, match="Give the offset"):
         later.joined(at_once)  # its zero is no more that of the other, though both logs begin at one instant
     assert np.array_equal(later.joined(at_once.trim("10 [min]", "end").shift_start()).times, later.times)
+
+
+def test_a_log_keeps_its_clock_where_the_other_one_is_counted_anew() -> None:
+    watts = td.Record.from_dataframe("power", pd.DataFrame({"P": np.full(121, 6.0)}, index=STAMPS), {"P": {"unit": "W", "load": "heat"}})
+    joint = _from_frame().joined(watts.trim("30 [min]", "end").shift_start(), "0 [s]")
+    assert _fitted(joint)[G].value == pytest.approx(0.8, rel=0.01)
