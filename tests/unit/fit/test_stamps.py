@@ -65,6 +65,16 @@ def test_the_same_holds_for_a_history_of_powers() -> None:
     assert history.power[2:-2] == pytest.approx(6.0, abs=0.3)
 
 
+def test_a_steady_point_has_the_room_of_its_own_hours() -> None:
+    """It is 25 degC in its stretch and 20 degC at both beginnings."""
+    room = td.Scenario("room", boundaries={"air": AIR})
+    balance = td.inference.energy_balance(MODEL, _from_frame(), "80 [min]", "90 [min]", scenario=room, limit="2 [K/h]")
+    assert balance.unexplained["case"][0] == pytest.approx(0.0, abs=0.05)
+    point = _from_frame().steady("80 [min]", "90 [min]", limit="2 [K/h]").record
+    fit = td.calibrate(MODEL, point, [G], scenario=td.Scenario("room", boundaries={"air": AIR}, start="steady"))
+    assert fit[G].value == pytest.approx(0.8, rel=0.02)
+
+
 def test_stamps_that_cannot_be_compared_are_refused(tmp_path: Path) -> None:
     zoned = td.quantity(WARMED.tz_localize("UTC"), unit="degC")
     with raises_code("record.time-unclear", td.ThermidError, match="time zone"):
@@ -93,3 +103,9 @@ def test_logs_with_stamps_are_joined_by_them(tmp_path: Path) -> None:
     with raises_code("record.time-unclear", td.ThermidError, match="Give the offset"):
         later.joined(at_once)  # its zero is no more that of the other, though both logs begin at one instant
     assert np.array_equal(later.joined(at_once.trim("10 [min]", "end").shift_start()).times, later.times)
+
+
+def test_a_log_keeps_its_clock_where_the_other_one_is_counted_anew() -> None:
+    watts = td.Record.from_dataframe("power", pd.DataFrame({"P": np.full(121, 6.0)}, index=STAMPS), {"P": {"unit": "W", "load": "heat"}})
+    joint = _from_frame().joined(watts.trim("30 [min]", "end").shift_start(), "0 [s]")
+    assert _fitted(joint)[G].value == pytest.approx(0.8, rel=0.01)

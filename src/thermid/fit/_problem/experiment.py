@@ -74,7 +74,7 @@ def on_the_clock_of(record: Record, scenario: Scenario) -> Scenario:
 
     columns = {place.partition(".")[2] for place, course in scenario.signals() if is_of_log(course)}
     stamped = isinstance(scenario.begins, Stamp) and record.origin.start is not None
-    if record.moved and (columns or stamped):
+    if record.moved and (columns or (stamped and record.zero is None)):
         has = f"a column of the log '{record.origin.file}'" if columns else "stamps"
         raise RecordError(
             f"the scenario has {has}, but the record has other times after this step ({record.moved}). Leave that step out, or give "

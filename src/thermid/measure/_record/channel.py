@@ -460,8 +460,8 @@ class Samples:
 
     @property
     def zero(self) -> Stamp | None:
-        """Instant of its time zero; None without stamps of a known form, and after a step that moved its times."""
-        if self.origin.start is None or self.moved:
+        """Instant of its time zero, also of a steady point; None without stamps of a known form, and where its times were begun anew."""
+        if self.origin.start is None or self.moved.startswith("shift_start"):
             return None
         try:
             return instant(self.origin.start)

@@ -484,7 +484,9 @@ class Record(Samples, Result):
             synthetic=self.origin.synthetic or other.origin.synthetic,
         )
         step = f"joined with {other.origin.file}, whose clock is {offset:.6g} s late and {rate:.8g} times as slow"
-        return replace(self, times=times, channels=channels, origin=origin, steps=(*self.steps, *other.steps, step))
+        return replace(
+            self, times=times, channels=channels, origin=origin, steps=(*self.steps, *(f"{other.name}: {s}" for s in other.steps), step)
+        )
 
     def delayed(self, by: str | float | Sequence[str | float], channels: Sequence[str] | None = None) -> Record:
         """Return the record with powers and commands that act later than they were logged.

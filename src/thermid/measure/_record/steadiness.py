@@ -480,10 +480,15 @@ class SteadyPoint(Generic[R]):
             values, valid = np.full(2, v.value), np.ones(2, dtype=bool)
             noise = max(v.error, 1e-9) * 2.0**0.5 if read else None
             channels[name] = replace(channel, values=values, valid=valid, masks={}, noise=noise, resolution=None, common=v.error)
-        steps = (*self.source.steps, f"steady point of {self.start:g} to {self.end:g} s")
-        return replace(
-            self.source, name=self.name, times=np.array([0.0, self.end - self.start]), channels=channels, steps=steps, second=None
+        steps, origin, zero = (
+            (*self.source.steps, f"steady point of {self.start:g} to {self.end:g} s"),
+            self.source.origin,
+            self.source.zero,
         )
+        if zero is not None:
+            origin = replace(origin, start=zero._replace(seconds=zero.seconds + self.start).text)
+        times = np.array([0.0, self.end - self.start])
+        return replace(self.source, name=self.name, times=times, channels=channels, origin=origin, steps=steps, second=None)
 
     def __str__(self) -> str:
         """Every channel with its error, and what was not corrected."""
