@@ -46,7 +46,7 @@ def shown(file: Path) -> Iterator[Page]:
 def run_all(shown: Page) -> None:
     """Show the uppermost stage, run."""
     shown.click("[data-stage=whole]")
-    shown.until("document.querySelector('[data-sensor=T_BASE]') || !document.getElementById('error').hidden")
+    shown.until("!document.getElementById('run-stage').disabled")
     if shown.run("return document.querySelector('[data-stage=whole]').dataset.state") != "done":
         shown.click("#run-stage")
     shown.until("[...document.querySelectorAll('#stages button')].every((b) => b.dataset.state === 'done')")
@@ -105,9 +105,8 @@ def test_a_zoom_while_a_slider_moves_has_the_readings_too(shown: Page) -> None:
     """They stayed those of the window before."""
     run_all(shown)
     shown.run(SLOW, "/api/curves")
-    shown.run(
-        "const s = document.querySelector('.slider input[type=range]'); s.value = 0.4; s.dispatchEvent(new Event('input', { bubbles: true }))"
-    )
+    slider = "document.querySelector('.slider input[type=range]')"
+    shown.run(f"{slider}.value = 0.4; {slider}.dispatchEvent(new Event('input', {{ bubbles: true }}))")
     shown.click("[aria-label='Zoom in']")
     shown.run(SLOW, "")
     shown.wait("await pause(1500)")
