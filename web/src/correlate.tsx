@@ -112,7 +112,7 @@ function Difference() {
   const close = () => { diff.value = ""; };
   return (
     <section class="difference" aria-label="What is changed in the deck"><pre class="diff" tabIndex={0}>{diff.value.split("\n").map((l, k) => <span key={k} class={l.startsWith("+") ? "plus" : l.startsWith("-") ? "minus" : ""}>{`${l}\n`}</span>)}</pre>
-      <div class="bar"><button type="button" id="write-now" class="main" autofocus onClick={() => tried(async () => { const got = await ask<{ file: string }>("write", { stage: stage.value, values: values.value, diff: diff.value }); close(); status.value = `Written: ${got.file}.`; })}>Write</button><button type="button" onClick={close}>Cancel</button></div></section>
+      <div class="bar"><button type="button" id="write-now" class="main" autofocus onClick={() => tried(async () => { const got = await ask<{ file: string }>("write", { stage: desk.value!.title, values: values.value, diff: diff.value }); close(); status.value = `Written: ${got.file}.`; })}>Write</button><button type="button" onClick={close}>Cancel</button></div></section>
   );
 }
 
@@ -139,9 +139,9 @@ export function Correlate() {
         <Picture />
         <section id="tuning" aria-label="Values">
           <Tuning />
-          <form id="save" class="bar" onSubmit={(e) => { e.preventDefault(); const name = String(new FormData(e.currentTarget).get("name")); void tried(async () => { const got = await ask<{ file: string }>("save", { stage: stage.value, values: values.value, name }); status.value = `Saved as results/${got.file}.`; await refresh(); }); }}>
+          <form id="save" class="bar" onSubmit={(e) => { e.preventDefault(); const name = String(new FormData(e.currentTarget).get("name")); void tried(async () => { const got = await ask<{ file: string }>("save", { stage: desk.value!.title, values: values.value, name }); status.value = `Saved as results/${got.file}.`; await refresh(); }); }}>
             <label class="grow">Name <input id="save-name" name="name" type="text" defaultValue="by hand" maxLength={60} required /></label><button type="submit">Save values</button>
-            <button id="write-back" type="button" onClick={() => tried(async () => { diff.value = (await ask<{ diff: string }>("difference", { stage: stage.value, values: values.value })).diff; })}>Write into the deck …</button></form>
+            <button id="write-back" type="button" onClick={() => tried(async () => { diff.value = (await ask<{ diff: string }>("difference", { stage: desk.value!.title, values: values.value })).diff; })}>Write into the deck …</button></form>
           <Difference /><Found /><Values />
         </section>
         <Tables now={now} /><Levels parts={now.parts} />

@@ -25,7 +25,7 @@ export const view = signal<"correlate" | "scenarios" | "watch">("correlate"), st
 export const found = signal<{ title: string; clocks: Record<string, string>; warnings: string[]; text: string } | null>(null), diff = signal("");
 export const after = new Map<string, (job: Doing) => Promise<void> | void>(), entered = new Set<() => unknown>();
 export const studio = { errors, project, latencies: [] as number[], frames, ready: false, begun: 0, outcomes: 0, looks: 0, look: null as unknown, get state() { return { values: values.value, stage: stage.value, runs: runs.value, desk: desk.value, window: zoom.value }; } };
-export const opening = signal(false), busy = computed(() => opening.value || project.value?.job.ended === false);
+export const busy = computed(() => project.value?.job.ended === false);
 export const current = computed(() => project.value?.stages.find((x) => x.name === stage.value) ?? null);
 // just before the hottest of the sensors is at its top, where its power may go off: what the map shows at first
 function hottest(): number {
@@ -56,12 +56,13 @@ const sort = () => { const all = runs.value[run.value]?.curves ?? []; order.valu
 let turn = 0; // counts what was opened: an answer to what was asked before is not shown
 export async function open(name: string) {
   const mine = ++turn;
-  stage.value = name; opening.value = true;
+  stage.value = name;
   opened = editions[name] ?? "";
-  // one that waits has nothing to show before the stages below it are run, as its button says
-  const made = await tried(async () => (current.value?.state === "waiting" ? null : ask<Desk>(`desk?stage=${encodeURIComponent(name)}`)));
+  // one that waits has nothing to show before the stages below it are run, as its button says; where one of them cannot be, the answer says why
+  const now = current.value, waits = now?.state === "waiting" && !project.value!.stages.some((x) => x.state === "failed" && now.below.includes(x.name));
+  const made = await tried(async () => (waits ? null : ask<Desk>(`desk?stage=${encodeURIComponent(name)}`)));
   if (mine !== turn) return;
-  pinned.value = null; drawn.value = null; given.value = []; drawing++; opening.value = false;
+  pinned.value = null; drawn.value = null; given.value = []; drawing++;
   zoom.value = null; run.value = 0; chosen.value = ""; found.value = null; diff.value = "";
   desk.value = null;
   if (!made) { runs.value = []; values.value = {}; return; }
@@ -94,9 +95,9 @@ let asking: Promise<void> | null = null, again = false, full = false;
 export function move(measured = false): Promise<void> { again = true; full ||= measured; return (asking ??= answers()); }
 async function answers() {
   while (again) {
-    const mine = turn, at = run.value, begun = studio.begun, sent = { stage: stage.value, values: values.value, run: at, measured: full, window: zoom.value, points: points() };
+    const mine = turn, at = run.value, begun = studio.begun, now = desk.value, sent = { stage: now?.title, values: values.value, run: at, measured: full, window: zoom.value, points: points() };
     again = full = false;
-    const got = await tried(() => ask<{ runs: Run[] }>("curves", sent));
+    const got = await tried(async () => now && ask<{ runs: Run[] }>("curves", sent));
     if (!got || mine !== turn) continue;
     const fresh = got.runs[0]!, before = runs.value[at]!;
     runs.value = runs.value.map((r, k) => (k === at ? { ...fresh, name: r.name, curves: fresh.curves.map((c, i) => ({ ...before.curves[i]!, ...c, ...still(before.curves[i]!, c) })) } : r));
@@ -163,7 +164,7 @@ export async function watch(then?: (job: Doing) => Promise<void> | void) {
 export const begin = async (path: string, body: unknown) => { await ask(path, body); await watch(); };
 export const stop = () => tried(() => ask("stop", {}));
 export const runStage = () => tried(() => begin("run", { stage: stage.value, below: true }));
-export const fit = () => tried(() => begin("fit", { stage: stage.value, values: values.value, free: [...ticked.value] }));
+export const fit = () => tried(() => begin("fit", { stage: desk.value!.title, values: values.value, free: [...ticked.value] }));
 
 // what was moved before a run is undone by it, and comes back by Undo
 after.set("run", (job) => {

@@ -1,9 +1,9 @@
 // The stages of a campaign: where each stands in a word and a mark, what the open one takes and hands on, verdicts, levels, swaps.
 import { signal } from "@preact/signals";
 import { ask, nice, shown } from "./server";
-import { busy, current, open, project, runStage, stage, tried, type Stage } from "./project";
+import { busy, current, desk, open, project, runStage, stage, tried, type Stage } from "./project";
 
-const SAYS: Record<string, string> = { new: "not run yet", stale: "stale: run again", waiting: "waits for one below" };
+const SAYS: Record<string, string> = { new: "not run yet", stale: "stale: run again", waiting: "waits for one below", failed: "✗ CANNOT BE READ" };
 const MANY = 14, find = signal("");
 interface Plan { part: string; old: string; new: string; freed: string[]; tests: string[]; text: string; stages: { name: string; action: string; why: string }[] }
 const plan = signal<Plan | string>("");
@@ -29,7 +29,7 @@ export function Stages() {
       <ol id="stages">{seen.map((x) => {
         const state = p.job.ended === false && p.job.what === "run" && p.job.stage === x.name ? "running" : x.state, told = state === "done" && x.standing;
         return <li key={x.name}><button type="button" data-stage={x.name} data-state={state} data-standing={told || undefined} data-open={(state === "done" && !x.standing && Boolean(x.open)) || undefined} data-rests={(told && x.told.stage !== x.name) || undefined}
-          aria-current={x.name === stage.value} title={x.because || x.open || x.why || state} onClick={() => open(x.name)}><span>{x.name}</span><small>{words(x, state)}</small></button></li>;
+          aria-current={x.name === stage.value} title={x.because || x.open || x.why || state} onClick={() => { if (x.name !== stage.value || !desk.value) void open(x.name); }}><span>{x.name}</span><small>{words(x, state)}</small></button></li>;
       })}</ol>
     </nav>
   );
@@ -39,7 +39,7 @@ export function StageDetail() {
   const p = project.value!, x = current.value;
   if (!x || p.kind === "deck") return null;
   const above = p.stages.filter((y) => y.below.includes(x.name)).map((y) => y.name), undone = x.below.filter((n) => p.stages.find((y) => y.name === n)?.state !== "done");
-  const stands = x.state === "done" ? (x.usable ? "Done" : "Done, but do not use its values") : ["new", "waiting"].includes(x.state) ? "Not run yet" : x.state === "failed" ? "Failed" : `${x.state[0]!.toUpperCase()}${x.state.slice(1)}: ${x.why}`;
+  const stands = x.state === "done" ? (x.usable ? "Done" : "Done, but do not use its values") : ["new", "waiting"].includes(x.state) ? "Not run yet" : x.state === "failed" ? "Cannot be read" : `${x.state[0]!.toUpperCase()}${x.state.slice(1)}: ${x.why}`;
   return (
     <div id="stage-detail" class="bar">
       <button type="button" id="run-stage" disabled={busy.value} onClick={runStage}>Run {x.name}{undone.length ? ` and ${undone.join(", ")} below it` : x.state === "done" ? " again" : ""}</button>
