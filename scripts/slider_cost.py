@@ -74,7 +74,7 @@ def measure(shown: Page, slider: str, low: float, high: float, steps: int) -> di
     moved = run(True)
     ended = time.monotonic()
     own = 1e3 * (moved - run(False))
-    return {"page": own[0], "server": own[1], "browser": own[2], "longest": max(tasks(shown, begun, ended))}
+    return {"page": own[0], "server": own[1], "browser": own[2], "longest": max(tasks(shown, begun, ended), default=float("nan"))}
 
 
 def tasks(shown: Page, begun: float, ended: float) -> list[float]:
