@@ -476,7 +476,6 @@ def summarise(
     values = _with_uncut(view(store, list(values), name), problem, best, responses_of_fit)
     bias = dict(problem.fixed_bias) | {s: v.value for s, v in values.sensors.items()}
     blocks = Predictions(best.sums, problem, best.fitted)
-    local = tuple(_local(problem, best, total, k) for k, u in enumerate(problem.unknowns) if u.kind == "local" and not u.of_switch)
     freedom = round(problem.freedom)
     handed_on = bool(request.store.states)
     moved = moves_above(request, problem, best, spread.variance_factor if spread is not None else 1.0) if handed_on else Moves()
@@ -484,7 +483,7 @@ def summarise(
         name,
         request.model,
         values,
-        local,
+        _locals(problem, best, total),
         blocks,
         bias,
         records,
@@ -540,15 +539,17 @@ def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) 
     )
 
 
-def _local(problem: Problem, minimum: Fit, total: Array, k: int) -> Local:
-    """Return the unknown of one record at place `k`; its slopes are those of a Gaussian's conditional mean, C_kv C_vv^-1."""
-    u = problem.unknowns[k]
-    record, _, name = u.name.partition(": ")
-    shared = [i for i, other in enumerate(problem.unknowns) if other.kind != "local" and 0.0 < total[i, i] < np.inf]
-    sizes = np.sqrt(np.diag(total)[shared])  # of unlike units
-    slopes = np.linalg.pinv(total[np.ix_(shared, shared)] / np.outer(sizes, sizes), hermitian=True) @ (total[shared, k] / sizes) / sizes
-    by_value = dict(zip((problem.unknowns[i].name for i in shared), slopes.tolist(), strict=True))
-    return Local(record, name, float(minimum.fitted[k]), float(np.sqrt(total[k, k])), u.unit, by_value)
+def _locals(problem: Problem, minimum: Fit, total: Array) -> tuple[Local, ...]:
+    """Return the unknowns of single records; their slopes are those of a Gaussian's conditional mean, C_lv C_vv^-1."""
+    at = {k: u.name.partition(": ") for k, u in enumerate(problem.unknowns) if u.kind == "local" and not u.of_switch}
+    shared = {k: u.name for k, u in enumerate(problem.unknowns) if u.kind != "local" and 0.0 < total[k, k] < np.inf}
+    sizes = np.sqrt(np.diag(total)[[*shared]])  # of unlike units
+    inverse = np.linalg.pinv(total[np.ix_([*shared], [*shared])] / np.outer(sizes, sizes), hermitian=True)
+    slopes = [dict(zip(shared.values(), row, strict=True)) for row in (total[np.ix_([*at], [*shared])] / sizes @ inverse / sizes).tolist()]
+    return tuple(
+        Local(at[k][0], at[k][2], float(minimum.fitted[k]), float(np.sqrt(total[k, k])), problem.unknowns[k].unit, s)
+        for k, s in zip(at, slopes, strict=True)
+    )
 
 
 def correlations_of(problem: Problem, total: Array) -> dict[tuple[str, str], float]:

@@ -54,7 +54,7 @@ def test_the_offset_of_a_supply_without_stamps_is_found_by_its_steps(hour: Modul
     step = found["step"]
     assert step["columns"] == ["T_BOARD", "U * I"]
     assert step["error"] < 16.0
-    assert abs(step["offset"] - 137.0) < 3.0 * step["error"]
+    assert abs(step["offset"] - 137.0) < 2.0 * step["error"]
     text = "\n".join(clock_lines(looks))
     assert "by a common step of T_BOARD and U * I, supply.csv begins 1" in text
     assert 'joined   = [{ record = "supply", offset = ["' in text
