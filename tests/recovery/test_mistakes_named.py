@@ -12,7 +12,7 @@ import pytest
 import thermid as td
 from recovery.mistaken import Planted, clean, planted
 from thermid.base.errors import ThermidError
-from thermid.campaign import _advice
+from thermid.campaign import _stages
 from thermid.inference.criticism import Mistakes, find_mistakes
 
 SEED = 20261122
@@ -28,7 +28,7 @@ def named(path: Path) -> tuple[str, str]:
         sought.append(find_mistakes(*asked))
         return sought[-1]
 
-    with patch.object(_advice, "find_mistakes", keep):
+    with patch.object(_stages, "find_mistakes", keep):
         try:
             found = td.run_stages(path).mistakes["plant"].first
         except ThermidError as refusal:

@@ -23,7 +23,7 @@ from thermid.physics.correlations import correlation
 from thermid.prediction._reduction.macro import host_values
 from thermid.prediction.reduction import assumed
 from thermid.qualify.plans import deliver
-from thermid.reporting._diagrams.diagram import STYLES
+from thermid.reporting._diagrams.map import STYLES
 from thermid.reporting.diagrams import network_map
 from unit.model.every_kind import firsts
 

@@ -18,7 +18,7 @@ from thermid.base.results import Shown
 from thermid.base.toml_files import Places, read_toml, resolve_inside
 from thermid.base.units import TEMPERATURE
 from thermid.campaign._file import read_campaign
-from thermid.campaign._judge.metrics import Residuals, metric
+from thermid.campaign._judge.criteria import Residuals, metric
 from thermid.campaign._stages import Campaign
 from thermid.fit.calibration import SensorTrace
 from thermid.model.deck import load_model

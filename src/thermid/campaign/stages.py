@@ -1,6 +1,5 @@
 """Campaigns: stages of fits, the values that they pass on, their state."""
 
-from thermid.campaign._advice import next_command as next_command
 from thermid.campaign._cache import (
     changed_since as changed_since,
     errors_kept as errors_kept,
@@ -16,19 +15,21 @@ from thermid.campaign._file import (
     scenario_of as scenario_of,
 )
 from thermid.campaign._joint import JointFit as JointFit
-from thermid.campaign._running import RunningTest as RunningTest, running_test as running_test
 from thermid.campaign._stages import (
     Campaign as Campaign,
     joint as joint,
     judge as judge,
     keyed as keyed,
+    next_command as next_command,
     plain_readings as plain_readings,
     request_of as request_of,
     run_stages as run_stages,
 )
 from thermid.campaign._survey import (
+    RunningTest as RunningTest,
     campaign_predictions as campaign_predictions,
     check_campaign as check_campaign,
     fleet_in as fleet_in,
+    running_test as running_test,
     survey as survey,
 )

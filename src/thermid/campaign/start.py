@@ -1,17 +1,23 @@
 """A first project: proposals from a log, examples, templates, improvements."""
 
-from thermid.campaign._start.examples import EXAMPLES as EXAMPLES, copy_example as copy_example, example_named as example_named
+from thermid.campaign._start.examples import (
+    EXAMPLES as EXAMPLES,
+    PUBLIC as PUBLIC,
+    copies as copies,
+    copy_example as copy_example,
+    example_named as example_named,
+)
 from thermid.campaign._start.improve import improve as improve
-from thermid.campaign._start.originals import PUBLIC as PUBLIC, copies as copies
-from thermid.campaign._start.physical import known_masses as known_masses
 from thermid.campaign._start.project import (
+    TEMPLATES as TEMPLATES,
     VERDICT_NOISES as VERDICT_NOISES,
     VERDICT_SHARE_OF_RANGE as VERDICT_SHARE_OF_RANGE,
     may_write_project as may_write_project,
     parted as parted,
     write_project as write_project,
+    write_template as write_template,
 )
-from thermid.campaign._start.proposal import StatedFacts as StatedFacts, propose as propose, seated as seated
+from thermid.campaign._start.proposal import StatedFacts as StatedFacts, known_masses as known_masses, propose as propose, seated as seated
 from thermid.campaign._start.roles import (
     ACCURACY as ACCURACY,
     Roles as Roles,
@@ -19,4 +25,3 @@ from thermid.campaign._start.roles import (
     roles_of as roles_of,
     word as word,
 )
-from thermid.campaign._start.templates import TEMPLATES as TEMPLATES, write_template as write_template

@@ -3,9 +3,11 @@
 from thermid.campaign._judge.changes import Change as Change, Changes as Changes, compare_models as compare_models
 from thermid.campaign._judge.correlation import (
     Correlation as Correlation,
+    Difference as Difference,
     Exclusions as Exclusions,
     Overlay as Overlay,
     correlate as correlate,
+    difference as difference,
     overlays as overlays,
     paired as paired,
     read_two as read_two,
@@ -16,8 +18,9 @@ from thermid.campaign._judge.criteria import (
     Criteria as Criteria,
     CriteriaSet as CriteriaSet,
     heading as heading,
+    largest as largest,
+    metric as metric,
 )
-from thermid.campaign._judge.difference import Difference as Difference, difference as difference
 from thermid.campaign._judge.limits import (
     LimitCheck as LimitCheck,
     Limits as Limits,
@@ -34,7 +37,6 @@ from thermid.campaign._judge.margins import (
     heater_duty as heater_duty,
     margins as margins,
 )
-from thermid.campaign._judge.metrics import largest as largest, metric as metric
 from thermid.campaign._judge.predictions import CampaignPrediction as CampaignPrediction
 from thermid.campaign._judge.sizing import Sizing as Sizing, size as size
 from thermid.campaign._judge.verdict import Verdict as Verdict, compare as compare, validate as validate

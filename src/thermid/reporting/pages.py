@@ -1,8 +1,12 @@
 """Report pages, and the blocks that they are made of."""
 
 from thermid.reporting._blocks.content import Table as Table
-from thermid.reporting._blocks.extras import check_page as check_page, page_to_pdf as page_to_pdf
-from thermid.reporting._blocks.numbering import check_audience as check_audience, tables_folder as tables_folder
+from thermid.reporting._blocks.extras import (
+    check_audience as check_audience,
+    check_page as check_page,
+    page_to_pdf as page_to_pdf,
+    tables_folder as tables_folder,
+)
 from thermid.reporting._pages.campaign import report as report
 from thermid.reporting._pages.study import Structure as Structure, structures_report as structures_report, study_report as study_report
 from thermid.reporting._pages.tables import levels as levels

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from thermid.campaign._advice import in_words, next_command
+from thermid.campaign._stages import in_words, next_command
 from thermid.inference._explain.mistakes import Mistake, Mistakes
 
 

@@ -13,8 +13,7 @@ from by_code import raises_code
 from thermid.base.errors import NameNotFoundError
 from thermid.model.elements import KINDS
 from thermid.model.tree import flatten
-from thermid.reporting._diagrams.diagram import STYLES, clipped, quantity, width_of
-from thermid.reporting._diagrams.map import network_map
+from thermid.reporting._diagrams.map import STYLES, clipped, network_map, quantity, width_of
 
 SVG = "{http://www.w3.org/2000/svg}"
 

@@ -16,7 +16,7 @@ from by_code import raises_code
 from studio.browser import CHROMIUM, DRIVER, Page
 from thermid.campaign.stages import Campaign
 from thermid.reporting._blocks.content import Formulas, Section
-from thermid.reporting._blocks.numbering import AUDIENCES
+from thermid.reporting._blocks.extras import AUDIENCES
 from thermid.reporting._pages.campaign import report
 from webpage import SMALLEST, filled
 

@@ -1,26 +1,230 @@
-"""`Room`: what a studio has open, and its start page: new, open, examples, recent; files below the folder it was started in only."""
+"""`Room`: what a studio has open, its start page, and what a page may ask for and order, by name, answered in plain objects for JSON.
+
+Only files below the folder that it was started in are opened. Numbers are in usual units.
+"""
 
 from __future__ import annotations
 
+import base64
 import json
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from thermid.app.studio.building import Building
-from thermid.app.studio.curves import text_of
-from thermid.app.studio.draft import kind_of, waiting
-from thermid.app.studio.follow import Follower
-from thermid.app.studio.live import LiveWatch
-from thermid.app.studio.orders import orders, questions
+from thermid.app.studio.courses import Shelf, outcome_object, profile_for, profile_object
+from thermid.app.studio.curves import MAX_SENT_POINTS, ThinnedCurve, Window, number_of, text_of, texts_of, window_of
+from thermid.app.studio.desk import ICE, Desk
+from thermid.app.studio.draft import decks_in, kind_of, waiting
+from thermid.app.studio.follow import Follower, LiveWatch
 from thermid.app.studio.project import Project
 from thermid.app.studio.work import Work
 from thermid.base.errors import DeckError, ThermidError, refuse_unknown
 from thermid.base.files import RESULTS_FILE, command, read_text, state_folder, write_bytes
+from thermid.base.linear_algebra import Array
+from thermid.base.results import clean
 from thermid.campaign.start import EXAMPLES, copies, copy_example, word
+from thermid.reporting.objects import campaign_standing, swap_object
+from thermid.values.store import model_standing
+
+Body = Mapping[str, Any]
+
+
+def questions(project: Project, work: Work, follower: Follower) -> dict[str, Callable[[Mapping[str, str]], Any]]:
+    """Return name -> answer to what is only read, from the query of an address."""
+
+    def stage(query: Mapping[str, str]) -> str:
+        return query.get("stage", project.stages[0])
+
+    return {
+        # the job before the stages: one that has ended has set all of them
+        "project": lambda q: project_object(project, work.state()),
+        "desk": lambda q: desk_object(project.desk(stage(q))),
+        "shelf": lambda q: shelf_object(work.shelf, project.desk(stage(q))),
+        "job": lambda q: work.state(),
+        "fresh": lambda q: work.fresh(),
+        "logs": lambda q: follower.offered(),
+    }
+
+
+def orders(project: Project, work: Work) -> dict[str, Callable[[Body], Any]]:
+    """Return name -> answer to what comes with a body of JSON."""
+
+    def curves(body: Body) -> Any:
+        desk, measured = project.desk(text_of(body, "stage")), bool(body.get("measured", True))
+        runs = None if body.get("run") is None else (_run_of(desk, body),)
+        points = int(number_of(body, "points")) if "points" in body else MAX_SENT_POINTS
+        return curves_object(desk, _values(body), measured, window_of(body), runs, points)
+
+    def desk_of(body: Body) -> Desk:
+        return project.desk(text_of(body, "stage"))
+
+    def moves(body: Body) -> Any:
+        desk = desk_of(body)
+        return desk.moves(text_of(body, "path"), _values(body), _run_of(desk, body))
+
+    def profile(body: Body) -> Any:
+        course = work.shelf.course(project.desk(text_of(body, "stage")), text_of(body, "course"))
+        if course.kind != "profile":
+            raise DeckError(f"'{course.title}' is not a profile, so it has no numbers to change.", "studio", code="value.without-effect")
+        return profile_object(profile_for(course, body))
+
+    def outcome(body: Body) -> Any:
+        if work.outcome is None:
+            raise DeckError("no run exists yet. Run one first.", "studio", code="studio.not-now")
+        return outcome_object(work.outcome, window_of(body))
+
+    return {
+        "curves": curves,
+        "given": lambda b: {"curves": [_curve(c, True) for c in desk_of(b).inputs_of(_run_of(desk_of(b), b))]},
+        "moves": moves,
+        "kept": lambda b: project.kept_values(text_of(b, "stage"), text_of(b, "file")),
+        "picture": lambda b: picture(desk_of(b), _values(b), b),
+        "run": lambda b: work.run(text_of(b, "stage"), bool(b.get("below"))),
+        "fit": lambda b: work.fit(text_of(b, "stage"), _values(b), texts_of(b, "free")),
+        "save": lambda b: {"file": project.save(text_of(b, "stage"), _values(b), text_of(b, "name")).name},
+        "difference": lambda b: {"diff": project.written_back(text_of(b, "stage"), _values(b))[1]},
+        "write": lambda b: {"file": project.write_back(text_of(b, "stage"), _values(b), text_of(b, "diff")).name},
+        "profile": profile,
+        "scenario": lambda b: work.scenario(text_of(b, "stage"), text_of(b, "course"), _values(b), b),
+        "stop": lambda b: work.stop(),
+        "outcome": outcome,
+        "swap": lambda b: swap_object(project.swap(text_of(b, "part"), text_of(b, "deck"))),
+    }
+
+
+def _values(body: Mapping[str, Any]) -> dict[str, float]:
+    sliders = body.get("values", {})
+    if not isinstance(sliders, dict) or not all(
+        isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v) for v in sliders.values()
+    ):
+        raise DeckError("give values as numbers by path.", "studio", code="value.wrong-kind")
+    return {str(k): float(v) for k, v in sliders.items()}
+
+
+SINGLE = 1e6
+"""Up to here four bytes tell times to a tenth of a second and temperatures to a millikelvin."""
+MIN_CURVE_POINTS = 50
+"""Points of a curve that a page may ask for at least."""
+
+
+def project_object(project: Project, job: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what is open, where its stages stand, and the state of the job that runs or ran last."""
+    table = project.table()
+    return {
+        "title": project.title,
+        "file": project.path.name,
+        "kind": "deck" if project.source is None else "campaign",
+        "note": "" if project.source is None else project.source.content.note,
+        "stages": [asdict(project.states[name]) for name in project.stages],
+        **standing_object(project),
+        "decks": decks_in(project.path.parent) if project.source is not None else (),
+        "kept": project.kept_files(),
+        "table": {"heads": [c.title for c in table.columns], "rows": [[[c.text, c.look] for c in row] for row in table.rows]},
+        "job": job,
+    }
+
+
+def standing_object(project: Project) -> dict[str, Any]:
+    """Return the standing of a campaign and whether it passed, as ``thermid calibrate --json`` does; nothing before all stages are done."""
+    campaign = project.campaign
+    if campaign is None or len(campaign.stages) < len(project.stages) or project.not_judged:
+        return {"standing": None, "passed": None}
+    return {"standing": campaign_standing(campaign), "passed": campaign.passed}
+
+
+def desk_object(desk: Desk) -> dict[str, Any]:
+    """Return the sliders of a stage, its curves as they are, and its parts."""
+    return {
+        "title": desk.title,
+        "sliders": [asdict(s) for s in desk.sliders],
+        "others": list(desk.others),
+        "parts": desk.parts,
+        "fitted": desk.calibration is not None,
+        "measured": desk.problem is not None,
+        "warnings": list(desk.calibration.warnings) if desk.calibration is not None else [],
+        "clocks": desk.calibration.clocks if desk.calibration is not None else {},
+        "standing": (desk.calibration.standing if desk.calibration is not None else model_standing(desk.model)).to_dict(desk.title),
+        "synthetic": desk.problem is not None and any(e.record.origin.synthetic for e in desk.problem.experiments),
+        "scheduled": desk.scheduled,
+        **curves_object(desk, {}),
+    }
+
+
+def curves_object(
+    desk: Desk,
+    values: Mapping[str, float],
+    measured: bool = True,
+    window: Window = None,
+    runs: Collection[int] | None = None,
+    points: int = MAX_SENT_POINTS,
+) -> dict[str, Any]:
+    """Return the curves at values of the sliders, as `Desk.curves` takes them; without what was measured where it is not asked for.
+
+    Raises
+    ------
+    ThermidError    When a run is refused or cannot be finished.
+    """
+    curves = desk.curves(values, window, runs, min(max(points // 2 * 2, MIN_CURVE_POINTS), MAX_SENT_POINTS))
+    return {"runs": [{"name": r.name, "remarks": r.remarks, "curves": [_curve(c, measured) for c in r.curves]} for r in curves]}
+
+
+def _curve(curve: ThinnedCurve, measured: bool) -> dict[str, Any]:
+    still = ("name", "node", "seen", "measured", "count", "sigma") if measured else ()
+    return {k: getattr(curve, k) for k in (*still, "times", "simulated", "apart", "left", "rmse", "bias", "largest")}
+
+
+def _run_of(desk: Desk, body: Mapping[str, Any]) -> int:
+    """Return the run that a page asks for, the first where it names none.
+
+    Raises
+    ------
+    DeckError   When there is none of that number.
+    """
+    run = body.get("run", 0)
+    if not isinstance(run, int) or isinstance(run, bool) or not 0 <= run < len(desk.runs):
+        raise DeckError("give a run as a whole number and a time as a number.", "studio", code="value.wrong-kind")
+    return run
+
+
+def picture(desk: Desk, values: Mapping[str, float], query: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the model as SVG and as a table, at a time of one of its runs, submodels folded as asked."""
+    folded = texts_of(query, "folded")
+    refuse_unknown(folded, desk.parts, desk.title, "unknown part '{}'.", DeckError)
+    now = desk.moment(values, _run_of(desk, query), number_of({"time": 0.0, **query}, "time"))
+    table = {"temperatures": {n: v - ICE for n, v in now.temperatures.items()}, "flows": now.flows, "powers": now.powers}
+    return {"svg": now.drawn(folded), "table": table}
+
+
+def shelf_object(shelf: Shelf, desk: Desk) -> dict[str, Any]:
+    """Return what can be run, and what the form of a profile asks for."""
+    limits, source = shelf.limits(desk)
+    return {
+        "courses": [{"key": c.key, "title": c.title, "group": c.group, "kind": c.kind} for c in shelf.courses(desk).values()],
+        "boundaries": desk.boundaries,
+        "nodes": desk.nodes,
+        "limits": [one.point for one in limits],
+        "source": source,
+        "fitted": desk.calibration is not None,
+    }
+
+
+def as_json(value: object) -> str:
+    """Return a value as JSON that a script element cannot break out of; arrays as bytes, numbers that JSON lacks as null."""
+    return json.dumps(clean(value, _packed), allow_nan=False).replace("<", "\\u003c")
+
+
+def _packed(values: Array) -> dict[str, str]:
+    # text of many numbers takes longer to write and read than a simulation does
+    single = values.size == 0 or not np.nanmax(np.abs(values), initial=0.0) > SINGLE
+    return {"f4" if single else "f8": base64.b64encode(values.astype("<f4" if single else "<f8").tobytes()).decode()}
+
 
 Query = Mapping[str, str]
-Body = Mapping[str, Any]
 FILES_SHOWN: Final = 300
 """Files that the start page shows."""
 RECENT_FILES: Final = 12

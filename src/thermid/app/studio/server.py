@@ -16,8 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import parse_qs
 
-from thermid.app.studio.orders import as_json
-from thermid.app.studio.room import Room
+from thermid.app.studio.room import Room, as_json
 from thermid.base.errors import DeckError, MissingExtraError, ThermidError, cap, raising
 from thermid.base.extensions import missing
 from thermid.base.grammar import endless

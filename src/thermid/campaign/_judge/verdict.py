@@ -22,8 +22,7 @@ from thermid.base.results import PlottedTrace, Result, Row
 from thermid.base.sourced import VERDICTS, weigh
 from thermid.base.toml_files import read_json
 from thermid.base.units import counted
-from thermid.campaign._judge.criteria import Check, Criteria, Deviation, judge_sensors
-from thermid.campaign._judge.metrics import Residuals
+from thermid.campaign._judge.criteria import Check, Criteria, Deviation, Residuals, judge_sensors
 from thermid.fit.calibration import FIRST, Calibration, Request, SensorStatistics, SensorTrace, fit
 from thermid.measure.amounts import short
 from thermid.measure.records import Record

@@ -15,7 +15,7 @@ from thermid.base.errors import DeckError, IdentificationError, ThermidError, ne
 from thermid.base.files import may_write, read_text, unsealed, write_text
 from thermid.campaign._file import CampaignSource, read_campaign
 from thermid.campaign._stages import run_stages
-from thermid.campaign._start.templates import TEMPLATE
+from thermid.campaign._start.project import TEMPLATE
 from thermid.fit.calibration import Calibration, LocalSpec, Request, fit
 from thermid.inference.criticism import EVALUATIONS, MissingElement, StructureSearch, adopted, changes_of, search_structure
 from thermid.measure.amounts import short

@@ -1,28 +1,215 @@
-"""A proposal as files: a commented deck, a scenario, a campaign, and the logs cut into what is fitted and what judges."""
+"""A proposal or a template as files: a commented deck, a scenario, a campaign, schemas for editors, and the logs cut for fit and verdict."""
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Mapping, Sequence
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import tomlkit
 
-from thermid.base.errors import IdentificationError, ThermidError
-from thermid.base.files import DECK, FileKind, may_write, write_text
+from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
+from thermid.base.extensions import by_grammar, file_kinds, json_schema
+from thermid.base.files import COPY, DECK, FileKind, may_write, parse_toml, read_text, write_bytes, write_text
 from thermid.campaign._start.proposal import LOOSE_AMBIENT, Proposal, orders_text
 from thermid.campaign._start.roles import SURROUNDINGS
-from thermid.campaign._start.schemas import headed, may_write_schemas, write_schemas
 from thermid.campaign._start.switching import instants_text, with_instants
-from thermid.campaign._start.templates import ROOT, TEMPLATE
 from thermid.fit.calibration import LocalSpec, Request, fit
 from thermid.inference.criticism import FittedStructure
 from thermid.measure.records import Record, thinned_step
 from thermid.model.deck import model_text
 from thermid.model.elements import parameter
+
+SCHEMA: Final = FileKind("JSON Schema", endings=(".json",))
+FOLDER: Final = "schema"
+"""Folder of the schemas, in that of the project."""
+
+
+def headed(text: str, kind: str, depth: int = 0) -> str:
+    """Return the text of a file with its first line, `#:schema PATH`, as editors with a TOML language server read it.
+
+    Parameters
+    ----------
+    text : str      The file.
+    kind : str      Its kind, of `file_kinds`.
+    depth : int     How many folders it lies below that of the project.
+    """
+    return f"#:schema {'../' * depth or './'}{_place(kind).as_posix()}\n{text}"
+
+
+def may_write_schemas(folder: Path, kinds: Iterable[str]) -> None:
+    """Ask whether the schemas may be written, where their folder is there.
+
+    Raises
+    ------
+    OutputError   When a file is there that thermid did not write.
+    """
+    for kind in kinds if (folder / FOLDER).is_dir() else ():
+        may_write(folder / _place(kind), SCHEMA.titled(kind))
+
+
+def write_schemas(folder: Path, kinds: Iterable[str]) -> list[Path]:
+    """Write the schemas of kinds of files and return their paths.
+
+    Raises
+    ------
+    OutputError   When a file is there that thermid did not write.
+    """
+    (folder / FOLDER).mkdir(exist_ok=True)
+    return [write_text(folder / _place(k), json.dumps(json_schema(k), indent=2), SCHEMA.titled(k)) for k in sorted(set(kinds))]
+
+
+def head_copies(folder: Path, files: Sequence[Path]) -> list[Path]:
+    """Give copied TOML files their first line, write the schemas, and return these.
+
+    Files below a lock stay as they are: it holds their checksums.
+
+    Parameters
+    ----------
+    folder : Path       Of the project.
+    files : sequence    Its files.
+    """
+    locked = {file.parent for file in files if file.name.endswith(".lock.json")}
+    texts = {f: read_text(f) for f in files if f.suffix == ".toml" and locked.isdisjoint(f.parents)}
+    kind_of_file = {file: kind for file, text in texts.items() if (kind := kind_of(text))}
+    for file, kind in kind_of_file.items():
+        file.unlink()
+        write_bytes(file, headed(texts[file], kind, len(file.relative_to(folder).parents) - 1).encode(), COPY)
+    return write_schemas(folder, kind_of_file.values()) if kind_of_file else []
+
+
+def kind_of(text: str) -> str:
+    """Return the kind of a TOML file: the one whose grammar it follows; empty where none does, or several do."""
+    try:
+        content = parse_toml(text)
+    except tomllib.TOMLDecodeError:
+        return ""
+    kinds = [kind for kind in file_kinds() if _follows(kind, content)]
+    return kinds[0] if len(kinds) == 1 else ""
+
+
+def _follows(kind: str, content: object) -> bool:
+    try:
+        by_grammar(kind, content, lambda key: key)
+    except ThermidError:
+        return False
+    return True
+
+
+def _place(kind: str) -> Path:
+    return Path(FOLDER, f"{kind}.schema.json")
+
+
+TEMPLATE: Final = FileKind("project file")
+ROOT: Final = "# This file marks the root of a thermid project: decks and logs are looked for below it.\n"
+
+_PART = """\
+# One part in a room. Replace the numbers by yours, and give the source of each.
+title  = "part"
+needs  = ["room"]
+offers = ["case", "skin"]
+
+[nodes.case]
+mass          = { value = "0.5 [kg]", source = "assumed", note = "measure with a scale" }
+specific_heat = { value = "900 [J/(kg K)]", source = "published", note = "aluminium" }
+
+[surfaces.skin]
+of            = "case"
+to            = "room"
+area          = { value = "300 [cm^2]", source = "assumed", note = "measure with a ruler" }
+effective_htc = { value = "8 [W/(m^2 K)]", min = 2, max = 30, source = "assumed", note = "with radiation; fit to a test" }
+
+[loads]
+heat = { into = "case", power = { value = "5 [W]", source = "assumed", note = "volts times amperes" } }
+"""
+
+_SCENARIO = """\
+# Switched on in a room of 23 degC, for four hours.
+duration = "4 [h]"
+start    = "23 [degC]"
+
+[boundaries]
+room = "23 [degC]"
+"""
+
+_BOX = """\
+# A closed box of two boards: boards give heat to the air in the box and to the walls by their screws; the walls give it to the room.
+title = "box"
+needs = ["room"]
+
+[nodes]
+board_1 = { capacitance = { value = "120 [J/K]", source = "assumed", note = "mass times specific heat" } }
+board_2 = { capacitance = { value = "80 [J/K]", source = "assumed" } }
+air     = { capacitance = { value = "5 [J/K]", source = "assumed", note = "4 litres of air" } }
+walls   = { capacitance = { value = "900 [J/K]", source = "assumed", note = "1 kg of aluminium" } }
+
+# All conductances are assumed; fit them to a test.
+[conductors]
+board_1_air   = { kind = "conduction", between = ["board_1", "air"], conductance = "0.15 [W/K]" }
+board_2_air   = { kind = "conduction", between = ["board_2", "air"], conductance = "0.1 [W/K]" }
+board_1_walls = { kind = "conduction", between = ["board_1", "walls"], conductance = "0.3 [W/K]" } # screws and card guides
+board_2_walls = { kind = "conduction", between = ["board_2", "walls"], conductance = "0.3 [W/K]" }
+air_walls     = { kind = "conduction", between = ["air", "walls"], conductance = "0.6 [W/K]" }
+
+[surfaces.outside]
+of            = "walls"
+to            = "room"
+area          = { value = "0.15 [m^2]", source = "assumed" }
+effective_htc = { value = "8 [W/(m^2 K)]", min = 2, max = 30, source = "assumed" }
+
+[loads]
+heat_1 = { into = "board_1", power = { value = "8 [W]", source = "assumed" } }
+heat_2 = { into = "board_2", power = { value = "4 [W]", source = "assumed" } }
+"""
+
+_CHAMBER = """\
+# Two cold and hot soaks in a chamber, switched on: the air of the chamber is the room of the part.
+duration = "16 [h]"
+start    = "23 [degC]"
+
+[boundaries.room]
+times  = ["0 [h]", "1 [h]", "5 [h]", "6.5 [h]", "10.5 [h]", "12 [h]", "16 [h]"]
+values = ["23 [degC]", "-10 [degC]", "-10 [degC]", "50 [degC]", "50 [degC]", "23 [degC]", "23 [degC]"]
+"""
+
+TEMPLATES: Final[Mapping[str, tuple[str, Mapping[str, str]]]] = {
+    "part": ("one part in a room", {"part.toml": _PART, "scenario.toml": _SCENARIO}),
+    "box": ("a closed box of two boards", {"box.toml": _BOX, "scenario.toml": _SCENARIO}),
+    "chamber": ("a part in a chamber test", {"part.toml": _PART, "scenario.toml": _CHAMBER}),
+}
+"""Name -> what it is, and its files. The fourth, `tclab`, is the shipped example of that name."""
+
+
+def write_template(name: str, folder: Path) -> tuple[str, list[Path]]:
+    """Write a project of a template; return its next command and its files.
+
+    Raises
+    ------
+    NameNotFoundError   When there is no template of that name.
+    OutputError         When a file is there that thermid did not write.
+    """
+    if name not in TEMPLATES:
+        names = [*TEMPLATES, "tclab"]
+        raise NameNotFoundError(f"no template '{name}'; there are {', '.join(names)}.{nearest(name, names)}", "--template")
+    files = dict(TEMPLATES[name][1])
+    folder.mkdir(parents=True, exist_ok=True)
+    deck = next(iter(files))
+    kinds = {file: DECK.titled(Path(file).stem) if file == deck else TEMPLATE.titled(Path(file).stem) for file in files}
+    grammars = {file: "deck" if file == deck else "scenario" for file in files}
+    for file, kind in kinds.items():
+        may_write(folder / file, kind)
+    may_write_schemas(folder, grammars.values())
+    written = [write_text(folder / file, headed(text, grammars[file]), kinds[file]) for file, text in files.items()]
+    written += write_schemas(folder, grammars.values())
+    if not (folder / "thermid.toml").exists():
+        written.append(write_text(folder / "thermid.toml", ROOT, TEMPLATE.titled("root")))
+    return f"thermid simulate {folder / deck} --scenario {folder / 'scenario.toml'}", written
+
 
 FITTED, HOLDOUT_NAME = 0.7, "holdout"
 """Part of a single log that is fitted; the rest judges."""

@@ -32,8 +32,7 @@ from thermid.measure.steadiness import (
 )
 from thermid.qualify._profile_runs.conduct import SIMULATED_WINDOW
 from thermid.qualify._profile_runs.profile_run import ProfileRun
-from thermid.qualify._steadiness.approach import approach
-from thermid.qualify._steadiness.forecast import GUARD, MAX_UNSEEN_SLOWNESS, MIN_FORECAST_READINGS
+from thermid.qualify._steadiness.forecast import GUARD, MAX_UNSEEN_SLOWNESS, MIN_FORECAST_READINGS, approach
 from thermid.simulation.runs import Solution
 
 

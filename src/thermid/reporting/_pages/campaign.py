@@ -45,12 +45,10 @@ from thermid.reporting._blocks.content import (
     pretty,
     significant,
 )
-from thermid.reporting._blocks.extras import check_page, write_page
-from thermid.reporting._blocks.numbering import Sheets
+from thermid.reporting._blocks.extras import Sheets, check_page, write_page
 from thermid.reporting._diagrams.map import fitting_map
 from thermid.reporting._pages import tables
-from thermid.reporting._pages.courses import course_of, drives as driving, without_error
-from thermid.reporting._pages.front import VERDICTS_TABLE, front
+from thermid.reporting._pages.front import VERDICTS_TABLE, course_of, drives as driving, front, without_error
 from thermid.reporting._pages.tables import glance
 from thermid.reporting._pictures import figures
 from thermid.reporting._pictures.figures import Dots

@@ -39,8 +39,7 @@ from thermid.reporting._blocks.content import (
     signed,
     significant,
 )
-from thermid.reporting._blocks.extras import check_page, write_page
-from thermid.reporting._blocks.numbering import Sheets
+from thermid.reporting._blocks.extras import Sheets, check_page, write_page
 from thermid.reporting._pages import tables
 from thermid.reporting._pages.front import VERDICTS_TABLE, front
 from thermid.reporting._pages.tables import glance

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from recovery.watch_cases import planted
-from thermid.app.studio.follow import Follower
-from thermid.app.studio.live import LiveWatch
+from thermid.app.studio.follow import Follower, LiveWatch
 from thermid.model.deck import load_model, save_model
 from unit.fit.estimation.rig import rig
 

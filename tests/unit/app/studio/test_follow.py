@@ -14,7 +14,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.app.studio.follow import Follower
-from thermid.app.studio.orders import as_json
+from thermid.app.studio.room import as_json
 from thermid.base.errors import DeckError, ThermidError
 from thermid.bench._wire import crc16
 from thermid.bench.benchlog import log_line

@@ -13,8 +13,7 @@ from typer.testing import CliRunner
 
 from by_code import raises_code
 from thermid.app.cli.app import app
-from thermid.app.studio.follow import Follower
-from thermid.app.studio.live import LiveWatch
+from thermid.app.studio.follow import Follower, LiveWatch
 from thermid.app.studio.project import Project
 from thermid.base.errors import RecordError, ThermidError
 from thermid.measure.steadiness import rule_of

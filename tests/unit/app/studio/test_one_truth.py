@@ -19,8 +19,8 @@ from by_code import raises_code
 from planted import campaign
 from thermid.app.cli.app import app
 from thermid.app.studio.courses import outcome_object
-from thermid.app.studio.orders import project_object
 from thermid.app.studio.project import Project
+from thermid.app.studio.room import project_object
 from thermid.app.studio.work import Work
 from thermid.base.errors import DeckError
 from thermid.base.results import clean

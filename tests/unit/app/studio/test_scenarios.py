@@ -13,8 +13,8 @@ import thermid as td
 from by_code import raises_code
 from thermid.app.studio.courses import outcome_object, profile_for, profile_object
 from thermid.app.studio.curves import window_of
-from thermid.app.studio.orders import as_json, shelf_object
 from thermid.app.studio.project import Project
+from thermid.app.studio.room import as_json, shelf_object
 from thermid.app.studio.work import Work
 from thermid.base.errors import DeckError, NameNotFoundError, RecordError, ScenarioError
 from thermid.campaign.verdicts import check_limits, load_limits

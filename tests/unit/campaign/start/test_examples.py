@@ -20,9 +20,18 @@ from thermid.base.errors import MissingDataError, NameNotFoundError, OutputError
 from thermid.base.extensions import json_schema
 from thermid.campaign._file import read_campaign
 from thermid.campaign._start import examples
-from thermid.campaign._start.examples import EXAMPLES, ShippedExample, copy_example
-from thermid.campaign._start.originals import MOTOR, TCLAB, controller, converted, samples_sum, thermocouples
-from thermid.campaign._start.schemas import kind_of
+from thermid.campaign._start.examples import (
+    EXAMPLES,
+    MOTOR,
+    TCLAB,
+    ShippedExample,
+    controller,
+    converted,
+    copy_example,
+    samples_sum,
+    thermocouples,
+)
+from thermid.campaign._start.project import kind_of
 
 DAQ = (
     '\ufeff"Device: X"\n"Sample Count: 3"\n"Scan Rate: 4.0"\n"Sample","Time (s)","Winding Temp (°C)","Ambient (°C)","Stator Body (°C)"\n'

@@ -19,8 +19,7 @@ from typer.testing import CliRunner
 
 from thermid.app.cli.app import app
 from thermid.base.errors import ThermidError
-from thermid.campaign._start.physical import known_masses, not_physical, weights
-from thermid.campaign._start.proposal import Proposal, StatedFacts, _begun
+from thermid.campaign._start.proposal import Proposal, StatedFacts, _begun, known_masses, not_physical, weights
 from thermid.campaign._start.roles import roles_of, with_noise
 from thermid.campaign.start import Roles
 from thermid.inference.criticism import EvaluationBudget

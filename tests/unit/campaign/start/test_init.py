@@ -15,11 +15,9 @@ import thermid as td
 from by_code import raises_code
 from thermid.app.cli.app import app
 from thermid.base.errors import IdentificationError, NameNotFoundError, OutputError, RecordError, ThermidError
-from thermid.campaign._start.physical import KnownMass
-from thermid.campaign._start.project import parted
-from thermid.campaign._start.proposal import StatedFacts, orders_text, propose
+from thermid.campaign._start.project import TEMPLATES, parted, write_template
+from thermid.campaign._start.proposal import KnownMass, StatedFacts, orders_text, propose
 from thermid.campaign._start.roles import noise_of, part_name, roles_of, with_noise
-from thermid.campaign._start.templates import TEMPLATES, write_template
 from thermid.model.elements import TableSignal
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from thermid.qualify._steadiness.approach import Approach
+from thermid.qualify._steadiness.forecast import Approach
 
 
 def approach(worth: float, variance: float) -> Approach:
