@@ -298,50 +298,6 @@ def text(rows: list[Mapping[str, Any]]) -> str:
     return "\n".join([*lines, "", *notes])
 
 
-def page(rows: Sequence[Mapping[str, Any]], to: str) -> Path:
-    """Write the comparison as an HTML page."""
-    made = []
-    for row in rows:
-        if "refused" in row:
-            made.append(td.reporting.Structure(row["name"], row["title"], row["free"], refused=row["refused"]))
-            continue
-        runs = {kind: row[kind] for kind in TRAINING}
-        made.append(
-            td.reporting.Structure(
-                row["name"],
-                row["title"],
-                row["free"],
-                likelihood=row["deviance"],
-                aic=row["aic_difference"],
-                corrected=row["qaic_difference"],
-                fitted={s: float(np.median([pair[k] for pair in runs.values()])) for k, s in enumerate(SENSORS)},
-                unseen=row["unseen_runs_K"],
-                values={p: (v["value"], v["error"], v["unit"]) for p, v in row["values"].items()},
-                at_bounds=tuple(d for d in row["implausible"] if "ends at its bound" in d),
-                implausible=tuple(d for d in row["implausible"] if "ends at its bound" not in d),
-            )
-        )
-    notes = [
-        "Two heaters on a board, real logs (README.md): every structure is fitted to the same training runs together and judged on runs of "
-        "both heaters that none has seen, the room fitted to each. What is physical is what textbooks and data sheets allow."
-    ]
-    reasons = [
-        "A lag of the sensors, a board that warms, and radiation beside it are each worth hundreds even by the corrected likelihood.",
-        "The likeliest gives the second of two equal transistors a lag of a minute and half the heat capacity, and predicts no better.",
-    ]
-    board = next((r for r in rows if r["name"] == "board" and "room_trend_K" in r), None)
-    if board is not None:
-        trend = board["room_trend_K"]
-        reasons.append(
-            f"It is not the whole truth: the room that the fit finds stands {trend:.1f} K warmer in steps to full power "
-            "than in small ones, so some heat still takes a way that no structure here has."
-        )
-    chosen = "board" if any(s.name == "board" for s in made) else ""
-    return td.reporting.structures_report(
-        "Which structure the heater board has", made, to=to, chosen=chosen, reasons=reasons if chosen else (), notes=notes
-    )
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """Print the comparison and return the exit code."""
     parser = argparse.ArgumentParser(description="Fit every candidate structure to all training runs and compare them.")
@@ -351,7 +307,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("--only", nargs="+", choices=list(candidates()), metavar="NAME", help="some of: " + ", ".join(candidates()))
     parser.add_argument("--from-parts", action="store_true", help="fit runs of one heater only, and predict all runs of both")
-    parser.add_argument("--page", help="HTML file to write the comparison to")
     parser.add_argument("--json", action="store_true", help="print one JSON object on standard output")
     given = parser.parse_args(arguments)
     if given.from_parts:
@@ -369,8 +324,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return error.exit_code
     seconds = time.perf_counter() - begun
     rows = compared(rows)
-    if given.page:
-        page(rows, given.page)
     if given.json:
         print(json.dumps({"schema": 1, "status": "ok", "step_s": given.step, "seconds": seconds, "structures": rows}))
     else:

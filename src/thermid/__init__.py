@@ -176,8 +176,6 @@ _NAMESPACES = {
     "reporting": {
         "page_to_pdf": "reporting.pages",
         "study_report": "reporting.pages",
-        "structures_report": "reporting.pages",
-        "Structure": "reporting.pages",
         "qualification_report": "reporting.pages",
         "correlation_report": "reporting.pages",
         "picture": "reporting.pictures",

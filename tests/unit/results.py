@@ -160,7 +160,6 @@ def of_a_run(folder: Path) -> dict[str, Any]:
         "reduction": td.qualify.reduce(unit(), soak(), nodes=2, keep=["proc"]),
         "plan": plan,
         "qualification": td.qualify.run_plan(plan),
-        "structure": td.reporting.Structure("plain", "two", 4, 900.0, 40.0, 30.0, {"T": 0.5}, {"T": {"a": 0.9}}),
         "htc": td.inference.compare_htc(2.0, 0.1, "36 [degC]", "24 [degC]", 0.025),
         "script": td.interop.read_initfcn("L = 25; % [mm]\n"),
         "options": td.Options(),

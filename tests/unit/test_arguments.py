@@ -133,7 +133,6 @@ HERE = td.site.Site(45.0, 5.0, timezone=1.0)
         (lambda: td.inference.compare_htc(*HTC, box=ANY or 5), "`box` takes two values"),
         (lambda: td.inference.compare_htc(*HTC, air=ANY or 5), "conductivity, viscosity, Prandtl number"),
         (lambda: td.inference.compare_htc(*HTC, emissivity=ANY or "grey"), "`emissivity` takes a number"),
-        (lambda: td.reporting.structures_report("t", [], to="x.html"), "Give one at least"),
         (lambda: td.Scenario("x", loads={"h": ([0.0, 60.0], [{}, 5.0])}), "is no number"),
         (lambda: td.Record.from_arrays("r", ANY, {"T": td.celsius([1.0, 2.0])}), "finite|times"),
         (lambda: td.ensemble(PART, WARM, {"case.capacitance": [8.0, 9.0]}, executor=ANY or object()), "no address of a scheduler"),

@@ -209,7 +209,6 @@ def test_what_is_written_in_python_has_the_format_of_its_name(tmp_path: Path) ->
         (record.to_csv, "log.pdf"),
         (run.to_csv, "run.csv.gz"),
         (lambda path: td.save_model(model, path), "deck.json"),
-        (lambda path: td.reporting.structures_report("none", [td.reporting.Structure("one", "a mass", 1)], to=path), "page.docx"),
     ):
         with raises_code("output.wrong-ending", OutputError):
             write(tmp_path / name)

@@ -50,7 +50,6 @@ TYPES_WITH_OWN_MESSAGE = {
     "Channel": "td.Channel.from_array(name, readings, unit='degC')",
     "Foresight": "td.design.foresee(td.design.Knowledge(model), scenario)",
     "Correlation": "td.qualify.correlate(calibration)",
-    "Structure": "td.reporting.Structure(...)",
     "Criteria": "td.Criteria(rmse='0.5 [K]')",
     "Action": "td.design.Action(name, scenario)",
     "Aim": "td.design.Aim(scenario, node)",

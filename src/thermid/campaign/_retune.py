@@ -533,7 +533,8 @@ def _source(source: CampaignSource, plan: RetunePlan, due: Sequence[str], everyt
     """Return the campaign for the new logs, those of the repeated tests alone unless everything is run; other logs need not be there."""
     old = plan.campaign.source
     assert old is not None
-    due = _with_joined(old, due)
+    joined = (t if isinstance(t, list) else [t] for name in due if (t := old.names()[name][1].joined) is not None)
+    due = dict.fromkeys((*due, *(one.record for several in joined for one in several)))  # with those of other loggers
     tables = [table for name, (_, table) in old.names().items() if everything or name in due]
     records = {name: source.content.records[name] for name, table in old.content.records.items() if any(table is t for t in tables)}
     reduced = replace(source, content=source.content.model_copy(update={"records": records, "verdicts": [], "checksums": {}}))
@@ -557,14 +558,6 @@ def _idle(source: CampaignSource, plan: RetunePlan) -> tuple[str, ...]:
     with_part = {r.name for s in plan.stages if s.part and s.action == "carried" for r in plan.campaign.requests[s.of].records}
     files = {name: file for name, (file, _) in old.names().items() if name in with_part - {*plan.tests}}
     return tuple(name for name, file in files.items() if any(source.data.rglob(file.name)))
-
-
-def _with_joined(source: CampaignSource, due: Sequence[str]) -> tuple[str, ...]:
-    """Return records with those of other loggers that they are joined with."""
-    records = source.names()
-    tables = (records[name][1].joined for name in due)
-    several = (t if isinstance(t, list) else [t] for t in tables if t is not None)
-    return tuple(dict.fromkeys((*due, *(one.record for joined in several for one in joined))))
 
 
 def _model(source: CampaignSource, table: StageTable, k: int, stage: StagePlan, plan: RetunePlan, before: Calibration | None) -> Model:

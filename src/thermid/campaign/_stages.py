@@ -641,7 +641,10 @@ def joint(
 def _judged(campaign: Campaign) -> Campaign:
     """Return a campaign in which failed verdicts are known to the stages that they are about, and to all that rests on these."""
     accepted = campaign.source.accepted if campaign.source is not None else ()
-    stages = _judged_stages(campaign.stages, campaign.verdicts, accepted)
+    stages: dict[str, Calibration] = {}
+    for name, result in campaign.stages.items():
+        failed = [v for v in campaign.verdicts if v.model == result.stage and v.passed is False]
+        stages[name] = result.judged(_as_now(result.rests, stages), _verdict_standing(failed, name in accepted))
     if campaign.joint is None:
         return replace(campaign, stages=stages)
     failed = [v for v in campaign.verdicts if v.passed is False and v.model not in stages]
@@ -742,15 +745,6 @@ def _judge(
                 readings=plain_readings(table.readings if table.readings is not None else stage.readings),
                 title=table.name,
             )
-
-
-def _judged_stages(stages: Mapping[str, Calibration], verdicts: tuple[Verdict, ...], accepted: tuple[str, ...]) -> dict[str, Calibration]:
-    """Return the stages of a campaign with what its verdicts make of them and of all that rests on them."""
-    out: dict[str, Calibration] = {}
-    for name, result in stages.items():
-        failed = [v for v in verdicts if v.model == result.stage and v.passed is False]
-        out[name] = result.judged(_as_now(result.rests, out), _verdict_standing(failed, name in accepted))
-    return out
 
 
 def _as_now(rests: Mapping[str, Standing], stages: Mapping[str, Calibration]) -> dict[str, Standing]:

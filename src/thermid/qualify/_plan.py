@@ -30,7 +30,7 @@ from thermid.prediction.reduction import macro_model
 from thermid.values.value_files import filed
 
 if TYPE_CHECKING:
-    from thermid.qualify._plan_schema import HostTable, LockFile, PlanFile, TestTable
+    from thermid.qualify._plan_schema import LockFile, PlanFile, TestTable
 
 
 AS_RUN = ("log", "state", "deviations", "date", "heat_leaks", "note")
@@ -103,29 +103,19 @@ class Plan(Result):
                 return Knowledge(model)
             return Knowledge.of_file(filed(resolve_inside(folder, source.values, "model.values"), model))
 
-    def knowledge_on(self, host: str) -> Knowledge:
-        """Return the model inside the plan's macro model `host`, its values under their paths there; the bare model for an empty name."""
-        if not host:
-            return self.knowledge
-        table = self._host(host)
-        whole = macro_model(resolve_inside(self.path.parent, table.deck, f"hosts.{host}.deck"), unit=self.knowledge.model)
-        return Knowledge(whole, self.knowledge.values, None, self.knowledge.synthetic, at=table.unit)
-
-    def _host(self, name: str) -> HostTable:
-        """Return the table of a macro model.
+    def on_host(self, host: str) -> tuple[Knowledge, tuple[Limits, ...]]:
+        """Return the model inside the plan's macro model `host` and the limits, both under their paths there; bare for an empty name.
 
         Raises
         ------
         NameNotFoundError   With the nearest name.
         """
-        return look_up(name, self.content.hosts, "no host '{}'; there are {known}.", str(self.path))
-
-    def limits_on(self, host: str) -> tuple[Limits, ...]:
-        """Return the limits with nodes and loads under their paths in the macro model `host`; as they are for an empty name."""
         if not host:
-            return self.limits
-        unit = self._host(host).unit
-        return tuple(replace(one, node=f"{unit}.{one.node}", loads=tuple(f"{unit}.{n}" for n in one.loads)) for one in self.limits)
+            return self.knowledge, self.limits
+        table = look_up(host, self.content.hosts, "no host '{}'; there are {known}.", str(self.path))
+        limits = (replace(x, node=f"{table.unit}.{x.node}", loads=tuple(f"{table.unit}.{n}" for n in x.loads)) for x in self.limits)
+        whole = macro_model(resolve_inside(self.path.parent, table.deck, f"hosts.{host}.deck"), unit=self.knowledge.model)
+        return Knowledge(whole, self.knowledge.values, None, self.knowledge.synthetic, at=table.unit), tuple(limits)
 
     def _summary(self) -> str:
         """Title, number of tests and number of reference points."""
@@ -383,11 +373,6 @@ class LockStatus:
     looked: str
     changed: tuple[str, ...]
     sha256: str
-
-    @property
-    def sound(self) -> bool:
-        """Whether the plan is unchanged since a lock that is older than the first look at a log."""
-        return self.state == "locked"
 
     def __str__(self) -> str:
         """The status as a sentence."""

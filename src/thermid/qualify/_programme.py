@@ -108,7 +108,7 @@ class Qualification(Result):
         out += [f"margin of {m.point}, {m.side}: {m.undecided}" for m in self.margins if m.undecided]
         if not self.margins:
             out.append("no margin could be computed: no reference point was in a state with limits")
-        if any(t.correlation is not None for t in self.trials) and not self.lock.sound:
+        if any(t.correlation is not None for t in self.trials) and self.lock.state != "locked":
             out.append(str(self.lock))
         return tuple(out)
 
@@ -238,7 +238,11 @@ def run_plan(
             remark = f"its log differs from the one that was first read, on {other}: {why}"
             trial = replace(trial, remarks=(*trial.remarks, remark)) if other else trial
         trials.append(trial)
-    trials = _with_doubt_of_equal_logs(_with_misfit_of_logs(trials))
+    trials = _with_misfit_of_logs(trials)
+    for k, t in enumerate(trials):
+        same = [o.test.name for j, o in enumerate(trials) if j != k and t.log_sha256 and o.log_sha256 == t.log_sha256]
+        if same:
+            trials[k] = replace(t, not_shown=(*t.not_shown, f"its log is identical to that of {', '.join(same)}"))
     effects_by_test = {
         t.test.name: assumption_effects(t.knowledge, t.test.name, t.foresight, {x.node: x.point for x in t.limits}) for t in trials
     }
@@ -264,17 +268,6 @@ def _with_misfit_of_logs(trials: Sequence[Trial]) -> list[Trial]:
         replace(t, after=widened(t.foresight, {ahead + n: size for n, size in sizes.items()}, IN_TESTS, words))
         for t, ahead in zip(trials, prefixes, strict=True)
     ]
-
-
-def _with_doubt_of_equal_logs(trials: Sequence[Trial]) -> list[Trial]:
-    """Return the tests; those whose logs are identical name each other in `not_shown`."""
-
-    def doubt(t: Trial) -> tuple[str, ...]:
-        """Return why a test's log may not be its own: another test has the same."""
-        same = [o.test.name for o in trials if o is not t and t.log_sha256 and o.log_sha256 == t.log_sha256]
-        return (f"its log is identical to that of {', '.join(same)}",) if same else ()
-
-    return [replace(t, not_shown=(*t.not_shown, *doubt(t))) for t in trials]
 
 
 def service_tests(trials: Sequence[Trial]) -> list[Trial]:

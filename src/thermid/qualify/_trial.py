@@ -224,7 +224,7 @@ def run_test(plan: Plan, test: TestTable) -> Trial:
     NameNotFoundError   When a limit or a sensor is at a node that the model does not have.
     ThermidError        When scenario, profile or log cannot be read or run.
     """
-    knowledge, limits = plan.knowledge_on(test.host), plan.limits_on(test.host)
+    knowledge, limits = plan.on_host(test.host)
     scenario, course = _scenario_and_course(plan, test, knowledge)
     sensors = sensors_of(plan, test)
     # refuse sensors and reference points at nodes that the model does not have
@@ -323,8 +323,7 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
     scenario : Scenario         What was planned.
     sensors : dict              Sensor -> (node, table), as `sensors_of` returns it.
     """
-    test = trial.test
-    log = test.log
+    test, log = trial.test, trial.test.log
     assert log is not None
     record = _record(plan, test, log.file, sensors, log.boundaries, log.loads)
     windows = [(literal(a, "s", f"{test.name}, steady"), literal(b, "s", f"{test.name}, steady")) for a, b in test.steady]
@@ -335,9 +334,9 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
         overlaid = paired(record, other, test.name)
     else:
         base = replace(scenario, start=log.start) if log.start else scenario
-        comparison = compare(
-            trial.knowledge.model, record, scenario=_without_logged_inputs(base, log.boundaries.values(), log.loads.values())
-        )
+        logged = {*log.boundaries.values(), *log.loads.values()}
+        tables = {k: {n: v for n, v in getattr(base, k).items() if n not in logged} for k in ("boundaries", "loads", "commands")}
+        comparison = compare(trial.knowledge.model, record, scenario=replace(base, **tables))
         overlaid = overlays(comparison, test.name)
     excluded = plan.content.exclusions
     left_out = Exclusions({s: r for s, r in excluded.reasons.items() if s in {o.sensor for o in overlaid}}, excluded.cap)
@@ -353,7 +352,6 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
     counted = [o for o in overlaid if o.sensor not in left_out.reasons]
     settled, unsure = stability_in_windows(trial, record, windows, [o.sensor for o in counted])
     steady = any("steady" in plan.criteria[n].kinds for n in test.criteria)
-    origin = record.origin
     find = trial.knowledge.model.canonical
     limits = [replace(x, node=find(x.node)) for x in trial.limits]
     readings = [(find(sensors[o.sensor][0]), o.times, o.measured) for o in counted]
@@ -361,8 +359,8 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
         trial,
         correlation=correlation,
         diagnosis=diagnosis,
-        log_sha256=origin.sha256,
-        synthetic=origin.synthetic,
+        log_sha256=record.origin.sha256,
+        synthetic=record.origin.synthetic,
         checks=(*trial.checks, *check_readings(readings, limits, trial.foresight.solution, state=test.state_without_loads)),
         not_shown=(*_not_shown(trial, record, counted, windows), *(windows_not_stable(settled) if steady else ())),
         remarks=(
@@ -372,15 +370,11 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
             *unsure,
         ),
         settled=settled,
-        as_logged={c: _lowest_and_highest(record, c) for c in log.boundaries},
+        as_logged={
+            c: (float(v.min()), float(v.max())) if (v := record[c].values[record[c].valid] - ICE_POINT).size else (np.nan, np.nan)
+            for c in log.boundaries
+        },
     )
-
-
-def _lowest_and_highest(record: Record, column: str) -> tuple[float, float]:
-    """Return the lowest and highest valid reading of a column; NaN without one. [degC]"""
-    channel = record[column]
-    celsius = channel.values[channel.valid] - ICE_POINT
-    return (float(celsius.min()), float(celsius.max())) if celsius.size else (np.nan, np.nan)
 
 
 def _not_shown(trial: Trial, record: Record, counted: Sequence[Overlay], windows: Sequence[tuple[float, float]]) -> Iterator[str]:
@@ -403,18 +397,6 @@ def _not_shown(trial: Trial, record: Record, counted: Sequence[Overlay], windows
         if missing and not log.simulated:
             listed = ", ".join(f"'{n}'" for n in missing)
             yield f"no column of the log gives {listed}, so there is no measurement that its levels were applied"
-
-
-def _without_logged_inputs(scenario: Scenario, boundaries: Any, loads: Any) -> Scenario:
-    """Return a scenario without the boundaries, loads and commands that the log gives."""
-    remaining = {k: v for k, v in scenario.boundaries.items() if k not in set(boundaries)}
-    logged = set(loads)
-    return replace(
-        scenario,
-        boundaries=remaining,
-        loads={k: v for k, v in scenario.loads.items() if k not in logged},
-        commands={k: v for k, v in scenario.commands.items() if k not in logged},
-    )
 
 
 def _record(
@@ -627,7 +609,9 @@ def extrapolations(test: TestTable, run: Foresight, validity: ValidityTable, nod
             out.append(f"temperature {least:.0f} .. {most:.0f} degC; calibrated {low:.0f} .. {high:.0f} degC")
     if validity.pressure:
         low, high = (literal(t, "Pa", "validity.pressure") for t in validity.pressure)
-        least, most = _pressure_range(run)
+        courses = [np.asarray(e.pressure.at(run.solution.times), dtype=float) for e in run.scenario.environment.values()]
+        pressures = np.concatenate([np.atleast_1d(p) for p in courses] or [np.array([ATMOSPHERE])])
+        least, most = float(pressures.min()), float(pressures.max())
         if least < low * 0.999 or most > high * 1.001:
             out.append(f"pressure {least:.3g} .. {most:.3g} Pa; calibrated {low:.3g} .. {high:.3g} Pa")
     if validity.power:
@@ -644,14 +628,6 @@ def extrapolations(test: TestTable, run: Foresight, validity: ValidityTable, nod
     if validity.orientation and test.orientation and test.orientation not in validity.orientation:
         out.append(f"orientation {test.orientation}; calibrated {', '.join(validity.orientation)}")
     return tuple(out)
-
-
-def _pressure_range(run: Foresight) -> tuple[float, float]:
-    """Return the lowest and highest pressure of a run's gases; one atmosphere without any. [Pa]"""
-    times = run.solution.times
-    pressures = [np.asarray(e.pressure.at(times), dtype=float) for e in run.scenario.environment.values()]
-    every = [float(x) for p in pressures for x in (np.min(p), np.max(p))] or [ATMOSPHERE]
-    return min(every), max(every)
 
 
 def pre_test(plan: Plan) -> dict[str, dict[str, dict[str, Any]]]:

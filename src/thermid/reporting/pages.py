@@ -8,6 +8,6 @@ from thermid.reporting._blocks.extras import (
     tables_folder as tables_folder,
 )
 from thermid.reporting._pages.campaign import report as report
-from thermid.reporting._pages.study import Structure as Structure, structures_report as structures_report, study_report as study_report
+from thermid.reporting._pages.study import study_report as study_report
 from thermid.reporting._pages.tables import levels as levels
 from thermid.reporting._qualification.page import correlation_report as correlation_report, qualification_report as qualification_report

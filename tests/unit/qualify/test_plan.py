@@ -96,7 +96,7 @@ def test_the_life_of_a_lock(tmp_path: Path) -> None:
     lock_plan(load_plan(file), date="2026-01-02")
     note_look(load_plan(file), "hot", "abc", date="2026-02-01")
     good = lock_status(load_plan(file))
-    assert good.sound
+    assert good.state == "locked"
     assert "locked on 2026-01-02" in str(good)
     project(tmp_path, PLAN.replace('mean = "1 [K]"', 'mean = "4 [K]"'))
     lock_plan(load_plan(file), date="2026-02-02")

@@ -289,7 +289,7 @@ class Judge:
 
 def live_table(log: Logger, judge: Judge, width: int, height: int) -> Text:
     """Return the table as it is, in at most `height` lines of at most `width` characters."""
-    head = [*_head(log, width), _rule_line(log, judge)]
+    head = _head(log, judge, width)
     foot = [log.last_mark] if log.last_mark else []
     rows = [_cells(log, judge, source, width < _NARROW) for source in _sources(log)]
     room = max(1, height - len(head) - len(foot) - 2)
@@ -314,8 +314,8 @@ def live_table(log: Logger, judge: Judge, width: int, height: int) -> Text:
     return out
 
 
-def _head(log: Logger, width: int) -> list[str]:
-    """Return what is said of the log, and of heaters and supply."""
+def _head(log: Logger, judge: Judge, width: int) -> list[str]:
+    """Return what is said of the log, of heaters and supply, and the rule with how long conditions have been as they are."""
     state, bad = log.state, sum(log.watch.counts.values())
     counts = f"{state.lines} lines, {state.missing} missing, {bad} faulty"
     lines = [f"{log.store.path.name}  {duration_text(state.seconds)}  {counts}"]
@@ -325,7 +325,10 @@ def _head(log: Logger, width: int) -> list[str]:
         lines.append(f"DISK FULL: {log.store.waiting / 1e3:.0f} kB wait in memory")
     if others := _others(log):
         lines.append(others)
-    return lines
+    held = duration_text(state.seconds - state.changed)
+    since = f"heaters as they are for {held}" if state.changed else f"watched for {held}"
+    doubt = "" if judge.rule.mark != "memory" else " (its number is from memory)"
+    return [*lines, f"rule {judge.rule.name}{doubt}; {since}"]
 
 
 def _others(log: Logger) -> str:
@@ -342,14 +345,6 @@ def _others(log: Logger) -> str:
         else:
             out.append(f"{name} {value * 100:g} %" if source[0] == "H" else f"{name} {value:.4g} {'V' if source[0] == 'V' else 'A'}")
     return "  ".join(out)
-
-
-def _rule_line(log: Logger, judge: Judge) -> str:
-    """Return the rule, and how long conditions have been as they are."""
-    held = duration_text(log.state.seconds - log.state.changed)
-    since = f"heaters as they are for {held}" if log.state.changed else f"watched for {held}"
-    doubt = "" if judge.rule.mark != "memory" else " (its number is from memory)"
-    return f"rule {judge.rule.name}{doubt}; {since}"
 
 
 def _sources(log: Logger) -> list[str]:

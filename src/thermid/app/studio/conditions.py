@@ -89,7 +89,10 @@ def changed(desk: Desk, body: Mapping[str, Any]) -> Conditions:
         conditions = _then(conditions, scenario=held, words=words)
     if start := text_of(body, "start"):
         conditions = _then(conditions, scenario=replace(conditions.scenario, initial={}).with_(start=start), words=f"start: now {start}")
-    return _without_gas(conditions, text_of(body, "gas") or "air")
+    gas = text_of(body, "gas") or "air"
+    refuse_unknown([gas], GASES, "what if", "'{}' is not one of {known}.", DeckError)
+    words = {"air": "", "vacuum": "gas: none", "printed": "gas: none, every coefficient zero as printed, an upper bound"}[gas]
+    return _then(conditions, words, scenario=conditions.scenario.vacuum(as_printed=gas == "printed")) if words else conditions
 
 
 def _then(before: Conditions, words: str, model: Model | None = None, scenario: Scenario | None = None) -> Conditions:
@@ -113,14 +116,6 @@ def _powered(before: Conditions, load: str, factor: float) -> Conditions:
 def _times(text: str, factor: float) -> str:
     number, _, unit = text.partition("[")
     return f"{float(number) * factor!r} [{unit}"
-
-
-def _without_gas(before: Conditions, gas: str) -> Conditions:
-    refuse_unknown([gas], GASES, "what if", "'{}' is not one of {known}.", DeckError)
-    if gas == "air":
-        return before
-    words = {"vacuum": "gas: none", "printed": "gas: none, every coefficient zero as printed, an upper bound"}[gas]
-    return _then(before, words, scenario=before.scenario.vacuum(as_printed=gas == "printed"))
 
 
 def finished(surfaces: Sequence[str], finish: str) -> list[Edit]:

@@ -21,7 +21,7 @@ from thermid.prediction.bands import Band, Knowledge, foresee
 from thermid.qualify.plans import Qualification, Trial, load_plan, lock_status, run_plan
 from thermid.qualify.profiles import ProfileRun, ThermalProfile, load_profile, profile_names, profile_of, run_profile, typed
 from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Scenario, Solution, simulate
+from thermid.simulation.runs import Solution, simulate
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,13 @@ class Shelf:
 
     def courses(self, desk: Desk) -> dict[str, Course]:
         """Return key -> what can be run on a desk's model, or on a plan's own."""
-        courses = [*_runs_of_desk(desk), *self._written(), *_standards()]
+        kind, group = ("record", "As in its logs") if desk.problem is not None else ("scenario", "Scenarios")
+        courses = [Course(f"{kind} {k}", title, group, kind, (k,)) for k, title in enumerate(desk.runs)]
+        courses += self._written()
+        for standard, profiles in profile_names().items():
+            for name, level in ((name, level) for name, levels in profiles.items() for level in levels or ("",)):
+                title = f"{name}, {level}" if level else name
+                courses.append(Course(f"{standard} {title}", title, standard, "profile", (standard, name, level)))
         return {c.key: c for c in courses}
 
     def course(self, desk: Desk, key: str) -> Course:
@@ -68,8 +74,7 @@ class Shelf:
         ------
         NameNotFoundError   When there is none of that key.
         """
-        courses = self.courses(desk)
-        return look_up(key, courses, "unknown run '{}'.", desk.title)
+        return look_up(key, self.courses(desk), "unknown run '{}'.", desk.title)
 
     def limits(self, desk: Desk) -> tuple[tuple[Limits, ...], str]:
         """Return the limits beside the deck whose nodes its model has, and the files that hold them."""
@@ -179,20 +184,6 @@ def profile_object(profile: ThermalProfile) -> dict[str, Any]:
         "trust": trust,
         "lacking": lacking,
     }
-
-
-def _runs_of_desk(desk: Desk) -> Iterator[Course]:
-    kind, group = ("record", "As in its logs") if desk.problem is not None else ("scenario", "Scenarios")
-    for k, title in enumerate(desk.runs):
-        yield Course(f"{kind} {k}", title, group, kind, (k,))
-
-
-def _standards() -> Iterator[Course]:
-    for standard, profiles in profile_names().items():
-        for name, levels in profiles.items():
-            for level in levels or ("",):
-                title = f"{name}, {level}" if level else name
-                yield Course(f"{standard} {title}", title, standard, "profile", (standard, name, level))
 
 
 def _files(folder: Path) -> list[Path]:
@@ -311,8 +302,10 @@ def run_course(shelf: Shelf, desk: Desk, course: Course, values: Mapping[str, fl
         )
         solution, scenario = run.solution, run.scenario
     else:
-        model, boundaries_model = desk.run_of(course.of[0], values, sensors=False)
-        scenario = _scenario(boundaries_model, str(query.get("gas") or "air"))
+        model, scenario = desk.run_of(course.of[0], values, sensors=False)
+        gas = str(query.get("gas") or "air")
+        refuse_unknown([gas], ("air", "vacuum", "printed"), "studio", "'{}' is not one of {known}.", ScenarioError)
+        scenario = scenario if gas == "air" else scenario.vacuum(gas == "printed")
         solution = simulate(model, scenario, every=max(scenario.seconds / STORED_TIMES, 1e-3))
     limits, source = shelf.limits(desk)
     checks = check_limits(solution, limits, state=state)
@@ -329,21 +322,12 @@ def run_course(shelf: Shelf, desk: Desk, course: Course, values: Mapping[str, fl
         expected = foresee(Knowledge.of_source(desk.calibration), scenario, nodes=[one.node for one in limits], times=solution.times)
         rooms, bands = margins({course.title: expected}, limits, states={course.title: state}), expected.prediction.bands
     remarks = run.remarks if run is not None else tuple(solution.warnings)
-    title, fewer = f"{course.title} on {desk.title}", _fewer_cycles(course, run)
+    fewer: tuple[str, ...] = ()
+    if run is not None and run.profile.has("cycles"):
+        whole, done = profile_for(course, {}).value("cycles"), run.profile.value("cycles")
+        fewer = (f"{done:g} of {whole:g} cycles were run",) if done < whole else ()
+    title = f"{course.title} on {desk.title}"
     return Outcome(title, solution, limits, checks, run, rooms, bands, state, source, tuple(remarks), open=fewer)
-
-
-def _fewer_cycles(course: Course, run: ProfileRun | None) -> tuple[str, ...]:
-    """Return in words that fewer cycles were run than the profile itself has; empty where they were not."""
-    if run is None or not run.profile.has("cycles"):
-        return ()
-    whole, done = profile_for(course, {}).value("cycles"), run.profile.value("cycles")
-    return (f"{done:g} of {whole:g} cycles were run",) if done < whole else ()
-
-
-def _scenario(scenario: Scenario, gas: str) -> Scenario:
-    refuse_unknown([gas], ("air", "vacuum", "printed"), "studio", "'{}' is not one of {known}.", ScenarioError)
-    return scenario if gas == "air" else scenario.vacuum(gas == "printed")
 
 
 def _tested(shelf: Shelf, course: Course, progress: Told) -> Outcome:
@@ -440,20 +424,15 @@ def _verdict(outcome: Outcome) -> dict[str, str]:
     if is_kept and outcome.passed is False:
         text = f"No limit is passed. Smallest room: {what}, {worst.room:.1f} K."
         word = "margin not met"
-    if is_kept and outcome.trial is not None and outcome.trial.passed is False:
-        word, text = "not met", f"{text} The test is not met: {_missed(outcome)}."
+    if is_kept and (trial := outcome.trial) is not None and trial.passed is False:
+        failed = [] if trial.correlation is None else [str(g) for g in trial.correlation.failed]
+        failed += [f"heater {h.load}" for h in trial.heaters if h.passed is False]
+        word, text = "not met", f"{text} The test is not met: {'; '.join(failed)}."
     if bad is not None:
         text = f"{text} Margin not met: {bad.point}, {bad.side}, {bad.margin:.1f} K, with uncertainty and what the policy adds."
     if is_kept and outcome.passed is None:
         word, text = "not decided", f"{text} Not decided: {'; '.join(outcome.undecided)}."
     return {"word": word, "text": text + _settling(run)}
-
-
-def _missed(outcome: Outcome) -> str:
-    """Return the criteria and heaters of a plan's test that are not met."""
-    trial = outcome.trial
-    failed = [] if trial is None or trial.correlation is None else [str(g) for g in trial.correlation.failed]
-    return "; ".join([*failed, *(f"heater {h.load}" for h in (trial.heaters if trial is not None else ()) if h.passed is False)])
 
 
 def _settling(run: ProfileRun | None) -> str:

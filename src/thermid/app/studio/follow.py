@@ -60,12 +60,6 @@ def temperatures_alone(channels: Mapping[str, Any]) -> dict[str, Any]:
     return {n: t if isinstance(t, str) else {"node": n} | ({"unit": t["unit"]} if "unit" in t else {}) for n, t in warm.items()}
 
 
-def _as_told(channels: Mapping[str, Any], told: Tables) -> dict[str, Any]:
-    """Return the tables of a record with what was bound on the page in their place; noise and the like stay."""
-    stated = {n: channels[n] for n in told if isinstance(channels.get(n), dict)}
-    return {n: {k: v for k, v in stated.get(n, {}).items() if k not in WATCHED_ROLES} | t for n, t in told.items()} or dict(channels)
-
-
 @dataclass(frozen=True)
 class _Bound:
     """What a log is watched by, and in words of which record it is like, or why no model is used."""
@@ -222,7 +216,10 @@ def _like_a_record(path: Path, campaign: Campaign, stated: Scenario | None, bare
     last = next(s.records for s in campaign.source.content.stages if s.name == list(campaign)[-1]) if campaign.source is not None else ()
     like = max(alike, key=lambda name: (name in last, len(records[name].channels)))  # whose columns are those of the model
     test = running_test(campaign, like)
-    tables = _as_told(test.table.channels, told)
+    # what was bound on the page stands in place of the record's own; noise and the like stay
+    stated = {n: t for n in told if isinstance(t := test.table.channels.get(n), dict)}
+    bound = {n: {k: v for k, v in stated.get(n, {}).items() if k not in WATCHED_ROLES} | t for n, t in told.items()}
+    tables = bound or dict(test.table.channels)
     columns = BoundColumns(model=test.model, options=test.options, tables=tables, bound=test.bound, remarks=test.remarks)
     return _Bound(replace(bare, columns=columns, scenario=stated, conditions=test.conditions), like)
 

@@ -361,7 +361,9 @@ class Project:
         ------
         DeckError   When the deck says these values already, or cannot hold them.
         """
-        desk, file = self.desk(name), self._deck_of(name)
+        desk, file = self.desk(name), self.path
+        if self.source is not None:
+            file = resolve_inside(file.parent, next(s for s in self.source.content.stages if s.name == name).model, name)
         before = DeckDocument.opened(file)
         there = parameter_table(load_model(file))
         texts = {}
@@ -389,13 +391,6 @@ class Project:
             raise DeckError(why, document.path.name, code="output.changed-meanwhile")
         document.save()
         return document.path
-
-    def _deck_of(self, name: str) -> Path:
-        """Return the deck of a stage."""
-        if self.source is None:
-            return self.path
-        stage = next(s for s in self.source.content.stages if s.name == name)
-        return resolve_inside(self.path.parent, stage.model, name)
 
     def swap(self, part: str, deck: str) -> RetunePlan:
         """Return what replacing a part by another deck of the project costs; the stages that turn stale are marked.

@@ -353,6 +353,12 @@ def example_named(name: str) -> ShippedExample:
     return EXAMPLES[name]
 
 
+LICENCE: Final = """The logs of this folder were made of the files of https://github.com/{0.repository}, commit {0.commit}.
+{0.author}. {0.licence} licence; its text is the file LICENSE of that repository.
+Converted to comma-separated text; nothing was filtered.
+"""
+
+
 def shipped() -> Path:
     """Return the folder of the examples.
 
@@ -411,7 +417,7 @@ def copy_example(
             if progress is not None:
                 progress(k + 1, len(data.files))
         if data is not None:
-            write_bytes(half / "LICENSE.data", _licence(data).encode(), COPY)
+            write_bytes(half / "LICENSE.data", LICENCE.format(data).encode(), COPY)
         if example.makes and logs:
             done = subprocess.run([sys.executable, "-B", example.makes, "."], cwd=half, capture_output=True, text=True, check=False)
             if done.returncode:
@@ -431,14 +437,6 @@ def _files(folder: Path) -> Iterator[tuple[Path, Path]]:
         inside = file.relative_to(folder)
         if file.is_file() and not set(inside.parts) & set(_NOT_COPIED):
             yield file, inside
-
-
-def _licence(data: DataSet) -> str:
-    return (
-        f"The logs of this folder were made of the files of https://github.com/{data.repository}, commit {data.commit}.\n"
-        f"{data.author}. {data.licence} licence; its text is the file LICENSE of that repository.\n"
-        "Converted to comma-separated text; nothing was filtered.\n"
-    )
 
 
 def _checked(example: ShippedExample, folder: Path) -> int:

@@ -1,4 +1,4 @@
-"""A proposal or a template as files: a commented deck, a scenario, a campaign, schemas for editors, and the logs cut for fit and verdict."""
+"""A proposal or a template as files: a commented deck, scenario and campaign, schemas for editors, and logs cut for fit and verdict."""
 
 from __future__ import annotations
 

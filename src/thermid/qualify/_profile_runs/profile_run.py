@@ -171,7 +171,9 @@ class ProfileRun(Result):
     @property
     def remarks(self) -> tuple[str, ...]:
         """Remarks on the profile, the run and the solution."""
-        of_run = (*_level_remarks(self), *_ramp_remarks(self), *_unfinished_remarks(self), *_water_remarks(self))
+        level = "no base plate was named, so the levels are those of the chamber and the rule applies to the slowest node"
+        waited = not self.base and any(p.kind == "wait" for p in self.phases)
+        of_run = (*[level] * waited, *_ramp_remarks(self), *_unfinished_remarks(self), *_water_remarks(self))
         return (*self.profile.check(self.cycles_beside), *self.notes, *of_run, *self.solution.warnings)
 
     def as_object(self) -> dict[str, Any]:
@@ -271,13 +273,6 @@ def _film_text(kilograms: float) -> str:
     """Return a film of water [kg/m^2] in g/m^2 with two significant digits."""
     grams = 1e3 * kilograms
     return f"{round(grams, -1):.0f} g/m^2" if grams >= 100.0 else f"{grams:.2g} g/m^2"
-
-
-def _level_remarks(run: ProfileRun) -> Iterator[str]:
-    """Yield a remark where no base plate was named, so that levels are those of the chamber."""
-    waits = [p for p in run.phases if p.kind == "wait"]
-    if waits and not run.base:
-        yield "no base plate was named, so the levels are those of the chamber and the rule applies to the slowest node"
 
 
 def _ramp_remarks(run: ProfileRun) -> Iterator[str]:

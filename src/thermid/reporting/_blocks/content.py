@@ -150,21 +150,15 @@ def plain(value: float, digits: int = 6) -> str:
     return text.rstrip("0").rstrip(".") if "." in text and "e" not in text else text
 
 
-def digits_of(error: float) -> int | None:
-    """Return how many decimals show two digits of an error; None where there is no error.
-
-    >>> digits_of(0.16), digits_of(0.0029), digits_of(35.0)
-    (2, 4, 0)
-    """
-    if not math.isfinite(error) or error <= 0 or error < 1e-10:
-        return None
-    return max(0, 1 - math.floor(math.log10(error)))
-
-
 def significant(value: float, error: float) -> str:
-    """Return a number with as many decimals as its error has two digits."""
-    decimals = digits_of(error)
-    return number(value, 6) if decimals is None or abs(value) >= 1e6 else f"{value:z.{decimals}f}"
+    """Return a number with as many decimals as its error has two digits.
+
+    >>> significant(3.14159, 0.16), significant(3.14159, 0.0029), significant(314.159, 35.0)
+    ('3.14', '3.1416', '314')
+    """
+    if not 1e-10 <= error < math.inf or abs(value) >= 1e6:
+        return number(value, 6)
+    return f"{value:z.{max(0, 1 - math.floor(math.log10(error)))}f}"
 
 
 def signed(value: float, decimals: int) -> str:

@@ -486,7 +486,13 @@ def _lines(drawing: _Drawing, plan: MapPlaces) -> Iterator[str]:
         tip = f"<title>{escape(drawing.tip(members))}</title>"
         yield f'<path class="wire {style}" d="{_way(points)}"{dash}{_stroke_style(drawing, pair, most)}{mark}>{tip}</path>'
         if drawing.heat and abs(drawing.heat[pair]) > FAINT * most:
-            yield _arrow(points if drawing.heat[pair] >= 0.0 else points[::-1], abs(drawing.heat[pair]) / most)
+            # the head of an arrow at the end of the line that heat flows to
+            ends = points[-2:] if drawing.heat[pair] >= 0.0 else points[1::-1]
+            before, end = (np.array(p) for p in ends)
+            along = (end - before) / max(float(np.hypot(*(end - before))), 1e-9)
+            across, size = np.array([-along[1], along[0]]), ARROW + THICK * abs(drawing.heat[pair]) / most
+            corners = [end, end - size * along + 0.6 * size * across, end - size * along - 0.6 * size * across]
+            yield f'<path class="head" d="M{"L".join(f"{p[0]:.1f} {p[1]:.1f}" for p in corners)}z"/>'
 
 
 def _way(points: Sequence[Point]) -> str:
@@ -498,15 +504,6 @@ def _way(points: Sequence[Point]) -> str:
         (x1, y1), (x2, y2) = p + ways[0], p + ways[1]
         out.append(f"L{x1:.1f} {y1:.1f}Q{p[0]:.1f} {p[1]:.1f} {x2:.1f} {y2:.1f}")
     return "".join([*out, f"L{points[-1][0]:.1f} {points[-1][1]:.1f}"])
-
-
-def _arrow(points: Sequence[Point], share: float) -> str:
-    """Return the head of an arrow at the end of a line that carries a share of the most heat."""
-    end, before = np.array(points[-1]), np.array(points[-2])
-    along = (end - before) / max(float(np.hypot(*(end - before))), 1e-9)
-    across, size = np.array([-along[1], along[0]]), ARROW + THICK * share
-    corners = [end, end - size * along + 0.6 * size * across, end - size * along - 0.6 * size * across]
-    return f'<path class="head" d="M{"L".join(f"{p[0]:.1f} {p[1]:.1f}" for p in corners)}z"/>'
 
 
 def _card(drawing: _Drawing, card: Card, plan: MapPlaces) -> Iterator[str]:

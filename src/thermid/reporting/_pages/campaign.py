@@ -17,7 +17,7 @@ from thermid.base.sourced import VERDICTS
 from thermid.base.units import counted, from_si, unit
 from thermid.campaign.stages import Campaign, JointFit, campaign_predictions
 from thermid.campaign.verdicts import CampaignPrediction, Verdict, largest, metric
-from thermid.fit.calibration import MOVED, NOT_REJECTED, UNDECIDED, Calibration, Move, MovedGroup, SensorTrace
+from thermid.fit.calibration import MOVED, NOT_REJECTED, UNDECIDED, Calibration, Move, SensorTrace
 from thermid.inference.criticism import criticise
 from thermid.inference.diagnosis import energy_balance
 from thermid.inference.intervals import identifiability
@@ -424,7 +424,10 @@ def moved(calibration: Calibration) -> Table:
         Head("found, %", True, "the change that would be found with 90 % power, in parts of the value"),
         Head("result"),
     ]
-    rows: list[Line] = [_line(m) for m in calibration.moved.values] + [_group(g) for g in calibration.moved.groups]
+    rows: list[Line] = [_line(m) for m in calibration.moved.values]
+    for g in calibration.moved.groups:
+        square = f"χ² {number(g.chi_square, 3)} of {g.directions}" if g.directions else DASH
+        rows.append([Cell(g.name, ", ".join(g.paths), "main"), *[""] * 5, square, number(g.chance, 2), "", _result(g.verdict)])
     how = (
         "A value that changed: the part behaves differently in the assembly than alone, or the stage below lacks physics. A value is "
         "called not rejected only if the logs would show a change of 10 %."
@@ -450,13 +453,6 @@ def _line(m: Move) -> Line:
     return [
         Cell(m.path, "", "main"), m.stage, there, here, pretty(m.unit), share, far, number(m.chance, 2), detectable, _result(m.verdict),
     ]  # fmt: skip
-
-
-def _group(g: MovedGroup) -> Line:
-    """Return the row of values that are tested together: chi-square, directions and chance."""
-    what = Cell(g.name, ", ".join(g.paths), "main")
-    square = f"χ² {number(g.chi_square, 3)} of {g.directions}" if g.directions else DASH
-    return [what, "", "", "", "", "", square, number(g.chance, 2), "", _result(g.verdict)]
 
 
 MAX_RECORDS_DETAILED = 12

@@ -1,16 +1,14 @@
-"""Pages of a study: `study_report`, its four steps, its parts and what was found; `structures_report`, structures side by side."""
+"""The page of a study: `study_report`, its four steps, its parts and what was found."""
 
 from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
-from statistics import median
 
 from thermid.base.arguments import takes_objects
-from thermid.base.errors import ThermidError, look_up
 from thermid.base.units import counted, from_si
 from thermid.campaign.stages import Campaign
 from thermid.campaign.studies import Study
@@ -22,13 +20,11 @@ from thermid.reporting._blocks.content import (
     DASH,
     Cell,
     Facts,
-    Figures,
     Head,
     Heading,
     Line,
     Notes,
     PageBlock,
-    Plot,
     Section,
     Table,
     Words,
@@ -37,14 +33,11 @@ from thermid.reporting._blocks.content import (
     plain,
     pretty,
     signed,
-    significant,
 )
 from thermid.reporting._blocks.extras import Sheets, check_page, write_page
 from thermid.reporting._pages import tables
 from thermid.reporting._pages.front import VERDICTS_TABLE, front
 from thermid.reporting._pages.tables import glance
-from thermid.reporting._pictures import figures
-from thermid.reporting._pictures.figures import Dots
 
 
 @takes_objects
@@ -58,9 +51,7 @@ def study_report(
     watermark: str = "",
     audience: str = "all",
 ) -> Path:
-    """Write a study as one HTML page, or as a PDF where its name ends in .pdf, and return its path.
-
-    The page loads nothing and runs no script but its own. Long tables are files of comma-separated values too, in a folder beside the page.
+    """Write a study as one HTML page, or as a PDF where its name ends in .pdf, and return its path; long tables are CSV files beside it.
 
     Parameters
     ----------
@@ -84,17 +75,19 @@ def study_report(
     records, of = tables.made_records(campaign)
     text = f"{len(records)} of {of} records are synthetic, so results from them are not evidence about real hardware." if records else ""
     banners = [(watermark.upper() or "SYNTHETIC DATA", " ".join(t for t in (study.note, text) if t))] if watermark or records else []
-    added = [s for s in sections if audience in s.audiences]
-    whole = [Section.of_blocks("steps", "The four steps", steps(study)), _parts_section(study), *added, _record_section(study, campaign)]
-    shown = sheets.shortened(whole)
     if audience == "summary":
         shown = [Section.of_blocks("verdicts", "Verdicts", [_verdicts(campaign, ranked=True)] if campaign.verdicts else [])]
+    else:
+        added = [s for s in sections if audience in s.audiences]
+        first = Section.of_blocks("steps", "The four steps", steps(study))
+        shown = sheets.shortened([first, _parts_section(study), *added, _record_section(study, campaign)])
     outcomes = [v.passed for v in campaign.verdicts]
+    about = (study.subject, f"Intended use: {study.use}.", f"After: {study.document}." if study.document else "")
     return write_page(
         "study.html.jinja",
         to,
         title=study.title,
-        opening=_opening(study, audience),
+        opening=[] if audience == "summary" else [t for t in about if t],
         watermark=watermark,
         headline="",
         banners=banners,
@@ -108,12 +101,6 @@ def study_report(
         seen=glance(campaign, {}),
         sheets=sheets,
     )
-
-
-def _opening(study: Study, audience: str) -> list[str]:
-    """Return what the study is about; nothing of it on two sheets."""
-    words = (study.subject, f"Intended use: {study.use}.", f"After: {study.document}." if study.document else "")
-    return [] if audience == "summary" else [t for t in words if t]
 
 
 def steps(study: Study) -> list[PageBlock]:
@@ -277,207 +264,3 @@ def _record_section(study: Study, campaign: Campaign) -> Section:
 def _verdicts(campaign: Campaign, ranked: bool = False) -> Table:
     """Return the table of verdicts under the title and key that a study gives it."""
     return replace(tables.verdicts(campaign, ranked), title="Verdicts, criterion by criterion", key=VERDICTS_TABLE)
-
-
-SAME_ERROR_FACTOR = 1.05
-"""Errors on unseen runs within this factor of the lowest say nothing between structures."""
-LITTLE = 10.0
-"""Difference of the corrected AIC above which a structure has no support (Burnham and Anderson 2002, section 2.6)."""
-
-
-@dataclass(frozen=True)
-class Structure:
-    """One candidate, fitted to the same records as the others.
-
-    Parameters
-    ----------
-    name, what : str        What it is called, and what it is made of.
-    free : int              Values that it frees, those of single runs not counted.
-    likelihood : float      -2 log likelihood up to a constant. [-]
-    aic, corrected : float  Difference of AIC from the best, and the same with the likelihood divided by what the memory of residuals
-                            inflates it. [-]
-    fitted : dict           Sensor -> median over the fitted runs of the RMSE. [K]
-    unseen : dict           Sensor -> run that no fit has seen -> RMSE. [K]
-    values : dict           Parameter -> value, error and unit.
-    at_bounds : tuple       Parameters that ended at a bound, in words.
-    implausible : tuple     What else is unphysical or unknown, in words.
-    refused : str           Why it could not be fitted; empty where it was.
-    """
-
-    name: str
-    what: str
-    free: int
-    likelihood: float = float("nan")
-    aic: float = float("nan")
-    corrected: float = float("nan")
-    fitted: Mapping[str, float] = field(default_factory=dict)
-    unseen: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    values: Mapping[str, tuple[float, float, str]] = field(default_factory=dict)
-    at_bounds: tuple[str, ...] = ()
-    implausible: tuple[str, ...] = ()
-    refused: str = ""
-
-    @property
-    def physical(self) -> bool:
-        """Whether it was fitted and nothing is held against its values."""
-        return not (self.refused or self.at_bounds or self.implausible)
-
-    @property
-    def error(self) -> float:
-        """Median over unseen runs, mean over sensors. [K]"""
-        medians = [median(runs.values()) for runs in self.unseen.values()]
-        return sum(medians) / len(medians) if medians else float("inf")
-
-
-@takes_objects
-def structures_report(
-    title: str,
-    structures: Sequence[Structure],
-    *,
-    to: str | os.PathLike[str],
-    chosen: str = "",
-    reasons: Sequence[str] = (),
-    notes: Sequence[str] = (),
-) -> Path:
-    """Write a comparison of structures as one HTML page, or as a PDF where its name ends in .pdf, and return its path.
-
-    The page loads nothing and runs no script but its own.
-
-    Parameters
-    ----------
-    title : str             What was modelled.
-    structures : sequence   The candidates, from the simplest.
-    to : path               The file to write; its folder is made where it is missing.
-    chosen : str            The one that its author takes; the simplest physical one within 5 % of the lowest error by default.
-    reasons : sequence      Why, in the author's words.
-    notes : sequence        What a reader must know of data and method.
-
-    Raises
-    ------
-    ValueError          Without structures, or when the chosen one is not among them.
-    MissingExtraError   When jinja2 is not installed.
-    NoBrowserError      When a PDF is asked for and no browser is installed that prints it.
-    OutputError         When the file may not be written, or its name promises another format.
-    """
-    if not structures:
-        raise ThermidError("no structures are given to compare. Give one at least.", title, code="value.incomplete")
-    check_page(to)
-    taken = _taken(structures, chosen)
-    return write_page(
-        "study.html.jinja",
-        to,
-        title=title,
-        opening=list(notes),
-        watermark="",
-        banners=[],
-        headline=f"Taken: {taken.name}" if taken else "None is acceptable",
-        failed=0 if taken and taken.physical else 1,
-        judged=1,
-        summary=taken.what if taken else "every structure was refused, or has implausible values",
-        outcome=[Notes((*_findings(structures, taken), *reasons), "Result of the comparison")],
-        sections=[
-            Section.of_blocks("side-by-side", "Side by side", [_overview(structures, taken), *_dots(structures)]),
-            Section.of_blocks("values", "Values and objections", _values(structures)),
-            Section.of_blocks("provenance", "Provenance", [tables.versions()]),
-        ],
-    )
-
-
-def _taken(structures: Sequence[Structure], chosen: str) -> Structure | None:
-    """Return the structure that is taken: the one named, or the simplest of the physical ones whose error is near the least."""
-    if chosen:
-        return look_up(chosen, {s.name: s for s in structures}, "no structure '{}'; there are {known}.")
-    good = [s for s in structures if s.physical]
-    best = min((s.error for s in good), default=0.0)
-    return min((s for s in good if s.error <= SAME_ERROR_FACTOR * best), key=lambda s: s.free, default=None)
-
-
-def _findings(structures: Sequence[Structure], taken: Structure | None) -> list[str]:
-    """Return what likelihood, unseen runs and physics say, and where they disagree."""
-    candidates = [s for s in structures if not s.refused]
-    out = []
-    if candidates:
-        likeliest, nearest = min(candidates, key=lambda s: s.corrected), min(candidates, key=lambda s: s.error)
-        wrong = "" if likeliest.physical else f", but implausible: {'; '.join((*likeliest.at_bounds, *likeliest.implausible))}"
-        out.append(f"Likeliest on the fitted runs: {likeliest.name}{wrong}.")
-        out.append(f"Nearest to the hold-out runs: {nearest.name}, {number(nearest.error, 2)} K.")
-        if taken is not None and taken is not nearest:
-            away = taken.error / nearest.error - 1.0
-            why = "" if nearest.physical else f"; of {nearest.name}: {'; '.join((*nearest.at_bounds, *nearest.implausible))}"
-            out.append(f"{taken.name} misses them by {number(taken.error, 2)} K, {100 * away:.0f} % more{why}.")
-    refused = [s.name for s in structures if s.refused]
-    if refused:
-        out.append(f"Refused, because these runs do not determine its parameters: {', '.join(refused)}.")
-    return out
-
-
-def _overview(structures: Sequence[Structure], taken: Structure | None) -> Table:
-    """Return the table of structures: free values, information criteria, errors on fitted and hold-out runs."""
-    sensors = list(dict.fromkeys(name for s in structures for name in s.unseen))
-    columns = [
-        Head("structure"),
-        Head("what it is", wrapped=True),
-        Head("free", True),
-        Head(
-            "dQAIC",
-            True,
-            "difference of AIC from the best, with the likelihood corrected for autocorrelated residuals; above 10: no support",
-        ),
-        Head("dAIC", True, "as if every sample were independent (they are not)"),
-        *(Head(f"{s} fitted, K", True, "median RMSE over the fitted runs") for s in sensors),
-        *(Head(f"{s} unseen, K", True, "median RMSE over hold-out runs") for s in sensors),
-        Head("at bounds", True),
-        Head("physical"),
-    ]
-    lowest = {s: min((median(x.unseen[s].values()) for x in structures if s in x.unseen), default=0.0) for s in sensors}
-    rows: list[Line] = []
-    for x in structures:
-        name = Cell(f"▸ {x.name}" if x is taken else x.name, "", "main")
-        if x.refused:
-            rows.append([name, x.what, str(x.free), *[DASH] * (2 + 2 * len(sensors)), DASH, Cell("refused", x.refused, "warn")])
-            continue
-        unseen = [median(x.unseen[s].values()) for s in sensors]
-        looks = ["good" if u <= SAME_ERROR_FACTOR * lowest[s] else "" for s, u in zip(sensors, unseen, strict=True)]
-        verdict = Cell("✓ yes", "", "good") if x.physical else Cell(f"✗ {len(x.at_bounds) + len(x.implausible)} doubtful", "", "warn")
-        rows.append(
-            [
-                name,
-                x.what,
-                str(x.free),
-                Cell(f"{x.corrected:.0f}", "", "good" if x.corrected < LITTLE else ""),
-                f"{x.aic:.0f}",
-                *(number(x.fitted[s], 2) for s in sensors),
-                *(Cell(number(u, 2), "", look) for u, look in zip(unseen, looks, strict=True)),
-                Cell(str(len(x.at_bounds)), "", "warn" if x.at_bounds else ""),
-                verdict,
-            ]
-        )
-    caption = "From the simplest down; ▸ is taken. Strong: within 5 % of the lowest error, or with support by the corrected likelihood."
-    return Table.of_rows(columns, rows, caption)
-
-
-def _dots(structures: Sequence[Structure]) -> list[PageBlock]:
-    """Return the figure of the errors of every structure on each hold-out run. [K]"""
-    lines = [Dots(s.name, {sensor: list(runs.values()) for sensor, runs in s.unseen.items()}, True) for s in structures if s.unseen]
-    if not lines:
-        return []
-    drawn = figures.overview(lines)
-    return [Figures((Plot(drawn, "RMSE on each hold-out run [K], one line per structure."),), drawn.legend, True)]
-
-
-def _values(structures: Sequence[Structure]) -> list[PageBlock]:
-    """Return the values of each structure with their standard errors, below what speaks against it."""
-    out: list[PageBlock] = []
-    for s in structures:
-        out.append(Heading(s.name))
-        if s.refused:
-            out.append(Notes((s.refused,), "Refused"))
-            continue
-        held = (*s.at_bounds, *s.implausible)
-        out.append(Notes(held, "Objections") if held else Words("Every value is within published ranges and inside its bounds."))
-        rows: list[Line] = [
-            [Cell(p, "", "main"), f"{significant(v, e)} ± {number(e, 2)}", pretty(unit)] for p, (v, e, unit) in s.values.items()
-        ]
-        table = Table.of_rows([Head("value"), Head("found ± total error", True), Head("unit")], rows)
-        out.append(folded("Its values", [table], f"{len(rows)} of them"))
-    return out

@@ -36,7 +36,7 @@ from thermid.reporting._blocks.content import (
     significant,
     verdict_cell,
 )
-from thermid.reporting._pages.views import ShownValue, view
+from thermid.reporting._pages.views import view
 from thermid.values.fitted import FittedValue
 from thermid.values.store import INPUT
 
@@ -78,7 +78,7 @@ def parameters(calibration: Calibration) -> Table:
                 number(q.error, 2),
                 number(share, 2),
                 pretty(q.unit),
-                _bounds(q),
+                bounds_text(q.bounds),
                 f"{shift:+.1f}" if math.isfinite(shift) else DASH,
                 Cell(source, entry.parameter.basis),
                 _state(v),
@@ -87,9 +87,9 @@ def parameters(calibration: Calibration) -> Table:
     return Table.of_rows(columns, rows)
 
 
-def _bounds(q: ShownValue) -> str:
+def bounds_text(bounds: tuple[float, float]) -> str:
     """Return the bounds of a value as text; a dash where it has none."""
-    low, high = (plain(b, 4) if math.isfinite(b) else "" for b in q.bounds)
+    low, high = (plain(b, 4) if math.isfinite(b) else "" for b in bounds)
     return f"{low} .. {high}" if low and high else f"from {low}" if low else f"to {high}" if high else DASH
 
 
@@ -142,17 +142,13 @@ def levels(campaign: Campaign) -> tuple[Table, Table]:
         Head("part"),
         Head("parameter"),
         Head("unit"),
-        *(_stage_column(campaign[stage], stage) for stage in campaign),
+        *(
+            Head(f"stage {stage}", True) if s.fair else Head(f"stage {stage} ({s.state})", True, s.line(stage))
+            for stage, s in ((stage, campaign[stage].standing) for stage in campaign)
+        ),
     ]
     how = "Bold: fitted at that stage, with its total standard error. Plain: fixed there. A dash: not in that model."
     return Table.of_rows(columns, htc, how), Table.of_rows(columns, rest, how)
-
-
-def _stage_column(fit: Calibration, stage: str) -> Head:
-    """Return the column of a stage, with its standing where a reader must know it."""
-    standing = fit.standing
-    head = f"stage {stage}"
-    return Head(head, True) if standing.fair else Head(f"{head} ({standing.state})", True, standing.line(stage))
 
 
 def _names(model: Model, path: str) -> Iterator[tuple[str, str]]:
@@ -576,12 +572,6 @@ def _twins(c: Calibration) -> list[tuple[str, str, float]]:
     ]
 
 
-def _half(v: FittedValue) -> float:
-    """Return the half-width of a 95 % interval over its value, as it would be without bounds. [-]"""
-    low, high = interval(replace(v, error=max(v.error, v.uncut)))
-    return (high - low) / 2 / abs(v.value) if v.value and math.isfinite(v.error) else math.inf
-
-
 def _some(texts: Sequence[str], most: int = 3) -> str:
     """Return the first of some texts, and how many more there are."""
     return ", ".join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
@@ -600,7 +590,10 @@ def _unknown(campaign: Campaign) -> Iterator[tuple[str, str]]:
                 yield f"{value.path}: the logs do not determine it.", c.stage
             elif at_bound(value):
                 yield f"{value.path} ended at its {at_bound(value)} bound, where its standard error is cut.", c.stage
-        widths = [(_half(value), value.path) for value in c.values.parameters.values()]
+        widths = []  # half of the 95 % interval over the value, as it would be without bounds
+        for value in (v for v in c.values.parameters.values() if v.value and math.isfinite(v.error)):
+            low, high = interval(replace(value, error=max(value.error, value.uncut)))
+            widths.append(((high - low) / 2 / abs(value.value), value.path))
         vague = sorted((pair for pair in widths if MAX_KNOWN_HALF_WIDTH < pair[0] < math.inf), reverse=True)
         if vague:
             yield f"Poorly determined (95 %): {_some([f'{path} ± {number(100 * half, 2)} %' for half, path in vague])}.", c.stage

@@ -117,11 +117,6 @@ def nice_ticks(low: float, high: float, about: int) -> list[float]:
     return [k * step for k in range(first, last + 1)]
 
 
-def _at_least_two(low: float, high: float, about: int) -> list[float]:
-    """Return round values between two ends; a scale that shows one value alone shows no size."""
-    return next(t for k in range(about, about + 20) if len(t := nice_ticks(low, high, k)) > 1)
-
-
 def number_text(value: float, step: float) -> str:
     """Return a tick's label with the decimals that its step needs.
 
@@ -215,7 +210,9 @@ def _panel(
     low, high = min(float(v.min()) for v in shown if v.size), max(float(v.max()) for v in shown if v.size)
     low, high = _widened(min([low, *p.levels, *([0.0] if p.zero else [])]), max([high, *p.levels]), 0.05)
     high = p.top if p.top is not None and p.top < high else high
-    x_ticks, y_ticks = nice_ticks(*x_ends, round(width / 62)), _at_least_two(low, high, max(3, round(height / 42)))
+    about = max(3, round(height / 42))  # a scale that shows one value alone shows no size
+    y_ticks = next(t for k in range(about, about + 20) if len(t := nice_ticks(low, high, k)) > 1)
+    x_ticks = nice_ticks(*x_ends, round(width / 62))
     place = [x_left + width * (t - x_ends[0]) / (x_ends[1] - x_ends[0]) for t in x_ticks]
     heights = [top + height * (high - t) / (high - low) for t in y_ticks]
     steps = [b - a for ticks in (x_ticks, y_ticks) for a, b in list(pairwise(ticks))[:1] or [(0.0, 1.0)]]

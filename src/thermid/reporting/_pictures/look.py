@@ -46,7 +46,7 @@ from thermid.reporting._pictures.chart import DASHES, SERIES, Panel, Stroke, cha
 
 ACCURACY: Final = 'add accuracy = "0.5 [K]" to each thermometer, half of the +-1 K of its data sheet; no log shows it'
 SUPPLY: Final = "P_supply"
-_ELECTRIC: Final = re.compile(r"([vuia]|volts?|voltage|spannung|tens[aã]o|amp(ere)?s?|current|strom|corrente)(?=\d*\Z)", re.IGNORECASE)
+_ELECTRIC: Final = re.compile(r"\A([vuia]|volts?|voltage|spannung|tens[aã]o|amp(ere)?s?|current|strom|corrente)(?=\d*\Z)", re.IGNORECASE)
 """A word that tells a voltage from a current, a number after it apart: `proc V` and `proc A`, `U1` and `I1` are of one supply each."""
 _BLOCKS: Final = "▁▂▃▄▅▆▇█"
 _SHOWN: Final = ("temperature", "boundary", "power", "duty")
@@ -111,7 +111,12 @@ class Look(Result):
         if self.problem:
             out.append(f"  NOT READABLE YET: {self.problem}")
         out += [f"  to fill in: {ACCURACY}"] if any(c.guess == "temperature" for c in self.columns) else []
-        out += [f"  {line}" for line in (self._layout(), *self._clock())]
+        at = self.cells.layout
+        parts = [f"separator {at.separator}"] if at.separator else []
+        parts += [f"encoding {at.encoding}"] if at.encoding else []
+        parts.append(f"preamble {counted(at.preamble, 'line')}" if at.preamble else "no preamble")
+        parts += ["row of units" if at.units_row else "no row of units", f"decimal sign {self.decimal!r}"]
+        out += [f"  {line}" for line in (f"layout: {', '.join(parts)}", *self._clock())]
         out += [f"  note: {note}" for note in (*self.cells.notes, *(self.times.notes if self.times else ()))]
         out += ["", *self._table(width), "", *self._remarks(), "For a campaign (insert the nodes and loads of your deck):", ""]
         return [*out, *(f"    {line}".rstrip() for line in self.campaign().splitlines())]
@@ -135,17 +140,6 @@ class Look(Result):
             out += () if self.times.zone else lost_hour(times, self.clock.texts, warm)
             out += hidden_switches(times, {n: v for n, v in columns.items() if n not in warm})
         return tuple(out)
-
-    def _layout(self) -> str:
-        """Return the layout of the file in words: separator, encoding, preamble, row of units."""
-        at = self.cells.layout
-        parts = [f"separator {at.separator}"] if at.separator else []
-        parts += [f"encoding {at.encoding}"] if at.encoding else []
-        parts += [
-            f"preamble {counted(at.preamble, 'line')}" if at.preamble else "no preamble",
-            "row of units" if at.units_row else "no row of units",
-        ]
-        return f"layout: {', '.join([*parts, f'decimal sign {self.decimal!r}'])}"
 
     def _clock(self) -> list[str]:
         """Return the clock, the sampling and the gaps in words."""
@@ -271,7 +265,9 @@ class Look(Result):
         volts, amperes = ([c for c in self.columns if c.unit and _is(c.unit, slot) and c.values.size] for slot in ("V", "A"))
         if len(volts) == len(amperes) == 1:
             return {SUPPLY: (volts[0], amperes[0])}
-        words, others = ([_other_words(c.name) for c in columns] for columns in (volts, amperes))
+        # what names of voltages and currents say beside that, in the characters of a bare key
+        names = [[[_ELECTRIC.sub("", w) for w in re.split(r"[\W_]+", c.name)] for c in columns] for columns in (volts, amperes)]
+        words, others = (["_".join(filter(None, name)) for name in several] for several in names)
         shared = [w for w in words if words.count(w) == others.count(w) == 1]
         return {f"P_{w}" if w else SUPPLY: (volts[words.index(w)], amperes[others.index(w)]) for w in shared}
 
@@ -634,20 +630,6 @@ MAX_OFFSET_ERRORS = 3.0
 """Standard errors of an offset that a fit may look for it in, and beyond which stamps disagree with it. [-]"""
 
 
-def _other_words(name: str) -> str:
-    """Return what the name of a voltage or a current says beside that, in the characters of a bare key."""
-    words = (w[m.end() :] if (m := _ELECTRIC.match(w)) else w for w in re.split(r"[\W_]+", name))
-    return "_".join(w for w in words if w)
-
-
-def _is(text: str, slot: str) -> bool:
-    """Whether a text is a unit of a slot's dimension."""
-    try:
-        return unit(text).dimension == unit(slot).dimension
-    except ThermidError:
-        return False
-
-
 def _standing(panels: Sequence[Panel], legend: Sequence[tuple[str, str, str]], name: str, unit_name: str) -> str:
     """Return a picture that stands by itself: white, with a title and a legend above the axes."""
     wide, tall = 760.0, 170.0 + 130.0 * len(panels)
@@ -726,3 +708,11 @@ def look(
         problem = str(error)
     columns = columns_of(cells, sign, at.places if at else ())
     return Look(place, cells, sign, at, times, tuple(columns), problem)
+
+
+def _is(text: str, slot: str) -> bool:
+    """Whether a text is a unit of a slot's dimension."""
+    try:
+        return unit(text).dimension == unit(slot).dimension
+    except ThermidError:
+        return False

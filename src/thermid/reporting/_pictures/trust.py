@@ -19,7 +19,7 @@ from thermid.base.units import from_si, unit
 from thermid.inference.criticism import Criticism, cumulated_periodogram
 from thermid.inference.intervals import Profile
 from thermid.physics.constants import ICE_POINT
-from thermid.prediction.members import Hold, HoldPoint, clock, driven_by
+from thermid.prediction.members import Hold, clock, driven_by
 from thermid.qualify.profiles import ProfileRun
 from thermid.reporting._blocks.extras import extra
 from thermid.reporting._pictures.chart import DASHES, SERIES, time_unit
@@ -162,7 +162,11 @@ def draw_hold(figure: Figure, hold: Hold) -> None:
     for k, p in enumerate(passed):
         dash = DASHES[k % len(DASHES)]
         label, colour = f"{p.name}, {p.limit:g} degC", SERIES[k % len(SERIES)]
-        (line,) = axis.plot(*_exceedance(p, hold, length), color=colour, linewidth=1.8, label=label, drawstyle="steps-post")
+        # through every crossing, up to the end of the scenario
+        ordered = np.sort(p.crossings[np.isfinite(p.crossings)])
+        times = np.concatenate(([hold.times[0]], ordered, [hold.times[-1]])) / length
+        share = 100.0 * np.concatenate(([0.0], np.arange(1.0, ordered.size + 1.0), [float(ordered.size)])) / p.crossings.size
+        (line,) = axis.plot(times, share, color=colour, linewidth=1.8, label=label, drawstyle="steps-post")
         if dash:
             line.set_dashes(dash)
     top = min(105.0, max(115.0 * max(float(p.exceedance[-1]) for p in passed), 400.0 * (1.0 - hold.confidence)))
@@ -181,14 +185,6 @@ def draw_hold(figure: Figure, hold: Hold) -> None:
     driven = ", ".join(driven_by(hold.together).split(", ")[:3])
     axis.set_title(hold.sentence + (f"\ndriven by {driven}" if driven else ""), loc="left")
     axis.legend(loc="best")
-
-
-def _exceedance(p: HoldPoint, hold: Hold, length: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return the curve through every crossing, up to the end of the scenario. [time unit, %]"""
-    ordered = np.sort(p.crossings[np.isfinite(p.crossings)])
-    times = np.concatenate(([hold.times[0]], ordered, [hold.times[-1]]))
-    passed = np.concatenate(([0.0], np.arange(1.0, ordered.size + 1.0), [float(ordered.size)]))
-    return times / length, 100.0 * passed / p.crossings.size
 
 
 SHADES = {

@@ -76,6 +76,9 @@ def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Pat
     document = content.document.model_dump()
     names = {"number": "document", "prepared": "prepared by", "checked": "checked by", "approved": "approved by"}
     facts = Facts(tuple((names.get(k, k), v or DASH) for k, v in document.items()))
+    waived = tuple(f"{n}: compared with its limits alone" for n in q.waived)
+    remarks = tuple(f"{t.test.name}: {r}" for t in q.trials for r in t.remarks)
+    told = [Notes(lines, title) for title, lines in (("Not decided", q.open), ("Waived", waived), ("Remarks", remarks)) if lines]
     return _write(
         to,
         title=q.plan.title,
@@ -87,7 +90,7 @@ def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Pat
         failed=failed,
         judged=len(outcomes),
         summary=summary,
-        outcome=[facts, Words(f"{capitalised(str(q.lock))}."), tables.tests(q), *_what_is_open(q), *_courses(q)],
+        outcome=[facts, Words(f"{capitalised(str(q.lock))}."), tables.tests(q), *told, *_courses(q)],
         sections=sections(q),
     )
 
@@ -147,24 +150,6 @@ def _write(
     """Write a page; without a failure, and with something undecided, its head names that in place of a count of what passed."""
     head: dict[str, Any] = {"headline": "? Not decided", "judged": 0} if passed is None else {"headline": "", "judged": judged}
     return write_page("study.html.jinja", to, **head, watermark=watermark, outcome=outcome, **shown)
-
-
-def _what_is_open(q: Qualification) -> list[PageBlock]:
-    """Return what is not decided and why, what was waived, and what must be known of the logs."""
-    waived = tuple(f"{n}: compared with its limits alone" for n in q.waived)
-    remarks = (*_signatures(q), *(f"{t.test.name}: {r}" for t in q.trials for r in t.remarks))
-    sections = (("Not decided", q.open), ("Waived", waived), ("Remarks", remarks))
-    return [Notes(lines, title) for title, lines in sections if lines]
-
-
-def _signatures(q: Qualification) -> list[str]:
-    """Return what is amiss with who signed the document."""
-    d = q.plan.content.document
-    missing = [word for word, name in (("checked", d.checked), ("approved", d.approved)) if not name.strip()]
-    out = [f"the document is not {' and not '.join(missing)}"] if missing else []
-    if d.prepared.strip() and d.prepared.strip() in (d.checked.strip(), d.approved.strip()):
-        out.append(f"{d.prepared.strip()} both prepared and approved the document, so no second person has checked it")
-    return out
 
 
 def _courses(q: Qualification) -> list[PageBlock]:

@@ -29,6 +29,7 @@ from thermid.reporting._blocks.content import (
     significant,
     verdict_cell,
 )
+from thermid.reporting._pages.tables import bounds_text
 
 
 def tests(q: Qualification) -> Table:
@@ -55,7 +56,10 @@ def tests(q: Qualification) -> Table:
             hot = worst.limits[1] - worst.highest <= worst.lowest - worst.limits[0]
             where = [Cell(f"{worst.point}, {worst.state}"), Cell(hours(worst.highest_time if hot else worst.lowest_time))]
             where.append(Cell(f"{worst.room:.1f}", "", "bad" if worst.room < 0 else "main"))
-        judged = verdict_cell(t.correlated, why) if t.correlation is not None else _no_log(t)
+        judged = verdict_cell(t.correlated, why)
+        if t.correlation is None:
+            judged = Cell("not decided: no log", "", "warn") if t.test.criteria else Cell("analysis", "", "soft")
+            judged = Cell("waived", t.test.note, "warn") if t.test.state == "waived" else judged
         length = hours(float(t.foresight.solution.times[-1]))
         rows.append(
             [
@@ -69,13 +73,6 @@ def tests(q: Qualification) -> Table:
             ]
         )
     return Table.of_rows(columns, rows)
-
-
-def _no_log(t: Trial) -> Cell:
-    """Return the cell of a test without a log: waived, not decided, or an analysis."""
-    if t.test.state == "waived":
-        return Cell("waived", t.test.note, "warn")
-    return Cell("not decided: no log", "", "warn") if t.test.criteria else Cell("analysis", "", "soft")
 
 
 def sensors(q: Qualification) -> Table:
@@ -283,14 +280,13 @@ def changes(q: Qualification) -> Table:
     for several in q.knowledge.values:
         for path, v in several.parameters.items():
             why = next((text for pattern, text in reasons.items() if fnmatch.fnmatchcase(path, pattern)), "")
-            low, high = (plain(v.converted(b), 4) if math.isfinite(b) else "" for b in v.bounds)
             line: Line = [Cell(path, v.origin, "main"), plain(v.converted(v.start), 5), significant(v.in_unit, v.shown(v.error))]
             rows.append(
                 [
                     *line,
                     number(v.shown(v.error), 2),
                     pretty(v.unit),
-                    f"{low} .. {high}",
+                    bounds_text((v.converted(v.bounds[0]), v.converted(v.bounds[1]))),
                     Cell(why) if why else Cell("no reason given", "", "warn"),
                 ]
             )
