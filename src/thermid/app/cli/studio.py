@@ -38,6 +38,7 @@ def studio(
     with scratch() as folder:
 
         def ready(address: str) -> None:
+            """Say the address, and open it where a browser is wanted."""
             typer.echo(f"studio: {address}  (this machine only; end it with Ctrl+C)")
             if browser:
                 # a page in a private folder that leads to an address: the arguments of a browser are seen by every user of the machine

@@ -120,6 +120,7 @@ class Building:
         return [self._fault(f.severity, f.code, f.message, f.where) for f in self.model.check()]
 
     def _fault(self, severity: str, code: str, message: str, where: str, text: str | None = None) -> dict[str, Any]:
+        """Return a fault for a page, with the line of the text that it is about."""
         numbered = re.search(r"line (\d+)", message)
         line = int(numbered[1]) if numbered else parsed_line(self.draft.deck.text if text is None else text, where)
         return {"severity": severity, "code": code, "message": message, "where": where, "line": line}
@@ -167,6 +168,7 @@ class Building:
         ]
 
     def _stage(self) -> dict[str, Any]:
+        """Return the table of the stage."""
         return dict(self.draft.documents[CAMPAIGN].content["stages"][self.draft.stage])
 
     def _inherited(self) -> list[dict[str, Any]]:
@@ -224,6 +226,7 @@ class Building:
         return self._looks[path][1]
 
     def _inside(self, name: str) -> Path:
+        """Return a log of the project; one that lies elsewhere is refused."""
         return resolve_inside(self.draft.documents[CAMPAIGN].path.parent, name, "log")
 
     # ---- commands -----------------------------------------------------------------------------------------------------------------
@@ -266,11 +269,13 @@ class Building:
         return {}
 
     def _take(self, draft: Draft) -> None:
+        """Take another draft, and keep it in the journal."""
         if draft is not self.draft:
             self.draft, self.notice = draft, ""
             keep(draft)
 
     def _add(self, body: Body) -> tuple[Draft, dict[str, Any]]:
+        """Return the draft with an element added, where the page has put it, and its name."""
         shape, ends = text_of(body, "shape"), texts_of(body, "ends")
         part = self._part(text_of(body, "use")) if shape == "submodel" else {}
         edits, name = added(self.draft.deck.content, shape, text_of(body, "name"), ends, part)
@@ -296,9 +301,11 @@ class Building:
         return {"use": deck} | ({"bind": {n: n if n in nodes else nodes[0] for n in needs}} if needs else {})
 
     def _place(self, name: str, body: Body) -> Edit:
+        """Return the edit that puts a node's card at a place, on the grid."""
         return Edit((PLACES, name), [round(number_of(body, axis) / PLACE_GRID) * PLACE_GRID for axis in ("x", "y")])
 
     def _rename(self, body: Body) -> tuple[Draft, dict[str, Any]]:
+        """Return the draft with an element renamed wherever it stands: deck, view, bindings of logs, free values."""
         keys, name = texts_of(body, "keys"), text_of(body, "name").strip()
         edits = renamed(self.draft.deck.content, keys, name)
         placed, bound = self.draft.documents[VIEW].content.get(PLACES, {}), self.draft.documents[CAMPAIGN].content
@@ -316,6 +323,7 @@ class Building:
         return self.draft.edited({DECK: edits, VIEW: places, CAMPAIGN: [*channels, *freed]}), {"made": name, "table": keys[0]}
 
     def _remove(self, body: Body) -> Draft:
+        """Return the draft without an element and all that is joined to it."""
         keys = texts_of(body, "keys")
         places = [Edit((PLACES, keys[1]))] if keys[1] in self.draft.documents[VIEW].content.get(PLACES, {}) else []
         return self.draft.edited({DECK: removed(self.draft.deck.content, keys), VIEW: places})
@@ -385,9 +393,11 @@ class Building:
         return self.draft.edited({CAMPAIGN: valued({}, ("stages", self._place_of_stage(), "scenario", "boundaries", name), value, "")})
 
     def _free(self, body: Body) -> Draft:
+        """Return the draft with the values that a fit may find."""
         return self.draft.edited({CAMPAIGN: [Edit(("stages", self._place_of_stage(), "free"), list(texts_of(body, "paths")))]})
 
     def _place_of_stage(self) -> int:
+        """Return the place of the stage in the campaign, from 0."""
         return self.draft.stage % len(self.draft.documents[CAMPAIGN].content["stages"])
 
     def _open_stage(self, body: Body) -> Draft:
@@ -616,6 +626,7 @@ class Building:
         return self._request_with(self.model)
 
     def _request_with(self, model: Model) -> Request:
+        """Return what the stage asks of a model in place of its deck."""
         source, k, done = self.draft.source, self._place_of_stage(), self._below()
         stage = source.content.stages[k]
         missing = [n for i in stage.inherit.values() for n in i.stages if n not in done]
@@ -636,6 +647,7 @@ class Building:
         """Begin a run of the draft as it is."""
 
         def job(j: JobState) -> None:
+            """Run the draft."""
             j.result = curves_object(self.desk(), {})
 
         return self.jobs.start("run", str(self.draft.deck.content["title"]), job)
@@ -645,6 +657,7 @@ class Building:
         request = self.request()
 
         def job(j: JobState) -> None:
+            """Fit, and keep the values to be taken into the deck."""
             result = fit(request, j.tell, stoppable=True)
             shown = fit_object(result)
             self.fitted = shown["values"]
@@ -661,6 +674,7 @@ class Building:
         """Return the run of the draft as it is and with other conditions."""
 
         def with_finish(surfaces: Sequence[str], finish: str) -> Model:
+            """Return the model of the draft with a finish on surfaces."""
             model = self.draft.edited({DECK: finished(surfaces, finish)}).model
             return self._request_with(model).model if self._stage().get("inherit") else model
 

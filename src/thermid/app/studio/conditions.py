@@ -96,6 +96,7 @@ def changed(desk: Desk, body: Mapping[str, Any]) -> Conditions:
 
 
 def _then(before: Conditions, words: str, model: Model | None = None, scenario: Scenario | None = None) -> Conditions:
+    """Return conditions with another model or scenario, and what was changed in words."""
     return Conditions(model or before.model, scenario or before.scenario, (*before.changes, words))
 
 
@@ -114,6 +115,7 @@ def _powered(before: Conditions, load: str, factor: float) -> Conditions:
 
 
 def _times(text: str, factor: float) -> str:
+    """Return a value with its unit, multiplied."""
     number, _, unit = text.partition("[")
     return f"{float(number) * factor!r} [{unit}"
 

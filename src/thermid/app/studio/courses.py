@@ -95,6 +95,7 @@ class Shelf:
         return tuple(out.values()), ", ".join(files)
 
     def _written(self) -> Iterator[Course]:
+        """Yield the profiles and the tests of plans that stand in the files."""
         for file, content in self._tables.items():
             name = file.name
             if isinstance(content.get("profile"), Mapping):
@@ -121,6 +122,7 @@ class Shelf:
                 plan = replace(plan, content=plan.content.model_copy(update={"tests": tests}))
 
             def notice(name: str) -> None:
+                """Tell that another test begins."""
                 nonlocal begun
                 progress(begun, len(plan.tests), 0.0)
                 begun += 1
@@ -130,6 +132,7 @@ class Shelf:
         return self._qualified[file]
 
     def _at(self, file: Path) -> str:
+        """Return the name of a file, from the root of its project where it lies in it."""
         return file.relative_to(project_root(self.folder)).as_posix() if file.is_relative_to(project_root(self.folder)) else file.name
 
 
@@ -195,6 +198,7 @@ def _files(folder: Path) -> list[Path]:
 
 
 def _read(file: Path) -> dict[str, Any]:
+    """Return the content of a file; empty where it does not read."""
     try:
         return read_toml(file)[0]
     except ThermidError:
@@ -454,10 +458,12 @@ def _nearest(check: LimitCheck) -> tuple[str, float, float]:
 
 
 def _hours(seconds: float) -> str:
+    """Return a time in hours, in minutes below 600 s."""
     return f"{seconds / 3600.0:.2f} h" if seconds >= 600.0 else f"{seconds / 60.0:.1f} min"
 
 
 def _check(c: LimitCheck) -> dict[str, Any]:
+    """Return the check of a point for a page. [degC, K, s]"""
     side, temperature, time = _nearest(c)
     crossings = [{"side": x.side, "time": x.time, "worst": x.worst - ICE_POINT, "outside": x.outside} for x in c.crossings]
     out: dict[str, Any] = {
@@ -483,6 +489,7 @@ def _point(outcome: Outcome, one: Limits) -> dict[str, Any]:
 
 
 def _curve(outcome: Outcome, node: str, window: Window) -> dict[str, Any]:
+    """Return the course of a node for a page, with its band where there is one. [s, degC]"""
     trace, run = outcome.solution[node], outcome.course
     times, values = thinned_curve(trace.course[0], trace.course[1] - ICE_POINT, window)
     out: dict[str, Any] = {"name": node, "times": times, "values": values, "chamber": run is not None and node in run.chamber}
@@ -494,11 +501,13 @@ def _curve(outcome: Outcome, node: str, window: Window) -> dict[str, Any]:
 
 
 def _levels(run: ProfileRun) -> list[dict[str, Any]]:
+    """Return the hot and the cold level of a profile. [degC]"""
     used = run.profile.used
     return [{"name": f"{s} level", "value": float(used[s].value) - ICE_POINT, "mark": used[s].mark} for s in ("hot", "cold") if s in used]
 
 
 def _margin(m: Margin) -> dict[str, Any]:
+    """Return a margin for a page. [degC, K, s]"""
     return {
         "point": m.point,
         "side": m.side,

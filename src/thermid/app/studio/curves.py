@@ -19,6 +19,7 @@ MAX_SENT_POINTS = 1200
 
 
 def _none() -> Array:
+    """Return no samples."""
     return np.zeros(0)
 
 

@@ -235,6 +235,7 @@ class Desk:
 
     @cached_property
     def _simulators(self) -> tuple[Simulator, ...]:
+        """One simulator for each scenario, with the values that sliders move."""
         return tuple(
             prepare(self.model, scenario, self._names, every=scenario.seconds / (MAX_SENT_POINTS // 2)) for scenario in self.scenarios
         )

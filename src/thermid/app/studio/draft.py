@@ -122,6 +122,7 @@ class Draft:
         return self._then({DECK: self.deck.with_values(values, basis)})
 
     def _then(self, documents: Mapping[str, DeckDocument]) -> Draft:
+        """Return the draft with changed documents, as one step; itself where nothing changed."""
         changed = tuple(name for name, d in documents.items() if d.text != self.documents[name].text)
         if not changed:
             return self
@@ -136,6 +137,7 @@ class Draft:
         return self._stepped(self.future, DeckDocument.redo, lambda future, other: ((*self.past, other), future[:-1]))
 
     def _stepped(self, steps: tuple[tuple[str, ...], ...], how: Callable[[DeckDocument], DeckDocument], then: Callable[..., Any]) -> Draft:
+        """Return the draft one step back or forth; itself where there is no such step."""
         if not steps:
             return self
         past, future = then(steps, steps[-1])
@@ -220,6 +222,7 @@ def merged_text(base: str, mine: str, theirs: str, name: str) -> str:
 
 
 def _document(path: Path, empty: str, check: Callable[[Path, Mapping[str, Any]], object] | None = None) -> DeckDocument:
+    """Return the document of a file; where there is none, a new one with a first text."""
     kind: dict[str, Any] = {} if check is None else {"check": check}
     return DeckDocument.opened(path, **kind) if path.exists() else DeckDocument(path, empty, **kind, new=True)
 

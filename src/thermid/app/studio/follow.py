@@ -138,6 +138,7 @@ class LiveWatch:
 
 
 def _within(query: Mapping[str, Any]) -> float:
+    """Return half of the interval of where a channel ends, at most, as a page asks for it. [K]"""
     within = query.get("within") or DEFAULT_MAX_HALF_WIDTH
     if isinstance(within, bool) or not isinstance(within, int | float) or not within > 0.0:
         raise RecordError("'within' is a number of kelvin above zero.", "bench", code="value.outside-range")
@@ -351,6 +352,7 @@ class Follower:
         return [c for c in self._columns[1] if c["guess"] != "time"]
 
     def _path(self, name: str) -> Path:
+        """Return the log that a page names, or that of the command line."""
         if not name:
             if self.log is None:
                 raise DeckError("no log is open. Choose one of the project, or start with --log FILE.", "bench", code="studio.not-now")
@@ -475,6 +477,7 @@ def _runs(mask: Bools) -> list[tuple[int, int]]:
 def _words(
     name: str, stabilities: Mapping[str, ChannelStability], why: Mapping[str, str], when: Mapping[str, float | None]
 ) -> dict[str, Any]:
+    """Return how a channel stands by the rule, in words and numbers. [K/h]"""
     c = stabilities.get(name)
     if c is None:
         return {

@@ -271,6 +271,7 @@ class Project:
         return self._desks[name]
 
     def _desk(self, name: str) -> Desk:
+        """Return a stage, or the deck, ready for tuning."""
         if self.source is None:
             model = load_model(self.path)
             return Desk(name, model, None, self.scenarios(model))
@@ -413,6 +414,7 @@ class Project:
         return self._levels[1]
 
     def _request(self, name: str) -> Request:
+        """Return what a stage asks, with what the stages below found; kept until the files change."""
         assert self.source is not None
         if name not in self._requests:
             k = self.stages.index(self.checked_stage(name))
@@ -425,6 +427,7 @@ class Project:
         return self._requests[name]
 
     def _finish(self, name: str, fitted: Calibration, unchanged: bool = False) -> StageState:
+        """Take a fit as that of a stage, and return where the stage stands."""
         self.done[name] = fitted
         self.campaign = None
         self._desks.pop(name, None)
@@ -458,6 +461,7 @@ class Project:
         self.states[name] = StageState(name, "stale", "a stage below was run again", self.below(name))
 
     def _set(self, state: StageState, edition: int | None = None) -> StageState:
+        """Take where a stage stands, as of an edition of the files."""
         state = self.states[state.name] = replace(state, edition=self.edition if edition is None else edition)
         return state
 
@@ -557,6 +561,7 @@ class Watch:
 
 
 def _stamp(file: Path) -> Stamp:
+    """Return when a file was last written, its size and place on the disk; None where there is none."""
     try:
         status = file.stat()
     except OSError:

@@ -38,6 +38,7 @@ def questions(project: Project, work: Work, follower: Follower) -> dict[str, Cal
     """Return name -> answer to what is only read, from the query of an address."""
 
     def stage(query: Mapping[str, str]) -> str:
+        """Return the stage of a query, the first where it names none."""
         return query.get("stage", project.stages[0])
 
     return {
@@ -55,25 +56,30 @@ def orders(project: Project, work: Work) -> dict[str, Callable[[Body], Any]]:
     """Return name -> answer to what comes with a body of JSON."""
 
     def curves(body: Body) -> Any:
+        """Return curves at values of the sliders."""
         desk, measured = project.desk(text_of(body, "stage")), bool(body.get("measured", True))
         runs = None if body.get("run") is None else (_run_of(desk, body),)
         points = int(number_of(body, "points")) if "points" in body else MAX_SENT_POINTS
         return curves_object(desk, _values(body), measured, window_of(body), runs, points)
 
     def desk_of(body: Body) -> Desk:
+        """Return the desk of the stage that a page names."""
         return project.desk(text_of(body, "stage"))
 
     def moves(body: Body) -> Any:
+        """Return how far each sensor moves for one per cent of a slider."""
         desk = desk_of(body)
         return desk.moves(text_of(body, "path"), _values(body), _run_of(desk, body))
 
     def profile(body: Body) -> Any:
+        """Return the numbers of a profile with what was changed of them."""
         course = work.shelf.course(project.desk(text_of(body, "stage")), text_of(body, "course"))
         if course.kind != "profile":
             raise DeckError(f"'{course.title}' is not a profile, so it has no numbers to change.", "studio", code="value.without-effect")
         return profile_object(profile_for(course, body))
 
     def outcome(body: Body) -> Any:
+        """Return what the last run came to."""
         if work.outcome is None:
             raise DeckError("no run exists yet. Run one first.", "studio", code="studio.not-now")
         return outcome_object(work.outcome, window_of(body))
@@ -98,6 +104,7 @@ def orders(project: Project, work: Work) -> dict[str, Callable[[Body], Any]]:
 
 
 def _values(body: Mapping[str, Any]) -> dict[str, float]:
+    """Return slider -> value in its unit, as a page gives them."""
     sliders = body.get("values", {})
     if not isinstance(sliders, dict) or not all(
         isinstance(v, int | float) and not isinstance(v, bool) and math.isfinite(v) for v in sliders.values()
@@ -174,6 +181,7 @@ def curves_object(
 
 
 def _curve(curve: ThinnedCurve, measured: bool) -> dict[str, Any]:
+    """Return a curve for a page, without what was measured where that is not asked for."""
     still = ("name", "node", "seen", "measured", "count", "sigma") if measured else ()
     return {k: getattr(curve, k) for k in (*still, "times", "simulated", "apart", "left", "rmse", "bias", "largest")}
 
@@ -219,6 +227,7 @@ def as_json(value: object) -> str:
 
 
 def _packed(values: Array) -> dict[str, str]:
+    """Return numbers as bytes: text of many takes longer to write and read than a simulation does."""
     # text of many numbers takes longer to write and read than a simulation does
     single = values.size == 0 or not np.nanmax(np.abs(values), initial=0.0) > SINGLE
     return {"f4" if single else "f8": base64.b64encode(values.astype("<f4" if single else "<f8").tobytes()).decode()}
@@ -385,6 +394,7 @@ class Room:
         return self.front()
 
     def _recent(self) -> list[Path]:
+        """Return the recent files, the last one first."""
         try:
             return [Path(str(f)) for f in json.loads(read_text(_recents()))][:RECENT_FILES]
         except (OSError, ValueError, TypeError):

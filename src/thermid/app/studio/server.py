@@ -95,6 +95,7 @@ def _reads(answers: Callable[[], Mapping[str, Callable[[Mapping[str, str]], Any]
     """Return an endpoint that answers with JSON, errors of ours in words."""
 
     def endpoint(request: Request) -> Response:
+        """Answer a request that only reads."""
         make = answers().get(request.path_params["name"])
         if make is None:
             return _refused(NOTHING, 404)
@@ -110,6 +111,7 @@ def _writes(
     """Return the same for a request with a body of JSON."""
 
     async def endpoint(request: Request) -> Response:
+        """Answer a request with a body of JSON."""
         from starlette.concurrency import run_in_threadpool
 
         make = orders().get(request.path_params.get("name", "bench"))
@@ -121,6 +123,7 @@ def _writes(
             return _refused(str(refused), refused.status)
 
         def locked() -> Response:
+            """Do what was ordered, one order at a time."""
             with lock:
                 return _answer(lambda: make(body))
 
@@ -133,6 +136,7 @@ def _takes(room: Room, lock: threading.Lock) -> Callable[[Request], Awaitable[Re
     """Return an endpoint for a log that was dropped on the page, its bytes as they are."""
 
     async def endpoint(request: Request) -> Response:
+        """Take the bytes of a log."""
         from starlette.concurrency import run_in_threadpool
 
         try:
@@ -141,6 +145,7 @@ def _takes(room: Room, lock: threading.Lock) -> Callable[[Request], Awaitable[Re
             return _refused(str(refused), refused.status)
 
         def stored() -> Response:
+            """Keep the log, one order at a time."""
             with lock:
                 return _answer(lambda: {"file": room.built().stored_log(request.path_params["name"], data)})
 
@@ -206,6 +211,7 @@ class Guard:
         self.cookie, self.token = f"thermid-studio-{port}", token.encode()  # a browser keeps cookies by host alone
 
     def _is_token(self, brought: str) -> bool:
+        """Whether a text is the token of this studio."""
         return secrets.compare_digest(brought.encode(), self.token)
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
@@ -225,6 +231,7 @@ class Guard:
             return
 
         async def guarded(message: Any) -> None:
+            """Send an answer with the headers that tell the browser to load nothing else."""
             if message["type"] == "http.response.start":
                 extra = {"content-security-policy": POLICY, "x-content-type-options": "nosniff", "referrer-policy": "no-referrer"}
                 if in_address:
@@ -236,6 +243,7 @@ class Guard:
 
 
 def _answer(make: Callable[[], Any]) -> Response:
+    """Return an answer as JSON; what is refused, in words."""
     from starlette.responses import Response
 
     try:
@@ -267,6 +275,7 @@ async def _body(request: Request, most: float) -> bytes:
 
 
 def _refused(why: str, status: int = 400) -> Response:
+    """Return a refusal as JSON."""
     from starlette.responses import Response
 
     return Response(as_json({"error": why, "where": "studio"}), status, media_type="application/json")
@@ -363,12 +372,15 @@ def limited(app: Any, **more: Any) -> Config:
             super().connection_lost(exc)
 
         def _idle(self) -> bool:
+            """Whether no request is being answered."""
             return self.cycle is None or self.cycle.response_complete
 
         def _wait(self) -> None:
+            """Begin to wait for a request."""
             self.waited = self.loop.call_later(REQUEST_TIMEOUT, self._over)
 
         def _over(self) -> None:
+            """Close the connection where none came."""
             self.waited = None
             if self._idle() and not self.transport.is_closing():
                 self.transport.close()

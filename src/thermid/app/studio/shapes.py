@@ -40,6 +40,7 @@ TABLES: Final = ("surfaces", "conductors", "loads", "submodels")
 
 
 def _assumed(value: str, **more: Any) -> dict[str, Any]:
+    """Return a value of the palette, which somebody is to replace."""
     return {"value": value, **more, "source": "assumed", "basis": PLACEHOLDER}
 
 
@@ -142,6 +143,7 @@ def free_name(wanted: str, taken: Container[str]) -> str:
 
 
 def _no_name(name: str) -> DeckError:
+    """Return the refusal of a name that is taken or none."""
     plain = re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII)
     why = "is taken. Give another name" if plain else f"is no name. Give letters, digits and _ only, a letter first, such as {word(name)}"
     return DeckError(f"'{name}' {why}.", "palette", code="output.edit-refused")
@@ -231,6 +233,7 @@ def removed(content: Mapping[str, Any], keys: Sequence[str]) -> list[Edit]:
 
 
 def _touches(element: Mapping[str, Any], name: str) -> bool:
+    """Whether an element is joined to a node, or to a node of a part."""
     return any(end == name or end.startswith(f"{name}.") for end in ends_of(element))
 
 
@@ -271,6 +274,7 @@ def renamed(content: Mapping[str, Any], keys: Sequence[str], name: str) -> list[
 
 
 def _replaced(value: Any, old: str, new: str) -> Any:
+    """Return a value with a name replaced by another, in texts, lists and tables."""
     if isinstance(value, str):
         return new + value[len(old) :] if value == old or value.startswith(f"{old}.") else value
     if isinstance(value, list):
@@ -333,6 +337,7 @@ def _fields(element: Mapping[str, Any], slots: Mapping[str, str]) -> list[dict[s
 
 
 def _field(name: str, written: Any, slot: str) -> dict[str, Any]:
+    """Return a field of a sheet: its text, number, unit and the units that a picker offers."""
     table = written if isinstance(written, Mapping) else {} if written is None else {"value": written}
     text = str(table.get("value", ""))
     plain = re.fullmatch(r"\s*([-+0-9.eE]+)\s*(?:\[([^\]]*)\])?\s*", text)

@@ -105,6 +105,7 @@ class Jobs:
         job = self._job = JobState(what, stage, keeps=keeps)
 
         def work() -> None:
+            """Do the job, and note how it ended."""
             try:
                 make(job)
             except _StoppedError:
@@ -162,6 +163,7 @@ class Work(Jobs):
         project.checked_stage(stage)
 
         def job(j: JobState) -> None:
+            """Run the stages that are due, then judge."""
             self._look_again(j)
             for name in [n for n in (*(project.below(stage) if below else ()), stage) if n == stage or n not in project.done]:
                 j.stage = name
@@ -176,6 +178,7 @@ class Work(Jobs):
         """Begin to fit chosen parameters from values of the sliders."""
 
         def job(j: JobState) -> None:
+            """Fit, and keep the result for the page."""
             j.result = fit_object(self._project.fit(stage, values, free, j.tell))
 
         return self.start("fit", self._project.checked_stage(stage), job, keeps=True)
@@ -186,7 +189,10 @@ class Work(Jobs):
         course = self.shelf.course(desk, key)
 
         def job(j: JobState) -> None:
+            """Run the course, and hold it against limits."""
+
             def report_step(step: int, steps: int, reached: float) -> None:
+                """Take how far the run is."""
                 j.going()
                 j.share, j.reached = step / steps, reached
 
@@ -207,6 +213,7 @@ class Work(Jobs):
         self._look(job)
 
     def _look(self, job: JobState) -> None:
+        """Look at every stage, then judge those that are done."""
         for name in self._project.stages:
             job.stage = name
             self._project.look(name)

@@ -158,6 +158,7 @@ def controller(data: bytes, name: str) -> str:
 
 
 def _tclab_files() -> Iterator[Original]:
+    """Yield the logs of the heater board with their places in the repository."""
     root = "Simulink (MATLAB R2016a)"
     for heater in ("H1", "H2"):
         for level in range(10, 101, 10):

@@ -264,6 +264,7 @@ def _delay_of_tables(source: CampaignSource, stage: str, request: Request, after
 
 
 def _takes(source: CampaignSource, patterns: Sequence[str], table: RecordTable) -> bool:
+    """Whether patterns of a stage take the records of a table."""
     return any(source.names()[n][1] is table for n in source.pick(patterns, source.path.name))
 
 
@@ -321,4 +322,5 @@ def with_step(table: Any, delay: Delay) -> None:
 
 
 def _local(spec: LocalSpec) -> dict[str, str]:
+    """Return a value of each record as a table of a campaign."""
     return {"start": spec.start, **({"sd": f"{spec.sd:.3g} [K]"} if np.isfinite(spec.sd) else {})}

@@ -94,6 +94,7 @@ def kind_of(text: str) -> str:
 
 
 def _follows(kind: str, content: object) -> bool:
+    """Whether a content is one of a kind by its grammar."""
     try:
         by_grammar(kind, content, lambda key: key)
     except ThermidError:
@@ -102,6 +103,7 @@ def _follows(kind: str, content: object) -> bool:
 
 
 def _place(kind: str) -> Path:
+    """Return where the schema of a kind stands, in the folder of the project."""
     return Path(FOLDER, f"{kind}.schema.json")
 
 
@@ -369,6 +371,7 @@ def _slight(one: FittedStructure, sizes: Mapping[str, float], boundary: str) -> 
 
 
 def _as_comments(lines: Sequence[str]) -> str:
+    """Return lines as comments of TOML."""
     return "".join(f"# {line}\n" for line in lines)
 
 
@@ -532,6 +535,7 @@ def _hidden_starts(request: Request, records: Sequence[Record], seats: Mapping[s
 
 
 def _limit(proposal: Proposal, records: Sequence[Record], column: str) -> float:
+    """Return the limit of a sensor for the verdict, rounded up to 0.01 K: by noise and range. [K]"""
     values = [r[column].values[r[column].valid] for r in records if column in r.channels]
     spread = max((float(np.ptp(v)) for v in values), default=1.0)
     size = max(VERDICT_NOISES * proposal.noise.get(column, 0.1), VERDICT_SHARE_OF_RANGE * spread)
@@ -539,6 +543,7 @@ def _limit(proposal: Proposal, records: Sequence[Record], column: str) -> float:
 
 
 def _stage_scenario(proposal: Proposal, request: Request) -> dict[str, Any]:
+    """Return what the stage says beside the logs: surroundings that are not logged, and starts."""
     roles, out = proposal.roles, {}
     if roles.surroundings and not roles.logged:
         out["boundaries"] = {roles.boundary: roles.surroundings}
@@ -548,6 +553,7 @@ def _stage_scenario(proposal: Proposal, request: Request) -> dict[str, Any]:
 
 
 def _local(request: Request) -> dict[str, dict[str, str]]:
+    """Return what each record has for itself, as tables of a campaign."""
     out: dict[str, dict[str, str]] = {}
     for name, spec in request.local.items():
         sd = {"sd": f"{LOOSE_AMBIENT:g} [K]"} if isinstance(spec, LocalSpec) and math.isfinite(spec.sd) else {}

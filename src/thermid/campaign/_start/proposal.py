@@ -173,6 +173,7 @@ def _checks(one: FittedStructure, roles: Roles, masses: Mapping[str, KnownMass])
     held = {n: float(value_of(c)) for n, c in network.numbers(values).capacitances.items() if c is not None}
 
     def check(path: str, low: float, high: float, what: str, meaning: str) -> RangeCheck:
+        """Return whether a fitted value lies in a range."""
         return RangeCheck(path, values[path], errors[path] * values[path], low, high, what, "table of init", meaning)
 
     largest, hidden = max(((c, n) for n, c in held.items() if n not in roles.parts.values()), default=(0.0, ""))
@@ -497,6 +498,7 @@ def request_of(
 
 
 def _in_watts(roles: Roles) -> bool:
+    """Whether some power is known in watts."""
     return any(not p.anchored for p in roles.powers)
 
 
@@ -596,6 +598,7 @@ def _within(roles: Roles, facts: StatedFacts) -> Any:
     measured = set(roles.parts.values())
 
     def changes(structure: Fitted) -> list[MissingElement]:
+        """Return the changes that may be tried: no more masses than parts ask for, and none at the tip of a sensor."""
         room = max(MOST_MASSES, len(measured) + 1) - len(structure.request.model.nodes)
         lags = [f"a lag of the sensor at '{n}'" for n in structure.request.model.nodes] + ["a lag of every sensor"]
         tips = [f"'{n}'" for n in structure.request.model.nodes if n not in measured and n.endswith("_sensor")]
@@ -612,6 +615,7 @@ def _fixed_sensors(lag: MissingElement, structure: Fitted) -> MissingElement:
     held = {f"{n}_fit.conductance": literal(node.fields["capacitance"].text, "J/K", n) for n, node in tips.items()}
 
     def judge(values: Any) -> tuple[str, bool]:
+        """Return what a lag says of a fit, and whether it is possible: no sensor is that slow."""
         text, possible = lag.judge(values)
         return text, possible and all(c / values[path].value <= SLOWEST_SENSOR for path, c in held.items())
 
@@ -625,6 +629,7 @@ def _weighed(change: MissingElement, roles: Roles, facts: StatedFacts) -> Missin
     """
 
     def light(after: Request) -> Request:
+        """Return a request in which masses beside a part of known mass have a prior by it."""
         priors = {}
         for n in (n for n in after.model.nodes if f"{n}.capacitance" in after.free and n not in roles.parts.values()):
             near = {m for law in after.model.conductors.values() if n in law.between for m in law.between} - {n, roles.boundary}
@@ -633,6 +638,7 @@ def _weighed(change: MissingElement, roles: Roles, facts: StatedFacts) -> Missin
         return replace(after, priors={**priors, **after.priors})
 
     def judge(fitted: Any) -> tuple[str, bool]:
+        """Return what a change says of a fit, and whether it is possible: no part is heavier or lighter than it can be."""
         text, possible = change.judge(fitted)
         values = {path: fitted[path].value for path in fitted if path.rpartition(".")[2] in ("capacitance", "conductance")}
         return text, possible and all(c.verdict == "possible" for c in weights(change.request.model, values, roles, facts.masses))

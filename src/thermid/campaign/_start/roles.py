@@ -262,11 +262,13 @@ _OF_POWER = {
 
 
 def _pair(text: str, named: bool = True) -> tuple[str, str]:
+    """Return the column and the part of COLUMN=PART, the part by the name of the column where none is given."""
     column, _, node = text.partition("=")
     return column.strip(), node.strip() or (part_name(column) if named else "")
 
 
 def _idle(values: FloatArray) -> bool:
+    """Whether a column has no value other than zero."""
     finite = values[np.isfinite(values)]
     return not finite.size or not np.any(finite)
 

@@ -85,6 +85,7 @@ class Instants:
         return replace(record, times=every, channels={c.name: c for c in channels}, steps=(*record.steps, remark))
 
     def _shift(self, time: float) -> float:
+        """Return by how much a change lies before its sample. [s]"""
         near = np.flatnonzero(np.abs(self.logged - time) < 1e-6)
         return float(self.shifts[near[0] if self.shifts.size > 1 else 0]) if near.size else self.mean
 

@@ -415,6 +415,7 @@ class _Price:
         self.bends = [b for c in others for b in c.bends]
 
     def __call__(self, choice: _Choice) -> float:
+        """Return the cost of a way among the others: its own, and what it crosses or bends with."""
         shared = sum(b in choice.bends for b in self.bends)
         return choice.cost + COST["crossing"] * (int(crossed(choice.pieces, self.pieces).sum()) + shared)
 
