@@ -247,7 +247,9 @@ def profile(
         for option, path in (("--csv", csv), ("--picture", picture)):
             if path is not None:
                 raise ScenarioError("there is no run to write: name the deck with --on.", option, code="value.incomplete")
-        say(as_json, _object(course), course, verbose)
+        content = {k: getattr(course, k) for k in ("kind", "clause", "mark", "decides", "trust")}
+        content |= {"numbers": {k: n.to_dict() for k, n in course.used.items()}, "steps": [s.name for s in course.steps]}
+        say(as_json, {"profile": course.title, **content, "remarks": list(course.check())}, course, verbose)
         return
     writable((csv, TABLE), (picture, PICTURE))
     run = run_profile(
@@ -289,19 +291,3 @@ def _profile(standard: str, name: str, level: str, lowest: str | None, highest: 
         course = profile_of(standard, name, level=level)
     numbers: dict[str, Any] = {k: typed(k, v) for k, v in pairs(change, "--set").items()}
     return course.with_(predicted=predicted, **numbers)
-
-
-def _object(course: ThermalProfile) -> dict[str, Any]:
-    """Return a profile as JSON holds it."""
-    numbers = {k: {"text": n.text, "mark": n.mark, "clause": n.clause, "note": n.note} for k, n in course.used.items()}
-    return {
-        "profile": course.title,
-        "kind": course.kind,
-        "clause": course.clause,
-        "mark": course.mark,
-        "decides": course.decides,
-        "trust": course.trust,
-        "numbers": numbers,
-        "steps": [s.name for s in course.steps],
-        "remarks": list(course.check()),
-    }

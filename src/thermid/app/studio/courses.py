@@ -169,19 +169,16 @@ def profile_for(course: Course, changes: Mapping[str, Any]) -> ThermalProfile:
 
 def profile_object(profile: ThermalProfile) -> dict[str, Any]:
     """Return a profile's numbers with clauses and marks, as a page lists them; those not known yet with the reason."""
-    numbers: dict[str, dict[str, str]] = {}
-    lacking = ""
     try:
-        numbers = {k: {"text": n.text, "mark": n.mark, "clause": n.clause, "note": n.note} for k, n in profile.used.items()}
-        steps, remarks, trust = len(profile.steps), list(profile.check()), profile.trust
+        steps, remarks, trust, lacking = len(profile.steps), list(profile.check()), profile.trust, ""
     except ScenarioError as error:
         steps, remarks, trust, lacking = 0, [], "", error.message
-        numbers = {k: {"text": n.text, "mark": n.mark, "clause": n.clause, "note": n.note} for k, n in profile.numbers.items()}
+    numbers = profile.numbers if lacking else profile.used
     return {
         "title": profile.title,
         "kind": profile.kind,
         "note": profile.note,
-        "numbers": numbers,
+        "numbers": {k: n.to_dict() for k, n in numbers.items()},
         "steps": steps,
         "remarks": remarks,
         "trust": trust,

@@ -96,6 +96,10 @@ class Number:
             return f"{v / 3600.0:.6g} [h]" if v >= 7200.0 or (v >= 3600.0 and v % 3600.0 == 0) else f"{v / 60.0:.6g} [min]"
         return f"{v:.6g}" if self.slot == "1" else f"{v:.6g} [{self.slot}]"
 
+    def to_dict(self) -> dict[str, str]:
+        """Return text, mark, clause and note for JSON."""
+        return {"text": self.text, "mark": self.mark, "clause": self.clause, "note": self.note}
+
 
 def number(name: str, spec: Any, mark: str, clause: str, where: str) -> Number:
     """Return a number from what a file or a caller writes: a value, or a table of value, mark, clause and note.
@@ -467,6 +471,14 @@ class ThermalProfile(Result):
         return {k: self[k] for k in wanted} | out
 
     @property
+    def shown(self) -> Mapping[str, Number]:
+        """`used`, or the numbers as given where hot and cold cannot be computed."""
+        try:
+            return self.used
+        except ThermidError:
+            return self.numbers
+
+    @property
     def mark(self) -> str:
         """The weakest mark of its numbers, steps and rule of stability: read, project, secondary or memory."""
         marks = [n.mark for n in self.used.values()] + [row.get("mark", self.step_mark) for row in self.plan]
@@ -593,7 +605,7 @@ def as_text(profile: ThermalProfile) -> str:
     """Return a profile as a table: numbers with clause and mark, the first steps, remarks."""
     head = [profile.title, f"  {profile.kind}, {profile.standard} {profile.edition}, {profile.clause}".rstrip(" ,")]
     head += [f"  {profile.note}"] if profile.note else []
-    numbers = _numbers_to_show(profile)
+    numbers = profile.shown
     width = max(len(k) for k in numbers)
     wide = max(len(n.text) for n in numbers.values())
     rows = [
@@ -609,14 +621,6 @@ def as_text(profile: ThermalProfile) -> str:
     except ThermidError as error:
         lines += [f"  steps: {error.message}"]
     return "\n".join([*lines, f"  trust: {profile.trust}"])
-
-
-def _numbers_to_show(profile: ThermalProfile) -> Mapping[str, Number]:
-    """Return `used`, or the numbers as given where hot and cold cannot be computed."""
-    try:
-        return profile.used
-    except ThermidError:
-        return profile.numbers
 
 
 def _step_text(step: ProfileStep) -> str:

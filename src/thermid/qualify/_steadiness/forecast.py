@@ -486,17 +486,6 @@ class Forecast(EndForecast, Result):
         """Return it as JSON holds it."""
         return self._object(self.slow, self.holds_late, self.by_model)
 
-    def _risk(self) -> str:
-        """Return what may be wrong with the final temperature, in words."""
-        often = f"{100 * (1 - self.level):.3g} of 100 such forecasts are wrong"
-        if self.by_model:
-            return f"{often}, if the model includes every slow part"
-        far = duration_text(MAX_UNSEEN_SLOWNESS * (self.now - self.start))
-        return (
-            f"{often}. A part slower than {far} that drifts by less than {3600.0 * self.drift:.2g} K/h cannot be detected; it would "
-            "add that drift times its time constant"
-        )
-
     def __str__(self) -> str:
         """The forecast in words, with the time that it saves and its risk."""
         watched = duration_text(self.now - self.start)
@@ -507,7 +496,13 @@ class Forecast(EndForecast, Result):
         else:
             at = "" if self.reference is None else f" with the reference at {self.reference - ICE_POINT:.2f} degC"
             lines.append(f"  final temperature: {self.final}{at}, {100 * self.level:g} % interval")
-            lines.append(f"  risk: {self._risk()}")
+            often = f"{100 * (1 - self.level):.3g} of 100 such forecasts are wrong"
+            far = duration_text(MAX_UNSEEN_SLOWNESS * (self.now - self.start))
+            unseen = (
+                f". A part slower than {far} that drifts by less than {3600.0 * self.drift:.2g} K/h cannot be detected; it would "
+                "add that drift times its time constant"
+            )
+            lines.append(f"  risk: {often}{', if the model includes every slow part' if self.by_model else unseen}")
         if self.holds is None:
             lines.append(f"  rule '{self.rule.name}': the time at which it will be met cannot be predicted")
         elif self.holds <= self.now:

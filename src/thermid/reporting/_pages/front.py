@@ -36,8 +36,6 @@ from thermid.reporting._pictures import correlation, figures
 from thermid.reporting._pictures.figures import RecordDrive
 from thermid.simulation.runs import Scenario, Solution, simulate
 
-Course = Solution
-"""The run of a record, as other files of the package name it."""
 SHOWN_TIMES = 400
 """Times of a run."""
 
@@ -204,7 +202,7 @@ def _tag(c: Calibration) -> str:
     return SYNTHETIC if c.synthetic or any(e.record.origin.synthetic for e in c.experiments) else ""
 
 
-def _decides(decisive: Decisive, run: Course | None) -> Plot:
+def _decides(decisive: Decisive, run: Solution | None) -> Plot:
     """Return the figure of the sensor that decides: measured, simulated and residual."""
     b = decisive.block
     drive = drives(decisive.fit, run)
@@ -217,7 +215,7 @@ def _decides(decisive: Decisive, run: Course | None) -> Plot:
     return Plot(drawn, words, _tag(decisive.fit), DECIDES)
 
 
-def _network(decisive: Decisive, run: Course | None) -> Plot | None:
+def _network(decisive: Decisive, run: Solution | None) -> Plot | None:
     """Return the coloured network at the hottest moment of the record; None where the run cannot be made again."""
     if run is None:
         return None

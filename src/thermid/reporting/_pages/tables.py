@@ -36,7 +36,7 @@ from thermid.reporting._blocks.content import (
     significant,
     verdict_cell,
 )
-from thermid.reporting._pages.views import view
+from thermid.reporting._pages.views import bias_of
 from thermid.values.fitted import FittedValue
 from thermid.values.store import INPUT
 
@@ -63,22 +63,20 @@ def parameters(calibration: Calibration) -> Table:
     ]
     table = parameter_table(calibration.given_model)
     rows: list[Line] = []
-    shown = view(calibration).values
     for path, v in calibration.values.parameters.items():
-        entry, q = table[path], shown[path]
+        entry, random = table[path], v.shown(v.error_random)
         source = entry.origin if entry.origin.startswith("stage ") else entry.parameter.source or "not stated"
-        share = 100 * v.relative
         shift = (v.value - v.start) / v.error if v.error > 0 and math.isfinite(v.error) else math.nan
         rows.append(
             [
                 Cell(path, entry.parameter.note),
-                plain(q.start, 6),
-                Cell(significant(q.value, q.random), repr(q.value), "main"),
-                number(q.random, 2),
-                number(q.error, 2),
-                number(share, 2),
-                pretty(q.unit),
-                bounds_text(q.bounds),
+                plain(v.converted(v.start), 6),
+                Cell(significant(v.in_unit, random), repr(v.in_unit), "main"),
+                number(random, 2),
+                number(v.shown(v.error), 2),
+                number(100 * v.relative, 2),
+                pretty(v.unit),
+                bounds_text(v),
                 f"{shift:+.1f}" if math.isfinite(shift) else DASH,
                 Cell(source, entry.parameter.basis),
                 _state(v),
@@ -87,9 +85,9 @@ def parameters(calibration: Calibration) -> Table:
     return Table.of_rows(columns, rows)
 
 
-def bounds_text(bounds: tuple[float, float]) -> str:
-    """Return the bounds of a value as text; a dash where it has none."""
-    low, high = (plain(b, 4) if math.isfinite(b) else "" for b in bounds)
+def bounds_text(v: FittedValue) -> str:
+    """Return the bounds of a value in its unit as text; a dash where it has none."""
+    low, high = (plain(v.converted(b), 4) if math.isfinite(b) else "" for b in v.bounds)
     return f"{low} .. {high}" if low and high else f"from {low}" if low else f"to {high}" if high else DASH
 
 
@@ -193,10 +191,10 @@ def sensors(calibration: Calibration) -> Table:
     ]
     accuracy = {o.sensor: o.accuracy for e in calibration.experiments for o in e.observations}
     rows: list[Line] = []
-    for name, s in view(calibration).sensors.items():
+    for name, s in calibration.sensors.items():
         blocks = [b for b in calibration.blocks if b.sensor == name]
-        fixed = f"{signed(s.bias, 2)} held" if s.bias else DASH
-        bias = fixed if s.bias_error is None else f"{signed(s.bias, 2)} ± {number(s.bias_error, 2)}"
+        value, error = bias_of(calibration, name)
+        bias = f"{signed(value, 2)} ± {number(error, 2)}" if error is not None else f"{signed(value, 2)} held" if value else DASH
         rows.append(
             [
                 Cell(name, "", "main"),
@@ -204,7 +202,7 @@ def sensors(calibration: Calibration) -> Table:
                 str(len(blocks)),
                 str(s.samples),
                 number(s.rmse, 3),
-                number(s.median_rmse, 3),
+                number(calibration.median_rmse(name), 3),
                 signed(s.mean, 3),
                 signed(s.largest, 3),
                 bias,

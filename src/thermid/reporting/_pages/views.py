@@ -1,13 +1,8 @@
-"""Views of results: the numbers that text, JSON, page and studio print, worked out once.
-
-A view holds numbers in the unit in which a person reads them; JSON holds SI units beside them, temperatures also in Celsius, and null
-where a thing does not exist.
-"""
+"""Results as JSON and the studio hold them: SI units beside those in which a person reads them, null where a thing does not exist."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 from thermid.campaign.stages import Campaign, next_command
@@ -17,88 +12,25 @@ from thermid.physics.constants import ICE_POINT
 from thermid.values.fitted import FittedValue
 
 
-@dataclass(frozen=True)
-class ShownValue:
-    """A fitted value in its unit.
-
-    Parameters
-    ----------
-    value, random, error, start : float     With its standard error by the noise alone and in all.
-    unit : str
-    bounds : tuple                          Infinite where open.
-    ranges : dict                           Stated range of a fixed input -> its part of the variance. [-]
-    """
-
-    value: float
-    random: float
-    error: float
-    unit: str
-    start: float
-    bounds: tuple[float, float]
-    ranges: Mapping[str, float] = field(default_factory=dict)
-
-    def answer(self) -> dict[str, Any]:
-        """Return value and errors as JSON and the studio say them."""
-        ranges = {"ranges": dict(self.ranges)} if self.ranges else {}
-        return {"value": self.value, "error": self.error, "random": self.random, "unit": self.unit, **ranges}
+def answer(v: FittedValue, ranges: Mapping[str, float]) -> dict[str, Any]:
+    """Return a value and its errors in its unit, as JSON and the studio say them; `ranges` are parts of its variance by stated range."""
+    out = {"value": v.in_unit, "error": v.shown(v.error), "random": v.shown(v.error_random), "unit": v.unit}
+    return out | ({"ranges": dict(ranges)} if ranges else {})
 
 
-@dataclass(frozen=True)
-class SensorFigures:
-    """How a model meets a sensor over all records: residuals are measured less simulated, its constant error taken off. [K]"""
-
-    samples: int
-    rmse: float
-    median_rmse: float
-    mean: float
-    largest: float
-    bias: float
-    bias_error: float | None
-    lag_one: float
-    white: bool
-
-
-@dataclass(frozen=True)
-class CalibrationView:
-    """A stage as every answer prints it."""
-
-    values: Mapping[str, ShownValue]
-    sensors: Mapping[str, SensorFigures]
-
-
-def quantity(v: FittedValue, ranges: Mapping[str, float] | None = None) -> ShownValue:
-    """Return a fitted value in its unit, with the part of its variance that each stated range makes."""
-    return ShownValue(
-        v.in_unit,
-        v.shown(v.error_random),
-        v.shown(v.error),
-        v.unit,
-        v.converted(v.start),
-        (v.converted(v.bounds[0]), v.converted(v.bounds[1])),
-        ranges or {},
-    )
-
-
-def view(fit: Calibration) -> CalibrationView:
-    """Return the figures of a stage: what was fitted, and how each sensor is met."""
-    sensors = {}
-    for name, s in fit.sensors.items():
-        fitted = fit.values.sensors.get(name)
-        value, error = (s.bias, None) if fitted is None else (fitted.value, fitted.error)
-        sensors[name] = SensorFigures(s.samples, s.rmse, fit.median_rmse(name), s.mean, s.largest, value, error, s.lag_one, s.white)
-    return CalibrationView(
-        {p: quantity(v, fit.range_shares(p)) for p, v in fit.values.items() if v.kind in ("parameter", "level")}, sensors
-    )
+def bias_of(fit: Calibration, sensor: str) -> tuple[float, float | None]:
+    """Return the constant error of a sensor, fitted or held, and the standard error of a fitted one. [K]"""
+    fitted = fit.values.sensors.get(sensor)
+    return (fit.sensors[sensor].bias, None) if fitted is None else (fitted.value, fitted.error)
 
 
 def fit_object(fit: Calibration) -> dict[str, Any]:
     """Return what a fit found for the studio: values in the units of the sliders, and all else that its curves need [SI]."""
-    shown = view(fit)
     unknowns = fit.problem.unknowns if fit.problem is not None else ()
     return {
-        "values": {p: shown.values[p].answer() for p in fit.values.parameters},
+        "values": {p: answer(v, fit.range_shares(p)) for p, v in fit.values.parameters.items()},
         "others": {u.name: u.to_value(fit.fitted[u.name]) for u in unknowns if u.kind != "parameter"},
-        "sensors": {n: {"rmse": s.rmse, "bias": s.bias} for n, s in shown.sensors.items()},
+        "sensors": {n: {"rmse": s.rmse, "bias": bias_of(fit, n)[0]} for n, s in fit.sensors.items()},
         "warnings": list(fit.warnings),
         "clocks": fit.clocks,
         "evaluations": fit.evaluations,
@@ -115,8 +47,7 @@ def swap_object(plan: RetunePlan) -> dict[str, Any]:
 
 def calibration_object(fit: Calibration) -> dict[str, Any]:
     """Return the object of one stage."""
-    shown = view(fit)
-    fitted = {p: fit.values[p] for p in shown.values}
+    fitted = {p: v for p, v in fit.values.items() if v.kind in ("parameter", "level")}
     return {
         "stage": fit.stage,
         "free": list(fitted),
@@ -125,10 +56,10 @@ def calibration_object(fit: Calibration) -> dict[str, Any]:
         "errors_total": {p: v.error for p, v in fitted.items()},
         "expected": {p: {"value": x, "error": error} for p, (x, error) in fit.expected.items()},
         "units": {p: v.unit for p, v in fitted.items()},
-        "shown": {p: v.answer() for p, v in shown.values.items()},
+        "shown": {p: answer(v, fit.range_shares(p)) for p, v in fitted.items()},
         "sensors": {n: s.to_dict() for n, s in fit.sensors.items()},
         "records": {r: {n: s.to_dict() for n, s in sensors.items()} for r, sensors in fit.statistics.items()},
-        "median_rmse_K": {n: s.median_rmse for n, s in shown.sensors.items()},
+        "median_rmse_K": {n: fit.median_rmse(n) for n in fit.sensors},
         "local": [_local(i) for i in fit.local],
         "moved": _moved(fit.moved),
         "reduced_chi_square": fit.reduced_chi_square,

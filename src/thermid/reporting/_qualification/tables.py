@@ -286,7 +286,7 @@ def changes(q: Qualification) -> Table:
                     *line,
                     number(v.shown(v.error), 2),
                     pretty(v.unit),
-                    bounds_text((v.converted(v.bounds[0]), v.converted(v.bounds[1]))),
+                    bounds_text(v),
                     Cell(why) if why else Cell("no reason given", "", "warn"),
                 ]
             )
