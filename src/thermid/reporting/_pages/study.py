@@ -106,15 +106,18 @@ def study_report(
 def steps(study: Study) -> list[PageBlock]:
     """Return knowledge and use, box colours, set-ups and procedure as recorded."""
     theory = (("solver", study.solver), ("error of a run", f"{study.options.error:g} K"))
-    rows: list[Line] = [
-        [Cell(str(k), "", "main"), a.name, _state(a.state), ", ".join(a.stages) or a.note or DASH] for k, a in enumerate(study.actions, 1)
-    ]
     boxes: list[Line] = [
         [Cell(path or study.model.title, "", "main"), study.model.submodel(path).title if path else "the whole", box]
         for path, box in study.part_boxes.items()
     ]
     box_table = Table.of_rows([Head("part"), Head("deck"), Head("box colour, with those inside")], boxes)
-    actions = Table.of_rows([Head("no."), Head("action", wrapped=True), Head("state"), Head("stages", wrapped=True)], rows)
+    actions = Table.of_rows(
+        [Head("no."), Head("action", wrapped=True), Head("state"), Head("stages", wrapped=True)],
+        [
+            [Cell(str(k), "", "main"), a.name, _state(a.state), ", ".join(a.stages) or a.note or DASH]
+            for k, a in enumerate(study.actions, 1)
+        ],
+    )
     return [
         Heading("1  Knowledge and intended use"),
         Facts((("physical items", str(len(study.components))), ("model of the whole", study.model.title))),
@@ -141,28 +144,29 @@ def _state(state: str) -> Cell:
 
 def _instruments(study: Study) -> Table:
     """Return the table of the sensors of a study: accuracy, resolution, range, conversion time, certificate."""
-    columns = [
-        Head("sensor"),
-        Head("accuracy, K", True),
-        Head("resolution, K", True),
-        Head("range, °C", True),
-        Head("conversion, s", True),
-        Head("certificate", wrapped=True),
-        Head("basis", wrapped=True),
-    ]
-    rows: list[Line] = [
+    return Table.of_rows(
         [
-            Cell(name, ", ".join(s.channels), "main"),
-            f"± {plain(s.accuracy)}",
-            plain(s.resolution) if s.resolution else DASH,
-            " .. ".join(plain(t - ICE_POINT, 4) for t in s.range) or DASH,
-            plain(s.conversion) if s.conversion else DASH,
-            s.certificate or DASH,
-            s.basis or DASH,
-        ]
-        for name, s in study.sensors.items()
-    ]
-    return Table.of_rows(columns, rows)
+            Head("sensor"),
+            Head("accuracy, K", True),
+            Head("resolution, K", True),
+            Head("range, °C", True),
+            Head("conversion, s", True),
+            Head("certificate", wrapped=True),
+            Head("basis", wrapped=True),
+        ],
+        [
+            [
+                Cell(name, ", ".join(s.channels), "main"),
+                f"± {plain(s.accuracy)}",
+                plain(s.resolution) if s.resolution else DASH,
+                " .. ".join(plain(t - ICE_POINT, 4) for t in s.range) or DASH,
+                plain(s.conversion) if s.conversion else DASH,
+                s.certificate or DASH,
+                s.basis or DASH,
+            ]
+            for name, s in study.sensors.items()
+        ],
+    )
 
 
 def _parts_section(study: Study) -> Section:

@@ -217,34 +217,37 @@ def sensors(calibration: Calibration) -> Table:
 
 def instruments(calibration: Calibration) -> Table:
     """Return the constant errors that were found for logged boundaries and powers."""
-    rows: list[Line] = [
-        [
-            name.removesuffix(" error"),
-            significant(v.in_unit, v.shown(v.error)),
-            number(v.shown(v.error), 2),
-            "of the reading" if v.unit == "1" else pretty(v.unit),
-        ]
-        for name, v in calibration.values.items()
-        if v.kind == INPUT
-    ]
-    columns = [Head("logged channel"), Head("error", True), Head("± total", True), Head("unit")]
     words = "Reading minus truth, as of compared sensors: positive for an instrument that reads high; of a power as a share of the reading."
-    return Table.of_rows(columns, rows, words)
+    return Table.of_rows(
+        [Head("logged channel"), Head("error", True), Head("± total", True), Head("unit")],
+        [
+            [
+                name.removesuffix(" error"),
+                significant(v.in_unit, v.shown(v.error)),
+                number(v.shown(v.error), 2),
+                "of the reading" if v.unit == "1" else pretty(v.unit),
+            ]
+            for name, v in calibration.values.items()
+            if v.kind == INPUT
+        ],
+        words,
+    )
 
 
 def records(calibration: Calibration) -> Table:
     """Return the statistics of every record and sensor."""
     numeric = [Head(c, True) for c in ("samples", "RMSE, K", "mean, K", "largest, K", "lag-1")]
-    columns = [Head("record"), Head("sensor"), *numeric, Head("white")]
-    rows: list[Line] = [
+    return Table.of_rows(
+        [Head("record"), Head("sensor"), *numeric, Head("white")],
         [
-            *(record, sensor, str(s.samples), number(s.rmse, 3)),
-            *(signed(s.mean, 3), signed(s.largest, 3), signed(s.lag_one, 2), "yes" if s.white else "no"),
-        ]
-        for record, sensors in calibration.statistics.items()
-        for sensor, s in sensors.items()
-    ]
-    return Table.of_rows(columns, rows)
+            [
+                *(record, sensor, str(s.samples), number(s.rmse, 3)),
+                *(signed(s.mean, 3), signed(s.largest, 3), signed(s.lag_one, 2), "yes" if s.white else "no"),
+            ]
+            for record, sensors in calibration.statistics.items()
+            for sensor, s in sensors.items()
+        ],
+    )
 
 
 def locals_(calibration: Calibration) -> Table:
@@ -260,25 +263,30 @@ def correlations(calibration: Calibration, most: int = 30) -> Table:
     """Return the strongest correlations, those marked where two parameters can hardly be separated."""
     ranked = sorted(calibration.correlations.items(), key=lambda item: -abs(item[1]))
     looks = [("hardly separable", "warn") if abs(c) > HIGH_CORRELATION else ("", "") for _, c in ranked]
-    rows: list[Line] = [[a, b, Cell(f"{c:+.2f}", *look)] for ((a, b), c), look in zip(ranked[:most], looks, strict=False)]
     more = f"; not shown: {counted(len(ranked) - most, 'weaker one')}" if len(ranked) > most else ""
     caption = f"Those above 0.1{more}; marked above {HIGH_CORRELATION}."
-    return Table.of_rows([Head("first"), Head("second"), Head("correlation", True)], rows, caption)
+    return Table.of_rows(
+        [Head("first"), Head("second"), Head("correlation", True)],
+        [[a, b, Cell(f"{c:+.2f}", *look)] for ((a, b), c), look in zip(ranked[:most], looks, strict=False)],
+        caption,
+    )
 
 
 def areas(model: Model) -> Table:
     """Return the area ledger of a model: exposed + contact + gap = total for every surface."""
     numeric = [Head(f"{c}, cm²", True) for c in ("total", "exposed", "contact", "gap")]
-    columns = [Head("surface"), *numeric, Head("taken by", wrapped=True)]
-    rows: list[Line] = [
+    return Table.of_rows(
+        [Head("surface"), *numeric, Head("taken by", wrapped=True)],
         [
-            line.surface,
-            *(number(1e4 * a, 4) for a in (line.total, line.exposed, line.contact, line.gap)),
-            ", ".join(f"{joint} {number(1e4 * a, 4)} cm²" for joint, a in line.joints.items()) or DASH,
-        ]
-        for line in ledger(model)
-    ]
-    return Table.of_rows(columns, rows, "Exposed area convects and radiates; exposed + contact + gap = total.")
+            [
+                line.surface,
+                *(number(1e4 * a, 4) for a in (line.total, line.exposed, line.contact, line.gap)),
+                ", ".join(f"{joint} {number(1e4 * a, 4)} cm²" for joint, a in line.joints.items()) or DASH,
+            ]
+            for line in ledger(model)
+        ],
+        "Exposed area convects and radiates; exposed + contact + gap = total.",
+    )
 
 
 def verdicts(campaign: Campaign, ranked: bool = False) -> Table:
@@ -288,17 +296,6 @@ def verdicts(campaign: Campaign, ranked: bool = False) -> Table:
     ----------
     ranked : bool   Whether what takes most of its limit stands first; else in the order of the campaign.
     """
-    columns = [
-        Head("model"),
-        Head("hold-out record"),
-        Head("sensor"),
-        Head("criterion"),
-        Head("found, K", True),
-        Head("limit, K", True),
-        Head("outside", True, "samples beyond the limit, of all samples"),
-        Head("result"),
-        Head("conditional on", wrapped=True),
-    ]
     rows: list[Line] = []
     sizes: list[float] = []
     for v in campaign.verdicts:
@@ -316,7 +313,21 @@ def verdicts(campaign: Campaign, ranked: bool = False) -> Table:
             cells = [number(c.found, 3), plain(c.limit, 4), _outside(v, c)]
             rows.append([*first, c.sensor, c.title, *cells, verdict_cell(bool(c.passed)), condition])
     order = sorted(range(len(rows)), key=lambda k: -sizes[k]) if ranked else range(len(rows))
-    return Table.of_rows(columns, [rows[k] for k in order], "What takes most of its limit first." if ranked else "")
+    return Table.of_rows(
+        [
+            Head("model"),
+            Head("hold-out record"),
+            Head("sensor"),
+            Head("criterion"),
+            Head("found, K", True),
+            Head("limit, K", True),
+            Head("outside", True, "samples beyond the limit, of all samples"),
+            Head("result"),
+            Head("conditional on", wrapped=True),
+        ],
+        [rows[k] for k in order],
+        "What takes most of its limit first." if ranked else "",
+    )
 
 
 def _outside(verdict: Verdict, check: Check) -> str:

@@ -77,28 +77,30 @@ def tests(q: Qualification) -> Table:
 
 def sensors(q: Qualification) -> Table:
     """Return the sensors: node, place, reason, accuracy, certificate."""
-    columns = [
-        Head("sensor"),
-        Head("model node"),
-        Head("place"),
-        Head("why there", wrapped=True),
-        Head("accuracy"),
-        Head("noise"),
-        Head("certificate", wrapped=True),
-    ]
-    rows: list[Line] = [
+    return Table.of_rows(
         [
-            Cell(n, "", "main"),
-            s.node,
-            s.location or DASH,
-            s.reason,
-            f"± {s.accuracy}" if s.accuracy else DASH,
-            s.noise or DASH,
-            s.certificate or DASH,
-        ]
-        for n, s in q.plan.content.sensors.items()
-    ]
-    return Table.of_rows(columns, rows, "Accuracy: standard deviation of the constant error.")
+            Head("sensor"),
+            Head("model node"),
+            Head("place"),
+            Head("why there", wrapped=True),
+            Head("accuracy"),
+            Head("noise"),
+            Head("certificate", wrapped=True),
+        ],
+        [
+            [
+                Cell(n, "", "main"),
+                s.node,
+                s.location or DASH,
+                s.reason,
+                f"± {s.accuracy}" if s.accuracy else DASH,
+                s.noise or DASH,
+                s.certificate or DASH,
+            ]
+            for n, s in q.plan.content.sensors.items()
+        ],
+        "Accuracy: standard deviation of the constant error.",
+    )
 
 
 def boundaries(q: Qualification) -> Table:
@@ -257,10 +259,9 @@ def flows(t: Trial) -> Table:
     length = float(run.times[-1])
     means = {c: float(np.trapezoid(w, run.times) / length) for c, w in run.heat_flows.items()}
     ranked = sorted(means.items(), key=lambda item: -abs(item[1]))[:14]
-    rows: list[Line] = [[c, signed(w, 3), signed(float(run.heat_flows[c][-1]), 3)] for c, w in ranked]
     return Table.of_rows(
         [Head("path"), Head("mean, W", True), Head("at the end, W", True)],
-        rows,
+        [[c, signed(w, 3), signed(float(run.heat_flows[c][-1]), 3)] for c, w in ranked],
         "Positive from its first end to its second.",
     )
 
@@ -295,91 +296,97 @@ def changes(q: Qualification) -> Table:
 
 def deviations(c: Correlation) -> Table:
     """Return mean, spread and largest deviation per sensor and case."""
-    columns = [
-        Head("sensor"),
-        Head("case", wrapped=True),
-        Head("kind"),
-        Head("readings", True),
-        Head("measured, °C", True),
-        Head("mean, K", True),
-        Head("spread, K", True),
-        Head("largest, K", True),
-        Head("RMSE, K", True),
-        Head("± sensor, K", True),
-        Head("weight", True),
-        Head("left out", wrapped=True),
-    ]
-    rows: list[Line] = [
+    return Table.of_rows(
         [
-            Cell(d.sensor, "", "main"),
-            *(
-                d.case,
-                d.kind,
-                str(d.samples),
-                celsius(d.measured),
-                signed(d["mean"], 2),
-                f"{d['spread']:.2f}",
-                signed(d["largest"], 2),
-                f"{d['rmse']:.2f}",
-            ),
-            *(
-                number(HALF_WIDTH_95 * d.accuracy, 2) if d.accuracy else DASH,
-                plain(d.weight, 3),
-                Cell(d.excluded or DASH, "", "warn" if d.excluded else ""),
-            ),
-        ]
-        for d in c.deviations
-    ]
-    return Table.of_rows(columns, rows, "Measured minus simulated; ± sensor: 95 % of its constant error.")
+            Head("sensor"),
+            Head("case", wrapped=True),
+            Head("kind"),
+            Head("readings", True),
+            Head("measured, °C", True),
+            Head("mean, K", True),
+            Head("spread, K", True),
+            Head("largest, K", True),
+            Head("RMSE, K", True),
+            Head("± sensor, K", True),
+            Head("weight", True),
+            Head("left out", wrapped=True),
+        ],
+        [
+            [
+                Cell(d.sensor, "", "main"),
+                *(
+                    d.case,
+                    d.kind,
+                    str(d.samples),
+                    celsius(d.measured),
+                    signed(d["mean"], 2),
+                    f"{d['spread']:.2f}",
+                    signed(d["largest"], 2),
+                    f"{d['rmse']:.2f}",
+                ),
+                *(
+                    number(HALF_WIDTH_95 * d.accuracy, 2) if d.accuracy else DASH,
+                    plain(d.weight, 3),
+                    Cell(d.excluded or DASH, "", "warn" if d.excluded else ""),
+                ),
+            ]
+            for d in c.deviations
+        ],
+        "Measured minus simulated; ± sensor: 95 % of its constant error.",
+    )
 
 
 def gates(c: Correlation, failed_only: bool = False) -> Table:
     """Return every gate of every set of criteria, or those that are not met."""
-    columns = [
-        Head("criteria"),
-        Head("case", wrapped=True),
-        Head("kind"),
-        Head("gate"),
-        Head("found, K", True),
-        Head("limit, K", True),
-        Head("mark"),
-        Head("worst sensor"),
-        Head("outside", True),
-        Head("result"),
-    ]
-    rows: list[Line] = [
+    return Table.of_rows(
         [
-            Cell(g.criteria, "", "main"),
-            *(g.case, g.kind, g.over_sensors, f"{g.found:.2f}", plain(g.limit, 3), mark(g.mark), g.sensor or DASH),
-            *(Cell(f"{len(g.outside)} of {g.counted}", ", ".join(g.outside)), verdict_cell(g.passed)),
-        ]
-        for g in c.gates
-        if not failed_only or g.passed is False
-    ]
-    return Table.of_rows(columns, rows)
+            Head("criteria"),
+            Head("case", wrapped=True),
+            Head("kind"),
+            Head("gate"),
+            Head("found, K", True),
+            Head("limit, K", True),
+            Head("mark"),
+            Head("worst sensor"),
+            Head("outside", True),
+            Head("result"),
+        ],
+        [
+            [
+                Cell(g.criteria, "", "main"),
+                *(g.case, g.kind, g.over_sensors, f"{g.found:.2f}", plain(g.limit, 3), mark(g.mark), g.sensor or DASH),
+                *(Cell(f"{len(g.outside)} of {g.counted}", ", ".join(g.outside)), verdict_cell(g.passed)),
+            ]
+            for g in c.gates
+            if not failed_only or g.passed is False
+        ],
+    )
 
 
 def diagnoses(t: Trial) -> Table:
     """Return what would explain a test's deviations, the likeliest first."""
-    columns = [
-        Head("fault"),
-        Head("group"),
-        Head("probability, %", True),
-        Head("explains, %", True),
-        Head("leaves, K", True),
-    ]
     suspects = t.diagnosis.suspects[:6] if t.diagnosis is not None else ()
-    rows: list[Line] = [
-        [Cell(s.text, "", "main"), s.group, f"{100 * s.probability:.0f}", f"{100 * s.explained:.0f}", f"{s.left:.2f}"] for s in suspects
-    ]
-    return Table.of_rows(columns, rows, "Each fault tried alone; explains: share of the weighted sum of squares.")
+    return Table.of_rows(
+        [
+            Head("fault"),
+            Head("group"),
+            Head("probability, %", True),
+            Head("explains, %", True),
+            Head("leaves, K", True),
+        ],
+        [[Cell(s.text, "", "main"), s.group, f"{100 * s.probability:.0f}", f"{100 * s.explained:.0f}", f"{s.left:.2f}"] for s in suspects],
+        "Each fault tried alone; explains: share of the weighted sum of squares.",
+    )
 
 
 def excluded(q: Qualification) -> Table:
     """Return the sensors that do not count, and why."""
-    rows: list[Line] = [[Cell(s, "", "main"), why] for s, why in q.plan.content.exclusions.reasons.items()]
     cap = f"At most {100 * q.plan.content.exclusions.cap:g} % of the sensors of a test may be excluded."
-    return Table.of_rows([Head("sensor"), Head("why", wrapped=True)], rows, cap)
+    return Table.of_rows(
+        [Head("sensor"), Head("why", wrapped=True)],
+        [[Cell(s, "", "main"), why] for s, why in q.plan.content.exclusions.reasons.items()],
+        cap,
+    )
 
 
 def checks(q: Qualification) -> Table:
@@ -517,14 +524,16 @@ def counted(q: Qualification) -> Table:
 
 def outside(q: Qualification) -> Table:
     """Return where each test leaves the conditions of the calibration."""
-    rows: list[Line] = [
+    return Table.of_rows(
+        [Head("test"), Head("against the calibration", wrapped=True)],
         [
-            Cell(t.test.name, "", "main"),
-            Cell("EXTRAPOLATION: " + "; ".join(t.outside), "", "warn") if t.outside else Cell("inside", "", "good"),
-        ]
-        for t in q.trials
-    ]
-    return Table.of_rows([Head("test"), Head("against the calibration", wrapped=True)], rows)
+            [
+                Cell(t.test.name, "", "main"),
+                Cell("EXTRAPOLATION: " + "; ".join(t.outside), "", "warn") if t.outside else Cell("inside", "", "good"),
+            ]
+            for t in q.trials
+        ],
+    )
 
 
 def assumed(q: Qualification) -> Table:
