@@ -330,16 +330,15 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
     windows = windows or settled_windows(trial, [n for n, _ in sensors.values()], record.duration)
     comparison: Calibration | None = None
     if log.simulated:
-        other = _record(plan, test, log.simulated, sensors, {}, {})
-        overlaid = paired(record, other, test.name)
+        overlaid = paired(record, _record(plan, test, log.simulated, sensors, {}, {}), test.name)
     else:
         base = replace(scenario, start=log.start) if log.start else scenario
         logged = {*log.boundaries.values(), *log.loads.values()}
         tables = {k: {n: v for n, v in getattr(base, k).items() if n not in logged} for k in ("boundaries", "loads", "commands")}
         comparison = compare(trial.knowledge.model, record, scenario=replace(base, **tables))
         overlaid = overlays(comparison, test.name)
-    excluded = plan.content.exclusions
-    left_out = Exclusions({s: r for s, r in excluded.reasons.items() if s in {o.sensor for o in overlaid}}, excluded.cap)
+    stated, there = plan.content.exclusions, {o.sensor for o in overlaid}
+    left_out = Exclusions({s: r for s, r in stated.reasons.items() if s in there}, stated.cap)
     correlation = correlate(
         overlaid,
         [plan.criteria[n] for n in test.criteria],
@@ -348,7 +347,7 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
         exclusions=left_out,
         title=test.name,
     )
-    diagnosis = diagnose(comparison) if comparison is not None and correlation.failed and len({o.sensor for o in overlaid}) > 1 else None
+    diagnosis = diagnose(comparison) if comparison is not None and correlation.failed and len(there) > 1 else None
     counted = [o for o in overlaid if o.sensor not in left_out.reasons]
     settled, unsure = stability_in_windows(trial, record, windows, [o.sensor for o in counted])
     steady = any("steady" in plan.criteria[n].kinds for n in test.criteria)
@@ -361,7 +360,10 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
         diagnosis=diagnosis,
         log_sha256=record.origin.sha256,
         synthetic=record.origin.synthetic,
-        checks=(*trial.checks, *check_readings(readings, limits, trial.foresight.solution, state=test.state_without_loads)),
+        checks=(
+            *trial.checks,
+            *check_readings(readings, limits, trial.foresight.solution, state=test.state_without_loads),
+        ),
         not_shown=(*_not_shown(trial, record, counted, windows), *(windows_not_stable(settled) if steady else ())),
         remarks=(
             *trial.remarks,

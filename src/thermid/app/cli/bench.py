@@ -83,16 +83,7 @@ def log(
     with ExitStack() as stack:
         # a question to the user is broken off by Ctrl-C itself; all else ends between two lines
         stop_signals = [] if identify or ice_point else stack.enter_context(_asked_to_end())
-        find: Callable[[], str | BoardPort] = find_port
-        clock, wall = time.monotonic, time.time
-        if simulate:
-            board = simulated()
-            find, clock, wall = lambda: board, board.clock, board.wall
-        elif port is not None:
-            check_port(port)  # a first look, so that a missing board is an error and not a wait
-            find = lambda: port  # noqa: E731
-        else:
-            check_port(find_port())
+        find, clock, wall = _board(port, simulate)
         logger = Logger(file, find, sensor_map, settings, steps, clear_latch=clear_latch, clock=clock, wall=wall)
         if logger.store.session > 1:
             typer.echo(f"{file} is continued: start {logger.store.session} of it.", err=True)
@@ -107,6 +98,15 @@ def log(
     if logger.store.waiting:
         where = f"are in {logger.store.rest}; append them to the log when there is room" if logger.store.rest else "are lost"
         raise RecordError(f"the disk is full: the last {logger.store.waiting / 1e3:.0f} kB {where}.", str(file), code="bench.log")
+
+
+def _board(port: str | None, simulate: bool) -> tuple[Callable[[], str | BoardPort], Callable[[], float], Callable[[], float]]:
+    """Return what finds the board, and its clocks; a first look at the port makes a missing board an error and not a wait."""
+    if simulate:
+        board = simulated()
+        return lambda: board, board.clock, board.wall
+    check_port(port or find_port())
+    return (lambda: port) if port is not None else find_port, time.monotonic, time.time
 
 
 def _closed(logger: Logger) -> None:

@@ -98,24 +98,7 @@ def init(
     with searching("searching for a structure") as progress:
         proposal = propose(roles, [thinned(r) for r in fitted], evaluations, facts=facts, progress=progress)
     project = write_project(to, proposal, fitted, holdout, source, title, masked)
-    content = {
-        "masses": proposal.chosen.nodes,
-        "cannot_tell": sorted(proposal.search.orders) if len(proposal.search.orders) > 1 else [],
-        "changes": [c.name for c in proposal.chosen.changes],
-        "rmse_K": proposal.chosen.rmse,
-        "assumed": proposal.assumed,
-        "powers": proposal.powers_text,
-        "thinned": proposal.thinned_text,
-        "masked": masked,
-        "unexplained": proposal.unexplained,
-        "not_physical": [c.to_dict() for c in proposal.not_physical],
-        "depends_on_structure": [{"path": p, "low": low, "high": high} for p, (low, high) in proposal.depending.items()],
-        "offsets_K": {c: {"value": v, "error": e} for c, (v, e) in proposal.offsets.items()},
-        "questions": list(roles.questions),
-        **{"fixed": list(project.fixed), "left_out": list(project.left_out)},
-        "files": [str(f) for f in project.files],
-    }
-    say(as_json, content, "\n".join([str(project), *(f"not used: {column}: {why}" for column, why in roles.ignored.items())]))
+    say(as_json, project.to_dict(), "\n".join([str(project), *(f"not used: {column}: {why}" for column, why in roles.ignored.items())]))
     if not proposal.decided:
         raise SystemExit(IdentificationError.exit_code)
 

@@ -11,7 +11,7 @@ import numpy as np
 import tomlkit
 from tomlkit.items import AoT
 
-from thermid.base.errors import DeckError, IdentificationError, ThermidError, nearest
+from thermid.base.errors import DeckError, IdentificationError, ThermidError, refuse_unknown
 from thermid.base.files import may_write, read_text, unsealed, write_text
 from thermid.campaign._file import CampaignSource, read_campaign
 from thermid.campaign._stages import run_stages
@@ -141,8 +141,7 @@ def improve(path: Path, stage: str = "", evaluations: int = EVALUATIONS, data: P
     source = read_campaign(path, data)
     names = [s.name for s in source.content.stages]
     name = stage or names[-1]
-    if name not in names:
-        raise DeckError(f"no stage '{name}'.{nearest(name, names)}", path.name, code="name.unknown")
+    refuse_unknown([name], names, path.name, "no stage '{}'.", DeckError)
     before = run_stages(path, data=data, cache=path.parent / "results", executor=executor).stages[name]
     if before.request is None or not before.request.records:
         raise DeckError(

@@ -244,6 +244,27 @@ class Written:
     left_out: tuple[str, ...]
     masked: tuple[str, ...] = ()
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return what is proposed, what is open, and the files, as plain numbers for JSON: [K] where a key ends so."""
+        p = self.proposal
+        return {
+            "masses": p.chosen.nodes,
+            "cannot_tell": sorted(p.search.orders) if len(p.search.orders) > 1 else [],
+            "changes": [c.name for c in p.chosen.changes],
+            "rmse_K": p.chosen.rmse,
+            "assumed": p.assumed,
+            "powers": p.powers_text,
+            "thinned": p.thinned_text,
+            "masked": list(self.masked),
+            "unexplained": p.unexplained,
+            "not_physical": [c.to_dict() for c in p.not_physical],
+            "depends_on_structure": [{"path": path, "low": low, "high": high} for path, (low, high) in p.depending.items()],
+            "offsets_K": {c: {"value": v, "error": e} for c, (v, e) in p.offsets.items()},
+            "questions": list(p.roles.questions),
+            **{"fixed": list(self.fixed), "left_out": list(self.left_out)},
+            "files": [str(f) for f in self.files],
+        }
+
     def __str__(self) -> str:
         """Return the proposal, the files, and the next command."""
         answer, *tried = str(self.proposal).split("\n")
@@ -460,46 +481,31 @@ def _campaign(
     seats = {c.name: str(c.target) for c in request.records[0].channels.values() if c.role == "node"}
     channels = _channels(proposal, seats)
     step = thinned_step(max(r.duration for r in fitted)) if max(r.times.size for r in fitted) > 600 else 0.0
+    prepare = {"prepare": [{"resample": {"step": f"{step:g} [s]", "switches": True}}]} if step else {}
+    records = {}
+    for record in (*fitted, holdout):
+        inside = {}
+        for name, channel in ((n, c) for n, c in channels.items() if n in record.channels):
+            inline = inside[record[name].column or name] = tomlkit.inline_table()
+            inline.update({k: v for k, v in channel.items() if k not in ("unit", "full_scale", "power")})
+        records[record.name] = {"file": f"logs/{record.name}.csv", **prepare, "channels": inside}
+    local, priors = _local(request), {path: {"mean": mean, "sd": sd} for path, (mean, sd) in request.priors.items()}
+    stage: dict[str, Any] = {"name": "first fit", "model": deck, "records": [r.name for r in fitted], "free": list(request.free)}
+    stage |= {k: v for k, v in (("scenario", _stage_scenario(proposal, request)), ("priors", priors), ("local", local)) if v}
+    criteria = {"sensors": {c: {"rmse": f"{_limit(proposal, fitted, c):.2g} [K]"} for c in seats}}
+    unseen = {**{k: v for k, v in local.items() if not k.startswith("initial.")}, **_hidden_starts(request, fitted, seats)}
+    verdict = {
+        "name": "hold-out",
+        "model": "first fit",
+        "record": HOLDOUT_NAME,
+        "criteria": criteria,
+        **({"local": unseen} if unseen else {}),
+    }
     document = tomlkit.document()
     document.add("title", f"{title}: first fit and hold-out")
     document.add("note", f"Written by thermid init from {source}.")
-    tables = tomlkit.table(is_super_table=True)
-    for record in (*fitted, holdout):
-        table = tomlkit.table()
-        table.add("file", f"logs/{record.name}.csv")
-        inside = tomlkit.table()
-        for name, channel in channels.items():
-            if name in record.channels:
-                inline = tomlkit.inline_table()
-                inline.update({k: v for k, v in channel.items() if k not in ("unit", "full_scale", "power")})
-                inside.add(record[name].column or name, inline)
-        if step:
-            table.add("prepare", tomlkit.item([{"resample": {"step": f"{step:g} [s]", "switches": True}}]))
-        table.add("channels", inside)
-        tables.add(record.name, table)
-    document.add("records", tables)
-    stage = tomlkit.table()
-    stage.update({"name": "first fit", "model": deck, "records": [r.name for r in fitted], "free": list(request.free)})
-    scenario = _stage_scenario(proposal, request)
-    if scenario:
-        stage.add("scenario", tomlkit.item(scenario))
-    if request.priors:
-        stage.add("priors", tomlkit.item({path: {"mean": mean, "sd": sd} for path, (mean, sd) in request.priors.items()}))
-    local = _local(request)
-    if local:
-        stage.add("local", tomlkit.item(local))
-    stages = tomlkit.aot()
-    stages.append(stage)
-    document.add("stages", stages)
-    verdict = tomlkit.table()
-    verdict.update({"name": "hold-out", "model": "first fit", "record": HOLDOUT_NAME})
-    verdict.add("criteria", tomlkit.item({"sensors": {c: {"rmse": f"{_limit(proposal, fitted, c):.2g} [K]"} for c in seats}}))
-    unseen = {**{k: v for k, v in local.items() if not k.startswith("initial.")}, **_hidden_starts(request, fitted, seats)}
-    if unseen:
-        verdict.add("local", tomlkit.item(unseen))
-    verdicts = tomlkit.aot()
-    verdicts.append(verdict)
-    document.add("verdicts", verdicts)
+    for key, content in (("records", records), ("stages", [stage]), ("verdicts", [verdict])):
+        document.add(key, tomlkit.item(content))
     head = [
         f"Campaign for the logs of {source}. The hold-out record is not fitted; it validates the model.",
         f"Of a single log its last {100 * (1 - FITTED):.0f} % validate the model; a second test with other powers is a stronger "

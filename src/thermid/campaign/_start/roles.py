@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, nearest, refuse_unknown
+from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, refuse_unknown
 from thermid.base.units import unit
 from thermid.measure.readers import Column, clock_column, columns_of, decimal_sign, log_cells, name_and_unit, read_record
 from thermid.measure.records import Channel, FloatArray, Record, thinned
@@ -202,9 +202,7 @@ def roles_of(
     columns = {c.name: c for c in columns_of(cells, sign, clock_column(cells, time).places)}
     named = [*(t.partition("=")[0] for t in (*temperatures, *powers)), *(full_scale or {})]
     named += [surroundings] if surroundings and "[" not in surroundings else []
-    for name in named:
-        if name not in columns:
-            raise NameNotFoundError(f"no column '{name}'; there are {', '.join(columns)}.{nearest(name, columns)}", path.name)
+    refuse_unknown(named, columns, path.name, "no column '{}'; there are {known}.{near}", NameNotFoundError)
     guessed = {kind: [n for n, c in columns.items() if c.guess == kind] for kind in ("temperature", "boundary", "power", "duty")}
     around = surroundings or next(iter(guessed["boundary"]), "")
     parts = dict(_pair(t) for t in temperatures) or {
@@ -220,20 +218,18 @@ def roles_of(
             path.name,
             code="record.nothing-there",
         )
-    scales = dict(full_scale or {})
+    scales, formulas = full_scale or {}, formulas or {}
     heated = [_pair(p, False) for p in powers] or [(n, "") for n in (*guessed["power"], *guessed["duty"]) if not _idle(columns[n].values)]
     logged_powers = tuple(
         Power(n, node, scales.get(n, ""), n in scales or columns[n].guess == "duty" or columns[n].unit == "%") for n, node in heated
     )
-    formula_of_power = dict(formulas or {})
-    logged_powers = (*logged_powers, *(Power(name, formula=text, told=False) for name, text in formula_of_power.items()))
+    logged_powers = (*logged_powers, *(Power(name, formula=text, told=False) for name, text in formulas.items()))
     taken = {*parts, around, *(p.column for p in logged_powers)}
     units = {n: c.unit for n, c in columns.items() if n in taken and c.assumed and c.unit}
-    rest = {n: "never on" if _idle(c.values) and c.guess in ("power", "duty") else c.why for n, c in columns.items() if n not in taken}
-    used = {n for text in formula_of_power.values() for n in columns if re.search(rf"(?<!\w){re.escape(n)}(?!\w)", text)}
-    rest = {n: w for n, w in rest.items() if columns[n].guess != "time" and n not in used}
-    candidates = (_power_question(columns[n]) for n in rest)
-    questions = tuple(q for q in candidates if q)
+    used = {n for text in formulas.values() for n in columns if re.search(rf"(?<!\w){re.escape(n)}(?!\w)", text)}
+    others = {n: c for n, c in columns.items() if n not in taken | used and c.guess != "time"}
+    rest = {n: "never on" if _idle(c.values) and c.guess in ("power", "duty") else c.why for n, c in others.items()}
+    questions = tuple(q for n in rest if (q := _power_question(columns[n])))
     return Roles(parts, around, logged_powers, units, time, {n: columns[n].why for n in taken if n in columns}, rest, questions=questions)
 
 

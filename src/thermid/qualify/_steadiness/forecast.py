@@ -594,20 +594,16 @@ def forecast(
     within_log(record, until, f"{record.name}, forecast")
     inside, _ = stretch(record, since, until, f"{record.name}, forecast")
     times, kelvin = _readings(record, name, inside, level)
-    span = float(times[-1] - times[0])
-    limit = _longest_time_constant(slowest, span, f"{record.name}, {name}, slowest")
-    constants = _model_time_constants(model, scenario)
-    room = None
-    if reference:
-        air = record.channel(reference)
-        room = (record.times[inside & air.valid], air.values[inside & air.valid])
-    curve = approach(times, kelvin, limit, constants, room)
-    trusted = bool(constants) or slowest is not None
-    guard = curve if trusted else approach(times, kelvin, limit, constants, room, GUARD)
-    half, wanted = amount(within, "K", "within"), rule_of(rule)
+    span, step = float(times[-1] - times[0]), record.channel(name).step
+    constants, half, wanted = _model_time_constants(model, scenario), amount(within, "K", "within"), rule_of(rule)
     if not half > 0.0:
         raise RecordError(f"half of an interval is above zero, not {half:g} K.", f"{record.name}, within", code="value.outside-range")
-    step = record.channel(name).step
+    air = record.channel(reference) if reference else None
+    room = None if air is None else (record.times[inside & air.valid], air.values[inside & air.valid])
+    limit = _longest_time_constant(slowest, span, f"{record.name}, {name}, slowest")
+    curve = approach(times, kelvin, limit, constants, room)
+    # what nobody knows of the slowest part is asked of a curve that bends
+    guard = curve if constants or slowest is not None else approach(times, kelvin, limit, constants, room, GUARD)
     final, slow = median_and_interval(with_rounding(guard.at(float("inf")), step), level), guard.slowest(SLOW_SHARE)
     return Forecast(
         record=record.name,
