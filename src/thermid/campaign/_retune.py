@@ -534,7 +534,7 @@ def _source(source: CampaignSource, plan: RetunePlan, due: Sequence[str], everyt
     old = plan.campaign.source
     assert old is not None
     joined = (t if isinstance(t, list) else [t] for name in due if (t := old.names()[name][1].joined) is not None)
-    due = dict.fromkeys((*due, *(one.record for several in joined for one in several)))  # with those of other loggers
+    due = tuple(dict.fromkeys((*due, *(one.record for several in joined for one in several))))  # with those of other loggers
     tables = [table for name, (_, table) in old.names().items() if everything or name in due]
     records = {name: source.content.records[name] for name, table in old.content.records.items() if any(table is t for t in tables)}
     reduced = replace(source, content=source.content.model_copy(update={"records": records, "verdicts": [], "checksums": {}}))

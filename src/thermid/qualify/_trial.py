@@ -334,7 +334,9 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
     else:
         base = replace(scenario, start=log.start) if log.start else scenario
         logged = {*log.boundaries.values(), *log.loads.values()}
-        tables = {k: {n: v for n, v in getattr(base, k).items() if n not in logged} for k in ("boundaries", "loads", "commands")}
+        tables: dict[str, Any] = {
+            k: {n: v for n, v in getattr(base, k).items() if n not in logged} for k in ("boundaries", "loads", "commands")
+        }
         comparison = compare(trial.knowledge.model, record, scenario=replace(base, **tables))
         overlaid = overlays(comparison, test.name)
     stated, there = plan.content.exclusions, {o.sensor for o in overlaid}

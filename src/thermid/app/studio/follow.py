@@ -218,9 +218,10 @@ def _like_a_record(path: Path, campaign: Campaign, stated: Scenario | None, bare
     like = max(alike, key=lambda name: (name in last, len(records[name].channels)))  # whose columns are those of the model
     test = running_test(campaign, like)
     # what was bound on the page stands in place of the record's own; noise and the like stay
-    stated = {n: t for n in told if isinstance(t := test.table.channels.get(n), dict)}
-    bound = {n: {k: v for k, v in stated.get(n, {}).items() if k not in WATCHED_ROLES} | t for n, t in told.items()}
-    tables = bound or dict(test.table.channels)
+    written_tables = {n: t for n in told if isinstance(t := test.table.channels.get(n), dict)}
+    tables: dict[str, Any] = {
+        n: {k: v for k, v in written_tables.get(n, {}).items() if k not in WATCHED_ROLES} | t for n, t in told.items()
+    } or dict(test.table.channels)
     columns = BoundColumns(model=test.model, options=test.options, tables=tables, bound=test.bound, remarks=test.remarks)
     return _Bound(replace(bare, columns=columns, scenario=stated, conditions=test.conditions), like)
 

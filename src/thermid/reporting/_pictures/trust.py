@@ -165,8 +165,8 @@ def draw_hold(figure: Figure, hold: Hold) -> None:
         # through every crossing, up to the end of the scenario
         ordered = np.sort(p.crossings[np.isfinite(p.crossings)])
         times = np.concatenate(([hold.times[0]], ordered, [hold.times[-1]])) / length
-        share = 100.0 * np.concatenate(([0.0], np.arange(1.0, ordered.size + 1.0), [float(ordered.size)])) / p.crossings.size
-        (line,) = axis.plot(times, share, color=colour, linewidth=1.8, label=label, drawstyle="steps-post")
+        exceeded = 100.0 * np.concatenate(([0.0], np.arange(1.0, ordered.size + 1.0), [float(ordered.size)])) / p.crossings.size
+        (line,) = axis.plot(times, exceeded, color=colour, linewidth=1.8, label=label, drawstyle="steps-post")
         if dash:
             line.set_dashes(dash)
     top = min(105.0, max(115.0 * max(float(p.exceedance[-1]) for p in passed), 400.0 * (1.0 - hold.confidence)))
