@@ -14,8 +14,9 @@ from typer.testing import CliRunner
 
 import thermid as td
 from thermid.app.cli.app import app
+from thermid.app.studio.desk import curves_object
 from thermid.app.studio.project import Project
-from thermid.app.studio.room import as_json, curves_object, desk_object, picture, project_object
+from thermid.app.studio.room import as_json, desk_object, picture, project_object
 from thermid.app.studio.work import Work
 from thermid.inference.intervals import identifiability
 from thermid.measure.records import Record

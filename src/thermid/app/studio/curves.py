@@ -54,6 +54,11 @@ class ThinnedCurve:
     count: int = 0
     sigma: float = math.nan
 
+    def as_object(self, measured: bool) -> dict[str, Any]:
+        """Return it for a page, without what was measured where that is not asked for."""
+        still = ("name", "node", "seen", "measured", "count", "sigma") if measured else ()
+        return {k: getattr(self, k) for k in (*still, "times", "simulated", "apart", "left", "rmse", "bias", "largest")}
+
 
 @dataclass(frozen=True, eq=False)
 class RunCurves:

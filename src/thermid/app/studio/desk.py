@@ -6,6 +6,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,8 @@ from thermid.simulation.runs import Scenario, Simulator, Solution, prepare
 from thermid.values.store import INPUT, LeftOut, State, Store, ValueOrigin
 
 ICE = 273.15
+MIN_CURVE_POINTS = 50
+"""Points of a curve that a page may ask for at least."""
 TRACK_POINTS = 400
 """Points of the track of powers and boundaries."""
 
@@ -294,6 +297,24 @@ class Desk:
                 )
             )
         return RunCurves(bench.experiment.record.name, tuple(out))
+
+
+def curves_object(
+    desk: Desk,
+    values: Mapping[str, float],
+    measured: bool = True,
+    window: Window = None,
+    runs: Collection[int] | None = None,
+    points: int = MAX_SENT_POINTS,
+) -> dict[str, Any]:
+    """Return the curves at values of the sliders, as `Desk.curves` takes them; without what was measured where it is not asked for.
+
+    Raises
+    ------
+    ThermidError    When a run is refused or cannot be finished.
+    """
+    curves = desk.curves(values, window, runs, min(max(points // 2 * 2, MIN_CURVE_POINTS), MAX_SENT_POINTS))
+    return {"runs": [{"name": r.name, "remarks": r.remarks, "curves": [c.as_object(measured) for c in r.curves]} for r in curves]}
 
 
 def _tables(solution: Solution) -> dict[str, Mapping[str, Array]]:

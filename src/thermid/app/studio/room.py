@@ -8,7 +8,7 @@ from __future__ import annotations
 import base64
 import json
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
@@ -17,8 +17,8 @@ import numpy as np
 
 from thermid.app.studio.building import Building
 from thermid.app.studio.courses import Shelf, outcome_object, profile_for, profile_object
-from thermid.app.studio.curves import MAX_SENT_POINTS, ThinnedCurve, Window, number_of, text_of, texts_of, window_of
-from thermid.app.studio.desk import ICE, Desk
+from thermid.app.studio.curves import MAX_SENT_POINTS, number_of, text_of, texts_of, window_of
+from thermid.app.studio.desk import ICE, Desk, curves_object
 from thermid.app.studio.draft import decks_in, kind_of, waiting
 from thermid.app.studio.follow import Follower, LiveWatch
 from thermid.app.studio.project import Project
@@ -86,7 +86,7 @@ def orders(project: Project, work: Work) -> dict[str, Callable[[Body], Any]]:
 
     return {
         "curves": curves,
-        "given": lambda b: {"curves": [_curve(c, True) for c in desk_of(b).inputs_of(_run_of(desk_of(b), b))]},
+        "given": lambda b: {"curves": [c.as_object(True) for c in desk_of(b).inputs_of(_run_of(desk_of(b), b))]},
         "moves": moves,
         "kept": lambda b: project.kept_values(text_of(b, "stage"), text_of(b, "file")),
         "picture": lambda b: picture(desk_of(b), _values(b), b),
@@ -115,8 +115,6 @@ def _values(body: Mapping[str, Any]) -> dict[str, float]:
 
 SINGLE = 1e6
 """Up to here four bytes tell times to a tenth of a second and temperatures to a millikelvin."""
-MIN_CURVE_POINTS = 50
-"""Points of a curve that a page may ask for at least."""
 
 
 def project_object(project: Project, job: Mapping[str, Any]) -> dict[str, Any]:
@@ -160,30 +158,6 @@ def desk_object(desk: Desk) -> dict[str, Any]:
         "scheduled": desk.scheduled,
         **curves_object(desk, {}),
     }
-
-
-def curves_object(
-    desk: Desk,
-    values: Mapping[str, float],
-    measured: bool = True,
-    window: Window = None,
-    runs: Collection[int] | None = None,
-    points: int = MAX_SENT_POINTS,
-) -> dict[str, Any]:
-    """Return the curves at values of the sliders, as `Desk.curves` takes them; without what was measured where it is not asked for.
-
-    Raises
-    ------
-    ThermidError    When a run is refused or cannot be finished.
-    """
-    curves = desk.curves(values, window, runs, min(max(points // 2 * 2, MIN_CURVE_POINTS), MAX_SENT_POINTS))
-    return {"runs": [{"name": r.name, "remarks": r.remarks, "curves": [_curve(c, measured) for c in r.curves]} for r in curves]}
-
-
-def _curve(curve: ThinnedCurve, measured: bool) -> dict[str, Any]:
-    """Return a curve for a page, without what was measured where that is not asked for."""
-    still = ("name", "node", "seen", "measured", "count", "sigma") if measured else ()
-    return {k: getattr(curve, k) for k in (*still, "times", "simulated", "apart", "left", "rmse", "bias", "largest")}
 
 
 def _run_of(desk: Desk, body: Mapping[str, Any]) -> int:

@@ -14,7 +14,8 @@ from thermid.base.errors import ScenarioError, nearest, refuse_unknown
 from thermid.base.extensions import by_grammar, grammar_of, refuse_another_kind
 from thermid.base.toml_files import Places, read_toml
 from thermid.measure.steadiness import rule_of
-from thermid.qualify._profiles.profile import KINDS, SLOTS, WORDS, Number, ThermalProfile, number, predicted_range
+from thermid.qualify._profiles.numbers import SLOTS, WORDS
+from thermid.qualify._profiles.profile import KINDS, Number, ThermalProfile, number, predicted_range
 
 LIBRARY: Final = Path(__file__).parent / "library"
 PROJECT_NUMBERS: Final = {"ambient": "23 [degC]", "longest_wait": "72 [h]"}

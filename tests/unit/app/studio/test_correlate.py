@@ -10,9 +10,10 @@ import pytest
 
 from by_code import raises_code
 from planted import campaign
+from thermid.app.studio.desk import curves_object
 from thermid.app.studio.follow import Follower
 from thermid.app.studio.project import Project
-from thermid.app.studio.room import curves_object, picture
+from thermid.app.studio.room import picture
 from thermid.app.studio.work import JobState, Work
 from thermid.base.errors import DeckError, NameNotFoundError
 from thermid.base.units import from_si, unit
