@@ -52,6 +52,8 @@ if TYPE_CHECKING:
     from thermid.qualify._plan_schema import TestTable, ValidityTable
 
 Window = tuple[float, float]
+LOGGED_TABLES = ("boundaries", "loads", "commands")
+"""Tables of a scenario whose inputs a log may give."""
 MAX_STORED_TIMES = 6000
 """At most so many stored times of a run: two minutes over eight days."""
 ENVIRONMENTAL = ("thermal cycling", "thermal vacuum", "thermal balance", "humidity")
@@ -334,9 +336,7 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
     else:
         base = replace(scenario, start=log.start) if log.start else scenario
         logged = {*log.boundaries.values(), *log.loads.values()}
-        tables: dict[str, Any] = {
-            k: {n: v for n, v in getattr(base, k).items() if n not in logged} for k in ("boundaries", "loads", "commands")
-        }
+        tables: dict[str, Any] = {k: {n: v for n, v in getattr(base, k).items() if n not in logged} for k in LOGGED_TABLES}
         comparison = compare(trial.knowledge.model, record, scenario=replace(base, **tables))
         overlaid = overlays(comparison, test.name)
     stated, there = plan.content.exclusions, {o.sensor for o in overlaid}
@@ -362,10 +362,7 @@ def _judged(plan: Plan, trial: Trial, scenario: Scenario, sensors: Mapping[str, 
         diagnosis=diagnosis,
         log_sha256=record.origin.sha256,
         synthetic=record.origin.synthetic,
-        checks=(
-            *trial.checks,
-            *check_readings(readings, limits, trial.foresight.solution, state=test.state_without_loads),
-        ),
+        checks=(*trial.checks, *check_readings(readings, limits, trial.foresight.solution, state=test.state_without_loads)),
         not_shown=(*_not_shown(trial, record, counted, windows), *(windows_not_stable(settled) if steady else ())),
         remarks=(
             *trial.remarks,

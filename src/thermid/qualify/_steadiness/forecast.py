@@ -590,10 +590,7 @@ def forecast(
     RecordError     When readings are too few, or a name does not fit.
     ScenarioError   When a model comes without a scenario.
     """
-    name = channel or _only_temperature(record)
-    within_log(record, until, f"{record.name}, forecast")
-    inside, _ = stretch(record, since, until, f"{record.name}, forecast")
-    times, kelvin = _readings(record, name, inside, level)
+    name, inside, times, kelvin = _readings(record, channel, since, until, level)
     span, step = float(times[-1] - times[0]), record.channel(name).step
     constants, half, wanted = _model_time_constants(model, scenario), amount(within, "K", "within"), rule_of(rule)
     if not half > 0.0:
@@ -602,7 +599,6 @@ def forecast(
     room = None if air is None else (record.times[inside & air.valid], air.values[inside & air.valid])
     limit = _longest_time_constant(slowest, span, f"{record.name}, {name}, slowest")
     curve = approach(times, kelvin, limit, constants, room)
-    # what nobody knows of the slowest part is asked of a curve that bends
     guard = curve if constants or slowest is not None else approach(times, kelvin, limit, constants, room, GUARD)
     final, slow = median_and_interval(with_rounding(guard.at(float("inf")), step), level), guard.slowest(SLOW_SHARE)
     return Forecast(
@@ -626,13 +622,21 @@ def forecast(
     )
 
 
-def _readings(record: Record, name: str, inside: Bools, level: float) -> tuple[FloatArray, FloatArray]:
-    """Return times and valid readings of a temperature in a stretch. [s], [K]
+def _readings(
+    record: Record, channel: str, since: str | float, until: str | float, level: float
+) -> tuple[str, Bools, FloatArray, FloatArray]:
+    """Return the name of a temperature, the only one by default, the samples of a stretch, times and valid readings there. [s], [K]
 
     Raises
     ------
-    RecordError   When it is no temperature, has fewer than `MIN_FORECAST_READINGS`, or `level` is not from 0.5 to 1.
+    RecordError   When it is no temperature or not named, has fewer than `MIN_FORECAST_READINGS`, or `level` is not from 0.5 to 1.
     """
+    if not channel and len(record.measured) != 1:
+        words = f"name the channel: {', '.join(record.measured) or 'there is no temperature'}."
+        raise RecordError(words, record.name, code="value.incomplete")
+    name = channel or record.measured[0]
+    within_log(record, until, f"{record.name}, forecast")
+    inside, _ = stretch(record, since, until, f"{record.name}, forecast")
     measured, where = record.channel(name), f"{record.name}, {name}"
     if measured.quantity != "temperature":
         raise RecordError(f"it is a {measured.quantity}; temperatures are forecast.", where, code="record.does-not-apply")
@@ -645,21 +649,7 @@ def _readings(record: Record, name: str, inside: Bools, level: float) -> tuple[F
         )
     if not 0.5 <= level < 1.0:
         raise RecordError(f"a level of {level:g} is not possible. Give 0.5 to 0.99.", where, code="value.outside-range")
-    return record.times[keep], measured.values[keep]
-
-
-def _only_temperature(record: Record) -> str:
-    """Return the name of the only temperature of a record.
-
-    Raises
-    ------
-    RecordError   When there are several, or none.
-    """
-    if len(record.measured) != 1:
-        raise RecordError(
-            f"name the channel: {', '.join(record.measured) or 'there is no temperature'}.", record.name, code="value.incomplete"
-        )
-    return record.measured[0]
+    return name, inside, record.times[keep], measured.values[keep]
 
 
 def _model_time_constants(model: Model | None, scenario: Scenario | None) -> Sequence[float]:

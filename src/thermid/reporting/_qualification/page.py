@@ -78,7 +78,7 @@ def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Pat
     facts = Facts(tuple((names.get(k, k), v or DASH) for k, v in document.items()))
     waived = tuple(f"{n}: compared with its limits alone" for n in q.waived)
     remarks = tuple(f"{t.test.name}: {r}" for t in q.trials for r in t.remarks)
-    told = [Notes(lines, title) for title, lines in (("Not decided", q.open), ("Waived", waived), ("Remarks", remarks)) if lines]
+    notes = [Notes(lines, title) for title, lines in (("Not decided", q.open), ("Waived", waived), ("Remarks", remarks)) if lines]
     return _write(
         to,
         title=q.plan.title,
@@ -90,7 +90,7 @@ def qualification_report(q: Qualification, *, to: str | os.PathLike[str]) -> Pat
         failed=failed,
         judged=len(outcomes),
         summary=summary,
-        outcome=[facts, Words(f"{capitalised(str(q.lock))}."), tables.tests(q), *told, *_courses(q)],
+        outcome=[facts, Words(f"{capitalised(str(q.lock))}."), tables.tests(q), *notes, *_courses(q)],
         sections=sections(q),
     )
 
