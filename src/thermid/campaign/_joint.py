@@ -122,10 +122,6 @@ class Shared:
                 out[path] = name
         return out
 
-    def paths_in(self, level: Level) -> list[str]:
-        """Return the paths of a level that are free, all instances among them."""
-        return list(self.names_in(level))
-
     def name_of(self, level: Level, path: str) -> str:
         """Return the name of a path; the path itself where it is not free."""
         return next((self._names[k] for k in level.keys(path) if k in self._names), path)
@@ -324,7 +320,7 @@ def fit_jointly(
     running = [level for level in levels if level.request.records]
     # every shared path free by itself, and nothing of what stages were told by others
     problems = [
-        build_problem(replace(one.request, free=tuple(shared.paths_in(one)), untie=True, store=Store(), prior=(), priors={}))
+        build_problem(replace(one.request, free=tuple(shared.names_in(one)), untie=True, store=Store(), prior=(), priors={}))
         for one in running
     ]
     unknowns = _merged(running, problems, shared, done if staged else {})
@@ -389,7 +385,7 @@ def _uncounted(running: Sequence[Level], shared: Shared) -> tuple[str, ...]:
     lost: dict[tuple[str, float], tuple[str, str]] = {}
     stages = {level.name for level in running}
     for level in reversed(running):
-        free, store = set(shared.paths_in(level)), level.request.store
+        free, store = set(shared.names_in(level)), level.request.store
         for s in store.parameters.values():
             if not (s.known and s.acts and store.rows([s.path]).any()):
                 continue

@@ -602,30 +602,27 @@ def extrapolations(test: TestTable, run: Foresight, validity: ValidityTable, nod
     unsaid = [k for k in ("gravity", "orientation") if getattr(validity, k) and not getattr(test, k)]
     if unsaid:
         out.append(f"{', '.join(unsaid)}: not given for this test")
-    if validity.temperature:
-        low, high = (literal(t, TEMPERATURE, "validity.temperature") - ICE_POINT for t in validity.temperature)
-        temperatures = [run.prediction[n].celsius for n in nodes]
-        least, most = min(float(s.min()) for s in temperatures), max(float(s.max()) for s in temperatures)
-        if least < low - 0.05 or most > high + 0.05:
-            out.append(f"temperature {least:.0f} .. {most:.0f} degC; calibrated {low:.0f} .. {high:.0f} degC")
-    if validity.pressure:
-        low, high = (literal(t, "Pa", "validity.pressure") for t in validity.pressure)
-        courses = [np.asarray(e.pressure.at(run.solution.times), dtype=float) for e in run.scenario.environment.values()]
-        pressures = np.concatenate([np.atleast_1d(p) for p in courses] or [np.array([ATMOSPHERE])])
-        least, most = float(pressures.min()), float(pressures.max())
-        if least < low * 0.999 or most > high * 1.001:
-            out.append(f"pressure {least:.3g} .. {most:.3g} Pa; calibrated {low:.3g} .. {high:.3g} Pa")
-    if validity.power:
-        low, high = (literal(t, "W", "validity.power") for t in validity.power)
-        powers = [np.broadcast_to(w, run.solution.times.shape) for load, w in run.solution.load_powers.items() if load.startswith(ahead)]
-        total = np.sum(powers, axis=0) if powers else np.zeros(1)
-        if float(total.min()) < low - 0.001 * high or float(total.max()) > 1.001 * high:
-            out.append(f"power {float(total.min()):.3g} .. {float(total.max()):.3g} W; calibrated {low:.3g} .. {high:.3g} W")
-    if validity.gravity and test.gravity:
-        low, high = (literal(t, "m/s^2", "validity.gravity") for t in (validity.gravity[0], validity.gravity[-1]))
-        here = literal(test.gravity, "m/s^2", f"{test.name}, gravity")
-        if not low - 1e-6 <= here <= high + 1e-6:
-            out.append(f"gravity {here:.3g} m/s^2; calibrated {low:.3g} .. {high:.3g} m/s^2")
+    times, media = run.solution.times, run.scenario.environment.values()
+    powers = [np.broadcast_to(w, times.shape) for load, w in run.solution.load_powers.items() if load.startswith(ahead)]
+    courses: dict[str, tuple[str, list[Any]]] = {
+        "temperature": ("degC", [run.prediction[n].celsius for n in nodes]),
+        "pressure": ("Pa", [e.pressure.at(times) for e in media] or [ATMOSPHERE]),
+        "power": ("W", [np.sum(powers, axis=0) if powers else 0.0]),
+        "gravity": ("m/s^2", [literal(test.gravity, "m/s^2", f"{test.name}, gravity")] if test.gravity else []),
+    }
+    for key, (name, values) in courses.items():
+        ends = getattr(validity, key) if values else ()
+        if not ends:
+            continue
+        slot, zero, digits = (TEMPERATURE, ICE_POINT, ".0f") if key == "temperature" else (name, 0.0, ".3g")
+        low, high = (literal(ends[k], slot, f"validity.{key}") - zero for k in (0, -1))
+        least, most = min(float(np.min(x)) for x in values), max(float(np.max(x)) for x in values)
+        # how far beyond an end counts as inside: rounding of what is stated and computed
+        slack = {"temperature": (0.05, 0.05), "pressure": (0.001 * low, 0.001 * high), "gravity": (1e-6, 1e-6)}
+        below, above = slack.get(key, (0.001 * high, 0.001 * high))
+        if least < low - below or most > high + above:
+            here = f"{least:{digits}}" if key == "gravity" else f"{least:{digits}} .. {most:{digits}}"
+            out.append(f"{key} {here} {name}; calibrated {low:{digits}} .. {high:{digits}} {name}")
     if validity.orientation and test.orientation and test.orientation not in validity.orientation:
         out.append(f"orientation {test.orientation}; calibrated {', '.join(validity.orientation)}")
     return tuple(out)

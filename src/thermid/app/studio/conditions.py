@@ -134,7 +134,8 @@ def compared(desk: Desk, body: Mapping[str, Any], with_finish: Callable[[Sequenc
     with_finish : callable      Return the model with a finish on surfaces.
     """
     before = Conditions(*desk.run_of(int(body.get("run", 0)), {}))
-    bare = surfaces_without_emissivity(before.model)
+    # surfaces whose radiation is in their coefficient, with nothing said of it
+    bare = [n for n, s in before.model.surfaces.items() if "emissivity" not in s.fields]
     after = changed(desk, body)
     if finish := text_of(body, "split"):
         apart = split(with_finish(bare, finish), bare, before.scenario)
@@ -147,11 +148,6 @@ def compared(desk: Desk, body: Mapping[str, Any], with_finish: Callable[[Sequenc
         return {"refused": str(error), "surfaces": bare, "changes": after.changes}
     out = [{**c, "after": curves[c["node"]]["temperatures"], "after_times": curves[c["node"]]["times"]} for c in _curves(before)]
     return {"curves": out, "changes": after.changes}
-
-
-def surfaces_without_emissivity(model: Model) -> list[str]:
-    """Return the surfaces of a deck whose radiation is in their coefficient, with nothing said of it."""
-    return [n for n, s in model.surfaces.items() if "emissivity" not in s.fields]
 
 
 def _curves(conditions: Conditions) -> Iterator[dict[str, Any]]:
