@@ -22,7 +22,7 @@ from thermid.reporting._diagrams.map import fitting_map
 from thermid.reporting._pages.campaign import _named, report
 from thermid.reporting._pages.front import NETWORK_SIZE, _decides, _network, course_of, decisive, front, hottest_moment
 from thermid.reporting._pages.tables import glance
-from thermid.reporting._pictures import correlation, figures
+from thermid.reporting._pictures import figures
 from webpage import crossings, limited
 
 
@@ -270,18 +270,18 @@ def test_parts_are_folded_until_the_network_fits() -> None:
 
 def test_the_matrix_frames_and_marks_what_is_not_met() -> None:
     cells = {("one", "a"): (0.4, True), ("one", "b"): (1.3, False), ("two", "a"): (0.9, True)}
-    drawn = correlation.matrix(cells).markup
+    drawn = figures.matrix(cells).markup
     assert drawn.count("<rect") == 3
     assert drawn.count("✗ 1.30") == 1
-    assert len({correlation.shade(r) for r in (0.0, 0.5, 1.0, 1.01, 2.0)}) == 5
-    assert correlation.shade(7.0) == correlation.shade(2.0)
+    assert len({figures.shade(r) for r in (0.0, 0.5, 1.0, 1.01, 2.0)}) == 5
+    assert figures.shade(7.0) == figures.shade(2.0)
 
 
 def test_scatter_and_histogram_say_how_many_readings_lie_within_2_3_and_5_kelvin() -> None:
     measured = [np.array([300.0, 301.0, 302.0, 303.0])]
     predicted = [measured[0] - np.array([0.5, -2.5, 4.0, -6.0])]
     words = "25 % within 2 K, 50 % within 3 K, 75 % within 5 K"
-    assert words in correlation.scatter(measured, predicted).markup
-    assert words in correlation.against_measured(measured, predicted, "Predicted")[1].caption
-    assert len(set(re.findall(r"stroke-dasharray:([^\"]+)", correlation.scatter(measured, predicted).markup))) == 3
-    assert "4 readings" in correlation.histogram([measured[0] - predicted[0]]).markup
+    assert words in figures.scatter(measured, predicted).markup
+    assert words in figures.against_measured(measured, predicted, "Predicted")[1].caption
+    assert len(set(re.findall(r"stroke-dasharray:([^\"]+)", figures.scatter(measured, predicted).markup))) == 3
+    assert "4 readings" in figures.histogram([measured[0] - predicted[0]]).markup

@@ -10,9 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.app.studio.conditions import compared, conditions_object, finished
-from thermid.app.studio.curves import number_of, text_of, texts_of
-from thermid.app.studio.desk import Desk, curves_object
+from thermid.app.studio.desk import Desk, compared, conditions_object, curves_object, finished, number_of, text_of, texts_of
 from thermid.app.studio.draft import CAMPAIGN, DECK, PLACES, VIEW, Draft, decks_in, keep, parsed_line, recalled
 from thermid.app.studio.follow import WATCHED_ROLES, Follower, looked_at
 from thermid.app.studio.shapes import (

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from thermid.app.studio.curves import Window, texts_of, thinned_curve
-from thermid.app.studio.desk import Desk
+from thermid.app.studio.desk import Desk, Window, texts_of, thinned_curve
 from thermid.base.errors import ScenarioError, ThermidError, look_up, refuse_unknown
 from thermid.base.sourced import weigh
 from thermid.base.toml_files import project_root, read_toml

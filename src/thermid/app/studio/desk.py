@@ -1,25 +1,300 @@
-"""`Desk`: one stage or deck made ready for tuning by hand; values in, curves and metrics out, nothing kept."""
+"""`Desk`: one stage or deck made ready for tuning by hand; values in, curves and metrics out, nothing kept.
+
+Curves are thinned to what a screen can hold, without hiding an extreme. A record or scenario is run again with its ambient, powers,
+duration, start or gas changed, beside what it was.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
-from thermid.app.studio.curves import MAX_SENT_POINTS, RunCurves, ThinnedCurve, Window, thinned_curve
-from thermid.base.errors import NameNotFoundError, refuse_unknown
+from thermid.base.errors import DeckError, NameNotFoundError, ThermidError, refuse_unknown
 from thermid.base.linear_algebra import Array
 from thermid.base.units import from_si, in_si, unit
 from thermid.fit.calibration import Bench, Calibration, Problem, Sums, Unknown, in_place
+from thermid.model.deck import Edit
+from thermid.model.elements import literal
 from thermid.model.tree import Entry, Model, deck_text, parameter_table
+from thermid.physics.constants import ICE_POINT
+from thermid.physics.finishes import FINISHES
+from thermid.prediction.bands import split
 from thermid.reporting.diagrams import network_map, parts_of
+from thermid.reporting.looks import thinned
 from thermid.simulation.network import compile_network
-from thermid.simulation.runs import Scenario, Simulator, Solution, prepare
+from thermid.simulation.runs import Scenario, Simulator, Solution, prepare, simulate
 from thermid.values.store import INPUT, LeftOut, State, Store, ValueOrigin
+
+Window = tuple[float, float] | None
+MAX_SENT_POINTS = 1200
+"""Points of a curve that are sent to a page: more than a screen has columns for it."""
+
+
+def _none() -> Array:
+    """Return no samples."""
+    return np.zeros(0)
+
+
+@dataclass(frozen=True, eq=False)
+class ThinnedCurve:
+    """One sensor, or one node where nothing was measured, at the points that a page shows.
+
+    Parameters
+    ----------
+    name, node : str            The sensor, the node that it observes.
+    times : array (points,)     [s]
+    simulated : array (points,) [degC]
+    seen : array (seen,)        Times of the measured points. [s]
+    measured : array (seen,)    Empty where nothing was measured. [degC]
+    apart : array (apart,)      Times of what is left; it is thinned by itself, since its extremes lie elsewhere. [s]
+    left : array (apart,)       Measured less simulated. [K]
+    rmse, bias, largest, count  Of all readings, not only of the points shown. [K]
+    sigma : float               Standard deviation that weighs the sensor's residuals. [K]
+    """
+
+    name: str
+    node: str
+    times: Array
+    simulated: Array
+    seen: Array = field(default_factory=_none)
+    measured: Array = field(default_factory=_none)
+    apart: Array = field(default_factory=_none)
+    left: Array = field(default_factory=_none)
+    rmse: float = math.nan
+    bias: float = math.nan
+    largest: float = math.nan
+    count: int = 0
+    sigma: float = math.nan
+
+    def as_object(self, measured: bool) -> dict[str, Any]:
+        """Return it for a page, without what was measured where that is not asked for."""
+        still = ("name", "node", "seen", "measured", "count", "sigma") if measured else ()
+        return {k: getattr(self, k) for k in (*still, "times", "simulated", "apart", "left", "rmse", "bias", "largest")}
+
+
+@dataclass(frozen=True, eq=False)
+class RunCurves:
+    """All curves of one record or scenario."""
+
+    name: str
+    curves: tuple[ThinnedCurve, ...]
+    remarks: tuple[str, ...] = ()
+
+
+def thinned_curve(times: Array, values: Array, window: Window = None, points: int = MAX_SENT_POINTS) -> tuple[Array, Array]:
+    """Return at most `points` samples of a curve that keep its lowest and highest values in every interval shown.
+
+    Parameters
+    ----------
+    times, values : array (samples,)    Values may have gaps (nan), which stay; see `chart.thinned`.
+    window : (begin, end)               Only this stretch, with one sample more on either side; all where none is given. [s]
+    points : int                        Even; a stretch with fewer samples is returned as it is.
+    """
+    if window is not None:
+        first = max(int(np.searchsorted(times, window[0])) - 1, 0)
+        last = int(np.searchsorted(times, window[1], side="right")) + 1
+        times, values = times[first:last], values[first:last]
+    if times.size <= points:
+        return times, values
+    chosen = thinned(values, points)
+    return times[chosen], values[chosen]
+
+
+def texts_of(query: Mapping[str, Any], key: str) -> tuple[str, ...]:
+    """Return the texts of a list that a page gives.
+
+    Raises
+    ------
+    DeckError   When it is no list of texts.
+    """
+    several = query.get(key) or ()
+    if not isinstance(several, list | tuple) or not all(isinstance(one, str) for one in several):
+        raise DeckError(f"'{key}' is no list of texts.", "studio", code="value.wrong-kind")
+    return tuple(several)
+
+
+def text_of(query: Mapping[str, Any], key: str) -> str:
+    """Return a text that a page gives; empty without one.
+
+    Raises
+    ------
+    DeckError   When it is no text.
+    """
+    text = query.get(key, "")
+    if not isinstance(text, str):
+        raise DeckError(f"'{key}' is not a text.", "studio", code="value.wrong-kind")
+    return text
+
+
+def number_of(query: Mapping[str, Any], key: str) -> float:
+    """Return a number that a page gives.
+
+    Raises
+    ------
+    DeckError   When it is no number, or has no end.
+    """
+    number = query.get(key)
+    if not isinstance(number, int | float) or isinstance(number, bool) or not math.isfinite(number):
+        raise DeckError(f"'{key}' is not a number.", "studio", code="value.wrong-kind")
+    return float(number)
+
+
+def window_of(query: Mapping[str, Any]) -> Window:
+    """Return the stretch that a page shows, or None for all of it. [s]
+
+    Raises
+    ------
+    DeckError   When it is no pair of times.
+    """
+    window = query.get("window")
+    if window is None:
+        return None
+    if not isinstance(window, list) or len(window) != 2 or not all(isinstance(v, int | float) for v in window) or not window[0] < window[1]:
+        raise DeckError("give a window as two times, the earlier first.", "studio", code="value.wrong-kind")
+    return float(window[0]), float(window[1])
+
+
+GASES: Final = ("air", "vacuum", "printed")
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """A model with what is done to it, and in words what was changed.
+
+    Parameters
+    ----------
+    model : Model
+    scenario : Scenario
+    changes : tuple of str      Each with what it was and is.
+    """
+
+    model: Model
+    scenario: Scenario
+    changes: tuple[str, ...] = ()
+
+
+def conditions_object(desk: Desk, run: int = 0) -> dict[str, Any]:
+    """Return what may be changed of a run, as it is: temperatures at its beginning [degC], loads, duration [h], finishes."""
+    model, scenario = desk.run_of(run, {})
+    network = compile_network(model)
+    boundaries = {n: _at_start(scenario, n) for n in network.boundaries if n in scenario.boundaries}
+    return {
+        "runs": desk.runs,
+        "boundaries": boundaries,
+        "loads": sorted(model.loads),
+        "hours": scenario.seconds / 3600.0,
+        "finishes": sorted(FINISHES),
+    }
+
+
+def _at_start(scenario: Scenario, boundary: str) -> float:
+    """Return the temperature of a boundary at the beginning. [degC]"""
+    return float(scenario.boundaries[boundary].at(np.zeros(1))[0]) - ICE_POINT
+
+
+def changed(desk: Desk, body: Mapping[str, Any]) -> Conditions:
+    """Return the conditions of a run with what a page asks for in their place.
+
+    Parameters
+    ----------
+    desk : Desk     Whose run it is.
+    body : dict     ``run``; ``boundaries`` name -> temperature, ``factors`` load -> factor of its power, ``duration`` and ``start``, each a
+                    text with its unit as the command takes it, a factor a number too; ``gas``.
+
+    Raises
+    ------
+    ThermidError   When there is no such boundary, load or gas, or a value makes no sense.
+    """
+    model, scenario = desk.run_of(int(body.get("run", 0)), {})
+    boundaries, factors = dict(body.get("boundaries") or {}), dict(body.get("factors") or {})
+    refuse_unknown(boundaries, compile_network(model).boundaries, "what if", "no boundary '{}'.", NameNotFoundError)
+    refuse_unknown(factors, model.loads, "what if", "no load '{}'.", NameNotFoundError)
+    conditions = Conditions(model, scenario)
+    for name, text in boundaries.items():
+        before = f"{_at_start(scenario, name):.4g} °C at the start" if name in scenario.boundaries else "not given"
+        conditions = _then(conditions, scenario=conditions.scenario.with_(boundaries={name: text}), words=f"{name}: {before}, now {text}")
+    for name, factor in factors.items():
+        conditions = _powered(conditions, name, literal(factor, "1", f"factors.{name}"))
+    if duration := text_of(body, "duration"):
+        longer = conditions.scenario.with_(duration=duration)
+        held = longer.mapped(lambda s: s.held_on()) if longer.seconds > scenario.seconds else longer
+        words = f"duration: {scenario.seconds / 3600:.4g} h, now {longer.seconds / 3600:.4g} h"
+        words += "; what ends before keeps its last value" if held is not longer else ""
+        conditions = _then(conditions, scenario=held, words=words)
+    if start := text_of(body, "start"):
+        conditions = _then(conditions, scenario=replace(conditions.scenario, initial={}).with_(start=start), words=f"start: now {start}")
+    gas = text_of(body, "gas") or "air"
+    refuse_unknown([gas], GASES, "what if", "'{}' is not one of {known}.", DeckError)
+    words = {"air": "", "vacuum": "gas: none", "printed": "gas: none, every coefficient zero as printed, an upper bound"}[gas]
+    return _then(conditions, words, scenario=conditions.scenario.vacuum(as_printed=gas == "printed")) if words else conditions
+
+
+def _then(before: Conditions, words: str, model: Model | None = None, scenario: Scenario | None = None) -> Conditions:
+    """Return conditions with another model or scenario, and what was changed in words."""
+    return Conditions(model or before.model, scenario or before.scenario, (*before.changes, words))
+
+
+def _powered(before: Conditions, load: str, factor: float) -> Conditions:
+    """Return conditions with one power multiplied: in the scenario where it has a course, else in the deck."""
+    if factor == 1.0:
+        return before
+    scenario, words = before.scenario, f"{load}: {factor:g} times its power"
+    for table in ("loads", "commands"):
+        course = getattr(scenario, table).get(load)
+        if course is not None:
+            return _then(before, words, scenario=scenario.with_(**{table: {load: course.scaled(factor)}}))
+    parameter = parameter_table(before.model)[f"{load}.power"].parameter
+    text = f"{factor!r}*({parameter.text})" if parameter.expression.literal is None else _times(parameter.text, factor)
+    return _then(before, f"{words}, {parameter.text} in the deck", before.model.with_values({f"{load}.power": text}, "what if"))
+
+
+def _times(text: str, factor: float) -> str:
+    """Return a value with its unit, multiplied."""
+    number, _, unit = text.partition("[")
+    return f"{float(number) * factor!r} [{unit}"
+
+
+def finished(surfaces: Sequence[str], finish: str) -> list[Edit]:
+    """Return the edits that give surfaces a finish."""
+    return [Edit(("surfaces", name, "finish"), finish) for name in surfaces]
+
+
+def compared(desk: Desk, body: Mapping[str, Any], with_finish: Callable[[Sequence[str], str], Model]) -> dict[str, Any]:
+    """Return curves as they are and with the changes; of a vacuum that is refused why, and which surfaces need a finish.
+
+    Parameters
+    ----------
+    desk, body                  As in `changed`; ``split`` is a finish with which effective coefficients are taken apart for this run alone.
+    with_finish : callable      Return the model with a finish on surfaces.
+    """
+    before = Conditions(*desk.run_of(int(body.get("run", 0)), {}))
+    # surfaces whose radiation is in their coefficient, with nothing said of it
+    bare = [n for n, s in before.model.surfaces.items() if "emissivity" not in s.fields]
+    after = changed(desk, body)
+    if finish := text_of(body, "split"):
+        apart = split(with_finish(bare, finish), bare, before.scenario)
+        after = _then(after, f"{', '.join(bare)} taken apart with the finish '{finish}': {apart}", model=apart.model)
+    try:
+        curves = {c["node"]: c for c in _curves(after)}
+    except ThermidError as error:
+        if body.get("gas") != "vacuum" or not bare:
+            raise
+        return {"refused": str(error), "surfaces": bare, "changes": after.changes}
+    out = [{**c, "after": curves[c["node"]]["temperatures"], "after_times": curves[c["node"]]["times"]} for c in _curves(before)]
+    return {"curves": out, "changes": after.changes}
+
+
+def _curves(conditions: Conditions) -> Iterator[dict[str, Any]]:
+    """Yield the course of every mass [degC]."""
+    solution = simulate(conditions.model, conditions.scenario, every=conditions.scenario.seconds / (MAX_SENT_POINTS // 2))
+    for node in solution.nodes:
+        yield {"node": node, "times": solution.times, "temperatures": solution[node].celsius}
+
 
 ICE = 273.15
 MIN_CURVE_POINTS = 50

@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.app.studio.curves import Window, number_of, thinned_curve, window_of
+from thermid.app.studio.desk import Window, number_of, thinned_curve, window_of
 from thermid.base.codes import add_codes
 from thermid.base.errors import DeckError, MissingDataError, RecordError, ThermidError, refuse_unknown
 from thermid.base.linear_algebra import Array, Bools

@@ -17,8 +17,7 @@ import numpy as np
 
 from thermid.app.studio.building import Building
 from thermid.app.studio.courses import Shelf, outcome_object, profile_for, profile_object
-from thermid.app.studio.curves import MAX_SENT_POINTS, number_of, text_of, texts_of, window_of
-from thermid.app.studio.desk import ICE, Desk, curves_object
+from thermid.app.studio.desk import ICE, MAX_SENT_POINTS, Desk, curves_object, number_of, text_of, texts_of, window_of
 from thermid.app.studio.draft import decks_in, kind_of, waiting
 from thermid.app.studio.follow import Follower, LiveWatch
 from thermid.app.studio.project import Project

@@ -6,23 +6,379 @@ later ones none: they forecast, and stop nothing (alpha spending: Lan and DeMets
 dependence between looks). Channels share each part alike. Within a decision the forecast is that of the model fitted to the readings
 (`LiveFit`), or without a model that of `thermid.qualify._steadiness`. Where the readings meet the plan's rule, a stop is advised between
 decisions too: its risk is the plan's.
+
+In that fit the values that a fault would change (conductances, coefficients, powers), capacitances, unknown starts and a constant error of
+every sensor move as far as their prior spreads let them; the structure of the model is what is trusted. Gauss-Newton steps with the
+kernel's exact derivatives give the best values and their covariance; the steady state with its own derivatives carries both to where
+channels end. Readings count as the residuals show: their scatter, and how many independent ones they are worth.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Final
 
+import numpy as np
+
 from thermid.base.errors import RecordError, SolverError
+from thermid.base.linear_algebra import Array, covariance
+from thermid.fit.calibration import Bench, Compressed, Experiment, Prior, Unknown, bind, minimise
+from thermid.inference.diagnosis import WATCHED
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import Record
-from thermid.measure.steadiness import StabilityRule, channel_stability
+from thermid.measure.steadiness import MIN_INDEPENDENT_SHARE, StabilityRule, channel_stability, effective_samples
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.qualify._steadiness.forecast import MIN_FORECAST_READINGS, Forecast, forecast
-from thermid.qualify._watch.live_fit import LiveFit, ModelForecast
+from thermid.qualify._steadiness.forecast import MIN_FORECAST_READINGS, EndForecast, Forecast, IntervalEstimate, forecast
+from thermid.qualify._watch.growing import MIN_NOISE
+from thermid.simulation.network import Network
 from thermid.simulation.runs import Scenario
+from thermid.simulation.solver import Options, Traces, kept_for, settle
+
+CONDUCTANCE_SPREAD: Final = 0.3
+"""Prior spread of conductances, coefficients and powers about the deck's, of their logarithm: readings decide where they say more."""
+CAPACITANCE_SPREAD: Final = 0.1
+"""The same of capacitances, which masses and tables give."""
+OFFSET_SPREAD: Final = 0.2
+"""Prior spread of a sensor's constant error where no accuracy is stated. [K]"""
+CURVATURE_SHARE_OF_LAWS: Final = 0.03
+"""Error of the change that is still to come, as a share of it, for laws that bend otherwise than the model's. [-]"""
+MIN_READINGS_TO_FIT: Final = 8
+"""Readings of every channel from which values are fitted; a forecast needs more."""
+DONE_STEP: Final = 0.05
+"""Part of a standard error below which a step ahead ends the fit."""
+MAX_STRETCHES_AHEAD: Final = 30.0
+"""Stretches ahead within which a rule may come to hold."""
+INSTANTS_AHEAD: Final = 400
+"""Instants ahead at which a rule is asked."""
+
+
+@dataclass(frozen=True)
+class SuspectValue:
+    """A value that a fault would change.
+
+    Parameters
+    ----------
+    kind : str              joint, air, heat path, power or ambient.
+    whose : str             Path of the conductor, load or boundary.
+    path : str              Path of the value; ``scale.LOAD`` for a power.
+    lower, higher : str     What a lower and a higher value mean, in words.
+    """
+
+    kind: str
+    whose: str
+    path: str
+    lower: str
+    higher: str
+
+
+PATHS: Final = {
+    "htc": "air",
+    "effective_htc": "air",
+    "htc.coefficient": "free air",
+    "contact_conductance": "joint",
+    "conductance": "joint",
+    "resistance": "joint",
+    "conductivity": "heat path",
+}
+"""Field of a conductor -> what it is in the table of causes."""
+
+
+def _suspect(kind: str, whose: str, path: str, falls: bool = False) -> SuspectValue:
+    """Return a value with its words of the table of causes; if `falls`, as for a resistance, lower and higher change places."""
+    cause = WATCHED[kind]
+    words = (cause.higher, cause.lower) if falls else (cause.lower, cause.higher)
+    return SuspectValue("air" if kind == "free air" else kind, whose, path, *words)
+
+
+def unlogged_ambients(network: Network, logged: Collection[str]) -> tuple[SuspectValue, ...]:
+    """Return the temperatures of boundaries without a column in the log; the value of each is a difference to the stated one. [K]"""
+    return tuple(_suspect("ambient", b, b) for b in network.boundaries if b not in logged)
+
+
+def suspect_values(network: Network) -> tuple[SuspectValue, ...]:
+    """Return every value of conductors and loads that a fault would change, each once."""
+    out: dict[str, SuspectValue] = {}
+    parameters = network.flat.parameters
+    for c in network.flat.conductors:
+        name = next((n for n in PATHS if n in c.fields), "")
+        if name:
+            path = parameters.literal_behind(c.fields[name])
+            out.setdefault(path, _suspect(PATHS[name], c.path, path, name == "resistance"))
+    for load in network.flat.loads:
+        if load.node in network.nodes:
+            out.setdefault(f"scale.{load.path}", _suspect("power", load.path, f"scale.{load.path}"))
+    return tuple(out.values())
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ModelForecast(EndForecast):
+    """Forecast by a model fitted to the readings; fields as of `EndForecast`."""
+
+    def as_object(self) -> dict[str, Any]:
+        """Return it as JSON holds it, with the keys of a `Forecast`; those that it does not have are null."""
+        return self._object(None, None, True)
+
+
+class LiveFit:
+    """A model fitted again and again to the growing record of one test.
+
+    Parameters
+    ----------
+    model : Model           Of the unit.
+    scenario : Scenario     Inputs that the log does not have.
+
+    Attributes
+    ----------
+    values : dict           Unknown -> its deviation from the model, of the logarithm for positive values. [-], [K]
+    wander : dict           Sensor -> factor on its noise, where its residuals are correlated.
+    """
+
+    def __init__(self, model: Model, scenario: Scenario | None) -> None:
+        self.model, self.scenario = model, scenario
+        self.values: dict[str, float] = {}
+        self.wander: dict[str, float] = {}
+        self._last: tuple[float, tuple[str, ...], _Fit | None] | None = None
+
+    def fit(self, record: Record, channels: Sequence[str]) -> None:
+        """Fit the model to a record; nothing where a channel has fewer than `MIN_READINGS_TO_FIT` valid readings.
+
+        Raises
+        ------
+        SolverError, RecordError   When the model cannot be run under the inputs of the record.
+        """
+        enough = all(np.count_nonzero(record.channel(n).valid) >= MIN_READINGS_TO_FIT for n in channels)
+        new_fit = _Fit(bind(self.model, record, self._until(record), errors={}), record, self.values) if enough else None
+        if new_fit is not None:
+            new_fit.run()
+            self.values = new_fit.deviations()
+            self.wander = new_fit.wander
+        self._last = (float(record.times[-1]), tuple(channels), new_fit)
+
+    def _until(self, record: Record) -> Scenario | None:
+        """Return the scenario as far as the record goes, its inputs held from there on, so that changes planned for later do not act."""
+        last = record.duration
+        return None if self.scenario is None else self.scenario.mapped(lambda s: s.cut(0.0, last).held_on() if s.extent > last else s)
+
+    def ends(self, record: Record, channels: Sequence[str], rule: StabilityRule, within: float, level: float) -> dict[str, ModelForecast]:
+        """Return channel -> forecast of its end; empty while a channel has fewer than `MIN_FORECAST_READINGS`.
+
+        Parameters
+        ----------
+        record, channels    The record so far, and the channels that must end.
+        rule : StabilityRule
+        within : float      Largest half-width of an interval. [K]
+        level : float       Probability of the interval.
+
+        Raises
+        ------
+        SolverError, RecordError   As in `fit`.
+        """
+        now = float(record.times[-1])
+        if self._last is None or self._last[:2] != (now, tuple(channels)):
+            self.fit(record, channels)
+        last_fit = self._last[2] if self._last is not None else None
+        if last_fit is None or any(np.count_nonzero(record.channel(n).valid) < MIN_FORECAST_READINGS for n in channels):
+            return {}
+        return {n: f for n, f in last_fit.ends(rule, within, level).items() if n in channels}
+
+
+class _Fit:
+    """One fit: unknowns with normal priors, and readings with their weights; `minimise` takes it as its least-squares problem.
+
+    Unknowns z are deviations from the model: x = base exp(z) of positive values, base + z of temperatures, then an offset for each sensor.
+    """
+
+    def __init__(self, experiment: Experiment, record: Record, before: dict[str, float]) -> None:
+        self.experiment, self.record = experiment, record
+        self.names, self.base, spread, self.relative = unknowns_with_priors(experiment)
+        self.bench = Bench.of_experiment(experiment, self.names)
+        self.sensors = experiment.observations
+        priors = dict(zip(self.names, spread.tolist(), strict=True)) | {
+            f"sensor {o.sensor}": OFFSET_SPREAD if (stated := record.channel(o.sensor).accuracy) is None else max(stated, 1e-3)
+            for o in self.sensors
+        }
+        self.unknowns = tuple(Unknown(n, "local", (), 0.0, prior=Prior(0.0, sd)) for n, sd in priors.items())
+        self.prior = np.array([*priors.values()])
+        self.z = np.array([before.get(n, 0.0) for n in priors])
+        self.sizes = np.array([o.sigma({o.sensor: MIN_NOISE}) for o in self.sensors])
+        self.steps = [record.channel(o.sensor).step for o in self.sensors]
+        self.samples = sum(o.index.size for o in self.sensors)
+        self.worth = 0.0
+        self.wander: dict[str, float] = {}
+        self.inverse: Array = np.eye(self.z.size)
+
+    def deviations(self) -> dict[str, float]:
+        """Return unknown -> deviation z from the model. [-], [K]"""
+        return dict(zip((u.name for u in self.unknowns), self.z.tolist(), strict=True))
+
+    def _values(self, z: Array) -> tuple[Array, Array]:
+        """Return x = base exp(z), or base + z for temperatures, of the free names, and dx/dz."""
+        moves = z[: len(self.names)]
+        x = np.where(self.relative, self.base * np.exp(moves), self.base + moves)
+        return x, np.where(self.relative, x, 1.0)
+
+    def _residuals(self, z: Array) -> tuple[list[Array], list[Array]]:
+        """Return residuals measured - predicted - offset (samples,) of every sensor, and derivatives (samples, unknowns). [K]
+
+        The derivatives are those of prediction plus offset by the unknowns.
+        """
+        x, scale = self._values(z)
+        read, slopes = self.bench.temperatures(x, True, Options())
+        residuals, rows = [], []
+        for k, o in enumerate(self.sensors):
+            offset_columns = np.zeros((o.index.size, len(self.sensors)))
+            offset_columns[:, k] = 1.0
+            residuals.append(o.measured - read[o.index, k] - z[len(self.names) + k])
+            rows.append(np.hstack([slopes[o.index, k] * scale, offset_columns]))
+        return residuals, rows
+
+    def compressed(self, fitted: Array, loss: str = "linear", loss_scale: float = 1.0, meshes: Sequence[Array] = ()) -> Compressed:
+        """Return weighted residuals and derivatives in as many rows as there are unknowns and one, by a QR decomposition."""
+        residuals, rows = self._residuals(fitted)
+        whole = np.vstack([np.column_stack([-j, r]) / s for r, j, s in zip(residuals, rows, self.sizes, strict=True)])
+        root: Array = np.asarray(np.linalg.qr(whole, mode="r"))
+        return Compressed(root[:, -1], root[:, :-1], float(root[:, -1] @ root[:, -1]), (), ())
+
+    def prior_rows(self, fitted: Array) -> tuple[Array, Array]:
+        """Return the residuals z / sd of the priors, and their derivatives."""
+        return fitted / self.prior, np.diag(1.0 / self.prior)
+
+    def square(self, compressed: Compressed) -> float:
+        """Return the sum of squared residuals in units of the noise."""
+        return compressed.chi_square
+
+    def run(self) -> None:
+        """Fit, estimate the noise from the residuals, and fit again; `inverse` becomes the covariance of the unknowns."""
+        for _ in range(2):
+            minimum = minimise(self, start=self.z, done=DONE_STEP)
+            self.z = minimum.fitted
+            self.inverse = covariance(np.concatenate([minimum.jacobian, minimum.priors]))
+            residuals, rows = self._residuals(self.z)
+            self._set_noise_from_residuals(residuals, rows)
+        self.inverse = np.linalg.inv(np.diag(1.0 / self.prior**2) + sum(j.T @ j / s**2 for j, s in zip(rows, self.sizes, strict=True)))
+
+    def _set_noise_from_residuals(self, residuals: Sequence[Array], rows: Sequence[Array]) -> None:
+        """Set the standard deviation by which each sensor's readings are weighed, from its residuals.
+
+        It is the residuals' scatter, at least step / sqrt(12), times sqrt(n / effective n); degrees of freedom that the fit took are
+        counted off.
+        """
+        self.worth, self.wander = 0.0, {}
+        for k, (r, j) in enumerate(zip(residuals, rows, strict=True)):
+            taken = float(np.sum((j @ self.inverse) * j)) / self.sizes[k] ** 2
+            worth = effective_samples(r, max(round(taken), 1))
+            free = max(r.size - taken * r.size / worth, 0.25 * r.size)
+            scatter = float(np.sqrt(r @ r / free))
+            self.sizes[k] = max(scatter, self.steps[k] / 12.0**0.5, 1e-4) * np.sqrt(r.size / worth)
+            self.worth += worth
+            if worth < MIN_INDEPENDENT_SHARE * r.size:
+                self.wander[self.sensors[k].sensor] = max(self.sizes[k] / self.sensors[k].sigma({self.sensors[k].sensor: MIN_NOISE}), 1.0)
+
+    def ends(self, rule: StabilityRule, within: float, level: float) -> dict[str, ModelForecast]:
+        """Return sensor -> forecast of its end, declined where the half-width of its interval exceeds `within` [K].
+
+        The variance is s'Cs + (0.03 (end - now))^2 + step^2 / 12 with the sensitivities s of the steady state and the covariance C.
+        """
+        x, scale = self._values(self.z)
+        count = len(self.names)
+        engine = self.bench.engine
+        a = engine.started(self.bench.wiring.assemble(x, True), True)
+        last = float(self.experiment.times[-1])
+        settled, slopes = settle(engine, a, last, True)
+        traces = Traces(self.bench.wiring, a, np.array([last]), engine.nodes, settled[None, :], slopes[None])
+        ahead, courses = self._temperatures_ahead(x, last)
+        out = {}
+        for k, o in enumerate(self.sensors):
+            bias = float(self.z[count + k])
+            end = float(traces.temperature(o.node)[0]) + bias
+            slope = np.zeros(self.z.size)
+            slope[:count] = traces.slope(o.node)[0] * scale
+            slope[count + k] = 1.0
+            now = float(courses[0, k]) + bias
+            variance = float(slope @ self.inverse @ slope) + (CURVATURE_SHARE_OF_LAWS * (end - now)) ** 2 + self.steps[k] ** 2 / 12.0
+            half = _student_half_width(level, self.worth - count) * float(np.sqrt(variance))
+            holds = _time_rule_holds(ahead, courses[:, k], rule)
+            final, begin = IntervalEstimate(end, end - half, end + half), float(self.record.times[0])
+            wide = (
+                f"The final temperature could be from {final.low - ICE_POINT:.1f} to {final.high - ICE_POINT:.1f} degC "
+                f"({100 * level:g} %), wider than the +- {within:.3g} K requested: the readings do not determine the model's values well "
+                "enough yet. Wait longer."
+            )
+            out[o.sensor] = ModelForecast(
+                channel=o.sensor,
+                start=begin,
+                now=float(self.record.times[-1]),
+                latest=now,
+                final=final,
+                declined=wide if final.error > within else "",
+                within=within,
+                level=level,
+                rule=rule,
+                holds=None if holds is None else begin + holds,
+            )
+        return out
+
+    def _temperatures_ahead(self, x: Array, last: float) -> tuple[Array, Array]:
+        """Return times from now on [s], and the temperatures of the sensors' nodes then (times, sensors). [K]"""
+        times = np.concatenate([[last], last + np.geomspace(last / INSTANTS_AHEAD, MAX_STRETCHES_AHEAD * last, INSTANTS_AHEAD)])
+        engine, wiring = self.bench.engine, self.bench.wiring
+        a = engine.started(wiring.assemble(x, False))
+        nodes = tuple(o.node for o in self.sensors)
+        nodes_kept = kept_for(a, nodes)
+        answer = engine.integrate(a, times, nodes_kept, float(times[-1]), Options(), False)
+        traces = Traces(wiring, a, times, nodes_kept, answer.temperatures, answer.sensitivities)
+        return times, np.column_stack([traces.temperature(n) for n in nodes])
+
+
+def unknowns_with_priors(experiment: Experiment) -> tuple[tuple[str, ...], Array, Array, Array]:
+    """Return the names of free values, the model's numbers, prior standard deviations, and whether these are of the logarithm.
+
+    Free are values that a fault would change, capacitances, and starts that are not known; values that are not positive stay fixed.
+    """
+    network = experiment.network
+    values = network.numbers().values
+    rows: dict[str, tuple[float, float, bool]] = {}
+
+    def number(path: str) -> float:
+        """Return a parameter's number. [SI]"""
+        return float(getattr(values[path], "value", values[path]))
+
+    for s in suspect_values(network):
+        rows[s.path] = (1.0 if s.path.startswith("scale.") else number(s.path), CONDUCTANCE_SPREAD, True)
+    parameters = network.flat.parameters
+    for node in network.flat.nodes:
+        if "capacitance" in node.fields:
+            path = parameters.literal_behind(node.fields["capacitance"])
+            if number(path) > 0.0:
+                rows.setdefault(path, (number(path), CAPACITANCE_SPREAD, True))
+    rows = {n: r for n, r in rows.items() if r[0] > 0.0}
+    first = experiment.scenario.initial
+    for name in (*experiment.loose, *experiment.hidden):
+        sd = experiment.hidden[name].sd if name in experiment.hidden else 10.0 * MIN_NOISE
+        rows[f"initial.{name}"] = (float(first[name]), max(sd, MIN_NOISE), False)
+    base, spread, relative = (np.array(column) for column in zip(*rows.values(), strict=True))
+    return tuple(rows), base, spread, relative
+
+
+def _student_half_width(level: float, free: float) -> float:
+    """Return the half-width of an interval in standard errors, of Student's distribution with `free` degrees of freedom, at least 3."""
+    from scipy.special import stdtrit
+
+    return float(stdtrit(max(free, 3.0), 0.5 + 0.5 * level))
+
+
+def _time_rule_holds(times: Array, course: Array, rule: StabilityRule) -> float | None:
+    """Return from when on temperatures `course` (instants,) at `times` move no faster than a rule; None beyond `times`. [s]"""
+    if rule.stored:
+        return None
+    fast = np.abs(np.diff(course)) > rule.rate * np.diff(times)
+    if not fast.any():
+        return float(times[0])
+    last = int(np.flatnonzero(fast)[-1])
+    return None if last + 2 >= times.size else float(times[last + 1]) + rule.window
+
 
 RISK: Final = 0.01
 """Probability of one wrong stop on a plateau, at most: in a whole test where no known power is switched."""

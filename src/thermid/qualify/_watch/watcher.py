@@ -38,15 +38,17 @@ from thermid.qualify._watch.growing import (
     with_smooth_powers,
     without_spikes,
 )
-from thermid.qualify._watch.live_fit import (
+from thermid.qualify._watch.stopping import (
     CAPACITANCE_SPREAD,
     CONDUCTANCE_SPREAD,
+    WAIT,
+    StopAdvice,
+    Stopping,
     SuspectValue,
     suspect_values,
     unknowns_with_priors,
     unlogged_ambients,
 )
-from thermid.qualify._watch.stopping import WAIT, StopAdvice, Stopping
 from thermid.simulation.network import Network, compile_network
 from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import Traces, settle

@@ -32,7 +32,7 @@ from thermid.reporting._blocks.content import (
     plain,
 )
 from thermid.reporting._diagrams.map import fitting_map
-from thermid.reporting._pictures import correlation, figures
+from thermid.reporting._pictures import figures
 from thermid.reporting._pictures.figures import RecordDrive
 from thermid.simulation.runs import Scenario, Solution, simulate
 
@@ -245,19 +245,17 @@ def _charts(campaign: Campaign) -> Iterator[Plot]:
             if c.sensor:
                 ratio, met = cells.get((test, c.sensor), (0.0, True))
                 cells[test, c.sensor] = (max(ratio, c.used), c.passed if c.used >= ratio else met)
-    most = (correlation.MAX_ROWS_OF_PICTURE, correlation.MOST_COLUMNS)
+    most = (figures.MAX_ROWS_OF_PICTURE, figures.MOST_COLUMNS)
     counts = sorted((len({k[i] for k in cells}) for i in (0, 1)), reverse=True)
     more = f" The worst of {counts[0]} and {counts[1]}." if counts[0] > most[0] or counts[1] > most[1] else ""
     if cells:
-        yield Plot(
-            correlation.matrix(cells), f"Error over limit, test by sensor. Blue below 1, orange beyond, ✗ not met.{more}", "", MATRIX
-        )
+        yield Plot(figures.matrix(cells), f"Error over limit, test by sensor. Blue below 1, orange beyond, ✗ not met.{more}", "", MATRIX)
     blocks: Sequence[SensorTrace] = [b for v in judged for b in v.blocks]
     words = "held-out records"
     if not blocks:
         last = next((c for c in reversed(campaign.fits) if len(c.blocks)), None)
         blocks, words = (list(last.blocks), f"fitted records of {last.stage}") if last is not None else ([], "")
     if blocks:
-        yield from correlation.against_measured(
+        yield from figures.against_measured(
             [b.measured for b in blocks], [b.measured - b.residuals for b in blocks], "Predicted", f", {words}"
         )

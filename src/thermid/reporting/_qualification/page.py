@@ -39,7 +39,7 @@ from thermid.reporting._blocks.content import (
 from thermid.reporting._blocks.extras import check_page, write_page
 from thermid.reporting._pages.front import SYNTHETIC
 from thermid.reporting._pages.tables import versions
-from thermid.reporting._pictures import correlation
+from thermid.reporting._pictures import figures
 from thermid.reporting._pictures.chart import Area, Stroke
 from thermid.reporting._pictures.figures import compared, curve, curves
 from thermid.reporting._qualification import tables
@@ -139,7 +139,7 @@ def correlation_report(c: Correlation, *, to: str | os.PathLike[str], synthetic:
         failed=verdicts.count(False),
         judged=len(verdicts),
         summary=f"{counted(len(c.gates), 'gate')}, {len(c.failed)} not met",
-        outcome=[Figures(correlation.against_measured(measured, simulated, "Simulated"))] if c.overlays else [],
+        outcome=[Figures(figures.against_measured(measured, simulated, "Simulated"))] if c.overlays else [],
         sections=blocks,
     )
 

@@ -9,7 +9,7 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.app.studio.curves import thinned_curve
+from thermid.app.studio.desk import thinned_curve
 from thermid.app.studio.project import Project
 from thermid.base.errors import DeckError, IdentificationError, NameNotFoundError
 

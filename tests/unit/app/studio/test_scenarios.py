@@ -12,7 +12,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.app.studio.courses import outcome_object, profile_for, profile_object
-from thermid.app.studio.curves import window_of
+from thermid.app.studio.desk import window_of
 from thermid.app.studio.project import Project
 from thermid.app.studio.room import as_json, shelf_object
 from thermid.app.studio.work import Work

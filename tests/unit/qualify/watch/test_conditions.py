@@ -24,8 +24,7 @@ from thermid.qualify._watch.growing import (
     with_smooth_powers,
     without_spikes,
 )
-from thermid.qualify._watch.live_fit import unlogged_ambients
-from thermid.qualify._watch.stopping import Stopping
+from thermid.qualify._watch.stopping import Stopping, unlogged_ambients
 from thermid.qualify._watch.watcher import Watcher, WatchLook
 from unit.fit.estimation.rig import NOISE, deck_of, rig, scenario
 
