@@ -136,7 +136,7 @@ class Dynamics:
             )
         if self.experiment.ticks is not None:
             raise IdentificationError(
-                "the offset of a second clock is not known, which is not supported with process noise. Call td.inference.align first.",
+                "the offset of a second clock is not known, which is not supported with process noise. Find it by a fit without first.",
                 where,
                 code="model.element-not-supported",
             )

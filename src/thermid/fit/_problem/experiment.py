@@ -939,7 +939,8 @@ def _timed(channel: Channel, record: Record) -> None:
     if record.second is not None and channel.name in record.second.channels:
         raise RecordError(
             "its readings are compared with the model, but its clock is not known yet. The log with the compared temperatures must "
-            "give the time. Join the logs the other way round; if both have such temperatures, call td.inference.align first.",
+            "give the time. Join the logs the other way round; if both have such temperatures, leave these out, fit the clock, and join "
+            "them with the offset and rate that were found.",
             f"{record.name}, {channel.name}",
             code="record.does-not-apply",
         )
