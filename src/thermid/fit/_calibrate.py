@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import cache
@@ -35,7 +34,7 @@ from thermid.fit._error_model.kept import KEY as ERRORS, ErrorsOfFit, Keeping, w
 from thermid.fit._error_model.sizes import LEAST_NOISE, OUTSIDE
 from thermid.fit._inputs import inputs_of
 from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
-from thermid.fit._problem.experiment import UNSAID_NOISE, Experiment
+from thermid.fit._problem.experiment import SCALE, SWITCH, UNSAID_NOISE, Experiment
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Request, counted_twice, freed, mean_of, priors_of, weighing
 from thermid.fit._problem.residuals import Predictions, Problem, Unknown, pooled, starting_point, wanders
@@ -187,12 +186,17 @@ def in_place(before: Store, new: Store) -> Store:
     for store in (before, new):
         columns = [place[s.name] for s in store.sources]
         for state, row_of_state in zip(store.states.values(), store.root, strict=True):
-            state_after = _remaining_state(state, here) if store is before else _after(state, before)
-            if state_after is not None:
-                row = np.zeros(len(sources))
-                row[columns] = row_of_state
-                states[state_after.path] = state_after
-                root.append(row)
+            if store is new:
+                old = [s for s in before.states.values() if s.path == state.path or set(s.paths) & set(state.paths)]
+                state = replace(state, history=tuple(dict.fromkeys(o for s in old for o in (*s.history, s.origin))))  # whom it replaces
+            elif state.kind == "parameter" and (left := tuple(p for p in state.paths if p not in here)):
+                state = replace(state, path=left[0], paths=left, hidden=tuple(p for p in state.hidden if p in left))
+            elif state.kind == "parameter" or state.path in here:
+                continue
+            row = np.zeros(len(sources))
+            row[columns] = row_of_state
+            states[state.path] = state
+            root.append(row)
     whole = replace(
         before,
         states=states,
@@ -203,20 +207,6 @@ def in_place(before: Store, new: Store) -> Store:
         left_out=tuple(dict.fromkeys((*before.left_out, *new.left_out))),
     )
     return whole.trimmed()
-
-
-def _after(state: State, before: Store) -> State:
-    """Return a state that knows whom it replaces."""
-    old = [s for s in before.states.values() if s.path == state.path or set(s.paths) & set(state.paths)]
-    return replace(state, history=tuple(dict.fromkeys(o for s in old for o in (*s.history, s.origin))))
-
-
-def _remaining_state(state: State, here: set[str]) -> State | None:
-    """Return what is left of a state once a fit has looked for some paths; None for nothing."""
-    if state.kind != "parameter":
-        return None if state.path in here else state
-    paths = tuple(p for p in state.paths if p not in here)
-    return replace(state, path=paths[0], paths=paths, hidden=tuple(p for p in state.hidden if p in paths)) if paths else None
 
 
 def state_of(v: FittedValue, origin: ValueOrigin, decks: Mapping[str, str]) -> State:
@@ -541,7 +531,9 @@ def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) 
 
 def _locals(problem: Problem, minimum: Fit, total: Array) -> tuple[Local, ...]:
     """Return the unknowns of single records; their slopes are those of a Gaussian's conditional mean, C_lv C_vv^-1."""
-    at = {k: u.name.partition(": ") for k, u in enumerate(problem.unknowns) if u.kind == "local" and not u.of_switch}
+    # when powers changed is asked for the sake of the other values only
+    local = {k: u for k, u in enumerate(problem.unknowns) if u.kind == "local"}
+    at = {k: u.name.partition(": ") for k, u in local.items() if not any(t.name.startswith(SCALE + SWITCH) for t in u.targets)}
     shared = {k: u.name for k, u in enumerate(problem.unknowns) if u.kind != "local" and 0.0 < total[k, k] < np.inf}
     sizes = np.sqrt(np.diag(total)[[*shared]])  # of unlike units
     inverse = np.linalg.pinv(total[np.ix_([*shared], [*shared])] / np.outer(sizes, sizes), hermitian=True)
@@ -896,13 +888,15 @@ def _fitted(
         minimum = ended(problem, np.array(list(recalled.fitted.values())), request.loss, request.loss_scale, recalled.evaluations)
         minimum = replace(minimum, search=recalled.search, remarks=recalled.remarks)
     else:
-        with _units_asked(problem):
+        try:
             if problem.clocked:
                 problem = with_clocks(problem, request.loss, request.loss_scale)
             refuse_before(request, problem, lambda r: fit(r))
             minimum = searched(problem, request.search, request.loss, request.loss_scale, progress, stoppable, executor)
             if problem.clocked and not minimum.stopped:
                 problem, minimum = in_turns(problem, minimum, request.loss, request.loss_scale, progress)
+        except SolverError as error:  # a power in another unit may be why a run breaks off
+            raise error.reworded(" ".join([error.message, *(a.removeprefix(FIRST) for a in strange_powers(problem))])) from None
         if not stated and not minimum.stopped:
             weighed = replace(problem, noise=_measured_noise(problem, minimum, request.loss))
             again = minimise(weighed, request.loss, request.loss_scale, minimum.fitted, progress, stoppable=stoppable)
@@ -1019,15 +1013,6 @@ def _refuse_without_errors(request: Request, problem: Problem, total: Array) -> 
             request.name or request.model.title,
             code="fit.not-determined",
         )
-
-
-@contextmanager
-def _units_asked(problem: Problem) -> Iterator[None]:
-    """Let a run that breaks off say which logged powers may be in another unit."""
-    try:
-        yield
-    except SolverError as error:
-        raise error.reworded(" ".join([error.message, *(a.removeprefix(FIRST) for a in strange_powers(problem))])) from None
 
 
 def _measured_noise(problem: Problem, minimum: Fit, loss: str) -> dict[str, float]:

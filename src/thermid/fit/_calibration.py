@@ -334,10 +334,10 @@ class Calibration(Result):
         for name, s in self.sensors.items():
             white = "yes" if s.white else f"no (lag-1 {s.lag_one:.2f})"
             worth = f", effective sample size {short(s.effective_samples)}" if s.wanders else ""
-            lines.append(
-                f"  {name}: RMSE {short(s.rmse, 3)} K   largest {short(abs(s.largest), 3)} K   residuals white: {white}{worth}"
-                + _bias_text(name, self)
-            )
+            held = f"   bias {s.bias:+.2f} K (held)" if s.bias else ""
+            bias = f"   bias {v.value:+.2f} +- {short(v.error)} K" if (v := self.values.sensors.get(name)) is not None else held
+            sizes = f"RMSE {short(s.rmse, 3)} K   largest {short(abs(s.largest), 3)} K"
+            lines.append(f"  {name}: {sizes}   residuals white: {white}{worth}{bias}")
         lines += [f"  {share}" for share in (*sensor_shares(self), *instrument_shares(self))]
         if self.local:
             lines.append("  per record:")
@@ -432,15 +432,6 @@ def _known_line(s: State, store: Store, width: int) -> str:
     how = "tuned by hand" if s.origin.kind == "hand" else "fixed"
     twins = f"; acts at {', '.join(s.acts[1:])} too" if len(s.acts) > 1 else ""
     return f"{s.path:<{width}}  {digits(value, error):>12} {s.unit:<10}{sure} ({s.origin}, {how}{where}{twins})"
-
-
-def _bias_text(sensor: str, fit: Calibration) -> str:
-    """Return the constant error of a sensor as text, fitted or held; empty where it has none. [K]"""
-    bias = fit.values.sensors.get(sensor)
-    if bias is None:
-        held = fit.bias.get(sensor, 0.0)
-        return f"   bias {held:+.2f} K (held)" if held else ""
-    return f"   bias {bias.value:+.2f} +- {short(bias.error)} K"
 
 
 WORTH = 0.05

@@ -77,16 +77,6 @@ class SplitSurface:
     used: bool
     remark: str = ""
 
-    @property
-    def convective_error(self) -> float:
-        """Standard error of the convective part. [W/(m^2 K)]"""
-        return math.hypot(self.error, self.effective_error)
-
-    @property
-    def correlation(self) -> float:
-        """Correlation of the errors of both parts: what is not radiation is convection. [-]"""
-        return -self.error / self.convective_error if self.error else 0.0
-
     def __str__(self) -> str:
         """The parts in one line, the remark in a second."""
         parts_text = (

@@ -662,14 +662,6 @@ class Colour:
     root: Array
     logdet: float
 
-    @classmethod
-    def of_traces(
-        cls, pieces: Mapping[tuple[str, str], Binned], traces: Sequence[TraceNoise], inputs: Mapping[tuple[str, str], Array]
-    ) -> Colour:
-        """Return it of traces in stretches of time."""
-        root: Array = np.asarray(np.linalg.cholesky(covariance_of_means(pieces, traces, inputs)), dtype=float)
-        return cls(root, 2.0 * float(np.log(np.diag(root)).sum()))
-
     def rows(self, pieces: Mapping[tuple[str, str], Binned]) -> tuple[Array, Array]:
         """Return derivatives and residuals of the data in stretches of time, weighed so that their noise is white and of size 1."""
         from scipy.linalg import solve_triangular
@@ -747,7 +739,9 @@ def _colour(
 
     def make(time: float, size: float) -> Colour:
         """Return coloured noise of a correlation time [s] and size [K]."""
-        return Colour.of_traces(pieces, tuple(TraceNoise(*key, 0, 1.0, size, time, 0.0) for key in pieces), inputs)
+        traces = tuple(TraceNoise(*key, 0, 1.0, size, time, 0.0) for key in pieces)
+        root: Array = np.asarray(np.linalg.cholesky(covariance_of_means(pieces, traces, inputs)), dtype=float)
+        return Colour(root, 2.0 * float(np.log(np.diag(root)).sum()))
 
     def likely(colour: Colour) -> float:
         """Return the log likelihood of the history under coloured noise, at its best smoothness."""

@@ -205,7 +205,8 @@ def attached(model: Model, record: Record) -> tuple[Model, dict[str, Seat]]:
                 f"{record.name}, {channel.name}",
                 code="model.element-not-supported",
             )
-        seats[channel.name] = _seat(channel, node)
+        tip = f"{_named(channel)}.tip" if channel.part.lag or channel.part.capacitance else ""
+        seats[channel.name] = Seat(node, tip or node, tip and f"{_named(channel)}.lag")
         model = _with_sensor(model, names, channel, node, f"{record.name}, {channel.name}")
     return model, seats
 
@@ -220,14 +221,6 @@ def at_their_seats(record: Record) -> Record:
 def _named(channel: Channel) -> str:
     """Return the name of the submodel that stands for a sensor and its leads."""
     return f"sensor_{re.sub(r'[^0-9A-Za-z_]', '_', channel.name)}"
-
-
-def _seat(channel: Channel, node: str) -> Seat:
-    """Return where a sensor sits and which node its reading is: a tip of its own where it has a lag or a heat capacity."""
-    assert channel.part is not None
-    if not (channel.part.lag or channel.part.capacitance):
-        return Seat(node, node)
-    return Seat(node, f"{_named(channel)}.tip", f"{_named(channel)}.lag")
 
 
 def _with_sensor(model: Model, names: Names, channel: Channel, node: str, where: str) -> Model:
@@ -863,9 +856,11 @@ def bind(
             driven[channel.name] = path
             if role != "command" and (noise := _input_noise(channel)).any:
                 noisy[path if role == "boundary" else SCALE + path] = noise
+            signal = signal_of(record, channel, role, zero)
             if role != "command" and channel.common and errors is None:
-                means |= _of_mean(channel, role, path, signal_of(record, channel, role, zero))
-            inputs.take(channel, role, path, signal_of(record, channel, role, zero), errors)
+                power = 1.0 if role == "boundary" else power_while_on(signal)  # one that is always off has no error
+                means |= {path if role == "boundary" else SCALE + path: channel.common / power} if power > 0.0 else {}
+            inputs.take(channel, role, path, signal, errors)
     if not observed:
         words = f"no channel observes a node of {network.title}, so no reading can be compared. Bind one with node = '...'."
         raise RecordError(words, record.name, code="record.does-not-apply")
@@ -876,7 +871,10 @@ def bind(
     )
     begun = first_readings(record, observations, window)
     first = {node: float(np.mean(list(readings_of_node.values()))) for node, readings_of_node in begun.items()}
-    start, initial, readings, loose = starts_of(record, _as_it_starts(model, base, first), network, first, begun, window)
+    if model.runner is not None and base.start == "":  # the program begins where it does, but where a reading or the scenario says
+        of_program = {n: Kelvin(t) for n, t in model.runner.starts.items() if n not in first}
+        base = replace(base, initial={**of_program, **base.initial})
+    start, initial, readings, loose = starts_of(record, base, network, first, begun, window)
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
     ticks = None if second is None else _ticks(record, second, zero, driven, inputs)
@@ -895,13 +893,6 @@ def bind(
     if hidden:
         full = replace(full, initial={**full.initial, **{n: Kelvin(h.mean) for n, h in hidden.items()}})
     return Experiment(record, model, network, full, times, observations, inputs.shared, readings, loose, tips, ticks, noisy, means, hidden)
-
-
-def _as_it_starts(model: Model, base: Scenario, first: Mapping[str, float]) -> Scenario:
-    """Return a scenario in which nodes without a reading begin as the program does that runs the model, where nobody gives their start."""
-    if model.runner is None or base.start != "":
-        return base
-    return replace(base, initial={**{n: Kelvin(t) for n, t in model.runner.starts.items() if n not in first}, **base.initial})
 
 
 def _hidden_starts(
@@ -998,15 +989,6 @@ def _noise(channel: Channel) -> float | None:
         return None
     rounding = channel.step / np.sqrt(12.0)
     return float(np.hypot(channel.noise, rounding)) if channel.resolution is not None or rounding > channel.noise else channel.noise
-
-
-def _of_mean(channel: Channel, role: str, path: str, signal: Signal) -> dict[str, float]:
-    """Return the name in the wiring of a mean boundary [K] or power [-] -> standard deviation of its error; none of a power that is off."""
-    assert channel.common is not None
-    if role == "boundary":
-        return {path: channel.common}
-    power = power_while_on(signal)
-    return {SCALE + path: channel.common / power} if power > 0 else {}
 
 
 def _input_noise(channel: Channel) -> InputNoise:

@@ -15,7 +15,7 @@ from thermid.base.dual import Dual, Number, gradient_of, value_of
 from thermid.base.errors import DeckError, SolverError
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array
 from thermid.base.memo import Memo
-from thermid.fit._problem.experiment import OFFSET, RATE, SCALE, SWITCH, Experiment, Observation
+from thermid.fit._problem.experiment import OFFSET, RATE, Experiment, Observation
 from thermid.simulation.solver import Engine, Options, Squares, Traces, Weighing, Wiring, kept_for
 
 
@@ -84,11 +84,6 @@ class Unknown:
     def slope(self, fitted: float) -> float:
         """Return d value / d fitted."""
         return self.to_value(fitted) if self.log else 1.0
-
-    @property
-    def of_switch(self) -> bool:
-        """Whether it says when powers changed, which is asked for the sake of the other values only."""
-        return any(t.name.startswith(SCALE + SWITCH) for t in self.targets)
 
     @property
     def scale(self) -> float:

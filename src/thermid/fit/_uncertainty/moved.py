@@ -597,10 +597,12 @@ def moves_from(staged: Sequence[tuple[FittedValues, Mapping[str, str]]], joint_v
         before_and_errors, here = (before.value, before.error, before.error_random), joint_values[q]
         values.append(_move(q, place(q), stage.stage, before_and_errors, here.value, here.value, here, s))
 
-    def together_of(groups: Sequence[Sequence[str]]) -> list[Together]:
-        return [normal_together(shift[r], spread[np.ix_(r, r)]) for r in ([order.index(p) for p in g] for g in groups)]
-
-    return Moves(tuple(values), _groups(values, together_of), "the joint fit")
+    places = {p: k for k, p in enumerate(order)}
+    groups = _groups(
+        values,
+        lambda several: [normal_together(shift[at], spread[np.ix_(at, at)]) for at in ([places[p] for p in g] for g in several)],
+    )
+    return Moves(tuple(values), groups, "the joint fit")
 
 
 def _less(below: Array, here: Array) -> Array:

@@ -46,7 +46,12 @@ def drivers_of(draws: Mapping[str, Array], result: Array) -> tuple[Driver, ...]:
     if not inputs or np.ptp(result) == 0.0 or result.size < max(MIN_MEMBERS_PER_INPUT, 5 * len(inputs)):
         return ()
     target = _standard(_ranks(result))
-    columns = np.column_stack([_standard(_by_group(v, target) if n in UNORDERED else _ranks(v)) for n, v in inputs])
+    columns = np.empty((target.size, len(inputs)))
+    for k, (name, values) in enumerate(inputs):
+        if name in UNORDERED:  # what an input without order can say: the mean of the result over the members of its group
+            _, group = np.unique(values, return_inverse=True)
+            values = (np.bincount(group, target) / np.bincount(group))[group]
+        columns[:, k] = _standard(values if name in UNORDERED else _ranks(values))
     weights, *_ = np.linalg.lstsq(columns, target, rcond=None)
     single = columns.T @ target / target.size
     drivers = [Driver(n, float(w * r), 0.0 if n in UNORDERED else float(r)) for (n, _), w, r in zip(inputs, weights, single, strict=True)]
@@ -58,12 +63,6 @@ def _ranks(values: Array) -> Array:
     _, index, counts = np.unique(values, return_inverse=True, return_counts=True)
     ends = np.cumsum(counts)
     return np.asarray((ends - 0.5 * (counts - 1))[index], dtype=float)
-
-
-def _by_group(values: Array, target: Array) -> Array:
-    """Return the mean of the result over the members of the same group: what an input without order can say."""
-    _, index = np.unique(values, return_inverse=True)
-    return np.asarray((np.bincount(index, target) / np.bincount(index))[index])
 
 
 def _standard(values: Array) -> Array:
