@@ -18,16 +18,18 @@ from thermid.base.errors import IdentificationError, SolverError, quoted
 from thermid.base.linear_algebra import Array, null_space, one_thread, symmetric_inverse
 from thermid.base.units import NAMES, counted, unit
 from thermid.fit._calibration import (
+    BLAME,
     CONTRADICTION_DEVIATIONS,
     FIRST,
+    LOUD,
     MISFIT,
     QUESTIONED_FACTOR,
     Calibration,
+    FitEnd,
     Local,
     contradicted,
     far_from_sheet,
     fitted_values,
-    loudly,
 )
 from thermid.fit._error_model.discrepancy import assumed_moves, with_discrepancy
 from thermid.fit._error_model.kept import KEY as ERRORS, ErrorsOfFit, Keeping, with_structural_errors
@@ -46,7 +48,7 @@ from thermid.fit._uncertainty.moved import Moves, moves_above
 from thermid.fit._uncertainty.noise import Autocorrelation, TraceNoise, autocorrelation, own_switches
 from thermid.measure.amounts import short, some
 from thermid.measure.records import Record, open_questions
-from thermid.model.elements import CREDIBLE, UNJUDGED, Standing, TableSignal, worst
+from thermid.model.elements import CREDIBLE, Standing, TableSignal, worst
 from thermid.model.identity import identity_of
 from thermid.model.tree import Model, deck_text, parameter_table, unlumped
 from thermid.simulation.runs import Scenario, Workers
@@ -233,26 +235,8 @@ def tuned_by_hand(request: Request, hand: Store) -> Calibration:
     """Return a stage that takes values as somebody tuned them, over what the stages below found."""
     store = in_place(request.store, hand)
     values = view(store, list(hand.states), request.name)
-    return Calibration(
-        request.name,
-        request.model,
-        values,
-        (),
-        (),
-        {},
-        {},
-        {},
-        0.0,
-        0,
-        0,
-        request.loss,
-        request.remarks,
-        seen=store.seen,
-        request=request,
-        own=UNJUDGED,
-        rests=rests_on(request, values),
-        store=store,
-    )
+    rests = rests_on(request, values)
+    return Calibration(request.name, request.model, values, (), (), {}, request.remarks, request=request, rests=rests, store=store)
 
 
 DIFFER = 3.0
@@ -444,69 +428,60 @@ def _by_instruments(problem: Problem, total: Array, k: int) -> str:
 
 
 def summarise(
-    request: Request, problem: Problem, best: Fit, responses_of_fit: Responses, random: Array, spread: Autocorrelation | None = None
+    request: Request,
+    problem: Problem,
+    best: Fit,
+    responses_of_fit: Responses,
+    random: Array,
+    spread: Autocorrelation,
+    kept: KeptFit,
 ) -> Calibration:
     """Return the calibration that a fit ended with; `responses_of_fit` says what its errors come from, `random` is their part by noise."""
     name, total = request.name or request.model.title, responses_of_fit.total
     origin = f"{name}: {some([r.name for r in request.records], 'records')}"
     rows = [k for k, u in enumerate(problem.unknowns) if u.kind != "local"]
     items = {u.name: _value(u, float(best.fitted[k]), total[k, k], random[k, k], origin) for k in rows for u in (problem.unknowns[k],)}
-    records = {r.name: r.origin.sha256 for r in request.records}
     provenance: dict[str, Any] = {
         "version": _version("thermid"),
         "date": datetime.now(UTC).date().isoformat(),
         "model": identity_of(request.model),
-        "records": records,
+        "records": {r.name: r.origin.sha256 for r in request.records},
         "synthetic": any(r.origin.synthetic for r in request.records),
     }
-    block = np.ix_(rows, rows)
-    values = FittedValues(name, items, total[block], provenance)
+    values = FittedValues(name, items, total[np.ix_(rows, rows)], provenance)
     alone, rests = own_standing(request, problem, best, values, total, spread), rests_on(request, values)
     store = stored(request, problem, values.judged(worst([alone, *rests.values()])), responses_of_fit)
     values = _with_uncut(view(store, list(values), name), problem, best, responses_of_fit)
-    bias = dict(problem.fixed_bias) | {s: v.value for s, v in values.sensors.items()}
-    blocks = Predictions(best.sums, problem, best.fitted)
-    freedom = round(problem.freedom)
-    handed_on = bool(request.store.states)
-    moved = moves_above(request, problem, best, spread.variance_factor if spread is not None else 1.0) if handed_on else Moves()
+    moved = moves_above(request, problem, best, spread.variance_factor) if request.store.states else Moves()
+    runner, far = request.model.runner, contradicted(values)
+    remarks = (
+        *([f"{LOUD}{'; '.join(far.values())}. {BLAME}"] if far else []),
+        *far_from_sheet(request.model, values),
+        *request.remarks,
+        *(f"{FIRST}{r}" for r in (runner.remarks if runner is not None else ())),
+        *_warnings(problem, best, total, spread, values),
+        *(unlumped(request.model, {p: v.value for p, v in values.assignments.items()}) if runner is None else ()),
+        *best.remarks,
+        *_wandering(spread),
+        *moved.warnings(),
+    )
     return Calibration(
         name,
         request.model,
         values,
         _locals(problem, best, total),
-        blocks,
-        bias,
-        records,
+        Predictions(best.sums, problem, best.fitted),
         correlations_of(problem, total),
-        best.chi_square,
-        freedom,
-        best.evaluations,
-        request.loss,
-        (
-            *loudly(values),
-            *far_from_sheet(request.model, values),
-            *request.remarks,
-            *(f"{FIRST}{r}" for r in (request.model.runner.remarks if request.model.runner is not None else ())),
-            *_warnings(problem, best, total, spread, values),
-            *(unlumped(request.model, {p: v.value for p, v in values.assignments.items()}) if request.model.runner is None else ()),
-            *best.remarks,
-            *(_wandering(spread) if spread is not None else ()),
-            *(moved.warnings() if handed_on else ()),
-        ),
-        bool(provenance["synthetic"]),
-        {**request.seen, **{r.origin.sha256: f"stage '{name}' as '{r.name}'" for r in request.records}},
+        remarks,
         problem.experiments,
-        {u.name: float(x) for u, x in zip(problem.unknowns, best.fitted, strict=True)},
-        best.converged,
         request,
         problem,
         moved,
         spread,
-        search=best.search,
-        own=alone,
-        rests=rests,
-        store=store,
-        stopped=best.stopped,
+        store,
+        alone,
+        rests,
+        end=FitEnd(kept, best.chi_square, round(problem.freedom), best.converged, best.stopped),
     )
 
 
@@ -936,7 +911,7 @@ def _fitted(
     assumed = assumed_moves(request, problem, minimum, spread)
     errors = responses(request, problem, minimum, spread.variance_factor, random, weights, assumed.ranges)
     _refuse_without_errors(request, problem, errors.total)
-    return with_discrepancy(replace(summarise(request, problem, minimum, errors, random, spread), kept=end_to_keep), assumed), spread
+    return with_discrepancy(summarise(request, problem, minimum, errors, random, spread, end_to_keep), assumed), spread
 
 
 def _with_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration:

@@ -397,6 +397,7 @@ class _Joint:
     """
 
     def __init__(self, base: FittedValues, parts: Sequence[Part]) -> None:
+        """Begin with the fit and the priors of the emissivities that it did not find; those of one finish go together."""
         self.base, n = base, len(base)
         self.at = {path: k for k, path in enumerate(base)}
         fresh = {p.emissivity: p for p in parts if p.emissivity not in self.at}

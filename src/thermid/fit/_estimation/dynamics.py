@@ -79,6 +79,7 @@ class Dynamics:
     """
 
     def __init__(self, bench: Bench, noises: Sequence[ProcessNoise], start_sd: dict[str, float]) -> None:
+        """Wire a bench with its process noise, and note what is stored between steps."""
         self.bench, self.noises, self.start_sd = bench, tuple(noises), dict(start_sd)
         self.experiment: Experiment = bench.experiment
         self.engine, self.wiring = bench.engine, bench.wiring

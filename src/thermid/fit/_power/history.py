@@ -439,18 +439,9 @@ def power_history(
     IdentificationError     When there is no such prior, a stretch lies outside the log, or parameters are free without any known power.
     NameNotFoundError       When there is no such load.
     """
-    refuse_unknown([prior], PRIORS, "power_history", "unknown prior '{}'. Use one of {known}.", IdentificationError)
     where = f"power of {load}"
     path, model = _plain(model, load)
-    if free and not known and not priors:
-        words = "without a period of known power only ratios to the power can be estimated, so no parameter can be free. "
-        raise IdentificationError(f"{words}Give 'known' or a prior.", where, code="fit.not-determined")
-    if not isinstance(known, list | tuple) or any(not isinstance(stretch, list | tuple) or len(stretch) != 3 for stretch in known):
-        raise IdentificationError(KNOWN_FORM, where, code="value.wrong-kind")
-    logged = next((n for n, c in record.channels.items() if c.role in ("load", "auto") and (c.target or n) in (load, path)), "")
-    if logged:
-        words = f"channel '{logged}' of '{record.name}' already gives this power. Leave it out."
-        raise IdentificationError(words, where, code="value.without-effect")
+    _refuse_unanswerable(record, (load, path), known, prior, bool(free and not priors), where)
     step = max(record.duration / KNOTS, record.step)
     if not isinstance(every, str) or every:
         step = min(step, amount(every, "s", where))
@@ -467,6 +458,25 @@ def power_history(
         return _history(request, problem, path, knots, pins, solved(problem, knots, pins, base, kinds))
     except np.linalg.LinAlgError:
         raise _undetermined(free, where) from None
+
+
+def _refuse_unanswerable(record: Record, names: Sequence[str], known: Any, prior: str, is_open: bool, where: str) -> None:
+    """Refuse a history of a load by its `names` that has no answer; `is_open` is whether parameters are free without priors.
+
+    Raises
+    ------
+    IdentificationError   As `power_history` says.
+    """
+    refuse_unknown([prior], PRIORS, "power_history", "unknown prior '{}'. Use one of {known}.", IdentificationError)
+    if is_open and not known:
+        words = "without a period of known power only ratios to the power can be estimated, so no parameter can be free. "
+        raise IdentificationError(f"{words}Give 'known' or a prior.", where, code="fit.not-determined")
+    if not isinstance(known, list | tuple) or any(not isinstance(stretch, list | tuple) or len(stretch) != 3 for stretch in known):
+        raise IdentificationError(KNOWN_FORM, where, code="value.wrong-kind")
+    logged = next((n for n, c in record.channels.items() if c.role in ("load", "auto") and (c.target or n) in names), "")
+    if logged:
+        words = f"channel '{logged}' of '{record.name}' already gives this power. Leave it out."
+        raise IdentificationError(words, where, code="value.without-effect")
 
 
 def _undetermined(free: Sequence[str], where: str) -> IdentificationError:

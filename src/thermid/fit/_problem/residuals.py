@@ -709,6 +709,7 @@ class Predictions(Sequence[SensorTrace]):
     """
 
     def __init__(self, sums: Sequence[tuple[str, str, Sums]], problem: Problem, fitted: Array) -> None:
+        """Keep what predicts the blocks."""
         self.sums, self.problem, self.fitted = tuple(sums), problem, fitted
         self.memo = Memo()
 

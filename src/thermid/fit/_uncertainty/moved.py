@@ -191,6 +191,7 @@ def shifts(a: Test, positions: Sequence[int]) -> list[Shift]:
 
 
 def _shift(weights: Array, sizes: Array, errors: Array, chance: float, tests: int) -> Shift:
+    """Return a shift averaged over the noise models, from its size and error by each; nothing where some model leaves it open."""
     if not np.isfinite(errors[weights > 0]).all():
         return Shift(math.nan, math.inf, math.nan, math.inf)
     size = float(weights @ sizes)
@@ -467,6 +468,7 @@ def _fixed(request: Request, problem: Problem) -> dict[tuple[str, ...], State]:
 
 
 def _inherited(request: Request, opened: Opened, fixed: Mapping[tuple[str, ...], State]) -> _Inherited:
+    """Return what stages below found of the unknowns of a fit, and of the `fixed` values that were opened beside them."""
     unknowns, store = opened.problem.unknowns, request.store
     before = known_before(request, unknowns[: opened.own])
     moving = {q: store.states[p] for p in request.prior for q in store.states[p].acts}

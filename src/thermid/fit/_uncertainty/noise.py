@@ -236,6 +236,7 @@ def _instants(problem: Problem, i: int, fitted: Array) -> Iterator[Callable[[Arr
         for k in table.largest_changes(CHANGES):
 
             def answer(times: Array, k: int = k, name: str = name, path: str = path, table: TableSignal = table) -> Array:
+                """Return what a standard deviation of the instant does to the readings (times, sensors). [K]"""
                 before, after = table.gaps(k)
                 sides, interval = [], 2.0 * before  # the sample stands in its middle
                 shift = 0.2 * min(interval, after)  # never past a neighbour
@@ -353,9 +354,11 @@ class _Step:
     """The answer of a reading to a step of a boundary by 1 K or of a power by 1 W, at times since the step; zero before it. [K/K, K/W]"""
 
     def __init__(self, times: Array, answer: Array) -> None:
+        """Keep the answer (times,) at times since the step, zero at the step. [s]"""
         self.times, self.answer = np.concatenate([[0.0], times]), np.concatenate([[0.0], answer])
 
     def __call__(self, since: Array) -> Array:
+        """Return the answer at times since the step; zero before it. [s]"""
         return np.where(since > 0.0, np.interp(since, self.times, self.answer), 0.0)
 
 
@@ -754,6 +757,7 @@ class _TraceBasis:
 
     @classmethod
     def of_trace(cls, b: Binned, scale: Array) -> _TraceBasis:
+        """Return a trace in its bases, its slopes in units of `scale` (unknowns,)."""
         root = np.sqrt(b.count)
         sizes, vectors = _bases(b.times.tobytes(), b.count.tobytes())
         turned = np.swapaxes(vectors, 1, 2)

@@ -74,6 +74,7 @@ class FaultBench:
     """All logs together: deviations as one vector `d` (readings,) [K], their `covariance` [K^2], the response of every candidate."""
 
     def __init__(self, cases: Sequence[Case], candidates: Sequence[Fault], accuracy: Mapping[str, float]) -> None:
+        """Run every log without a fault, and work out what deviations it may have."""
         self.cases, self.candidates = cases, candidates
         self.nominal = [c.run({}) for c in cases]
         self.d = np.concatenate([c.deviations.ravel() for c in cases])

@@ -253,6 +253,7 @@ class EvaluationBudget:
     """
 
     def __init__(self, allowed: float = math.inf, progress: Callable[[str, float], None] | None = None) -> None:
+        """Begin with nothing spent."""
         self.allowed, self.spent, self.pace, self.progress = allowed, 0, math.inf, progress
 
     @property
@@ -281,6 +282,7 @@ class _Searching:
     def __init__(
         self, request: Request, changes: Callable[[Fitted], Sequence[MissingElement]], budget: EvaluationBudget, executor: Workers
     ) -> None:
+        """Begin with nothing fitted."""
         self.request, self.changes, self.budget, self.executor = request, changes, budget, executor
         self.done: list[FittedStructure] = []
         self.refused: list[tuple[str, str]] = []
