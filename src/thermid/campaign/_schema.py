@@ -125,7 +125,7 @@ class StageTable(StrictTable):
     weights: dict[str, float] | Literal["effective"] = {}
     loss: Literal["linear", "soft_l1", "huber", "cauchy"] = "linear"
     knee: float = Field(1.0, gt=0.0)
-    search: Literal["auto", "local", "multistart"] = "auto"
+    search: Literal["auto", "local", "multistart", "differential evolution"] = "auto"
     untie: bool | list[str] = False
     window: str = "0 [s]"
     adequate: str = ""

@@ -754,7 +754,7 @@ def calibrate(
     inherit : dict              Part of the model, ``.`` for the model itself -> what a fit of it found: a `Calibration`, its values or the
                                 path of their file. Values stay there with their errors; those that are free too have them as prior.
     loss : str                  linear, soft_l1, huber or cauchy.
-    search : str                local, multistart; or auto: further starts where one descent is doubtful.
+    search : str                local, multistart, differential evolution; or auto: further starts where one descent is doubtful.
     weights : dict or str       Sensor -> weight of its residuals, 1 where none is given; or ``"effective"``: after a first fit readings
                                 count as many as residuals that wander are worth, so that priors and local values have the width stated.
     name : str                  Of the fit, as a stage of a campaign has one; the model's title by default.

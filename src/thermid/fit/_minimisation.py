@@ -4,10 +4,10 @@ In: a `Problem`, a loss, a start. Out: a `Fit`: where it ended, its derivatives 
 key ends a descent with the best values so far. Starts beyond one: `fit.search`.
 
 Steps s of a descent stay within a region of trust, |s / scale| <= reach, and promise most in there (Levenberg and Marquardt's: More,
-Lecture Notes in Mathematics 630 (1978) 105). It shrinks where a step gains less than a quarter of what it promises, and grows where it gains three
-quarters. What meets a bound stops there, and the others go on. A SolverError turns back, but of the start. Where a step misses what J'J
-promised by more than a quarter, and the curvature that J'J lacks would have told it better, that counts in the next: as much of it as the
-gradients along the way have shown.
+Lecture Notes in Mathematics 630 (1978) 105). It shrinks where a step gains less than a quarter of what it promises, and grows where it
+gains three quarters. What meets a bound stops there, and the others go on. A SolverError turns back, but of the start. Where a step
+misses what J'J promised by more than a quarter, and the curvature that J'J lacks would have told it better, that counts in the next: as
+much of it as the gradients along the way have shown.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Beyond one descent: whether its end may be the wrong valley, what further starts cost, and the best of them.
 
 In: a `Problem`, a loss, a way of searching. Out: the best `Fit`, all evaluations counted, and in words what was looked at.
-Several starts are chosen among members run side by side; least squares always ends it.
+Several starts and differential evolution look at members run side by side; least squares always ends it.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from operator import itemgetter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from thermid.base.errors import IdentificationError, SolverError, ThermidWarning, refuse_unknown, spoken
 from thermid.base.linear_algebra import NOTHING, Array, pseudo_inverse
 from thermid.base.units import counted
-from thermid.fit._minimisation import Fit, minimise
+from thermid.fit._minimisation import Fit, ended, minimise
 from thermid.fit._problem.residuals import Problem, Unknown, loss_of, starting_point
 from thermid.fit._uncertainty.noise import autocorrelation
 from thermid.simulation.runs import Workers, in_tasks, run_members
@@ -28,7 +29,7 @@ from thermid.simulation.runs import Workers, in_tasks, run_members
 Progress = Callable[[int, float], None]
 
 DECADE = math.log(10.0)
-SEARCHES = ("auto", "local", "multistart")
+SEARCHES = ("auto", "local", "multistart", "differential evolution")
 SCREENED, DESCENTS = 64, 5
 """How many points of the box are looked at without derivatives, and from how many of the best of them least squares descends."""
 MIN_START_DISTANCE = 0.15
@@ -39,6 +40,7 @@ CHANCE, MIN_READINGS_OF_TRACE = 0.01, 16
 """Chance that noise alone makes a trace look as if it contradicted its noise, over all traces; shorter traces are not asked."""
 PROVED = 9.0
 """Gain in chi-square, in independent samples, from which another valley is better than that of the given start: three standard errors."""
+GENERATIONS = 300
 BATCH = 16
 """Members that run at once; the interrupt key acts between batches."""
 WARNED_SEARCH_TIME = 30.0
@@ -142,7 +144,8 @@ def searched(
     how : str               ``local``: one descent from the start. ``multistart``: further descents from the best of 64 points of the box.
                             ``auto``: these only where the first descent ends unfinished, with residuals of more than twice the stated
                             noise, or at a bound without a noise or beside it; one further descent, from the other side of the start, for
-                            another end at a bound, or where residuals contradict the stated noise at all.
+                            another end at a bound, or where residuals contradict the stated noise at all. ``differential evolution``: a
+                            population over the box, then one descent.
     loss, loss_scale, progress    As in `minimise`. What further starts will cost is told before they are made: to ``progress.ahead(words,
                             seconds)`` where there is one, else as a warning from `WARNED_SEARCH_TIME` on.
     stoppable : bool        Whether the interrupt key ends it with the best fit so far: `Fit.stopped`, not converged.
@@ -157,6 +160,8 @@ def searched(
     search = Search(Population.of_problem(problem, loss, loss_scale), progress, stoppable, executor)
     if not search.population.at.size or how == "local":
         return search.descent(None)
+    if how == "differential evolution":
+        return search.evolved()
     first = search.descent(None)
     if first.stopped:
         return first
@@ -386,6 +391,18 @@ class Search:
         costs += [self.population.costs(shares[at : at + BATCH]) for at in range(BATCH, SCREENED, BATCH)]
         return shares, np.concatenate(costs)
 
+    def evolved(self) -> Fit:
+        """Return the end of the descent from the best member of a population that evolved over the box."""
+        p, best = self.population, evolved(self.population, self.stoppable)
+        at = p.placed(best.share[None, :])[0]
+        if best.stopped:
+            message = f"stopped by the user after {best.evaluations} members, at the best of them"
+            return replace(ended(p.problem, at, p.loss, p.loss_scale, best.evaluations, message, False), stopped=True)
+        end = self.descent(at)
+        words = f"differential evolution: {best.evaluations} members, cost {best.cost:.6g}; "
+        words += f"polished by {end.evaluations} evaluations to {end.cost:.6g}"
+        return replace(end, evaluations=end.evaluations + best.evaluations, search=words)
+
 
 def _stopped(first: Fit, ends: list[Fit], count: int) -> Fit:
     """Return the best end so far of a search that the interrupt key ended."""
@@ -441,3 +458,56 @@ def _valleys(problem: Problem, best: Fit, ends: list[Fit], first: Fit) -> tuple[
             "tighter bounds."
         )
     return words, tuple(dict.fromkeys(remarks))
+
+
+@dataclass(frozen=True, eq=False)
+class Evolved:
+    """The end of a population: the best point of the unit cube (parameters,), its cost, how many members ran, whether it was stopped."""
+
+    share: Array
+    cost: float
+    evaluations: int
+    stopped: bool
+
+
+def evolved(population: Population, stoppable: bool = False) -> Evolved:
+    """Return the best member of a population that evolved over the box.
+
+    Differential evolution: Storn and Price, J. Global Optim. 11 (1997) 341, in scipy. Where it is `stoppable`, the interrupt key ends it
+    with the best member so far.
+    """
+    from scipy.optimize import Bounds, differential_evolution
+
+    best, cost, count, stopped = np.zeros(0), np.inf, 0, False
+
+    def costs(points: Array, /) -> Any:  # one cost per member, which the stubs of scipy do not know of
+        """Return the cost of each member of a generation, and note the best so far."""
+        nonlocal best, cost, count
+        shares = np.atleast_2d(points.T)
+        of_members = population.costs(shares)
+        of_members = np.where(np.isfinite(of_members), of_members, 1e30)
+        count += of_members.size
+        k = int(of_members.argmin())
+        if of_members[k] < cost:
+            best, cost = shares[k].copy(), float(of_members[k])
+        return of_members
+
+    try:
+        differential_evolution(
+            costs,
+            Bounds(np.zeros(population.at.size), np.ones(population.at.size)),
+            vectorized=True,
+            updating="deferred",
+            polish=False,
+            init="sobol",
+            tol=1e-4,
+            atol=1e-3,
+            maxiter=GENERATIONS,
+            rng=np.random.default_rng(1),
+            x0=population.share(population.start),
+        )
+    except KeyboardInterrupt:
+        if not stoppable or not count:
+            raise
+        stopped = True
+    return Evolved(best, cost, count, stopped)

@@ -77,6 +77,11 @@ class SplitSurface:
     used: bool
     remark: str = ""
 
+    @property
+    def correlation(self) -> float:
+        """Correlation of the errors of both parts: what is not radiation is convection. [-]"""
+        return -self.error / math.hypot(self.error, self.effective_error) if self.error else 0.0
+
     def __str__(self) -> str:
         """The parts in one line, the remark in a second."""
         parts_text = (

@@ -199,6 +199,20 @@ class TestInterrupt:
         assert found.chi_square == whole.chi_square
         assert not found.converged
 
+    def test_evolution_ends_with_its_best_member(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        calls, costs = [], search.Population.costs
+
+        def counted(self: Any, shares: Any) -> Any:
+            calls.append(shares)
+            if len(calls) == 3:
+                raise KeyboardInterrupt
+            return costs(self, shares)
+
+        monkeypatch.setattr(search.Population, "costs", counted)
+        found = searched(problem_of(log(TRUTH)), "differential evolution", "linear", 1.0, stoppable=True)
+        assert found.stopped
+        assert "at the best of them" in found.message
+
     def test_what_makes_many_fits_is_not_held_up(self) -> None:
         with pytest.raises(KeyboardInterrupt):
             searched(problem_of(log(TRUTH)), "auto", "linear", 1.0, Told(2))

@@ -75,10 +75,11 @@ class TestValleys:
         assert found.search in str(found)
         assert found.evaluations > 64
 
-    def test_a_multistart_ends_in_the_better_one(self) -> None:
-        found = fitted("multistart")
+    @pytest.mark.parametrize("how", ["multistart", "differential evolution"])
+    def test_every_search_ends_in_the_better_one(self, how: str) -> None:
+        found = fitted(how)
         assert found.chi_square == pytest.approx(fitted("auto").chi_square, abs=0.01)
-        assert "multistart" in found.search
+        assert how in found.search
 
     @pytest.mark.parametrize("workers", [ThreadPoolExecutor(2), pytest.param(2, marks=pytest.mark.campaign)])
     def test_descents_by_workers_end_at_the_same_values(self, workers: Any, monkeypatch: pytest.MonkeyPatch) -> None:

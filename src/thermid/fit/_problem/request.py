@@ -110,7 +110,7 @@ class Request:
     untie : bool                    Whether all instances get values of their own; `Model.cut` does it for some.
     loss : str                      linear, soft_l1, huber or cauchy.
     loss_scale : float              Residual, in units of the noise, from which a robust loss bends.
-    search : str                    auto, local or multistart; see `searched`.
+    search : str                    auto, local, multistart or differential evolution; see `searched`.
     window : float                  First readings are medians over this time. [s]
     name : str                      Name of the stage.
     readings : dict                 Boundary or ``initial.<node>`` -> Reading that stands there.
