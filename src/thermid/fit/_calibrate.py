@@ -113,13 +113,8 @@ def _beyond_accuracy(problem: Problem, minimum: Fit) -> tuple[float, str]:
 
 def at_bounds(problem: Problem, minimum: Fit, total: Array) -> list[tuple[Unknown, str, float]]:
     """Return the unknowns that ended at a bound, which one, and the bound in the fitted form."""
-    out = []
-    for k, u in enumerate(problem.unknowns):
-        error = float(np.sqrt(total[k, k]))
-        for bound, side in zip(u.fitted_bounds(), ("lower", "upper"), strict=True):
-            if np.isfinite(bound) and abs(minimum.fitted[k] - bound) < max(1e-4 * max(abs(bound), u.scale), 0.02 * error):
-                out.append((u, side, bound))
-    return out
+    ends = zip(problem.unknowns, minimum.fitted.tolist(), np.sqrt(np.diag(total)).tolist(), strict=True)
+    return [(u, side, bound) for u, fitted, error in ends for side, bound in u.bounds_met(fitted, error)]
 
 
 def _beyond_stated(problem: Problem, spread: Autocorrelation, limit: float) -> list[str]:

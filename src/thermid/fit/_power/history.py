@@ -601,15 +601,12 @@ def _history(request: Request, problem: Problem, path: str, knots: Array, pins: 
 
 def _at_bounds(problem: Problem, x: Array) -> tuple[str, ...]:
     """Return remarks on parameters that ended at a bound."""
-    out = []
-    for u, fitted in zip(problem.unknowns, x.tolist(), strict=True):
-        ends = [b for b in u.fitted_bounds() if np.isfinite(b)]
-        if u.kind == "parameter" and any(abs(fitted - b) <= 1e-6 * max(abs(b), u.scale) for b in ends):
-            out.append(
-                f"'{u.name}' ended at its bound {_shown(u, fitted):.5g} {u.unit}, so its error and the band are not meaningful. Fix "
-                "it or give it a prior."
-            )
-    return tuple(out)
+    return tuple(
+        f"'{u.name}' ended at its bound {_shown(u, fitted):.5g} {u.unit}, so its error and the band are not meaningful. Fix "
+        "it or give it a prior."
+        for u, fitted in zip(problem.unknowns, x.tolist(), strict=True)
+        if u.kind == "parameter" and u.bounds_met(fitted)
+    )
 
 
 def _shown(unknown: Unknown, fitted: float) -> float:

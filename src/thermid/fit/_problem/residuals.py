@@ -102,6 +102,11 @@ class Unknown:
         low = math.log(self.low) if self.low > 0 else -math.inf
         return low, math.log(self.high) if math.isfinite(self.high) else math.inf
 
+    def bounds_met(self, fitted: float, error: float = 0.0) -> list[tuple[str, float]]:
+        """Return which of its bounds, 'lower' or 'upper', a value with a standard error lies at, and where that is; in the fitted form."""
+        ends = zip(("lower", "upper"), self.fitted_bounds(), strict=True)
+        return [(side, b) for side, b in ends if math.isfinite(b) and abs(fitted - b) < max(1e-4 * max(abs(b), self.scale), 0.02 * error)]
+
 
 def starting_point(unknowns: Sequence[Unknown]) -> Array:
     """Return the starts (unknowns,) in the fitted form."""
