@@ -43,7 +43,7 @@ ROOMS = {
     "site": "Sites on the ground, ascents, orbits, weather, moisture; an optional part.",
     "measure": "Logs, their channels and sensors.",
     "values": "Knowledge of values: their standing, and their uncertainty by source.",
-    "fit": "Fits, the alignment of clocks, unmeasured powers, states with process noise.",
+    "fit": "Fits, clocks, unmeasured powers, states with process noise.",
     "inference": "Identifiability, profile likelihood, parameter trade-offs, posterior samples; causes of a misfit, physical values.",
     "prediction": "Uncertainty of a prediction by source; predictions before a test; many runs; hold times; the next test; reduced models.",
     "campaign": "Fits in stages, replaced parts, methodologies; verdicts, correlation, limits, margins, comparisons.",

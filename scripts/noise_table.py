@@ -21,7 +21,6 @@ DEAR = {
     "next_test": 4,
     "next_test, room repeated": 10,
     "power_history": 10,
-    "power_history, coarse knots": 5,
     "clock": 10,
 }
 """Consumers that take so many times as long, and get so many times fewer logs."""

@@ -74,23 +74,23 @@ def make_logs(folder: Path, seed: int = 3) -> tuple[Path, Path]:
     return text, table
 
 
-def one_record(text: Path, table: Path) -> td.inference.Alignment:
-    """Read both and align them."""
+def clock_found(text: Path, table: Path) -> td.Calibration:
+    """Read both, join them with an open clock, and return the fit that finds it; the values of the model are held."""
     sensors = {name: {"node": name, "accuracy": "1.5 [K]", "resolution": f"{COUNT:.4g} [K]"} for name in ("plate", "cover")}
     unit = td.read_record(table, sensors)
     bench = td.read_record(text, {"room": {"boundary": "room"}, "heater1": {"command": "heater"}})
     model = td.load_model(HERE / "plate.toml").with_values(PLANTED)
     rest = td.Scenario("at rest until the heater is on", start="steady")
-    return td.inference.align(model, unit, bench, offset=(-900.0, 0.0), rate=(0.995, 1.005), scenario=rest)
+    return td.calibrate(model, unit.joined(bench, (-900.0, 0.0), (0.995, 1.005)), [], scenario=rest)
 
 
 def main() -> None:
-    """Make the logs, align them, say what came out."""
+    """Make the logs, find the clock, say what came out."""
     with tempfile.TemporaryDirectory() as folder:
-        found = one_record(*make_logs(Path(folder)))
+        found = clock_found(*make_logs(Path(folder)))
     print(found)
     print(f"planted: offset {OFFSET:g} s, rate {RATE:.6f}")
-    print(found.record)
+    print(found.experiments[0].record)
 
 
 if __name__ == "__main__":

@@ -61,15 +61,10 @@ def predicted(data: Path, run: str, fit: td.Calibration) -> td.Verdict:
     return td.validate(fit, joined(data, run), td.Criteria(rmse="10 [K]"), scenario=START)
 
 
-def aligned(data: Path, run: str, fit: td.Calibration) -> td.inference.Alignment:
-    """Return where `align` puts the clock of a run at the values of a fit."""
-    return td.inference.align(fit.model, *logs(data, run), offset=OFFSET, rate=RATE, scenario=START)
-
-
 if __name__ == "__main__":
     data = Path(sys.argv[1])
     for run in RUNS:
         fit = fitted(data, tuple(r for r in RUNS if r != run))
         verdict = predicted(data, run, fit)
-        print(f"without {run}:\n{fit}\npredicted:\n{verdict}\n{verdict.prediction}\nby align:\n{aligned(data, run, fit)}\n")
+        print(f"without {run}:\n{fit}\npredicted:\n{verdict}\n{verdict.prediction}\n")
     print(fitted(data, tuple(RUNS), (*FREE, "growth")))

@@ -87,7 +87,7 @@ if __name__ == "__main__":
     for law in history.laws():
         print(f"  {law}")
     axes = history.plot()
-    axes.plot(times / 3600.0, heater, "k--", linewidth=0.8, label="planted")
+    axes.plot(times, heater, "k--", linewidth=0.8, label="planted")
     axes.legend(frameon=False)
     (here / "out").mkdir(exist_ok=True)
     axes.figure.savefig(here / "out" / "power.png", dpi=120)

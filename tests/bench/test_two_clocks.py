@@ -15,19 +15,21 @@ def test_offset_and_rate_are_found_and_one_record_holds_both(tmp_path: Path) -> 
     example = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(example)
     text, table = example.make_logs(tmp_path)
-    found = example.one_record(text, table)
-    print(found)
-    assert abs(found.offset - example.OFFSET) < 2.0 * found.offset_error
-    assert abs(found.rate - example.RATE) < 2.0 * found.rate_error
+    fit = example.clock_found(text, table)
+    print(fit)
+    clock = {i.name: i for i in fit.local}
+    assert abs(clock["clock offset"].value - example.OFFSET) < 2.0 * clock["clock offset"].error
+    assert abs(clock["clock rate"].value - example.RATE) < 2.0 * clock["clock rate"].error
     # 4.8 W into 120 J/K warm the plate by 0.04 K/s, so that one reading of 0.2 K tells 5 s, and some 150 that follow three changes within
     # their time constant 0.4 s; an open rate and sensors that may be off by 1.5 K all along cost a factor of two or three
-    assert 0.4 < found.offset_error < 2.0
-    assert 2e-4 < found.rate_error < 2e-3
-    assert found.record["heater1"].prompt  # the board says a change when it happens
-    assert set(found.record.channels) == {"plate", "cover", "room", "heater1"}
-    heater = found.record["heater1"]
-    on = found.record.times[heater.valid][np.flatnonzero(heater.values[heater.valid] > 0.5)[0]]
-    plate = found.record["plate"]
-    warm = (found.record.times > on + 60.0) & plate.valid
-    assert plate.values[warm][:5].mean() > plate.values[plate.valid & (found.record.times < on)].mean() + 1.0
-    assert max(found.rmse.values()) < 0.25  # the noise of the unit and its steps
+    assert 0.4 < clock["clock offset"].error < 2.0
+    assert 2e-4 < clock["clock rate"].error < 2e-3
+    record = fit.experiments[0].record
+    assert record["heater1"].prompt  # the board says a change when it happens
+    assert set(record.channels) == {"plate", "cover", "room", "heater1"}
+    heater = record["heater1"]
+    on = record.times[heater.valid][np.flatnonzero(heater.values[heater.valid] > 0.5)[0]]
+    plate = record["plate"]
+    warm = (record.times > on + 60.0) & plate.valid
+    assert plate.values[warm][:5].mean() > plate.values[plate.valid & (record.times < on)].mean() + 1.0
+    assert max(s.rmse for s in fit.sensors.values()) < 0.25  # the noise of the unit and its steps

@@ -48,6 +48,3 @@ def test_an_unseen_run_is_met_to_ten_kelvin(example: ModuleType) -> None:
         assert (
             fit[path].error < fit[path].value
         )  # two masses do not make a motor: residuals of 4 K refute the structure, and errors count that
-    beside = example.aligned(DATA, "run 2", fit)
-    assert abs(beside.offset - clock["clock offset"].value) < 3 * clock["clock offset"].error
-    assert abs(beside.rate - clock["clock rate"].value) < 3 * clock["clock rate"].error

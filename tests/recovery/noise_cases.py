@@ -219,20 +219,15 @@ def by_next_test_in_the_same_room(kind: Kind, rng: np.random.Generator) -> Claim
     return by_next_test(kind, rng, 0.0)
 
 
-def by_power_history(kind: Kind, rng: np.random.Generator, every: str = "") -> Claims:
+def by_power_history(kind: Kind, rng: np.random.Generator) -> Claims:
     """Means over a quarter of an hour of a recovered power."""
     smooth = 2.0 + 3.0 / (1.0 + np.exp(-(TIMES - rng.uniform(1500.0, 3000.0)) / 400.0)) + np.sin(TIMES / rng.uniform(900.0, 1500.0))
     bench = replace(Bench.drawn(rng, smooth), held=False)
-    found = td.inference.power_history(bench.hidden, bench.record(kind, rng, powers=False), "heater", every=every)
+    found = td.inference.power_history(bench.hidden, bench.record(kind, rng, powers=False), "heater")
     middle, mean, sd = found.averaged("15 [min]")
     fine = np.linspace(0.0, TIMES[-1], 40 * 360 + 1)
     true = np.interp(fine, TIMES, smooth)
     return {f"{t:g} s": scored(m - true[np.abs(fine - t) <= 450.0].mean(), s) for t, m, s in zip(middle.tolist(), mean, sd, strict=True)}
-
-
-def by_power_history_of_coarse_knots(kind: Kind, rng: np.random.Generator) -> Claims:
-    """The same, its knots a quarter of an hour apart."""
-    return by_power_history(kind, rng, "15 [min]")
 
 
 def _settled(kind: Kind, rng: np.random.Generator) -> tuple[Bench, td.Record]:
@@ -298,7 +293,6 @@ CONSUMERS: Mapping[str, Callable[[Kind, np.random.Generator], Claims]] = {
     "next_test": by_next_test,
     "next_test, room repeated": by_next_test_in_the_same_room,
     "power_history": by_power_history,
-    "power_history, coarse knots": by_power_history_of_coarse_knots,
     "steady point": by_steady_point,
     "energy_balance": by_energy_balance,
     "clock": by_clock,

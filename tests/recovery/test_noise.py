@@ -39,13 +39,6 @@ def test_without_the_noise_of_logged_inputs_intervals_miss(monkeypatch: pytest.M
     assert min(cell.shares.values()) < 0.9
 
 
-def test_wide_knots_are_not_taken_for_noise_that_nobody_stated() -> None:
-    """A log in small steps, from which knots a quarter of an hour apart went unnoticed: means were nine standard deviations off."""
-    kind, consumer = "steps of 0.1 to 1 K, found", "power_history, coarse knots"
-    claims = CONSUMERS[consumer](KINDS[kind], np.random.default_rng([33, 6, *kind.encode(), *consumer.encode()]))
-    assert max(abs(c.score) for c in claims.values()) < 3.0
-
-
 @pytest.mark.campaign
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("consumer", CONSUMERS)

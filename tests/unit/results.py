@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 import thermid as td
-from thermid.model.elements import TableSignal
 from unit.fit.bench import HTC, MASS, box, log, metered, pair
 from unit.fit.test_sensor_matrix import FINISH, Cell
 from unit.qualify.project import project
@@ -83,14 +82,8 @@ def of_a_fit(folder: Path) -> dict[str, Any]:
 
 def that_take_longer() -> dict[str, Any]:
     """Return results that take a second each."""
-    model, times = box(FINISH), np.linspace(0.0, 18000.0, 31)
-    power = np.where((times > 3600.0) & (times < 9000.0), 8.0, 2.0)
-    meter = td.Record.from_arrays(
-        "meter", times[:-9], {"P": td.Channel.from_array("P", power[:-9], quantity="power", role="load", target="heat")}
-    )
-    warm = log(model, {}, {"T": "case"}, samples=121, loads={"heat": TableSignal(times, power, True)})
+    model = box(FINISH)
     return {
-        "alignment": td.inference.align(model, warm, meter, offset=(-600.0, 600.0), scenario=td.Scenario("air", start="measured")),
         "posterior": td.inference.posterior(td.calibrate(model, log(model, {}, {"T": "case"}, samples=31), [HTC]), steps=20, walkers=16),
         "equations": td.interop.equations(unit()),
     }

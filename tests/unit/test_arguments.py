@@ -98,7 +98,6 @@ RUN = td.simulate(PART, WARM, every="10 [min]")
         (lambda: td.simulation.KeptTasks(ANY or 5), "KeptTasks: `folder` takes the path of a file or folder, not 5"),
         (lambda: td.site.pad_scenario(sun=ANY or 5), "pad_scenario: `sun` takes True or False, not 5"),
         (lambda: td.qualify.hold(ANY, {}, confidence=0.9), "`runs` takes UncertainRuns, not None"),
-        (lambda: td.inference.align(PART, LOG, LOG, offset=ANY or 5), r"align: `offset` takes two values, \(low, high\), not 5"),
         (lambda: td.site.pad_scenario(albedo=float("nan")), "pad_scenario: `albedo` takes a number, not nan"),
         (lambda: td.inference.fleet(PART, ANY or [], ["x"]), r"fleet: `units` takes a dictionary, not \[\]"),
         (

@@ -25,7 +25,7 @@ from thermid.model.elements import Constant
 from thermid.simulation.network import Media, Network
 from unit.results import numbers, of_a_fit, of_a_run, that_take_longer
 
-ELSEWHERE = {"Estimation", "Evidence", "HoldQuestion", "Study", "Alignment", "Posterior", "Equations", "ErrorModel", "ErrorBand"}
+ELSEWHERE = {"Estimation", "Evidence", "HoldQuestion", "Study", "Posterior", "Equations", "ErrorModel", "ErrorBand"}
 """What takes seconds to make, some of it in the campaign below, and what is read from a folder of files."""
 
 

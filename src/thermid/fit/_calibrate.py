@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import cache
@@ -19,23 +18,25 @@ from thermid.base.errors import IdentificationError, SolverError, quoted
 from thermid.base.linear_algebra import Array, null_space, one_thread, symmetric_inverse
 from thermid.base.units import NAMES, counted, unit
 from thermid.fit._calibration import (
+    BLAME,
     CONTRADICTION_DEVIATIONS,
     FIRST,
+    LOUD,
     MISFIT,
     QUESTIONED_FACTOR,
     Calibration,
+    FitEnd,
     Local,
     contradicted,
     far_from_sheet,
     fitted_values,
-    loudly,
 )
 from thermid.fit._error_model.discrepancy import assumed_moves, with_discrepancy
 from thermid.fit._error_model.kept import KEY as ERRORS, ErrorsOfFit, Keeping, with_structural_errors
 from thermid.fit._error_model.sizes import LEAST_NOISE, OUTSIDE
 from thermid.fit._inputs import inputs_of
 from thermid.fit._minimisation import Fit, KeptFit, covariances, ended, minimise
-from thermid.fit._problem.experiment import UNSAID_NOISE, Experiment
+from thermid.fit._problem.experiment import SCALE, SWITCH, UNSAID_NOISE, Experiment
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Request, counted_twice, freed, mean_of, priors_of, weighing
 from thermid.fit._problem.residuals import Predictions, Problem, Unknown, pooled, starting_point, wanders
@@ -47,7 +48,7 @@ from thermid.fit._uncertainty.moved import Moves, moves_above
 from thermid.fit._uncertainty.noise import Autocorrelation, TraceNoise, autocorrelation, own_switches
 from thermid.measure.amounts import short, some
 from thermid.measure.records import Record, open_questions
-from thermid.model.elements import CREDIBLE, UNJUDGED, Standing, TableSignal, worst
+from thermid.model.elements import CREDIBLE, Standing, TableSignal, worst
 from thermid.model.identity import identity_of
 from thermid.model.tree import Model, deck_text, parameter_table, unlumped
 from thermid.simulation.runs import Scenario, Workers
@@ -112,13 +113,8 @@ def _beyond_accuracy(problem: Problem, minimum: Fit) -> tuple[float, str]:
 
 def at_bounds(problem: Problem, minimum: Fit, total: Array) -> list[tuple[Unknown, str, float]]:
     """Return the unknowns that ended at a bound, which one, and the bound in the fitted form."""
-    out = []
-    for k, u in enumerate(problem.unknowns):
-        error = float(np.sqrt(total[k, k]))
-        for bound, side in zip(u.fitted_bounds(), ("lower", "upper"), strict=True):
-            if np.isfinite(bound) and abs(minimum.fitted[k] - bound) < max(1e-4 * max(abs(bound), u.scale), 0.02 * error):
-                out.append((u, side, bound))
-    return out
+    ends = zip(problem.unknowns, minimum.fitted.tolist(), np.sqrt(np.diag(total)).tolist(), strict=True)
+    return [(u, side, bound) for u, fitted, error in ends for side, bound in u.bounds_met(fitted, error)]
 
 
 def _beyond_stated(problem: Problem, spread: Autocorrelation, limit: float) -> list[str]:
@@ -187,12 +183,17 @@ def in_place(before: Store, new: Store) -> Store:
     for store in (before, new):
         columns = [place[s.name] for s in store.sources]
         for state, row_of_state in zip(store.states.values(), store.root, strict=True):
-            state_after = _remaining_state(state, here) if store is before else _after(state, before)
-            if state_after is not None:
-                row = np.zeros(len(sources))
-                row[columns] = row_of_state
-                states[state_after.path] = state_after
-                root.append(row)
+            if store is new:
+                old = [s for s in before.states.values() if s.path == state.path or set(s.paths) & set(state.paths)]
+                state = replace(state, history=tuple(dict.fromkeys(o for s in old for o in (*s.history, s.origin))))  # whom it replaces
+            elif state.kind == "parameter" and (left := tuple(p for p in state.paths if p not in here)):
+                state = replace(state, path=left[0], paths=left, hidden=tuple(p for p in state.hidden if p in left))
+            elif state.kind == "parameter" or state.path in here:
+                continue
+            row = np.zeros(len(sources))
+            row[columns] = row_of_state
+            states[state.path] = state
+            root.append(row)
     whole = replace(
         before,
         states=states,
@@ -203,20 +204,6 @@ def in_place(before: Store, new: Store) -> Store:
         left_out=tuple(dict.fromkeys((*before.left_out, *new.left_out))),
     )
     return whole.trimmed()
-
-
-def _after(state: State, before: Store) -> State:
-    """Return a state that knows whom it replaces."""
-    old = [s for s in before.states.values() if s.path == state.path or set(s.paths) & set(state.paths)]
-    return replace(state, history=tuple(dict.fromkeys(o for s in old for o in (*s.history, s.origin))))
-
-
-def _remaining_state(state: State, here: set[str]) -> State | None:
-    """Return what is left of a state once a fit has looked for some paths; None for nothing."""
-    if state.kind != "parameter":
-        return None if state.path in here else state
-    paths = tuple(p for p in state.paths if p not in here)
-    return replace(state, path=paths[0], paths=paths, hidden=tuple(p for p in state.hidden if p in paths)) if paths else None
 
 
 def state_of(v: FittedValue, origin: ValueOrigin, decks: Mapping[str, str]) -> State:
@@ -243,26 +230,8 @@ def tuned_by_hand(request: Request, hand: Store) -> Calibration:
     """Return a stage that takes values as somebody tuned them, over what the stages below found."""
     store = in_place(request.store, hand)
     values = view(store, list(hand.states), request.name)
-    return Calibration(
-        request.name,
-        request.model,
-        values,
-        (),
-        (),
-        {},
-        {},
-        {},
-        0.0,
-        0,
-        0,
-        request.loss,
-        request.remarks,
-        seen=store.seen,
-        request=request,
-        own=UNJUDGED,
-        rests=rests_on(request, values),
-        store=store,
-    )
+    rests = rests_on(request, values)
+    return Calibration(request.name, request.model, values, (), (), {}, request.remarks, request=request, rests=rests, store=store)
 
 
 DIFFER = 3.0
@@ -454,69 +423,60 @@ def _by_instruments(problem: Problem, total: Array, k: int) -> str:
 
 
 def summarise(
-    request: Request, problem: Problem, best: Fit, responses_of_fit: Responses, random: Array, spread: Autocorrelation | None = None
+    request: Request,
+    problem: Problem,
+    best: Fit,
+    responses_of_fit: Responses,
+    random: Array,
+    spread: Autocorrelation,
+    kept: KeptFit,
 ) -> Calibration:
     """Return the calibration that a fit ended with; `responses_of_fit` says what its errors come from, `random` is their part by noise."""
     name, total = request.name or request.model.title, responses_of_fit.total
     origin = f"{name}: {some([r.name for r in request.records], 'records')}"
     rows = [k for k, u in enumerate(problem.unknowns) if u.kind != "local"]
     items = {u.name: _value(u, float(best.fitted[k]), total[k, k], random[k, k], origin) for k in rows for u in (problem.unknowns[k],)}
-    records = {r.name: r.origin.sha256 for r in request.records}
     provenance: dict[str, Any] = {
         "version": _version("thermid"),
         "date": datetime.now(UTC).date().isoformat(),
         "model": identity_of(request.model),
-        "records": records,
+        "records": {r.name: r.origin.sha256 for r in request.records},
         "synthetic": any(r.origin.synthetic for r in request.records),
     }
-    block = np.ix_(rows, rows)
-    values = FittedValues(name, items, total[block], provenance)
+    values = FittedValues(name, items, total[np.ix_(rows, rows)], provenance)
     alone, rests = own_standing(request, problem, best, values, total, spread), rests_on(request, values)
     store = stored(request, problem, values.judged(worst([alone, *rests.values()])), responses_of_fit)
     values = _with_uncut(view(store, list(values), name), problem, best, responses_of_fit)
-    bias = dict(problem.fixed_bias) | {s: v.value for s, v in values.sensors.items()}
-    blocks = Predictions(best.sums, problem, best.fitted)
-    freedom = round(problem.freedom)
-    handed_on = bool(request.store.states)
-    moved = moves_above(request, problem, best, spread.variance_factor if spread is not None else 1.0) if handed_on else Moves()
+    moved = moves_above(request, problem, best, spread.variance_factor) if request.store.states else Moves()
+    runner, far = request.model.runner, contradicted(values)
+    remarks = (
+        *([f"{LOUD}{'; '.join(far.values())}. {BLAME}"] if far else []),
+        *far_from_sheet(request.model, values),
+        *request.remarks,
+        *(f"{FIRST}{r}" for r in (runner.remarks if runner is not None else ())),
+        *_warnings(problem, best, total, spread, values),
+        *(unlumped(request.model, {p: v.value for p, v in values.assignments.items()}) if runner is None else ()),
+        *best.remarks,
+        *_wandering(spread),
+        *moved.warnings(),
+    )
     return Calibration(
         name,
         request.model,
         values,
         _locals(problem, best, total),
-        blocks,
-        bias,
-        records,
+        Predictions(best.sums, problem, best.fitted),
         correlations_of(problem, total),
-        best.chi_square,
-        freedom,
-        best.evaluations,
-        request.loss,
-        (
-            *loudly(values),
-            *far_from_sheet(request.model, values),
-            *request.remarks,
-            *(f"{FIRST}{r}" for r in (request.model.runner.remarks if request.model.runner is not None else ())),
-            *_warnings(problem, best, total, spread, values),
-            *(unlumped(request.model, {p: v.value for p, v in values.assignments.items()}) if request.model.runner is None else ()),
-            *best.remarks,
-            *(_wandering(spread) if spread is not None else ()),
-            *(moved.warnings() if handed_on else ()),
-        ),
-        bool(provenance["synthetic"]),
-        {**request.seen, **{r.origin.sha256: f"stage '{name}' as '{r.name}'" for r in request.records}},
+        remarks,
         problem.experiments,
-        {u.name: float(x) for u, x in zip(problem.unknowns, best.fitted, strict=True)},
-        best.converged,
         request,
         problem,
         moved,
         spread,
-        search=best.search,
-        own=alone,
-        rests=rests,
-        store=store,
-        stopped=best.stopped,
+        store,
+        alone,
+        rests,
+        end=FitEnd(kept, best.chi_square, round(problem.freedom), best.converged, best.stopped),
     )
 
 
@@ -541,7 +501,9 @@ def _value(u: Unknown, fitted: float, total: float, random: float, origin: str) 
 
 def _locals(problem: Problem, minimum: Fit, total: Array) -> tuple[Local, ...]:
     """Return the unknowns of single records; their slopes are those of a Gaussian's conditional mean, C_lv C_vv^-1."""
-    at = {k: u.name.partition(": ") for k, u in enumerate(problem.unknowns) if u.kind == "local" and not u.of_switch}
+    # when powers changed is asked for the sake of the other values only
+    local = {k: u for k, u in enumerate(problem.unknowns) if u.kind == "local"}
+    at = {k: u.name.partition(": ") for k, u in local.items() if not any(t.name.startswith(SCALE + SWITCH) for t in u.targets)}
     shared = {k: u.name for k, u in enumerate(problem.unknowns) if u.kind != "local" and 0.0 < total[k, k] < np.inf}
     sizes = np.sqrt(np.diag(total)[[*shared]])  # of unlike units
     inverse = np.linalg.pinv(total[np.ix_([*shared], [*shared])] / np.outer(sizes, sizes), hermitian=True)
@@ -896,13 +858,15 @@ def _fitted(
         minimum = ended(problem, np.array(list(recalled.fitted.values())), request.loss, request.loss_scale, recalled.evaluations)
         minimum = replace(minimum, search=recalled.search, remarks=recalled.remarks)
     else:
-        with _units_asked(problem):
+        try:
             if problem.clocked:
                 problem = with_clocks(problem, request.loss, request.loss_scale)
             refuse_before(request, problem, lambda r: fit(r))
             minimum = searched(problem, request.search, request.loss, request.loss_scale, progress, stoppable, executor)
             if problem.clocked and not minimum.stopped:
                 problem, minimum = in_turns(problem, minimum, request.loss, request.loss_scale, progress)
+        except SolverError as error:  # a power in another unit may be why a run breaks off
+            raise error.reworded(" ".join([error.message, *(a.removeprefix(FIRST) for a in strange_powers(problem))])) from None
         if not stated and not minimum.stopped:
             weighed = replace(problem, noise=_measured_noise(problem, minimum, request.loss))
             again = minimise(weighed, request.loss, request.loss_scale, minimum.fitted, progress, stoppable=stoppable)
@@ -942,7 +906,7 @@ def _fitted(
     assumed = assumed_moves(request, problem, minimum, spread)
     errors = responses(request, problem, minimum, spread.variance_factor, random, weights, assumed.ranges)
     _refuse_without_errors(request, problem, errors.total)
-    return with_discrepancy(replace(summarise(request, problem, minimum, errors, random, spread), kept=end_to_keep), assumed), spread
+    return with_discrepancy(summarise(request, problem, minimum, errors, random, spread, end_to_keep), assumed), spread
 
 
 def _with_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration:
@@ -1019,15 +983,6 @@ def _refuse_without_errors(request: Request, problem: Problem, total: Array) -> 
             request.name or request.model.title,
             code="fit.not-determined",
         )
-
-
-@contextmanager
-def _units_asked(problem: Problem) -> Iterator[None]:
-    """Let a run that breaks off say which logged powers may be in another unit."""
-    try:
-        yield
-    except SolverError as error:
-        raise error.reworded(" ".join([error.message, *(a.removeprefix(FIRST) for a in strange_powers(problem))])) from None
 
 
 def _measured_noise(problem: Problem, minimum: Fit, loss: str) -> dict[str, float]:

@@ -56,12 +56,6 @@ def contradicted(values: FittedValues) -> dict[str, str]:
     return {name: _words(values[name], d) for name, d in sorted(far.items(), key=lambda item: -item[1]) if d > CONTRADICTION_DEVIATIONS}
 
 
-def loudly(values: FittedValues) -> tuple[str, ...]:
-    """Return the sentence about contradicted values for the head of a fit; nothing where nothing is contradicted."""
-    far = contradicted(values)
-    return (f"{LOUD}{'; '.join(far.values())}. {BLAME}",) if far else ()
-
-
 def _bracketed(fit: Calibration) -> list[str]:
     """Return what a fit held and has no spread: set points of thermostats, and assumed values whose deck has min and max."""
     given = {p for s in fit.store.states.values() for p in s.acts}
@@ -148,6 +142,26 @@ class Local:
         return f"{digits(self.value, self.error)} +- {short(self.error)} {self.unit if self.unit != '1' else ''}".rstrip()
 
 
+@dataclass(frozen=True)
+class FitEnd:
+    """How the search of a fit ended.
+
+    Parameters
+    ----------
+    kept : KeptFit      Where: what a results folder keeps, so that the fit can be taken again.
+    chi_square : float  Weighted sum of squares of the data. [-]
+    freedom : int       Samples less unknowns.
+    converged : bool    Whether the minimisation ended by its own tolerances.
+    stopped : bool      Whether the interrupt key ended the search; the values are then the best so far, and not credible.
+    """
+
+    kept: KeptFit
+    chi_square: float
+    freedom: int
+    converged: bool = True
+    stopped: bool = False
+
+
 @dataclass(frozen=True, eq=False)
 class Calibration(Result):
     """The result of a fit; it changed nothing.
@@ -159,30 +173,18 @@ class Calibration(Result):
     values : FittedValues       Parameters and sensors' constant errors, with their joint covariance.
     local : tuple of Local      What was fitted per record.
     blocks : sequence of Block  Measured and predicted readings, per record and sensor; predicted when they are first looked at.
-    bias : dict                 Sensor -> constant error used. [K]
-    records : dict              Record -> checksum of its samples.
     correlations : dict         (path, path) -> correlation, those above 0.1.
-    chi_square : float          Weighted sum of squares of the data. [-]
-    freedom : int               Samples less unknowns.
-    evaluations : int           How often the records were simulated.
-    loss : str                  The loss.
     warnings : tuple of str     What a reader must know.
-    synthetic : bool            Whether any record was made and not measured.
     experiments : tuple         The records bound to the model.
-    fitted : dict               Unknown -> its fitted form at the end.
-    converged : bool            Whether the minimisation ended by its own tolerances.
     request : Request           What was asked; None for a calibration that no fit of this session made.
     problem : Problem           Its weighted residuals, with the noise that was used.
     moved : Moves               What the logs say of values of the stages below: moved, not rejected, or that they cannot decide.
-    search : str                What was looked at beyond one descent; empty for nothing.
-    seen : dict                 Checksum -> who used it: this stage's records and those of the stages below.
     autocorrelation : Autocorrelation or None   Of the residuals.
     own : Standing              How far the fit may be trusted by itself.
     rests : dict                Who gave values that the fit rests on (``stage 'name'``) -> their standing.
     verdict : Standing or None  What failed verdicts on it make of it.
     store : Store               Everything known of the model's values, at every depth.
-    stopped : bool              Whether the interrupt key ended the search; the values are then the best so far, and not credible.
-    kept : KeptFit or None      What a results folder keeps of the fit, so that it can be taken again; None where values are set by hand.
+    end : FitEnd or None        How its search ended; None where values are set by hand.
     expected : dict             Value -> (value, standard error) if elements depart from their laws, by the model of error; nothing where
                                 the residuals ask for no departures. [SI]
     """
@@ -192,31 +194,86 @@ class Calibration(Result):
     values: FittedValues
     local: tuple[Local, ...]
     blocks: Sequence[SensorTrace]
-    bias: Mapping[str, float]
-    records: Mapping[str, str]
     correlations: Mapping[tuple[str, str], float]
-    chi_square: float
-    freedom: int
-    evaluations: int
-    loss: str
     warnings: tuple[str, ...]
-    synthetic: bool = False
-    seen: Mapping[str, str] = field(default_factory=dict)
     experiments: tuple[Experiment, ...] = field(default=(), repr=False)
-    fitted: Mapping[str, float] = field(default_factory=dict, repr=False)
-    converged: bool = True
     request: Request | None = field(default=None, repr=False)
     problem: Problem | None = field(default=None, repr=False)
     moved: Moves = field(default_factory=Moves)
     autocorrelation: Autocorrelation | None = field(default=None, repr=False)
-    search: str = ""
     store: Store = field(default_factory=Store, repr=False)
     own: Standing = UNJUDGED
     rests: Mapping[str, Standing] = field(default_factory=dict)
     verdict: Standing | None = None
-    stopped: bool = False
-    kept: KeptFit | None = field(default=None, repr=False)
+    end: FitEnd | None = field(default=None, repr=False)
     expected: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def bias(self) -> dict[str, float]:
+        """Sensor -> constant error used. [K]"""
+        held = self.problem.fixed_bias if self.problem is not None else {}
+        return {**held, **{sensor: v.value for sensor, v in self.values.sensors.items()}}
+
+    @property
+    def records(self) -> Mapping[str, str]:
+        """Record -> checksum of its samples."""
+        records: Mapping[str, str] = self.values.provenance.get("records", {})
+        return records
+
+    @property
+    def synthetic(self) -> bool:
+        """Whether any record was made and not measured."""
+        return bool(self.values.provenance.get("synthetic", False))
+
+    @property
+    def seen(self) -> Mapping[str, str]:
+        """Checksum -> who used it: this stage's records and those of the stages below."""
+        return {**(self.request.seen if self.request is not None else {}), **self.store.seen}
+
+    @property
+    def loss(self) -> str:
+        """The loss."""
+        return self.request.loss if self.request is not None else "linear"
+
+    @property
+    def kept(self) -> KeptFit | None:
+        """What a results folder keeps of the fit, so that it can be taken again; None where values are set by hand."""
+        return self.end.kept if self.end is not None else None
+
+    @property
+    def fitted(self) -> Mapping[str, float]:
+        """Unknown -> its fitted form at the end."""
+        return self.end.kept.fitted if self.end is not None else {}
+
+    @property
+    def evaluations(self) -> int:
+        """How often the records were simulated."""
+        return self.end.kept.evaluations if self.end is not None else 0
+
+    @property
+    def search(self) -> str:
+        """What was looked at beyond one descent; empty for nothing."""
+        return self.end.kept.search if self.end is not None else ""
+
+    @property
+    def chi_square(self) -> float:
+        """Weighted sum of squares of the data. [-]"""
+        return self.end.chi_square if self.end is not None else 0.0
+
+    @property
+    def freedom(self) -> int:
+        """Samples less unknowns."""
+        return self.end.freedom if self.end is not None else 0
+
+    @property
+    def converged(self) -> bool:
+        """Whether the minimisation ended by its own tolerances."""
+        return self.end is None or self.end.converged
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the interrupt key ended the search; the values are then the best so far, and not credible."""
+        return self.end is not None and self.end.stopped
 
     @property
     def structural_errors(self) -> bool:
@@ -334,10 +391,10 @@ class Calibration(Result):
         for name, s in self.sensors.items():
             white = "yes" if s.white else f"no (lag-1 {s.lag_one:.2f})"
             worth = f", effective sample size {short(s.effective_samples)}" if s.wanders else ""
-            lines.append(
-                f"  {name}: RMSE {short(s.rmse, 3)} K   largest {short(abs(s.largest), 3)} K   residuals white: {white}{worth}"
-                + _bias_text(name, self)
-            )
+            held = f"   bias {s.bias:+.2f} K (held)" if s.bias else ""
+            bias = f"   bias {v.value:+.2f} +- {short(v.error)} K" if (v := self.values.sensors.get(name)) is not None else held
+            sizes = f"RMSE {short(s.rmse, 3)} K   largest {short(abs(s.largest), 3)} K"
+            lines.append(f"  {name}: {sizes}   residuals white: {white}{worth}{bias}")
         lines += [f"  {share}" for share in (*sensor_shares(self), *instrument_shares(self))]
         if self.local:
             lines.append("  per record:")
@@ -432,15 +489,6 @@ def _known_line(s: State, store: Store, width: int) -> str:
     how = "tuned by hand" if s.origin.kind == "hand" else "fixed"
     twins = f"; acts at {', '.join(s.acts[1:])} too" if len(s.acts) > 1 else ""
     return f"{s.path:<{width}}  {digits(value, error):>12} {s.unit:<10}{sure} ({s.origin}, {how}{where}{twins})"
-
-
-def _bias_text(sensor: str, fit: Calibration) -> str:
-    """Return the constant error of a sensor as text, fitted or held; empty where it has none. [K]"""
-    bias = fit.values.sensors.get(sensor)
-    if bias is None:
-        held = fit.bias.get(sensor, 0.0)
-        return f"   bias {held:+.2f} K (held)" if held else ""
-    return f"   bias {bias.value:+.2f} +- {short(bias.error)} K"
 
 
 WORTH = 0.05

@@ -287,6 +287,7 @@ def _together(rows: Sequence[Input]) -> Input:
 
 
 def _some(names: Sequence[str], most: int = 4) -> str:
+    """Return the first of some names as text, and how many more there are."""
     return ", ".join(names) if len(names) <= most else f"{', '.join(names[: most - 1])} and {len(names) - most + 1} more"
 
 

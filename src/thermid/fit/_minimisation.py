@@ -2,6 +2,12 @@
 
 In: a `Problem`, a loss, a start. Out: a `Fit`: where it ended, its derivatives there, and how it got there; and covariances. The interrupt
 key ends a descent with the best values so far. Starts beyond one: `fit.search`.
+
+Steps s of a descent stay within a region of trust, |s / scale| <= reach, and promise most in there (Levenberg and Marquardt's: More,
+Lecture Notes in Mathematics 630 (1978) 105). It shrinks where a step gains less than a quarter of what it promises, and grows where it
+gains three quarters. What meets a bound stops there, and the others go on. A SolverError turns back, but of the start. Where a step
+misses what J'J promised by more than a quarter, and the curvature that J'J lacks would have told it better, that counts in the next: as
+much of it as the gradients along the way have shown.
 """
 
 from __future__ import annotations
@@ -133,12 +139,6 @@ def descend(
 ) -> Descent:
     """Return where a damped descent of Gauss and Newton from a start (unknowns,) ends, within bounds.
 
-    Steps s stay within a region of trust, |s / scale| <= reach, and promise most in there (Levenberg and Marquardt's: More, Lecture Notes
-    in Mathematics 630 (1978) 105). It shrinks where a step gains less than a quarter of what it promises, and grows where it gains three
-    quarters. What meets a bound stops there, and the others go on. A SolverError turns back, but of the start. Where a step misses what J'J
-    promised by more than a quarter, and the curvature that J'J lacks would have told it better, that counts in the next: as much of it as
-    the gradients along the way have shown.
-
     Parameters
     ----------
     local : callable    Values -> half the sum of squares of rows, or another cost of gradient J'r and information J'J.
@@ -147,7 +147,7 @@ def descend(
     relative : float    when a step lowers the cost by less than this part of it; [-]
     samples : float     how many readings tell what a standard error is worth, where rows are larger than their noise;
     rounds : int        after so many evaluations in any case: it then did not converge.
-    reach : float       The region of trust at first; by default as far as the start is from zero.
+    reach : float       Of the region of trust at first; by default as far as the start is from zero.
 
     Raises
     ------
@@ -284,6 +284,7 @@ class _CountedRuns:
     """A problem as `descend` asks for it; residuals and derivatives come from one run, all runs on the steps of one among them."""
 
     def __init__(self, problem: LeastSquares, loss: str, loss_scale: float, progress: Callable[[int, float], None] | None) -> None:
+        """Begin without a run."""
         self.problem, self.loss, self.loss_scale, self.progress = problem, loss, loss_scale, progress
         self.count = 0
         self.best: tuple[float, Array, Compressed] | None = None
@@ -339,7 +340,6 @@ def minimise(
     progress: Callable[[int, float], None] | None = None,
     done: float = DONE,
     rounds: int = MOST_EVALUATIONS,
-    reach: float | None = None,
     stoppable: bool = False,
 ) -> Fit:
     """Return the least-squares fit of a problem.
@@ -353,7 +353,6 @@ def minimise(
     progress : callable     Called with the number of evaluations and the RMS of the weighted residuals.
     done : float            The descent ends once the step ahead is below this part of a standard error. [-]
     rounds : int            It ends after so many evaluations in any case, not converged.
-    reach : float           How far the first step may go, in typical changes of the unknowns; as in `descend` by default.
     stoppable : bool        Whether the interrupt key ends it with the best values so far, once there are any: `Fit.stopped`, not converged.
 
     Raises
@@ -372,11 +371,11 @@ def minimise(
     at = np.clip(at, *bounds)
     try:
         runs.settle(at)  # a model that cannot be run at the start says why, in the integrator's words
-        at = descend(runs.local, at, bounds, runs.scale, near=NEW_STEPS_SHARE, done=0.0, relative=1e-3, rounds=rounds, reach=reach).x
+        at = descend(runs.local, at, bounds, runs.scale, near=NEW_STEPS_SHARE, done=0.0, relative=1e-3, rounds=rounds).x
         runs.settle(at)
         relative = min(1e-10, max(done**2, 1e-15))
         count = problem.samples
-        end = descend(runs.local, at, bounds, runs.scale, done=done, relative=relative, samples=count, rounds=rounds, reach=reach)
+        end = descend(runs.local, at, bounds, runs.scale, done=done, relative=relative, samples=count, rounds=rounds)
     except KeyboardInterrupt:
         if runs.best is None or not stoppable:
             raise

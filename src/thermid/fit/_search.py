@@ -187,8 +187,7 @@ def at_bound(problem: Problem, minimum: Fit) -> str:
     """Return which value ended at its bound, or an empty text."""
     error = _errors(problem, minimum)
     for k, u in enumerate(problem.unknowns):
-        near = max(1e-4 * u.scale, 0.02 * float(error[k]))
-        if u.kind == "parameter" and any(abs(minimum.fitted[k] - b) < near for b in u.fitted_bounds()):
+        if u.kind == "parameter" and u.bounds_met(float(minimum.fitted[k]), float(error[k])):
             return f"'{u.name}' ended at its bound{'' if _noise_is_stated(problem) else ', and no noise is stated'}"
     return ""
 
@@ -343,26 +342,22 @@ class Search:
         """Return the best of the descents so far and of so many more, from the best points of the box; see `preferred` for `proved`."""
         population, first = self.population, ends[0]
         count = sum(end.evaluations for end in ends)
+        ends, taken = [*ends], [population.share(population.start), *(population.share(end.fitted) for end in ends)]
+        wanted = len(ends) + many
         try:
             shares, costs = self._screened(why, many)
-        except KeyboardInterrupt:
-            if not self.stoppable:
-                raise
-            return _stopped(first, ends, count)
-        count += costs.size
-        ends, taken = [*ends], [population.share(population.start), *(population.share(end.fitted) for end in ends)]
-        wanted, ranked = len(ends) + many, iter(shares[np.argsort(costs)[: int(np.isfinite(costs).sum())]])
-        while len(ends) < wanted and (starts := list(islice(_apart(ranked, taken), wanted - len(ends)))):
-            try:
+            count += costs.size
+            ranked = iter(shares[np.argsort(costs)[: int(np.isfinite(costs).sum())]])
+            while len(ends) < wanted and (starts := list(islice(_apart(ranked, taken), wanted - len(ends)))):
                 for end in self.from_all(population.placed(np.array(starts))):
                     ends.append(end)
                     count += end.evaluations
                     if end.stopped:
                         return _stopped(first, ends, count)
-            except KeyboardInterrupt:
-                if not self.stoppable:
-                    raise
-                return _stopped(first, ends, count)
+        except KeyboardInterrupt:
+            if not self.stoppable:
+                raise
+            return _stopped(first, ends, count)
         best = preferred(population, first, ends) if proved else min(ends, key=lambda f: (round(f.cost, 6), f is not first))
         words, remarks = _valleys(population.problem, best, ends, first)
         words = f"multistart, {why}: {costs.size} points, {words}"

@@ -69,7 +69,6 @@ from thermid.fit._problem.residuals import (
     wanders as wanders,
 )
 from thermid.fit._search import box_of as box_of
-from thermid.fit._second_clocks import Alignment as Alignment, align as align
 from thermid.fit._uncertainty.groups import (
     Group as Group,
     percent as percent,

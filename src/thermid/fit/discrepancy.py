@@ -9,10 +9,10 @@ from thermid.fit._error_model.discrepancy import (
     KEY as KEY,
     MAX_GAS_CONDUCTANCE as MAX_GAS_CONDUCTANCE,
     Discrepancy as Discrepancy,
+    contacts_in_other_gas as contacts_in_other_gas,
     discrepancy as discrepancy,
     discrepancy_kept as discrepancy_kept,
     kept_in as kept_in,
-    losing_gas as losing_gas,
     told_first as told_first,
 )
 from thermid.fit._error_model.own_values import (

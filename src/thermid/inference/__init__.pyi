@@ -8,7 +8,6 @@ from thermid.campaign.verdicts import (
     compare_models as compare_models,
     difference as difference,
 )
-from thermid.fit.calibration import Alignment as Alignment, align as align
 from thermid.fit.discrepancy import Discrepancy as Discrepancy, discrepancy as discrepancy
 from thermid.fit.error_model import ErrorModel as ErrorModel
 from thermid.fit.estimation import Estimation as Estimation, estimate as estimate

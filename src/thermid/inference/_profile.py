@@ -210,6 +210,7 @@ class _Walk:
     """Steps of one parameter away from the best fit, all others fitted anew at each; distances are in the fitted form."""
 
     def __init__(self, fit: Calibration, problem: Problem, k: int, at: Array, spread: float, threshold: float) -> None:
+        """Find the best fit at this spread of the readings, from where steps begin."""
         request = fit.request
         self.loss, self.loss_scale = (request.loss, request.loss_scale) if request is not None else ("linear", 1.0)
         self.problem, self.k, self.spread, self.threshold = problem, k, spread, threshold

@@ -18,7 +18,7 @@ from thermid.base.expression import plain_numbers
 from thermid.base.linear_algebra import Array, Indices, quadratic_forms, symmetric_inverse
 from thermid.base.results import Shown
 from thermid.fit.calibration import Calibration
-from thermid.fit.discrepancy import MAX_GAS_CONDUCTANCE, Discrepancy, losing_gas, told_first
+from thermid.fit.discrepancy import MAX_GAS_CONDUCTANCE, Discrepancy, contacts_in_other_gas, told_first
 from thermid.fit.error_model import ROOM, RUN, START, STRUCTURE, UNEXPLAINED, VALUES, ErrorModel, KeptWay, SeenValue
 from thermid.inference.criticism import asks
 from thermid.model.elements import UNJUDGED, Standing
@@ -193,7 +193,8 @@ def open_contacts(knowledge: Knowledge, rows: Rows, scenario: Scenario) -> tuple
     fitted = {p: n for n in rows.names for p in (n, *rows.also.get(n, ()))}
     numbers = network.numbers().values
     out: dict[str, Source] = {}
-    for c in losing_gas(network, scenario.media(), separated):
+    changed = {*contacts_in_other_gas(network, [scenario.media()])} - {*separated}
+    for c in (c for c in network.flat.conductors if c.path in changed):
         name = fitted.get(network.flat.parameters.literal_behind(c.fields["contact_conductance"]), "")
         if name and name not in out:
             value = float(value_of(numbers[name]))
@@ -697,6 +698,7 @@ def budget_of(
     Raises
     ------
     IdentificationError   When a value is spread twice, or has no finite error; when a coefficient that must be separated cannot be.
+    ScenarioError         When `without` names no kind, cause or source.
     """
     source = known_of(source_of_values)
     statements: list[Any] = list(stated) if isinstance(stated, list | tuple) else [stated]
@@ -728,21 +730,11 @@ def budget_of(
         f"the scenario's schedule gives {quoted(idle)}: what was fitted of it does not act, and its error is not counted" if idle else ""
     )
     whole = replace(make, remarks=tuple(r for r in (unseen, unsought, remark, kept_as_solid(source, rows, scenario), driven) if r))
-    refuse_unknown_sources(without, (*(s.name for s in whole.sources), *whole.causes), source.model.title)
+    names = [*dict.fromkeys((*CAUSES, *(s.name for s in whole.sources), *whole.causes))]
+    words = f"'{{}}' is no source of errors.{{near}} Kinds are {', '.join(get_args(Kind))}; the table of a prediction names the causes."
+    refuse_unknown(without, names, f"{source.model.title}, without", words, ScenarioError)
     omitted = left_out_of(source, whole, errors, without)
     return replace(whole.without(without), omitted=omitted, standing=source.standing)
-
-
-def refuse_unknown_sources(without: Sequence[str], present: Iterable[str], where: str) -> None:
-    """Refuse a name of `without` that is neither a kind, a cause nor one of the sources that are `present`.
-
-    Raises
-    ------
-    ScenarioError   With the nearest name.
-    """
-    names = [*dict.fromkeys((*CAUSES, *present))]
-    words = f"'{{}}' is no source of errors.{{near}} Kinds are {', '.join(get_args(Kind))}; the table of a prediction names the causes."
-    refuse_unknown(without, names, f"{where}, without", words, ScenarioError)
 
 
 def _of_laws(budget: Budget) -> set[str]:
@@ -796,19 +788,13 @@ def left_out_of(knowledge: Knowledge, whole: Budget, errors: Sequence[ErrorModel
     once = [s.acts[0] for s in fitted if len({r for o in (s.origin, *s.history) for r in o.records}) == 1]
     if once:
         out.append(LeftOut(f"how values fitted to one record differ from one test to the next ({quoted(once, 3)})", listed=True))
-    inputs = _inputs_without_spread(whole)
+    spread, find, scenario = whole.spread, whole.model.canonical, whole.scenario
+    inputs = [b for b in scenario.boundaries if find(b) not in spread]
+    inputs += [x for x in scenario.loads if not {f"scale.{find(x)}", f"{find(x)}.power"} & spread]
+    inputs += ["start"] if scenario.start and not any(n.startswith("initial.") for n in spread) else []
     if inputs:
         out.append(LeftOut(f"inputs without a stated spread ({quoted(inputs, 3)})", listed=True))
     return tuple(out)
-
-
-def _inputs_without_spread(budget: Budget) -> list[str]:
-    """Return what a scenario gives, boundaries, loads and the start, and nothing spreads."""
-    spread = budget.spread
-    find, scenario = budget.model.canonical, budget.scenario
-    out = [b for b in scenario.boundaries if find(b) not in spread]
-    out += [x for x in scenario.loads if not {f"scale.{find(x)}", f"{find(x)}.power"} & spread]
-    return out + (["start"] if scenario.start and not any(n.startswith("initial.") for n in spread) else [])
 
 
 def in_order(left_out: Iterable[LeftOut]) -> tuple[LeftOut, ...]:

@@ -431,12 +431,6 @@ def predict(
     IdentificationError     When a value is spread twice, or has no finite error; when a coefficient that must be separated cannot be.
     """
     knowledge = fit if isinstance(fit, Knowledge) else Knowledge.of_source(fit)
-    if draws < 0:
-        raise IdentificationError(
-            f"{draws} members are too few. Give 0 for derivatives alone, or some hundred.",
-            knowledge.model.title,
-            code="value.outside-range",
-        )
     request = PredictRequest(scenario, spread, without, every, times, draws, seed, options, as_logged)
     plain = request.answer(knowledge.for_model(model) if model is not None else knowledge, nodes)
     if model is not None and (words := knowledge.replaced_values(model)):
@@ -464,7 +458,18 @@ class PredictRequest:
     as_logged: bool
 
     def answer(self, knowledge: Knowledge, nodes: Sequence[str] | None) -> Prediction:
-        """Return the prediction by what is known."""
+        """Return the prediction by what is known.
+
+        Raises
+        ------
+        IdentificationError   When there are fewer draws than none.
+        """
+        if self.draws < 0:
+            raise IdentificationError(
+                f"{self.draws} members are too few. Give 0 for derivatives alone, or some hundred.",
+                knowledge.model.title,
+                code="value.outside-range",
+            )
         budget = budget_of(knowledge, self.scenario, self.spread, without=self.without, as_logged=self.as_logged)
         return predicted(budget, nodes, every=self.every, times=self.times, draws=self.draws, seed=self.seed, options=self.options)
 

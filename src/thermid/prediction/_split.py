@@ -78,14 +78,9 @@ class SplitSurface:
     remark: str = ""
 
     @property
-    def convective_error(self) -> float:
-        """Standard error of the convective part. [W/(m^2 K)]"""
-        return math.hypot(self.error, self.effective_error)
-
-    @property
     def correlation(self) -> float:
         """Correlation of the errors of both parts: what is not radiation is convection. [-]"""
-        return -self.error / self.convective_error if self.error else 0.0
+        return -self.error / math.hypot(self.error, self.effective_error) if self.error else 0.0
 
     def __str__(self) -> str:
         """The parts in one line, the remark in a second."""
@@ -407,6 +402,7 @@ class _Joint:
     """
 
     def __init__(self, base: FittedValues, parts: Sequence[Part]) -> None:
+        """Begin with the fit and the priors of the emissivities that it did not find; those of one finish go together."""
         self.base, n = base, len(base)
         self.at = {path: k for k, path in enumerate(base)}
         fresh = {p.emissivity: p for p in parts if p.emissivity not in self.at}

@@ -563,23 +563,15 @@ def _sensors_of_fit(source: Calibration | Model) -> tuple[Sensor, ...]:
             if role == "command" or name in out or any(path == s.target and s.role != "node" for s in out.values()):
                 continue
             if role == "node":
-                out[name] = _thermometer(Sensor(name, path, role, c.noise, c.accuracy, c.step or None), source.problem.noise.get(name))
+                noise, scatter = c.noise, source.problem.noise.get(name)
+                if noise is None and scatter is not None:  # less rounding to steps, step^2 / 12; a tenth of it is left at least
+                    noise = math.sqrt(max(scatter**2 - c.step**2 / 12.0, (0.1 * scatter) ** 2))
+                out[name] = Sensor(name, path, role, noise, c.accuracy, c.step or None)
             else:
                 noisy = experiment.noisy.get(path if role == "boundary" else SCALE + path)
                 noise_and_step = (noisy.white or None, noisy.step or None) if noisy is not None else (c.noise, None)
                 out[name] = Sensor(name, path, role, noise_and_step[0], c.accuracy, noise_and_step[1])
     return tuple(out.values())
-
-
-def _thermometer(sensor: Sensor, scatter: float | None) -> Sensor:
-    """Return a sensor with its noise as stated, or what is left of the scatter of its readings without rounding to steps. [K]
-
-    Rounding has the variance step^2 / 12; a tenth of the scatter is left at least.
-    """
-    if sensor.noise is not None or scatter is None:
-        return sensor
-    rounding = (sensor.resolution or 0.0) / math.sqrt(12.0)
-    return replace(sensor, noise=math.sqrt(max(scatter**2 - rounding**2, (0.1 * scatter) ** 2)))
 
 
 def _remarks(before: Before, sensors: Sequence[Sensor]) -> tuple[str, ...]:

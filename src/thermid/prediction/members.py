@@ -1,6 +1,5 @@
 """Many runs with drawn inputs: hold times, bands, drivers."""
 
-from thermid.prediction._monte_carlo.drivers import sobol_of as sobol_of
 from thermid.prediction._monte_carlo.hold import (
     Hold as Hold,
     HoldPoint as HoldPoint,

@@ -765,6 +765,7 @@ class _Identities:
     """Looks up which value of which deck a path is, seen from any submodel; `decks` has the definition of every part by its path."""
 
     def __init__(self, model: Model) -> None:
+        """Note the parts of a model; identities are worked out when asked for."""
         self.model = model
         self.decks = {prefix.removesuffix("."): definition for prefix, definition in instances(model)}
         self._known: dict[str, Mapping[str, Identity]] = {}
@@ -780,6 +781,7 @@ class _RemarksByPath:
     """Collects remarks on paths: text with ``{}`` in place of the paths -> paths; `decks` as `rows_of_decks` returns it."""
 
     def __init__(self, decks: Mapping[str, tuple[str, tuple[str, ...]]]) -> None:
+        """Begin without a remark."""
         self._decks = decks
         self._paths: dict[str, dict[str, None]] = {}
 

@@ -1,4 +1,4 @@
-"""Two logs on two clocks: joined, and aligned by a model."""
+"""Two logs on two clocks: joined, and their clocks found by a model."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.app.cli.summary import show_campaign
-from thermid.base.errors import DeckError, IdentificationError, RecordError
+from thermid.base.errors import DeckError, RecordError
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.model.elements import TableSignal
@@ -62,56 +62,30 @@ def logs(offset: float, rate: float) -> tuple[td.Record, td.Record]:
     return first, second
 
 
-def test_offset_and_rate_come_back() -> None:
+def clock_of(first: td.Record, second: td.Record, rate: tuple[float, float] = (0.9, 1.2)) -> dict[str, td.fit.calibration.Local]:
+    """Return offset and rate that a fit finds with the model's values held."""
+    fit = td.calibrate(BOX, first.joined(second, (0.0, 300.0), rate), [], scenario=AIR)
+    return {i.name.removeprefix("clock "): i for i in fit.local}
+
+
+def test_offset_and_rate_come_back_with_the_values_held() -> None:
     # powers of which nobody says when they changed: in the middle of an interval of 2 s, where these ramps have their mean
-    found = td.inference.align(BOX, *logs(130.0, 1.08), offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
-    assert found.offset == pytest.approx(130.0, abs=0.5)
-    assert found.rate == pytest.approx(1.08, abs=0.0007)
+    found = clock_of(*logs(130.0, 1.08))
+    assert found["offset"].value == pytest.approx(130.0, abs=0.5)
+    assert found["rate"].value == pytest.approx(1.08, abs=0.0007)
     # one change is known to 2 s over the root of 12; four of them tell offset and rate
-    assert 0.3 < found.offset_error < 1.2
-    assert 5e-4 < found.rate_error < 2e-3
-    assert found.rmse["T"] == pytest.approx(0.05, rel=0.1)
-    assert "offset 1" in str(found)
-
-
-def test_a_rate_can_be_held() -> None:
-    found = td.inference.align(BOX, *logs(130.0, 1.0), offset=(0.0, 300.0), scenario=AIR)
-    assert (found.rate, found.rate_error) == (1.0, 0.0)
-    assert found.offset == pytest.approx(130.0, abs=0.5)
-    both = td.inference.align(BOX, *logs(130.0, 1.0), offset=(130.0, 130.0), scenario=AIR)
-    assert (both.offset, both.offset_error) == (130.0, 0.0)
-    assert both.rmse["T"] == pytest.approx(0.05, rel=0.1)
-
-
-def test_no_offset_is_refused() -> None:
-    with raises_code("fit.model-fails", IdentificationError):
-        td.inference.align(BOX, *logs(130.0, 1.0), offset=(5000.0, 6000.0), scenario=AIR)
-
-
-def test_an_offset_at_the_end_of_its_range_says_so() -> None:
-    found = td.inference.align(BOX, *logs(130.0, 1.0), offset=("1 [min]", "100 [s]"), scenario=AIR)
-    assert found.at_end == ("offset",)
-    assert "offset 100.00 +- " in str(found)
-    assert " s, the end of its range, rate 1.0000 +- 0;" in str(found)
-
-
-def test_logs_that_do_not_tell_an_offset_are_refused() -> None:
-    first, second = logs(130.0, 1.0)
-    flat = second.with_channels(replace(second["P"], values=np.full(FAST.size, 5.0)))
-    with raises_code("fit.not-determined", IdentificationError):
-        td.inference.align(BOX, first, flat, offset=(0.0, 300.0), scenario=AIR)
+    assert 0.3 < found["offset"].error < 1.2
+    assert 5e-4 < found["rate"].error < 2e-3
 
 
 def test_a_constant_error_of_the_sensor_is_not_taken_for_a_clock() -> None:
     first, second = logs(130.0, 1.08)
     off = first.with_channels(replace(first["T"], values=first["T"].values + 0.5, accuracy=0.5))
-    plain = td.inference.align(BOX, first, second, offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
-    found = td.inference.align(BOX, off, second, offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
-    assert found.offset == pytest.approx(plain.offset, abs=0.4)
-    assert found.rmse["T"] == pytest.approx(0.05, rel=0.1)
+    plain, found = clock_of(first, second), clock_of(off, second)
+    assert found["offset"].value == pytest.approx(plain["offset"].value, abs=0.4)
 
 
-def test_both_logs_may_hold_compared_temperatures() -> None:
+def test_compared_temperatures_of_the_second_log_join_at_the_clock_that_a_fit_found() -> None:
     pair = td.model_from_dict(
         {
             "title": "Box with a lid",
@@ -134,11 +108,13 @@ def test_both_logs_may_hold_compared_temperatures() -> None:
         "bench", SLOW, {"T": td.Channel.from_array("T", noisy["case"], unit="K", role="node", target="case", noise=0.05)}
     )
     beside = td.Channel.from_array("S", noisy["lid"], unit="K", role="node", target="lid", noise=0.05)
-    found = td.inference.align(pair, first, second.with_channels(beside), offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
-    assert abs(found.offset - 130.0) < 2.0 * found.offset_error
-    assert abs(found.rate - 1.08) < 2.0 * found.rate_error
-    assert found.rmse == pytest.approx({"T": 0.05, "S": 0.05}, rel=0.2)
-    assert found.offset_error < 0.4
+    clock = {i.name: i for i in td.calibrate(pair, first.joined(second, (0.0, 300.0), (0.9, 1.2)), [], scenario=AIR).local}
+    offset, rate = clock["clock offset"], clock["clock rate"]
+    assert abs(offset.value - 130.0) < 2.0 * offset.error < 0.8
+    assert abs(rate.value - 1.08) < 2.0 * rate.error
+    whole = first.joined(second.with_channels(beside), offset.value, rate.value)
+    found = td.calibrate(pair, whole, [], scenario=AIR).sensors
+    assert {n: s.rmse for n, s in found.items()} == pytest.approx({"T": 0.05, "S": 0.05}, rel=0.2)
 
 
 SWITCHES = ((110.0, 20.0), (500.0, 0.0), (700.0, 12.0), (1100.0, 0.0))
@@ -177,24 +153,24 @@ def test_the_moment_of_a_change_is_worth_what_the_log_says_of_it() -> None:
     phases = np.array([3.0, 8.0, 1.0, 6.0])
     errors = []
     for stated in (True, False):
-        found = td.inference.align(BOX, *stepped(130.0, 1.08, phases, 2, stated=stated), offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
-        assert abs(found.offset - 130.0) < 2.0 * found.offset_error
-        assert abs(found.rate - 1.08) < 2.0 * found.rate_error
-        errors.append(found.offset_error)
+        found = clock_of(*stepped(130.0, 1.08, phases, 2, stated=stated))
+        assert abs(found["offset"].value - 130.0) < 2.0 * found["offset"].error
+        assert abs(found["rate"].value - 1.08) < 2.0 * found["rate"].error
+        errors.append(found["offset"].error)
     assert errors[0] < 0.3  # 20 W into 300 J/K warm it by 0.07 K/s, and a reading is good to 0.05 K
     assert 1.0 < errors[1] < 6.0  # 10 s over the root of 12 is 3 s for one change
 
 
 @pytest.mark.campaign
 @pytest.mark.parametrize(("stated", "wander"), [(True, 0.0), (False, 0.0), (True, 0.05)])
-def test_errors_of_an_alignment_hold_the_truth(stated: bool, wander: float) -> None:
+def test_errors_of_a_clock_hold_the_truth_with_the_values_held(stated: bool, wander: float) -> None:
     pulls = []
     for seed in range(60):
         rng = np.random.default_rng(1000 + seed)
         offset, rate, phases = rng.uniform(80.0, 200.0), rng.uniform(0.95, 1.1), rng.uniform(0.0, GRID, 4)
         given = stepped(offset, rate, phases, seed, wander, stated)
-        found = td.inference.align(BOX, *given, offset=(0.0, 300.0), rate=(0.9, 1.2), scenario=AIR)
-        pulls.append([(found.offset - offset) / found.offset_error, (found.rate - rate) / found.rate_error])
+        found = clock_of(*given)
+        pulls.append([(found[n].value - truth) / found[n].error for n, truth in (("offset", offset), ("rate", rate))])
     mean, inside, square = np.mean(pulls, axis=0), np.mean(np.abs(pulls) < 2.0, axis=0), np.mean(np.square(pulls), axis=0)
     print(f"stated {stated}, wandering {wander:g} K: mean pull {mean}, mean square {square}, within two errors {inside}")
     assert (np.abs(mean) < 3.0 / np.sqrt(60.0)).all()

@@ -14,10 +14,11 @@ from by_code import raises_code
 from thermid.base.errors import IdentificationError, RecordError, SolverError
 from thermid.campaign.verdicts import compare
 from thermid.fit._calibrate import calibrate, fit, refuse_after, requested, summarise
-from thermid.fit._minimisation import covariances, ended, minimise
+from thermid.fit._minimisation import KeptFit, covariances, ended, minimise
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.fit._uncertainty.information import responses
+from thermid.fit._uncertainty.noise import autocorrelation
 from thermid.measure.records import Record
 from thermid.simulation.runs import Scenario
 from thermid.simulation.solver import Options
@@ -302,7 +303,8 @@ class TestWarnings:
         stopped = ended(problem, at, message="nothing left", converged=False)
         request = Request(box(), (data,), (HTC,))
         _, random, weights = covariances(stopped)
-        told = summarise(request, problem, stopped, responses(request, problem, stopped, 1.0, random, weights), random)
+        errors = responses(request, problem, stopped, 1.0, random, weights)
+        told = summarise(request, problem, stopped, errors, random, autocorrelation(problem, stopped), KeptFit({HTC: float(at[0])}, 1))
         assert "the fit did not converge: nothing left" in told.warnings
         assert not told.converged
 

@@ -94,7 +94,8 @@ def measured(campaign: Campaign) -> Campaign:
 
     def as_measured(fit: td.Calibration) -> td.Calibration:
         experiments = tuple(replace(e, record=replace(e.record, origin=replace(e.record.origin, synthetic=False))) for e in fit.experiments)
-        return replace(fit, experiments=experiments, synthetic=False)
+        values = replace(fit.values, provenance={**fit.values.provenance, "synthetic": False})
+        return replace(fit, experiments=experiments, values=values)
 
     verdicts = tuple(replace(v, prediction=as_measured(v.prediction)) for v in campaign.verdicts)
     return replace(campaign, stages={k: as_measured(c) for k, c in campaign.stages.items()}, verdicts=verdicts)

@@ -65,7 +65,9 @@ def test_a_curve_beside_the_corrected_air_is_that_of_its_node(campaign: Campaign
     fit = campaign.stages["component"]
     (read,) = [b for b in fit.blocks if b.sensor == "T box"]
     off = {"T box": fit.bias["T box"] - 0.6}
-    low = replace(fit, bias=off, blocks=(replace(read, measured=read.measured - 0.6, predicted=read.predicted - 0.6),))
+    moved = {"sensor T box": replace(fit.values["sensor T box"], value=off["T box"])}
+    values = replace(fit.values, items_={**fit.values.items_, **moved})
+    low = replace(fit, values=values, blocks=(replace(read, measured=read.measured - 0.6, predicted=read.predicted - 0.6),))
     found = decisive(Campaign("one", {"component": low}, (), {}))
     assert found is not None
     course = course_of(fit, read.record, read.times)

@@ -76,7 +76,7 @@ def hostile(campaign: Campaign, tmp_path_factory: pytest.TempPathFactory) -> str
             for n, b in enumerate(fit.blocks)
         )
         model = replace(fit.given_model, title=NAMES[k % 6], use=NAMES[(k + 1) % 6])
-        return replace(fit, stage=NAMES[k % 6], given_model=model, blocks=blocks, warnings=NAMES, bias={})
+        return replace(fit, stage=NAMES[k % 6], given_model=model, blocks=blocks, warnings=NAMES)
 
     fits = [soiled(c, k) for k, c in enumerate(campaign.stages.values())]
     verdicts = tuple(

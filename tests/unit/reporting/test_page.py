@@ -223,7 +223,8 @@ def test_sixty_records_make_a_small_page_soon(campaign: Campaign, tmp_path: Path
                     predicted=predicted,
                 )
             )
-    many = replace(fit, blocks=tuple(blocks), records={f"run {k}": f"{k:064x}" for k in range(60)}, experiments=())
+    values = replace(fit.values, provenance={**fit.values.provenance, "records": {f"run {k}": f"{k:064x}" for k in range(60)}})
+    many = replace(fit, blocks=tuple(blocks), values=values, experiments=())
     stages = {f"level {n}": replace(many, stage=f"level {n}") for n in range(4)}
     begun = time.process_time()
     target = report(Campaign("Many", stages, (), dict.fromkeys(stages, "0")), to=tmp_path / "many.html")

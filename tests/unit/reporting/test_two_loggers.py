@@ -392,7 +392,7 @@ def test_offsets_by_stamps_are_of_two_clocks_and_a_third_log_is_chained_to_the_o
     assert found[1]["at"]["offset"] == pytest.approx(step["offset"] - 125.0)
     text = "\n".join(clock_lines([first, second, third]))
     assert text.count("by time stamps") == 1
-    assert "td.inference.align" in text
+    assert "a fit then finds the offset by a model" in text
     assert [type(j["offset"]) for j in joined_lines([first, second, third])] == [str, list]
 
 

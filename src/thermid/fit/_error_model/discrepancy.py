@@ -55,14 +55,9 @@ def bare_contacts(network: Network) -> list[FlatConductor]:
     ]
 
 
-def separated(network: Network, media: Sequence[Media]) -> tuple[str, ...]:
-    """Return the contacts of which some record, by the states of its gases, had another gas or pressure than air on the ground."""
+def contacts_in_other_gas(network: Network, media: Sequence[Media]) -> tuple[str, ...]:
+    """Return the contacts whose gas is another one, or has another pressure, than air on the ground in some of the states."""
     return tuple(c.path for c in bare_contacts(network) if any(m.changed(g) for m in media for g in _gases(network, c)))
-
-
-def losing_gas(network: Network, media: Media, separated: Sequence[str]) -> list[FlatConductor]:
-    """Return the contacts whose gas a scenario changes, less those (`separated`) whose parts a record had separated."""
-    return [c for c in bare_contacts(network) if c.path not in separated and any(media.changed(g) for g in _gases(network, c))]
 
 
 def _gases(network: Network, joint: FlatConductor) -> list[str]:
@@ -190,7 +185,7 @@ def with_discrepancy(fit: Calibration, assumed: AssumedMoves) -> Calibration:
     place = {u.name: k for k, u in enumerate(problem.unknowns)}
     names = tuple(fit.values)
     misfit = misfit_found(problem, fit.autocorrelation) if fit.autocorrelation is not None else {}
-    joints = separated(problem.experiments[0].network, [e.scenario.media() for e in problem.experiments])
+    joints = contacts_in_other_gas(problem.experiments[0].network, [e.scenario.media() for e in problem.experiments])
     moved = {p: moves[[place[n] for n in names]] for p, moves in assumed.moved.items()}
     result = Discrepancy(conditions, names, _surfaces(histories, surfaces), joints, moved, assumed.said)
     alone = [o.to_dict() for o in own_values_of(fit)]

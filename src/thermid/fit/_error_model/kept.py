@@ -200,12 +200,18 @@ class KeptWay:
             }
             for p, s in self.departures.smooth.items()
         }
+        laws = {
+            p: {
+                "at": [w.at.difference, w.at.level],
+                "surface": isinstance(w, SurfaceLaw),
+                **({"trend": w.trend} if isinstance(w, JointLaw) else {k: getattr(w, k) for k in SHAPE}),
+            }
+            for p, w in self.laws.items()
+        }
         return {
             "name": self.name,
             "weight": self.weight,
-            "laws": {
-                p: {"at": [w.at.difference, w.at.level], "surface": isinstance(w, SurfaceLaw), **_shape(w)} for p, w in self.laws.items()
-            },
+            "laws": laws,
             "values": dict(self.values),
             "smooth": smooth,
             "hidden": list(self.departures.hidden),
@@ -513,13 +519,6 @@ def placed(name: str, at: str) -> str:
     """Return a name of a part as it is in a model where its paths begin with some text; names of instruments hold a space and stay."""
     head = next((h for h in ("scale.", "initial.") if name.startswith(h)), "")
     return name if " " in name else f"{head}{at}{name.removeprefix(head)}"
-
-
-def _shape(law: ElementLaw) -> dict[str, float]:
-    """Return what of a law is not known, where it is."""
-    if isinstance(law, JointLaw):
-        return {"trend": law.trend}
-    return {k: getattr(law, k) for k in SHAPE}
 
 
 def _triangular(covariance: Array) -> Array:

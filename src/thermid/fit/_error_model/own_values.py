@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.linear_algebra import Array, symmetric_inverse
+from thermid.base.linear_algebra import symmetric_inverse
 from thermid.fit._calibration import Calibration
 from thermid.fit._problem.experiment import Experiment
 from thermid.fit._problem.gather import wired
@@ -171,13 +171,5 @@ def _own_value(name: str, start: str, several: Sequence[FoundIn]) -> OwnValue:
     end = share @ ends
     errors = np.sqrt(np.maximum(share @ squares - end**2, 0.0))
     beside = tuple(Beside(c, float(m), float(k), float(s)) for c, m, k, s in zip(others, usual, end[1:], errors[1:], strict=True))
-    return OwnValue(name, start, float(end[0]), root_mean_square(ROOMS, logs), off.size, beside)
-
-
-def root_mean_square(sizes: Array, logs: Array) -> float:
-    """Return the root of the posterior mean of the squares of sizes that are tried, by the logarithms of their weights.
-
-    The variance of a prediction is linear in the squares, so this is the size that has its expected variance.
-    """
-    weight = np.exp(logs - logs.max())
-    return float(np.sqrt(weight @ sizes**2 / weight.sum()))
+    size = float(np.sqrt(share @ ROOMS**2))  # the variance of a prediction is linear in the squares
+    return OwnValue(name, start, float(end[0]), size, off.size, beside)

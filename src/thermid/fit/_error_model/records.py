@@ -21,7 +21,6 @@ from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.fit._problem.residuals import Influence, Prior, Problem, Unknown
 from thermid.model.elements import Constant
-from thermid.simulation.runs import Scenario
 from thermid.values.store import Store
 
 VALUES, START, INSTRUMENT, ROOM = "values", "start of the run", "instrument", "room"
@@ -120,16 +119,11 @@ def _shifted(problem: Problem, name: str, names: Sequence[str], mean: float, sd:
     e = problem.experiments[0]
     acting = {t.name for u in problem.unknowns for t in u.targets}
     several = [n for n in names for n in (n, *(f"initial.{tip}" for tip, seat in e.tips.items() if n == f"initial.{seat}"))]
-    targets = tuple(Influence(0, n, 0.0 if n in acting else _nominal(e.scenario, n), 1.0) for n in dict.fromkeys(several))
+    # the temperature in the scenario; nothing of a boundary that changes with time
+    nominal = {f"initial.{n}": float(start) for n, start in e.scenario.initial.items() if isinstance(start, float)}
+    nominal |= {n: b.value if isinstance(b, Constant) else 0.0 for n, b in e.scenario.boundaries.items()}
+    targets = tuple(Influence(0, n, 0.0 if n in acting else nominal[n], 1.0) for n in dict.fromkeys(several))
     return Unknown(f"{name} in this run", "local", targets, 0.0, prior=Prior(mean, sd), unit="K")
-
-
-def _nominal(scenario: Scenario, name: str) -> float:
-    """Return the temperature of a boundary, or of a start, in a scenario; what is added where it changes with time. [K]"""
-    if name.startswith("initial."):
-        return float(scenario.initial[name.removeprefix("initial.")])
-    boundary = scenario.boundaries[name]
-    return boundary.value if isinstance(boundary, Constant) else 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -79,6 +79,7 @@ class Dynamics:
     """
 
     def __init__(self, bench: Bench, noises: Sequence[ProcessNoise], start_sd: dict[str, float]) -> None:
+        """Wire a bench with its process noise, and note what is stored between steps."""
         self.bench, self.noises, self.start_sd = bench, tuple(noises), dict(start_sd)
         self.experiment: Experiment = bench.experiment
         self.engine, self.wiring = bench.engine, bench.wiring
@@ -136,7 +137,7 @@ class Dynamics:
             )
         if self.experiment.ticks is not None:
             raise IdentificationError(
-                "the offset of a second clock is not known, which is not supported with process noise. Call td.inference.align first.",
+                "the offset of a second clock is not known, which is not supported with process noise. Find it by a fit without first.",
                 where,
                 code="model.element-not-supported",
             )

@@ -18,7 +18,7 @@ from thermid.fit._calibrate import differing
 from thermid.fit._estimation.dynamics import UNKNOWN_START_SD
 from thermid.fit._estimation.estimation import OUTPUT, PROCESS, EstimatedNumber, Estimation, Estimator, whiteness_of
 from thermid.fit._estimation.likelihood import Likelihood, Maximum, likelihood_of
-from thermid.fit._estimation.outlook import OpenLoopScore, foresight, origins_of, outlooks, starts_sd
+from thermid.fit._estimation.outlook import OpenLoopScore, foresight, outlooks, starts_sd
 from thermid.fit._estimation.process import ProcessNoise, read_process
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Request, freed, priors_of
@@ -34,6 +34,8 @@ FITTED_SHARE: Final = 0.6
 """Part of every record that is fitted where the rest is left out to be foreseen."""
 MIN_FITTED_SHARE: Final = 0.3
 """The same at least, for a long horizon."""
+ORIGINS: Final = 8
+"""Moments from which a left-out stretch is foreseen, at most."""
 UNSEEN: Final = 3.0
 """Standard error of the logarithm of a size from which nothing of that noise is seen."""
 MOVED: Final = 2.0
@@ -157,7 +159,9 @@ def _foreseen(full: Likelihood, maximum: Maximum, split: Sequence[float], spans:
     covariance = symmetric_inverse(maximum.information)
     outlooks_of_records = []
     for i, (begin, end) in enumerate(zip(split, spans, strict=True)):
-        outlooks_of_records += outlooks(full, i, maximum.fitted, covariance, origins_of(begin, end, ahead), ahead)
+        last = max(begin, end - ahead)  # a horizon fits between it and the end
+        origins = np.linspace(begin, last, max(1, min(ORIGINS, int((last - begin) / (0.5 * ahead)) + 1)))
+        outlooks_of_records += outlooks(full, i, maximum.fitted, covariance, origins, ahead)
     return foresight([several for several in outlooks_of_records if several])
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 
@@ -19,9 +18,6 @@ from thermid.fit._problem.residuals import Problem
 from thermid.measure.records import Channel, Record
 from thermid.model.elements import literal
 from thermid.simulation.runs import Scenario
-
-ORIGINS: Final = 8
-"""Moments from which a left-out stretch is foreseen, at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,10 +214,3 @@ def foresight(outlooks_by_sensor: list[list[OpenLoopTrace]]) -> OpenLoopScore:
     sd = np.concatenate([o.sd for o in parts])
     inside = float(np.mean(np.abs(off) <= HALF_WIDTH_95 * sd))
     return OpenLoopScore(float(np.sqrt(np.mean(off**2))), inside, off.size, len(outlooks_by_sensor))
-
-
-def origins_of(split: float, end: float, horizon: float) -> Array:
-    """Return moments (origins,) from a split on, from each of which a horizon fits before the end. [s]"""
-    last = max(split, end - horizon)
-    count = max(1, min(ORIGINS, int((last - split) / (0.5 * horizon)) + 1))
-    return np.linspace(split, last, count)

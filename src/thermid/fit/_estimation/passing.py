@@ -48,6 +48,7 @@ class Passing:
     """
 
     def __init__(self, dynamics: Dynamics, members: Sequence[At]) -> None:
+        """Begin the passing of a filter with several members of values."""
         self.dynamics, self.members = dynamics, tuple(members)
         self.noise = np.stack([dynamics.noise(m) for m in self.members])
         if dynamics.linear:

@@ -32,16 +32,6 @@ TRIED_SWITCH_TIMES, NARROWINGS = 9, 9
 Shape = Callable[[float], tuple[Array, Array, bool]]
 
 
-def _step(time: float) -> tuple[Array, Array, bool]:
-    """Return times [s], shares of the power, and whether they are held: full power until `time`, then none."""
-    return np.array([0.0, time]), np.array([1.0, 0.0]), True
-
-
-def _ramp(time: float) -> tuple[Array, Array, bool]:
-    """Return times [s], shares of the power, and whether they are held: a straight line from full power to none."""
-    return np.array([0.0, time]), np.array([1.0, 0.0]), False
-
-
 def _decay(time: float) -> tuple[Array, Array, bool]:
     """Return times [s], shares of the power, and whether they are held: exp(-t / time), cut to zero at the end."""
     at = DECAY_TIME_CONSTANTS * np.linspace(0.0, 1.0, DECAY_POINTS) ** 2
@@ -50,7 +40,11 @@ def _decay(time: float) -> tuple[Array, Array, bool]:
     return at * time, share, False
 
 
-SHAPES: dict[str, Shape] = {"step": _step, "ramp": _ramp, "decay": _decay}
+SHAPES: dict[str, Shape] = {
+    "step": lambda time: (np.array([0.0, time]), np.array([1.0, 0.0]), True),
+    "ramp": lambda time: (np.array([0.0, time]), np.array([1.0, 0.0]), False),
+    "decay": _decay,
+}
 """Shape -> times [s] and share of the power at them for a length or time constant [s], and whether each share holds until the next."""
 WORDS = {
     "step": "{power} W more for the first {time}",

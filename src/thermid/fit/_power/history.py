@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,9 +31,6 @@ from thermid.physics.constants import ICE_POINT
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Scenario, simulate
 from thermid.values.spreads import deviation
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 LAW_STARTS, LAW_STEP = 12, 1e-6
 """Starts of a law with a bend, and half the step of its differences, beside a coefficient."""
@@ -137,24 +134,6 @@ class PowerHistory(Result):
             lines.append(f"  {name} {value:.5g} +- {error:.2g} {in_unit}")
         lines += [f"  {sensor}: RMSE {size:.3g} K" for sensor, size in self.rmse.items()]
         return "\n".join([*lines, *(f"  warning: {w}" for w in self.warnings)])
-
-    def plot(self, axes: Axes | None = None) -> Axes:
-        """Return the axes of a figure: the history with its 95 % band over hours, known stretches grey."""
-        from matplotlib.figure import Figure
-
-        axes = axes if axes is not None else Figure(layout="constrained").subplots()
-        hours = self.times / 3600.0
-        axes.fill_between(
-            hours, self.power - HALF_WIDTH_95 * self.sd, self.power + HALF_WIDTH_95 * self.sd, color="#9ecae1", label="95 %", linewidth=0
-        )
-        axes.plot(hours, self.power, color="#08519c", label="recovered")
-        low, high = axes.get_ylim()
-        axes.fill_between(hours, low, high, where=self.known, color="0.85", label="power known", zorder=0, linewidth=0)
-        axes.set_ylim(low, high)
-        axes.set_xlabel("time [h]")
-        axes.set_ylabel(f"{self.load} [W]")
-        axes.legend(frameon=False)
-        return axes
 
     _axes_titles = ("time [s]", "power [W]")
 
@@ -417,10 +396,6 @@ def _thermostat(h: PowerHistory) -> PowerLaw | None:
 PRIORS = ("auto", "walk", "integrated walk")
 KNOWN_FORM = "give 'known' as a list of periods (from, to, power), such as [('0 [h]', '1 [h]', '5 [W]')]."
 KNOTS = 120
-WIDER = 1.5
-"""Times the default spacing from which knots are wide."""
-MIN_KNOT_DEVIATIONS = 3.0
-"""Standard deviations of chance by which wide knots must leave more than narrow ones would."""
 PRIOR_WIDTH = 30.0
 """The history is held to zero by this many times the power that the deck gives (1 W at least), so that every prior is a proper one."""
 MAX_HISTORY_ITERATIONS = 12
@@ -456,8 +431,7 @@ def power_history(
     accuracy : str          Standard deviation of these powers, in W, or relative in %.
     free : sequence of str  Parameters fitted with the history; stretches of known power are what they are known by.
     priors : dict           Path -> (mean, standard deviation), as in `calibrate`.
-    every : str             Spacing of the knots; a 120th of the log, or its sampling where that is coarser, by default. Where wider knots
-                            leave residuals that wander, or more than narrow ones, those of the default take their place, with a warning.
+    every : str             Spacing of the knots, at most that by default: a 120th of the log, or its sampling where that is coarser.
     prior : str             ``walk`` (for powers that jump), ``integrated walk`` (for smooth ones), or ``auto``: the likelier.
 
     Raises
@@ -465,80 +439,44 @@ def power_history(
     IdentificationError     When there is no such prior, a stretch lies outside the log, or parameters are free without any known power.
     NameNotFoundError       When there is no such load.
     """
-    refuse_unknown([prior], PRIORS, "power_history", "unknown prior '{}'. Use one of {known}.", IdentificationError)
     where = f"power of {load}"
     path, model = _plain(model, load)
-    if free and not known and not priors:
-        words = "without a period of known power only ratios to the power can be estimated, so no parameter can be free. "
-        raise IdentificationError(f"{words}Give 'known' or a prior.", where, code="fit.not-determined")
-    if not isinstance(known, list | tuple) or any(not isinstance(stretch, list | tuple) or len(stretch) != 3 for stretch in known):
-        raise IdentificationError(KNOWN_FORM, where, code="value.wrong-kind")
-    logged = next((n for n, c in record.channels.items() if c.role in ("load", "auto") and (c.target or n) in (load, path)), "")
-    if logged:
-        words = f"channel '{logged}' of '{record.name}' already gives this power. Leave it out."
-        raise IdentificationError(words, where, code="value.without-effect")
-    usual = max(record.duration / KNOTS, record.step)
-    step = usual if isinstance(every, str) and not every else amount(every, "s", where)
+    _refuse_unanswerable(record, (load, path), known, prior, bool(free and not priors), where)
+    step = max(record.duration / KNOTS, record.step)
+    if not isinstance(every, str) or every:
+        step = min(step, amount(every, "s", where))
     knots, pins = _knots(record, step, known, accuracy, where)
     nominal = compile_network(model).flat.parameters.evaluate({}).get(f"{path}.power", 0.0)
     base = PRIOR_WIDTH * max(abs(float(nominal)), 1.0)
     kinds = PRIORS[1:] if prior == "auto" else (prior,)
 
-    def solve_on(knots: Array, pins: Pins) -> tuple[Request, Problem, Solved]:
-        request, basis = _request_of_knots(model, record, path, scenario, free, priors, knots)
-        problem = build_problem(request)
-        hats = tuple(Unknown(n, "power", (Influence(0, f"scale.{n}"),), 0.0, unit="W") for n in basis)
-        problem = replace(problem, unknowns=(*problem.unknowns, *hats), noise=dict(problem.noise))
-        return request, problem, solved(problem, knots, pins, base, kinds)
-
+    request, basis = _request_of_knots(model, record, path, scenario, free, priors, knots)
+    problem = build_problem(request)
+    hats = tuple(Unknown(n, "power", (Influence(0, f"scale.{n}"),), 0.0, unit="W") for n in basis)
+    problem = replace(problem, unknowns=(*problem.unknowns, *hats), noise=dict(problem.noise))
     try:
-        request, problem, solution = solve_on(knots, pins)
+        return _history(request, problem, path, knots, pins, solved(problem, knots, pins, base, kinds))
     except np.linalg.LinAlgError:
         raise _undetermined(free, where) from None
-    if step > WIDER * usual:
-        finer = _knots(record, usual, known, accuracy, where)
-        narrow = _tried(solve_on, *finer)
-        left_by_wide_knots = _left_by_wide_knots(problem, solution, narrow)
-        if narrow is not None and left_by_wide_knots:
-            (knots, pins), (request, problem, solution) = finer, narrow
-            words = f"knots every {duration_text(step)} left {left_by_wide_knots}, so the history has knots every {duration_text(usual)}."
-            solution = replace(solution, remarks=(words, *solution.remarks))
-    return _history(request, problem, path, knots, pins, solution)
 
 
-def _tried(
-    on: Callable[[Array, Pins], tuple[Request, Problem, Solved]], knots: Array, pins: Pins
-) -> tuple[Request, Problem, Solved] | None:
-    """Return what narrow knots give; None where they leave open what wide ones say."""
-    try:
-        return on(knots, pins)
-    except (np.linalg.LinAlgError, ThermidError):
-        return None
+def _refuse_unanswerable(record: Record, names: Sequence[str], known: Any, prior: str, is_open: bool, where: str) -> None:
+    """Refuse a history of a load by its `names` that has no answer; `is_open` is whether parameters are free without priors.
 
-
-def _left_by_wide_knots(problem: Problem, solution: Solved, narrow: tuple[Request, Problem, Solved] | None) -> str:
-    """Return what wide knots left of the readings that they should not, in words; empty where nothing."""
-    if narrow is None:
-        return ""
-    if solution.remarks:
-        return "autocorrelated residuals"
-    return "residuals beyond the noise" if _leaves_more(problem, solution, *narrow[1:]) else ""
-
-
-def _leaves_more(problem: Problem, solution: Solved, closer: Problem, finest: Solved) -> bool:
-    """Return whether wide knots leave more of the readings than noise would, beside narrow ones whose noise counts.
-
-    Where no noise is stated, what wide knots cannot follow would count as noise. Of right knots the sum of squares exceeds that of narrow
-    ones by the freedom that these take more, give or take its chance.
+    Raises
+    ------
+    IdentificationError   As `power_history` says.
     """
-    wide, narrow = problem.blocks(solution.x), closer.blocks(finest.x)
-    observations = closer.observations()
-    sizes = [o.sigma(finest.noise) for o in observations]
-    excess = sum(
-        (float(a.residuals @ a.residuals) - float(b.residuals @ b.residuals)) / s**2 for a, b, s in zip(wide, narrow, sizes, strict=True)
-    )
-    taken = max(float(np.trace(finest.covariance @ finest.seen)) - float(np.trace(solution.covariance @ solution.seen)), 1.0)
-    return bool(excess > taken + MIN_KNOT_DEVIATIONS * np.sqrt(2.0 * taken))
+    refuse_unknown([prior], PRIORS, "power_history", "unknown prior '{}'. Use one of {known}.", IdentificationError)
+    if is_open and not known:
+        words = "without a period of known power only ratios to the power can be estimated, so no parameter can be free. "
+        raise IdentificationError(f"{words}Give 'known' or a prior.", where, code="fit.not-determined")
+    if not isinstance(known, list | tuple) or any(not isinstance(stretch, list | tuple) or len(stretch) != 3 for stretch in known):
+        raise IdentificationError(KNOWN_FORM, where, code="value.wrong-kind")
+    logged = next((n for n, c in record.channels.items() if c.role in ("load", "auto") and (c.target or n) in names), "")
+    if logged:
+        words = f"channel '{logged}' of '{record.name}' already gives this power. Leave it out."
+        raise IdentificationError(words, where, code="value.without-effect")
 
 
 def _undetermined(free: Sequence[str], where: str) -> IdentificationError:
@@ -663,15 +601,12 @@ def _history(request: Request, problem: Problem, path: str, knots: Array, pins: 
 
 def _at_bounds(problem: Problem, x: Array) -> tuple[str, ...]:
     """Return remarks on parameters that ended at a bound."""
-    out = []
-    for u, fitted in zip(problem.unknowns, x.tolist(), strict=True):
-        ends = [b for b in u.fitted_bounds() if np.isfinite(b)]
-        if u.kind == "parameter" and any(abs(fitted - b) <= 1e-6 * max(abs(b), u.scale) for b in ends):
-            out.append(
-                f"'{u.name}' ended at its bound {_shown(u, fitted):.5g} {u.unit}, so its error and the band are not meaningful. Fix "
-                "it or give it a prior."
-            )
-    return tuple(out)
+    return tuple(
+        f"'{u.name}' ended at its bound {_shown(u, fitted):.5g} {u.unit}, so its error and the band are not meaningful. Fix "
+        "it or give it a prior."
+        for u, fitted in zip(problem.unknowns, x.tolist(), strict=True)
+        if u.kind == "parameter" and u.bounds_met(fitted)
+    )
 
 
 def _shown(unknown: Unknown, fitted: float) -> float:
@@ -733,14 +668,6 @@ class Colour:
 
     root: Array
     logdet: float
-
-    @classmethod
-    def of_traces(
-        cls, pieces: Mapping[tuple[str, str], Binned], traces: Sequence[TraceNoise], inputs: Mapping[tuple[str, str], Array]
-    ) -> Colour:
-        """Return it of traces in stretches of time."""
-        root: Array = np.asarray(np.linalg.cholesky(covariance_of_means(pieces, traces, inputs)), dtype=float)
-        return cls(root, 2.0 * float(np.log(np.diag(root)).sum()))
 
     def rows(self, pieces: Mapping[tuple[str, str], Binned]) -> tuple[Array, Array]:
         """Return derivatives and residuals of the data in stretches of time, weighed so that their noise is white and of size 1."""
@@ -819,7 +746,9 @@ def _colour(
 
     def make(time: float, size: float) -> Colour:
         """Return coloured noise of a correlation time [s] and size [K]."""
-        return Colour.of_traces(pieces, tuple(TraceNoise(*key, 0, 1.0, size, time, 0.0) for key in pieces), inputs)
+        traces = tuple(TraceNoise(*key, 0, 1.0, size, time, 0.0) for key in pieces)
+        root: Array = np.asarray(np.linalg.cholesky(covariance_of_means(pieces, traces, inputs)), dtype=float)
+        return Colour(root, 2.0 * float(np.log(np.diag(root)).sum()))
 
     def likely(colour: Colour) -> float:
         """Return the log likelihood of the history under coloured noise, at its best smoothness."""

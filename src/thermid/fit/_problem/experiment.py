@@ -28,16 +28,29 @@ from thermid.values.fitted import FittedValue
 
 @dataclass
 class Inputs:
-    """What the channels of a record drive, on top of what the scenario gives."""
+    """What the channels of a record drive, on top of what the scenario gives; see `Experiment` for what is noted of them.
+
+    `driven` is channel -> path.
+    """
 
     boundaries: dict[str, Any]
     loads: dict[str, Any]
     commands: dict[str, Any]
     gains: dict[str, str]
     shared: dict[str, tuple[str, float]] = field(default_factory=dict)
+    driven: dict[str, str] = field(default_factory=dict)
+    noisy: dict[str, InputNoise] = field(default_factory=dict)
+    means: dict[str, float] = field(default_factory=dict)
 
     def take(self, channel: Channel, role: str, path: str, signal: Signal, errors: Mapping[str, float] | None) -> None:
         """Lay the signal of a channel over a boundary or load, its constant error taken off where it is known; what is stated is noted."""
+        self.driven[channel.name] = path
+        free = path if role == "boundary" else SCALE + path
+        if role != "command" and (noise := _input_noise(channel)).any:
+            self.noisy[free] = noise
+        power = 1.0 if role == "boundary" else power_while_on(signal)  # one that is always off has no error
+        if role != "command" and channel.common and errors is None and power > 0.0:
+            self.means[free] = channel.common / power
         if role == "boundary":
             self.boundaries[path] = signal if errors is None else signal.raised(-errors.get(channel.name, 0.0))
             if channel.accuracy:
@@ -46,9 +59,8 @@ class Inputs:
             self.commands[path] = signal
         else:
             self.loads[path] = signal if errors is None else signal.scaled(1.0 - errors.get(channel.name, 0.0))
-            power = power_while_on(signal)
             if channel.accuracy and power > 0:
-                self.shared[channel.name] = (f"scale.{path}", channel.accuracy / power)
+                self.shared[channel.name] = (free, channel.accuracy / power)
         if channel.gain:
             self.gains[path] = channel.gain
 
@@ -205,7 +217,8 @@ def attached(model: Model, record: Record) -> tuple[Model, dict[str, Seat]]:
                 f"{record.name}, {channel.name}",
                 code="model.element-not-supported",
             )
-        seats[channel.name] = _seat(channel, node)
+        tip = f"{_named(channel)}.tip" if channel.part.lag or channel.part.capacitance else ""
+        seats[channel.name] = Seat(node, tip or node, tip and f"{_named(channel)}.lag")
         model = _with_sensor(model, names, channel, node, f"{record.name}, {channel.name}")
     return model, seats
 
@@ -220,14 +233,6 @@ def at_their_seats(record: Record) -> Record:
 def _named(channel: Channel) -> str:
     """Return the name of the submodel that stands for a sensor and its leads."""
     return f"sensor_{re.sub(r'[^0-9A-Za-z_]', '_', channel.name)}"
-
-
-def _seat(channel: Channel, node: str) -> Seat:
-    """Return where a sensor sits and which node its reading is: a tip of its own where it has a lag or a heat capacity."""
-    assert channel.part is not None
-    if not (channel.part.lag or channel.part.capacitance):
-        return Seat(node, node)
-    return Seat(node, f"{_named(channel)}.tip", f"{_named(channel)}.lag")
 
 
 def _with_sensor(model: Model, names: Names, channel: Channel, node: str, where: str) -> Model:
@@ -352,6 +357,9 @@ def starts_of(
         else:
             initial[node] = value
 
+    runner = network.flat.names.model.runner  # of somebody else's program a start may follow from others
+    if runner is not None and base.start == "":  # it begins where it does, but where a reading or the scenario says
+        base = replace(base, initial={**{n: Kelvin(t) for n, t in runner.starts.items() if n not in first}, **base.initial})
     for raw, value in base.initial.items():
         lay(network.find(raw), value)
     if isinstance(base.start, str) and base.start in record.channels:
@@ -361,7 +369,6 @@ def starts_of(
         return Kelvin(first_reading(record, base.start, window)), initial, readings, {}
     if base.start not in ("", MEASURED):
         return base.start, initial, readings, {}
-    runner = network.flat.names.model.runner  # of somebody else's program a start may follow from others
     loose = {n: tuple(s) for n, s in begun.items() if n not in initial and _massive(network, n) and (runner is None or n in runner.starts)}
     initial |= {n: Kelvin(first[n]) for n in loose}
     mean = Kelvin(np.mean(list(first.values())))
@@ -834,8 +841,7 @@ def bind(
                             first reading stands there; ``start = "measured"`` starts every observed node at its first reading.
     window : float          First readings are medians over this time. [s]
     weights : dict          Sensor -> weight of its residuals, 1 where none is given.
-    errors : dict           Channel -> error of a logged boundary [K] or power (a share of it), reading minus truth; where it is given, even
-                            empty, none is looked for.
+    errors : dict           Channel -> error of a logged boundary [K] or power [-], reading minus truth; if given, none is looked for.
 
     Raises
     ------
@@ -847,12 +853,8 @@ def bind(
     network = compile_network(whole, media=base.media(), prescribed=(*base.prescribed, *prescribed))
     second = record.second
     zero, last = (float(record.times[0]), float(record.times[-1])) if second is None else second.times
-    boundaries = {network.find(k): v for k, v in base.boundaries.items()}
-    inputs = Inputs(boundaries, dict(base.loads), dict(base.commands), dict(base.gains))
+    inputs = Inputs({network.find(k): v for k, v in base.boundaries.items()}, dict(base.loads), dict(base.commands), dict(base.gains))
     observed: list[tuple[Channel, str]] = []
-    driven: dict[str, str] = {}
-    noisy: dict[str, InputNoise] = {}
-    means: dict[str, float] = {}
     for channel in record.channels.values():
         role, path = role_and_target(record, channel, network)
         if role == "node":
@@ -860,11 +862,6 @@ def bind(
             observed.append((channel, path))
         else:
             role = _driving(channel, role, record)
-            driven[channel.name] = path
-            if role != "command" and (noise := _input_noise(channel)).any:
-                noisy[path if role == "boundary" else SCALE + path] = noise
-            if role != "command" and channel.common and errors is None:
-                means |= _of_mean(channel, role, path, signal_of(record, channel, role, zero))
             inputs.take(channel, role, path, signal_of(record, channel, role, zero), errors)
     if not observed:
         words = f"no channel observes a node of {network.title}, so no reading can be compared. Bind one with node = '...'."
@@ -876,32 +873,16 @@ def bind(
     )
     begun = first_readings(record, observations, window)
     first = {node: float(np.mean(list(readings_of_node.values()))) for node, readings_of_node in begun.items()}
-    start, initial, readings, loose = starts_of(record, _as_it_starts(model, base, first), network, first, begun, window)
+    start, initial, readings, loose = starts_of(record, base, network, first, begun, window)
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
-    ticks = None if second is None else _ticks(record, second, zero, driven, inputs)
-    full = replace(
-        base,
-        title=record.name,
-        boundaries=inputs.boundaries,
-        loads=inputs.loads,
-        commands=inputs.commands,
-        gains=inputs.gains,
-        start=start,
-        initial=initial,
-        duration=last - zero,
-    )
-    hidden = _hidden_starts(full, network, first, record, driven, observations, tips) if base.start == "" else {}
-    if hidden:
-        full = replace(full, initial={**full.initial, **{n: Kelvin(h.mean) for n, h in hidden.items()}})
-    return Experiment(record, model, network, full, times, observations, inputs.shared, readings, loose, tips, ticks, noisy, means, hidden)
-
-
-def _as_it_starts(model: Model, base: Scenario, first: Mapping[str, float]) -> Scenario:
-    """Return a scenario in which nodes without a reading begin as the program does that runs the model, where nobody gives their start."""
-    if model.runner is None or base.start != "":
-        return base
-    return replace(base, initial={**{n: Kelvin(t) for n, t in model.runner.starts.items() if n not in first}, **base.initial})
+    ticks = None if second is None else _ticks(record, second, zero, inputs)
+    driving = {name: getattr(inputs, name) for name in ("boundaries", "loads", "commands", "gains")}
+    full = replace(base, title=record.name, **driving, start=start, initial=initial, duration=last - zero)
+    hidden = _hidden_starts(full, network, first, record, inputs.driven, observations, tips) if base.start == "" else {}
+    full = replace(full, initial={**full.initial, **{n: Kelvin(h.mean) for n, h in hidden.items()}})
+    notes = (inputs.noisy, inputs.means, hidden)
+    return Experiment(record, model, network, full, times, observations, inputs.shared, readings, loose, tips, ticks, *notes)
 
 
 def _hidden_starts(
@@ -920,12 +901,12 @@ def _hidden_starts(
     return hidden_starts(bound_scenario, network, first, by_place, tuple(tips))
 
 
-def _ticks(record: Record, second: SecondClock, zero: float, driven: Mapping[str, str], inputs: Inputs) -> Ticks:
+def _ticks(record: Record, second: SecondClock, zero: float, inputs: Inputs) -> Ticks:
     """Return which inputs follow the clock that the fit has yet to find."""
     tables = (("boundaries", inputs.boundaries), ("loads", inputs.loads), ("commands", inputs.commands))
-    followed = tuple((name, p) for c, p in driven.items() if c in second.channels for name, held in tables if p in held)
+    followed = tuple((name, p) for c, p in inputs.driven.items() if c in second.channels for name, held in tables if p in held)
     sampled = []
-    for channel, path in driven.items():
+    for channel, path in inputs.driven.items():
         driving_channel = record.channels[channel]
         for _, held in tables if channel in second.channels and driving_channel.held and not driving_channel.prompt else ():
             if path in held and isinstance(held[path], TableSignal) and held[path].held:
@@ -939,7 +920,8 @@ def _timed(channel: Channel, record: Record) -> None:
     if record.second is not None and channel.name in record.second.channels:
         raise RecordError(
             "its readings are compared with the model, but its clock is not known yet. The log with the compared temperatures must "
-            "give the time. Join the logs the other way round; if both have such temperatures, call td.inference.align first.",
+            "give the time. Join the logs the other way round; if both have such temperatures, leave these out, fit the clock, and join "
+            "them with the offset and rate that were found.",
             f"{record.name}, {channel.name}",
             code="record.does-not-apply",
         )
@@ -997,15 +979,6 @@ def _noise(channel: Channel) -> float | None:
         return None
     rounding = channel.step / np.sqrt(12.0)
     return float(np.hypot(channel.noise, rounding)) if channel.resolution is not None or rounding > channel.noise else channel.noise
-
-
-def _of_mean(channel: Channel, role: str, path: str, signal: Signal) -> dict[str, float]:
-    """Return the name in the wiring of a mean boundary [K] or power [-] -> standard deviation of its error; none of a power that is off."""
-    assert channel.common is not None
-    if role == "boundary":
-        return {path: channel.common}
-    power = power_while_on(signal)
-    return {SCALE + path: channel.common / power} if power > 0 else {}
 
 
 def _input_noise(channel: Channel) -> InputNoise:

@@ -376,11 +376,6 @@ def _channel_key(c: Channel) -> list[Any]:
     return [*key, c.samples + c.interpolation, *([repr(c.part)] if c.part else [])]
 
 
-def _record_key(r: Record) -> list[Any]:
-    """Return all of a record that a fit depends on, for its hash."""
-    return [r.origin.sha256, list(r.steps), *([repr(r.second)] if r.second else []), {n: _channel_key(c) for n, c in r.channels.items()}]
-
-
 def ingredients_of(request: Request, below: list[str]) -> dict[str, str]:
     """Return name -> hash of everything that a stage's result depends on.
 
@@ -392,7 +387,10 @@ def ingredients_of(request: Request, below: list[str]) -> dict[str, str]:
     request : Request   What the stage asks.
     below : list        Keys of the stages that it inherits from.
     """
-    records = {r.name: _record_key(r) for r in request.records}
+    records = {}
+    for r in request.records:
+        channels = {n: _channel_key(c) for n, c in r.channels.items()}
+        records[r.name] = [r.origin.sha256, list(r.steps), *([repr(r.second)] if r.second else []), channels]
     scenario = [
         request.scenarios,
         repr(sorted(request.local.items())),

@@ -15,7 +15,7 @@ from thermid.base.dual import Dual, Number, gradient_of, value_of
 from thermid.base.errors import DeckError, SolverError
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array
 from thermid.base.memo import Memo
-from thermid.fit._problem.experiment import OFFSET, RATE, SCALE, SWITCH, Experiment, Observation
+from thermid.fit._problem.experiment import OFFSET, RATE, Experiment, Observation
 from thermid.simulation.solver import Engine, Options, Squares, Traces, Weighing, Wiring, kept_for
 
 
@@ -86,11 +86,6 @@ class Unknown:
         return self.to_value(fitted) if self.log else 1.0
 
     @property
-    def of_switch(self) -> bool:
-        """Whether it says when powers changed, which is asked for the sake of the other values only."""
-        return any(t.name.startswith(SCALE + SWITCH) for t in self.targets)
-
-    @property
     def scale(self) -> float:
         """A typical change of the fitted form, for the optimiser's steps."""
         if self.log:
@@ -106,6 +101,11 @@ class Unknown:
             return self.low, self.high
         low = math.log(self.low) if self.low > 0 else -math.inf
         return low, math.log(self.high) if math.isfinite(self.high) else math.inf
+
+    def bounds_met(self, fitted: float, error: float = 0.0) -> list[tuple[str, float]]:
+        """Return which of its bounds, 'lower' or 'upper', a value with a standard error lies at, and where that is; in the fitted form."""
+        ends = zip(("lower", "upper"), self.fitted_bounds(), strict=True)
+        return [(side, b) for side, b in ends if math.isfinite(b) and abs(fitted - b) < max(1e-4 * max(abs(b), self.scale), 0.02 * error)]
 
 
 def starting_point(unknowns: Sequence[Unknown]) -> Array:
@@ -714,6 +714,7 @@ class Predictions(Sequence[SensorTrace]):
     """
 
     def __init__(self, sums: Sequence[tuple[str, str, Sums]], problem: Problem, fitted: Array) -> None:
+        """Keep what predicts the blocks."""
         self.sums, self.problem, self.fitted = tuple(sums), problem, fitted
         self.memo = Memo()
 

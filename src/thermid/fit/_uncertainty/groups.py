@@ -168,6 +168,7 @@ def _blocks(scaled: Array) -> list[list[int]]:
 
 
 def _structural(here: Information, there: Information, at: list[int]) -> Group:
+    """Return the group of the unknowns at some places: as a law if it has one at both sets of values, else as a mixture."""
     names = tuple(here.names[k] for k in at)
     part, lasting = (null_space(np.concatenate([i.data, i.nuisance])[:, at]).T for i in (here, there))
     stays = lasting.shape[1] >= part.shape[1]
@@ -210,6 +211,7 @@ def _combinations(info: Information, at: list[int], null: Array, form: str, scal
     covariance = pseudo_inverse(info.rows)[np.ix_(at, at)]
 
     def variance(weights: Array) -> float:
+        """Return the variance of a combination with these weights."""
         gradient = weights * scale
         return float(gradient @ covariance @ gradient)
 
@@ -285,7 +287,10 @@ def _meaning(used: Sequence[tuple[str, float, float, str]]) -> str:
 
 
 def _product(used: Sequence[tuple[str, float, float, str]]) -> str:
+    """Return a product of powers as text; `used` has name, exponent, value and unit of each factor."""
+
     def factor(name: str, power: float) -> str:
+        """Return one factor as text."""
         return name if power == 1 else f"{name}^{power:.3g}"
 
     above = [factor(n, w) for n, w, _, _ in used if w > 0]
@@ -295,6 +300,7 @@ def _product(used: Sequence[tuple[str, float, float, str]]) -> str:
 
 
 def _terms(parts: Sequence[tuple[str, float]]) -> str:
+    """Return a weighted sum of names as text."""
     text = ""
     for name, weight in parts:
         sign = " - " if weight < 0 else " + "

@@ -252,6 +252,7 @@ class Responses:
         """
 
         def share(k: int, variance: float) -> float:
+            """Return what the bounds of an unknown leave of a variance of it. [-]"""
             return square_between(unknowns[k], float(fitted[k]), variance) / variance
 
         variances = np.diag(self.total)

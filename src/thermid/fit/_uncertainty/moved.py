@@ -191,6 +191,7 @@ def shifts(a: Test, positions: Sequence[int]) -> list[Shift]:
 
 
 def _shift(weights: Array, sizes: Array, errors: Array, chance: float, tests: int) -> Shift:
+    """Return a shift averaged over the noise models, from its size and error by each; nothing where some model leaves it open."""
     if not np.isfinite(errors[weights > 0]).all():
         return Shift(math.nan, math.inf, math.nan, math.inf)
     size = float(weights @ sizes)
@@ -467,6 +468,7 @@ def _fixed(request: Request, problem: Problem) -> dict[tuple[str, ...], State]:
 
 
 def _inherited(request: Request, opened: Opened, fixed: Mapping[tuple[str, ...], State]) -> _Inherited:
+    """Return what stages below found of the unknowns of a fit, and of the `fixed` values that were opened beside them."""
     unknowns, store = opened.problem.unknowns, request.store
     before = known_before(request, unknowns[: opened.own])
     moving = {q: store.states[p] for p in request.prior for q in store.states[p].acts}
@@ -597,10 +599,12 @@ def moves_from(staged: Sequence[tuple[FittedValues, Mapping[str, str]]], joint_v
         before_and_errors, here = (before.value, before.error, before.error_random), joint_values[q]
         values.append(_move(q, place(q), stage.stage, before_and_errors, here.value, here.value, here, s))
 
-    def together_of(groups: Sequence[Sequence[str]]) -> list[Together]:
-        return [normal_together(shift[r], spread[np.ix_(r, r)]) for r in ([order.index(p) for p in g] for g in groups)]
-
-    return Moves(tuple(values), _groups(values, together_of), "the joint fit")
+    places = {p: k for k, p in enumerate(order)}
+    groups = _groups(
+        values,
+        lambda several: [normal_together(shift[at], spread[np.ix_(at, at)]) for at in ([places[p] for p in g] for g in several)],
+    )
+    return Moves(tuple(values), groups, "the joint fit")
 
 
 def _less(below: Array, here: Array) -> Array:

@@ -107,20 +107,6 @@ def binned_trace(
     return bare if rounding is None else replace(bare, rounding=rounding[0][full], rounded=rounding[1], path=rounding[2][full])
 
 
-def trace_in_stretches(z: Array, times: Array, slopes: Array, effective_share: float = 1.0) -> Binned:
-    """Return a trace in even stretches of time, as it is up to 160 samples; `slopes` (samples, unknowns) are those of every sample.
-
-    Parameters
-    ----------
-    z : array (samples,)        Residuals in units of the noise.
-    times : array (samples,)    [s]
-    """
-    edges = times if z.size <= 2 * MAX_STRETCHES else np.linspace(times[0], times[-1], MAX_STRETCHES + 1)[:-1]
-    place = np.searchsorted(edges, times, side="right") - 1
-    columns = np.column_stack([stretch_means(column, place, edges.size) for column in slopes.T])
-    return binned_trace(z, z, place, stretch_means(times, place, edges.size), columns, effective_share)
-
-
 def rounding_of(block: SensorTrace, o: Observation, place: Indices, size: int) -> tuple[Array, float, Array] | None:
     """Return what the rounding errors of a trace have in common over stretches, in units of the noise; None where it has no steps.
 
@@ -250,6 +236,7 @@ def _instants(problem: Problem, i: int, fitted: Array) -> Iterator[Callable[[Arr
         for k in table.largest_changes(CHANGES):
 
             def answer(times: Array, k: int = k, name: str = name, path: str = path, table: TableSignal = table) -> Array:
+                """Return what a standard deviation of the instant does to the readings (times, sensors). [K]"""
                 before, after = table.gaps(k)
                 sides, interval = [], 2.0 * before  # the sample stands in its middle
                 shift = 0.2 * min(interval, after)  # never past a neighbour
@@ -367,9 +354,11 @@ class _Step:
     """The answer of a reading to a step of a boundary by 1 K or of a power by 1 W, at times since the step; zero before it. [K/K, K/W]"""
 
     def __init__(self, times: Array, answer: Array) -> None:
+        """Keep the answer (times,) at times since the step, zero at the step. [s]"""
         self.times, self.answer = np.concatenate([[0.0], times]), np.concatenate([[0.0], answer])
 
     def __call__(self, since: Array) -> Array:
+        """Return the answer at times since the step; zero before it. [s]"""
         return np.where(since > 0.0, np.interp(since, self.times, self.answer), 0.0)
 
 
@@ -481,24 +470,6 @@ def autocorrelation(problem: Problem, minimum: Fit, loss: str = "linear", loss_s
     pieces = binned(problem, minimum.fitted, loss, loss_scale)
     instants = [_means_of_instants(problem, i, minimum.fitted, pieces) for i in range(len(problem.experiments))]
     inputs = answers_to_inputs(problem, minimum.fitted, pieces, instants)
-    of_means = autocorrelation_of_traces(pieces, minimum, problem.effective_samples, inputs)
-    more = _score_of_instants(problem, minimum.fitted, pieces, instants) if problem.clocked else 0.0
-    return replace(of_means, score_excess=of_means.score_excess + more)
-
-
-def autocorrelation_of_traces(
-    pieces: Mapping[tuple[str, str], Binned], minimum: Fit, effective_samples: float, inputs: Mapping[tuple[str, str], Array] | None = None
-) -> Autocorrelation:
-    """Return the same of traces in stretches of time.
-
-    Parameters
-    ----------
-    pieces : dict               (record, sensor) -> its residuals in stretches of time.
-    minimum : Fit
-    effective_samples : float   Of all traces, by what is said of their noise.
-    inputs : dict               What noise of logged signals does to each trace, see `answers_to_inputs`; none where nothing is given.
-    """
-    inputs = inputs or {}
     weights = finite(covariances(minimum)[2])
     # directions without information count as decided by each trace alone
     root_of_weights = square_root(weights)
@@ -512,18 +483,18 @@ def autocorrelation_of_traces(
     if calm:
         # of a trace with noisy inputs only what they do not explain
         still = [key for key in calm if not (calm_of_trace[key].noisy and calm_of_trace[key].tells)]
-        squares, samples = (
-            sum(pieces[k].squares for k in still),
-            sum(float(pieces[k].count.sum()) * pieces[k].effective_share for k in still),
-        )
-        if len(still) == len(parts):
-            squares = minimum.chi_square
-        freedom = samples * (1.0 - taken / max(effective_samples, 1.0)) + sum(calm_of_trace[k].left.size for k in calm if k not in still)
-        squares += sum(float(calm_of_trace[k].left @ calm_of_trace[k].left) for k in calm if k not in still)
+        others = [calm_of_trace[key].left for key in calm if key not in still]
+        squares = minimum.chi_square if len(still) == len(parts) else sum(pieces[k].squares for k in still)
+        squares += sum(float(left @ left) for left in others)
         squares -= sum(float(pieces[k].count @ np.sum(inputs[k] ** 2, axis=1)) for k in still if k in inputs)
+        samples = sum(float(pieces[k].count.sum()) * pieces[k].effective_share for k in still)
+        freedom = samples * (1.0 - taken / max(problem.effective_samples, 1.0)) + sum(left.size for left in others)
         variance_factor = max(1.0, squares / max(freedom, 1.0))
     traces = tuple(_trace_noise(key, pieces[key], *part) for key, part in parts.items())
-    return Autocorrelation(traces, variance_factor, score_excess(pieces, traces, variance_factor, inputs))
+    excess = score_excess(pieces, traces, variance_factor, inputs)
+    if problem.clocked:
+        excess = excess + _score_of_instants(problem, minimum.fitted, pieces, instants)
+    return Autocorrelation(traces, variance_factor, excess)
 
 
 def _trace_noise(key: tuple[str, str], b: Binned, white: float, correlated: float, time: float) -> TraceNoise:
@@ -786,6 +757,7 @@ class _TraceBasis:
 
     @classmethod
     def of_trace(cls, b: Binned, scale: Array) -> _TraceBasis:
+        """Return a trace in its bases, its slopes in units of `scale` (unknowns,)."""
         root = np.sqrt(b.count)
         sizes, vectors = _bases(b.times.tobytes(), b.count.tobytes())
         turned = np.swapaxes(vectors, 1, 2)

@@ -169,6 +169,7 @@ class _Case:
     """
 
     def __init__(self, model: Model, point: SteadyPoint[Record], scenario: Scenario | None) -> None:
+        """Bind the steady point to the model, sensors at their nodes."""
         self.of = model
         record = at_their_seats(point.record)
         self.model = attached(model, record)[0]

@@ -97,7 +97,8 @@ def faults_of(model: Model, sensors: Mapping[str, str]) -> tuple[Model, tuple[Fa
     numbers = network.numbers()
     held = {n: float(value_of(c)) for n, c in numbers.capacitances.items() if c is not None and value_of(c) > 0}
     pairs = [p for p in itertools.combinations([*held, *network.boundaries], 2) if not set(p) <= set(network.boundaries)]
-    strength, joined = _strength(network), _joined(network, {*held, *network.boundaries})
+    strength = {n: g for n, g in _strengths(network.numbers().conductors).items() if g > 0.0}
+    joined = _joined(network, {*held, *network.boundaries})
     links, out = {}, []
     for k, (a, b) in enumerate(pairs):
         name = f"{ADDED}{k}"
@@ -115,16 +116,6 @@ def faults_of(model: Model, sensors: Mapping[str, str]) -> tuple[Model, tuple[Fa
     out += [Fault("sensor", f"{s} loose", "", SIZES["loose"].spread, True, "1", s) for s in sensors]
     grown = laid_open(model)
     return replace(grown, conductors={**grown.conductors, **links}), tuple(out)
-
-
-def _strength(network: Network) -> dict[str, float]:
-    """Return node -> sum of the constant conductances that end at it. [W/K]"""
-    out: dict[str, float] = {}
-    for row in network.numbers().conductors:
-        size = abs(float(value_of(row.coefficients[0]))) if row.coefficients else 0.0
-        for n in row.ends:
-            out[n] = out.get(n, 0.0) + size
-    return {n: g for n, g in out.items() if np.isfinite(g) and g > 0}
 
 
 def _joined(network: Network, ends: set[str]) -> set[frozenset[str]]:

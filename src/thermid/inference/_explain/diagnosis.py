@@ -71,13 +71,14 @@ class Case:
 
 
 class FaultBench:
-    """All logs together: deviations as one vector `d` (readings,) [K], their covariance, the response of every candidate."""
+    """All logs together: deviations as one vector `d` (readings,) [K], their `covariance` [K^2], the response of every candidate."""
 
     def __init__(self, cases: Sequence[Case], candidates: Sequence[Fault], accuracy: Mapping[str, float]) -> None:
+        """Run every log without a fault, and work out what deviations it may have."""
         self.cases, self.candidates = cases, candidates
         self.nominal = [c.run({}) for c in cases]
         self.d = np.concatenate([c.deviations.ravel() for c in cases])
-        self._covariance = self._errors(accuracy)
+        self.covariance = self._errors(accuracy)
 
     def _errors(self, accuracy: Mapping[str, float]) -> Array:
         """Return the covariance of the deviations where nothing is wrong: noise, constant errors of sensors, a part that wanders."""
@@ -96,12 +97,7 @@ class FaultBench:
     @cached_property
     def root(self) -> Array:
         """The inverse of a Cholesky factor: what it multiplies has independent errors of size one."""
-        return np.asarray(np.linalg.inv(np.linalg.cholesky(self._covariance)))
-
-    def spread_over(self, columns: Array) -> None:
-        """Add D D' to the covariance of the deviations: D = `columns` (readings, directions), one sd of a value each. [K]"""
-        self._covariance = self._covariance + columns @ columns.T
-        self.__dict__.pop("root", None)
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)))
 
     def response(self, c: Fault, runs: Sequence[tuple[Array, dict[str, Array], Array]]) -> Array:
         """Return the change of every simulated reading (readings,) per unit of a candidate. [K per its unit]"""
@@ -282,22 +278,14 @@ def diagnose(
     cases = [c for t in several for c in cases_of(t, grown, candidates, extra)]
     bench = FaultBench(cases, candidates, accuracies)
     if extra:
-        columns = [
-            np.concatenate(
-                [
-                    (run[1][c.ready.canonical(n)] * _sd(c.ready, n, spread_of_value)).ravel()
-                    for c, run in zip(cases, bench.nominal, strict=True)
-                ]
-            )
-            for n, spread_of_value in (spread or {}).items()
-        ]
-        bench.spread_over(np.column_stack(columns))
+        columns = []
+        for n, written in (spread or {}).items():
+            sds = [amount(written, "1", n) if isinstance(written, Real) else math.sqrt(c.ready.law(n, written).variance) for c in cases]
+            slopes = [run[1][c.ready.canonical(n)] for c, run in zip(cases, bench.nominal, strict=True)]
+            columns.append(np.concatenate([(slope * sd).ravel() for slope, sd in zip(slopes, sds, strict=True)]))
+        directions = np.column_stack(columns)  # one standard deviation of a value each [K]
+        bench.covariance = bench.covariance + directions @ directions.T
     return _weighed(bench)
-
-
-def _sd(ready: Simulator, path: str, written: Any) -> float:
-    """Return the standard deviation of a value, from a number or from what `read_spread` takes. [SI]"""
-    return amount(written, "1", path) if isinstance(written, Real) else math.sqrt(ready.law(path, written).variance)
 
 
 def _weighed(bench: FaultBench) -> Diagnosis:

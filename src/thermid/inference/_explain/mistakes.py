@@ -158,7 +158,23 @@ def _mistakes_of(request: Request, name: str) -> Mistakes:
         request = _worst_records(request, fit, base)
         fit, before = RoughFit.of_request(request), fit.named(base)
         base = fit.best(before, None)  # of fewer records an unknown of one may have another name
-    candidates = [*_of_deck(request, fit, base), *_of_requests(request, fit), *_of_readings(fit, base), *_of_heats(request, fit, base)]
+    # every sensor as detached, and as off by a constant, each from its best instant on
+    sensors = [
+        Extra(n, fit.best_since(base, n, loose, SIZES["loose" if loose else "sensor"].spread), loose)
+        for n in range(len(fit.traces))
+        for loose in (True, False)
+    ]
+    logged = {request.model.canonical(c.target or n) for n, c in _channels(request, "power", "command").items()}
+    candidates = [
+        *_of_deck(request, fit, base),
+        *_of_requests(request, fit),
+        *(of_reading(extra, fit) for extra in sensors),
+        *(
+            # one load of the deck needs no search of nodes and instants
+            Hypothesis(heat.kind, heat.name, heat.words, heat.remedy, request, heat=heat, against=-3.0 if heat.load else 0.0)
+            for heat in heats_of(request, fit, base, logged)
+        ),
+    ]
     quick = [(h, _end_of(h, fit, base)) for h in candidates]
     ranked = sorted((f for f in quick if f[1] is not None), key=lambda f: -_gain(f[0], f[1], base))
     placed = sorted((f for h, _ in ranked[:FULLY_FITTED_HYPOTHESES] for f in _placed(h, fit, base)), key=lambda f: -_gain(f[0], f[1], base))
@@ -342,20 +358,10 @@ def _scaled(factor: float, values: Array) -> Array:
     return factor * values
 
 
-def _from_fahrenheit(values: Array) -> Array:
-    """Return temperatures [K] of numbers that were read in degrees Celsius and are in degrees Fahrenheit."""
-    return (values - ICE_POINT - 32.0) / FAHRENHEIT_PER_KELVIN + ICE_POINT
-
-
-def _deck_powers(network: Network) -> dict[str, float]:
-    """Return load -> power by the deck. [W]"""
-    values = network.flat.parameters.evaluate({})
-    return {row.path: float(values[row.fields["power"]]) for row in network.flat.loads if "power" in row.fields}
-
-
 def _per_cents(request: Request, network: Network) -> Iterator[Hypothesis]:
     """Yield powers up to 100 W, well above the deck's, that may be duty cycles in per cent."""
-    decks = _deck_powers(network)
+    values = network.flat.parameters.evaluate({})
+    decks = {row.path: float(values[row.fields["power"]]) for row in network.flat.loads if "power" in row.fields}
     for name, c in _channels(request, "power").items():
         load = request.model.canonical(c.target or name)
         largest, watts = float(np.abs(c.values[c.valid]).max()), decks.get(load, 0.0)
@@ -388,7 +394,7 @@ def _units(request: Request) -> Iterator[Hypothesis]:
         )
         against = 4.0 if usual[0] >= usual[1] else -5.0  # the start of a log at 73 degC is seldom, at 23 degC it is a room
         words = f"{quoted(names)} {'is' if len(names) == 1 else 'are'} in degrees Fahrenheit but was read in degrees Celsius"
-        other = _mapped(request, names, _from_fahrenheit)
+        other = _mapped(request, names, lambda kelvin: (kelvin - ICE_POINT - 32.0) / FAHRENHEIT_PER_KELVIN + ICE_POINT)
         hypothesis = _hypothesis("unit", ", ".join(names), words, f'Write unit = "degF" for {quoted(names)}.', other, against)
         yield replace(hypothesis, read={n: (n, 1.0 / FAHRENHEIT_PER_KELVIN) for n in names})
     for factor, text in ((60.0, "minutes"), (3600.0, "hours"), (1e-3, "milliseconds")):
@@ -526,14 +532,6 @@ def _shifted(request: Request, names: list[str], shift: float) -> Request:
 # ---- readings: a sensor that came loose, or is off
 
 
-def _of_readings(fit: RoughFit, base: RoughEnd) -> Iterator[Hypothesis]:
-    """Yield every sensor as detached, and as off by a constant, each from its best instant on."""
-    for n in range(len(fit.traces)):
-        for loose in (True, False):
-            since = fit.best_since(base, n, loose, SIZES["loose" if loose else "sensor"].spread)
-            yield of_reading(Extra(n, since, loose), fit)
-
-
 def of_reading(extra: Extra, fit: RoughFit) -> Hypothesis:
     """Return the hypothesis that one sensor is wrong from an instant on."""
     t = fit.traces[extra.trace]
@@ -545,27 +543,7 @@ def of_reading(extra: Extra, fit: RoughFit) -> Hypothesis:
 
     def words(amount: float) -> str:
         """Return what the sensor does, in words, for the size that was fitted."""
-        return (_loose if extra.loose else _off)(t.sensor, amount) + when
+        loose = f"is detached: {100 * amount:.0f} % of its reading comes from its surroundings"
+        return f"'{t.sensor}' {loose if extra.loose else f'reads {amount:+.2g} K off'}{when}"
 
     return Hypothesis("sensor", t.sensor, words, lambda _: remedy, fit.request, extra=extra, against=0.0 if extra.loose else 2.0)
-
-
-def _loose(sensor: str, amount: float) -> str:
-    """Return in words by how much a sensor is detached."""
-    return f"'{sensor}' is detached: {100 * amount:.0f} % of its reading comes from its surroundings"
-
-
-def _off(sensor: str, amount: float) -> str:
-    """Return in words by how much a sensor reads off. [K]"""
-    return f"'{sensor}' reads {amount:+.2g} K off"
-
-
-# ---- heat: a load that nothing gives, one that was not there, air that moved
-
-
-def _of_heats(request: Request, fit: RoughFit, base: RoughEnd) -> Iterator[Hypothesis]:
-    """Yield heats that would explain the misfit; see `heats_of`."""
-    logged = {request.model.canonical(c.target or n) for n, c in _channels(request, "power", "command").items()}
-    for heat in heats_of(request, fit, base, logged):
-        # one load of the deck needs no search of nodes and instants
-        yield Hypothesis(heat.kind, heat.name, heat.words, heat.remedy, request, heat=heat, against=-3.0 if heat.load else 0.0)

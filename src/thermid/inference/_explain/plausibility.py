@@ -160,17 +160,14 @@ def plausibility(fit: Calibration, *, weights: Mapping[str, str] | None = None, 
     findings |= {f.path: f for f in _weights(fit, network, owners, weights or {})}
     findings |= {f.path: f for f in _losses(fit, network, owners, delivered or {})}
     ordered = tuple(findings[p] for p in (*fitted, *(p for p in findings if p not in fitted)) if p in findings)
-    open_ = tuple(_undecided(v) for v in fitted.values() if v.error > UNDETERMINED * abs(v.value))
-    return Plausibility(fit.stage, ordered, tuple(p for p in fitted if p not in findings), open_)
-
-
-def _undecided(v: FittedValue) -> str:
-    """Return in words that a value has too wide an error to be judged."""
-    shown = f"{v.path} = {short(v.in_unit)} +- {short(v.error * v.in_unit / v.value if v.value else v.error)} {v.unit}"
-    return (
-        f"{shown}: not determined, because its 95 % interval includes zero. Fix it, give it a prior, or plan a better test with "
-        "td.design.next_test."
-    )
+    open_ = []
+    for v in (v for v in fitted.values() if v.error > UNDETERMINED * abs(v.value)):
+        error = v.error * v.in_unit / v.value if v.value else v.error
+        open_.append(
+            f"{v.path} = {short(v.in_unit)} +- {short(error)} {v.unit}: not determined, because its 95 % interval includes zero. Fix it, "
+            "give it a prior, or plan a better test with td.design.next_test."
+        )
+    return Plausibility(fit.stage, ordered, tuple(p for p in fitted if p not in findings), tuple(open_))
 
 
 def _fitted_behind(network: Network, path: str, owners: Mapping[str, FittedValue]) -> FittedValue | None:

@@ -253,6 +253,7 @@ class EvaluationBudget:
     """
 
     def __init__(self, allowed: float = math.inf, progress: Callable[[str, float], None] | None = None) -> None:
+        """Begin with nothing spent."""
         self.allowed, self.spent, self.pace, self.progress = allowed, 0, math.inf, progress
 
     @property
@@ -281,6 +282,7 @@ class _Searching:
     def __init__(
         self, request: Request, changes: Callable[[Fitted], Sequence[MissingElement]], budget: EvaluationBudget, executor: Workers
     ) -> None:
+        """Begin with nothing fitted."""
         self.request, self.changes, self.budget, self.executor = request, changes, budget, executor
         self.done: list[FittedStructure] = []
         self.refused: list[tuple[str, str]] = []
@@ -701,7 +703,12 @@ def adopted(one: FittedStructure) -> Request:
     units = {u.name: u.unit for u in one.problem.unknowns}
     texts = {n: exact(v, units[n]) for n, v in one.values.items()}
     model = one.request.model.with_values(texts, "structure search")
-    wide = {u.name: _bounds_as_prior(u) for u in _undetermined(one)} if one.changes else {}
+    wide: dict[str, tuple[str, str]] = {}  # means and standard deviations whose 95 % are the bounds
+    for u in _undetermined(one) if one.changes else ():
+        low, high = u.fitted_bounds()
+        mean, sd = from_si(u.to_value(0.5 * (low + high)), u.unit), 0.25 * (high - low)
+        sd_text = f"{100.0 * sd:.3g} [%]" if u.log else f"{sd / float(unit(u.unit).factor):.4g} [{u.unit}]"
+        wide[u.name] = f"{mean:.4g} [{u.unit}]", sd_text
     judgements = tuple(
         f"in the proposed structure the readings hardly determine '{n}'. Its bounds stand as a prior: {mean} +- {sd}."
         for n, (mean, sd) in wide.items()
@@ -727,11 +734,3 @@ def _undetermined(one: FittedStructure) -> list[Unknown]:
         if u.kind == "parameter" and bounded and u.name not in with_prior and WIDE_ERRORS * errors[u.name] > high - low:
             out.append(u)
     return out
-
-
-def _bounds_as_prior(u: Unknown) -> tuple[str, str]:
-    """Return mean and standard deviation of a prior, as texts, whose 95 % are the bounds of an unknown."""
-    low, high = u.fitted_bounds()
-    mean, sd = from_si(u.to_value(0.5 * (low + high)), u.unit), 0.25 * (high - low)
-    sd_text = f"{100.0 * sd:.3g} [%]" if u.log else f"{sd / float(unit(u.unit).factor):.4g} [{u.unit}]"
-    return f"{mean:.4g} [{u.unit}]", sd_text

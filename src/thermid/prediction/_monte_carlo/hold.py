@@ -24,11 +24,11 @@ from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
 from thermid.prediction._budget import OFF, SILENT, UNFITTED
 from thermid.prediction._known import known_of
-from thermid.prediction._monte_carlo.chunks import Job, Limit, Progress, RunCost
+from thermid.prediction._monte_carlo.chunks import Job, Limit, MemberRuns, Progress, RunCost
 from thermid.prediction._monte_carlo.drivers import Driver, drivers_of
-from thermid.prediction._monte_carlo.uncertain import SIDES, UncertainRuns, kept_members, limits_of, members_of_plan, plan_runs
+from thermid.prediction._monte_carlo.uncertain import SIDES, UncertainRuns, limits_of, members_of_plan, plan_runs
 from thermid.prediction._reduction.macro import macro_model
-from thermid.simulation.runs import Workers
+from thermid.simulation.runs import JobFolder, Workers
 from thermid.simulation.scenario_files import Scenario, load_scenario
 from thermid.values.fitted import FittedValues
 from thermid.values.store import LeftOut
@@ -373,7 +373,8 @@ class HoldQuestion(Shown):
     def cost(self, *, n: int = 0, folder: str | os.PathLike[str] | None = None) -> RunCost:
         """Return what `run` would take; two small chunks are run for it."""
         job, members = self._plan()[0], n or self.members
-        return RunCost.of_members(job, members, kept_members(job, members, folder))
+        store = JobFolder.below(folder, job.key()) if folder is not None else None
+        return RunCost.of_members(job, members, MemberRuns(job, members, job.whole(members), store, None, None).members_in_folder())
 
     def _plan(self) -> tuple[Job, tuple[str, ...]]:
         """Return the runs that answer the question, and what a reader must know."""

@@ -22,7 +22,7 @@ from thermid.fit.calibration import Calibration
 from thermid.model.elements import Standing, literal
 from thermid.model.tree import Model
 from thermid.physics.constants import ICE_POINT
-from thermid.prediction._budget import AVERAGED, Budget, Spread, assumed_left_out, budget_of, check_variants, first_line, in_order
+from thermid.prediction._budget import AVERAGED, Spread, assumed_left_out, budget_of, check_variants, first_line, in_order
 from thermid.prediction._known import Knowledge, known_of
 from thermid.prediction._monte_carlo.chunks import Chunk, CountTable, Job, Limit, MemberRuns, Progress, chunk_name
 from thermid.prediction._predict import BENT, WayAnswer, centre_words, mixed_answer
@@ -111,7 +111,9 @@ def plan_runs(
     for variant in variants:
         variant.check_spans()
     chosen = " and ".join(n for n, several in (("scenario", len(scenarios)), ("start_time", len(begun))) if several > 1)
-    budget = _with_variants(budget, chosen, len(variants)) if len(variants) > 1 else budget
+    if len(variants) > 1:  # a source that moves nothing by itself; all are as likely
+        which = Source(chosen, "variant", Choice(len(variants)), f"which of {len(variants)} scenarios or starts")
+        budget = budget.beside([which], chosen)
     network = compile_network(budget.model, media=first.media(), prescribed=tuple(first.prescribed))
     points = [n.path for n in network.flat.nodes if n.reference_point]
     wanted = nodes if nodes is not None else points or [n for n in network.nodes if network.numbers().capacitances.get(n) is not None]
@@ -122,12 +124,6 @@ def plan_runs(
     kept_limits = tuple(dict.fromkeys(Limit(budget.model.canonical(name), SIDES[side], kelvin) for name, side, kelvin in named))
     job = Job(budget, variants, nodes_kept, grid, seed, MEMBERS_PER_CHUNK, options or Options(), version("thermid"), kept_limits)
     return job, (*remarks, *budget.remarks)
-
-
-def _with_variants(budget: Budget, chosen: str, count: int) -> Budget:
-    """Return a budget with a source that distinguishes scenarios, all as likely; it moves nothing by itself."""
-    source = Source(chosen, "variant", Choice(count), f"which of {count} scenarios or starts")
-    return budget.beside([source], chosen)
 
 
 SIDES = {"highest": 1.0, "lowest": -1.0}
@@ -544,11 +540,3 @@ def _turnings(job: Job, ordered: Sequence[Chunk]) -> tuple[dict[str, MemberTurni
     blind = ", ".join(node for node in job.nodes if node not in turnings)
     why = f"only the stored samples of {blind} are known, so a peak between two samples is not included. Give a shorter 'every'"
     return turnings, (why,)
-
-
-def kept_members(job: Job, members: int, folder: str | os.PathLike[str] | None) -> int:
-    """Return how many of the members an earlier run left in a folder."""
-    if folder is None:
-        return 0
-    campaign = MemberRuns(job, members, job.whole(members), JobFolder.below(folder, job.key()), None, None)
-    return campaign.members_in_folder()

@@ -454,8 +454,7 @@ def reduce(
     Raises
     ------
     DeckError       When a load of the part is no plain power, a conductor of it changes with time, or a node of it stores latent heat.
-    ScenarioError   When a scenario has another gas than the first.
-    ScenarioError   When neither or both of `nodes` and `within` are given, or nothing is within.
+    ScenarioError   When a scenario has another gas than the first, neither or both of `nodes` and `within` are given, or nothing is within.
     """
     cases = [scenarios] if isinstance(scenarios, Scenario) else list(scenarios)
     if not cases or (nodes is None) == (within is None):
@@ -463,19 +462,16 @@ def reduce(
     ahead = f"{model.canonical(at)}." if at else ""
     moving = next((p for s in cases for p in map(model.canonical, s.schedule) if p.startswith(ahead)), "")
     if moving:
-        raise DeckError(
-            f"'{moving}' follows a schedule, which a reduced deck cannot represent. Reduce the part around it.",
-            model.title,
-            code="model.element-not-supported",
-        )
+        words = f"'{moving}' follows a schedule, which a reduced deck cannot represent. Reduce the part around it."
+        raise DeckError(words, model.title, code="model.element-not-supported")
     runs = [simulate(model, s) for s in cases]
     network = network_for(model, cases[0])
     held = frozenset(network.find(f"{ahead}{k}" if at and not k.startswith(ahead) else k) for k in keep)
     points = [n.path for n in network.flat.nodes if n.reference_point and n.path.startswith(ahead)]
     offered = _offered(model.submodel(at) if at else model, ahead, network)
-    heated = frozenset(load.node for load in network.flat.loads if load.path.startswith(ahead))
-    judged = points or sorted(held | heated | offered)
-    part = part_of(network, runs[0], ahead, held | frozenset(points) | offered | heated, judged)
+    stay = held | offered | {load.node for load in network.flat.loads if load.path.startswith(ahead)}
+    judged = points or sorted(stay)
+    part = part_of(network, runs[0], ahead, stay | frozenset(points), judged)
     drives = [Drive.of_run(part, network, r, Start.from_text(s.start, s.title) == Start(STEADY)) for s, r in zip(cases, runs, strict=True)]
     ways = chain(part, held, drives)
     limit = None if within is None else amount(within, "K", "within")
@@ -483,10 +479,9 @@ def reduce(
         trial = _tried(model, cases, runs, network, part, ways[count], at, judged)
         if limit is None or abs(trial.worst.largest) <= limit:
             return trial
-    farthest = abs(trial.worst.largest)
     raise ScenarioError(
         f"no reduced deck is within {limit:g} K of the full model; with all masses kept the largest error is "
-        f"{farthest:.2g} K. Allow a larger error.",
+        f"{abs(trial.worst.largest):.2g} K. Allow a larger error.",
         model.title,
         code="value.outside-range",
     )

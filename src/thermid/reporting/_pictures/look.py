@@ -623,7 +623,7 @@ def offset_range(clock: dict[str, Any]) -> tuple[str, str]:
     return _digits(late - reach, 4), _digits(late + reach, 4)
 
 
-ALIGNED = "log a power that switches twice with both (in Python, td.inference.align finds the offset by a model)"
+ALIGNED = "log a power that switches twice with both (a fit then finds the offset by a model)"
 STAMPS_APART = 60.0
 """By how much stamps of two computers are usually apart: a step with a larger error that agrees with them tells less than they do. [s]"""
 MAX_OFFSET_ERRORS = 3.0

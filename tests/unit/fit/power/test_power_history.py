@@ -38,19 +38,11 @@ def rising(every: str = "") -> td.inference.PowerHistory:
     return td.inference.power_history(box(), data, "heat", every=every)
 
 
-def test_knots_too_far_apart_for_a_power_are_replaced_with_a_warning() -> None:
+def test_knots_lie_as_close_as_by_default_or_closer() -> None:
+    """Knots every 30 min leave residuals that wander, and bands of knots every 15 min held 86 % of the means over as long."""
     found, fine = rising("30 [min]"), rising()
-    assert "knots every 30 min left autocorrelated residuals," in found.warnings[0]
-    assert found.times.size == fine.times.size
-    assert found.power == pytest.approx(fine.power, abs=0.2)
+    assert np.array_equal(found.power, fine.power)
     assert fine.warnings == ()
-
-
-def test_wide_knots_that_do_are_kept() -> None:
-    data = log(box(), {}, {"T": "case"}, noise=0.05, seed=4)
-    found = td.inference.power_history(box(), data, "heat", every="30 [min]")
-    assert found.times.size == 11
-    assert found.warnings == ()
 
 
 def test_unknowns_that_nothing_determines_are_refused_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
