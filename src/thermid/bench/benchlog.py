@@ -82,7 +82,12 @@ class LogFile:
         except BaseException:
             os.close(self._file)
             raise
-        self._sync_folder()
+        if self._sync and os.name == "posix":
+            folder = os.open(self.path.absolute().parent, os.O_RDONLY)
+            try:
+                os.fsync(folder)
+            finally:
+                os.close(folder)
 
     def _open_file(self) -> int:
         """Return the descriptor of the file, opened to append.
@@ -134,15 +139,6 @@ class LogFile:
         if cut:
             self._queue(b"\n" if is_bench_log(data) else f"\n{MAGIC}\n".encode())
         return max((int(number) for number in _SESSION.findall(data)), default=0) + 1, cut
-
-    def _sync_folder(self) -> None:
-        """Force the folder's entry onto the disk, so that a new file outlives a power cut."""
-        if self._sync and os.name == "posix":
-            folder = os.open(self.path.absolute().parent, os.O_RDONLY)
-            try:
-                os.fsync(folder)
-            finally:
-                os.close(folder)
 
     def write(self, body: str) -> None:
         """Append one line with its CRC; what a full disk does not take waits in memory, up to 64 MB."""

@@ -206,7 +206,12 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
         line.lstrip(' "#').startswith("SYNTHETIC") or ("#" in line[:3] and "SYNTHETIC" in line) for line in text.split("\n", 20)[:20]
     )
     commas = columns is None or mark != ","
-    layout = Layout(separator=SEPARATORS.get(mark, mark), preamble=above, units_row=header.units, encoding=_encoding(notes))
+    layout = Layout(
+        separator=SEPARATORS.get(mark, mark),
+        preamble=above,
+        units_row=header.units,
+        encoding=next((note.split()[2].rstrip(",") for note in notes if note.startswith("read as ")), "UTF-8"),
+    )
     return Cells(
         file, header.names, columns or list(zip(*rows, strict=True)), numbers, tuple(notes), synthetic, commas=commas, layout=layout
     )
@@ -263,11 +268,6 @@ def _with_one_line_of_names(
     if columns is not None:
         columns = [(name, *column[count:]) for name, column in zip(names, columns, strict=True)]
     return [names, *rows[count:]], numbers[count - 1 :], columns, [note]
-
-
-def _encoding(notes: Sequence[str]) -> str:
-    """Return the encoding that notes of `decoded` state."""
-    return next((note.split()[2].rstrip(",") for note in notes if note.startswith("read as ")), "UTF-8")
 
 
 def _without_repeats(lines: list[tuple[int, str]]) -> tuple[list[tuple[int, str]], list[int]]:
