@@ -10,7 +10,6 @@ from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError
 from thermid.interop._wired import (
-    HeatSource,
     Wired,
     conductance_text,
     exported,

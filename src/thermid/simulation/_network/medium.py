@@ -90,11 +90,6 @@ class ReynoldsWind:
         return np.maximum(wind * pressure / ATMOSPHERE, 0.0)
 
 
-def wind_levels(course: TableSignal) -> Array:
-    """Return `INTERPOLATED_STREAMS` speeds (levels,) from zero to the fastest of a wind, denser where it is light. [m/s]"""
-    return np.asarray((np.sqrt(course.bounds[1]) * np.linspace(0.0, 1.0, INTERPOLATED_STREAMS) ** 1.5) ** 2)
-
-
 def level_weights(course: TableSignal, levels: Array) -> list[TableSignal]:
     """Return the weight of each level in a wind over time, by linear interpolation over the root of the speed. [-]"""
     return [course.mapped(partial(_hat, np.sqrt(levels), hat)) for hat in np.eye(levels.size)]
@@ -446,7 +441,7 @@ class Media:
         def make() -> tuple[TableSignal, Array]:
             """Return the wind that has the same effect at standard pressure, and the speeds at which films are tabled."""
             course = equivalent_wind(environment.wind, pressure, self.seconds)
-            return course, wind_levels(course)
+            return course, np.asarray((np.sqrt(course.bounds[1]) * np.linspace(0.0, 1.0, INTERPOLATED_STREAMS) ** 1.5) ** 2)
 
         return self.memo.value(("stream", key), make)
 
