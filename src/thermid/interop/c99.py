@@ -550,8 +550,7 @@ class _Stepper:
         self.a = self.engine.started(wiring.assemble(gradients=False))
         self.massive = [self.engine.nodes.index(n) for n in w.massive]
         layout = wiring.structure
-        capacities = [0.0 if place < 0 else float(self.a.coefficients[place]) for place in layout.capacity]
-        self.mass = np.array(capacities)
+        self.mass = np.array([0.0 if place < 0 else float(self.a.coefficients[place]) for place in layout.capacity])
         self.massless = self.mass == 0.0
         self.controls = [p for p in layout.controls if p.kind == "thermostat"]
         self.places = [k for k, p in enumerate(layout.controls) if p.kind == "thermostat"]

@@ -150,6 +150,8 @@ def _celsius(kelvin: Iterable[float]) -> list[float]:
 
 
 class _Sinda(_Deck):
+    """A deck of SINDA/FLUINT."""
+
     tool = "SINDA"
 
     def lines(self) -> Iterator[str]:
@@ -224,6 +226,8 @@ class _Sinda(_Deck):
 
 
 class _Esatan(_Deck):
+    """A deck of ESATAN-TMS."""
+
     tool = "ESATAN"
 
     def __init__(self, w: Wired) -> None:

@@ -281,13 +281,8 @@ class FmuRunner:
         is_driven = name in wiring.scenario.loads or name in wiring.scenario.commands or f"scale.{name}" in wiring.free
         if q.plain and not is_driven:
             return Constant(q.start or 0.0), 1.0, 0.0
-        place = self._place(wiring, name)
+        place = next(p.places[0] for p in wiring.structure.loads if p.row.name == name)
         return wiring.signals[f"load {name}"], float(a.coefficients[place]) / q.factor, 0.0
-
-    @staticmethod
-    def _place(wiring: Wiring, name: str) -> int:
-        """Return where the power of a load stands among the coefficients."""
-        return next(p.places[0] for p in wiring.structure.loads if p.row.name == name)
 
     def _driven(self, engine: Engine, a: Assembled, k: int, size: int) -> dict[int, InputCourse]:
         """Return value reference -> derivative of an input with respect to a free name, of those that it moves."""

@@ -701,9 +701,8 @@ def one_stamp(text: str) -> datetime:
     ------
     ValueError   When it is neither.
     """
-    if text[:1].isdigit() and text[4:5] in "-0123456789":
-        return datetime.fromisoformat(text)
-    match = _NAMED.match(text) or _AMERICAN.match(text)
+    numeric = text[:1].isdigit() and text[4:5] in "-0123456789"
+    match = None if numeric else _NAMED.match(text) or _AMERICAN.match(text)
     if match is None:
         return datetime.fromisoformat(text)
     month = _MONTHS.get(match["word"].lower()[:3])
