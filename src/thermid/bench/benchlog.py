@@ -268,17 +268,13 @@ def clocks(heard: Sequence[HeardLine], walls: Mapping[int, str]) -> tuple[list[f
         notes.append(f"resets of the board: {len(runs) - 1}")
     if lost:
         notes.append(f"missing lines of the board: {lost}")
-    if drifts:
-        notes.append(_drift(drifts))
+    if drifts and abs(drifts[-1] - 1.0) > _MAX_CLOCK_DRIFT:
+        notes.append(
+            f"the board's clock runs {1.0 / drifts[-1]:.3g} times as fast as the host's, so it is a simulated board; its own times are used"
+        )
+    elif drifts:
+        notes.append(f"the board's clock is {(drifts[-1] - 1.0) * 1e6:+.0f} ppm slow against the host's; times are corrected")
     return moments, notes
-
-
-def _drift(drifts: Sequence[float]) -> str:
-    """Return the drift of the board's clock in words; of several rates the last."""
-    rate = drifts[-1]
-    if abs(rate - 1.0) > _MAX_CLOCK_DRIFT:
-        return f"the board's clock runs {1.0 / rate:.3g} times as fast as the host's, so it is a simulated board; its own times are used"
-    return f"the board's clock is {(rate - 1.0) * 1e6:+.0f} ppm slow against the host's; times are corrected"
 
 
 def _session_starts(heard: Sequence[HeardLine], walls: Mapping[int, str]) -> tuple[dict[int, float], list[str]]:

@@ -48,8 +48,8 @@ PLANETS: Final[Mapping[str, Planet]] = {
     "jupiter": Planet(6.9911e7, 1.26686534e17, 50.3),
     "saturn": Planet(5.8232e7, 3.7931187e16, 14.8),
 }
-"""Mean radius, attraction and solar flux: NASA planetary fact sheets, from memory; that at the earth also Kopp and Lean, Geophys. Res. Lett.
-38 (2011) L01706: 1360.8 +- 0.5 W/m^2."""
+"""Mean radius, attraction and solar flux: NASA planetary fact sheets, from memory; that at the earth also Kopp and Lean, Geophys. Res.
+Lett. 38 (2011) L01706: 1360.8 +- 0.5 W/m^2."""
 
 Frame = Callable[[Array, Array], Array]
 """Direction from the planet (times, 3) and sun (3,) -> normal of a face (times, 3), in the frame of the orbit."""

@@ -26,7 +26,7 @@ from thermid.measure._readers.textfile import Cells, decoded, read_bytes
 from thermid.measure._record.channel import BoolArray, Channel, FloatArray, Origin, digest, with_sensor
 from thermid.measure._record.record import Record
 
-SIZES: Final = ("noise", "accuracy", "resolution")
+STATED_SIZES: Final = ("noise", "accuracy", "resolution")
 """What a table of a channel says of the size of its errors and its step."""
 SCPI_OVERLOAD: Final = 9.9e36
 """What instruments with SCPI write for an overload or an open sensor is 9.9e37, of either sign; it is masked as infinite."""
@@ -195,7 +195,7 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int], tim
     difference = "K" if quantity == "temperature" else unit_text
 
     # errors and the step of the column; one in per cent is a share of the full scale
-    stated_sizes = {word: getattr(binding, word) for word in SIZES}
+    stated_sizes = {word: getattr(binding, word) for word in STATED_SIZES}
     stated_sizes["resolution"] = binding.resolution or cells.resolution.get(column)
     sizes: dict[str, Any] = {word: amount(v, difference, f"{where}, {word}") * scale for word, v in stated_sizes.items() if v is not None}
     values = in_si(samples, unit_text) * scale
@@ -247,7 +247,9 @@ def _power(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times
 
     read = power_readings(binding.power, column, times, where)
 
-    sizes: dict[str, Any] = {word: amount(written, "W", f"{where}, {word}") for word in SIZES if (written := getattr(binding, word)) is not None}
+    sizes: dict[str, Any] = {
+        word: amount(written, "W", f"{where}, {word}") for word in STATED_SIZES if (written := getattr(binding, word)) is not None
+    }
     return Channel(
         binding.name,
         read.watts,
