@@ -183,16 +183,14 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
     synthetic = any(
         line.lstrip(' "#').startswith("SYNTHETIC") or ("#" in line[:3] and "SYNTHETIC" in line) for line in text.split("\n", 20)[:20]
     )
-    commas = columns is None or mark != ","
     layout = Layout(
         separator=SEPARATORS.get(mark, mark),
         preamble=above,
         units_row=header.units,
         encoding=next((note.split()[2].rstrip(",") for note in notes if note.startswith("read as ")), "UTF-8"),
     )
-    return Cells(
-        file, header.names, columns or list(zip(*rows, strict=True)), numbers, tuple(notes), synthetic, commas=commas, layout=layout
-    )
+    commas, table = columns is None or mark != ",", columns or list(zip(*rows, strict=True))
+    return Cells(file, header.names, table, numbers, tuple(notes), synthetic, commas=commas, layout=layout)
 
 
 Table = tuple[list[list[str]], list[int], list[tuple[str, ...]] | None]
