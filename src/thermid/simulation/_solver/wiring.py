@@ -748,19 +748,18 @@ class Wiring:
         return both
 
     def conductor_flows(
-        self, numbers: Numbers, temperatures: Mapping[str, Array], times: Array, shares: Mapping[str, Array] | None = None
+        self,
+        numbers: Numbers,
+        temperatures: Mapping[str, Array],
+        times: Array,
+        shares: Mapping[str, Array] | None = None,
+        over_difference: bool = False,
     ) -> dict[str, Array]:
-        """Return conductor -> heat flow (times,) for temperatures by node; rows of one conductor are summed. [W]
+        """Return conductor -> heat flow (times,) for temperatures by node [W], or that over the difference of its ends [W/K].
 
-        `shares`: control as an element names it -> its share (times,), as `shares` gives it.
+        Rows of one conductor are summed. `shares`: control as an element names it -> its share (times,), as `shares` gives it.
         """
-        return self._summed(numbers, temperatures, times, heat, shares or {})
-
-    def conductor_conductances(
-        self, numbers: Numbers, temperatures: Mapping[str, Array], times: Array, shares: Mapping[str, Array] | None = None
-    ) -> dict[str, Array]:
-        """Return conductor -> heat flow over the difference of its ends (times,), rows of one conductor summed. [W/K]"""
-        return self._summed(numbers, temperatures, times, conductance, shares or {})
+        return self._summed(numbers, temperatures, times, conductance if over_difference else heat, shares or {})
 
     def shares(
         self, numbers: Numbers, at: Callable[[str], Array], times: Array, modes: Callable[[str], Array] | None = None
