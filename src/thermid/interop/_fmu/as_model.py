@@ -332,19 +332,13 @@ def _units_of(file: FmuFile) -> dict[str, _Measure]:
             dimension = tuple(Fraction(getattr(base, b)) for b in _BASES)
             out[u.name] = _Measure(float(base.factor), float(base.offset), dimension)
     for name in {v.unit or (v.declaredType.unit if v.declaredType is not None else None) for v in file.described.modelVariables}:
-        if name and name not in out:
-            out[name] = _by_words(name)
+        if name and name not in out:  # such as W/(m2.K)
+            try:
+                of = unit(re.sub(r"(?<=[A-Za-z])(-?\d+)", r"^\1", name).replace(".", " "))
+                out[name] = _Measure(float(of.factor), float(of.offset), of.dimension)
+            except UnitError:
+                out[name] = _Measure(known=False)
     return out
-
-
-def _by_words(name: str) -> _Measure:
-    """Return what a unit means that the FMU does not define, such as ``W/(m2.K)``."""
-    text = re.sub(r"(?<=[A-Za-z])(-?\d+)", r"^\1", name).replace(".", " ")
-    try:
-        of = unit(text)
-    except UnitError:
-        return _Measure(known=False)
-    return _Measure(float(of.factor), float(of.offset), of.dimension)
 
 
 def _quantity(v: Any, units: Mapping[str, _Measure], used: dict[str, str], file: FmuFile) -> tuple[FmuQuantity, Dimension]:
