@@ -187,8 +187,6 @@ _NAMESPACES = {
         "read_trajectory": "site.ascent",
         "ascent_scenario": "site.ascent",
         "orbit_fluxes": "site.orbit",
-        "orbit_irradiation": "site.exposure",
-        "eclipse_signal": "site.exposure",
         "AscentCheck": "site.ascent",
         "ascent_checks": "site.ascent",
         "moisture": "site.moisture",

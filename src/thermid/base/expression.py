@@ -221,6 +221,7 @@ def _number(tree: ast.expr, body: str, of: Unit, text: str) -> float:
 
 
 def _short(text: str) -> str:
+    """Return a text in at most 60 characters, for messages."""
     return text if len(text) <= 60 else f"{text[:60]}..."
 
 
@@ -292,6 +293,7 @@ def _operands(node: ast.expr) -> list[ast.expr] | None:
 
 
 def _function(node: ast.Call) -> str:
+    """Return the name of the function that is called; empty where it is no plain name."""
     return node.func.id if isinstance(node.func, ast.Name) else ""
 
 
@@ -379,6 +381,7 @@ def _fraction(node: ast.expr, body: str) -> Fraction:
 
 
 def _bits(number: Fraction) -> int:
+    """Return the number of bits of the longer of numerator and denominator."""
     return max(number.numerator.bit_length(), number.denominator.bit_length())
 
 
@@ -770,6 +773,7 @@ def instant(written: Any, where: str = "") -> Stamp:
 
 
 def _stamps(values: NDArray[Any]) -> NDArray[Any]:
+    """Return values as instants where they can be; as they are otherwise."""
     try:
         return values.astype("datetime64[us]")
     except (TypeError, ValueError, OverflowError):
@@ -815,5 +819,6 @@ def counts_rows(index: Any) -> bool:
 
 
 def _shown(value: Any) -> str:
+    """Return a value as messages quote it: its text, or its kind where that is long."""
     text = repr(value)
     return text if len(text) < 60 and "\n" not in text else f"this {type(value).__name__}"

@@ -155,6 +155,7 @@ def words_of_kind(content: Mapping[str, Any]) -> str:
 
 
 def _words(kind: str) -> str:
+    """Return what a kind of file is called, with its article; empty for none."""
     return kind and _WORDS.get(kind, f"a {kind}")
 
 

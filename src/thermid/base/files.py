@@ -71,11 +71,13 @@ def first_quoted(line: bytes, of: bytes) -> bool:
 
 
 def _header(path: Path, of: bytes) -> bool:
+    """Whether the first line of a table begins with a name that a pattern fits."""
     with path.open("rb") as file:
         return first_quoted(file.readline(1 << 20), of)
 
 
 def _from_netcdf(path: Path) -> bool:
+    """Whether a netCDF file names thermid as its source."""
     try:
         import h5netcdf
 

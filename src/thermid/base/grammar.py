@@ -52,6 +52,7 @@ def or_instance(kind: type) -> WrapValidator:
 
 
 def _amount(written: Any) -> Any:
+    """Return what is written where it can be an amount; refuse anything else."""
     if isinstance(written, str | int | float) and not isinstance(written, bool):
         return written
     raise PydanticCustomError("thermid", "{message}", {"message": f"{AMOUNT} is needed, not {shown(written)}.", "code": "file.wrong-kind"})
@@ -61,6 +62,7 @@ AMOUNT = "a text with its unit, such as '2.5 [W]', or a number"
 
 
 def _names(written: Any) -> Any:
+    """Return what is written where it is a text or several; refuse anything else."""
     several = written if isinstance(written, list | tuple) else [written]
     if all(isinstance(one, str) for one in several):
         return written

@@ -253,10 +253,12 @@ def _brief(value: object) -> str:
 
 
 def _cell(value: object) -> str:
+    """Return the text of a cell: numbers in five digits, nothing for None."""
     return "" if value is None else f"{value:.5g}" if isinstance(value, float) else str(value)
 
 
 def _number(value: object) -> float:
+    """Return a value as the length of a bar; NaN where it is no number."""
     return float(value) if isinstance(value, int | float) else float("nan")
 
 

@@ -213,6 +213,7 @@ def _from_pint(text: str, key: str) -> Unit:
 
 @lru_cache(maxsize=1)
 def _registry():  # type: ignore[no-untyped-def]  # pint's registry type is dynamic
+    """Return the registry of pint with exact factors, made once."""
     import pint
 
     return pint.UnitRegistry(non_int_type=Fraction)

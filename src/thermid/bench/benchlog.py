@@ -82,7 +82,12 @@ class LogFile:
         except BaseException:
             os.close(self._file)
             raise
-        self._sync_folder()
+        if self._sync and os.name == "posix":
+            folder = os.open(self.path.absolute().parent, os.O_RDONLY)
+            try:
+                os.fsync(folder)
+            finally:
+                os.close(folder)
 
     def _open_file(self) -> int:
         """Return the descriptor of the file, opened to append.
@@ -134,15 +139,6 @@ class LogFile:
         if cut:
             self._queue(b"\n" if is_bench_log(data) else f"\n{MAGIC}\n".encode())
         return max((int(number) for number in _SESSION.findall(data)), default=0) + 1, cut
-
-    def _sync_folder(self) -> None:
-        """Force the folder's entry onto the disk, so that a new file outlives a power cut."""
-        if self._sync and os.name == "posix":
-            folder = os.open(self.path.absolute().parent, os.O_RDONLY)
-            try:
-                os.fsync(folder)
-            finally:
-                os.close(folder)
 
     def write(self, body: str) -> None:
         """Append one line with its CRC; what a full disk does not take waits in memory, up to 64 MB."""
@@ -272,17 +268,13 @@ def clocks(heard: Sequence[HeardLine], walls: Mapping[int, str]) -> tuple[list[f
         notes.append(f"resets of the board: {len(runs) - 1}")
     if lost:
         notes.append(f"missing lines of the board: {lost}")
-    if drifts:
-        notes.append(_drift(drifts))
+    if drifts and abs(drifts[-1] - 1.0) > _MAX_CLOCK_DRIFT:
+        notes.append(
+            f"the board's clock runs {1.0 / drifts[-1]:.3g} times as fast as the host's, so it is a simulated board; its own times are used"
+        )
+    elif drifts:
+        notes.append(f"the board's clock is {(drifts[-1] - 1.0) * 1e6:+.0f} ppm slow against the host's; times are corrected")
     return moments, notes
-
-
-def _drift(drifts: Sequence[float]) -> str:
-    """Return the drift of the board's clock in words; of several rates the last."""
-    rate = drifts[-1]
-    if abs(rate - 1.0) > _MAX_CLOCK_DRIFT:
-        return f"the board's clock runs {1.0 / rate:.3g} times as fast as the host's, so it is a simulated board; its own times are used"
-    return f"the board's clock is {(rate - 1.0) * 1e6:+.0f} ppm slow against the host's; times are corrected"
 
 
 def _session_starts(heard: Sequence[HeardLine], walls: Mapping[int, str]) -> tuple[dict[int, float], list[str]]:

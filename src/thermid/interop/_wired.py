@@ -226,7 +226,7 @@ def wired(model: Model, scenario: Scenario, what: str | Writer) -> Wired:
         {name: curve.drawn(wiring.scenario.seconds) for name, curve in network.media.signals().items()}
         | {name: curve for name, curve in wiring.signals.items() if name.startswith(signal_of(""))},
         massive,
-        _courses(wiring),
+        {} if wiring.schedule is None else {p: s.drawn(wiring.scenario.seconds) for p, s in wiring.schedule.signals.items()},
         tuple(model.missing_parts()),
     )
     _refuse_bent_courses(out, writer)
@@ -277,21 +277,22 @@ def _sources(network: Network, wiring: Wiring, numbers: Numbers, writer: Writer)
             power = numbers.values[gain] if gain else 1.0 if load.name in wiring.scenario.loads else power
         if load.node not in network.nodes or (load.form == "signal" and (signal == Constant(0.0) or float(power) == 0.0)):
             continue
-        sensor = "" if load.form == "signal" else load.node
-        rest: Any = load.of_law[1:]
-        settings: Any = load.settings
-        watched = load.sensor if load.control else ""
         sources.append(
-            HeatSource(load.name, load.node, power, signal, load.curve, sensor, load.form, rest, load.control, settings, watched)
+            HeatSource(
+                load.name,
+                load.node,
+                power,
+                signal,
+                load.curve,
+                sensor="" if load.form == "signal" else load.node,
+                form=load.form,
+                rest=load.of_law[1:],  # type: ignore[arg-type]
+                control=load.control,
+                settings=load.settings,  # type: ignore[arg-type]
+                watched=load.sensor if load.control else "",
+            )
         )
     return tuple(sources)
-
-
-def _courses(wiring: Wiring) -> dict[str, Drawn]:
-    """Return parameter path -> what it follows in time."""
-    if wiring.schedule is None:
-        return {}
-    return {path: signal.drawn(wiring.scenario.seconds) for path, signal in wiring.schedule.signals.items()}
 
 
 MOST_DEGREE: Final = 99

@@ -514,7 +514,10 @@ def stated_error(w: Wired, step: float) -> float:
     grid = step_grid(w.breaks(), w.scenario.seconds, step)
     with np.errstate(all="ignore"):
         temperatures = _Stepper(w, grid).temperatures()
-    error = ERROR_MARGIN * float(np.abs(temperatures - _reference(w, grid)).max())
+    engine = Engine(Wiring(w.network, w.scenario))
+    start = engine.started(engine.wiring.assemble(gradients=False))
+    tight = engine.integrate(start, grid, w.massive, float(grid[-1]), Options(error=TIGHT, inputs=1e-7)).temperatures
+    error = ERROR_MARGIN * float(np.abs(temperatures - tight).max())
     if not np.isfinite(error):
         raise SolverError(
             f"fixed steps of {step:g} s have no finite answer. Give a shorter one: step = ...", w.network.title, code="run.did-not-finish"
@@ -523,14 +526,6 @@ def stated_error(w: Wired, step: float) -> float:
     error = max(error, 1e-6)
     unit = 10.0 ** (math.floor(math.log10(error)) - 1)
     return float(f"{math.ceil(error / unit - 1e-9) * unit:.6g}")
-
-
-def _reference(w: Wired, grid: Array) -> Array:
-    """Return temperatures (times, nodes with mass) of a run with a small error. [K]"""
-    engine = Engine(Wiring(w.network, w.scenario))
-    a = engine.started(engine.wiring.assemble(gradients=False))
-    options = Options(error=TIGHT, inputs=1e-7)
-    return engine.integrate(a, grid, w.massive, float(grid[-1]), options).temperatures
 
 
 class _Stepper:
@@ -550,8 +545,7 @@ class _Stepper:
         self.a = self.engine.started(wiring.assemble(gradients=False))
         self.massive = [self.engine.nodes.index(n) for n in w.massive]
         layout = wiring.structure
-        capacities = [0.0 if place < 0 else float(self.a.coefficients[place]) for place in layout.capacity]
-        self.mass = np.array(capacities)
+        self.mass = np.array([0.0 if place < 0 else float(self.a.coefficients[place]) for place in layout.capacity])
         self.massless = self.mass == 0.0
         self.controls = [p for p in layout.controls if p.kind == "thermostat"]
         self.places = [k for k, p in enumerate(layout.controls) if p.kind == "thermostat"]

@@ -10,7 +10,6 @@ from thermid.base.arguments import takes_objects
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError
 from thermid.interop._wired import (
-    HeatSource,
     Wired,
     conductance_text,
     exported,
@@ -81,7 +80,15 @@ class _Netlist:
         for k, source in enumerate(w.sources, 1):
             yield f"* load {source.load}"
             if source.curve is not None:
-                yield self._dependent(k, source)
+                if source.signal != Constant(1.0):
+                    raise DeckError(
+                        f"the load '{source.load}' is a table that changes in time, which is not written to SPICE.",
+                        self.w.network.title,
+                        code="output.not-expressible",
+                    )
+                assert source.curve is not None
+                at = f"V({self.nodes[source.sensor]})+{ICE_POINT}"
+                yield f"B_load_{k} 0 {self.nodes[source.node]} I={number_text(float(source.power))}*{self._pwl(source.curve, at)}"
                 continue
             yield from self._source(f"I_{k} 0 {self.nodes[source.node]}", source.signal, float(source.power), 0.0)
         yield ".options reltol=1e-7 abstol=1e-12 vntol=1e-9"
@@ -114,18 +121,6 @@ class _Netlist:
         warm, cold = (f"(V({end})+{ICE_POINT})" for end in (a, b))
         conductance = conductance_text(row, [number_text(c) for c in (g, *rest)], warm, cold, self._pwl)
         return f"B_{name} {a} {b} I=V({a},{b})*{conductance}"
-
-    def _dependent(self, k: int, source: HeatSource) -> str:
-        """Return a load whose power is a table over a temperature."""
-        if source.signal != Constant(1.0):
-            raise DeckError(
-                f"the load '{source.load}' is a table that changes in time, which is not written to SPICE.",
-                self.w.network.title,
-                code="output.not-expressible",
-            )
-        assert source.curve is not None
-        at = f"V({self.nodes[source.sensor]})+{ICE_POINT}"
-        return f"B_load_{k} 0 {self.nodes[source.node]} I={number_text(float(source.power))}*{self._pwl(source.curve, at)}"
 
     def _pwl(self, curve: Curve, at: str) -> str:
         """Return a table of straight lines as SPICE has it; it goes on as a line there, so that points far out hold the last value."""

@@ -1,7 +1,6 @@
 """A model: parts within parts, laid flat, with the values of its parameters and the rules that check it."""
 
 from thermid.model._tree.areas import ledger as ledger
-from thermid.model._tree.boxes import node_boxes as node_boxes, part_boxes as part_boxes
 from thermid.model._tree.flat import (
     Flat as Flat,
     FlatConductor as FlatConductor,
@@ -23,7 +22,7 @@ from thermid.model._tree.flat import (
     unclosed as unclosed,
     unfed as unfed,
 )
-from thermid.model._tree.model import Model as Model, identities as identities
+from thermid.model._tree.model import Model as Model, identities as identities, node_boxes as node_boxes, part_boxes as part_boxes
 from thermid.model._tree.rules import Finding as Finding, unlumped as unlumped
 from thermid.model._tree.tree import (
     SET as SET,

@@ -232,10 +232,6 @@ class Run:
         answer = self.engine.integrate(self.assembled, times, self.assembled.reduced.nodes, self.answer.end, options)
         return replace(self, answer=replace(answer, turnings=self.answer.turnings), times=times)
 
-    def dense(self, path: str) -> RunDense:
-        """Return the course of a node or boundary at any time."""
-        return RunDense(self, path)
-
     @cached_property
     def switches(self) -> Array:
         """When inputs jump and thermostats switch. [s]"""
@@ -269,7 +265,7 @@ class Run:
     def conductances(self, times: Array, temperatures: Array) -> dict[str, Array]:
         """Return conductor -> heat flow over the temperature difference of its ends (times,); where that is zero its limit. [W/K]"""
         by_node = self._by_node(temperatures)
-        return self.wiring.conductor_conductances(self.assembled.numbers, by_node, times, self._shares(by_node, times))
+        return self.wiring.conductor_flows(self.assembled.numbers, by_node, times, self._shares(by_node, times), over_difference=True)
 
     def powers(self, times: Array, temperatures: Array) -> dict[str, Array]:
         """Return load -> power (times,). [W]"""
@@ -460,7 +456,7 @@ class Solution(Result):
     def __getitem__(self, name: str) -> Trace:
         """Return the temperature over time of a node or boundary; aliases are accepted, an unknown name raises `NameNotFoundError`."""
         run, path = self._run, self._run.network.find(name)
-        return Trace(path, self.times, run.traces.temperature(path), run.turnings(path), run.dense(path))
+        return Trace(path, self.times, run.traces.temperature(path), run.turnings(path), RunDense(run, path))
 
     def __iter__(self) -> Iterator[str]:
         """Yield every node and boundary."""
@@ -658,7 +654,3 @@ class Solution(Result):
     def _as_traces(self) -> Sequence[PlottedTrace]:
         """Return the temperature of every node."""
         return [PlottedTrace(n, self.times, self[n].celsius) for n in self.nodes]
-
-    def _ipython_key_completions_(self) -> list[str]:
-        """Return the nodes."""
-        return list(self.nodes)

@@ -122,12 +122,7 @@ def steady(model: Model | Block, scenario: Scenario, time: float | str = 0.0) ->
     held_scenario = scenario.with_(duration=lasting, start=scenario.start or Kelvin(ICE_POINT))
     if isinstance(model, Block):
         return steady_block(model, held_scenario, instant, kind)
-    # the start plays no part
-    held_scenario = replace(held_scenario, start=Kelvin(ICE_POINT), initial={})
-    wiring = Wiring(network_for(model, held_scenario), held_scenario)
-    if kind and wiring.cycle and wiring.cycle > held_scenario.seconds:
-        held_scenario = held_scenario.with_(duration=wiring.cycle)
-        wiring = Wiring(network_for(model, held_scenario), held_scenario)
+    held_scenario, wiring = _wired(model, held_scenario, bool(kind))
     if kind == PERIODIC:
         return _over_a_period(model, held_scenario, wiring.cycle)
     problem = KernelProblem(wiring.stilled() if kind else wiring)
@@ -204,10 +199,15 @@ def steady_levels(model: Model | Block, scenario: Scenario) -> tuple[Steady, ...
     """
     if isinstance(model, Block):
         return steady_levels_of_block(model, scenario, MOST_LEVELS)
-    plain_scenario = replace(scenario, start=Kelvin(ICE_POINT), initial={})
-    wiring = Wiring(network_for(model, plain_scenario), plain_scenario)
-    length = max(plain_scenario.seconds, wiring.cycle or 0.0)
-    if length > plain_scenario.seconds:
-        plain_scenario = plain_scenario.with_(duration=length)
-        wiring = Wiring(network_for(model, plain_scenario), plain_scenario)
-    return tuple(steady(model, plain_scenario, t) for t in level_instants(wiring.signals, length, scenario.title, MOST_LEVELS))
+    plain_scenario, wiring = _wired(model, scenario, True)
+    instants = level_instants(wiring.signals, plain_scenario.seconds, scenario.title, MOST_LEVELS)
+    return tuple(steady(model, plain_scenario, t) for t in instants)
+
+
+def _wired(model: Model, scenario: Scenario, whole: bool) -> tuple[Scenario, Wiring]:
+    """Return a scenario without its start, which plays no part, and its wiring; with `whole` it lasts a period of its inputs at least."""
+    scenario = replace(scenario, start=Kelvin(ICE_POINT), initial={})
+    wiring = Wiring(network_for(model, scenario), scenario)
+    if whole and wiring.cycle and wiring.cycle > scenario.seconds:
+        return _wired(model, scenario.with_(duration=wiring.cycle), False)
+    return scenario, wiring

@@ -1,7 +1,6 @@
 """Scenarios, and runs of a model in them: transient, steady and many at once, with their solutions."""
 
 from thermid.simulation._block import BlockSolution as BlockSolution
-from thermid.simulation._draws import draw as draw
 from thermid.simulation._ensemble import Ensemble as Ensemble, run_members as run_members, shares_of as shares_of
 from thermid.simulation._heat_map import margin_lines as margin_lines, margins as margins
 from thermid.simulation._many.counted import Counted as Counted
@@ -11,6 +10,7 @@ from thermid.simulation._many.tasks import KeptTasks as KeptTasks, Workers as Wo
 from thermid.simulation._scenarios.scenario import STEADY as STEADY, Scenario as Scenario, Start as Start
 from thermid.simulation._simulator import (
     Simulator as Simulator,
+    draw as draw,
     ensemble as ensemble,
     network_for as network_for,
     output_times as output_times,

@@ -7,7 +7,6 @@ from thermid.site.ascent import (
     ascent_scenario as ascent_scenario,
     read_trajectory as read_trajectory,
 )
-from thermid.site.exposure import eclipse_signal as eclipse_signal, orbit_irradiation as orbit_irradiation
 from thermid.site.moisture import Moisture as Moisture, moisture as moisture
 from thermid.site.orbit import orbit_fluxes as orbit_fluxes
 from thermid.site.pad import pad_scenario as pad_scenario

@@ -185,29 +185,34 @@ def ascent_scenario(
     """
     seconds = _duration(duration, trajectory, title)
     times = trajectory.grid(seconds, upper) if trajectory is not None else np.zeros(1)
-    gone = None if separation is None else amount(separation, "s", f"{title}, separation")
-    if gone is not None and not 0.0 <= gone <= seconds:
-        raise ScenarioError(
-            f"the fairing separates at {gone:g} s, outside the {seconds:g} s of the ascent.",
-            f"{title}, separation",
-            code="value.outside-range",
-        )
+    gone = None if separation is None else _separation(separation, seconds, title)
     if air_temperature is None:
         raise ScenarioError(f"the temperature of the gas '{air}' is missing. Give air_temperature.", title, code="value.incomplete")
     boundaries = {air: signal(air_temperature, TEMPERATURE, f"{title}, air_temperature")}
     hulls = {k: signal(v, TEMPERATURE, f"{title}, walls.{k}") for k, v in (walls or {}).items()}
     boundaries |= {k: hull if gone is None else joined(hull, gone, Constant(SPACE)) for k, hull in hulls.items()}
     gas: Signal = signal(pressure, "Pa", f"{title}, pressure") if pressure is not None else _pressure(trajectory, times, upper, title)
-    streams = _streams(trajectory, flow or {}, gone, times, accommodation, upper, title)
     return Scenario(
         title=title,
         duration=seconds,
         start=others.pop("start", air),
         boundaries={**boundaries, **others.pop("boundaries", {})},
         environment={air: Environment(gas), **others.pop("environment", {})},
-        irradiation={**streams, **others.pop("irradiation", {})},
+        irradiation={**_streams(trajectory, flow or {}, gone, times, accommodation, upper, title), **others.pop("irradiation", {})},
         **others,
     )
+
+
+def _separation(separation: str | float, seconds: float, title: str) -> float:
+    """Return when the fairing goes, within the seconds of the ascent. [s]"""
+    gone = amount(separation, "s", f"{title}, separation")
+    if not 0.0 <= gone <= seconds:
+        raise ScenarioError(
+            f"the fairing separates at {gone:g} s, outside the {seconds:g} s of the ascent.",
+            f"{title}, separation",
+            code="value.outside-range",
+        )
+    return gone
 
 
 def _pressure(trajectory: Trajectory | None, times: Array, upper: str, title: str) -> Signal:

@@ -1,4 +1,4 @@
-"""What falls on a plate outdoors, in orbit and in a stream of molecules: closed forms."""
+"""What falls on a plate outdoors, the share of its view that a planet takes, and the heat of a stream of molecules: closed forms."""
 
 from __future__ import annotations
 
@@ -6,15 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.arguments import takes_objects
 from thermid.base.errors import ScenarioError
-from thermid.base.expression import amount
 from thermid.base.linear_algebra import Array
-from thermid.model.elements import Constant, Signal, TableSignal, degrees, joined, signal
-from thermid.simulation.network import Irradiation
-
-SOLAR_CONSTANT = 1361.0
-"""Total irradiance at one astronomical unit: Kopp and Lean, Geophys. Res. Lett. 38 (2011) L01706, 1360.8 +- 0.5. [W/m^2]"""
 
 
 def facing_sun(tilt: float, azimuth: float | None, zenith: Any, sun_azimuth: Any) -> Array:
@@ -138,39 +131,6 @@ def planet_share(altitude: float, tilt: float, radius: float = 6.371e6) -> float
     return float(first + second / (np.pi * h**2))
 
 
-def eclipse(altitude: float, beta: float, radius: float = 6.371e6, attraction: float = 3.986004418e14) -> tuple[float, float]:
-    """Return the period of a circular orbit, and how long of it lies in the planet's shadow, a cylinder [s].
-
-    Parameters
-    ----------
-    altitude : float    [m]
-    beta : float        Between the plane of the orbit and the sun. [deg]
-    radius : float      Of the planet. [m]
-    attraction : float  Its mass times the constant of gravitation. [m^3/s^2]
-
-    Raises
-    ------
-    ScenarioError   When there is no such orbit.
-
-    References
-    ----------
-    Gilmore, Spacecraft Thermal Control Handbook, 2nd ed., section 2.1: cos(pi f) = sqrt(h^2 + 2 R h) / ((R + h) cos beta).
-
-    Examples
-    --------
-    >>> [round(t / 60, 1) for t in eclipse(400e3, 0.0)]
-    [92.4, 36.0]
-    """
-    if not (altitude > 0.0 and -90.0 <= beta <= 90.0):
-        raise ScenarioError(
-            f"no orbit has an altitude of {altitude:g} m and the sun {beta:g} degrees beside it.", "orbit", code="value.outside-range"
-        )
-    orbit = radius + altitude
-    period = float(2.0 * np.pi * np.sqrt(orbit**3 / attraction))
-    share = np.sqrt(altitude**2 + 2.0 * radius * altitude) / (orbit * max(float(np.cos(np.radians(beta))), 1e-12))
-    return period, period * float(np.arccos(min(share, 1.0)) / np.pi)
-
-
 def molecular_heating(density: Any, speed: Any, accommodation: float = 1.0) -> Array:
     """Return the heat that a free stream of molecules brings to an area across it, accommodation * rho v^3 / 2 [W/m^2].
 
@@ -211,98 +171,3 @@ def driving_rain(rain: Any, wind: Any) -> Array:
     """
     millimetres = np.asarray(rain, dtype=float) * 3.6e6
     return np.asarray(0.222 * np.asarray(wind, dtype=float) * millimetres**0.88 / 3.6e6)
-
-
-@takes_objects
-def orbit_irradiation(
-    altitude: str | float,
-    *,
-    tilt: float | str,
-    sun: float | str,
-    albedo: float,
-    infrared: str | float,
-    subsolar: float | str = 0.0,
-    lit: Any = 1.0,
-    solar: str | float = SOLAR_CONSTANT,
-    radius: float = 6.371e6,
-) -> Irradiation:
-    """Return what falls on a plate in orbit: sun, sunlight that the planet throws back, and the planet's own infrared.
-
-    Parameters
-    ----------
-    altitude : str, float   Of the orbit. [m]
-    tilt : float            Between the plate's normal and straight down. [deg]
-    sun : float             Between the plate's normal and the sun. [deg]
-    albedo : float          Of the planet; no value is assumed, nor of its infrared. [-]
-    infrared : str, float   That leaves the planet. [W/m^2]
-    subsolar : float        Between the point below and the point under the sun; the albedo goes with its cosine. [deg]
-    lit : Signal            1 in the sun, 0 in eclipse, as `eclipse_signal` makes it; a half stands for a mean over orbits. [-]
-    solar : str, float      Of the sun at the planet. [W/m^2]
-    radius : float          Of the planet. [m]
-
-    Raises
-    ------
-    ScenarioError   When an angle, a share or the albedo does not exist.
-
-    References
-    ----------
-    Gilmore, Spacecraft Thermal Control Handbook, 2nd ed., chapter 2; `planet_share` for the view.
-    """
-    height = amount(altitude, "m", "orbit, altitude")
-    view = planet_share(height, degrees(tilt, "orbit, tilt"), radius)
-    angles = {"sun": degrees(sun, "orbit, sun"), "subsolar": degrees(subsolar, "orbit, subsolar")}
-    for name, value in angles.items():
-        if not 0.0 <= value <= 180.0:
-            raise ScenarioError(f"the angle is {value:g} degrees. Give 0 to 180.", f"orbit, {name}", code="value.outside-range")
-    if not 0.0 <= albedo <= 1.0:
-        raise ScenarioError(f"the albedo is {albedo:g}. Give 0 to 1.", "orbit", code="value.outside-range")
-    light = _lit(lit)
-    strength = amount(solar, "W/m^2", "orbit, solar")
-    glow = amount(infrared, "W/m^2", "orbit, infrared")
-    facing, above = (max(float(np.cos(np.radians(angles[k]))), 0.0) for k in ("sun", "subsolar"))
-    return Irradiation(
-        direct=light.scaled(strength * facing),
-        albedo=light.scaled(strength * albedo * view * above),
-        infrared=Constant(glow * view),
-    )
-
-
-@takes_objects
-def eclipse_signal(altitude: str | float, beta: float | str, duration: str | float, begin: str | float = 0.0) -> Signal:
-    """Return the light of a circular orbit about the earth, orbit after orbit: 1 in the sun, 0 in the earth's shadow, a cylinder.
-
-    Parameters
-    ----------
-    altitude : str, float   [m]
-    beta : float            Between the orbit's plane and the sun. [deg]
-    duration : str, float   Of the run; the light goes on beyond it. [s]
-    begin : str, float      When the first eclipse begins. [s]
-
-    References
-    ----------
-    Gilmore, Spacecraft Thermal Control Handbook, 2nd ed., chapter 2.
-
-    Examples
-    --------
-    >>> light = eclipse_signal("400 [km]", 0.0, "3 [h]", "30 [min]")
-    >>> [float(v) for v in light.at(np.array([0.0, 2400.0, 4200.0]))]
-    [1.0, 0.0, 1.0]
-    """
-    height, _, first = (
-        amount(v, slot, f"orbit, {name}")
-        for v, slot, name in ((altitude, "m", "altitude"), (duration, "s", "duration"), (begin, "s", "begin"))
-    )
-    period, dark = eclipse(height, degrees(beta, "orbit, beta"))
-    if dark == 0.0:
-        return Constant(1.0)
-    orbits = TableSignal(np.array([first, first + dark, first + period]), np.array([0.0, 1.0, 0.0]), hold=True, after="repeat")
-    # an eclipse one period earlier would be seen where the first begins late
-    return orbits if first <= period - dark else joined(Constant(1.0), first, orbits)
-
-
-def _lit(written: Any) -> Signal:
-    """Return the light on a spacecraft, 0 in eclipse to 1 in the sun, from a number or signal. [-]"""
-    lit = Constant(float(written)) if isinstance(written, int | float) else signal(written, "1", "orbit, lit")
-    if not (lit.bounds[0] >= 0.0 and lit.bounds[1] <= 1.0):
-        raise ScenarioError("give light from 0 in eclipse to 1 in the sun.", "orbit, lit", code="value.outside-range")
-    return lit

@@ -184,6 +184,24 @@ def moisture(
     no_surface = "no surface exchanges heat with '{}' by convection."
     refuse_unknown((*volumes_by_path, *open_air), {*gases, *others}, scenario.title, no_surface, ScenarioError)
     parts = [c for c in _exchanging(flat) if c.gas in (*open_air, *volumes_by_path)]
+    return _balanced(model, scenario, parts, open_air, volumes_by_path, every, progress)
+
+
+def _balanced(
+    model: Model,
+    scenario: Scenario,
+    parts: Sequence[FlatConductor],
+    open_air: Mapping[str, Signal],
+    volumes: Mapping[str, Volume],
+    every: str | float,
+    progress: Callable[[int, float], None] | None,
+) -> Moisture:
+    """Return the run in which the latent heat of `parts` and the temperatures agree; `open_air` and `volumes` are by canonical path.
+
+    Raises
+    ------
+    ScenarioError   When they do not after `PASSES`.
+    """
     wet, names = _with_latent(model, [c.path for c in parts])
     heats: dict[str, Signal] = {name: Constant(0.0) for name in names.values()}
     before: Array | None = None
@@ -191,7 +209,7 @@ def moisture(
     changes: list[Array] = []
     for count in range(1, PASSES + 1):
         solution = simulate(wet, scenario.with_(loads=heats), every=every)
-        followed = follow(solution, parts, open_air, volumes_by_path)
+        followed = follow(solution, parts, open_air, volumes)
         dry_heats = [*dry_heats, np.array([heats[names[c.path]].at(solution.times) for c in parts])][-MAX_MIXED_PASSES:]
         changes = [*changes, followed.latent - dry_heats[-1]][-MAX_MIXED_PASSES:]
         moved = np.inf if before is None else float(np.abs(solution.temperatures - before).max())
@@ -302,7 +320,7 @@ def humid(
     ScenarioError   When no surface exchanges heat with the chamber as with a gas.
     """
     flat = compile_network(model, media=scenario.media()).flat
-    parts = [c for c in flat.conductors if c.kind in ("convection", "effective") and c.path in flat.surfaces and c.gas in gases]
+    parts = [c for c in _exchanging(flat) if c.gas in gases]
     if not parts:
         raise ScenarioError(
             f"no surface exchanges heat with {' or '.join(gases)} by convection, so no surface can condense water. Give the deck "

@@ -77,23 +77,16 @@ def pad_scenario(
     """
     title = others.pop("title", "pad")
     place = site or _place(weather, title)
-    if weather is not None:
-        # a time of day without zone is meant in the site's
-        zoned = None if weather.begin is None else place.instant(weather.begin)
-        if zoned is not None and place.timezone is not None:
-            zoned = zoned.astimezone(place.zone)
-        weather, seconds = replace(weather, begin=zoned).begun(begin, duration)
-    else:
-        seconds = _duration(duration, title)
-    instant = begin if weather is None or weather.begin is None else weather.begin
-    fields: dict[str, Any] = {"title": title, "duration": seconds, "start": others.pop("start", air)}
+    weather, seconds, instant = _begun(place, weather, begin, duration, title)
     temperature = _temperature(weather, air_temperature, title, air)
     downward = _downward(weather, temperature) if sky else None
-    fields["boundaries"] = {air: temperature, **others.pop("boundaries", {})}
+    boundaries = {air: temperature, **others.pop("boundaries", {})}
     if isinstance(sky, Mapping) and downward is not None:
-        fields["boundaries"] |= {name: _surroundings_temperature(downward, temperature, tilt, title) for name, tilt in sky.items()}
+        for name, tilt in sky.items():
+            view = SkyAndAir(float(sky_share(Facing(degrees(tilt, f"{title}, sky")).tilt)))
+            boundaries[name] = Mixed(view, (downward, temperature))
         downward = None
-    fields["environment"] = {air: _environment(place, weather, seconds), **others.pop("environment", {})}
+    falling: dict[str, Any] = {}
     if sun or downward is not None:
         if instant is None:
             raise ScenarioError(
@@ -101,18 +94,18 @@ def pad_scenario(
                 title,
                 code="value.incomplete",
             )
-        fields["irradiation"] = {"*": open_sky(place, instant, seconds, weather, downward, air, albedo, turbidity, sun)}
-        fields["irradiation"] |= others.pop("irradiation", {})
-    if wind:
-        if weather is None or "wind" not in weather:
-            raise ScenarioError(
-                "coefficients follow the wind, but the weather has no wind. Give a column of it, or fixed coefficients.",
-                title,
-                code="value.incomplete",
-            )
-        coefficients = {path: _coefficient(weather, table, place.pressure, f"{title}, wind.{path}") for path, table in wind.items()}
-        fields["schedule"] = {**coefficients, **others.pop("schedule", {})}
-    return Scenario(**fields, **others)
+        falling["*"] = open_sky(place, instant, seconds, weather, downward, air, albedo, turbidity, sun)
+    coefficients = {path: _coefficient(weather, table, place.pressure, f"{title}, wind.{path}") for path, table in (wind or {}).items()}
+    return Scenario(
+        title=title,
+        duration=seconds,
+        start=others.pop("start", air),
+        boundaries=boundaries,
+        environment={air: _environment(place, weather, seconds), **others.pop("environment", {})},
+        irradiation=falling | others.pop("irradiation", {}),
+        schedule=coefficients | others.pop("schedule", {}),
+        **others,
+    )
 
 
 def _downward(weather: Weather | None, air: Signal) -> Signal:
@@ -140,11 +133,6 @@ class Glow:
         """Return the radiation on the horizontal (times,). [W/m^2]"""
         dew = dew_point(vapour_pressure(kelvin, np.maximum(wet, 0.01))) if self.relative else wet
         return np.asarray(cloudless_sky(dew, cloud) * STEFAN_BOLTZMANN * kelvin**4)
-
-
-def _surroundings_temperature(downward: Signal, air: Signal, tilt: float, title: str) -> Signal:
-    """Return the temperature of what a surface of some tilt sees, sky and ground as warm as the air. [K]"""
-    return Mixed(SkyAndAir(float(sky_share(Facing(degrees(tilt, f"{title}, sky")).tilt))), (downward, air))
 
 
 @dataclass(frozen=True)
@@ -188,8 +176,14 @@ def wind_htc(speed: Any, length: float, temperature: Any, pressure: float, calm:
     return out
 
 
-def _coefficient(weather: Weather, table: Mapping[str, Any], pressure: float, where: str) -> Signal:
+def _coefficient(weather: Weather | None, table: Mapping[str, Any], pressure: float, where: str) -> Signal:
     """Return a coefficient that follows wind, and rain that leaves as warm as the wall. [W/(m^2 K)]"""
+    if weather is None or "wind" not in weather:
+        raise ScenarioError(
+            "coefficients follow the wind, but the weather has no wind. Give a column of it, or fixed coefficients.",
+            where,
+            code="value.incomplete",
+        )
     unknown = set(table) - set(WIND)
     if unknown or not {"length", "calm"} <= set(table):
         raise ScenarioError(
@@ -267,8 +261,15 @@ def _environment(site: Site, weather: Weather | None, seconds: float) -> Environ
     return Environment(means.get("pressure", Constant(site.pressure)), humidity, wind=wind)
 
 
-def _duration(duration: Any, title: str) -> float:
-    """Return the duration, which must be given without weather. [s]"""
-    if duration is None:
-        raise ScenarioError("the duration is missing. Give one, such as duration = '12 [h]'.", title, code="value.incomplete")
-    return amount(duration, "s", f"{title}, duration")
+def _begun(place: Site, weather: Weather | None, begin: Any, duration: Any, title: str) -> tuple[Weather | None, float, Any]:
+    """Return the weather from an instant on, how long the run lasts [s], which must be given without weather, and the instant."""
+    if weather is None:
+        if duration is None:
+            raise ScenarioError("the duration is missing. Give one, such as duration = '12 [h]'.", title, code="value.incomplete")
+        return None, amount(duration, "s", f"{title}, duration"), begin
+    # a time of day without zone is meant in the site's
+    zoned = None if weather.begin is None else place.instant(weather.begin)
+    if zoned is not None and place.timezone is not None:
+        zoned = zoned.astimezone(place.zone)
+    cut, seconds = replace(weather, begin=zoned).begun(begin, duration)
+    return cut, seconds, begin if cut.begin is None else cut.begin

@@ -76,8 +76,11 @@ def _orbit(table: Mapping[str, Any], rest: dict[str, Any], duration: float | Non
     if orbits is not None and duration is not None:
         raise ScenarioError("the run lasts so many orbits or has a duration; give one of them.", where, code="value.excludes-another")
     with errors_at(where):
-        flown = {k: v for k, v in table.items() if k not in ("planet", "faces", "orbits")}
-        fluxes = orbit_fluxes(**flown, planet=_planet(table.get("planet", "earth"), where))
+        flown, planet = {k: v for k, v in table.items() if k not in ("planet", "faces", "orbits")}, table.get("planet", "earth")
+        if isinstance(planet, Mapping):  # its figures instead of a name
+            slots = {"radius": "m", "attraction": "m^3/s^2", "solar": "W/m^2"}
+            planet = Planet(**{k: literal(v, slots[k], f"{where}.planet.{k}") for k, v in planet.items()})
+        fluxes = orbit_fluxes(**flown, planet=planet)
         falling = fluxes.irradiation(_faces(table["faces"], where) if "faces" in table else None)
     twice = sorted(set(falling) & set(rest.get("irradiation", {})))
     if twice:
@@ -88,14 +91,6 @@ def _orbit(table: Mapping[str, Any], rest: dict[str, Any], duration: float | Non
     falls = {**falling, **rest.pop("irradiation", {})}
     length = fluxes.period * float(orbits) if orbits is not None else duration or 0.0
     return Scenario(**rest, irradiation=falls, environment=environment, duration=length)
-
-
-def _planet(planet: Any, where: str) -> str | Planet:
-    """Return a planet by name, or of its figures."""
-    if not isinstance(planet, Mapping):
-        return str(planet)
-    slots = {"radius": "m", "attraction": "m^3/s^2", "solar": "W/m^2"}
-    return Planet(**{k: literal(v, slots[k], f"{where}.planet.{k}") for k, v in planet.items()})
 
 
 def _faces(faces: Mapping[str, Any], where: str) -> dict[str, str]:

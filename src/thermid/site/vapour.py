@@ -7,7 +7,7 @@ same surfaces are wet; when a film is gone or a dry surface passes the dew point
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -214,7 +214,13 @@ def follow(solution: Solution, parts: Sequence[FlatConductor], open_air: Mapping
     """
     times = solution.times
     gas = {g: solution[g].kelvin for g in (*open_air, *volumes)}
-    _check_air(solution, gas)
+    for g, kind in ((g, solution._run.network.media.gas(g)) for g in gas):
+        if kind != "air":
+            raise ScenarioError(
+                f"'{g}' is {kind}, but the diffusion of vapour is known in air only. Leave its humidity out, or run it in air.",
+                solution.scenario,
+                code="model.element-not-supported",
+            )
     surfaces = _surfaces(solution, parts)
     density = {g: vapour_density(_pressure(solution, g, outdoor_humidity), gas[g]) for g, outdoor_humidity in open_air.items()}
     for g, v in volumes.items():
@@ -456,16 +462,15 @@ class _Interval:
         """Return the share at whose end the first wall dries or passes the dew point, by bisection and the secant."""
         from scipy.optimize import brentq
 
-        low, high = SHORTEST_STEP, width
-        if self._crossed(middle, share + 0.5 * width, wet).any():
-            high = 0.5 * width
+        high = 0.5 * width if self._crossed(middle, share + 0.5 * width, wet).any() else width
 
         def lowest(part: float) -> float:
+            """Return the lowest guard after a step of a share."""
             return float(self._guards(self.step(state, share, part, wet), share + part, wet).min())
 
-        if lowest(low) <= 0.0:
-            return low
-        return max(float(brentq(lowest, low, high, xtol=SHORTEST_STEP, rtol=1e-12)), SHORTEST_STEP)
+        if lowest(SHORTEST_STEP) <= 0.0:
+            return SHORTEST_STEP
+        return max(float(brentq(lowest, SHORTEST_STEP, high, xtol=SHORTEST_STEP, rtol=1e-12)), SHORTEST_STEP)
 
 
 def _exchanges(solution: Solution, order: Sequence[str], volumes: Mapping[str, Volume]) -> dict[tuple[int, int], float]:
@@ -566,18 +571,6 @@ def _left_out(
 def _whole(solution: Solution, gas: str) -> Array:
     """Return the pressure (times,) of a gas. [Pa]"""
     return np.asarray(solution._run.network.media.pressure(gas).at(solution.times))
-
-
-def _check_air(solution: Solution, gases: Iterable[str]) -> None:
-    """Refuse a gas other than air: the diffusion of vapour is known in air only."""
-    for gas in gases:
-        kind = solution._run.network.media.gas(gas)
-        if kind != "air":
-            raise ScenarioError(
-                f"'{gas}' is {kind}, but the diffusion of vapour is known in air only. Leave its humidity out, or run it in air.",
-                solution.scenario,
-                code="model.element-not-supported",
-            )
 
 
 def _pressure(solution: Solution, gas: str, humidity: Signal) -> Array:

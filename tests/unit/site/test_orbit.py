@@ -14,7 +14,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import ScenarioError
 from thermid.physics.constants import STEFAN_BOLTZMANN
-from thermid.site.exposure import eclipse, planet_share
+from thermid.site.exposure import planet_share
 from thermid.site.orbit import PLANETS, OrbitFluxes, Planet, _Path
 
 CUBE = Planet(6370e3, 6.67e-11 * 5.97e24, 1370.0)
@@ -81,7 +81,11 @@ def test_its_temperature_is_that_of_the_published_balance(altitude: str) -> None
 
 @pytest.mark.parametrize("beta", [0.0, 40.0, -65.0, 80.0])
 def test_circles_have_the_shadow_of_the_closed_form(beta: float) -> None:
-    period, dark = eclipse(400e3, abs(beta))
+    """Gilmore, Spacecraft Thermal Control Handbook, 2nd ed., section 2.1: cos(pi f) = sqrt(h^2 + 2 R h) / ((R + h) cos beta)."""
+    radius, height = 6.371e6, 400e3
+    period = 2.0 * math.pi * math.sqrt((radius + height) ** 3 / 3.986004418e14)
+    share = math.sqrt(height**2 + 2.0 * radius * height) / ((radius + height) * math.cos(math.radians(beta)))
+    dark = period * math.acos(min(share, 1.0)) / math.pi
     found = orbit(beta=beta)
     assert found.period == pytest.approx(period, rel=1e-12)
     assert found.eclipse == pytest.approx(dark, abs=1e-4)

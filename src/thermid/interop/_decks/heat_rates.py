@@ -100,13 +100,11 @@ def heat_rates(
         if numbers is not None and times.size:
             period = float(times[-1]) if times[0] == 0.0 else 0.0
             course = FileCourse(times, np.array(numbers) * factor, period, where)
-        if course is None and (means is None or means[k] != 0.0):
+        if course is not None:
+            mean = means[k] * factor if means is not None else course.mean
+            rates.append(HeatRate(into, mean, course if times.size > 1 else None))
+        elif means is None or means[k] != 0.0:  # else it absorbs nothing
             absent.append(".".join(into))
-            continue
-        if course is None:
-            continue  # it absorbs nothing
-        mean = means[k] * factor if means is not None else course.mean
-        rates.append(HeatRate(into, mean, course if times.size > 1 else None))
     return rates, absent
 
 

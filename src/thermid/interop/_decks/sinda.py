@@ -528,9 +528,8 @@ def _multiplied(node: FileNode, factor: float | str) -> FileNode:
     mass = node.capacitance
     if factor == 1.0 or mass is None:
         return node
-    if isinstance(mass, Mapping):
-        return replace(node, capacitance={**mass, "mass": f"({factor})*{mass['mass']}"})
-    return replace(node, capacitance=f"({factor})*{mass}")
+    product = {**mass, "mass": f"({factor})*{mass['mass']}"} if isinstance(mass, Mapping) else f"({factor})*{mass}"
+    return replace(node, capacitance=product)
 
 
 def _product(cells: Cells) -> tuple[str, TextSpan]:
@@ -540,12 +539,22 @@ def _product(cells: Cells) -> tuple[str, TextSpan]:
 
 def _over_time(deck: SindaDeck, submodel: str, word: str, line: Line) -> FileCourse:
     """Return an array of pairs as a course over time."""
+    times, numbers = _pairs(deck, submodel, word, line)
+    return FileCourse(np.array(times) * deck.units.time, np.array(numbers), 0.0, str(line.where))
+
+
+def _pairs(deck: SindaDeck, submodel: str, word: str, line: Line) -> tuple[list[float], list[float]]:
+    """Return an array of pairs, of times or temperatures and of values.
+
+    Raises
+    ------
+    DeckError   When the deck has no such array, or an odd number of values in it.
+    """
     values = _array(deck, submodel, word)
     if values is None or len(values) % 2:
-        raise DeckError(
-            f"array {word} is not in ARRAY DATA of {submodel} as pairs of time and value.", str(line.where), code="import.not-understood"
-        )
-    return FileCourse(np.array(values[::2]) * deck.units.time, np.array(values[1::2]), 0.0, str(line.where))
+        what = "is missing" if values is None else f"has {counted(len(values), 'number')}, but needs pairs"
+        raise DeckError(f"array {word} of ARRAY DATA of {submodel} {what}.", str(line.where), code="import.not-understood")
+    return values[::2], values[1::2]
 
 
 def _tabulated_node(deck: SindaDeck, submodel: str, line: Line, kind: str, cells: Cells) -> FileNode:
@@ -584,19 +593,13 @@ def _points(deck: SindaDeck, submodel: str, kind: str, word: str, line: Line) ->
 
     Raises
     ------
-    DeckError   When the deck has no such array, or an odd number of values in it.
+    DeckError   As `_pairs`.
     """
+    if kind != "SPV":
+        return [(deck.units.celsius(t), v) for t, v in zip(*_pairs(deck, submodel, word, line), strict=True)]
     values = _array(deck, submodel, word)
     if values is None:
-        raise DeckError(f"array {word} is not in ARRAY DATA of {submodel}.", str(line.where), code="import.not-understood")
-    if kind != "SPV":
-        if len(values) % 2:
-            raise DeckError(
-                f"array {word} has {counted(len(values), 'number')}, but needs pairs of temperature and value.",
-                str(line.where),
-                code="import.not-understood",
-            )
-        return [(deck.units.celsius(t), v) for t, v in zip(values[::2], values[1::2], strict=True)]
+        raise DeckError(f"array {word} of ARRAY DATA of {submodel} is missing.", str(line.where), code="import.not-understood")
     grid = np.arange(-270.0, 230.1, 5.0)
     deck.reading.remark(line.where, "polynomial over temperature as a table every 5 K from -270 to 230 degC", dropped=False)
     native = (grid + 273.15) / deck.units.degree + deck.units.zero
@@ -672,6 +675,10 @@ def _followed(deck: SindaDeck, lines: list[Line]) -> dict[TextSpan, tuple[FileEm
     return {line.where: row for line, row in zip(lines, block.rows, strict=True)}
 
 
+_NO_NAME: Final = re.compile(r"^\w+ - |(?:Face|Edge) Contactor-?|\[[^\]]*\]")
+"""What stands around the name of a contactor in its comment."""
+
+
 class _Group:
     """The contactor that comments name, as long as its rows last.
 
@@ -685,7 +692,9 @@ class _Group:
         """Return the name of the conductor of a line, by the contactor or block of comments above it and by its two ends."""
         (sub_a, a), (sub_b, b) = ends
         key = (sub_a, sub_b) if sub_a != sub_b else (sub_a, a)
-        contactors = [_contactor(comment) for comment in line.before if re.match(r"(?:Contact|Conductor) - ", comment)]
+        # `Contact - Face Contactor-Chip to board[SUB][7]::738` is contact_chip_to_board_738
+        comments = (comment for comment in line.before if re.match(r"(?:Contact|Conductor) - ", comment))
+        contactors = [f"contact_{identifier(_NO_NAME.sub('', comment)).removeprefix('n_')}" for comment in comments]
         if contactors:
             self.name, self.key = "_and_".join(dict.fromkeys(contactors)), key
         elif key != self.key:
@@ -693,12 +702,6 @@ class _Group:
         if not contactors and sub_a == sub_b and abs(int(b[1:]) - int(a[1:])) == INSULATION:
             return f"mli_{identifier(sub_a)}" + ("" if line.text.lstrip().startswith("-") else "_conduction")
         return self.name or self.block
-
-
-def _contactor(words: str) -> str:
-    """Return the name of a group: `Contact - Face Contactor-Chip to board[SUB][7]::738` -> `contact_chip_to_board_738`."""
-    name = re.sub(r"^\w+ - |(?:Face|Edge) Contactor-?|\[[^\]]*\]", "", words)
-    return f"contact_{identifier(name).removeprefix('n_')}"
 
 
 def _end(word: str, submodel: str) -> tuple[tuple[str, str], bool]:
@@ -729,10 +732,8 @@ def _groups(cells: Cells) -> Iterator[tuple[int, int]]:
 def _row(deck: SindaDeck, submodel: str, kind: str, cells: Cells, group: _Group, line: Line) -> Iterator[FileConductor]:
     """Yield the conductors of a row: one for each pair of nodes."""
     number = int(cells[0][0])
-    many = 1 if not kind else 2
+    many = 2 if kind and len(cells) % 2 else 1  # an array may have a factor behind it
     pairs, values = cells[1:-many], cells[-many:]
-    if kind and len(cells) % 2 == 0:
-        pairs, values = cells[1:-1], cells[-1:]
     if not pairs or len(pairs) % 2:
         raise ValueError
     if not deck.reading.is_first(f"conductor {submodel}.{abs(number)}", cells[0][1]):
@@ -771,8 +772,7 @@ def _law(deck: SindaDeck, submodel: str, kind: str, number: int, values: Cells, 
         return {"kind": "table", "table": {"points": table}, "scale": f"({factor})" if isinstance(factor, str) else repr(factor)}
     value = deck.reading.value(text, where)
     if number < 0:
-        ratio = units.exchange_area()
-        return {"kind": "radiation", "exchange_factor": 1.0, "area": with_unit(value, "m^2", ratio)}
+        return {"kind": "radiation", "exchange_factor": 1.0, "area": with_unit(value, "m^2", units.exchange_area())}
     return {"kind": "conduction", "conductance": with_unit(value, "W/K", units.power / units.degree)}
 
 
@@ -819,13 +819,8 @@ def _following(load: FileLoad, course: FileCourse, factor: float | str, unit: fl
 _SET: Final = re.compile(r"\s*(?:(\w+)\.)?([QT])(\d+)\s*=\s*(?:((?:\w+\.)?Q\d+)\s*\+)?\s*(.+?)\s*$", re.IGNORECASE)
 
 
-@dataclass
-class _CourseVariable:
-    """A course over time that a call put into a variable, the factor that it had, and the statement."""
-
-    course: FileCourse
-    factor: float | str
-    line: Line
+Variable = tuple[FileCourse, float | str]
+"""A course over time that a call put into a variable, and the factor that it had."""
 
 
 def _joined(lines: list[Line]) -> Iterator[Line]:
@@ -847,7 +842,7 @@ def _joined(lines: list[Line]) -> Iterator[Line]:
 def _logic(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
     """Read VARIABLES 0 and 1: powers, temperatures of boundaries, both over time too, heaters; every other statement is named."""
     lines = list(_heaters(deck, submodel, lines))
-    variables: dict[str, _CourseVariable] = {}
+    variables: dict[str, Variable] = {}
     branch, label, depth, unknown, unused = "", "", 0.0, list[Line](), dict[str, Line]()
     for line in lines:
         text = line.words
@@ -869,7 +864,7 @@ def _logic(deck: SindaDeck, submodel: str, lines: list[Line]) -> None:
             target, variable = put
             if match := re.fullmatch(r"(?:(\w+)\.)?([QT])(\d+)", target):
                 into = ((match[1] or submodel).upper(), f"T{int(match[3])}")
-                if branch or not _put(deck, match[2], into, variable.factor, line.where, variable.course, label):
+                if branch or not _put(deck, match[2], into, variable[1], line.where, variable[0], label):
                     unknown.append(line)
             else:
                 unknown.extend([unused[target]] if target in unused else [])
@@ -884,7 +879,7 @@ _NOT_STEADY: Final = re.compile(r"IF ?\( ?NSOL ?\.GT\. ?1(?: ?\.OR\. ?DTIMES ?\.
 """The question whether a transient is computed, as Thermal Desktop writes it."""
 
 
-def _interpolated(deck: SindaDeck, submodel: str, line: Line) -> tuple[str, _CourseVariable] | None:
+def _interpolated(deck: SindaDeck, submodel: str, line: Line) -> tuple[str, Variable] | None:
     """Return where the interpolation of a statement goes, and its course over time; None when it is none over time."""
     match = re.match(r"\s*(?:CALL\s+)?(\w+)\s*\((.*)\)\s*$", line.text, re.IGNORECASE)
     form = _INTERPOLATIONS.get(match[1].upper(), "") if match else ""
@@ -902,11 +897,11 @@ def _interpolated(deck: SindaDeck, submodel: str, line: Line) -> tuple[str, _Cou
         course = FileCourse(np.array(times) * deck.units.time, np.array(numbers), period * deck.units.time, str(line.where))
     except (ThermidError, ValueError):
         return None
-    return arguments["r"].upper(), _CourseVariable(course, factor, line)
+    return arguments["r"].upper(), (course, factor)
 
 
 def _taken(
-    deck: SindaDeck, submodel: str, line: Line, variables: Mapping[str, _CourseVariable], unused: dict[str, Line], branch: str, label: str
+    deck: SindaDeck, submodel: str, line: Line, variables: Mapping[str, Variable], unused: dict[str, Line], branch: str, label: str
 ) -> bool:
     """Take a statement that sets a power or a boundary's temperature, or adds a power; whether it is one."""
     match = _SET.fullmatch(line.text)
@@ -926,8 +921,8 @@ def _taken(
             one, two, three = (deck.reading.number(deck.reading.value(row, where)) for row in rows)
             if not math.isclose(two, one + one) or not math.isclose(three, one + two):
                 return False  # no multiple of the course
-            factor, course = deck.reading.value(rows[0], where), variables[used].course
-            factor = _times(factor, variables[used].factor)
+            course, factor = variables[used]
+            factor = _times(deck.reading.value(rows[0], where), factor)
     except (ThermidError, ArithmeticError):
         return False
     if (branch and not adds) or not _put(deck, kind, (owner, node), factor, where, course, label, adds, branch):

@@ -175,12 +175,9 @@ class DeckReading:
 
     def _name(self, word: str, where: TextSpan) -> str:
         """Return what a name of the file is called in the model."""
-        name = self.names.get(word.upper())
+        name = self.names.get(word.upper()) or FUNCTIONS.get(word.upper())
         if name is None:
-            function = FUNCTIONS.get(word.upper())
-            if function is None:
-                raise DeckError(f"'{word}' is not defined before it is used.", str(where), code="import.not-understood")
-            return function
+            raise DeckError(f"'{word}' is not defined before it is used.", str(where), code="import.not-understood")
         return name
 
     def name(self, word: str) -> str:

@@ -133,18 +133,30 @@ class _Deck:
         return DeckError(f"'{label}' {what}, which is not written to {self.tool}.", self.w.network.title, code="output.not-expressible")
 
 
-def _over_temperature(arrays: list[tuple[int, list[float]]], kelvin: Iterable[float], values: Iterable[float]) -> str:
-    """Put an array of pairs of temperature [degC] and value down; return its name."""
-    arrays.append((len(arrays) + 1, [v for t, y in zip(kelvin, values, strict=True) for v in (round(float(t) - ICE_POINT, 12), float(y))]))
+def _array(arrays: list[list[float]], x: Iterable[float], y: Iterable[float]) -> str:
+    """Put an array of pairs down; return its name."""
+    arrays.append(_pairs(x, y))
     return f"A{len(arrays)}"
 
 
+def _pairs(x: Iterable[float], y: Iterable[float]) -> list[float]:
+    """Return the numbers of pairs one after the other."""
+    return [float(number) for pair in zip(x, y, strict=True) for number in pair]
+
+
+def _celsius(kelvin: Iterable[float]) -> list[float]:
+    """Return temperatures in degC, without the digits that the difference makes."""
+    return [round(float(t) - ICE_POINT, 12) for t in kelvin]
+
+
 class _Sinda(_Deck):
+    """A deck of SINDA/FLUINT."""
+
     tool = "SINDA"
 
     def lines(self) -> Iterator[str]:
         """Yield the lines of the deck."""
-        w, arrays = self.w, list[tuple[int, list[float]]]()
+        w, arrays = self.w, list[list[float]]()
         courses = [(source, self.course(source)) for source in w.sources]
         yield "HEADER OPTIONS"
         yield f"C    {one_line(w.network.title)}, {one_line(w.scenario.title)}: W, J, s, degC, m"
@@ -166,14 +178,14 @@ class _Sinda(_Deck):
         logic = [line for source, table in courses if table is not None for line in self._followed(source, table, arrays)]
         if arrays:
             yield f"HEADER ARRAY DATA, {self.main}"
-            for k, values in arrays:
+            for k, values in enumerate(arrays, 1):
                 yield f"      {k} = {number_text(values[0])}" + ("," if len(values) > 1 else "")
                 yield from (f"          {', '.join(map(number_text, values[i : i + 6]))}" for i in range(1, len(values), 6))
         if logic:
             yield f"HEADER VARIABLES 0, {self.main}"
             yield from logic
 
-    def _node(self, node: str, number: int, arrays: list[tuple[int, list[float]]]) -> str:
+    def _node(self, node: str, number: int, arrays: list[list[float]]) -> str:
         """Return the line of a node: its start [degC or K], its heat capacity [J/K], or that it is a boundary or has no mass."""
         capacitance = self.w.capacitances.get(node)
         if node in self.w.boundaries:
@@ -181,11 +193,11 @@ class _Sinda(_Deck):
         start = number_text(round(self.w.initial.get(node, ICE_POINT + 20.0) - ICE_POINT, 12))
         if (store := self.w.network.stores.get(node)) is not None and capacitance is not None:
             mass = number_text(float(capacitance) / store.reference)
-            array = _over_temperature(arrays, store.given.x, store.given.y)
+            array = _array(arrays, _celsius(store.given.x), store.given.y)
             return f"      SIV {number}, {start}, {self.main}.{array}, {mass} $ {one_line(node)}"
         return f"      {number}, {start}, {number_text(float(capacitance)) if capacitance is not None else '-1.'} $ {one_line(node)}"
 
-    def _conductor(self, k: int, label: str, row: ConductorRow, arrays: list[tuple[int, list[float]]]) -> str:
+    def _conductor(self, k: int, label: str, row: ConductorRow, arrays: list[list[float]]) -> str:
         """Return the line of a conductor; a law that the format does not have is refused."""
         ends = ", ".join(f"{owner}.{number}" for owner, number in (self.numbers[end] for end in row.ends))
         tail = f"$ {one_line(label)}"
@@ -195,7 +207,7 @@ class _Sinda(_Deck):
             return f"      {k}, {ends}, {number_text(value_of(row.coefficients[0]))} {tail}"
         if row.form == "radiation":
             return f"      -{k}, {ends}, {number_text(self.radiation(row))} {tail}"
-        if row.form == "table" and row.curve is not None and row.curve.over != "difference" and not row.curve.film:
+        if row.form == "table" and not row.signal and row.curve is not None and row.curve.over != "difference" and not row.curve.film:
             x, y, held = table_points(row.curve)
             if not held:
                 raise DeckError(
@@ -203,20 +215,19 @@ class _Sinda(_Deck):
                     self.w.network.title,
                     code="output.not-expressible",
                 )
-            return f"      SIV {k}, {ends}, {_over_temperature(arrays, x, y)}, {number_text(value_of(row.coefficients[0]))} {tail}"
+            return f"      SIV {k}, {ends}, {_array(arrays, _celsius(x), y)}, {number_text(value_of(row.coefficients[0]))} {tail}"
         raise self.refused(label, row)
 
-    def _followed(self, source: HeatSource, table: TableSignal, arrays: list[tuple[int, list[float]]]) -> Iterator[str]:
+    def _followed(self, source: HeatSource, table: TableSignal, arrays: list[list[float]]) -> Iterator[str]:
         """Yield the statements of a course, and put its array down."""
         owner, number = self.numbers[source.node]
-        pairs = [v for t, p in zip(table.times.tolist(), table.values.tolist(), strict=True) for v in (t, p)]
-        arrays.append((len(arrays) + 1, pairs))
-        array, power = f"A{len(arrays)}", number_text(float(source.power))
-        yield f"      CALL D1DEG1(TIMEM, {array}, Q__TD)"
-        yield f"      {owner}.Q{number} = {owner}.Q{number} + Q__TD*{power}"
+        yield f"      CALL D1DEG1(TIMEM, {_array(arrays, table.times, table.values)}, Q__TD)"
+        yield f"      {owner}.Q{number} = {owner}.Q{number} + Q__TD*{number_text(float(source.power))}"
 
 
 class _Esatan(_Deck):
+    """A deck of ESATAN-TMS."""
+
     tool = "ESATAN"
 
     def __init__(self, w: Wired) -> None:
@@ -249,7 +260,7 @@ class _Esatan(_Deck):
         if followed:
             yield from ("$ARRAYS", "$REAL")
             for k, (_, table) in enumerate(followed, 1):
-                pairs = [v for t, p in zip(table.times.tolist(), table.values.tolist(), strict=True) for v in (t, p)]
+                pairs = _pairs(table.times, table.values)
                 rows = ",\n  ".join(", ".join(map(number_text, pairs[i : i + 6])) for i in range(0, len(pairs), 6))
                 yield f"COURSE{k}(2, {table.times.size}) = {rows};"
             yield "$VARIABLES1"

@@ -281,13 +281,8 @@ class FmuRunner:
         is_driven = name in wiring.scenario.loads or name in wiring.scenario.commands or f"scale.{name}" in wiring.free
         if q.plain and not is_driven:
             return Constant(q.start or 0.0), 1.0, 0.0
-        place = self._place(wiring, name)
+        place = next(p.places[0] for p in wiring.structure.loads if p.row.name == name)
         return wiring.signals[f"load {name}"], float(a.coefficients[place]) / q.factor, 0.0
-
-    @staticmethod
-    def _place(wiring: Wiring, name: str) -> int:
-        """Return where the power of a load stands among the coefficients."""
-        return next(p.places[0] for p in wiring.structure.loads if p.row.name == name)
 
     def _driven(self, engine: Engine, a: Assembled, k: int, size: int) -> dict[int, InputCourse]:
         """Return value reference -> derivative of an input with respect to a free name, of those that it moves."""
@@ -337,19 +332,13 @@ def _units_of(file: FmuFile) -> dict[str, _Measure]:
             dimension = tuple(Fraction(getattr(base, b)) for b in _BASES)
             out[u.name] = _Measure(float(base.factor), float(base.offset), dimension)
     for name in {v.unit or (v.declaredType.unit if v.declaredType is not None else None) for v in file.described.modelVariables}:
-        if name and name not in out:
-            out[name] = _by_words(name)
+        if name and name not in out:  # such as W/(m2.K)
+            try:
+                of = unit(re.sub(r"(?<=[A-Za-z])(-?\d+)", r"^\1", name).replace(".", " "))
+                out[name] = _Measure(float(of.factor), float(of.offset), of.dimension)
+            except UnitError:
+                out[name] = _Measure(known=False)
     return out
-
-
-def _by_words(name: str) -> _Measure:
-    """Return what a unit means that the FMU does not define, such as ``W/(m2.K)``."""
-    text = re.sub(r"(?<=[A-Za-z])(-?\d+)", r"^\1", name).replace(".", " ")
-    try:
-        of = unit(text)
-    except UnitError:
-        return _Measure(known=False)
-    return _Measure(float(of.factor), float(of.offset), of.dimension)
 
 
 def _quantity(v: Any, units: Mapping[str, _Measure], used: dict[str, str], file: FmuFile) -> tuple[FmuQuantity, Dimension]:

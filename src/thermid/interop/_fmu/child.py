@@ -358,7 +358,11 @@ class _Steps(_FmuRun):
 
 def serve(path: str, folder: str, notes: str) -> None:
     """Answer requests for runs of an FMU until there are no more of them."""
-    requests, answers = _pipes()
+    pipes = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    nothing = os.open(os.devnull, os.O_RDWR)
+    os.dup2(nothing, 0)
+    os.dup2(nothing, 1)
+    requests, answers = pipes
     waiting: SimpleQueue[bytes] = SimpleQueue()
     Thread(target=_listen, args=(requests, waiting), daemon=True).start()
     file = UnpackedFmu(Path(path), folder)
@@ -366,15 +370,6 @@ def serve(path: str, folder: str, notes: str) -> None:
     _limit(cap("memory"))
     while True:
         send(answers, _answer(file, waiting.get()))
-
-
-def _pipes() -> tuple[BinaryIO, BinaryIO]:
-    """Return where requests come from and answers go to; what an FMU reads or prints has nothing to do with them."""
-    pipes = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    nothing = os.open(os.devnull, os.O_RDWR)
-    os.dup2(nothing, 0)
-    os.dup2(nothing, 1)
-    return pipes
 
 
 def _listen(requests: BinaryIO, waiting: SimpleQueue[bytes]) -> None:

@@ -158,10 +158,9 @@ class _Description(ABC):
 
     def head(self, **more: str) -> dict[str, str]:
         """Return the attributes of the root that FMI 2 and 3 share, and more."""
-        text = self.what.text
         return {
             "modelName": self.what.title,
-            "description": text,
+            "description": self.what.text,
             "generationTool": "thermid",
             "variableNamingConvention": "structured",
             **more,
@@ -180,6 +179,8 @@ class _Description(ABC):
 
 
 class _Third(_Description):
+    """The description of FMI 3.0."""
+
     def tree(self) -> Xml.Element:
         """Return the model description in this version of FMI: interfaces, units, variables, structure."""
         root = Xml.Element("fmiModelDescription", self.head(fmiVersion="3.0", instantiationToken=self.what.token))
@@ -211,6 +212,8 @@ class _Third(_Description):
 
 
 class _Second(_Description):
+    """The description of FMI 2.0."""
+
     def tree(self) -> Xml.Element:
         """Return the model description in this version of FMI: interfaces, units, variables, structure."""
         count = sum(v.kind == INDICATOR for v in self.variables)

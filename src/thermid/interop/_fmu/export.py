@@ -308,12 +308,8 @@ def _sources() -> dict[str, bytes]:
     root = installed if installed.is_dir() else Path(__file__).parents[3] / "kernel"
     rooms: dict[str, tuple[str, ...]] = dict.fromkeys(("algebra", "network", "step", "integrator", "leastsquares", "fmu"), (".cpp", ".hpp"))
     rooms["ensemble"] = ("_lanes.hpp",)
-    out = {}
-    for room, endings in rooms.items():
-        for file in sorted((root / room).glob("*")):
-            if file.name.endswith(endings):
-                out[f"{room}/{file.name}"] = read_bytes(file)
-    return out
+    files = ((room, file) for room, endings in rooms.items() for file in sorted((root / room).glob("*")) if file.name.endswith(endings))
+    return {f"{room}/{file.name}": read_bytes(file) for room, file in files}
 
 
 def _folder(version: str) -> str:
@@ -444,9 +440,7 @@ def _holds(wiring: Wiring, assembled: Assembled, values: Mapping[str, float], of
         if network_numbers is None:
             continue
         was_checked = True
-        line = StraightLine(coefficients)
-        ours = line.values(at)
-        theirs = np.array(network_numbers.coefficients)
+        ours, theirs = StraightLine(coefficients).values(at), np.array(network_numbers.coefficients)
         if (
             ours.shape != theirs.shape
             or not np.allclose(ours, theirs, rtol=MAX_FORMULA_DIFFERENCE, atol=0.0)
@@ -458,15 +452,13 @@ def _holds(wiring: Wiring, assembled: Assembled, values: Mapping[str, float], of
 
 def _acts(wiring: Wiring, assembled: Assembled, values: Mapping[str, float], name: str) -> bool:
     """Return whether a symbol changes anything at all, or cannot be changed."""
-    for by in MOVES:
-        network_numbers = _network(wiring, {name: _moved(wiring, name, values[name], by)})
-        if (
-            network_numbers is None
-            or not np.array_equal(network_numbers.coefficients, assembled.coefficients)
-            or not _same_tables(assembled.numbers, network_numbers.numbers)
-        ):
-            return True
-    return False
+    moved = (_network(wiring, {name: _moved(wiring, name, values[name], by)}) for by in MOVES)
+    return any(
+        other is None
+        or not np.array_equal(other.coefficients, assembled.coefficients)
+        or not _same_tables(assembled.numbers, other.numbers)
+        for other in moved
+    )
 
 
 def _network(wiring: Wiring, values: Mapping[str, float]) -> Assembled | None:

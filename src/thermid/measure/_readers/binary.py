@@ -367,6 +367,7 @@ def hdf5(data: bytes, file: str, separator: str | None) -> Cells:
     unpacked = 0
 
     def visit(name: str, item: Any) -> None:
+        """Refuse an item whose values are in other files, and add up what it unpacks to."""
         nonlocal unpacked
         links = [k for k in item if isinstance(item.get(k, getlink=True), library.ExternalLink)] if isinstance(item, library.Group) else []
         is_vector = isinstance(item, library.Dataset) and "#" not in name and item.ndim > 0 and item.size > 1

@@ -109,8 +109,7 @@ def spelt(text: str) -> str:
     ('degC', 'V', 'mW')
     """
     plain = text.strip()
-    degree = re.match(_DEGREE, plain)
-    if degree:
+    if degree := re.match(_DEGREE, plain):
         letter = (degree[1] or degree[2]).upper()
         return "K" if letter == "K" else f"deg{letter}"
     return _SPELT.get(plain) or _SPELT.get(plain.lower()) or plain
@@ -289,8 +288,11 @@ def one_line_of_names(rows: Lines, numbers: Sequence[int]) -> tuple[list[str], s
                 )
     clock = set.union(*timed)
     units = [_common_unit([row[at] for row in cells], numbers) for at in range(len(cells[0]))]
-    named = [k for k, row in enumerate(cells) if not _counts_channels([cell for at, cell in enumerate(row) if at not in clock])]
-    telling = [k for k in named if _identifies(cells, k, clock)]
+    # a line whose cells only number channels names nothing; one that names every column apart from the time, no two alike, tells all
+    others = [[_bare_name(cell) for at, cell in enumerate(row) if cell and at not in clock] for row in cells]
+    named = [k for k, row in enumerate(others) if not all(re.match(_NUMBERING, name) for name in row)]
+    every = {at for row in cells for at, cell in enumerate(row) if cell} - clock
+    telling = [k for k in named if every and all(cells[k][at] for at in every) and not _twice([cells[k][at] for at in every])]
     if any(timed[k] for k in telling):  # a line with another word above or below the time is of another kind: a title, forms of cells
         telling = [k for k in telling if not any(cells[k][at] and at not in timed[k] for at in clock)]
     if len(telling) == 1:
@@ -306,11 +308,6 @@ def one_line_of_names(rows: Lines, numbers: Sequence[int]) -> tuple[list[str], s
                     break
     full = [f"{name} [{unit}]" if unit and not _unit_of(name) else name for name, unit in zip(names, units, strict=True)]
     return full, _names_assumed(cells, numbers, used, names)
-
-
-def _counts_channels(cells: Sequence[str]) -> bool:
-    """Whether all cells number channels or are empty."""
-    return all(re.match(_NUMBERING, _bare_name(cell)) for cell in cells if cell)
 
 
 def _bare_name(cell: str) -> str:
@@ -342,13 +339,6 @@ def _twice(names: Sequence[str]) -> bool:
     """Whether a name occurs twice; empty ones do not count."""
     held = [name for name in names if name]
     return len({*held}) < len(held)
-
-
-def _identifies(cells: Lines, line: int, clock: set[int]) -> bool:
-    """Whether one line names every column that any line names, but for the time, and no two alike."""
-    every = {at for row in cells for at, cell in enumerate(row) if cell} - clock
-    held = [cells[line][at] for at in sorted(every)]
-    return bool(held) and all(held) and not _twice(held)
 
 
 def _filled(cells: Lines, line: int) -> list[str]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -26,6 +26,8 @@ from thermid.measure._readers.textfile import Cells, decoded, read_bytes
 from thermid.measure._record.channel import BoolArray, Channel, FloatArray, Origin, digest, with_sensor
 from thermid.measure._record.record import Record
 
+STATED_SIZES: Final = ("noise", "accuracy", "resolution")
+"""What a table of a channel says of the size of its errors and its step."""
 SCPI_OVERLOAD: Final = 9.9e36
 """What instruments with SCPI write for an overload or an open sensor is 9.9e37, of either sign; it is masked as infinite."""
 
@@ -192,10 +194,10 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int], tim
     scale = 1.0 if watts is None else watts
     difference = "K" if quantity == "temperature" else unit_text
 
-    def size(written: str | float | None, word: str) -> float | None:
-        """Return an error or step of the column in SI; one in per cent is a share of the full scale."""
-        return None if written is None else amount(written, difference, f"{where}, {word}") * scale
-
+    # errors and the step of the column; one in per cent is a share of the full scale
+    stated_sizes = {word: getattr(binding, word) for word in STATED_SIZES}
+    stated_sizes["resolution"] = binding.resolution or cells.resolution.get(column)
+    sizes: dict[str, Any] = {word: amount(v, difference, f"{where}, {word}") * scale for word, v in stated_sizes.items() if v is not None}
     values = in_si(samples, unit_text) * scale
     channel = Channel(
         binding.name,
@@ -205,9 +207,7 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int], tim
         role=binding.role,
         target=binding.target,
         gain=binding.gain,
-        noise=size(binding.noise, "noise"),
-        accuracy=size(binding.accuracy, "accuracy"),
-        resolution=size(binding.resolution or cells.resolution.get(column), "resolution"),
+        **sizes,
         column=column,
         unit=unit_text if watts is None else "W",
         assumed=not stated and not ((ending := LETTERED.match(column)) and ending["letter"] in "CW"),
@@ -247,10 +247,9 @@ def _power(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times
 
     read = power_readings(binding.power, column, times, where)
 
-    def size(written: str | float | None, word: str) -> float | None:
-        """Return a power of a table, None where none is written. [W]"""
-        return None if written is None else amount(written, "W", f"{where}, {word}")
-
+    sizes: dict[str, Any] = {
+        word: amount(written, "W", f"{where}, {word}") for word in STATED_SIZES if (written := getattr(binding, word)) is not None
+    }
     return Channel(
         binding.name,
         read.watts,
@@ -265,9 +264,7 @@ def _power(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times
         samples=binding.samples or read.samples,
         interpolation=binding.interpolation,
         masks={RESTARTED: read.restarted} if read.restarted.any() else {},
-        noise=size(binding.noise, "noise"),
-        accuracy=size(binding.accuracy, "accuracy"),
-        resolution=size(binding.resolution, "resolution"),
+        **sizes,
     )
 
 
@@ -467,16 +464,6 @@ class PlainTable:
         """The first stamp, or None where the table has seconds."""
         return self._clock[1]
 
-    def _at(self, name: str) -> int:
-        """Return the place of a column.
-
-        Raises
-        ------
-        NameNotFoundError   When there is no such column.
-        """
-        refuse_unknown([name], self.names, self.file, "no column '{}'.", NameNotFoundError)
-        return self.names.index(name)
-
     def column(self, name: str, slot: str, usual: str = "") -> FloatArray:
         """Return the values (samples,) of a column, NaN where one is missing. [SI]
 
@@ -492,7 +479,8 @@ class PlainTable:
         RecordError         When a cell is no number.
         UnitError           When the header's unit is of another dimension.
         """
-        at = self._at(name)
+        refuse_unknown([name], self.names, self.file, "no column '{}'.", NameNotFoundError)
+        at = self.names.index(name)
         parsed = numbers(self.cells.columns[at], self._decimal)
         if isinstance(parsed, int):
             raise RecordError(

@@ -170,13 +170,11 @@ def _by_name_or_content(cells: Cells, names: list[str], dates: list[int], clocks
     units = [name_and_unit(header)[1] for header in cells.header]
     rising = [at for at, unit in enumerate(units) if unit in ("s", "ms", "us", "ns", "min", "h", "d") and _rises(cells, at)]
     for hits in (named, stamps, clocks, rising):
-        if len(hits) == 1:
+        # the only one, a date with its clock time, or several with the same cells
+        parted = len(hits) == 2 and {*hits} <= {*dates, *clocks} and len({*hits} & {*dates}) == 1
+        if len(hits) == 1 or parted or (hits and all([*cells.columns[at]] == [*cells.columns[hits[0]]] for at in hits)):
             return hits[0]
-        if len(hits) == 2 and {*hits} <= {*dates, *clocks} and len({*hits} & {*dates}) == 1:
-            return hits[0]
-        if len(hits) > 1 and all([*cells.columns[at]] == [*cells.columns[hits[0]]] for at in hits):
-            return hits[0]
-        if len(hits) > 1:
+        if hits:
             raise RecordError(
                 f"{' and '.join(cells.header[at] for at in hits)} could both be the time column. Give time='...' with the right one.",
                 cells.file,
@@ -495,11 +493,9 @@ def _chosen(cells: Cells, clock: Clock, times_by_order: dict[str, FloatArray]) -
     ------
     RecordError   When several remain that differ.
     """
-    first = next(iter(times_by_order.values()))
-    if len(times_by_order) == 1:
-        return next(iter(times_by_order))
+    name, first = next(iter(times_by_order.items()))
     if all(np.array_equal(values, first) for values in times_by_order.values()):
-        return next(iter(times_by_order))  # within a day their order does not count
+        return name  # within a day their order does not count
     steps = {order: np.sort(np.diff(np.unique(values))) for order, values in times_by_order.items()}
     whole = [order for order, step in steps.items() if step.size and step[-1] <= 5.0 * max(step[(step.size - 1) // 2], 1.0)]
     alike = {tuple(times_by_order[order][[0, -1]]) for order in whole}
@@ -701,9 +697,8 @@ def one_stamp(text: str) -> datetime:
     ------
     ValueError   When it is neither.
     """
-    if text[:1].isdigit() and text[4:5] in "-0123456789":
-        return datetime.fromisoformat(text)
-    match = _NAMED.match(text) or _AMERICAN.match(text)
+    numeric = text[:1].isdigit() and text[4:5] in "-0123456789"
+    match = None if numeric else _NAMED.match(text) or _AMERICAN.match(text)
     if match is None:
         return datetime.fromisoformat(text)
     month = _MONTHS.get(match["word"].lower()[:3])

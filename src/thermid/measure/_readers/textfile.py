@@ -154,30 +154,8 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
         notes.append(f"the lines above the samples stand again in the middle (line {shown}): a restart of the logger, skipped")
     above, lines, mark = _below_preamble(lines, separator)
     mark = mark or _separator(lines, separator, file)
-    lines[0] = (lines[0][0], _plain_header(lines[0][1], mark))
-    columns = None if any('"' in line for _, line in lines) else _columns(lines, mark)
-    if columns is None:
-        rows, numbers = _rows(lines, mark, file)
-    else:  # all lines have as many cells, so the first ones and the last two tell the rest
-        rows, numbers = list(map(list, zip(*((*c[:_HEAD], *c[_HEAD:][-2:]) for c in columns), strict=True))), [n for n, _ in lines]
-    if above:
-        notes.append(f"{counted(above, 'line')} above the header in line {numbers[0]} skipped")
-    if all(is_number(name) for name in rows[0]) and lines_of_names(rows, numbers) == 1:
-        names = _comment_above(every, numbers[0], mark, len(rows[0]))
-        if names is None:
-            raise RecordError(
-                "the first line holds numbers. Add a header line with the names of the columns above it.",
-                f"{file}:{numbers[0]}",
-                code="record.layout-unclear",
-            )
-        rows, numbers = _rows(lines, mark, file)
-        rows, numbers, columns = [names, *rows], [numbers[0] - 1, *numbers], None
-        notes.append("the header was read from the comment above the samples")
+    rows, numbers, columns = _table(every, lines, mark, file, notes, above)
     width = len(rows[0])
-    if ends := _ends_with_separator(rows):
-        rows[:ends], width, columns = [row[:-1] for row in rows[:ends]], width - 1, None
-    if len(rows) > 1 and all(len(row) == width + 1 and not row[-1].strip() for row in rows[1:]):
-        rows, columns = [rows[0], *(row[:-1] for row in rows[1:])], None  # samples that end with a separator, as their header does not
     rows, numbers, columns, notes_on_names = _with_one_line_of_names(rows, numbers, columns, file)
     notes += notes_on_names
     header, extra = with_units_row(rows)
@@ -205,11 +183,52 @@ def cells_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
     synthetic = any(
         line.lstrip(' "#').startswith("SYNTHETIC") or ("#" in line[:3] and "SYNTHETIC" in line) for line in text.split("\n", 20)[:20]
     )
-    commas = columns is None or mark != ","
-    layout = Layout(separator=SEPARATORS.get(mark, mark), preamble=above, units_row=header.units, encoding=_encoding(notes))
-    return Cells(
-        file, header.names, columns or list(zip(*rows, strict=True)), numbers, tuple(notes), synthetic, commas=commas, layout=layout
+    layout = Layout(
+        separator=SEPARATORS.get(mark, mark),
+        preamble=above,
+        units_row=header.units,
+        encoding=next((note.split()[2].rstrip(",") for note in notes if note.startswith("read as ")), "UTF-8"),
     )
+    commas, table = columns is None or mark != ",", columns or list(zip(*rows, strict=True))
+    return Cells(file, header.names, table, numbers, tuple(notes), synthetic, commas=commas, layout=layout)
+
+
+Table = tuple[list[list[str]], list[int], list[tuple[str, ...]] | None]
+"""Rows of cells, their line numbers, and the columns where all lines have as many cells; then the rows are the first and the last two."""
+
+
+def _table(every: list[tuple[int, str]], lines: list[tuple[int, str]], mark: str, file: str, notes: list[str], above: int) -> Table:
+    """Return the header and what stands below it in `lines`, of `every` line of the file, without separators at the ends of lines.
+
+    Raises
+    ------
+    RecordError   When the first line holds numbers and no comment above it names them.
+    """
+    lines[0] = (lines[0][0], _plain_header(lines[0][1], mark))
+    columns = None if any('"' in line for _, line in lines) else _columns(lines, mark)
+    if columns is None:
+        rows, numbers = _rows(lines, mark, file)
+    else:  # all lines have as many cells, so the first ones and the last two tell the rest
+        rows, numbers = list(map(list, zip(*((*c[:_HEAD], *c[_HEAD:][-2:]) for c in columns), strict=True))), [n for n, _ in lines]
+    if above:
+        notes.append(f"{counted(above, 'line')} above the header in line {numbers[0]} skipped")
+    if all(is_number(name) for name in rows[0]) and lines_of_names(rows, numbers) == 1:
+        names = _comment_above(every, numbers[0], mark, len(rows[0]))
+        if names is None:
+            raise RecordError(
+                "the first line holds numbers. Add a header line with the names of the columns above it.",
+                f"{file}:{numbers[0]}",
+                code="record.layout-unclear",
+            )
+        rows, numbers = _rows(lines, mark, file)
+        rows, numbers, columns = [names, *rows], [numbers[0] - 1, *numbers], None
+        notes.append("the header was read from the comment above the samples")
+    if ends := _ends_with_separator(rows):
+        rows[:ends], columns = [row[:-1] for row in rows[:ends]], None
+    width = len(rows[0])
+    if len(rows) > 1 and all(len(row) == width + 1 and not row[-1].strip() for row in rows[1:]):
+        rows, columns = [rows[0], *(row[:-1] for row in rows[1:])], None  # samples that end with a separator, as their header does not
+    return rows, numbers, columns
 
 
 def _refuse_odd_rows(rows: list[list[str]], numbers: list[int], width: int, mark: str, file: str) -> None:
@@ -263,11 +282,6 @@ def _with_one_line_of_names(
     if columns is not None:
         columns = [(name, *column[count:]) for name, column in zip(names, columns, strict=True)]
     return [names, *rows[count:]], numbers[count - 1 :], columns, [note]
-
-
-def _encoding(notes: Sequence[str]) -> str:
-    """Return the encoding that notes of `decoded` state."""
-    return next((note.split()[2].rstrip(",") for note in notes if note.startswith("read as ")), "UTF-8")
 
 
 def _without_repeats(lines: list[tuple[int, str]]) -> tuple[list[tuple[int, str]], list[int]]:
@@ -434,40 +448,20 @@ def decoded(data: bytes, file: str) -> tuple[str, list[str]]:
     ------
     RecordError   When it is no text.
     """
-    text, notes = _decoded(data, file)
-    return text.replace("\r\n", "\n").replace("\r", "\n"), notes
-
-
-def _decoded(data: bytes, file: str) -> tuple[str, list[str]]:
-    """Return the text of some bytes, and notes on its encoding.
-
-    Raises
-    ------
-    RecordError   When they hold control characters that no text has.
-    """
-    binary = "this is a binary file, not a text log" + (" (a workbook or archive)" if data[:2] == b"PK" else "") + ". Export it as CSV."
+    wide = "utf-16" if data[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE) else ""
+    for zero, order in ((1, "utf-16-le"), (0, "utf-16-be")):  # without a mark: every other byte of Latin letters is zero
+        if len(data) > 3 and not any(data[zero:200:2]) and all(data[1 - zero : 200 : 2]):
+            wide = order
     try:
-        if data[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
-            text, notes = data.decode("utf-16"), ["read as UTF-16"]
-        elif (order := _unmarked(data)) is not None:
-            text, notes = data.decode(order), ["read as UTF-16"]
-        else:
-            text, notes = data.decode("utf-8-sig"), []
+        text, notes = data.decode(wide or "utf-8-sig"), ["read as UTF-16"] if wide else []
     except UnicodeDecodeError:
         # older loggers write the degree sign in Latin-1, which takes any byte; control characters still show a binary file
         text, notes = data.decode("latin-1"), ["read as Latin-1, because it is not UTF-8"]
     plain = text.encode() if notes == ["read as UTF-16"] else data
     if len(plain.translate(None, _CONTROL)) < len(plain):
-        raise RecordError(binary, file, code="record.damaged")
-    return text, notes
-
-
-def _unmarked(data: bytes) -> str | None:
-    """Return the encoding of UTF-16 text without a mark, by the zero bytes of Latin letters; None for other bytes."""
-    for zero, order in ((1, "utf-16-le"), (0, "utf-16-be")):
-        if len(data) > 3 and not any(data[zero:200:2]) and all(data[1 - zero : 200 : 2]):
-            return order
-    return None
+        packed = " (a workbook or archive)" if data[:2] == b"PK" else ""
+        raise RecordError(f"this is a binary file, not a text log{packed}. Export it as CSV.", file, code="record.damaged")
+    return text.replace("\r\n", "\n").replace("\r", "\n"), notes
 
 
 def _split(lines: list[tuple[int, str]], mark: str) -> list[int]:
@@ -546,7 +540,7 @@ def _without_cut_line(rows: list[list[str]], columns: int, whole: bool) -> tuple
     cut = len(last) < columns
     if not cut and not whole and len(rows) > 1 and len(last) == len(rows[-2]):
         cut = is_number(rows[-2][-1]) and not is_number(last[-1]) and last[-1].strip().lower() not in MISSING
-    return (rows[:-1], True) if cut else (rows, False)
+    return rows[:-1] if cut else rows, cut
 
 
 class ChannelSeries(NamedTuple):

@@ -24,7 +24,6 @@ from thermid.base.units import TEMPERATURE, counted, format_value, from_si, in_s
 from thermid.measure._record import windows
 from thermid.measure._record.channel import (
     ROLES,
-    BoolArray,
     Channel,
     FloatArray,
     Origin,
@@ -377,23 +376,6 @@ class Record(Samples, Result):
         inside, text = stretch(self, start, end, f"mask of '{channel}'")
         masked = measured.masked(inside, reason)
         return self._noted(f"mask: {channel} from {text} ({self._masked_since(masked)} samples), {reason}", masked)
-
-    def masked_where(self, channel: str, where: BoolArray, reason: str) -> Record:
-        """Return the record with samples of a channel masked where an array of truth values (samples,) is True.
-
-        Raises
-        ------
-        RecordError   When it is no such array, or no valid sample would remain.
-        """
-        measured, chosen = self.channel(channel), np.asarray(where)
-        if chosen.dtype != np.bool_ or chosen.shape != self.times.shape:
-            raise RecordError(
-                f"an array of {self.times.size} truth values is needed; this one has shape {chosen.shape} and type {chosen.dtype}.",
-                "masked_where",
-                code="record.shape",
-            )
-        masked = measured.masked(chosen, reason)
-        return self._noted(f"mask: {channel}, {self._masked_since(masked)} samples, {reason}", masked)
 
     def joined(self, other: Record, offset: Any = None, rate: float | tuple[float, float] = 1.0) -> Record:
         """Return the channels of both records, on the times of both.

@@ -16,7 +16,6 @@ from thermid.base.extensions import by_grammar, grammar_of, refuse_another_kind
 from thermid.base.files import read_text
 from thermid.base.toml_files import Places, read_toml, resolve_inside
 from thermid.model._deck.rows import written_out
-from thermid.model._deck.standard import STANDARD, standard_part
 from thermid.model._parts.parameter import Parameter, parameter
 from thermid.model._tree.arrays import Instances, made_instances, merged
 from thermid.model._tree.flat import flatten
@@ -26,6 +25,11 @@ from thermid.model._tree.tree import TABLES, Submodel
 
 if TYPE_CHECKING:
     from thermid.model._deck.assemblies import Assembly
+
+STANDARD = "std:"
+"""What the name of a standard part begins with where a deck uses it."""
+_PARTS = Path(__file__).with_name("parts")
+
 
 SCHEMA = "thermid.model._deck.schema"
 ASSEMBLIES = ("packages", "ladders", "coolers", "fans")
@@ -286,3 +290,23 @@ def _check_names(model: Model) -> None:
 def _alias_in(model: Model, path: str) -> str | None:
     """Return the alias that a path is or starts with, or None."""
     return next((a for a in (path, path.partition(".")[0]) if a in model.aliases), None)
+
+
+def standard_parts() -> dict[str, Path]:
+    """Return name of every standard part -> its deck."""
+    return {file.stem: file for file in sorted(_PARTS.glob("*.toml"))}
+
+
+def standard_part(used: str, where: str) -> Path:
+    """Return the deck of a standard part, by its name as a deck uses it.
+
+    Raises
+    ------
+    DeckError   When there is none of that name; the message has the nearest one.
+    """
+    name, parts = used.removeprefix(STANDARD), standard_parts()
+    if name not in parts:
+        raise DeckError(
+            f"no standard part '{name}'.{nearest(name, parts)} 'thermid example --parts' lists all.", where, code="name.unknown"
+        )
+    return parts[name]

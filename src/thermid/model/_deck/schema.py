@@ -850,8 +850,7 @@ _WORDS = frozenset[str]().union(*(kind.words for kind in KINDS.values()))
 def _with_fields_of_kinds() -> type[_ConductorTable]:
     """Return the conductor's table with the fields of every kind, so that a new kind needs no line here."""
     shaped: dict[str, Any] = {"htc": Coefficient | None, "conductivity": Tabulated | None}
-    names = sorted({slot.partition(".")[0] for kind in KINDS.values() for slot in kind.slots})
-    fields: dict[str, Any] = {name: (shaped.get(name, Value | None), None) for name in names}
+    fields: dict[str, Any] = {name: (shaped.get(name, Value | None), None) for name in sorted(_SLOTS)}
     return create_model("ConductorTable", __base__=_ConductorTable, __doc__=_ConductorTable.__doc__, **fields)
 
 

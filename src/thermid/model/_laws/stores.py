@@ -265,7 +265,9 @@ def store(name: str, curve: Curve, supercooling: Supercooling | None = None) -> 
             "supercooling needs an enthalpy of straight lines, or latent_heat, melts_from and melts_to.", code="model.law-refused"
         )
     if name == "enthalpy":
-        x, y, d = _enthalpy(curve)
+        parts = [np.linspace(a, b, PARTS_PER_PIECE + 1) for a, b in zip(curve.x[:-1], curve.x[1:], strict=True)]
+        x = np.unique(np.concatenate(parts))
+        y, d = hermite(curve.x, curve.y, _rising(curve), x)
         reference = float(d[0])
     else:
         x, y, d = _integral(curve)
@@ -330,14 +332,6 @@ def _divided(x: Array, y: Array, d: Array) -> tuple[Array, Array, Array]:
             return x, y, d
         x = np.sort(np.r_[x, middle[coarse]])
         y, d = hermite(*rise, x)
-
-
-def _enthalpy(curve: Curve) -> tuple[Array, Array, Array]:
-    """Return points, enthalpies and specific heats of a smooth table of enthalpy. [J/kg]"""
-    d = _rising(curve)
-    x = np.unique(np.concatenate([np.linspace(a, b, PARTS_PER_PIECE + 1) for a, b in zip(curve.x[:-1], curve.x[1:], strict=True)]))
-    value, slope = hermite(curve.x, curve.y, d, x)
-    return x, value, slope
 
 
 def _rising(curve: Curve) -> Array:

@@ -147,7 +147,10 @@ class FaceExchange:
         size = np.array([value_of(a) for a in areas])
         names = [f.name for f in self.faces]
         if self.enclosure.exchange_factors:
-            return self._imported(areas, size, names)
+            # exchange areas (A_i F_ij + A_j F_ji) / 2 from exchange factors F, whose directions must agree [m^2]
+            factors, places = np.array(self.enclosure.exchange_factors), range(len(names))
+            check_view_factors(factors - np.diag(np.diag(factors)), size, names, self.where, closed=False)
+            return [[0.5 * (areas[i] * factors[i, j] + areas[j] * factors[j, i]) for j in places] for i in places]
         factors, size, areas = self._factors(size, names, areas)
         check_view_factors(factors, size, names, self.where, closed=not self.rest)
         if self.rest:
@@ -172,13 +175,6 @@ class FaceExchange:
                     code="value.contradicts",
                 )
         return factors[np.ix_(at, at)], geometric[at]
-
-    def _imported(self, areas: list[Number], size: Array, names: list[str]) -> list[list[Number]]:
-        """Return exchange areas S[i][j] = (A_i F_ij + A_j F_ji) / 2 from exchange factors F, whose directions must agree. [m^2]"""
-        factors = np.array(self.enclosure.exchange_factors)
-        check_view_factors(factors - np.diag(np.diag(factors)), size, names, self.where, closed=False)
-        places = range(len(names))
-        return [[0.5 * (areas[i] * factors[i, j] + areas[j] * factors[j, i]) for j in places] for i in places]
 
 
 def _pair_law(exchange: FaceExchange, first: int, second: int, values: Mapping[str, Any]) -> Law:

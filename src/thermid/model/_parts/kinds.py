@@ -160,11 +160,6 @@ def _convection(f: Fields) -> Law:
     return Law("power", (f["htc.coefficient"] * f["area"], f["htc.exponent"]), "gas")
 
 
-def _effective(f: Fields) -> Law:
-    """Return effective_htc A [W/K], convection and radiation together."""
-    return Law("linear", (f["effective_htc"] * f["area"],), "mixed")
-
-
 def _radiation(f: Fields) -> Law:
     """Return sigma F A [W/K^4] with the exchange factor F, or with the emissivity in its place."""
     factor = f["exchange_factor"] if "exchange_factor" in f else f["emissivity"]
@@ -327,7 +322,12 @@ KINDS: Final[Mapping[str, Kind]] = {
         optional=_ALL({"accommodation", "convection_factor"}),
         words=_ALL({"gas", "tilt", "aspect"}),
     ),
-    "effective": Kind(_effective, (_ALL({"effective_htc", "area"}),), {"effective_htc": "W/(m^2 K)", **_AREA}, words=_ALL({CARRIED_BY})),
+    "effective": Kind(
+        lambda f: Law("linear", (f["effective_htc"] * f["area"],), "mixed"),  # convection and radiation together
+        (_ALL({"effective_htc", "area"}),),
+        {"effective_htc": "W/(m^2 K)", **_AREA},
+        words=_ALL({CARRIED_BY}),
+    ),
     "radiation": Kind(
         _radiation, (_ALL({"emissivity", "area"}), _ALL({"exchange_factor", "area"})), {"emissivity": "1", "exchange_factor": "1", **_AREA}
     ),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from thermid.base.errors import DeckError, NameNotFoundError, nearest
@@ -10,7 +10,7 @@ from thermid.base.units import unit
 from thermid.model._parts.elements import Conductor, HeatLoad, Joint, Surface
 from thermid.model._parts.parameter import Parameter
 from thermid.model._tree.identity import cut, definition_of, inside, lay_values, local_identities
-from thermid.model._tree.tree import Element, Entry, Layer, M, ParameterSet, Submodel, Tree, parameter_table, used_offers
+from thermid.model._tree.tree import Element, Entry, M, ParameterSet, Submodel, Tree, parameter_table, used_offers
 
 PLACE, SCATTER = 0.30, 0.25
 """Standard deviation of the logarithm: of a coefficient that the old part had at its place, and between joints of parts of one kind."""
@@ -114,14 +114,18 @@ def replaced(model: M, raw: str, new: M, keep: Sequence[str] = ()) -> tuple[M, R
     still_laid = tuple(p for p in laid_values if p in now and now[p].origin == laid_values[p].origin)
     gone = {p: e for p, e in laid_values.items() if p not in still_laid}
     values = ParameterSet(model)
-    place = {p for p in coefficients(model, values, path) if p in gone and _above(gone[p], old)}
+    # values that the model around the part had set, and no layer of the part itself
+    own = {layer.origin for layer in old.layers}
+    above = {p for p, e in gone.items() if e.origin not in own or any(origin.startswith("[set]") for origin, _ in e.shadowed)}
+    place = above.intersection(coefficients(model, values, path))
     dropped = tuple(
         Dropped(p, e.parameter.text, e.origin, "of its place" if p in place and p in now else "of the old part") for p, e in gone.items()
     )
     of_surfaces = [PlaceStart(p, before[p].parameter.text, PLACE, "place", of_part=True) for p in sorted(place) if p in now]
     starts = (*of_surfaces, *_joints(model, after, path, values, stays))
     assumes = (f"{new.title} has the values of its deck", *map(str, starts), *(f"{p} is unchanged" for p in still_laid))
-    after = _apart(after, path, [p for p in gone if p in now])
+    # no twin shares what the old part had of it: the twin keeps its value, the new part has its deck's
+    after = cut(after, [p for p in _with_twins(after, path) if p in gone and p in now])
     untied = tuple(p for p in _with_twins(model, path) if p not in _with_twins(after, path))
     return after, Replacement(path, old.title, new.title, dropped, still_laid, starts, assumes, untied)
 
@@ -149,12 +153,6 @@ def without_layers(model: Tree) -> Tree:
     return replace(model, layers=(), submodels={n: s.with_model(without_layers(s.model)) for n, s in model.submodels.items()})
 
 
-def _above(entry: Entry, old: Tree) -> bool:
-    """Return whether a value was set by the model around the part, and not by a layer of the part itself."""
-    own_layers = {layer.origin for layer in old.layers}
-    return entry.origin not in own_layers or any(origin.startswith("[set]") for origin, _ in entry.shadowed)
-
-
 def _at(model: M, path: str, new: M, full: str, keep: frozenset[str], new_values: Mapping[str, Entry]) -> M:
     """Return a model with the new part, and without rows on paths of the old one, here and at every level below."""
     head, _, rest = path.partition(".")
@@ -177,16 +175,9 @@ def _at(model: M, path: str, new: M, full: str, keep: frozenset[str], new_values
         model,
         submodels={**model.submodels, head: part},
         settings={p: v for p, v in model.settings.items() if stays(p, v)},
-        layers=tuple(_less(layer, stays) for layer in model.layers if any(stays(p, v) for p, v in layer.values.items())),
+        layers=tuple(left for layer in model.layers if (left := layer.keeping(stays)).values),
         cuts=tuple(c for c in model.cuts if not inside(c, path)),
     )
-
-
-def _less(layer: Layer, stays: Callable[[str, Parameter], bool]) -> Layer:
-    """Return a layer with only the values for which `stays` holds, and ties among them."""
-    values = {p: v for p, v in layer.values.items() if stays(p, v)}
-    ties = (tuple(p for p in group if p in values) for group in layer.ties)
-    return replace(layer, values=values, ties=tuple(t for t in ties if len(t) > 1))
 
 
 def _ports(model: Tree, head: str, new: Tree, path: str) -> dict[str, str]:
@@ -279,11 +270,6 @@ def _with_twins(model: Tree, path: str) -> list[str]:
     return [p for p, one in identities.items() if inside(p, path) and any(not inside(q, path) for q in one.paths)]
 
 
-def _apart(model: M, path: str, gone: Sequence[str]) -> M:
-    """Return a model in which no twin shares what the old part had of it: the twin keeps its value, the new part has its deck's."""
-    return cut(model, [p for p in _with_twins(model, path) if p in gone])
-
-
 @dataclass
 class Touching:
     """What a part touches.
@@ -350,9 +336,7 @@ def _elsewhere(model: Tree, prefix: str, out: Touching) -> None:
 
 def _ends(element: Element) -> Iterable[str]:
     """Return the nodes and surfaces that heat passes to through an element; areas that it only takes are no path."""
-    if isinstance(element, Joint):
-        return element.between
-    if isinstance(element, Conductor):
+    if isinstance(element, Joint | Conductor):
         return element.between
     if isinstance(element, Surface):
         return [e for e in (element.of, element.sees) if e]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Generic, Self, TypeVar
@@ -68,6 +68,12 @@ class Layer:
     origin: str
     values: Mapping[str, Parameter]
     ties: tuple[tuple[str, ...], ...] = ()
+
+    def keeping(self, stays: Callable[[str, Parameter], bool]) -> Layer:
+        """Return the layer with only the values for which `stays` holds, and ties among them; groups of one go."""
+        values = {p: v for p, v in self.values.items() if stays(p, v)}
+        ties = (tuple(p for p in group if p in values) for group in self.ties)
+        return replace(self, values=values, ties=tuple(group for group in ties if len(group) > 1))
 
 
 @dataclass(frozen=True)
@@ -257,18 +263,9 @@ class Tree:
             offers=tuple(o for o in self.offers if bare.canonical(o) in names),
             aliases={a: p for a, p in self.aliases.items() if bare.canonical(p) in names},
             settings={p: v for p, v in self.settings.items() if bare.canonical(p) in values},
-            layers=tuple(
-                Layer(x.origin, {p: v for p, v in x.values.items() if bare.canonical(p) in values}, _among(x.ties, values))
-                for x in self.layers
-            ),
+            layers=tuple(x.keeping(lambda p, _: bare.canonical(p) in values) for x in self.layers),
             cuts=tuple(c for c in self.cuts if c in values or c in names),
         )
-
-
-def _among(ties: tuple[tuple[str, ...], ...], present: Container[str]) -> tuple[tuple[str, ...], ...]:
-    """Return the groups of paths without those that are not in `present`; groups of one go."""
-    remaining = (tuple(p for p in group if p in present) for group in ties)
-    return tuple(group for group in remaining if len(group) > 1)
 
 
 def used_offers(model: Tree, part: str) -> set[str]:
@@ -426,8 +423,7 @@ class Names:
     def knows(self, raw: str) -> bool:
         """Return whether a node or boundary has a name; aliases are accepted."""
         path = self.model.canonical(raw)
-        path = self._alias.get(path, path)
-        return path in self.nodes or path in self.boundaries
+        return self._alias.get(path, path) in {*self.nodes, *self.boundaries}
 
     def find(self, raw: str, where: str = "") -> str:
         """Return the canonical path of a node or boundary named by a scenario, a record or a caller."""

@@ -90,11 +90,6 @@ class ReynoldsWind:
         return np.maximum(wind * pressure / ATMOSPHERE, 0.0)
 
 
-def wind_levels(course: TableSignal) -> Array:
-    """Return `INTERPOLATED_STREAMS` speeds (levels,) from zero to the fastest of a wind, denser where it is light. [m/s]"""
-    return np.asarray((np.sqrt(course.bounds[1]) * np.linspace(0.0, 1.0, INTERPOLATED_STREAMS) ** 1.5) ** 2)
-
-
 def level_weights(course: TableSignal, levels: Array) -> list[TableSignal]:
     """Return the weight of each level in a wind over time, by linear interpolation over the root of the speed. [-]"""
     return [course.mapped(partial(_hat, np.sqrt(levels), hat)) for hat in np.eye(levels.size)]
@@ -446,7 +441,7 @@ class Media:
         def make() -> tuple[TableSignal, Array]:
             """Return the wind that has the same effect at standard pressure, and the speeds at which films are tabled."""
             course = equivalent_wind(environment.wind, pressure, self.seconds)
-            return course, wind_levels(course)
+            return course, np.asarray((np.sqrt(course.bounds[1]) * np.linspace(0.0, 1.0, INTERPOLATED_STREAMS) ** 1.5) ** 2)
 
         return self.memo.value(("stream", key), make)
 
@@ -527,7 +522,11 @@ class Media:
             return row(law)
         state = self._state(c.gas)
         if law.medium == "left":
-            return self._radiation_left(c, law, state)
+            # radiation inside an effective coefficient, to what its surface sees, for the share of gas that is gone
+            at = self._gas(c.gas, c.where) if state not in ("air", "vacuum", "jumping") else None
+            share = float(state != "air") if at is None else 1.0 if at.key else 1.0 - at.natural
+            signal = at.named("rest") if at is not None else f"no gas {self._key(c.gas)}" if state == "jumping" else ""
+            return (ConductorRow(c.path, c.ends, law.scaled(0.0 if self.as_printed else share), None, signal),)
         if law.medium == "fin":
             return self._fin(c, law, state)
         if law.medium in ("rest", "correlation", "duct"):
@@ -577,14 +576,6 @@ class Media:
             share = 1.0 if at.key else 1.0 - at.natural
             radiation = (ConductorRow(c.path, c.ends, Law("radiation", (share * without_gas[0],)), None, at.named("rest")),)
         return *rarefied_rows(c, law, fields["area"], at), *radiation
-
-    def _radiation_left(self, c: FlatConductor, law: Law, state: str) -> tuple[ConductorRow, ...]:
-        """Return the row of the radiation inside an effective coefficient, to what its surface sees, for the share of gas that is gone."""
-        share, signal = {"air": (0.0, ""), "vacuum": (1.0, ""), "jumping": (1.0, f"no gas {self._key(c.gas)}")}.get(state, (0.0, "thin"))
-        if signal == "thin":
-            at = self._gas(c.gas, c.where)
-            share, signal = (1.0 if at.key else 1.0 - at.natural), at.named("rest")
-        return (ConductorRow(c.path, c.ends, law.scaled(0.0 if self.as_printed else share), None, signal),)
 
     def _fin(self, c: FlatConductor, law: Law, state: str) -> tuple[ConductorRow, ...]:
         """Return the rows of a lead's conductance: the one in air times the share of gas, and the one without gas times the rest."""
@@ -713,7 +704,12 @@ def gas_remarks(media: Media, flat: Flat, values: Mapping[str, Any]) -> tuple[st
     """
     out = []
     gone = {c.gas for c in flat.conductors if c.gas and media.lowest(c.gas) <= VACUUM_LIMIT and not media.as_printed}
-    stops = [path for path, c in _through_gas(flat).items() if c.gas in gone and not _radiates(flat, path, c, values)]
+    # all that carries heat through gas: surfaces, gaps, and leads with a coefficient; those with an emissivity still radiate without
+    leads = (c for c in flat.conductors if c.kind == "lead" and {"htc", "effective_htc"} & set(c.fields))
+    through_gas = {c.path: c for c in flat.conductors if c.kind in ("convection", "effective", "gas")}
+    through_gas |= {c.path.removesuffix(".first").removesuffix(".second"): c for c in leads}
+    fields = {path: flat.faces[path].fields if path in flat.faces else c.fields for path, c in through_gas.items()}
+    stops = [p for p, c in through_gas.items() if c.gas in gone and not ((e := fields[p].get("emissivity")) and values[e] != 0.0)]
     if stops:
         out.append(CodedText(f"without gas no heat flows through {quoted(stops)}", "run.heat-stops-without-gas"))
     around = gone & surrounding(flat)
@@ -748,17 +744,3 @@ def gas_remarks(media: Media, flat: Flat, values: Mapping[str, Any]) -> tuple[st
             )
         )
     return tuple(out)
-
-
-def _through_gas(flat: Flat) -> dict[str, FlatConductor]:
-    """Return path in the deck -> conductor of all that carries heat through gas: surfaces, gaps, and leads with a coefficient."""
-    paths = {c.path: c for c in flat.conductors if c.kind in ("convection", "effective", "gas")}
-    leads = (c for c in flat.conductors if c.kind == "lead" and {"htc", "effective_htc"} & set(c.fields))
-    return paths | {c.path.removesuffix(".first").removesuffix(".second"): c for c in leads}
-
-
-def _radiates(flat: Flat, path: str, c: FlatConductor, values: Mapping[str, Any]) -> bool:
-    """Return whether a surface or lead has an emissivity above zero, so that it still radiates without gas."""
-    face = flat.faces.get(path)
-    emissivity = face.fields.get("emissivity", "") if face else c.fields.get("emissivity", "")
-    return bool(emissivity) and bool(values[emissivity] != 0.0)

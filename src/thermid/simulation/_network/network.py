@@ -179,7 +179,14 @@ class Network:
             for where, message in unclosed(self.flat, values):
                 raise DeckError(message, where)
         for node in changed.nodes:
-            capacitances[node.path] = _capacitance(node, values)
+            capacitance: Number | None = node.capacitance(values)
+            if capacitance is not None and not (value_of(capacitance) > 0 and np.isfinite(value_of(capacitance))):
+                raise DeckError(
+                    "a node's capacitance must be above zero and finite. For a massless node leave mass and capacitance out.",
+                    node.where,
+                    code="model.capacitance-not-positive",
+                )
+            capacitances[node.path] = capacitance
         for c in changed.conductors:
             conductors[c.path] = self._rows(c, values)
         for load in changed.loads:
@@ -214,9 +221,7 @@ class Network:
 
     def _named_controls(self) -> tuple[str, ...]:
         """Return the controls that an element or a boundary of the scenario names, in the order of the deck."""
-        if not self.flat.controls:
-            return ()
-        by = [*(c.controls for c in self.flat.conductors), *(load.controls for load in self.flat.loads)]
+        by = [*(c.controls for c in self.flat.conductors), *(load.controls for load in self.flat.loads)] if self.flat.controls else []
         named = {name for names in by for name in control_names(names)} | set(self.steered)
         return tuple(name for name in self.flat.controls if name in named)
 
@@ -254,18 +259,6 @@ def _both_ways(c: FlatConductor, row: ConductorRow) -> tuple[ConductorRow, ...]:
     above: Any = 1.0 * (flow > 0.0)  # by what it is multiplied for its part above zero, and less for that below
     ahead, back = row.law.scaled(above), row.law.scaled(above - 1.0)
     return replace(row, law=ahead), replace(row, ends=row.ends[::-1], law=back, turned=True)
-
-
-def _capacitance(node: FlatNode, values: Mapping[str, Any]) -> Number | None:
-    """Return m c or C, or None for a massless node. [J/K]"""
-    capacitance: Number | None = node.capacitance(values)
-    if capacitance is not None and not (value_of(capacitance) > 0 and np.isfinite(value_of(capacitance))):
-        raise DeckError(
-            "a node's capacitance must be above zero and finite. For a massless node leave mass and capacitance out.",
-            node.where,
-            code="model.capacitance-not-positive",
-        )
-    return capacitance
 
 
 def _load_rows(load: FlatLoad, values: Mapping[str, Any]) -> tuple[LoadRow, ...]:

@@ -93,7 +93,10 @@ class Streams:
         """
         sources = self.sources(path) if by_volume(self._named[path]) else {}
         line = self.lines[path]
-        pressures, place = self.memo.value(line, lambda: self._pressures(line))
+        # the distinct pressures of the nodes of the line, and node -> place of its own among them
+        of_node = self.memo.value(line, lambda: {n: self.media.pressure(n) for n in line})
+        distinct = {id(s): s for s in of_node.values()}
+        pressures, place = list(distinct.values()), {n: list(distinct).index(id(s)) for n, s in of_node.items()}
         warm = {n: temperatures[n] for n in sources if n in temperatures}
         place_of = {n: len(pressures) + k for k, n in enumerate(warm)}
 
@@ -111,12 +114,6 @@ class Streams:
             return sum(share * source_flow for share, source_flow in zip(sources.values(), dense, strict=True)) * present
 
         return Mixed(flow, (*pressures, *warm.values())).drawn(self.media.seconds)
-
-    def _pressures(self, line: tuple[str, ...]) -> tuple[list[Signal], dict[str, int]]:
-        """Return the distinct pressure signals of the nodes of a line, and node -> place of its signal among them."""
-        pressures = {n: self.media.pressure(n) for n in line}
-        distinct = {id(s): s for s in pressures.values()}
-        return list(distinct.values()), {n: list(distinct).index(id(s)) for n, s in pressures.items()}
 
     def still(self, path: str) -> Drawn:
         """Return `course` with all sources at 20 degC: what a network has before a scenario gives temperatures. [-]"""
@@ -189,7 +186,8 @@ class Streams:
                 stopped.setdefault((fluid_of(c), gone), []).append(c)
         for (fluid, begin), group in stopped.items():
             which, many = quoted([c.path for c in group]), len(group) > 1
-            empty = [n for n in dict.fromkeys(n for c in group for n in self.lines[c.path]) if self._emptied(n, end)]
+            pressures = {n: self.media.pressure(n) for c in group for n in self.lines[c.path]}
+            empty = [n for n, p in pressures.items() if (p.at(np.append(p.knots(0.0, end), end)) <= VACUUM_LIMIT).any()]
             when = f" from {begin:g} s" if begin > 0.0 else ""
             yield CodedText(
                 f"{which} {'are' if many else 'is'} {fluid} and {'stop' if many else 'stops'} without gas in {quoted(empty)}{when}",
@@ -232,11 +230,6 @@ class Streams:
         times = course.knots(0.0, end)
         none = (course.at(times) == 0.0) & (times < end)
         return float(max(times[none.argmax()], 0.0)) if none.any() else None
-
-    def _emptied(self, node: str, end: float) -> bool:
-        """Return whether the pressure of a node is that of vacuum at any time up to `end` [s]."""
-        pressure = self.media.pressure(node)
-        return bool((pressure.at(np.append(pressure.knots(0.0, end), end)) <= VACUUM_LIMIT).any())
 
 
 def signal_of(path: str) -> str:

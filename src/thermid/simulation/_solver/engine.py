@@ -863,7 +863,10 @@ def _periodic(engine: Engine, a: Assembled, guess: Array, slopes: Array, gradien
         end, _ = after(state, slopes)
         missed = (end - state)[massive]
         if step.size:
-            inverse = _mended(inverse, step, before - missed)
+            # Broyden's first method: B + (s - B y) s'B / (s'B y), with step s and fall y of what it misses
+            moved_by = inverse @ (before - missed)
+            size = float(step @ moved_by)
+            inverse = inverse if abs(size) < 1e-300 else inverse + np.outer(step - moved_by, step @ inverse) / size
         if float(np.abs(missed).max(initial=0.0)) < MAX_RETURN_ERROR:
             break
         step, before = inverse @ missed, missed
@@ -899,10 +902,3 @@ def _flow_between_masses(jacobian: Array, massive: NDArray[np.bool_]) -> Array:
         jacobian[np.ix_(~massive, ~massive)], jacobian[np.ix_(~massive, massive)]
     )
     return np.asarray(flow - at_once)
-
-
-def _mended(inverse: NDArray[Any], step: Array, fell: Array) -> Array:
-    """Return the inverse B updated by Broyden's first method, B + (s - B y) s'B / (s'B y), with step s and fall y of the residual."""
-    moved = inverse @ fell
-    size = float(step @ moved)
-    return inverse if abs(size) < 1e-300 else inverse + np.outer(step - moved, step @ inverse) / size

@@ -141,11 +141,7 @@ def integrate(
         **limits(options, network.inputs, end),
     )
     if raw.status != _kernel.OK:
-        message = _message(raw, options, end, name, any(not g.fixed for g in network.loads))
-        if outside is not None and raw.status in UNSOLVED:
-            beyond = outside(raw.time, raw.final_temperatures)
-            message = f"at {raw.time:.6g} s of {end:.6g} s {beyond}" if beyond else message + MAY_HAVE_LEFT
-        raise SolverError(message, where)
+        raise SolverError(_message(raw, options, end, name, any(not g.fixed for g in network.loads), outside), where)
     statistics = {
         "method": NAMES[raw.method],
         "reason": "",
@@ -173,11 +169,14 @@ def _part_of_step(network: SparseNetwork, initial: Array) -> float:
     return float(min(1.0, (USUAL_CHANGE / max(change, 1e-300)) ** 0.5))
 
 
-def _message(raw: Any, options: Options, end: float, name: Any, follows: bool) -> str:
+def _message(raw: Any, options: Options, end: float, name: Any, follows: bool, outside: Callable[[float, Array], str] | None) -> str:
     """Return why a run of a large network ended early, in words: what ran out, when, where and what to change.
 
-    `raw` is the kernel's answer, `name` gives the name of a node, `follows` as in `runs_away`.
+    `raw` is the kernel's answer, `name` gives the name of a node, `follows` as in `runs_away`, `outside` as in `integrate`.
     """
+    may_have_left = outside is not None and raw.status in UNSOLVED
+    if outside is not None and may_have_left and (beyond := outside(raw.time, raw.final_temperatures)):
+        return f"at {raw.time:.6g} s of {end:.6g} s {beyond}"
     node = f" at '{name(raw.node)}'" if raw.node >= 0 else ""
     when = f"at {raw.time:.6g} s of {end:.6g} s{node}"
     instead = " RKC2 needs short steps if one node is fast. Leave the method out." if options.method == "RKC2" else ""
@@ -190,7 +189,7 @@ def _message(raw: Any, options: Options, end: float, name: Any, follows: bool) -
         "not support massless nodes; TR-BDF2 does.",
         _kernel.BAD_INPUT: f"a temperature left the range 0 K to 1e6 K {when}. Check the inputs at that time.",
     }
-    return words.get(raw.status, f"the run stopped {when}.")
+    return words.get(raw.status, f"the run stopped {when}.") + (MAY_HAVE_LEFT if may_have_left else "")
 
 
 def refusal(problem: KernelProblem) -> str:

@@ -702,19 +702,23 @@ class Wiring:
         loads = self._loads(numbers, make, index, values)
         controls = tuple(self._control(row, make, index, loads) for row in self._controlled(numbers))
         factors = tuple(PlacedFactors(row, self._places(row, make)) for row in numbers.controls)
-        rates = tuple(self._rate(row, make, index) for control in numbers.controls for row in control.rates)
+        rates = tuple(
+            PlacedLoad(
+                row,
+                index[row.node],
+                [make.add(number, "", row.controls if c == 0 else ()) for c, number in enumerate(row.of_law)],
+                -1,
+                index[row.follows or row.node],
+            )
+            for control in numbers.controls
+            for row in control.rates
+        )
         inputs = (tuple(make.coefficient_input), factors, tuple(make.driven), len(rates))
         return KernelLayout(reduced.nodes, capacity, tuple(gain), tuple(offset), conductors, (*loads, *rates), controls, *inputs)
 
     def _places(self, row: ControlRow, make: _Builder) -> list[int]:
         """Add the coefficients of a control of the deck, and return their places."""
         return [make.add(number, self._follow.get((row.name, 0, c), "")) for c, number in enumerate(row.coefficients)]
-
-    @staticmethod
-    def _rate(row: LoadRow, make: _Builder, index: Mapping[str, int]) -> PlacedLoad:
-        """Return the rate of a controller's state as a load of the kernel."""
-        places = [make.add(number, "", row.controls if c == 0 else ()) for c, number in enumerate(row.of_law)]
-        return PlacedLoad(row, index[row.node], places, -1, index[row.follows or row.node])
 
     def _conductors(self, rows: Sequence[ConductorRow], make: _Builder, index: Mapping[str, int]) -> tuple[PlacedConductor, ...]:
         """Add the coefficients of all conductors between two different nodes, and return where each stands."""
@@ -744,19 +748,18 @@ class Wiring:
         return both
 
     def conductor_flows(
-        self, numbers: Numbers, temperatures: Mapping[str, Array], times: Array, shares: Mapping[str, Array] | None = None
+        self,
+        numbers: Numbers,
+        temperatures: Mapping[str, Array],
+        times: Array,
+        shares: Mapping[str, Array] | None = None,
+        over_difference: bool = False,
     ) -> dict[str, Array]:
-        """Return conductor -> heat flow (times,) for temperatures by node; rows of one conductor are summed. [W]
+        """Return conductor -> heat flow (times,) for temperatures by node [W], or that over the difference of its ends [W/K].
 
-        `shares`: control as an element names it -> its share (times,), as `shares` gives it.
+        Rows of one conductor are summed. `shares`: control as an element names it -> its share (times,), as `shares` gives it.
         """
-        return self._summed(numbers, temperatures, times, heat, shares or {})
-
-    def conductor_conductances(
-        self, numbers: Numbers, temperatures: Mapping[str, Array], times: Array, shares: Mapping[str, Array] | None = None
-    ) -> dict[str, Array]:
-        """Return conductor -> heat flow over the difference of its ends (times,), rows of one conductor summed. [W/K]"""
-        return self._summed(numbers, temperatures, times, conductance, shares or {})
+        return self._summed(numbers, temperatures, times, conductance if over_difference else heat, shares or {})
 
     def shares(
         self, numbers: Numbers, at: Callable[[str], Array], times: Array, modes: Callable[[str], Array] | None = None
