@@ -121,8 +121,9 @@ def write_project(
     kinds, logs = may_write_project(folder, title), folder / "logs"
     logs.mkdir(parents=True, exist_ok=True)
     files = [folder / name for name in kinds]
+    shares = [p.share for p in proposal.roles.powers if p.share == p.channel]  # the log has the whole power
     for record in (*fitted, holdout):
-        record.to_csv(logs / f"{record.name}.csv")
+        replace(record, channels={n: c for n, c in record.channels.items() if n not in shares}).to_csv(logs / f"{record.name}.csv")
         files.append(logs / f"{record.name}.csv")
     for (name, (grammar, kind)), text in zip(kinds.items(), texts, strict=True):
         write_text(folder / name, headed(text, grammar), kind)
@@ -237,7 +238,9 @@ def _scenario(proposal: Proposal, records: Sequence[Record]) -> str:
         out.append("\n[loads]\n")
     for p in powers:
         watts = longest[p.column].values if p.column in longest.channels else np.zeros(1)
-        out.append(f'{p.load} = "{float(np.nanmax(watts)):.4g} [W]"  # the highest of column {p.column}\n')
+        share = proposal.share(p)
+        of = f"{100 * share:.3g} % of " if p.share else ""
+        out.append(f'{p.load} = "{share * float(np.nanmax(watts)):.4g} [W]"  # {of}the highest of column {p.column}\n')
     duties = [p for p in proposal.roles.powers if p.anchored]
     if duties:
         out.append("\n[commands]\n")
@@ -269,6 +272,7 @@ def _campaign(
     """Return the campaign: the logs, one stage, one verdict."""
     seats = {c.name: str(c.target) for c in request.records[0].channels.values() if c.role == "node"}
     channels = _channels(proposal, seats)
+    whole = {p.channel: p.column for p in proposal.roles.powers if p.share}
     step = thinned_step(max(r.duration for r in fitted)) if max(r.times.size for r in fitted) > 600 else 0.0
     document = tomlkit.document()
     document.add("title", f"{title}: first fit and hold-out")
@@ -281,8 +285,10 @@ def _campaign(
         for name, channel in channels.items():
             if name in record.channels:
                 inline = tomlkit.inline_table()
+                column = record[whole.get(name, name)].column or whole.get(name, name)
                 inline.update({k: v for k, v in channel.items() if k not in ("unit", "full_scale", "power")})
-                inside.add(record[name].column or name, inline)
+                inline.update({"power": column if column.isidentifier() else f"`{column}`"} if name in whole else {})
+                inside.add(name if name in whole else column, inline)
         if step:
             table.add("prepare", tomlkit.item([{"resample": {"step": f"{step:g} [s]", "switches": True}}]))
         table.add("channels", inside)
@@ -331,7 +337,7 @@ def _channels(proposal: Proposal, seats: Mapping[str, str]) -> dict[str, dict[st
     for column, node in seats.items():
         channels[column]["node"] = node
     for power in proposal.roles.powers if proposal.instants else ():
-        channels[power.column]["prompt"] = True
+        channels[power.channel]["prompt"] = True
     return channels
 
 
