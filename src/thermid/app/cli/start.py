@@ -102,7 +102,7 @@ def init(
         proposal = propose(roles, [thinned(r) for r in fitted], evaluations, facts=facts, progress=progress)
     project = write_project(to, proposal, fitted, holdout, source, title, masked)
     content = {
-        "masses": proposal.chosen.nodes,
+        "masses": proposal.chosen.masses,
         "cannot_tell": sorted(proposal.search.orders) if len(proposal.search.orders) > 1 else [],
         "changes": [c.name for c in proposal.chosen.changes],
         "rmse_K": proposal.chosen.rmse,
@@ -208,7 +208,7 @@ def improve(
     content = {
         "changes": list(improved_model.changes),
         "gain": improved_model.search.likelihood(improved_model.search.proposed),
-        "cannot_tell": [t.name for t in improved_model.last.ties if t.nodes != improved_model.last.proposed.nodes],
+        "cannot_tell": [t.name for t in improved_model.last.ties if t.masses != improved_model.last.proposed.masses],
         "sensors": improved_model.rows(),
         "delays": [d.to_dict() for d in improved_model.delays],
         "refused": improved_model.refused,

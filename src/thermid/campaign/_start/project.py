@@ -209,7 +209,7 @@ def _deck(proposal: Proposal, request: Request, fixed: Sequence[str], left_out: 
         item.comment(f"column {power.column}" if power else "proposed")
     orders = proposal.search.orders
     head = [
-        f"First model of {source}, proposed by thermid init: {proposal.chosen.nodes} masses, RMSE {proposal.chosen.rmse:.3g} K.",
+        f"First model of {source}, proposed by thermid init: {proposal.chosen.masses} masses, RMSE {proposal.chosen.rmse:.3g} K.",
         "Replace values that you know better: masses from a scale, areas from a drawing, powers from a data sheet.",
     ]
     head += [f"This log cannot separate structures of {orders_text(orders)} masses."] if len(orders) > 1 else []

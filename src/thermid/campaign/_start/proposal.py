@@ -241,8 +241,8 @@ class Proposal:
         """Return the answer first, then what was tried and what the log cannot tell."""
         one = self.chosen
         orders = self.search.orders
-        hidden = one.nodes - len(self.roles.parts)
-        lines = [f"{one.nodes} masses: {len(self.roles.parts)} measured, {hidden} hidden; RMSE {one.rmse:.3g} K."]
+        hidden = one.masses - len(self.roles.parts)
+        lines = [f"{one.masses} masses: {len(self.roles.parts)} measured, {hidden} hidden; RMSE {one.rmse:.3g} K."]
         if len(orders) > 1:
             lines.append(f"This log cannot separate structures of {orders_text(orders)} masses.")
         lines[1:1] = [self.unexplained] if self.unexplained else []
