@@ -164,15 +164,15 @@ def judged(seed: int, offset: float = 0.0) -> dict[str, Any]:
         found: Proposal = propose(plant.roles, [plant.log])
     except ThermidError as error:
         return row | {"refused": error.message, "seconds": time.perf_counter() - begun}
-    row |= {"seconds": time.perf_counter() - begun, "found": found.chosen.nodes, "orders": list(found.search.orders)}
+    row |= {"seconds": time.perf_counter() - begun, "found": found.chosen.masses, "orders": list(found.search.orders)}
     truth = known(plant, found.noise)
     row["likelihood"] = found.search.likelihood(found.chosen)
     row["known_likelihood"] = found.search.likelihood(truth)
-    own = [found.search.likelihood(s) for s in found.search.structures if s.nodes == plant.order and s.possible]
+    own = [found.search.likelihood(s) for s in found.search.structures if s.masses == plant.order and s.possible]
     row["apart"] = max(own) - row["likelihood"] if own else None
     best: dict[int, float] = {}
     for one in (s for s in found.search.structures if s.possible):
-        best[one.nodes] = max(best.get(one.nodes, -np.inf), found.search.likelihood(one) - row["likelihood"])
+        best[one.masses] = max(best.get(one.masses, -np.inf), found.search.likelihood(one) - row["likelihood"])
     row["by_order"] = best
     row["changes"] = [c.name for c in found.chosen.changes]
     row["error_K"], row["known_error_K"] = error_on(found.chosen, plant.other), error_on(truth, plant.other)

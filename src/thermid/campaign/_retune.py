@@ -19,8 +19,9 @@ from thermid.base.units import counted
 from thermid.campaign._file import CampaignSource, read_campaign
 from thermid.campaign._joint import Level, places_of
 from thermid.campaign._stages import Campaign, Notice, progress_of, request_of
-from thermid.fit.calibration import Calibration, Request, fit, key_of
+from thermid.fit.calibration import MOVED, Calibration, Request, fit, key_of, moved_instruments
 from thermid.fit.error_model import KEY as ERRORS, errors_without
+from thermid.measure.amounts import some
 from thermid.model.deck import load_model
 from thermid.model.elements import Constant, Standing, exact
 from thermid.model.identity import PlaceStart, Replacement, definition_of, inside, instances, short_text, touching
@@ -495,20 +496,43 @@ def retuned(
             )
             request = request_of(source, changed_table, k, done, _model(source, table, k, stage, plan, before[stage.of] if again else None))
             request = request if stage.alone or again else _local(request, stage, before[stage.of], plan)
-            requests[stage.name] = request
-            keys[stage.name] = key_of(request, [keys[n] for i in changed_table.inherit.values() for n in i.stages])
             if carried:
                 done[stage.name] = (
                     _carried(before[stage.of], request, (stage.part, *(s.path for s in stage.starts))) if stage.part else before[stage.of]
                 )
             else:
-                done[stage.name] = fit(request, progress_of(notice, stage.name))
+                request, done[stage.name] = _fitted(request, before[stage.of], progress_of(notice, stage.name))
+            requests[stage.name] = request
+            keys[stage.name] = key_of(request, [keys[n] for i in changed_table.inherit.values() for n in i.stages])
     count = 0 if part_only else len(plan.freed)
     tests, values = counted(len(due), "test"), counted(count, "value")
     note = f"After {plan.old} was replaced by {plan.new} at {plan.part}: {tests} repeated, {values} retuned."
     if idle:
         note += f" Not used, though there are new logs of them: {', '.join(idle)}, because no value of their stage is fitted again."
     return Campaign(before.title, done, (), keys, note, requests=requests)
+
+
+def _fitted(request: Request, before: Calibration, progress: Any) -> tuple[Request, Calibration]:
+    """Return the fit of a stage with its request; instruments that are not those of the tests before have constant errors of their own.
+
+    The constant errors are fitted with the accuracy that is stated of them. Where they agree with those before, by the errors of both, the
+    instruments are the same: their errors are then fixed, since what is known of the other values goes together with them.
+    """
+    if not (request.held_bias or request.held_errors):
+        return request, fit(request, progress)
+    own = replace(request, held_bias={}, held_errors=None, store=request.store.only(lambda s: s.kind == "parameter"), remarks=())
+    try:
+        anew = fit(own, progress)
+    except IdentificationError:
+        return request, fit(request, progress)
+    changed = moved_instruments(before.store, anew.store)
+    if changed.verdict != MOVED:
+        return request, fit(request, progress)
+    remark = (
+        f"the logs after the swap come from other instruments, or these drifted: {some(changed.paths, 'changes')}. Their constant errors "
+        "were fitted again, within the stated accuracy. Of the other values, only those were fitted again that the new part affects."
+    )
+    return own, replace(anew, warnings=(remark, *anew.warnings))
 
 
 def _carried(before: Calibration, request: Request, gone: Sequence[str]) -> Calibration:

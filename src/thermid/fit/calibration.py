@@ -83,6 +83,7 @@ from thermid.fit._uncertainty.moved import (
     Move as Move,
     MovedGroup as MovedGroup,
     Moves as Moves,
+    moved_instruments as moved_instruments,
     moves_from as moves_from,
     part_of as part_of,
 )

@@ -6,6 +6,7 @@ import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import thermid as td
@@ -156,3 +157,45 @@ def test_the_first_figures_say_whose_power_they_compare(campaign: td.Campaign, t
     assert "no band" in lines[said]
     figures = [k for k, line in enumerate(lines) if " K at rest" in line or "degC" in line]
     assert said < min(figures)
+
+
+LATE = CAMPAIGN.replace('file = "logs/unit.csv"', 'file = "logs/unit.csv"\njoined = { record = "supply", offset = ["-90 [s]", "90 [s]"] }')
+LATE = LATE.replace('noise = "0.03 [K]" }', 'noise = "0.03 [K]", accuracy = "0.3 [K]" }').replace('"power", ', "")
+LATE = LATE.replace(
+    "[[stages]]", '[records.supply]\nfile = "logs/supply.csv"\ntime = "time_s"\nchannels = { W = { load = "x.heat" } }\n\n[[stages]]', 1
+)
+SWITCHED = (0.0, 3000.0, 6200.0, 9500.0, 13000.0), (2.0, 6.0, 1.0, 5.0, 2.0)
+
+
+def switched(folder: Path, unit: td.Model, values: tuple[float, float], offset: float, bias: dict[str, float], seed: int) -> None:
+    """Logs of a part at the power of its deck, and of the unit with it: a supply that switches, whose clock is not that of the others."""
+    written(folder, unit, 2.0, values[0], "d", seed)
+    hidden = {f"x.{SKIN}": f"{values[0]} [W/K]", "foot.conductance": f"{values[1]} [W/K]"}
+    loads = {"x.heat": {"times": [f"{t} [s]" for t in SWITCHED[0]], "values": [f"{w} [W]" for w in SWITCHED[1]], "hold": True}}
+    seen = log(unit, hidden, {"TX": "x.d", "TP": "plate"}, loads=loads, bias=bias, noise=0.03, seed=seed)
+    write_log(renamed(seen, {"TX": "TX", "TP": "TP", "ROOM": "AIR"}), folder / "logs" / "unit.csv")
+    times = np.arange(0.0, 18001.0, 10.0)
+    watts = np.array(SWITCHED[1])[np.searchsorted(SWITCHED[0], np.maximum(times + offset, 0.0), side="right") - 1]
+    np.savetxt(folder / "logs" / "supply.csv", np.column_stack([times, watts]), delimiter=",", header="time_s,W [W]", comments="")
+
+
+def test_the_instruments_of_another_logger(tmp_path: Path) -> None:
+    """Constant errors of the old logger, fixed, pushed what they misfit into the clock: -20 +- 19 s."""
+    (tmp_path / "thermid.toml").write_text("")
+    (tmp_path / "part.toml").write_text(PART.format(title="Old", power=2, seat="d"))
+    (tmp_path / "unit.toml").write_text(UNIT)
+    (tmp_path / "campaign.toml").write_text(LATE)
+    unit, new = load_model(tmp_path / "unit.toml"), tmp_path / "new.toml"
+    new.write_text(PART.format(title="New", power=2, seat="d"))
+    before = {"TX": 0.3, "TP": -0.2}
+    switched(tmp_path, unit, (0.2, 0.7), 0.0, before, 1)
+    plan = td.design.plan_retune(td.run_stages(tmp_path / "campaign.toml"), "x", new)
+    for name, bias in (("other", {"TX": -0.3, "TP": 0.25}), ("same", before)):
+        switched(tmp_path / name, unit, (0.25, 0.6), -36.7, bias, 11)
+        made = plan.run(tmp_path / name)["unit"]
+        clock = next(i for i in made.local if i.name == "clock offset")
+        assert abs(clock.value + 36.7) < 3.0 * clock.error < 10.0, name
+        assert abs(made.store["foot.conductance"].value - 0.6) < 3.0 * made.store.error("foot.conductance"), name
+        assert made.chi_square < 1.2 * made.freedom, name
+        assert [w for w in made.warnings if "come from other instruments" in w and "sensor TX -0.6 K" in w] or name == "same"
+        assert bool(made.request.held_bias) == (name == "same"), name

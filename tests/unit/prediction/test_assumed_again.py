@@ -156,3 +156,50 @@ def test_what_readings_say_of_an_assumed_value_goes_with_the_file(stored: tuple[
     live = td.predict(held, OWN, spread={CAPACITANCE: "range"})["case"].half_width.max()
     known = known_of(load_values(tmp_path / "box.toml"), unit, at="b")
     assert td.predict(known, OWN, spread={f"b.{CAPACITANCE}": "range"})["b.case"].half_width.max() == pytest.approx(live, rel=1e-3)
+
+
+def mounted(gap: str = "0.05 [mm]") -> td.Model:
+    """A chip of half a minute on a case by a dry joint, whose gap is assumed; what the chip drives has no thermometer."""
+    free = {"min": 1, "max": 50000}
+    joint = {"kind": "contact", "between": ["chip", "case"], "area": "6 [cm^2]", "gap": {"value": gap, "source": "assumed"}}
+    pad = {"kind": "contact", "between": ["driver", "case"], "area": "2 [cm^2]", "gas": "none"}
+    return td.model_from_dict(
+        {
+            "title": "Mounted",
+            "needs": ["air"],
+            "nodes": {
+                "case": {"capacitance": "900 [J/K]"},
+                "chip": {"capacitance": {"value": "40 [J/K]", "min": 10, "max": 90}},
+                "driver": {"capacitance": "45 [J/K]"},
+            },
+            "surfaces": {"skin": SKIN | {"of": "case", "area": "0.05 [m^2]"}},
+            "conductors": {
+                "joint": joint | {"contact_conductance": {"value": "1200 [W/(m^2 K)]"} | free},
+                "pad": pad | {"contact_conductance": {"value": "8000 [W/(m^2 K)]"} | free},
+            },
+            "loads": {"heat": {"into": "chip", "power": "8 [W]"}, "drive": {"into": "driver", "power": "2 [W]"}},
+        }
+    )
+
+
+def test_the_answer_of_a_second_fit_where_a_fast_mass_is_switched() -> None:
+    """The joint takes up what is assumed of its gap; derivatives averaged over stretches moved the pad twelve times too far."""
+    rng, times = np.random.default_rng(4), np.arange(0.0, 10801.0, 30.0)
+    switched = {"times": ["0 [s]", "1200 [s]", "5000 [s]", "7800 [s]"], "hold": True}
+    loads = {n: switched | {"values": ["0 [W]", f"{w} [W]", f"{0.2 * w} [W]", f"{w} [W]"]} for n, w in (("heat", 8.0), ("drive", 2.0))}
+    given = td.Scenario("bench", boundaries={"air": "22 [degC]"}, start="22 [degC]", loads=loads, duration="3 [h]")
+    run = td.simulate(mounted(), given, times=times)
+    readings = {
+        n: Channel.from_array(n, run[n].kelvin + 0.03 * rng.standard_normal(times.size), unit="K", role="node", target=n, noise=0.03)
+        for n in ("case", "chip")
+    }
+    record = Record.from_arrays("bench", times, readings)
+    free = ["joint.contact_conductance", "pad.contact_conductance", "chip.capacitance", "skin.effective_htc"]
+    one, other = (
+        td.calibrate(mounted(gap), record, free, scenario=given, priors={free[1]: {"sd": "20 [%]"}}) for gap in ("0.05 [mm]", "0.051 [mm]")
+    )
+    moved = followed_by(Knowledge.of_source(one).discrepancies)["joint.gap"]
+    for path in free:
+        by_fit = np.log(other[path].value / one[path].value)
+        error = one[path].error / one[path].value
+        assert 1e-6 * moved[path] == pytest.approx(by_fit, rel=0.1, abs=0.002 * error), path

@@ -58,7 +58,10 @@ def init(
     surroundings: Annotated[
         str, typer.Option("--surroundings", help="The column of the surroundings, or their temperature: '23 [degC]'.")
     ] = "",
-    power: Annotated[list[str] | None, typer.Option("--power", help="COLUMN or COLUMN=PART; all that look like powers by default.")] = None,
+    power: Annotated[
+        list[str] | None,
+        typer.Option("--power", help="COLUMN or COLUMN=PART, of several parts with fitted shares; all that look like powers by default."),
+    ] = None,
     full_scale: Annotated[
         list[str] | None, typer.Option("--full-scale", help="COLUMN=POWER of a duty at 100 %, such as Q1='1.2 [W]'.")
     ] = None,
@@ -152,7 +155,7 @@ def _ask_for_roles(log: Path, roles: Roles, time: str | None, temperatures: bool
             "2 of 5. Surroundings: a column, or a temperature such as 23 [degC]; - if unknown", default=around or "-", err=True
         )
         around = "" if around == "-" else around
-    heats = [f"{p.column}={p.node}" if p.node else p.column for p in roles.powers if not p.formula]
+    heats = [f"{p.column}={p.node}" if p.node else p.column for p in roles.powers if p.node or not p.formula]
     if not powers:
         heats = _several("3 of 5. Powers and duties, COLUMN or COLUMN=PART; - for none", heats)
     scales = {p.column: p.full_scale for p in roles.powers if p.full_scale}
@@ -188,7 +191,7 @@ def improve(
     content = {
         "changes": list(improved_model.changes),
         "gain": improved_model.search.likelihood(improved_model.search.proposed),
-        "cannot_tell": [t.name for t in improved_model.last.ties if t.nodes != improved_model.last.proposed.nodes],
+        "cannot_tell": [t.name for t in improved_model.last.ties if t.masses != improved_model.last.proposed.masses],
         "sensors": improved_model.rows(),
         "delays": [d.to_dict() for d in improved_model.delays],
         "refused": improved_model.refused,

@@ -248,12 +248,12 @@ class Written:
         """Return what is proposed, what is open, and the files, as plain numbers for JSON: [K] where a key ends so."""
         p = self.proposal
         return {
-            "masses": p.chosen.nodes,
+            "masses": p.chosen.masses,
             "cannot_tell": sorted(p.search.orders) if len(p.search.orders) > 1 else [],
             "changes": [c.name for c in p.chosen.changes],
             "rmse_K": p.chosen.rmse,
             "assumed": p.assumed,
-            "powers": p.powers_text,
+            "powers": p.powers_text or p.shares_text,
             "thinned": p.thinned_text,
             "masked": list(self.masked),
             "unexplained": p.unexplained,
@@ -331,8 +331,9 @@ def write_project(
     kinds, logs = may_write_project(folder, title), folder / "logs"
     logs.mkdir(parents=True, exist_ok=True)
     files = [folder / name for name in kinds]
+    shares = [p.share for p in proposal.roles.powers if p.share == p.channel]  # the log has the whole power
     for record in (*fitted, holdout):
-        record.to_csv(logs / f"{record.name}.csv")
+        replace(record, channels={n: c for n, c in record.channels.items() if n not in shares}).to_csv(logs / f"{record.name}.csv")
         files.append(logs / f"{record.name}.csv")
     for (name, (grammar, kind)), text in zip(kinds.items(), texts, strict=True):
         write_text(folder / name, headed(text, grammar), kind)
@@ -419,7 +420,7 @@ def _deck(proposal: Proposal, request: Request, fixed: Sequence[str], left_out: 
         item.comment(f"column {power.column}" if power else "proposed")
     orders = proposal.search.orders
     head = [
-        f"First model of {source}, proposed by thermid init: {proposal.chosen.nodes} masses, RMSE {proposal.chosen.rmse:.3g} K.",
+        f"First model of {source}, proposed by thermid init: {proposal.chosen.masses} masses, RMSE {proposal.chosen.rmse:.3g} K.",
         "Replace values that you know better: masses from a scale, areas from a drawing, powers from a data sheet.",
     ]
     head += [f"This log cannot separate structures of {orders_text(orders)} masses."] if len(orders) > 1 else []
@@ -448,7 +449,9 @@ def _scenario(proposal: Proposal, records: Sequence[Record]) -> str:
         out.append("\n[loads]\n")
     for p in powers:
         watts = longest[p.column].values if p.column in longest.channels else np.zeros(1)
-        out.append(f'{p.load} = "{float(np.nanmax(watts)):.4g} [W]"  # the highest of column {p.column}\n')
+        share = proposal.share(p)
+        of = f"{100 * share:.3g} % of " if p.share else ""
+        out.append(f'{p.load} = "{share * float(np.nanmax(watts)):.4g} [W]"  # {of}the highest of column {p.column}\n')
     duties = [p for p in proposal.roles.powers if p.anchored]
     if duties:
         out.append("\n[commands]\n")
@@ -480,14 +483,17 @@ def _campaign(
     """Return the campaign: the logs, one stage, one verdict."""
     seats = {c.name: str(c.target) for c in request.records[0].channels.values() if c.role == "node"}
     channels = _channels(proposal, seats)
+    whole = {p.channel: p.column for p in proposal.roles.powers if p.share}
     step = thinned_step(max(r.duration for r in fitted)) if max(r.times.size for r in fitted) > 600 else 0.0
     prepare = {"prepare": [{"resample": {"step": f"{step:g} [s]", "switches": True}}]} if step else {}
     records = {}
     for record in (*fitted, holdout):
         inside = {}
         for name, channel in ((n, c) for n, c in channels.items() if n in record.channels):
-            inline = inside[record[name].column or name] = tomlkit.inline_table()
+            column = record[whole.get(name, name)].column or whole.get(name, name)
+            inline = inside[name if name in whole else column] = tomlkit.inline_table()
             inline.update({k: v for k, v in channel.items() if k not in ("unit", "full_scale", "power")})
+            inline.update({"power": column if column.isidentifier() else f"`{column}`"} if name in whole else {})
         records[record.name] = {"file": f"logs/{record.name}.csv", **prepare, "channels": inside}
     local, priors = _local(request), {path: {"mean": mean, "sd": sd} for path, (mean, sd) in request.priors.items()}
     stage: dict[str, Any] = {"name": "first fit", "model": deck, "records": [r.name for r in fitted], "free": list(request.free)}
@@ -527,7 +533,7 @@ def _channels(proposal: Proposal, seats: Mapping[str, str]) -> dict[str, dict[st
     for column, node in seats.items():
         channels[column]["node"] = node
     for power in proposal.roles.powers if proposal.instants else ():
-        channels[power.column]["prompt"] = True
+        channels[power.channel]["prompt"] = True
     return channels
 
 

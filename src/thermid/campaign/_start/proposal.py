@@ -225,6 +225,8 @@ MOST_PLACEMENTS = 9
 """Ways to place powers in parts that are tried."""
 CONTACTS = (0.3, 10.0)
 """Conductances between parts that a fit is begun with, over those to the surroundings. [-]"""
+EVEN = 0.3
+"""Share of a power that a part begins with, of those that share one. [-]"""
 MOST_STEPS = 20_000
 """Steps of one run after which values are given up: a thinned log takes some 1,000; a part of next to nothing took 1,000,000."""
 FIRST_HEAT = 8
@@ -382,10 +384,21 @@ class Proposal:
         loads = self.chosen.request.model.loads
         placed = [(p, loads[p.load].into) for p in self.roles.powers if not p.told and len(self.roles.parts) > 1]
         return " ".join(
-            f"All of {p.column} heats '{node}', which explains the log best. If it heats several parts, give each a load and its share: "
-            f'power = "0.8 * {p.column}" and power = "0.2 * {p.column}" in their channels.'
+            f"All of {p.column} heats '{node}', which explains the log best. If it heats several parts, name them, and their shares are "
+            f"fitted: {' '.join(f'--power {p.column}={n}' for n in (node, *(n for n in self.roles.parts.values() if n != node)))}."
             for p, node in placed
         )
+
+    def share(self, power: Power) -> float:
+        """Return the part of a power's column that heats its part. [-]"""
+        values = self.chosen.values
+        return 1.0 - sum(values[n] for n in power.rest) if power.rest else values.get(power.share, 1.0)
+
+    @property
+    def shares_text(self) -> str:
+        """How columns are shared among parts, as the search found it; empty for none."""
+        shares = [f"{100 * self.share(p):.3g} % of {p.column} heats '{p.node}'" for p in self.roles.powers if p.share]
+        return f"Shares: {', '.join(shares)}; the campaign fits them." if shares else ""
 
     @property
     def thinned_text(self) -> str:
@@ -402,17 +415,16 @@ class Proposal:
         """Return the answer first, then what was tried and what the log cannot tell."""
         one = self.chosen
         orders = self.search.orders
-        hidden = one.nodes - len(self.roles.parts)
-        lines = [f"{one.nodes} masses: {len(self.roles.parts)} measured, {hidden} hidden; RMSE {one.rmse:.3g} K."]
+        hidden = one.masses - len(self.roles.parts)
+        lines = [f"{one.masses} masses: {len(self.roles.parts)} measured, {hidden} hidden; RMSE {one.rmse:.3g} K."]
         if len(orders) > 1:
             lines.append(f"This log cannot separate structures of {orders_text(orders)} masses.")
         lines[1:1] = [self.unexplained] if self.unexplained else []
         lines[1:1] = [f"Not physical: {c}" for c in self.not_physical]
+        lines[1:1] = [t for t in (self.powers_text, self.shares_text) if t]
         lines += [self.depending_text] if self.depending else []
         lines += [f"Assumed: {self.assumed}"] if self.assumed else []
-        lines += [
-            t for t in (self.powers_text, self.thinned_text, self.offsets_text, instants_text(self.instants), *self.roles.questions) if t
-        ]
+        lines += [t for t in (self.thinned_text, self.offsets_text, instants_text(self.instants), *self.roles.questions) if t]
         return "\n".join([*lines, str(self.search)])
 
 
@@ -460,6 +472,9 @@ def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3, 
     return {
         "title": "Proposed",
         "needs": [out],
+        "parameters": {
+            p.share: f"1 - {' - '.join(p.rest)}" if p.rest else {"value": EVEN, "min": 0.001, "max": 1.0} for p in roles.powers if p.share
+        },
         "nodes": {p: {"capacitance": {"value": f"{size!r} [J/K]", **ends.get(p, {})}} for p, size in sizes.items()},
         "conductors": {**links, **losses},
         "loads": {p.load: {"into": p.node, "power": "1 [W]" if p.anchored else "0 [W]"} for p in roles.powers},
@@ -482,6 +497,7 @@ def request_of(
         deck = base_deck(roles, capacity, loss, contact, facts)
         free = [f"{n}.capacitance" for n in deck["nodes"]] + [f"{c}.conductance" for c in deck["conductors"]]
         free += [] if _in_watts(roles) else [f"{p.load}.power" for p in roles.powers]
+        free += [p.share for p in roles.powers if p.share and not p.rest]
         if _ratios_only(roles, facts):
             first = next(iter(deck["nodes"]))
             deck["nodes"][first]["capacitance"] = f"{ASSUMED!r} [J/K]"

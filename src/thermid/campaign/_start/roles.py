@@ -35,6 +35,8 @@ class Power:
     told : bool         Whether its part was told, by somebody or by its name; else the log decides.
     seat : str          The load of a deck that it drives; one named after the column by default.
     formula : str       How it follows from columns; empty for a column of its own.
+    share : str         Parameter of the model that is the part of the column that heats this part; empty for all of it.
+    rest : tuple        Shares of the other parts, where this one has what they leave.
     """
 
     column: str
@@ -44,11 +46,18 @@ class Power:
     told: bool = True
     seat: str = ""
     formula: str = ""
+    share: str = ""
+    rest: tuple[str, ...] = ()
 
     @property
     def load(self) -> str:
         """Name of its load in the model."""
-        return self.seat or f"heat_{part_name(self.column)}"
+        return self.seat or f"heat_{self.share or part_name(self.column)}"
+
+    @property
+    def channel(self) -> str:
+        """Name of its channel: that of its column, or of a share beside that of the rest."""
+        return self.share if self.share and not self.rest else self.column
 
     @property
     def anchored(self) -> bool:
@@ -96,11 +105,15 @@ class Roles:
         if self.logged:
             out[self.surroundings] = {"boundary": self.boundary}
         for power in self.powers:
-            out[power.column] = {"command": power.load} if power.anchored else {"load": power.load}
-            out[power.column] |= {"full_scale": power.full_scale} if power.full_scale else {}
-            out[power.column] |= {"power": power.formula} if power.formula else {}
+            table = out[power.channel] = {"command": power.load} if power.anchored else {"load": power.load}
+            table |= {"full_scale": power.full_scale} if power.full_scale else {}
+            table |= {"power": power.formula} if power.formula else {}
+            if power.share:
+                formula = power.formula or (power.column if power.column.isidentifier() else f"`{power.column}`")
+                units = {power.column: self.units[power.column]} if power.column in self.units else {}
+                table |= {"power": {"formula": formula, "units": units} if units else formula, "gain": power.share}
         for column, text in self.units.items():
-            if column in out:
+            if column in out and "gain" not in out[column]:
                 out[column]["unit"] = text
         for column, size in (noise or {}).items():
             if column in out:
@@ -187,7 +200,8 @@ def roles_of(
     path : Path                 The log.
     temperatures : sequence     Columns, or ``COLUMN=PART``; all that look like temperatures by default.
     surroundings : str          A column, or a temperature with its unit.
-    powers : sequence           Columns, or ``COLUMN=PART``; all that look like powers or duties by default.
+    powers : sequence           Columns, or ``COLUMN=PART``; all that look like powers or duties by default. Of a column with several
+                                parts the share of each is fitted.
     full_scale : dict           Column -> power at 100 %.
     time : str                  The time column, where it cannot be told.
     formulas : dict             Power -> how it follows from columns, ``V_IN * I_IN``.
@@ -200,7 +214,9 @@ def roles_of(
     cells = log_cells(path)
     sign = decimal_sign(cells, None)
     columns = {c.name: c for c in columns_of(cells, sign, clock_column(cells, time).places)}
-    named = [*(t.partition("=")[0] for t in (*temperatures, *powers)), *(full_scale or {})]
+    scales, formulas = full_scale or {}, formulas or {}
+    named = [*(t.partition("=")[0] for t in temperatures), *(n for t in powers if (n := t.partition("=")[0]) not in formulas)]
+    named += full_scale or {}
     named += [surroundings] if surroundings and "[" not in surroundings else []
     refuse_unknown(named, columns, path.name, "no column '{}'; there are {known}.{near}", NameNotFoundError)
     guessed = {kind: [n for n, c in columns.items() if c.guess == kind] for kind in ("temperature", "boundary", "power", "duty")}
@@ -218,12 +234,22 @@ def roles_of(
             path.name,
             code="record.nothing-there",
         )
-    scales, formulas = full_scale or {}, formulas or {}
     heated = [_pair(p, False) for p in powers] or [(n, "") for n in (*guessed["power"], *guessed["duty"]) if not _idle(columns[n].values)]
-    logged_powers = tuple(
-        Power(n, node, scales.get(n, ""), n in scales or columns[n].guess == "duty" or columns[n].unit == "%") for n, node in heated
+    logged_powers = _with_shares(
+        [
+            *(
+                Power(n, node, scales.get(n, ""), n in scales or columns[n].guess == "duty" or columns[n].unit == "%")
+                for n, node in heated
+                if n not in formulas
+            ),
+            *(
+                Power(name, node, formula=text, told=bool(node))
+                for name, text in formulas.items()
+                for node in [node for n, node in heated if n == name] or [""]
+            ),
+        ],
+        path,
     )
-    logged_powers = (*logged_powers, *(Power(name, formula=text, told=False) for name, text in formulas.items()))
     taken = {*parts, around, *(p.column for p in logged_powers)}
     units = {n: c.unit for n, c in columns.items() if n in taken and c.assumed and c.unit}
     used = {n for text in formulas.values() for n in columns if re.search(rf"(?<!\w){re.escape(n)}(?!\w)", text)}
@@ -231,6 +257,30 @@ def roles_of(
     rest = {n: "never on" if _idle(c.values) and c.guess in ("power", "duty") else c.why for n, c in others.items()}
     questions = tuple(q for n in rest if (q := _power_question(columns[n])))
     return Roles(parts, around, logged_powers, units, time, {n: columns[n].why for n in taken if n in columns}, rest, questions=questions)
+
+
+def _with_shares(powers: Sequence[Power], path: Path) -> tuple[Power, ...]:
+    """Return powers, of which a column that was named with several parts heats each with a share; the first one has what the others leave.
+
+    Raises
+    ------
+    RecordError   When the column is a duty, whose power is unknown.
+    """
+    out = []
+    for power in powers:
+        several = [p for p in powers if p.column == power.column]
+        names = [f"{part_name(p.column)}_to_{p.node}" for p in several]
+        if len(several) > 1 and power.duty:
+            words = (
+                f"shares of '{power.column}' can be fitted of a power in watts only. Name one part of a duty: --power {power.column}=PART."
+            )
+            raise RecordError(words, path.name, code="record.does-not-apply")
+        if len(several) > 1 and not (all(p.node for p in several) and len(set(names)) == len(names)):
+            words = f"'{power.column}' is named more than once, and not each time with another part: --power {power.column}=PART."
+            raise RecordError(words, path.name, code="name.taken")
+        k = several.index(power)
+        out.append(power if len(several) == 1 else replace(power, share=names[k], rest=() if k else tuple(names[1:])))
+    return tuple(out)
 
 
 def _power_question(column: Column) -> str:

@@ -31,6 +31,7 @@ from thermid.fit._error_model.own_values import OWN_VALUES, own_values_of
 from thermid.fit._minimisation import Fit, covariances, ended
 from thermid.fit._problem.request import Request, known_before
 from thermid.fit._problem.residuals import Influence, Problem, Unknown
+from thermid.fit._uncertainty.information import Opened, opened_jacobian
 from thermid.fit._uncertainty.noise import Autocorrelation, Binned, binned, score_excess
 from thermid.model.identity import identity_of
 from thermid.model.tree import FlatConductor
@@ -258,8 +259,10 @@ def assumed_moves(request: Request, problem: Problem, minimum: Fit, noise: Autoc
     if not problem.unknowns or not more:
         return AssumedMoves()
     at = minimum.fitted
-    wide = replace(problem, unknowns=(*problem.unknowns, *more.values()), coupled=())
-    pieces = binned(wide, np.concatenate([at, [u.start for u in more.values()]]), request.loss)
+    wide, wide_at = (
+        replace(problem, unknowns=(*problem.unknowns, *more.values()), coupled=()),
+        np.append(at, [u.start for u in more.values()]),
+    )
     below = told_first(k.of_assumed for table in request.store.provenance.values() if (k := kept_in(table)) is not None)
     residuals, priors = problem.prior_rows(at)
     inherited, pulled = known_before(request, problem.unknowns), np.zeros((len(residuals), len(more)))
@@ -271,9 +274,11 @@ def assumed_moves(request: Request, problem: Problem, minimum: Fit, noise: Autoc
             pulled[-len(inherited.root) :, list(more).index(r.path)] = -inherited.root @ moves
     level, wide_priors = noise.variance_factor, np.concatenate([priors, pulled], axis=1)
     weights = finite(covariances(ended(problem, at, request.loss), level)[2])
-    cross = sum((b.slopes[:, : at.size].T @ (b.count[:, None] * b.slopes[:, at.size :]) for b in pieces.values()), np.zeros((at.size, 1)))
-    moved = dict(zip(more, -(weights @ (cross / level + priors.T @ pulled)).T, strict=True))
-    of_assumed = _said_of(list(more), residuals, wide_priors, pieces, noise)
+    own, other = opened_jacobian(
+        Opened(wide, wide_at, at.size), request.loss
+    )  # of every reading, as the weights: not of means over stretches
+    moved = dict(zip(more, -(weights @ (own.T @ other / level + priors.T @ pulled)).T, strict=True))
+    of_assumed = _said_of(list(more), residuals, wide_priors, binned(wide, wide_at, request.loss), noise)
     first, columns = told_first([below, of_assumed]), []
     for r in ranges.values():
         move = np.sum([moved[p] for p in (r.path, *r.also)], axis=0) * r.sd_left(more[r.path].start, first)

@@ -19,7 +19,7 @@ from thermid.fit._uncertainty.noise import Weighed, binned, weighed
 from thermid.measure.amounts import digits, short, some
 from thermid.model.tree import Model
 from thermid.values.fitted import FittedValue, FittedValues
-from thermid.values.store import State
+from thermid.values.store import State, Store
 
 ALPHA, POWER = 0.05, 0.9
 """Chance of calling a value moved that did not, and of finding the shift that is stated as detectable."""
@@ -605,6 +605,26 @@ def moves_from(staged: Sequence[tuple[FittedValues, Mapping[str, str]]], joint_v
         lambda several: [normal_together(shift[at], spread[np.ix_(at, at)]) for at in ([places[p] for p in g] for g in several)],
     )
     return Moves(tuple(values), groups, "the joint fit")
+
+
+def moved_instruments(before: Store, anew: Store) -> MovedGroup:
+    """Return whether constant errors of instruments that two fits to different logs found are those of the same instruments.
+
+    Parameters
+    ----------
+    before, anew : Store    What each fit knows; the second one knew nothing of the instruments but what is stated of them.
+
+    The error of a change is that of the responses of both results to their sources of error, each of which counts once (Hausman, as above).
+    """
+    names = [p for p, s in anew.states.items() if s.kind != "parameter" and s.known and p in before.states and before.states[p].known]
+    places = {name: k for k, name in enumerate(dict.fromkeys(s.name for store in (before, anew) for s in store.sources))}
+    root = np.zeros((len(names), len(places)))
+    for store, sign in ((anew, 1.0), (before, -1.0)):
+        root[:, [places[s.name] for s in store.sources]] += sign * store.rows(names)
+    sizes = np.array([anew[n].fitted - before[n].fitted for n in names])
+    test = normal_together(sizes, root @ root.T) if names else Together(0.0, 0, math.nan)
+    words = (f"{n} {size:+.2g}{'' if anew[n].unit == '1' else f' {anew[n].unit}'}" for n, size in zip(names, sizes, strict=True))
+    return MovedGroup("instruments", tuple(words), test.chi_square, test.directions, test.chance)
 
 
 def _less(below: Array, here: Array) -> Array:

@@ -167,6 +167,7 @@ class MissingElement:
     judge : callable    Says what was found and whether it is possible.
     make : callable     Lays it over another request of the same model, so that several are tried together.
     nodes : int         Masses that it adds; that of a sensor that lags is one.
+    tips : int          Of these, those of thermometers of one kind, all of which lag.
     sizes : dict        Path -> prior of what it adds, from the table of causes.
     starts : tuple      Path -> value [SI] to begin a search from, one table for each start; empty for that of the request.
     additive : bool     Whether its effect grows with its value, which begins small: one derivative says what it would do.
@@ -188,6 +189,7 @@ class MissingElement:
     bends: bool = False
     delay: float = 0.0
     of_power: bool = False
+    tips: int = 0
 
     def beside(self, other: MissingElement) -> MissingElement:
         """Return both changes as one, `other` laid over this one; at most two starts of each are combined."""
@@ -208,7 +210,9 @@ class MissingElement:
         bends, delay = self.bends or other.bends, self.delay + other.delay
         of_power = self.of_power or other.of_power
         sizes = {**self.sizes, **other.sizes}
-        return MissingElement(name, other.make(self.request), judge, make, nodes, sizes, starts, additive, chosen, bends, delay, of_power)
+        tips = self.tips + other.tips
+        request = other.make(self.request)
+        return MissingElement(name, request, judge, make, nodes, sizes, starts, additive, chosen, bends, delay, of_power, tips)
 
 
 @dataclass(frozen=True)
@@ -300,7 +304,7 @@ def hidden_defects(structure: Fitted) -> Iterator[MissingElement]:
         whole = lags[0]
         for lag in lags[1:]:
             whole = whole.beside(lag)
-        yield whole if len(lags) == 1 else replace(whole, name="a lag of every sensor")
+        yield whole if len(lags) == 1 else replace(whole, name="a lag of every sensor", tips=whole.nodes)
     for place in places:
         yield _second_mass(structure.request, place, "hidden_mass")
     network = structure.experiments[0].network
@@ -388,7 +392,7 @@ def _same_everywhere(structure: Fitted, places: Sequence[_Place]) -> Iterator[Mi
             whole = change(request, at[0])
             for place in at[1:]:
                 whole = whole.beside(change(request, place))
-            yield replace(whole, name=name)
+            yield replace(whole, name=name, tips=whole.nodes)  # only lags add masses here
 
 
 def _places(structure: Fitted, hidden: bool = False) -> list[_Place]:

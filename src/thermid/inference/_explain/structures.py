@@ -73,6 +73,11 @@ class FittedStructure:
         return ", and ".join(c.name for c in self.changes) or "as it is"
 
     @property
+    def masses(self) -> int:
+        """Masses of the unit: thermometers of one kind, all of which lag, are none of it."""
+        return self.nodes - sum(c.tips for c in self.changes)
+
+    @property
     def fitted(self) -> Mapping[str, float]:
         """Unknown -> value in the fitted form."""
         return {u.name: float(x) for u, x in zip(self.problem.unknowns, self.end.fitted, strict=True)}
@@ -179,14 +184,14 @@ class StructureSearch:
         for one in self.structures:
             if one is self.proposed or not one.possible or self.likelihood(one) < likelihood - TIE:
                 continue
-            if one.nodes not in best or self.likelihood(one) > self.likelihood(best[one.nodes]):
-                best[one.nodes] = one
+            if one.masses not in best or self.likelihood(one) > self.likelihood(best[one.masses]):
+                best[one.masses] = one
         return tuple(best.values())
 
     @property
     def orders(self) -> tuple[int, ...]:
         """Numbers of masses that the readings support: that of the proposed structure first, then those that they cannot separate."""
-        return tuple(dict.fromkeys([self.proposed.nodes, *(t.nodes for t in self.ties)]))
+        return tuple(dict.fromkeys([self.proposed.masses, *(t.masses for t in self.ties)]))
 
     def __str__(self) -> str:
         """Return the answer, what was tried, and what cannot be told, as text."""
@@ -199,9 +204,9 @@ class StructureSearch:
             for (text, possible), change in zip(self.proposed.judged(), self.proposed.changes, strict=True):
                 lines.append(f"  {change.name}: {text}{'' if possible else ', which is not physically possible'}")
         for one in self.ties:
-            if one.nodes != self.proposed.nodes:
+            if one.masses != self.proposed.masses:
                 apart = self.likelihood(one) - gain
-                lines.append(f"  Not separable from it: {one.name} ({one.nodes} masses; logarithm of the Bayes factor {apart:+.2g}).")
+                lines.append(f"  Not separable from it: {one.name} ({one.masses} masses; logarithm of the Bayes factor {apart:+.2g}).")
                 lines.append(f"    {telling_test(self.proposed, one)}")
         tried = {s.name: s for s in sorted(self.structures[1:], key=self.likelihood)}  # of one name the likeliest stands
         best = sorted(tried.values(), key=lambda s: -self.likelihood(s))

@@ -288,3 +288,43 @@ def test_a_value_that_other_structures_have_otherwise_is_named() -> None:
     seen = found(fitted(1600.0, 0.051))
     assert seen.depending == {"plate.capacitance": (500.0, 1600.0), "box_to_plate.conductance": (0.5, 1.6)}
     assert "500 to 1600" in seen.depending_text
+
+
+def supplied(path: Path, power: str, seed: int) -> Path:
+    """A synthetic log of a box of 900 J/K with a board of 130 and a converter of 70: they share the power of one meter, 75 and 25 %."""
+    times = np.arange(0.0, 9000.0, 20.0)
+    watts = np.select([times < 600, times < 3600, times < 5400, times < 7400], [0.0, 20.0, 5.0, 15.0], 0.0)
+    rng, kelvin, rows = (
+        np.random.default_rng(seed),
+        np.full(3, 22.0),
+        [f"time [s],BOX [degC],BOARD [degC],PSU [degC],AMB [degC],{power} [W]"],
+    )
+    for t, p in zip(times, watts, strict=True):
+        rows.append(",".join([f"{t:g}", *(f"{x:.3f}" for x in kelvin + 0.03 * rng.standard_normal(3)), f"22,{p:g}"]))
+        for _ in range(20):
+            up, side = 1.1 * (kelvin[1] - kelvin[0]), 0.8 * (kelvin[2] - kelvin[0])
+            flows = np.array([up + side - 0.9 * (kelvin[0] - 22.0), 0.75 * p - up, 0.25 * p - side])
+            kelvin = kelvin + flows / np.array([900.0, 130.0, 70.0])
+    path.write_text("\n".join(rows) + "\n")
+    return path
+
+
+def test_a_power_that_parts_share_has_fitted_shares(tmp_path: Path) -> None:
+    """With all of it in one part a log of three parts had a fourth, and a converter of 0.02 J/K; nothing said how to share it."""
+    first, second = supplied(tmp_path / "first.csv", "P_IN", 1), supplied(tmp_path / "second.csv", "Supply", 2)
+    _, alone = said("init", str(first), "--to", str(tmp_path / "alone"), "--evaluations", "60")
+    assert all(f"--power P_IN={part}" in alone["powers"] for part in ("board", "box", "psu"))
+    shares = ("--power", "P_IN=board", "--power", "P_IN=psu", "--same", "P_IN=Supply")
+    code, made = said("init", str(first), str(second), "--to", str(tmp_path / "p"), "--evaluations", "120", *shares)
+    assert code in (0, 4)
+    assert made["masses"] == 3
+    assert made["powers"].startswith("Shares: 7")
+    code, done = said("calibrate", str(tmp_path / "p" / "campaign.toml"))
+    assert code == 0
+    assert done["verdicts"][0]["passed"]
+    found = done["stages"][0]["values"]
+    assert found["in_to_psu"] == pytest.approx(0.25, rel=0.1)
+    assert found["psu.capacitance"] == pytest.approx(70.0, rel=0.15)
+    assert found["board.capacitance"] == pytest.approx(130.0, rel=0.05)
+    code, _ = said("init", str(first), "--to", str(tmp_path / "twice"), "--power", "P_IN=board", "--power", "P_IN=board")
+    assert code == 2

@@ -122,6 +122,10 @@ def test_changes_of_a_pair_reach_both_and_what_is_between() -> None:
         assert any(words in name for name in changes), words
     for change in changes.values():
         assert fitted_structure((change,), change.request, one.fitted).nodes == 2 + change.nodes
+    lags = changes["a lag of every sensor"]
+    assert fitted_structure((lags,), lags.request, one.fitted).masses == 2, "thermometers of one kind are no masses of the unit"
+    more = lags.beside(changes["a second mass behind a resistance at 'b'"])
+    assert fitted_structure((more,), more.make(request), one.fitted).masses == 3
     both = changes["a contact between 'a' and 'b'"].beside(changes["a second mass behind a resistance at 'b'"])
     assert fitted_structure((both,), both.make(request), one.fitted).nodes == 3
 
