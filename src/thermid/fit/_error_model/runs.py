@@ -287,5 +287,6 @@ def run_rows(traces: Sequence[SensorRows], wanders: Sequence[Wander], shared: in
         columns = np.stack([np.column_stack([t.rows, t.residuals]) for t in alike], axis=1)
         parts.append(np.empty((len(wanders), *columns.shape)))
         logs += innovations([t.times for t in alike], columns, [t.noise for t in alike], wanders, parts[-1])
-    every = [np.concatenate([part[k].reshape(-1, part.shape[-1]) for part in parts]) for k in range(len(wanders))]
+    flat = [part.reshape(len(wanders), -1, part.shape[-1]) for part in parts]
+    every = np.concatenate(flat, axis=1) if len(flat) > 1 else flat[0]
     return [RunRows.of_rows(rows, shared, float(log)) for rows, log in zip(every, logs, strict=True)]
