@@ -163,7 +163,7 @@ class RunsOfFit:
         return cls(problem, fitted, values, departures_used, tuple(columns.values()), own_columns_of_runs, tuple(traces), spans)
 
     @cached_property
-    def _priors(self) -> RunRows:
+    def priors(self) -> RunRows:
         """What the priors of the fit say."""
         shared = len(self.values) + len(self.columns)
         prior_residuals, rows = prior_rows(self.problem.unknowns, self.problem.coupled, self.fitted)
@@ -175,8 +175,8 @@ class RunsOfFit:
         """Return, for sizes and times of what no element explains, what the priors of the fit say, and each run."""
         asked = [r for r in remainders if r not in self.rows]
         wanders = [[Wander(SIZES["left"].value * size, part * span) for size, part in asked] for span in self.spans]
-        by_run = [run_rows(t, w, self._priors.shared) for t, w in zip(self.traces, wanders, strict=True)] if asked else []
-        self.rows.update({r: [self._priors, *(several[k] for several in by_run)] for k, r in enumerate(asked)})
+        by_run = [run_rows(t, w, self.priors.shared) for t, w in zip(self.traces, wanders, strict=True)] if asked else []
+        self.rows.update({r: [self.priors, *(several[k] for several in by_run)] for k, r in enumerate(asked)})
         return [self.rows[r] for r in remainders]
 
     def posterior(self, centre: Array, sizes: Array, remainder: tuple[float, float]) -> Members:
