@@ -192,9 +192,11 @@ class RunsOfFit:
         For each time sizes grow until the evidence falls, to less than a share of `NO_SAY` of the best: a larger process costs more and
         explains no more.
         """
-        prior, out = left_prior(), {}
+        prior = left_prior()
+        out: dict[tuple[float, float], Members] = {}
         logs: dict[tuple[float, float], float] = {}
-        times, before = LEFT_TIMES, dict.fromkeys(LEFT_TIMES, -np.inf)
+        times: tuple[float, ...] = LEFT_TIMES
+        before = dict.fromkeys(times, -np.inf)
         for size in LEFT_SIZES:
             several = [r for t in times if (r := (size, t)) in prior]
             self._rows(several)
