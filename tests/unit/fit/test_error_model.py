@@ -12,8 +12,10 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import IdentificationError
 from thermid.fit._error_model.courses import OperatingPoint
-from thermid.fit._error_model.elements import JointLaw, SurfaceLaw, class_of, with_laws
-from thermid.fit._error_model.model import RunsOfFit
+from thermid.fit._error_model.elements import JointLaw, SurfaceLaw, Way, class_of, with_laws
+from thermid.fit._error_model.gaussian import log_sum
+from thermid.fit._error_model.model import GROUPS, RunsOfFit, left_prior
+from thermid.fit._error_model.runs import Departures
 from thermid.fit._error_model.sizes import NEWTON_POINTS
 from thermid.fit.error_model import SIZES, ErrorModel
 from thermid.model.elements import TableSignal
@@ -111,6 +113,20 @@ def test_steps_end_where_a_value_stands_at_its_bound(monkeypatch: pytest.MonkeyP
     ErrorModel.of_fit(fit)
     assert points[-1] == pytest.approx(np.log(1.3), abs=1e-3)
     assert 2 <= len(points) < NEWTON_POINTS // 2
+
+
+@pytest.mark.parametrize("worse", [1.0, 30.0])
+def test_sizes_that_are_not_tried_have_no_say(fit: td.Calibration, worse: float) -> None:
+    """Of residuals as they are, and thirty times as large, which only large processes explain."""
+    assert fit.problem is not None
+    at = np.array(list(fit.fitted.values()))
+    runs = RunsOfFit.of_problem(fit.problem, at, Way(""), {}, {}, Departures({}, ()))
+    larger = tuple(tuple(replace(t, residuals=worse * t.residuals) for t in of_run) for of_run in runs.traces)
+    runs, centre, sizes, prior = replace(runs, traces=larger), np.zeros(len(runs.values)), np.zeros((1, len(GROUPS))), left_prior()
+    tried = {r: prior[r] + m.log_evidence[0] for r, m in runs.posteriors(centre, sizes).items()}
+    every = [prior[r] + runs.posterior(centre, sizes, r).log_evidence[0] for r in prior]
+    assert (len(tried) < len(every)) == (worse == 1.0)
+    assert log_sum([*tried.values()]) == pytest.approx(log_sum(every), abs=1e-7)
 
 
 def test_bands_grow_with_distance(fit: td.Calibration) -> None:

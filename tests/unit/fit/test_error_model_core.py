@@ -38,8 +38,11 @@ def _dense(wander: Wander, times: Array, noise: Array) -> Array:
 
 
 def _white(times: Array, columns: Array, noise: Array, wanders: list[Wander]) -> tuple[Array, Array]:
-    out = np.empty((len(wanders), *columns.shape))
-    return out, innovations(times, columns, noise, wanders, out)
+    """White columns and log determinants of a sensor, which is passed beside another with other times and noise."""
+    other, _, _, loud = _run(9)
+    out, alone = np.empty((len(wanders), READINGS, 2, columns.shape[1])), np.empty((len(wanders), READINGS, 1, columns.shape[1]))
+    logs = innovations([times, other], np.stack([columns, 2.0 * columns], axis=1), [noise, loud], wanders, out)
+    return out[:, :, 0], logs - innovations([other], columns[:, None], [loud], wanders, alone)
 
 
 @pytest.mark.parametrize("wander", [Wander(0.0, 1.0), Wander(0.3, 400.0), Wander(2.0, 60.0)])

@@ -43,24 +43,24 @@ class Wander:
         return np.asarray(self.size**2 * np.exp(-np.abs(times[:, None] - times) / self.time))
 
 
-def innovations(times: Array, columns: Array, noise: Array, wanders: Sequence[Wander], out: Array) -> Array:
+def innovations(times: Sequence[Array], columns: Array, noise: Sequence[Array], wanders: Sequence[Wander], out: Array) -> Array:
     """Write columns made white, and return the logarithms (wanders,) of the determinants of what they were divided by.
 
     Readings with an Ornstein-Uhlenbeck process and white noise are passed through the Kalman filter of the process; innovation k over
-    ``sqrt(S_k)`` is white and of variance one. What is done to the readings is done to the columns of H.
+    ``sqrt(S_k)`` is white and of variance one. What is done to the readings is done to the columns of H. Several sensors with as many
+    readings each are passed side by side.
 
     Parameters
     ----------
-    times : array (m,)      Increasing. [s]
-    columns : array (m, k)  [K]
-    noise : array (m,)      Standard deviation of the white noise. [K]
-    wanders : sequence      Processes that are tried.
-    out : array (wanders, m, k)     Where the white columns go.
+    times : sequence of array (m,)      Of each sensor, increasing. [s]
+    columns : array (m, sensors, k)     [K]
+    noise : sequence of array (m,)      Of each sensor, standard deviation of the white noise. [K]
+    wanders : sequence      Processes that are tried, of every sensor its own.
+    out : array (wanders, m, sensors, k)    Where the white columns go.
     """
-    at, white = (np.asarray(x, dtype=float).tobytes() for x in (times, noise))
-    filters = [_filter_of(at, white, w) for w in wanders]
-    memory, scales, gains = (np.stack([f[k] for f in filters], axis=1)[:, :, None] for k in range(3))
-    log_dets = np.array([f[3] for f in filters])
+    sensors = [[x.astype(float).tobytes() for x in pair] for pair in zip(times, noise, strict=True)]
+    filters = [[_filter_of(*of, w) for of in sensors] for w in wanders]
+    memory, scales, gains = (np.array([[f[k] for f in several] for several in filters]).transpose(2, 0, 1)[..., None] for k in range(3))
     state, apart = np.zeros_like(out[:, 0]), np.empty_like(out[:, 0])
     for k, row in enumerate(columns):  # in place: new memory costs as much as the sums
         state *= memory[k]
@@ -68,7 +68,7 @@ def innovations(times: Array, columns: Array, noise: Array, wanders: Sequence[Wa
         np.divide(apart, scales[k], out=out[:, k])
         apart *= gains[k]
         state += apart
-    return log_dets
+    return np.array([sum(f[3] for f in several) for several in filters])
 
 
 @lru_cache(maxsize=128)

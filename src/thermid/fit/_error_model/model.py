@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -40,6 +40,7 @@ from thermid.fit._error_model.sizes import (
     LEFT_TIMES,
     LIKELY,
     NEWTON_POINTS,
+    NO_SAY,
     SETS,
     SETS_COST,
     SHARES_OF_RUN,
@@ -128,6 +129,7 @@ class RunsOfFit:
     own: tuple[tuple[UnknownColumn, ...], ...]
     traces: tuple[tuple[SensorRows, ...], ...]
     spans: tuple[float, ...]
+    rows: dict[tuple[float, float], list[RunRows]] = field(init=False, default_factory=dict, repr=False)
 
     @classmethod
     def of_problem(
@@ -161,24 +163,49 @@ class RunsOfFit:
         return cls(problem, fitted, values, departures_used, tuple(columns.values()), own_columns_of_runs, tuple(traces), spans)
 
     @cached_property
-    def _rows_by_remainder(self) -> dict[tuple[float, float], list[RunRows]]:
-        """Size and time of what no element explains, of `left_prior` -> what the priors of the fit say, and each run."""
+    def priors(self) -> RunRows:
+        """What the priors of the fit say."""
         shared = len(self.values) + len(self.columns)
         prior_residuals, rows = prior_rows(self.problem.unknowns, self.problem.coupled, self.fitted)
         acting = rows[:, self.values].any(axis=1)
         joined = np.column_stack([rows[acting][:, self.values], np.zeros((int(acting.sum()), len(self.columns))), -prior_residuals[acting]])
-        priors = RunRows(joined.T @ joined, shared, 0.0, 0)
-        remainders = [*left_prior()]
-        wanders = [[Wander(SIZES["left"].value * size, part * span) for size, part in remainders] for span in self.spans]
-        by_run = [run_rows(t, w, shared) for t, w in zip(self.traces, wanders, strict=True)]
-        return {remainder: [priors, *(several[k] for several in by_run)] for k, remainder in enumerate(remainders)}
+        return RunRows(joined.T @ joined, shared, 0.0, 0)
+
+    def _rows(self, remainders: Sequence[tuple[float, float]]) -> list[list[RunRows]]:
+        """Return, for sizes and times of what no element explains, what the priors of the fit say, and each run."""
+        asked = [r for r in remainders if r not in self.rows]
+        wanders = [[Wander(SIZES["left"].value * size, part * span) for size, part in asked] for span in self.spans]
+        by_run = [run_rows(t, w, self.priors.shared) for t, w in zip(self.traces, wanders, strict=True)] if asked else []
+        self.rows.update({r: [self.priors, *(several[k] for several in by_run)] for k, r in enumerate(asked)})
+        return [self.rows[r] for r in remainders]
 
     def posterior(self, centre: Array, sizes: Array, remainder: tuple[float, float]) -> Members:
         """Return values and columns given the readings, at sizes (members, groups) and a size and time of what no element explains."""
         wide = np.array([reach(self.problem.unknowns[k]) for k in self.values])
         every = np.column_stack([np.broadcast_to(wide, (len(sizes), len(self.values))), deviations(self.columns, sizes)])
         own_deviations = [np.zeros((len(sizes), 0)), *(deviations(c, sizes) for c in self.own)]  # the priors of the fit have none
-        return members_of(self._rows_by_remainder[remainder], centre, every, own_deviations)
+        return members_of(self._rows([remainder])[0], centre, every, own_deviations)
+
+    def posteriors(self, centre: Array, sizes: Array) -> dict[tuple[float, float], Members]:
+        """Return size and time of what no element explains -> `posterior`, of those that have a say.
+
+        For each time sizes grow until the evidence falls, to less than a share of `NO_SAY` of the best: a larger process costs more and
+        explains no more.
+        """
+        prior = left_prior()
+        out: dict[tuple[float, float], Members] = {}
+        logs: dict[tuple[float, float], float] = {}
+        times: tuple[float, ...] = LEFT_TIMES
+        before = dict.fromkeys(times, -np.inf)
+        for size in LEFT_SIZES:
+            several = [r for t in times if (r := (size, t)) in prior]
+            self._rows(several)
+            out |= {r: self.posterior(centre, sizes, r) for r in several}
+            logs |= {r: prior[r] + log_sum(out[r].log_evidence) for r in several}
+            now = {t: logs.get((size, t), logs[LEFT_SIZES[0], LEFT_TIMES[0]]) for t in times}
+            least = max(logs.values()) + float(np.log(NO_SAY))
+            times, before = tuple(t for t in times if now[t] > min(before[t], least)), now
+        return out
 
     def likeliest(self, bent: Sequence[int], centre: Array) -> tuple[float, Array, Array]:
         """Return what the readings say against some unknowns here, the step to where they say least, and standard errors.
@@ -186,10 +213,9 @@ class RunsOfFit:
         All else is integrated out at usual sizes, and at every size and time of what no element explains.
         """
         usual = np.array([[SIZES[g].value for g in GROUPS]])
-        prior = left_prior()
-        posteriors = [self.posterior(centre, usual, remainder) for remainder in prior]
-        logs = [log + float(f.log_evidence[0]) for log, f in zip(prior.values(), posteriors, strict=True)]
-        return step_to_mode(logs, [f.mean[0][bent] for f in posteriors], [f.root[0][bent] for f in posteriors])
+        prior, posteriors = left_prior(), self.posteriors(centre, usual)
+        logs = [prior[remainder] + float(f.log_evidence[0]) for remainder, f in posteriors.items()]
+        return step_to_mode(logs, [f.mean[0][bent] for f in posteriors.values()], [f.root[0][bent] for f in posteriors.values()])
 
 
 def alone_in(problem: Problem, i: int) -> list[int]:
@@ -276,10 +302,7 @@ def _averaged(runs: RunsOfFit, way: Way, laws: Mapping[str, ElementLaw], centre:
     most = SETS_COST / (len(runs.values) + len(runs.columns)) ** 3
     sets = int(np.clip(most, FEWEST_SETS, SETS))
     prior, few = left_prior(), sizes_at(even_points(max(sets * FIRST_SETS // SETS, 1), len(GROUPS)))
-    first = {
-        remainder: log + log_sum(runs.posterior(centre, few, remainder).log_evidence) - float(np.log(len(few)))
-        for remainder, log in prior.items()
-    }
+    first = {r: prior[r] + log_sum(several.log_evidence) for r, several in runs.posteriors(centre, few).items()}
     likely = [remainder for remainder, share in zip(first, weights_of(list(first.values())), strict=True) if share > LIKELY]
     parts, sizes = [], []
     for remainder in likely:
@@ -302,7 +325,8 @@ def evidence_of_structure(problem: Problem, fitted: Array) -> float:
     """Return ln of the evidence of the readings where nothing departs from the structure of a fit, with what no element explains."""
     runs, nothing = RunsOfFit.of_problem(problem, fitted, Way(""), {}, {}, Departures({}, ())), np.zeros((1, len(GROUPS)))
     centre = np.zeros(len(runs.values))
-    return log_sum([runs.posterior(centre, nothing, remainder).log_evidence[0] + log for remainder, log in left_prior().items()])
+    prior = left_prior()
+    return log_sum([prior[r] + several.log_evidence[0] for r, several in runs.posteriors(centre, nothing).items()])
 
 
 def left_prior() -> dict[tuple[float, float], float]:

@@ -280,8 +280,13 @@ class SensorRows:
 
 def run_rows(traces: Sequence[SensorRows], wanders: Sequence[Wander], shared: int) -> list[RunRows]:
     """Return what a run's sensors say of unknowns, the first of which other runs share, with each of several processes."""
-    sizes = [t.times.size for t in traces]
-    every, logs = np.empty((len(wanders), sum(sizes), traces[0].rows.shape[1] + 1)), np.zeros(len(wanders))
-    for t, white in zip(traces, np.split(every, np.cumsum(sizes)[:-1], axis=1), strict=True):
-        logs += innovations(t.times, np.column_stack([t.rows, t.residuals]), t.noise, wanders, white)
+    parts = []
+    logs = np.zeros(len(wanders))
+    for size in dict.fromkeys(t.times.size for t in traces):
+        alike = [t for t in traces if t.times.size == size]
+        columns = np.stack([np.column_stack([t.rows, t.residuals]) for t in alike], axis=1)
+        parts.append(np.empty((len(wanders), *columns.shape)))
+        logs += innovations([t.times for t in alike], columns, [t.noise for t in alike], wanders, parts[-1])
+    flat = [part.reshape(len(wanders), -1, part.shape[-1]) for part in parts]
+    every = np.concatenate(flat, axis=1) if len(flat) > 1 else flat[0]
     return [RunRows.of_rows(rows, shared, float(log)) for rows, log in zip(every, logs, strict=True)]

@@ -124,6 +124,8 @@ FEWEST_SETS, SETS_COST = 8, 1e8
 """Sets of a large model, and what all of them may cost: each the cube of the number of unknowns."""
 LIKELY: Final = 0.01
 """Probability from which a size and time of what no element explains counts. [-]"""
+NO_SAY: Final = 1e-9
+"""Probability beside the likeliest below which larger sizes of what no element explains are not tried. [-]"""
 READINGS: Final = 200
 """Readings of a sensor in a run; more are averaged over equal stretches."""
 NEWTON_POINTS, ARRIVED, WORTH_A_POINT = 8, 0.2, 0.1

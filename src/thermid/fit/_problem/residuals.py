@@ -657,7 +657,7 @@ class Problem:
         bench = self.bench(i, fitted)
         x, chain = self.inputs(i, fitted)
         columns, derivatives = bench.temperatures(x, bool(x.size), self.options, times)
-        out = -(derivatives @ chain) if x.size else np.zeros((*columns.shape, len(self.unknowns)))
+        out = _chained(derivatives, -chain) if x.size else np.zeros((*columns.shape, len(self.unknowns)))
         for at, slope_of_clock in slopes_of_clock(self, i, fitted, times).items():
             out[:, :, at] -= slope_of_clock
         for k, o in enumerate(bench.experiment.observations):
@@ -674,6 +674,14 @@ class Problem:
     def observations(self) -> list[Observation]:
         """Return every observation of every experiment."""
         return [o for e in self.experiments for o in e.observations]
+
+
+def _chained(derivatives: Array, chain: Array) -> Array:
+    """Return the product of derivatives (times, sensors, names) and slopes (names, unknowns), most of which act on one name alone."""
+    places, several = np.abs(chain).argmax(axis=0), np.count_nonzero(chain, axis=0) > 1
+    out = derivatives[:, :, places] * chain[places, np.arange(places.size)]
+    out[:, :, several] = derivatives @ chain[:, several]
+    return np.asarray(out)
 
 
 def prior_rows(

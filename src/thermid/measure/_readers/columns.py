@@ -15,7 +15,7 @@ import numpy as np
 
 from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, nearest
 from thermid.measure._readers.headers import MISSING, name_and_unit
-from thermid.measure._readers.textfile import LEAD, LOOKED_AT, SEPARATORS, UNFINISHED, Cells, cells_of_text, holds_cells
+from thermid.measure._readers.textfile import BLOCK, LOOKED_AT, SEPARATORS, UNFINISHED, Cells, cells_of_text, holds_cells
 from thermid.measure._record.channel import FloatArray
 
 _FRACTION = re.compile(r"\s*[+-]?(\d+[.,]\d*|[.,]\d+)([eE][+-]?\d+)?\s*\Z")
@@ -148,10 +148,6 @@ def table_of_text(text: str, file: str, separator: str | None, notes: Sequence[s
     return _long_table(plain, file, separator, notes) or cells_of_text(text, file, separator, notes)
 
 
-BLOCK: Final = 1_000_000
-"""Characters in which ends of lines are looked for at once: a whole text would be copied twice."""
-
-
 def _long_table(text: str, file: str, separator: str | None, notes: Sequence[str]) -> Cells | None:
     """Return the cells of a long text whose rows are all as the first ones; None where it is short, or a row is not."""
     if not text.isascii() or '"' in text or text.count("\n") < LINES_AT_ONCE + 2:
@@ -182,21 +178,30 @@ def _columns(first_rows: Cells, text: str, starts: Any, mark: str) -> list[Seque
     for first in range(0, starts.size - 1, LINES_AT_ONCE):
         last = min(first + LINES_AT_ONCE, starts.size - 1)
         lines = text[starts[first] : starts[last] - 1].split("\n")
-        parsed = _numbers_of_lines(lines, mark, plain) if {line.count(mark) for line in lines} == {width - 1} else None
-        if parsed is None or not ({line[:1] for line in lines}.isdisjoint(LEAD) or all(map(holds_cells, lines))):
+        parsed = _numbers_of_lines(lines, mark, plain, width)
+        if parsed is None:
             return None
         values[:, first:last] = parsed
         for k, texts_of_column in texts.items():
             texts_of_column += [line.split(mark, k + 1)[k] for line in lines]
+    values.flags.writeable = False  # so that a channel need not copy its own
     number_columns = {k: NumberColumn(row, text, starts, mark, k) for k, row in zip(plain, values, strict=True)}
     return [number_columns[k] if k in number_columns else texts[k] for k in range(width)]
 
 
-def _numbers_of_lines(lines: list[str], mark: str, plain: list[int]) -> FloatArray | None:
-    """Return the numbers of some columns of lines (columns, lines), NaN where one is missing; None where a cell is text."""
+def _numbers_of_lines(lines: list[str], mark: str, plain: list[int], width: int) -> FloatArray | None:
+    """Return the numbers of some columns of lines (columns, lines), NaN where one is missing.
+
+    None where a cell is text, a line has not `width` cells, or is blank or a comment.
+    """
+    whole = len(plain) == width  # then what reads the numbers also sees how many there are
+    if not whole and not ({line.count(mark) for line in lines} == {width - 1} and all(map(holds_cells, lines))):
+        return None
     try:
-        columns = np.loadtxt(lines, delimiter=mark, comments=None, ndmin=2, usecols=plain).T
+        columns = np.loadtxt(lines, delimiter=mark, comments=None, ndmin=2, usecols=None if whole else plain).T
     except ValueError:  # some cell is empty, or text
+        if whole and not ({line.count(mark) for line in lines} == {width - 1} and all(map(holds_cells, lines))):
+            return None
         parsed = [numbers([line.split(mark)[k] for line in lines], ".") for k in plain]
         return None if any(isinstance(column, int) for column in parsed) else np.array(parsed)
-    return columns if columns.shape[1] == len(lines) else None
+    return columns if columns.shape == (len(plain), len(lines)) else None

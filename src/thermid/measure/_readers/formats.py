@@ -528,6 +528,7 @@ def _text(read: Callable[[str, str], Cells]) -> Callable[[bytes, str, str | None
 def _plain(data: bytes, file: str, separator: str | None) -> Cells:
     """Return the cells of a text log or a long table."""
     text, notes = decoded(data, file)
+    del data  # of a long log, text and numbers are enough to hold
     return pivoted(with_units_of_cells(table_of_text(text, file, separator, notes)))
 
 
@@ -602,11 +603,10 @@ def log_cells(path: Path, separator: str | None = None) -> Cells:
     MissingDataError   When there is no such file, or the package that reads it is not installed.
     RecordError        When it cannot be read for certain.
     """
-    data = read_bytes(path)
-    name = path.name
-    of = next(log_format for log_format in FORMATS if log_format.recognised(data[:_HEAD]))
+    data, name = [read_bytes(path)], path.name
+    of = next(log_format for log_format in FORMATS if log_format.recognised(data[0][:_HEAD]))
     try:
-        cells = of.read(data, name, separator)
+        cells = of.read(data.pop(), name, separator)  # which alone holds the bytes then
     except EndedError as error:
         cause, memory = f" ({error})" if str(error) else "", binary.MEMORY_OVER_UNPACKED * cap("unpacked") / 1e6
         raise RecordError(
@@ -616,8 +616,7 @@ def log_cells(path: Path, separator: str | None = None) -> Cells:
             code="record.damaged",
         ) from None
     except RecordError:
-        kind = kind_of_text(data)
-        if kind:
+        if path.is_file() and (kind := kind_of_text(read_bytes(path))):
             raise RecordError(f"this is {kind}, not a log.", name, code="file.another-kind") from None
         raise
     return replace(cells, layout=replace(cells.layout, format=of.name)) if cells.layout.format == Layout().format else cells

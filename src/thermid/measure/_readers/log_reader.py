@@ -198,7 +198,9 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int], tim
     stated_sizes = {word: getattr(binding, word) for word in STATED_SIZES}
     stated_sizes["resolution"] = binding.resolution or cells.resolution.get(column)
     sizes: dict[str, Any] = {word: amount(v, difference, f"{where}, {word}") * scale for word, v in stated_sizes.items() if v is not None}
-    values = in_si(samples, unit_text) * scale
+    of = unit(unit_text)
+    values = samples if of.factor == scale == 1.0 and of.offset == 0.0 else in_si(samples, of) * scale
+    values.flags.writeable = False  # it is the channel's own
     channel = Channel(
         binding.name,
         values,
@@ -233,7 +235,8 @@ def _samples(cells: Cells, parsed: list[FloatArray | int], at: int) -> FloatArra
             cells.where(samples, name_and_unit(cells.header[at])[0]),
             code="record.not-a-number",
         )
-    return np.where(np.abs(samples) >= SCPI_OVERLOAD, np.inf, samples)
+    over = np.abs(samples) >= SCPI_OVERLOAD
+    return np.where(over, np.inf, samples) if over.any() else samples
 
 
 def _power(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times: FloatArray) -> Channel:

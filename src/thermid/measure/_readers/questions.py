@@ -140,11 +140,10 @@ def hidden_switches(times: FloatArray, powers: Mapping[str, FloatArray]) -> Iter
     """
     for name, values in powers.items():
         logged_rows = np.flatnonzero(np.isfinite(values))
-        if logged_rows.size < 2:
-            continue
-        change, hole = np.abs(np.diff(values[logged_rows])), np.diff(times[logged_rows])
-        for k in np.flatnonzero((hole > gap_from(times)) & (change > SWITCH * float(np.ptp(values[logged_rows]))) & (change > 0.0)):
-            a, b = logged_rows[k], logged_rows[k + 1]
+        holes = np.flatnonzero(np.diff(times[logged_rows]) > gap_from(times)) if logged_rows.size > 1 else logged_rows[:0]
+        pairs = ((logged_rows[k], logged_rows[k + 1]) for k in holes)
+        least = SWITCH * float(np.ptp(values[logged_rows])) if holes.size else 0.0
+        for a, b in (pair for pair in pairs if abs(float(values[pair[1]] - values[pair[0]])) > least):
             yield (
                 f"{name} changes from {short(float(values[a]), 3)} to {short(float(values[b]), 3)} in a hole of "
                 f"{duration_text(float(times[b] - times[a]))} at {duration_text(float(times[a] - times[0]))}. Nothing says when: it is "

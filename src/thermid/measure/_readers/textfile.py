@@ -39,6 +39,8 @@ _HEAD: Final = MOST_NAMES + 4
 """Lines in which a head ends: names, units, what was done with samples, and two of samples."""
 LEAD: Final = frozenset({"", "#", " ", "\t", "\f"})
 """How a line may begin that holds no cells."""
+BLOCK: Final = 1_000_000
+"""Characters that are looked through at once: a whole text would be copied."""
 _CONTROL: Final = bytes(set(range(32)) - set(b"\t\n\r\f")) + b"\x7f"
 """Signs that no text log has."""
 
@@ -458,10 +460,11 @@ def decoded(data: bytes, file: str) -> tuple[str, list[str]]:
         # older loggers write the degree sign in Latin-1, which takes any byte; control characters still show a binary file
         text, notes = data.decode("latin-1"), ["read as Latin-1, because it is not UTF-8"]
     plain = text.encode() if notes == ["read as UTF-16"] else data
-    if len(plain.translate(None, _CONTROL)) < len(plain):
+    blocks = (plain[at : at + BLOCK] for at in range(0, len(plain), BLOCK))
+    if any(len(block.translate(None, _CONTROL)) < len(block) for block in blocks):
         packed = " (a workbook or archive)" if data[:2] == b"PK" else ""
         raise RecordError(f"this is a binary file, not a text log{packed}. Export it as CSV.", file, code="record.damaged")
-    return text.replace("\r\n", "\n").replace("\r", "\n"), notes
+    return text, notes
 
 
 def _split(lines: list[tuple[int, str]], mark: str) -> list[int]:

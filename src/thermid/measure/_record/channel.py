@@ -96,14 +96,19 @@ def digest(columns: Iterable[tuple[str, ArrayLike]]) -> str:
     """
     total = hashlib.sha256()
     for name, values in columns:
-        samples = np.atleast_1d(np.array(values, dtype="<f8")) + 0.0  # -0.0 becomes 0.0
+        samples = np.atleast_1d(np.asarray(values, dtype="<f8")) + 0.0  # a copy, in which -0.0 becomes 0.0
         samples[np.isnan(samples)] = np.nan
-        total.update(name.encode() + b"\0" + samples.astype("<f8").tobytes())
+        total.update(name.encode() + b"\0")
+        total.update(memoryview(samples))
     return total.hexdigest()
 
 
 def frozen(values: ArrayLike, kind: Any) -> NDArray[Any]:
-    """Return a copy as an array of a dtype `kind` that cannot be written to."""
+    """Return an array of a dtype `kind` that cannot be written to: a copy where it could be."""
+    if isinstance(values, np.ndarray) and values.dtype == kind:
+        owner = values if values.base is None else values.base
+        if isinstance(owner, np.ndarray) and not (values.flags.writeable or owner.flags.writeable):
+            return values
     copy = np.array(values, dtype=kind)
     copy.flags.writeable = False
     return copy
