@@ -8,6 +8,7 @@ files of the repository lead there.
 from __future__ import annotations
 
 import contextlib
+import gc
 import io
 import os
 import re
@@ -217,6 +218,11 @@ def outside(pages: dict[str, str]) -> set[str]:
                 if "://" not in target and (place_of(file) or "").startswith("project/"):
                     found.add(str(file))
     return found
+
+
+def on_startup(command: str, dirty: bool) -> None:
+    """Let the garbage collector look at the syntax trees of the whole package, which all are kept, less often."""
+    gc.set_threshold(100_000, 50, 100)
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:

@@ -12,7 +12,7 @@ from recovery.noise_cases import CONSUMERS, KINDS, Cell, campaign
 
 pytestmark = pytest.mark.recovery
 ROOT = Path(__file__).parents[2]
-QUICK = {"fit": 2, "profile": 1, "next_test": 1, "steady point": 4, "energy_balance": 1}
+QUICK = {"fit": 1, "profile": 1, "next_test": 1, "steady point": 2, "energy_balance": 1}
 SEED = 20261122
 
 

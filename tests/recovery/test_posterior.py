@@ -24,6 +24,13 @@ def fit() -> td.Calibration:
     return td.calibrate(case(0.1, 1.5), log(), ["near.conductance"], scenario=BENCH)
 
 
+@pytest.fixture(scope="module")
+def short(fit: td.Calibration) -> td.inference.Posterior:
+    """Chains that begin with twenty steps and run on."""
+    pytest.importorskip("emcee")
+    return td.inference.posterior(fit, steps=20)
+
+
 def on_a_ridge() -> td.Calibration:
     """Two conductances in series, told apart by a small mass between them only."""
 
@@ -74,10 +81,8 @@ class TestSamples:
         with raises_code("name.unknown", NameNotFoundError):
             found.interval("near.conductanc")
 
-    def test_short_chains_run_on(self, fit: td.Calibration) -> None:
-        pytest.importorskip("emcee")
-        found = td.inference.posterior(fit, steps=20)
-        assert found.independent > 50 * 12
+    def test_short_chains_run_on(self, short: td.inference.Posterior) -> None:
+        assert short.independent > 50 * 12
 
     def test_chains_on_a_ridge_that_stay_short_give_no_interval(self) -> None:
         pytest.importorskip("emcee")
@@ -93,17 +98,14 @@ class TestSamples:
         low, _, high = exact_interval(_Density.of_fit(fit).stretched(fit), 0.35)
         assert td.inference.posterior(fit).interval("inner.conductance") == pytest.approx((low, high), abs=0.15 * (high - low))
 
-    def test_workers_give_the_same_draws(self, fit: td.Calibration) -> None:
-        alone = td.inference.posterior(fit, steps=10)
+    def test_workers_give_the_same_draws(self, fit: td.Calibration, short: td.inference.Posterior) -> None:
         with ThreadPoolExecutor(2) as pool:
-            found = td.inference.posterior(fit, steps=10, executor=pool)
-        assert all(np.array_equal(found.draws[n], alone.draws[n]) for n in alone.draws)
-        assert found.evaluations == alone.evaluations
+            found = td.inference.posterior(fit, steps=20, executor=pool)
+        assert all(np.array_equal(found.draws[n], short.draws[n]) for n in short.draws)
+        assert found.evaluations == short.evaluations
 
-    def test_draws_feed_an_ensemble(self, fit: td.Calibration) -> None:
-        pytest.importorskip("emcee")
-        draws = {k: v[:16] for k, v in td.inference.posterior(fit, steps=30).draws.items()}
-        assert td.ensemble(fit.model, BENCH, draws).members == 16
+    def test_draws_feed_an_ensemble(self, fit: td.Calibration, short: td.inference.Posterior) -> None:
+        assert td.ensemble(fit.model, BENCH, {k: v[:16] for k, v in short.draws.items()}).members == 16
 
     def test_refusals(self, fit: td.Calibration) -> None:
         pytest.importorskip("emcee")

@@ -29,7 +29,7 @@ def run_of(how: str, most: int) -> dict[str, Any]:
     return found
 
 
-MANY = {"python": (50, 300), "logs": (25, 150), "commands": (15, 46), "calls": (50, 300)}
+MANY = {"python": (25, 300), "logs": (12, 150), "commands": (10, 46), "calls": (25, 300)}
 """Kind of mutants -> how many, and how many in the campaign."""
 
 

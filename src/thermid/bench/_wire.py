@@ -15,7 +15,8 @@ MAGIC: Final = "# thermid bench log 1"
 _VALUE: Final = re.compile(r"D,(\d{1,10}),(\d{1,10}),([0-9A-F]{16}|[HVI][1-9]),(-?\d{1,6})?,(ok|crc|lost|short|power)\Z", re.ASCII)
 _OTHER: Final = re.compile(r"([BSCRE]),(\d{1,10}),(\d{1,10}),([ -)+-~]{1,80})\Z", re.ASCII)
 _FIELDS: Final = {"B": (3, 3), "S": (2, 2), "C": (3, 3), "R": (2, 2), "E": (1, 2)}
-_COUNTER_RANGE: Final = 1 << 32
+COUNTER_RANGE: Final = 1 << 32
+"""Where the counters of the board, of lines and of milliseconds, begin again."""
 
 
 class BoardLine(NamedTuple):
@@ -131,6 +132,6 @@ def _checked(line: BoardLine) -> BoardLine:
     ------
     RecordError   When its number or time does not fit into 32 bits.
     """
-    if line.number >= _COUNTER_RANGE or line.ms >= _COUNTER_RANGE:
+    if line.number >= COUNTER_RANGE or line.ms >= COUNTER_RANGE:
         raise RecordError("its number or time does not fit 32 bits.", code="bench.protocol")
     return line

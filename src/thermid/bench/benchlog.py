@@ -23,7 +23,7 @@ import numpy as np
 from thermid.base.errors import OutputError, RecordError
 from thermid.base.expression import Kelvin
 from thermid.base.files import COPY, write_bytes
-from thermid.bench._wire import MAGIC, BoardLine, parse_line, sealed, unsealed
+from thermid.bench._wire import COUNTER_RANGE, MAGIC, BoardLine, parse_line, sealed, unsealed
 from thermid.measure.readers import UNFINISHED, Cells, is_bench_log
 from thermid.measure.sensors import SensorCertificate
 
@@ -37,8 +37,7 @@ _FAULTS: Final = {"crc": "wrong CRC", "lost": "sensor lost", "short": "bus short
 _NAMES: Final = {"H": ("heater{}", "%", 0.1), "V": ("voltage{}", "V", 1e-3), "I": ("current{}", "A", 1e-4)}
 _MAX_LISTED_LINES: Final = 8
 _UNPRINTABLE: Final = re.compile(r"[^ -~]")
-_COUNTER_RANGE: Final = 1 << 32
-_NEAR_WRAP: Final = _COUNTER_RANGE - (1 << 24)
+_NEAR_WRAP: Final = COUNTER_RANGE - (1 << 24)
 _MIN_DRIFT_TIME: Final = 600.0
 _MAX_CLOCK_DRIFT: Final = 0.02
 """No quartz or resonator is off by 2 %; a simulated board, run faster than time, is."""
@@ -322,19 +321,19 @@ def _runs_of_board(heard: Sequence[HeardLine], starts: Mapping[int, float]) -> t
     lost = 0
     number = ms = turns = 0
     for place, (session, elapsed, _, line) in enumerate(heard):
-        wrapped = ms > _NEAR_WRAP and line.ms < _COUNTER_RANGE - _NEAR_WRAP and line.number >= number
+        wrapped = ms > _NEAR_WRAP and line.ms < COUNTER_RANGE - _NEAR_WRAP and line.number >= number
         again = line.number <= number or (line.ms < ms and not wrapped)
-        if number > _NEAR_WRAP and line.number < _COUNTER_RANGE - _NEAR_WRAP:
+        if number > _NEAR_WRAP and line.number < COUNTER_RANGE - _NEAR_WRAP:
             again = False
         if not groups or again:
             groups.append([])
             turns = 0
             lost += line.number if len(groups) > 1 else 0
         else:
-            lost += (line.number - number - 1) % _COUNTER_RANGE
+            lost += (line.number - number - 1) % COUNTER_RANGE
             turns += wrapped
         number, ms = line.number, line.ms
-        groups[-1].append((place, starts[session] + elapsed, (ms + turns * _COUNTER_RANGE) / 1000.0, session))
+        groups[-1].append((place, starts[session] + elapsed, (ms + turns * COUNTER_RANGE) / 1000.0, session))
     runs = []
     for group in groups:
         places, host, board, sessions = zip(*group, strict=True)

@@ -11,14 +11,13 @@ import time
 from collections.abc import Callable, Sequence
 
 from thermid.base.errors import RecordError
-from thermid.bench._wire import crc8, sealed, unsealed
+from thermid.bench._wire import COUNTER_RANGE, crc8, sealed, unsealed
 
 FIRMWARE = "thermid-bench 1"
 
 World = Callable[[float, tuple[float, float]], Sequence[float]]
 """Temperatures of the sensors [degC], from the time [s] and the duties of the heaters since the call before [-]."""
 
-_COUNTER_RANGE = 1 << 32
 _LIMITS = {"resolution": (9, 12), "interval": (100, 3_600_000), "limit": (-880, 2000), "silence": (200, 3_600_000)}
 _STEP = 100
 """Short enough that the silence of the host is seen when it is. [ms]"""
@@ -90,7 +89,7 @@ class Board:
 
     def _send(self, kind: str, *fields: object) -> None:
         """Send one line of a kind with its fields."""
-        self.out.append(sealed(",".join([kind, str(self.number % _COUNTER_RANGE), str(self.ms % _COUNTER_RANGE), *map(str, fields)])))
+        self.out.append(sealed(",".join([kind, str(self.number % COUNTER_RANGE), str(self.ms % COUNTER_RANGE), *map(str, fields)])))
         self.number += 1
         self.sent += 1
 

@@ -13,7 +13,7 @@ import pytest
 from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError
 from thermid.model._deck.modelfile import load_model, model_from_dict
-from thermid.model._tree.flat import flatten
+from thermid.model._tree.flat import bare, flatten, still
 from thermid.model._tree.model import Model
 from thermid.model._tree.rules import RULES, findings
 from thermid.model._tree.tree import used_offers
@@ -367,3 +367,22 @@ def test_schema_names_every_table_and_kind() -> None:
     assert schema["additionalProperties"] is False
     assert {"nodes", "surfaces", "conductors", "joints", "loads", "submodels", "set", "aliases"} < set(schema["properties"])
     assert "conduction" in schema["$defs"]["ConductorTable"]["properties"]["kind"]["pattern"]
+
+
+def test_which_surfaces_a_run_in_vacuum_and_one_with_gas_refuse() -> None:
+    """One with htc alone exchanges nothing without its gas; one that radiates alone nothing with it; a coefficient for both does either."""
+    way = {
+        "convects": {"htc": "5 [W/(m^2 K)]"},
+        "radiates": {"emissivity": "0.8", "sees": "walls"},
+        "either": {"effective_htc": "9 [W/(m^2 K)]"},
+    }
+    way["both"] = way["convects"] | way["radiates"]
+    deck = {
+        "title": "Plate",
+        "needs": ["air", "walls"],
+        "nodes": {"plate": {"capacitance": "100 [J/K]"}},
+        "surfaces": {name: {"of": "plate", "to": "air", "area": "0.02 [m^2]", **fields} for name, fields in way.items()},
+    }
+    flat = flatten(model_from_dict(deck))
+    assert bare(flat) == {"convects": "air"}
+    assert still(flat) == {"radiates": "air"}

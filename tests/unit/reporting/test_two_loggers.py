@@ -7,6 +7,7 @@ import sys
 import tomllib
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -55,7 +56,7 @@ def test_the_offset_of_a_supply_without_stamps_is_found_by_its_steps(hour: Modul
     assert step["columns"] == ["T_BOARD", "U * I"]
     assert step["error"] < 16.0
     assert abs(step["offset"] - 137.0) < 2.0 * step["error"]
-    text = "\n".join(clock_lines(looks))
+    text = "\n".join(clock_lines(looks, [found]))
     assert "by a common step of T_BOARD and U * I, supply.csv begins 1" in text
     assert 'joined   = [{ record = "supply", offset = ["' in text
     assert 'P_supply = { load = "P_supply", power = { volts = "U", amperes = "I" } }' in looks[1].campaign()
@@ -78,9 +79,9 @@ def test_a_step_of_a_power_decides_and_stamps_that_it_contradicts_are_named(
     assert found["offset"] == pytest.approx(137.0 - off)
     assert abs(found["step"]["offset"] - 137.0) < 3.0 * found["step"]["error"]
     assert found["step"]["contradicted"] is not agrees
-    text = "\n".join(clock_lines(looks))
+    text = "\n".join(clock_lines(looks, [found]))
     assert ("a clock is wrong" in text) is not agrees
-    (pair,) = joined_lines(looks)
+    (pair,) = joined_lines(looks, [found])
     low, high = (float(str(end).removesuffix(" [s]")) for end in list(pair["offset"]))  # type: ignore[call-overload]
     assert low < 137.0 < high
     head, joined = looks[0].campaign(), next(line for line in text.splitlines() if line.startswith("    joined "))
@@ -117,9 +118,9 @@ def test_local_stamps_beside_stamps_in_utc_are_not_hours_apart(
     looks = stamped_in_zones(hour, tmp_path, zones)
     (found,) = clocks_of(looks)
     assert found["offset"] == pytest.approx(100.0)
-    low, high = (float(str(end).removesuffix(" [s]")) for end in joined_lines(looks)[0]["offset"])  # type: ignore[attr-defined]
+    low, high = (float(str(end).removesuffix(" [s]")) for end in joined_lines(looks, [found])[0]["offset"])  # type: ignore[attr-defined]
     assert low < 137.0 < high
-    first = clock_lines(looks)[0]
+    first = clock_lines(looks, [found])[0]
     assert first.startswith("check: no time zone is stated in board.csv, but in supply.csv Z. ") is asked
     assert ("fit best if board.csv is 2 h ahead of UTC" in first) is asked
     shown = CliRunner().invoke(app, ["look", *(str(one.path) for one in looks)]).output
@@ -132,9 +133,10 @@ def test_where_no_power_tells_the_zone_it_is_asked_for(hour: ModuleType, tmp_pat
     head, *rows = path.read_text().splitlines()
     path.write_text("\n".join([head, *(f"{row.partition(',')[0]},28.0,0.5" for row in rows)]) + "\n")
     looks = [looks[0], look(path)]
-    assert clocks_of(looks)[0]["offset"] is None
-    assert clock_lines(looks)[0].endswith("which zone is it?")
-    assert joined_lines(looks)[0]["offset"] == "... [s]"
+    clocks = clocks_of(looks)
+    assert clocks[0]["offset"] is None
+    assert clock_lines(looks, clocks)[0].endswith("which zone is it?")
+    assert joined_lines(looks, clocks)[0]["offset"] == "... [s]"
 
 
 def test_two_thermometers_of_one_room_show_the_offset_with_its_sign() -> None:
@@ -371,9 +373,9 @@ def bench_log(path: Path, names: tuple[str, ...], late: float, clock: str = "", 
     return look(path)
 
 
-def joined_lines(looks: list[Look]) -> list[dict[str, object]]:
+def joined_lines(looks: list[Look], clocks: list[dict[str, Any]]) -> list[dict[str, object]]:
     """Return what the line to copy says."""
-    (line,) = [text for text in clock_lines(looks) if text.startswith("    joined ")]
+    (line,) = [text for text in clock_lines(looks, clocks) if text.startswith("    joined ")]
     return list(tomllib.loads(line.strip())["joined"])
 
 
@@ -390,10 +392,10 @@ def test_offsets_by_stamps_are_of_two_clocks_and_a_third_log_is_chained_to_the_o
     assert abs(step["offset"] + 115.0) < 3.0 * step["error"]
     assert found[1]["at"]["stamps"]
     assert found[1]["at"]["offset"] == pytest.approx(step["offset"] - 125.0)
-    text = "\n".join(clock_lines([first, second, third]))
+    text = "\n".join(clock_lines([first, second, third], found))
     assert text.count("by time stamps") == 1
     assert "a fit then finds the offset by a model" in text
-    assert [type(j["offset"]) for j in joined_lines([first, second, third])] == [str, list]
+    assert [type(j["offset"]) for j in joined_lines([first, second, third], found)] == [str, list]
 
 
 def test_stamps_tell_more_than_a_step_that_only_a_slow_mass_shows(tmp_path: Path) -> None:
@@ -404,7 +406,7 @@ def test_stamps_tell_more_than_a_step_that_only_a_slow_mass_shows(tmp_path: Path
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr("thermid.reporting._pictures.look.common_step", lambda *courses: dull)
         (clock,) = clocks_of([first, supply])
-        text = "\n".join(clock_lines([first, supply]))
+        text = "\n".join(clock_lines([first, supply], [clock]))
     assert clock["at"]["by_stamps"]
     assert "and tell more than a step known no better, and are used where no fit finds the offset" in text
 
@@ -416,7 +418,8 @@ def test_a_supply_whose_clock_is_off_is_not_what_places_a_thermometer_with_right
         "second": bench_log(tmp_path / "second.csv", ("board",), 75.0, "08:31:15"),
         "supply": bench_log(tmp_path / "supply.csv", (), -40.0, "08:28:50", step=5.0),  # 30 s behind
     }
-    offsets = dict(zip(names, (j["offset"] for j in joined_lines([first, *(others[n] for n in names)])), strict=True))
+    looks = [first, *(others[n] for n in names)]
+    offsets = dict(zip(names, (j["offset"] for j in joined_lines(looks, clocks_of(looks))), strict=True))
     assert offsets["second"] == "75 [s]"
     low, high = (float(str(end).removesuffix(" [s]")) for end in offsets["supply"])
     assert low < -40.0 < high
@@ -429,10 +432,10 @@ def test_an_offset_by_stamps_that_a_step_contradicts_is_told_from_the_first_log(
         bench_log(tmp_path / "second.csv", ("board",), 75.0, "08:41:15", length=14000.0),
         bench_log(tmp_path / "third.csv", (), -40.0, "08:29:20", step=5.0),
     ]
-    found = clocks_of(looks)[0]
+    found, _ = clocks = clocks_of(looks)
     assert found["step"]["after"] == "third.csv"
     assert found["step"]["contradicted"]
-    assert "heat arrives late: write 675 s" in "\n".join(clock_lines(looks))
+    assert "heat arrives late: write 675 s" in "\n".join(clock_lines(looks, clocks))
 
 
 def test_two_loggers_of_temperatures_meet_by_way_of_the_supply_that_both_follow(tmp_path: Path) -> None:
@@ -442,24 +445,25 @@ def test_two_loggers_of_temperatures_meet_by_way_of_the_supply_that_both_follow(
         bench_log(tmp_path / "second.csv", ("board",), 75.0, "08:31:15", length=14000.0),
         bench_log(tmp_path / "third.csv", (), -40.0, step=5.0),
     ]
-    by_board, by_supply = clocks_of(looks)
+    by_board, by_supply = clocks = clocks_of(looks)
     assert by_board["offset"] == -125.0
     assert by_board["step"]["after"] == "third.csv"
     for found, truth in ((by_board, 75.0), (by_supply, -40.0)):
         assert abs(found["at"]["offset"] - truth) < 2.0 * found["at"]["error"]
         assert found["at"]["error"] < 100.0  # half of what the stamps are wrong by
         assert not found["at"]["stamps"]
-    board, _ = joined_lines(looks)
-    assert any("  # not fitted: " in line for line in clock_lines(looks))  # what the supply is off by counts too
+    board, _ = joined_lines(looks, clocks)
+    assert any("  # not fitted: " in line for line in clock_lines(looks, clocks))  # what the supply is off by counts too
     assert abs(float(str(board["offset"]).removesuffix(" [s]")) - 75.0) < 2.0 * by_board["at"]["error"]
 
 
 def test_one_range_at_most_is_proposed_and_a_name_that_both_have_is_another_in_one(tmp_path: Path) -> None:
     board = bench_log(tmp_path / "board.csv", ("board",), 0.0)
     powers = [bench_log(tmp_path / f"{name}.csv", (), late, step=5.0) for name, late in (("ab", 60.0), ("abc", 90.0))]
-    offsets = [j["offset"] for j in joined_lines([board, *powers])]
+    clocks = clocks_of([board, *powers])
+    offsets = [j["offset"] for j in joined_lines([board, *powers], clocks)]
     assert sorted(type(o).__name__ for o in offsets) == ["list", "str"]
-    text = "\n".join(clock_lines([board, *powers]))
+    text = "\n".join(clock_lines([board, *powers], clocks))
     assert "one clock at a time" in text
     assert [list(look.again) for look in named_apart([board, *powers])] == [
         [],
@@ -476,9 +480,9 @@ def test_a_clock_by_two_places_is_a_candidate_in_the_line_to_copy(tmp_path: Path
     (found,) = clocks_of(looks)
     assert found["step"]["candidate"]
     assert abs(found["step"]["offset"] - 300.0) < 2.0 * found["step"]["error"]
-    text = "\n".join(clock_lines(looks))
+    text = "\n".join(clock_lines(looks, [found]))
     assert "(a candidate" in text
-    (pair,) = joined_lines(looks)
+    (pair,) = joined_lines(looks, [found])
     assert pair["offset"] == "... [s]"
 
 

@@ -464,7 +464,7 @@ def decoded(data: bytes, file: str) -> tuple[str, list[str]]:
     if any(len(block.translate(None, _CONTROL)) < len(block) for block in blocks):
         packed = " (a workbook or archive)" if data[:2] == b"PK" else ""
         raise RecordError(f"this is a binary file, not a text log{packed}. Export it as CSV.", file, code="record.damaged")
-    return text, notes
+    return text.replace("\r\n", "\n").replace("\r", "\n"), notes
 
 
 def _split(lines: list[tuple[int, str]], mark: str) -> list[int]:

@@ -255,25 +255,23 @@ def _wandering(t: FloatArray, y: FloatArray, line: _Line, at: float) -> _Line:
     x = np.column_stack([np.ones(centre.size), centre - at])
     taken = np.linalg.solve(x.T @ (count[full, None] * x), (count[full, None] * x).T)
     free, span = centre.size - 2, float(t[-1] - t[0])
-    likely, errors = list[float](), list[FloatArray]()
+    likely, errors, root = list[FloatArray](), list[FloatArray](), np.sqrt(count[full])
     for time in np.geomspace(span / centre.size, 0.25 * span, TRIED_CORRELATION_TIMES):
-        like = np.exp(-np.abs(centre[:, None] - centre) / time)
-        for ratio in (
-            (0.0, *np.geomspace(0.05, 1e3, TRIED_VARIANCE_RATIOS)) if not likely else np.geomspace(0.05, 1e3, TRIED_VARIANCE_RATIOS)
-        ):
-            noise = np.diag(1.0 / count[full]) + ratio * like
-            inverse = np.linalg.inv(noise)
-            inner = x.T @ inverse @ x
-            residuals = mean - x @ np.linalg.solve(inner, x.T @ inverse @ mean)
-            square = float(residuals @ inverse @ residuals)
-            likely.append(
-                -0.5 * (np.linalg.slogdet(noise)[1] + np.linalg.slogdet(inner)[1] + free * np.log(max(square, np.finfo(float).tiny)))
-            )
-            # Student's distribution is wider than the normal one
-            errors.append(np.diag(taken @ noise @ taken.T) * square / max(free - 2.0, 1.0))
-    weight = np.exp(np.array(likely) - max(likely))
+        # in the axes of the correlations all ratios are diagonal: C = R^-1 U (1 + ratio L) U' R^-1
+        like, axes = np.linalg.eigh(root[:, None] * np.exp(-np.abs(centre[:, None] - centre) / time) * root)
+        ratios = np.geomspace(0.05, 1e3, TRIED_VARIANCE_RATIOS)
+        variance = 1.0 + (ratios if likely else np.append(0.0, ratios))[:, None] * np.maximum(like, 0.0)
+        rows, read = axes.T @ (root[:, None] * x), axes.T @ (root * mean)
+        weighed = rows.T / variance[:, None, :]
+        inner = weighed @ rows
+        residuals = read - np.linalg.solve(inner, weighed @ read[:, None])[:, :, 0] @ rows.T
+        square = np.maximum(np.sum(residuals**2 / variance, axis=1), np.finfo(float).tiny)
+        likely.append(-0.5 * (np.log(variance).sum(axis=1) + np.linalg.slogdet(inner)[1] + free * np.log(square)))
+        # Student's distribution is wider than the normal one
+        errors.append(variance @ (taken / root @ axes).T ** 2 * square[:, None] / max(free - 2.0, 1.0))
+    weight = np.exp(np.concatenate(likely) - max(map(np.max, likely)))
     # of logarithms, so that an unlikely time of hours does not decide
-    level, rate = np.exp(0.5 * (weight @ np.log(np.maximum(errors, np.finfo(float).tiny))) / weight.sum())
+    level, rate = np.exp(0.5 * (weight @ np.log(np.maximum(np.concatenate(errors), np.finfo(float).tiny))) / weight.sum())
     return line._replace(noise=max(float(level), line.noise), noise_of_rate=max(float(rate), line.noise_of_rate))
 
 

@@ -523,9 +523,8 @@ def named_apart(looks: Sequence[Look]) -> list[Look]:
     return out
 
 
-def clock_lines(looks: Sequence[Look]) -> list[str]:
-    """Return how several logs of one test are joined, in words and as lines for a campaign; nothing for one log."""
-    clocks = clocks_of(looks)
+def clock_lines(looks: Sequence[Look], clocks: Sequence[dict[str, Any]]) -> list[str]:
+    """Return how several logs of one test are joined, `clocks_of` them in words and as lines for a campaign; nothing for one log."""
     if not clocks:
         return []
     with_stamp = [f for f in clocks if f["offset"] is not None]

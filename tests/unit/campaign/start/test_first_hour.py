@@ -147,7 +147,7 @@ def test_a_log_of_another_logger_is_no_further_test(tmp_path: Path) -> None:
 
 def test_a_power_in_other_units_gives_a_part_that_cannot_be(tmp_path: Path) -> None:
     log = plate(tmp_path / "log.csv", scale=1e-3)  # kilowatts under a header of watts
-    code, made = said("init", str(log), "--to", str(tmp_path / "p"))
+    code, made = said("init", str(log), "--to", str(tmp_path / "p"), "--evaluations", "100")
     assert code == 4
     (row,) = [r for r in made["not_physical"] if r["path"] == "t_plate.capacitance" or r["path"] == "plate.capacitance"]
     assert row["high"] > row["low"] > row["value"]
@@ -178,7 +178,7 @@ def test_a_deck_to_begin_with_is_kept(tmp_path: Path) -> None:
         'conductors.film = { kind = "convection", between = ["plate", "lab"], htc = "5 [W/(m^2 K)]", '
         'area = { value = "0.03 [m^2]", source = "measured" } }\nloads.foil = { into = "plate", power = "0 [W]" }\n'
     )
-    _, made = said("init", str(log), "--to", str(tmp_path / "p"), "--deck", str(tmp_path / "mine.toml"))
+    _, made = said("init", str(log), "--to", str(tmp_path / "p"), "--deck", str(tmp_path / "mine.toml"), "--evaluations", "100")
     assert made["masses"] == 1
     assert made["offsets_K"]["T_plate"]["value"] == pytest.approx(-0.4, abs=0.05)
     text = (tmp_path / "p" / "campaign.toml").read_text()
