@@ -109,13 +109,13 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     kinds.write_text(with_bolts(kinds.read_text(encoding="utf-8")), encoding="utf-8")
     ranges = folder / "src" / "thermid" / "model" / "_parts" / "ranges.py"
     ranges.write_text(lengthened(ranges.read_text(encoding="utf-8"), "RANGES: Final", EXAMPLE["range"]), encoding="utf-8")
-    diagram = folder / "src" / "thermid" / "reporting" / "_diagrams" / "diagram.py"
+    diagram = folder / "src" / "thermid" / "reporting" / "_diagrams" / "map.py"
     diagram.write_text(lengthened(diagram.read_text(encoding="utf-8"), "STYLES: Mapping", EXAMPLE["line-style"]), encoding="utf-8")
     for name, table, row, end in WALKS:
         walk = (ROOT / "tests" / "unit" / name).read_text(encoding="utf-8")
         (folder / "tests" / "unit" / name).parent.mkdir(parents=True)
         (folder / "tests" / "unit" / name).write_text(lengthened(walk, table, EXAMPLE[row], end), encoding="utf-8")
-    metrics = folder / "src" / "thermid" / "campaign" / "_judge" / "metrics.py"
+    metrics = folder / "src" / "thermid" / "campaign" / "_judge" / "criteria.py"
     source = metrics.read_text(encoding="utf-8")
     metrics.write_text(added(source, "metric", "@dataclass(frozen=True)\nclass Metric:", "METRICS: Final", "}\n"), encoding="utf-8")
     formats = folder / "src" / "thermid" / "measure" / "_readers" / "formats.py"

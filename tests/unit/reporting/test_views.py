@@ -1,4 +1,4 @@
-"""One view of a stage: what text, JSON, page and studio print are its numbers."""
+"""What text, JSON, page and studio print of a stage are its numbers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from thermid.campaign.stages import Campaign
 from thermid.fit.calibration import Calibration
 from thermid.reporting._blocks.content import Table
 from thermid.reporting._pages import tables
-from thermid.reporting._pages.views import calibration_object, fit_object, view
+from thermid.reporting._pages.views import bias_of, calibration_object, fit_object
+from thermid.values.fitted import FittedValue
 
 STAGES = ["component", "submodel"]
 NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
@@ -35,18 +36,26 @@ def columns(table: Table) -> list[dict[str, str]]:
     return [{head.title: cell.text for head, cell in zip(table.columns, row, strict=True)} for row in table.rows]
 
 
-def test_the_text_says_the_view_s_values(fit: Calibration) -> None:
+def found(fit: Calibration) -> dict[str, FittedValue]:
+    return {p: v for p, v in fit.values.items() if v.kind in ("parameter", "level")}
+
+
+def in_unit(v: FittedValue) -> dict[str, float]:
+    return {"start": v.converted(v.start), "value": v.in_unit, "random": v.shown(v.error_random), "error": v.shown(v.error)}
+
+
+def test_the_text_says_the_values(fit: Calibration) -> None:
     lines = {line.split()[0]: line for line in str(fit).splitlines() if "random +-" in line}
-    assert set(lines) == set(view(fit).values)
-    for path, q in view(fit).values.items():
-        value, random, total, start = re.match(r"\s*\S+\s+(\S+).*random \+- (\S+)\s+total \+- (\S+).*start ([^\s,]+)", lines[path]).groups()  # type: ignore[union-attr]
-        assert q.unit in lines[path]
-        for text, number in ((value, q.value), (random, q.random), (total, q.error), (start, q.start)):
-            assert is_rounded(text, number), (path, text, number)
+    assert set(lines) == set(found(fit))
+    for path, v in found(fit).items():
+        said = re.match(r"\s*\S+\s+(\S+).*random \+- (\S+)\s+total \+- (\S+).*start ([^\s,]+)", lines[path]).groups()  # type: ignore[union-attr]
+        assert v.unit in lines[path]
+        for text, name in zip(said, ("value", "random", "error", "start"), strict=True):
+            assert is_rounded(text, in_unit(v)[name]), (path, text, name)
 
 
-def test_the_text_says_the_view_s_sensors(fit: Calibration) -> None:
-    for name, s in view(fit).sensors.items():
+def test_the_text_says_the_sensors(fit: Calibration) -> None:
+    for name, s in fit.sensors.items():
         (line,) = (one for one in str(fit).splitlines() if one.strip().startswith(f"{name}: RMSE"))
         rmse, largest = re.search(r"RMSE (\S+) K\s+largest (\S+) K", line).groups()  # type: ignore[union-attr]
         assert is_rounded(rmse, s.rmse)
@@ -54,29 +63,29 @@ def test_the_text_says_the_view_s_sensors(fit: Calibration) -> None:
         assert ("white: yes" in line) == s.white
 
 
-def test_the_page_says_the_view_s_numbers(fit: Calibration) -> None:
-    shown = view(fit)
+def test_the_page_says_the_numbers(fit: Calibration) -> None:
     for row in columns(tables.parameters(fit)):
-        q = shown.values[row["parameter"]]
-        for column, number in (("before", q.start), ("after", q.value), ("± random", q.random), ("± total", q.error)):
-            assert is_rounded(row[column], number), (column, row[column], number)
+        numbers = in_unit(fit.values[row["parameter"]])
+        for column, name in (("before", "start"), ("after", "value"), ("± random", "random"), ("± total", "error")):
+            assert is_rounded(row[column], numbers[name]), (column, row[column], name)
     for row in columns(tables.sensors(fit)):
-        s = shown.sensors[row["sensor"]]
-        for column, number in (("RMSE, K", s.rmse), ("median RMSE, K", s.median_rmse), ("mean, K", s.mean), ("largest, K", s.largest)):
+        name = row["sensor"]
+        s, median = fit.sensors[name], fit.median_rmse(name)
+        for column, number in (("RMSE, K", s.rmse), ("median RMSE, K", median), ("mean, K", s.mean), ("largest, K", s.largest)):
             assert is_rounded(row[column], number), (column, row[column], number)
-        assert is_rounded(row["bias, K"], s.bias)
+        assert is_rounded(row["bias, K"], bias_of(fit, name)[0])
 
 
-def test_json_and_studio_say_the_view_s_numbers(fit: Calibration) -> None:
-    shown, said, studio = view(fit), calibration_object(fit), fit_object(fit)
-    assert said["shown"] == {p: q.answer() for p, q in shown.values.items()}
+def test_json_and_studio_say_the_numbers(fit: Calibration) -> None:
+    said, studio = calibration_object(fit), fit_object(fit)
     assert studio["values"] == {p: said["shown"][p] for p in fit.values.parameters}
-    for path, q in shown.values.items():
-        of = unit(q.unit)
-        assert said["values"][path] == pytest.approx(q.value * float(of.factor) + float(of.offset))
-        assert said["errors"][path] == pytest.approx(q.random * float(of.factor))
-        assert said["errors_total"][path] == pytest.approx(q.error * float(of.factor))
-    for name, s in shown.sensors.items():
-        assert studio["sensors"][name] == {"rmse": s.rmse, "bias": s.bias}
-        assert said["sensors"][name] == {"rmse_K": s.rmse, "bias_K": s.bias, "mean_K": s.mean, "max_K": abs(s.largest), "n": s.samples}
-        assert said["median_rmse_K"][name] == s.median_rmse
+    assert set(said["shown"]) == set(found(fit))
+    for path, v in found(fit).items():
+        shown, of = said["shown"][path], unit(v.unit)
+        assert shown["unit"] == v.unit
+        assert said["values"][path] == pytest.approx(shown["value"] * float(of.factor) + float(of.offset))
+        assert said["errors"][path] == pytest.approx(shown["random"] * float(of.factor))
+        assert said["errors_total"][path] == pytest.approx(shown["error"] * float(of.factor))
+    for name, s in fit.sensors.items():
+        fitted = fit.values.sensors.get(name)
+        assert studio["sensors"][name] == {"rmse": s.rmse, "bias": s.bias if fitted is None else fitted.value}
