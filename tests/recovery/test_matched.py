@@ -13,7 +13,7 @@ from recovery import matched, mismatch
 pytestmark = pytest.mark.recovery
 PAGE = Path(__file__).parents[2] / "docs" / "coverage.md"
 SEED = 20261122
-DRAWS = 10
+DRAWS = 16
 """Of the quick run; the whole campaigns have a thousand."""
 
 
@@ -29,7 +29,7 @@ def test_fits_and_predictions_of_matched_truths(case: str) -> None:
 
 def test_without_constant_errors_hardly_any_interval_holds_the_truth(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("thermid.fit._calibrate._suspect", lambda *_: False)  # errors of a refuted structure would hide it
-    rows = matched.campaign("m_PrE", 6, SEED, biases=False)
+    rows = matched.campaign("m_PrE", 10, SEED, biases=False)
     assert np.mean([row.coverage for row in rows.values()]) < 0.5
 
 

@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -19,27 +20,31 @@ from torture import elements, hostile, logs, outputs, physical, values
 TESTS = Path(__file__).parents[1]
 
 
-def run_of(how: str, most: int) -> dict[str, Any]:
-    """So many mutants, in a process of their own."""
+MANY = {"python": (50, 300), "logs": (25, 150), "commands": (15, 46), "calls": (50, 300)}
+"""Kind of mutants -> how many, and how many in the campaign."""
+ALL = """
+import json, sys
+from torture import files
+files._limit()
+json.dump({how: files.campaign(how, 36000.0, 1, most) for how, most in json.loads(sys.argv[1]).items()}, sys.stdout)
+"""
+
+
+@cache
+def mutants(**many: int) -> dict[str, Any]:
+    """So many mutants of kinds, in one process of their own: kind -> counts and findings."""
     environment = {**os.environ, "OMP_NUM_THREADS": "1", "PYTHONPATH": str(TESTS)}
-    command = [sys.executable, "-m", "torture.files", how, "36000", "1", str(most)]
+    command = [sys.executable, "-c", ALL, json.dumps(many)]
     run = subprocess.run(command, capture_output=True, text=True, cwd=TESTS, env=environment, check=False)
     assert run.returncode == 0, run.stderr
-    found: dict[str, Any] = json.loads(run.stdout)
-    return found
+    answer: dict[str, Any] = json.loads(run.stdout)
+    return answer
 
 
-MANY = {"python": (25, 300), "logs": (12, 150), "commands": (10, 46), "calls": (25, 300)}
-"""Kind of mutants -> how many, and how many in the campaign."""
-
-
-@pytest.mark.parametrize(
-    ("how", "most"),
-    [(how, few) for how, (few, _) in MANY.items()]
-    + [pytest.param(how, many, marks=pytest.mark.campaign) for how, (_, many) in MANY.items()],
-)
-def test_a_sample_of_mutants_ends_in_an_answer_or_an_error_of_the_library(how: str, most: int) -> None:
-    found = run_of(how, most)
+@pytest.mark.parametrize("whole", [False, pytest.param(True, marks=pytest.mark.campaign)], ids=["sample", "whole"])
+@pytest.mark.parametrize("how", MANY)
+def test_mutants_end_in_an_answer_or_an_error_of_the_library(how: str, whole: bool) -> None:
+    found = mutants(**{kind: many[whole] for kind, many in MANY.items()})[how]
     assert found["findings"] == {}
     assert len(found["counts"]) >= 10
 
@@ -182,6 +187,6 @@ def test_logs_and_signals() -> None:
 
 @pytest.mark.campaign
 def test_fifty_thousand_mutants_of_logs() -> None:
-    found = run_of("logs", 50_000)
+    found = mutants(logs=50_000)["logs"]
     assert found["findings"] == {}
     assert sum(found["counts"].values()) == 50_000

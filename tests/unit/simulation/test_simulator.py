@@ -8,6 +8,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, NameNotFoundError, ScenarioError
+from thermid.model.elements import TableSignal
 
 DECK = {
     "title": "pair",
@@ -107,3 +108,21 @@ def test_a_trace_is_asked_with_a_unit_and_within_its_run() -> None:
             trace.at(wrong)
     with pytest.raises(td.ThermidError, match="min"):
         trace.at("10 min")
+
+
+def test_a_run_ends_outside_a_table_only_where_the_table_says_so() -> None:
+    def run(outside: str) -> td.Solution:
+        points = {"outside": outside, "points": [["0 [degC]", "10 [W]"], ["25 [degC]", "10 [W]"]]}
+        deck = {**DECK, "loads": {"heater": {"into": "hot", "table": points}}}
+        return td.simulate(td.model_from_dict(deck), ROOM, every=600.0)
+
+    assert run("hold")["hot"].celsius.max() > 25.0
+    with pytest.raises(td.ThermidError, match="'heater'"):  # the table is named, and not the solver
+        run("refuse")
+
+
+def test_a_run_draws_the_rows_of_its_time_alone() -> None:
+    """A log of weeks before it costs nothing."""
+    signal = TableSignal(np.array([-20.0, -10.0, 0.0, 10.0, 20.0]), np.arange(5.0))
+    assert signal.drawn(15.0).times.tolist() == [0.0, 10.0, 20.0]
+    assert signal.shifted(-20.0).drawn(40.0).times.size == 5

@@ -46,15 +46,14 @@ def look(
     if to is not None:
         write_text(to, looks[0].svg() + "\n", DRAWING)
     width = shutil.get_terminal_size((110, 24)).columns
-    bad = any(file_look.problem for file_look in looks)
+    bad, clocks = any(file_look.problem for file_look in looks), picture.clocks_of(looks)
     parts = ["\n".join(file_look.lines(width)) for file_look in looks]
     parts += [f"{len(logs)} parts between restarts, each on a clock of its own, written to {cut}"] if cut is not None else []
-    clocks = picture.clocks_of(looks)
     lines = picture.clock_lines(looks, clocks) if cut is None else []
     parts = [*(line for line in lines[:1] if line.startswith("check: ")), *parts, *(["\n".join(lines)] if lines else [])]
     text = "\n\n".join(parts) + (f"\npicture: {to}" if to is not None else "")
-    answer = {"status": "error" if bad else "ok", "logs": [file_look.as_object() for file_look in looks]}
-    say(as_json, answer | ({"clocks": clocks} if clocks else {}), text)
+    joining = {"clocks": clocks} if clocks else {}
+    say(as_json, {"status": "error" if bad else "ok", "logs": [file_look.as_object() for file_look in looks], **joining}, text)
     raise SystemExit(2 if bad else 0)
 
 

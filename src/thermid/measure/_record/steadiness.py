@@ -259,8 +259,8 @@ def _wandering(t: FloatArray, y: FloatArray, line: _Line, at: float) -> _Line:
     for time in np.geomspace(span / centre.size, 0.25 * span, TRIED_CORRELATION_TIMES):
         # in the axes of the correlations all ratios are diagonal: C = R^-1 U (1 + ratio L) U' R^-1
         like, axes = np.linalg.eigh(root[:, None] * np.exp(-np.abs(centre[:, None] - centre) / time) * root)
-        ratios = np.geomspace(0.05, 1e3, TRIED_VARIANCE_RATIOS)
-        variance = 1.0 + (ratios if likely else np.append(0.0, ratios))[:, None] * np.maximum(like, 0.0)
+        # the first of all is white noise alone
+        variance = 1.0 + np.outer(np.append([] if likely else 0.0, np.geomspace(0.05, 1e3, TRIED_VARIANCE_RATIOS)), np.maximum(like, 0.0))
         rows, read = axes.T @ (root[:, None] * x), axes.T @ (root * mean)
         weighed = rows.T / variance[:, None, :]
         inner = weighed @ rows
