@@ -459,8 +459,7 @@ def _decoded(data: bytes, file: str) -> tuple[str, list[str]]:
         # older loggers write the degree sign in Latin-1, which takes any byte; control characters still show a binary file
         text, notes = data.decode("latin-1"), ["read as Latin-1, because it is not UTF-8"]
     plain = text.encode() if notes == ["read as UTF-16"] else data
-    blocks = (plain[at : at + BLOCK] for at in range(0, len(plain), BLOCK))
-    if any(len(block.translate(None, _CONTROL)) < len(block) for block in blocks):
+    if any(len((block := plain[at : at + BLOCK]).translate(None, _CONTROL)) < len(block) for at in range(0, len(plain), BLOCK)):
         raise RecordError(binary, file, code="record.damaged")
     return text, notes
 
