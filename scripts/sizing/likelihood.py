@@ -49,7 +49,7 @@ class Evidence:
         wide = np.array([reach(self.runs.problem.unknowns[k]) for k in self.runs.values])
         every = np.column_stack([np.broadcast_to(wide, (len(sizes), wide.size)), deviations(self.runs.columns, sizes)])
         own = [np.zeros((len(sizes), 0)), *(deviations(c, sizes) for c in self.runs.own)]
-        return members_of([self.runs.priors, *self._rows[left, time]], self.centre, every, own).log_evidence
+        return members_of([next(iter(self.runs.rows(0.0).values()))[0], *self._rows[left, time]], self.centre, every, own).log_evidence
 
     @property
     def concerned(self) -> list[str]:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from thermid.base.linear_algebra import Array
+from thermid.base.memo import Memo
 from thermid.fit._error_model.courses import ElementCourse, OperatingPoint, course_of, point_of
 from thermid.fit._error_model.elements import (
     DepartureHeat,
@@ -129,7 +129,7 @@ class RunsOfFit:
     own: tuple[tuple[UnknownColumn, ...], ...]
     traces: tuple[tuple[SensorRows, ...], ...]
     spans: tuple[float, ...]
-    rows: dict[tuple[float, float], list[RunRows]] = field(init=False, default_factory=dict, repr=False)
+    memo: Memo = field(init=False, default_factory=Memo, repr=False)
 
     @classmethod
     def of_problem(
@@ -162,49 +162,39 @@ class RunsOfFit:
         own_columns_of_runs = tuple((*own_columns(problem, i), *(c for c, _ in run)) for i, (_, run) in enumerate(parts))
         return cls(problem, fitted, values, departures_used, tuple(columns.values()), own_columns_of_runs, tuple(traces), spans)
 
-    @cached_property
-    def priors(self) -> RunRows:
-        """What the priors of the fit say."""
+    def rows(self, size: float) -> dict[tuple[float, float], list[RunRows]]:
+        """Return a size of what no element explains, with each time -> what the priors of the fit say, and each run."""
         shared = len(self.values) + len(self.columns)
         prior_residuals, rows = prior_rows(self.problem.unknowns, self.problem.coupled, self.fitted)
         acting = rows[:, self.values].any(axis=1)
         joined = np.column_stack([rows[acting][:, self.values], np.zeros((int(acting.sum()), len(self.columns))), -prior_residuals[acting]])
-        return RunRows(joined.T @ joined, shared, 0.0, 0)
-
-    def _rows(self, remainders: Sequence[tuple[float, float]]) -> list[list[RunRows]]:
-        """Return, for sizes and times of what no element explains, what the priors of the fit say, and each run."""
-        asked = [r for r in remainders if r not in self.rows]
-        wanders = [[Wander(SIZES["left"].value * size, part * span) for size, part in asked] for span in self.spans]
-        by_run = [run_rows(t, w, self.priors.shared) for t, w in zip(self.traces, wanders, strict=True)] if asked else []
-        self.rows.update({r: [self.priors, *(several[k] for several in by_run)] for k, r in enumerate(asked)})
-        return [self.rows[r] for r in remainders]
+        priors = RunRows(joined.T @ joined, shared, 0.0, 0)
+        remainders = [r for r in left_prior() if r[0] == size]
+        wanders = [[Wander(SIZES["left"].value * size, part * span) for _, part in remainders] for span in self.spans]
+        by_run = [run_rows(t, w, shared) for t, w in zip(self.traces, wanders, strict=True)]
+        return {remainder: [priors, *(several[k] for several in by_run)] for k, remainder in enumerate(remainders)}
 
     def posterior(self, centre: Array, sizes: Array, remainder: tuple[float, float]) -> Members:
         """Return values and columns given the readings, at sizes (members, groups) and a size and time of what no element explains."""
         wide = np.array([reach(self.problem.unknowns[k]) for k in self.values])
         every = np.column_stack([np.broadcast_to(wide, (len(sizes), len(self.values))), deviations(self.columns, sizes)])
         own_deviations = [np.zeros((len(sizes), 0)), *(deviations(c, sizes) for c in self.own)]  # the priors of the fit have none
-        return members_of(self._rows([remainder])[0], centre, every, own_deviations)
+        rows = self.memo.value(remainder[0], lambda: self.rows(remainder[0]))[remainder]
+        return members_of(rows, centre, every, own_deviations)
 
     def posteriors(self, centre: Array, sizes: Array) -> dict[tuple[float, float], Members]:
         """Return size and time of what no element explains -> `posterior`, of those that have a say.
 
-        For each time sizes grow until the evidence falls, to less than a share of `NO_SAY` of the best: a larger process costs more and
-        explains no more.
+        Sizes grow until the evidence falls, to less than a share of `NO_SAY` of the best: a larger process costs more and explains no more.
         """
-        prior = left_prior()
+        prior, logs = left_prior(), [-np.inf]
         out: dict[tuple[float, float], Members] = {}
-        logs: dict[tuple[float, float], float] = {}
-        times: tuple[float, ...] = LEFT_TIMES
-        before = dict.fromkeys(times, -np.inf)
         for size in LEFT_SIZES:
-            several = [r for t in times if (r := (size, t)) in prior]
-            self._rows(several)
-            out |= {r: self.posterior(centre, sizes, r) for r in several}
-            logs |= {r: prior[r] + log_sum(out[r].log_evidence) for r in several}
-            now = {t: logs.get((size, t), logs[LEFT_SIZES[0], LEFT_TIMES[0]]) for t in times}
-            least = max(logs.values()) + float(np.log(NO_SAY))
-            times, before = tuple(t for t in times if now[t] > min(before[t], least)), now
+            several = {r: self.posterior(centre, sizes, r) for r in prior if r[0] == size}
+            out |= several
+            logs.append(max(prior[r] + log_sum(members.log_evidence) for r, members in several.items()))
+            if logs[-1] < min(logs[-2], max(logs) + float(np.log(NO_SAY))):
+                break
         return out
 
     def likeliest(self, bent: Sequence[int], centre: Array) -> tuple[float, Array, Array]:

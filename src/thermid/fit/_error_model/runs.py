@@ -280,13 +280,12 @@ class SensorRows:
 
 def run_rows(traces: Sequence[SensorRows], wanders: Sequence[Wander], shared: int) -> list[RunRows]:
     """Return what a run's sensors say of unknowns, the first of which other runs share, with each of several processes."""
-    parts = []
-    logs = np.zeros(len(wanders))
+    parts, logs = [], np.zeros(len(wanders))
     for size in dict.fromkeys(t.times.size for t in traces):
         alike = [t for t in traces if t.times.size == size]
         columns = np.stack([np.column_stack([t.rows, t.residuals]) for t in alike], axis=1)
-        parts.append(np.empty((len(wanders), *columns.shape)))
-        logs += innovations([t.times for t in alike], columns, [t.noise for t in alike], wanders, parts[-1])
-    flat = [part.reshape(len(wanders), -1, part.shape[-1]) for part in parts]
-    every = np.concatenate(flat, axis=1) if len(flat) > 1 else flat[0]
+        white = np.empty((len(wanders), *columns.shape))
+        logs += innovations([t.times for t in alike], columns, [t.noise for t in alike], wanders, white)
+        parts.append(white.reshape(len(wanders), -1, columns.shape[-1]))
+    every = np.concatenate(parts, axis=1) if len(parts) > 1 else parts[0]
     return [RunRows.of_rows(rows, shared, float(log)) for rows, log in zip(every, logs, strict=True)]

@@ -678,10 +678,9 @@ class Problem:
 
 def _chained(derivatives: Array, chain: Array) -> Array:
     """Return the product of derivatives (times, sensors, names) and slopes (names, unknowns), most of which act on one name alone."""
-    places, several = np.abs(chain).argmax(axis=0), np.count_nonzero(chain, axis=0) > 1
-    out = derivatives[:, :, places] * chain[places, np.arange(places.size)]
-    out[:, :, several] = derivatives @ chain[:, several]
-    return np.asarray(out)
+    places, alone = np.abs(chain).argmax(axis=0), np.count_nonzero(chain, axis=0) <= 1
+    scaled = derivatives[:, :, places] * chain[places, np.arange(places.size)]
+    return scaled if alone.all() else np.where(alone, scaled, derivatives @ chain)
 
 
 def prior_rows(

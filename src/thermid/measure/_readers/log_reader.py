@@ -198,9 +198,8 @@ def _channel(cells: Cells, binding: Binding, parsed: list[FloatArray | int], tim
     stated_sizes = {word: getattr(binding, word) for word in STATED_SIZES}
     stated_sizes["resolution"] = binding.resolution or cells.resolution.get(column)
     sizes: dict[str, Any] = {word: amount(v, difference, f"{where}, {word}") * scale for word, v in stated_sizes.items() if v is not None}
-    of = unit(unit_text)
-    values = samples if of.factor == scale == 1.0 and of.offset == 0.0 else in_si(samples, of) * scale
-    values.flags.writeable = False  # it is the channel's own
+    is_si = (scale, in_si(0.0, unit_text), in_si(1.0, unit_text)) == (1.0, 0.0, 1.0)
+    values = samples if is_si else in_si(samples, unit_text) * scale
     channel = Channel(
         binding.name,
         values,
@@ -235,8 +234,7 @@ def _samples(cells: Cells, parsed: list[FloatArray | int], at: int) -> FloatArra
             cells.where(samples, name_and_unit(cells.header[at])[0]),
             code="record.not-a-number",
         )
-    over = np.abs(samples) >= SCPI_OVERLOAD
-    return np.where(over, np.inf, samples) if over.any() else samples
+    return np.where(over, np.inf, samples) if (over := np.abs(samples) >= SCPI_OVERLOAD).any() else samples
 
 
 def _power(cells: Cells, binding: Binding, parsed: list[FloatArray | int], times: FloatArray) -> Channel:

@@ -98,16 +98,14 @@ def digest(columns: Iterable[tuple[str, ArrayLike]]) -> str:
     for name, values in columns:
         samples = np.atleast_1d(np.asarray(values, dtype="<f8")) + 0.0  # a copy, in which -0.0 becomes 0.0
         samples[np.isnan(samples)] = np.nan
-        total.update(name.encode() + b"\0")
-        total.update(samples.data)
+        total.update(name.encode() + b"\0" + samples.tobytes())
     return total.hexdigest()
 
 
 def frozen(values: ArrayLike, kind: Any) -> NDArray[Any]:
     """Return an array of a dtype `kind` that cannot be written to: a copy where it could be."""
-    if isinstance(values, np.ndarray) and values.dtype == kind:
-        owner = values if values.base is None else values.base
-        if isinstance(owner, np.ndarray) and not (values.flags.writeable or owner.flags.writeable):
+    if isinstance(values, np.ndarray) and values.dtype == kind and not values.flags.writeable:
+        if values.base is None or (isinstance(values.base, np.ndarray) and not values.base.flags.writeable):
             return values
     copy = np.array(values, dtype=kind)
     copy.flags.writeable = False
