@@ -281,17 +281,9 @@ def _campaign(
     for record in (*fitted, holdout):
         table = tomlkit.table()
         table.add("file", f"logs/{record.name}.csv")
-        inside = tomlkit.table()
-        for name, channel in channels.items():
-            if name in record.channels:
-                inline = tomlkit.inline_table()
-                column = record[whole.get(name, name)].column or whole.get(name, name)
-                inline.update({k: v for k, v in channel.items() if k not in ("unit", "full_scale", "power")})
-                inline.update({"power": column if column.isidentifier() else f"`{column}`"} if name in whole else {})
-                inside.add(name if name in whole else column, inline)
         if step:
             table.add("prepare", tomlkit.item([{"resample": {"step": f"{step:g} [s]", "switches": True}}]))
-        table.add("channels", inside)
+        table.add("channels", _written(record, channels, whole))
         tables.add(record.name, table)
     document.add("records", tables)
     stage = tomlkit.table()
@@ -329,6 +321,19 @@ def _campaign(
         *(f"{reason}; empty in the logs beside this file." for reason in masked),
     ]
     return _as_comments(head) + tomlkit.dumps(document)
+
+
+def _written(record: Record, channels: Mapping[str, Mapping[str, Any]], whole: Mapping[str, str]) -> Any:
+    """Return the table of a record's channels by their columns; shares of a power have names of their own, `whole` is their column."""
+    inside = tomlkit.table()
+    for name, channel in channels.items():
+        if name in record.channels:
+            column = record[whole.get(name, name)].column or whole.get(name, name)
+            inline = tomlkit.inline_table()
+            inline.update({k: v for k, v in channel.items() if k not in ("unit", "full_scale", "power")})
+            inline.update({"power": column if column.isidentifier() else f"`{column}`"} if name in whole else {})
+            inside.add(name if name in whole else column, inline)
+    return inside
 
 
 def _channels(proposal: Proposal, seats: Mapping[str, str]) -> dict[str, dict[str, Any]]:
