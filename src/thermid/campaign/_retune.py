@@ -519,9 +519,9 @@ def _fitted(request: Request, before: Calibration, progress: Any) -> tuple[Reque
     """
     if not (request.held_bias or request.held_errors):
         return request, fit(request, progress)
-    own = replace(request, held_bias={}, held_errors=None, store=request.store.only(lambda s: s.kind == "parameter"), remarks=())
+    again = replace(request, held_bias={}, held_errors=None, store=request.store.only(lambda s: s.kind == "parameter"), remarks=())
     try:
-        after = fit(own, progress)
+        after = fit(again, progress)
     except IdentificationError:
         return request, fit(request, progress)
     changed = moved_instruments(before.store, after.store)
@@ -531,7 +531,7 @@ def _fitted(request: Request, before: Calibration, progress: Any) -> tuple[Reque
         f"the logs after the swap come from other instruments, or these drifted: {', '.join(changed.paths)}. Their constant errors "
         "were fitted again, within the stated accuracy. Of the other values, only those were fitted again that the new part affects."
     )
-    return own, replace(after, warnings=(remark, *after.warnings))
+    return again, replace(after, warnings=(remark, *after.warnings))
 
 
 def _carried(before: Calibration, request: Request, gone: Sequence[str]) -> Calibration:

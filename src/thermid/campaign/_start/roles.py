@@ -253,8 +253,8 @@ def _logged(
     heated: Sequence[tuple[str, str]], columns: Mapping[str, Column], scales: Mapping[str, str], formulas: Mapping[str, str]
 ) -> list[Power]:
     """Return a power for every column and part that it heats, then those by formula."""
-    own = [(n, node, columns[n]) for n, node in heated if n not in formulas]
-    powers = [Power(n, node, scales.get(n, ""), n in scales or c.guess == "duty" or c.unit == "%") for n, node, c in own]
+    plain = [(n, node, columns[n]) for n, node in heated if n not in formulas]
+    powers = [Power(n, node, scales.get(n, ""), n in scales or c.guess == "duty" or c.unit == "%") for n, node, c in plain]
     parts = {name: [node for n, node in heated if n == name] or [""] for name in formulas}
     return powers + [Power(n, node, formula=text, told=bool(node)) for n, text in formulas.items() for node in parts[n]]
 
