@@ -21,7 +21,6 @@ from thermid.campaign._joint import Level, places_of
 from thermid.campaign._stages import Campaign, Notice, progress_of, request_of
 from thermid.fit.calibration import MOVED, Calibration, Request, fit, key_of, moved_instruments
 from thermid.fit.error_model import KEY as ERRORS, errors_without
-from thermid.measure.amounts import some
 from thermid.model.deck import load_model
 from thermid.model.elements import Constant, Standing, exact
 from thermid.model.identity import PlaceStart, Replacement, definition_of, inside, instances, short_text, touching
@@ -520,19 +519,19 @@ def _fitted(request: Request, before: Calibration, progress: Any) -> tuple[Reque
     """
     if not (request.held_bias or request.held_errors):
         return request, fit(request, progress)
-    own = replace(request, held_bias={}, held_errors=None, store=request.store.only(lambda s: s.kind == "parameter"), remarks=())
+    again = replace(request, held_bias={}, held_errors=None, store=request.store.only(lambda s: s.kind == "parameter"), remarks=())
     try:
-        anew = fit(own, progress)
+        after = fit(again, progress)
     except IdentificationError:
         return request, fit(request, progress)
-    changed = moved_instruments(before.store, anew.store)
+    changed = moved_instruments(before.store, after.store)
     if changed.verdict != MOVED:
         return request, fit(request, progress)
     remark = (
-        f"the logs after the swap come from other instruments, or these drifted: {some(changed.paths, 'changes')}. Their constant errors "
+        f"the logs after the swap come from other instruments, or these drifted: {', '.join(changed.paths)}. Their constant errors "
         "were fitted again, within the stated accuracy. Of the other values, only those were fitted again that the new part affects."
     )
-    return own, replace(anew, warnings=(remark, *anew.warnings))
+    return again, replace(after, warnings=(remark, *after.warnings))
 
 
 def _carried(before: Calibration, request: Request, gone: Sequence[str]) -> Calibration:

@@ -58,10 +58,7 @@ def init(
     surroundings: Annotated[
         str, typer.Option("--surroundings", help="The column of the surroundings, or their temperature: '23 [degC]'.")
     ] = "",
-    power: Annotated[
-        list[str] | None,
-        typer.Option("--power", help="COLUMN or COLUMN=PART, of several parts with fitted shares; all that look like powers by default."),
-    ] = None,
+    power: Annotated[list[str] | None, typer.Option("--power", help="COLUMN or COLUMN=PART, again for every part that shares it.")] = None,
     full_scale: Annotated[
         list[str] | None, typer.Option("--full-scale", help="COLUMN=POWER of a duty at 100 %, such as Q1='1.2 [W]'.")
     ] = None,

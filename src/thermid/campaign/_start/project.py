@@ -486,15 +486,7 @@ def _campaign(
     whole = {p.channel: p.column for p in proposal.roles.powers if p.share}
     step = thinned_step(max(r.duration for r in fitted)) if max(r.times.size for r in fitted) > 600 else 0.0
     prepare = {"prepare": [{"resample": {"step": f"{step:g} [s]", "switches": True}}]} if step else {}
-    records = {}
-    for record in (*fitted, holdout):
-        inside = {}
-        for name, channel in ((n, c) for n, c in channels.items() if n in record.channels):
-            column = record[whole.get(name, name)].column or whole.get(name, name)
-            inline = inside[name if name in whole else column] = tomlkit.inline_table()
-            inline.update({k: v for k, v in channel.items() if k not in ("unit", "full_scale", "power")})
-            inline.update({"power": column if column.isidentifier() else f"`{column}`"} if name in whole else {})
-        records[record.name] = {"file": f"logs/{record.name}.csv", **prepare, "channels": inside}
+    records = {r.name: {"file": f"logs/{r.name}.csv", **prepare, "channels": _written(r, channels, whole)} for r in (*fitted, holdout)}
     local, priors = _local(request), {path: {"mean": mean, "sd": sd} for path, (mean, sd) in request.priors.items()}
     stage: dict[str, Any] = {"name": "first fit", "model": deck, "records": [r.name for r in fitted], "free": list(request.free)}
     stage |= {k: v for k, v in (("scenario", _stage_scenario(proposal, request)), ("priors", priors), ("local", local)) if v}
@@ -525,6 +517,18 @@ def _campaign(
         *(f"{reason}; empty in the logs beside this file." for reason in masked),
     ]
     return _as_comments(head) + tomlkit.dumps(document)
+
+
+def _written(record: Record, channels: Mapping[str, Mapping[str, Any]], whole: Mapping[str, str]) -> dict[str, Any]:
+    """Return the table of a record's channels by their columns; shares of a power have names of their own, `whole` is their column."""
+    inside = {}
+    for name, channel in channels.items():
+        if name in record.channels:
+            column = record[whole.get(name, name)].column or whole.get(name, name)
+            inline = inside[name if name in whole else column] = tomlkit.inline_table()
+            inline.update({k: v for k, v in channel.items() if k not in ("unit", "full_scale", "power")})
+            inline.update({"power": column if column.isidentifier() else f"`{column}`"} if name in whole else {})
+    return inside
 
 
 def _channels(proposal: Proposal, seats: Mapping[str, str]) -> dict[str, dict[str, Any]]:

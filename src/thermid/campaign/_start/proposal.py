@@ -225,8 +225,6 @@ MOST_PLACEMENTS = 9
 """Ways to place powers in parts that are tried."""
 CONTACTS = (0.3, 10.0)
 """Conductances between parts that a fit is begun with, over those to the surroundings. [-]"""
-EVEN = 0.3
-"""Share of a power that a part begins with, of those that share one. [-]"""
 MOST_STEPS = 20_000
 """Steps of one run after which values are given up: a thinned log takes some 1,000; a part of next to nothing took 1,000,000."""
 FIRST_HEAT = 8
@@ -462,7 +460,7 @@ def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3, 
     contact : float     Conductance between two parts that each begins with, over `loss`. [-]
     facts : StatedFacts       Masses and paths.
     """
-    parts, out = list(roles.parts.values()), roles.boundary
+    parts, out, shares = list(roles.parts.values()), roles.boundary, [p for p in roles.powers if p.share and not p.rest]
     pairs = facts.paths or (itertools.combinations(parts, 2) if len(parts) <= COMPLETE else itertools.pairwise(parts))
     links = {f"{a}_to_{b}": {"kind": "conduction", "between": [a, b], "conductance": f"{contact * loss!r} [W/K]"} for a, b in pairs}
     losses = {f"{p}_loss": {"kind": "conduction", "between": [p, out], "conductance": f"{loss!r} [W/K]"} for p in parts}
@@ -473,7 +471,9 @@ def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3, 
         "title": "Proposed",
         "needs": [out],
         "parameters": {
-            p.share: f"1 - {' - '.join(p.rest)}" if p.rest else {"value": EVEN, "min": 0.001, "max": 1.0} for p in roles.powers if p.share
+            p.share: f"1 - {' - '.join(p.rest)}" if p.rest else {"value": 1 / (1 + len(shares)), "min": 0, "max": 1}
+            for p in roles.powers
+            if p.share
         },
         "nodes": {p: {"capacitance": {"value": f"{size!r} [J/K]", **ends.get(p, {})}} for p, size in sizes.items()},
         "conductors": {**links, **losses},

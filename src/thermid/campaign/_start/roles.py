@@ -235,21 +235,7 @@ def roles_of(
             code="record.nothing-there",
         )
     heated = [_pair(p, False) for p in powers] or [(n, "") for n in (*guessed["power"], *guessed["duty"]) if not _idle(columns[n].values)]
-    logged_powers = _with_shares(
-        [
-            *(
-                Power(n, node, scales.get(n, ""), n in scales or columns[n].guess == "duty" or columns[n].unit == "%")
-                for n, node in heated
-                if n not in formulas
-            ),
-            *(
-                Power(name, node, formula=text, told=bool(node))
-                for name, text in formulas.items()
-                for node in [node for n, node in heated if n == name] or [""]
-            ),
-        ],
-        path,
-    )
+    logged_powers = _with_shares(_logged(heated, columns, scales, formulas), path)
     taken = {*parts, around, *(p.column for p in logged_powers)}
     units = {n: c.unit for n, c in columns.items() if n in taken and c.assumed and c.unit}
     used = {n for text in formulas.values() for n in columns if re.search(rf"(?<!\w){re.escape(n)}(?!\w)", text)}
@@ -257,6 +243,16 @@ def roles_of(
     rest = {n: "never on" if _idle(c.values) and c.guess in ("power", "duty") else c.why for n, c in others.items()}
     questions = tuple(q for n in rest if (q := _power_question(columns[n])))
     return Roles(parts, around, logged_powers, units, time, {n: columns[n].why for n in taken if n in columns}, rest, questions=questions)
+
+
+def _logged(
+    heated: Sequence[tuple[str, str]], columns: Mapping[str, Column], scales: Mapping[str, str], formulas: Mapping[str, str]
+) -> list[Power]:
+    """Return a power for every column and part that it heats, then those by formula."""
+    plain = [(n, node, columns[n]) for n, node in heated if n not in formulas]
+    powers = [Power(n, node, scales.get(n, ""), n in scales or c.guess == "duty" or c.unit == "%") for n, node, c in plain]
+    parts = {name: [node for n, node in heated if n == name] or [""] for name in formulas}
+    return powers + [Power(n, node, formula=text, told=bool(node)) for n, text in formulas.items() for node in parts[n]]
 
 
 def _with_shares(powers: Sequence[Power], path: Path) -> tuple[Power, ...]:

@@ -274,10 +274,10 @@ def assumed_moves(request: Request, problem: Problem, minimum: Fit, noise: Autoc
             pulled[-len(inherited.root) :, list(more).index(r.path)] = -inherited.root @ moves
     level, wide_priors = noise.variance_factor, np.concatenate([priors, pulled], axis=1)
     weights = finite(covariances(ended(problem, at, request.loss), level)[2])
-    own, other = opened_jacobian(
+    of_unknowns, of_opened = opened_jacobian(
         Opened(wide, wide_at, at.size), request.loss
     )  # of every reading, as the weights: not of means over stretches
-    moved = dict(zip(more, -(weights @ (own.T @ other / level + priors.T @ pulled)).T, strict=True))
+    moved = dict(zip(more, -(weights @ (of_unknowns.T @ of_opened / level + priors.T @ pulled)).T, strict=True))
     of_assumed = _said_of(list(more), residuals, wide_priors, binned(wide, wide_at, request.loss), noise)
     first, columns = told_first([below, of_assumed]), []
     for r in ranges.values():

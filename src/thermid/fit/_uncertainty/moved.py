@@ -607,23 +607,23 @@ def moves_from(staged: Sequence[tuple[FittedValues, Mapping[str, str]]], joint_v
     return Moves(tuple(values), groups, "the joint fit")
 
 
-def moved_instruments(before: Store, anew: Store) -> MovedGroup:
+def moved_instruments(before: Store, after: Store) -> MovedGroup:
     """Return whether constant errors of instruments that two fits to different logs found are those of the same instruments.
 
     Parameters
     ----------
-    before, anew : Store    What each fit knows; the second one knew nothing of the instruments but what is stated of them.
+    before, after : Store    What each fit knows; the second one knew nothing of the instruments but what is stated of them.
 
     The error of a change is that of the responses of both results to their sources of error, each of which counts once (Hausman, as above).
     """
-    names = [p for p, s in anew.states.items() if s.kind != "parameter" and s.known and p in before.states and before.states[p].known]
-    places = {name: k for k, name in enumerate(dict.fromkeys(s.name for store in (before, anew) for s in store.sources))}
+    names = [p for p, s in after.states.items() if s.kind != "parameter" and s.known and p in before.states and before.states[p].known]
+    places = {name: k for k, name in enumerate(dict.fromkeys(s.name for store in (before, after) for s in store.sources))}
     root = np.zeros((len(names), len(places)))
-    for store, sign in ((anew, 1.0), (before, -1.0)):
+    for store, sign in ((after, 1.0), (before, -1.0)):
         root[:, [places[s.name] for s in store.sources]] += sign * store.rows(names)
-    sizes = np.array([anew[n].fitted - before[n].fitted for n in names])
+    sizes = np.array([after[n].fitted - before[n].fitted for n in names])
     test = normal_together(sizes, root @ root.T) if names else Together(0.0, 0, math.nan)
-    words = (f"{n} {size:+.2g}{'' if anew[n].unit == '1' else f' {anew[n].unit}'}" for n, size in zip(names, sizes, strict=True))
+    words = (f"{n} {size:+.2g}{'' if after[n].unit == '1' else f' {after[n].unit}'}" for n, size in zip(names, sizes, strict=True))
     return MovedGroup("instruments", tuple(words), test.chi_square, test.directions, test.chance)
 
 
