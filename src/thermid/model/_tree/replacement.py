@@ -115,8 +115,8 @@ def replaced(model: M, raw: str, new: M, keep: Sequence[str] = ()) -> tuple[M, R
     gone = {p: e for p, e in laid_values.items() if p not in still_laid}
     values = ParameterSet(model)
     # values that the model around the part had set, and no layer of the part itself
-    own = {layer.origin for layer in old.layers}
-    above = {p for p, e in gone.items() if e.origin not in own or any(origin.startswith("[set]") for origin, _ in e.shadowed)}
+    own_layers = {layer.origin for layer in old.layers}
+    above = {p for p, e in gone.items() if e.origin not in own_layers or any(origin.startswith("[set]") for origin, _ in e.shadowed)}
     place = above.intersection(coefficients(model, values, path))
     dropped = tuple(
         Dropped(p, e.parameter.text, e.origin, "of its place" if p in place and p in now else "of the old part") for p, e in gone.items()
@@ -175,7 +175,7 @@ def _at(model: M, path: str, new: M, full: str, keep: frozenset[str], new_values
         model,
         submodels={**model.submodels, head: part},
         settings={p: v for p, v in model.settings.items() if stays(p, v)},
-        layers=tuple(left for layer in model.layers if (left := layer.keeping(stays)).values),
+        layers=tuple(trimmed for layer in model.layers if (trimmed := layer.keeping(stays)).values),
         cuts=tuple(c for c in model.cuts if not inside(c, path)),
     )
 

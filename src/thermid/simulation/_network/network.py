@@ -221,7 +221,9 @@ class Network:
 
     def _named_controls(self) -> tuple[str, ...]:
         """Return the controls that an element or a boundary of the scenario names, in the order of the deck."""
-        by = [*(c.controls for c in self.flat.conductors), *(load.controls for load in self.flat.loads)] if self.flat.controls else []
+        if not self.flat.controls:
+            return ()
+        by = [*(c.controls for c in self.flat.conductors), *(load.controls for load in self.flat.loads)]
         named = {name for names in by for name in control_names(names)} | set(self.steered)
         return tuple(name for name in self.flat.controls if name in named)
 

@@ -702,19 +702,15 @@ class Wiring:
         loads = self._loads(numbers, make, index, values)
         controls = tuple(self._control(row, make, index, loads) for row in self._controlled(numbers))
         factors = tuple(PlacedFactors(row, self._places(row, make)) for row in numbers.controls)
-        rates = tuple(
-            PlacedLoad(
-                row,
-                index[row.node],
-                [make.add(number, "", row.controls if c == 0 else ()) for c, number in enumerate(row.of_law)],
-                -1,
-                index[row.follows or row.node],
-            )
-            for control in numbers.controls
-            for row in control.rates
-        )
+        rates = tuple(self._rate(row, make, index) for control in numbers.controls for row in control.rates)
         inputs = (tuple(make.coefficient_input), factors, tuple(make.driven), len(rates))
         return KernelLayout(reduced.nodes, capacity, tuple(gain), tuple(offset), conductors, (*loads, *rates), controls, *inputs)
+
+    @staticmethod
+    def _rate(row: LoadRow, make: _Builder, index: Mapping[str, int]) -> PlacedLoad:
+        """Return the rate of a controller's state as a load of the kernel."""
+        places = [make.add(number, "", row.controls if c == 0 else ()) for c, number in enumerate(row.of_law)]
+        return PlacedLoad(row, index[row.node], places, -1, index[row.follows or row.node])
 
     def _places(self, row: ControlRow, make: _Builder) -> list[int]:
         """Add the coefficients of a control of the deck, and return their places."""
