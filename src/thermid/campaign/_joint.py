@@ -347,7 +347,7 @@ def fit_jointly(
     recalled = recall(cache, NAME, key)
     calibration = fit_problem(whole, problem, progress, recalled)
     if recalled is None and calibration.converged and key:
-        remember(cache, NAME, key, calibration.end.place if calibration.end else None)
+        remember(cache, NAME, key, calibration.end.place if calibration.end is not None else None)
     store = replace(calibration.store, left_out=(*calibration.store.left_out, *map(LeftOut, uncounted)))
     return _judged(replace(calibration, store=store), levels, shared, done if staged else {})
 

@@ -495,7 +495,7 @@ def run_stages(
             if new:
                 changed[name] = changed_since(folder, name, ingredients[name])
             if new and fitted.converged:
-                remember(folder, name, keys[name], fitted.end.place if fitted.end else None, ingredients[name])
+                remember(folder, name, keys[name], fitted.end.place if fitted.end is not None else None, ingredients[name])
             done[name] = fitted
             _go_on(fitted, [s.name for s in todo.values() if s.name not in done], source)
         todo = {k: s for k, s in todo.items() if k not in ready}
