@@ -338,12 +338,12 @@ def fit_jointly(
         loss_scale=table.knee or above.loss_scale,
         name=NAME,
         remarks=(*remarks, *uncounted),
-        seen={sha: who for c in done.values() for sha, who in c.seen.items()},
+        seen={sha: who for c in done.values() for sha, who in c.used_records.items()},
     )
     recalled = recall(cache, NAME, key)
     calibration = fit_problem(whole, problem, progress, recalled)
     if recalled is None and calibration.converged and key:
-        remember(cache, NAME, key, calibration.kept)
+        remember(cache, NAME, key, calibration.end.place if calibration.end is not None else None)
     store = replace(calibration.store, left_out=(*calibration.store.left_out, *map(LeftOut, uncounted)))
     return _judged(replace(calibration, store=store), levels, shared, done if staged else {})
 

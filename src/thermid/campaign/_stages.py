@@ -549,7 +549,7 @@ def run_stages(
             if new:
                 changed[name] = changed_since(folder, name, ingredients[name])
             if new and fitted.converged:
-                remember(folder, name, keys[name], fitted.kept, ingredients[name])
+                remember(folder, name, keys[name], fitted.end.place if fitted.end is not None else None, ingredients[name])
             done[name] = fitted
             _go_on(fitted, [s.name for s in todo.values() if s.name not in done], source)
         todo = {k: s for k, s in todo.items() if k not in ready}
@@ -598,7 +598,7 @@ def judge(campaign: Campaign, folder: Path | None = None, notice: Notice | None 
     """
     source = campaign.source
     assert source is not None
-    used = {sha: user for c in campaign.stages.values() for sha, user in c.seen.items()}
+    used = {sha: user for c in campaign.stages.values() for sha, user in c.used_records.items()}
     tables = [
         (k, t) for k, t in enumerate(source.content.verdicts) if t.model in campaign and (t.values != "joint" or campaign.joint is not None)
     ]

@@ -40,8 +40,7 @@ from thermid.fit._problem.experiment import SCALE, SWITCH, UNSAID_NOISE, Experim
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import LocalSpec, Request, counted_twice, freed, mean_of, priors_of, weighing
 from thermid.fit._problem.residuals import Predictions, Problem, Unknown, pooled, starting_point, wanders
-from thermid.fit._search import CHANCE, Progress, searched
-from thermid.fit._second_clocks import at_clocks, in_turns, widened_by_noise_of_powers, with_clocks
+from thermid.fit._search import CHANCE, Progress, at_clocks, in_turns, searched, widened_by_noise_of_powers, with_clocks
 from thermid.fit._uncertainty.groups import SHARE, Group, percent, structural_groups, together
 from thermid.fit._uncertainty.information import Information, Responses, elsewhere, responses
 from thermid.fit._uncertainty.moved import Moves, moves_above
@@ -186,8 +185,8 @@ def in_place(before: Store, new: Store) -> Store:
             if store is new:
                 old = [s for s in before.states.values() if s.path == state.path or set(s.paths) & set(state.paths)]
                 state = replace(state, history=tuple(dict.fromkeys(o for s in old for o in (*s.history, s.origin))))  # whom it replaces
-            elif state.kind == "parameter" and (left := tuple(p for p in state.paths if p not in here)):
-                state = replace(state, path=left[0], paths=left, hidden=tuple(p for p in state.hidden if p in left))
+            elif state.kind == "parameter" and (others := tuple(p for p in state.paths if p not in here)):
+                state = replace(state, path=others[0], paths=others, hidden=tuple(p for p in state.hidden if p in others))
             elif state.kind == "parameter" or state.path in here:
                 continue
             row = np.zeros(len(sources))
@@ -429,7 +428,7 @@ def summarise(
     responses_of_fit: Responses,
     random: Array,
     spread: Autocorrelation,
-    kept: KeptFit,
+    place: KeptFit,
 ) -> Calibration:
     """Return the calibration that a fit ended with; `responses_of_fit` says what its errors come from, `random` is their part by noise."""
     name, total = request.name or request.model.title, responses_of_fit.total
@@ -476,7 +475,7 @@ def summarise(
         store,
         alone,
         rests,
-        end=FitEnd(kept, best.chi_square, round(problem.freedom), best.converged, best.stopped),
+        end=FitEnd(place, best.chi_square, round(problem.freedom), best.converged, best.stopped),
     )
 
 

@@ -148,14 +148,14 @@ class FitEnd:
 
     Parameters
     ----------
-    kept : KeptFit      Where: what a results folder keeps, so that the fit can be taken again.
+    place : KeptFit     Where: what a results folder keeps, so that the fit can be taken again.
     chi_square : float  Weighted sum of squares of the data. [-]
     freedom : int       Samples less unknowns.
     converged : bool    Whether the minimisation ended by its own tolerances.
     stopped : bool      Whether the interrupt key ended the search; the values are then the best so far, and not credible.
     """
 
-    kept: KeptFit
+    place: KeptFit
     chi_square: float
     freedom: int
     converged: bool = True
@@ -226,7 +226,7 @@ class Calibration(Result):
         return bool(self.values.provenance.get("synthetic", False))
 
     @property
-    def seen(self) -> Mapping[str, str]:
+    def used_records(self) -> Mapping[str, str]:
         """Checksum -> who used it: this stage's records and those of the stages below."""
         return {**(self.request.seen if self.request is not None else {}), **self.store.seen}
 
@@ -236,24 +236,19 @@ class Calibration(Result):
         return self.request.loss if self.request is not None else "linear"
 
     @property
-    def kept(self) -> KeptFit | None:
-        """What a results folder keeps of the fit, so that it can be taken again; None where values are set by hand."""
-        return self.end.kept if self.end is not None else None
-
-    @property
     def fitted(self) -> Mapping[str, float]:
         """Unknown -> its fitted form at the end."""
-        return self.end.kept.fitted if self.end is not None else {}
+        return self.end.place.fitted if self.end is not None else {}
 
     @property
     def evaluations(self) -> int:
         """How often the records were simulated."""
-        return self.end.kept.evaluations if self.end is not None else 0
+        return self.end.place.evaluations if self.end is not None else 0
 
     @property
     def search(self) -> str:
         """What was looked at beyond one descent; empty for nothing."""
-        return self.end.kept.search if self.end is not None else ""
+        return self.end.place.search if self.end is not None else ""
 
     @property
     def chi_square(self) -> float:

@@ -11,7 +11,7 @@ import pytest
 import thermid as td
 from by_code import raises_code
 from thermid.base.errors import RecordError, ThermidError
-from thermid.fit._second_clocks import widened_by_noise_of_powers
+from thermid.fit._search import widened_by_noise_of_powers
 from thermid.model.elements import TableSignal
 from unit.fit.test_clocks import AIR, BOX, FREE
 

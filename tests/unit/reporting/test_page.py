@@ -97,9 +97,11 @@ def test_synthetic_data_raise_a_banner_and_measured_ones_do_not(page: Page, meas
     assert page.source.index("SYNTHETIC DATA") < page.source.index('id="verdicts"')
     clean = Page(report(measured, to=tmp_path / "m.html"))
     assert "SYNTHETIC" not in clean.text
+    shown = measured.verdicts[0].prediction
+    made = replace(shown.values, provenance={**shown.values.provenance, "synthetic": True})
     half = replace(
         measured,
-        verdicts=(replace(measured.verdicts[0], prediction=replace(measured.verdicts[0].prediction, experiments=(), synthetic=True)),),
+        verdicts=(replace(measured.verdicts[0], prediction=replace(shown, experiments=(), values=made)),),
     )
     assert (
         "1 of 3 records are synthetic: held out. Results from them are not evidence about real hardware."
@@ -182,9 +184,8 @@ def hostile(campaign: Campaign) -> Campaign:
         local = tuple(replace(i, record=i.record + EVIL, name=i.name + EVIL) for i in fit.local)
         model = replace(fit.given_model, title=fit.given_model.title + EVIL, use=EVIL)
         records = {r + EVIL: sha for r, sha in fit.records.items()}
-        return replace(
-            fit, stage=fit.stage + EVIL, given_model=model, blocks=blocks, local=local, records=records, warnings=(EVIL,), bias={}
-        )
+        values = replace(fit.values, provenance={**fit.values.provenance, "records": records})
+        return replace(fit, stage=fit.stage + EVIL, given_model=model, blocks=blocks, local=local, values=values, warnings=(EVIL,))
 
     verdicts = tuple(
         replace(v, model=EVIL, record=EVIL, title=EVIL, fitted_locally=(EVIL,), prediction=soil(v.prediction)) for v in campaign.verdicts

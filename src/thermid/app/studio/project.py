@@ -184,7 +184,9 @@ class Project:
         request = self._request(name)
         calibration = fit(request, progress, keeping=errors_kept(self.results, name, self._keys[name]))
         if calibration.converged:
-            remember(self.results, name, self._keys[name], calibration.kept, self._made_of[name])
+            remember(
+                self.results, name, self._keys[name], calibration.end.place if calibration.end is not None else None, self._made_of[name]
+            )
             calibration.save(self.results / f"{file_name(name)}.values.toml")
         for above in self.stages:
             if name in self.below(above):

@@ -249,7 +249,7 @@ def validate(
     """
     if not calibration.standing.judgeable:
         return not_judged(calibration, record.name, title)
-    user = calibration.seen.get(record.origin.sha256)
+    user = calibration.used_records.get(record.origin.sha256)
     if user is not None:
         raise IdentificationError(
             f"record '{record.name}' was used by {user}. A validation needs a hold-out record: use one that no fit used.",

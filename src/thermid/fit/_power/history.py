@@ -460,7 +460,7 @@ def power_history(
         raise _undetermined(free, where) from None
 
 
-def _refuse_unanswerable(record: Record, names: Sequence[str], known: Any, prior: str, is_open: bool, where: str) -> None:
+def _refuse_unanswerable(record: Record, names: Sequence[str], stretches: Any, prior: str, is_open: bool, where: str) -> None:
     """Refuse a history of a load by its `names` that has no answer; `is_open` is whether parameters are free without priors.
 
     Raises
@@ -468,10 +468,10 @@ def _refuse_unanswerable(record: Record, names: Sequence[str], known: Any, prior
     IdentificationError   As `power_history` says.
     """
     refuse_unknown([prior], PRIORS, "power_history", "unknown prior '{}'. Use one of {known}.", IdentificationError)
-    if is_open and not known:
+    if is_open and not stretches:
         words = "without a period of known power only ratios to the power can be estimated, so no parameter can be free. "
         raise IdentificationError(f"{words}Give 'known' or a prior.", where, code="fit.not-determined")
-    if not isinstance(known, list | tuple) or any(not isinstance(stretch, list | tuple) or len(stretch) != 3 for stretch in known):
+    if not isinstance(stretches, list | tuple) or any(not isinstance(one, list | tuple) or len(one) != 3 for one in stretches):
         raise IdentificationError(KNOWN_FORM, where, code="value.wrong-kind")
     logged = next((n for n, c in record.channels.items() if c.role in ("load", "auto") and (c.target or n) in names), "")
     if logged:

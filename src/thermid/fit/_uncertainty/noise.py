@@ -485,10 +485,10 @@ def autocorrelation(problem: Problem, minimum: Fit, loss: str = "linear", loss_s
         still = [key for key in calm if not (calm_of_trace[key].noisy and calm_of_trace[key].tells)]
         others = [calm_of_trace[key].left for key in calm if key not in still]
         squares = minimum.chi_square if len(still) == len(parts) else sum(pieces[k].squares for k in still)
-        squares += sum(float(left @ left) for left in others)
+        squares += sum(float(residuals @ residuals) for residuals in others)
         squares -= sum(float(pieces[k].count @ np.sum(inputs[k] ** 2, axis=1)) for k in still if k in inputs)
         samples = sum(float(pieces[k].count.sum()) * pieces[k].effective_share for k in still)
-        freedom = samples * (1.0 - taken / max(problem.effective_samples, 1.0)) + sum(left.size for left in others)
+        freedom = samples * (1.0 - taken / max(problem.effective_samples, 1.0)) + sum(residuals.size for residuals in others)
         variance_factor = max(1.0, squares / max(freedom, 1.0))
     traces = tuple(_trace_noise(key, pieces[key], *part) for key, part in parts.items())
     excess = score_excess(pieces, traces, variance_factor, inputs)

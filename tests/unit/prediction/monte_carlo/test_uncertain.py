@@ -15,8 +15,7 @@ from thermid.base.errors import NameNotFoundError, ScenarioError
 from thermid.prediction._budget import Target
 from thermid.prediction._known import normal_sources
 from thermid.prediction._monte_carlo import chunks as campaign_runs, uncertain
-from thermid.prediction._monte_carlo.drivers import drivers_of
-from thermid.prediction._monte_carlo.hold import hold
+from thermid.prediction._monte_carlo.hold import drivers_of, hold
 from thermid.prediction._monte_carlo.uncertain import begun_at
 from thermid.simulation._many import tasks
 from thermid.simulation.runs import Counted
