@@ -145,6 +145,7 @@ _NAMESPACES = {
         "equivalent_cycles": "qualify.profiles",
         "uncertain_runs": "prediction.members",
         "UncertainRuns": "prediction.members",
+        "sobol_of": "prediction.members",
         "hold": "prediction.members",
         "Hold": "prediction.members",
         "load_hold": "prediction.members",

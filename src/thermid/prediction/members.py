@@ -9,4 +9,5 @@ from thermid.prediction._monte_carlo.hold import (
     hold as hold,
     load_hold as load_hold,
 )
+from thermid.prediction._monte_carlo.sobol import sobol_of as sobol_of
 from thermid.prediction._monte_carlo.uncertain import UncertainRuns as UncertainRuns, uncertain_runs as uncertain_runs

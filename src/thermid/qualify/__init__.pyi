@@ -17,6 +17,7 @@ from thermid.prediction.members import (
     UncertainRuns as UncertainRuns,
     hold as hold,
     load_hold as load_hold,
+    sobol_of as sobol_of,
     uncertain_runs as uncertain_runs,
 )
 from thermid.prediction.reduction import Reduction as Reduction, assumed as assumed, macro_model as macro_model, reduce as reduce

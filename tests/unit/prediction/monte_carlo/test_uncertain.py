@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from by_code import raises_code
 from thermid.base.errors import NameNotFoundError, ScenarioError
 from thermid.prediction._budget import Target
 from thermid.prediction._known import normal_sources
-from thermid.prediction._monte_carlo import chunks as campaign_runs, uncertain
+from thermid.prediction._monte_carlo import chunks as campaign_runs, sobol, uncertain
 from thermid.prediction._monte_carlo.hold import drivers_of, hold
 from thermid.prediction._monte_carlo.uncertain import begun_at
 from thermid.simulation._many import tasks
@@ -430,6 +431,48 @@ def test_members_of_a_folder_are_one_lazy_data_set(tmp_path: Path) -> None:
     with raises_code("value.outside-range", ScenarioError):
         few.open_members(0, tmp_path)
     assert files == {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.npz")}
+
+
+def test_sobol_of_a_sum_is_its_variances() -> None:
+    """Settled, T = air + P/G: shares of 2 K and of 20 K times 5 % are 4 to 1."""
+    job = runs(nodes=["body"], every="30 [min]").job
+    found = td.qualify.sobol_of(job, "body", 3600.0, base=256)
+    settled = 1.0 - np.exp(-3600.0 * G / C)
+    by_hand = np.array([2.0**2, (20.0 * settled * 0.05) ** 2])
+    assert [found.total["air"], found.total["scale.heater"]] == pytest.approx(by_hand / by_hand.sum(), abs=0.03)
+    assert found.runs == 256 * 4
+    assert "air" in str(found).splitlines()[1]
+
+
+def test_sobol_goes_on_where_it_was_interrupted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    job = replace(runs(nodes=["body"], every="30 [min]").job, chunk=100)
+    whole, begun = td.qualify.sobol_of(job, "body", 3600.0, base=64), 0
+
+    def interrupted(*task: Any) -> Any:
+        nonlocal begun
+        begun += 1
+        if begun == 2:
+            raise KeyboardInterrupt
+        return run(*task)
+
+    run = sobol.run_members_of
+    monkeypatch.setattr(sobol, "run_members_of", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        td.qualify.sobol_of(job, "body", 3600.0, base=64, folder=tmp_path)
+    again = td.qualify.sobol_of(job, "body", 3600.0, base=64, folder=tmp_path)
+    assert begun == 2 + 2  # of three groups of runs one was there
+    assert (again.first, again.total, again.errors) == (whole.first, whole.total, whole.errors)
+    td.qualify.sobol_of(job, "body", 1800.0, base=64, folder=tmp_path)
+    assert begun == 4 + 3  # another time is another job
+
+
+@pytest.mark.parametrize(
+    ("more", "words"), [({"base": 100}, "a power of two, not 100"), ({"spread": {"air": "1 [K]"}}, "Sobol's indices need at least")]
+)
+def test_sobol_refuses(more: dict[str, object], words: str) -> None:
+    base = {"base": more.pop("base")} if "base" in more else {}
+    with pytest.raises(ScenarioError, match=words):
+        td.qualify.sobol_of(runs(**more).job, "body", **base)
 
 
 def painted(emissivity: object = 0.93) -> td.Model:
