@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -22,7 +24,7 @@ def lacking(k: int) -> tuple[td.Calibration, tuple[str, str]]:
     parts = [f"m{n}" for n in range(3 + k % 2)]
     row = ["room", *parts, "plate"]
     apart = [(a, b) for n, a in enumerate(row) for b in row[n + 2 :] if (a, b) != ("room", "plate")]
-    ties = {f"{a}_{b}": ((a, b), float(rng.uniform(0.2, 1.0))) for a, b in zip(row[:-1], row[1:], strict=True)}
+    ties = {f"{a}_{b}": ((a, b), float(rng.uniform(0.2, 1.0))) for a, b in pairwise(row)}
     ends = apart[int(rng.integers(len(apart)))]
     unit = {**ties, "more": (ends, float(rng.uniform(0.1, 0.5)))}
     held = {n: float(rng.uniform(50.0, 300.0)) for n in parts}
@@ -62,7 +64,6 @@ def is_first(k: int) -> bool:
     """Whether what is suggested of the k-th deck is the conductor that it lacks."""
     fit, (a, b) = lacking(k)
     best = td.inference.criticise(fit).suggested
-    print(k, (a, b), best and best.name, best and best.found)
     return best is not None and best.name in (f"a contact between '{a}' and '{b}'", f"a contact between '{b}' and '{a}'")
 
 

@@ -158,9 +158,10 @@ def _long_enough(
     ------
     IdentificationError   When they are not after `EXTENSION` times the steps.
     """
-    emcee, state, needed = optional("emcee", "a posterior"), start, steps
+    emcee, begin, needed = optional("emcee", "a posterior"), start, steps
     while True:
-        for state in sampler.sample(state, iterations=needed - sampler.iteration):
+        for end in sampler.sample(begin, iterations=needed - sampler.iteration):
+            begin = end
             progress(sampler.iteration, needed)
         done = sampler.iteration
         chain = sampler.get_chain(discard=done // 5)

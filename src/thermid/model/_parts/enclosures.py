@@ -68,11 +68,8 @@ def _memorised(memo: Memo, areas: list[Number], shares: list[Number], law: _Matr
     many: Any = next((x for x in numbers if hasattr(x, "values")), None)
     if many is not None:
         sets = np.array([np.broadcast_to(getattr(x, "values", x), many.values.shape) for x in numbers]).T
-        matrices = memo.value(
-            sets.tobytes(),
-            lambda: np.array([law(list(m[: len(areas)]), list(m[len(areas) :])) for m in sets.tolist()]).transpose(1, 2, 0),
-            1,
-        )
+        split = len(areas)
+        matrices = memo.value(sets.tobytes(), lambda: np.array([law(m[:split], m[split:]) for m in sets.tolist()]).transpose(1, 2, 0), 1)
         return [[type(many)(np.ascontiguousarray(one)) for one in row] for row in matrices]
     free = max((gradient_of(x, 0).size for x in numbers), default=0)
     key = np.concatenate([[value_of(x), *gradient_of(x, free)] for x in numbers]).tobytes()
