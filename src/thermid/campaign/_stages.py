@@ -590,7 +590,7 @@ def judge(campaign: Campaign, folder: Path | None = None, notice: Notice | None 
     ----------
     campaign : Campaign  Its stages as they were fitted, before any verdict; the joint fit where there is one.
     folder : path       A results folder, which knows of earlier looks at hold-out records; this look is noted there.
-    notice : callable   Called with the name of each record before it is judged.
+    notice : callable   Called with the name of each record that is judged, before it is.
 
     Raises
     ------
@@ -721,12 +721,12 @@ def _judge(
     where = source.where(f"verdicts.{k}")
     stage = next(s for s in source.content.stages if s.name == table.model)
     for name in source.pick([table.record], where):
-        if notice is not None:
-            notice(f"running {name} for its verdict", 0, 0.0)
         fit = campaign.joint.at(table.model) if table.values == "joint" and campaign.joint is not None else campaign[table.model]
         if not fit.standing.judgeable:
             yield not_judged(fit, name, table.name)
             continue
+        if notice is not None:
+            notice(f"running {name} for its verdict", 0, 0.0)
         with errors_at(where, ": "):
             record = source.bound(name, stage)
             if record.origin.sha256 in used:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -90,7 +90,15 @@ class Posterior(Result):
 
 
 @takes_objects
-def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: int = 1, executor: Workers = None) -> Posterior:
+def posterior(
+    fit: Calibration,
+    *,
+    steps: int = 1000,
+    walkers: int = 0,
+    seed: int = 1,
+    executor: Workers = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Posterior:
     """Return draws of a fit's parameters, everything else that it looked for taken along.
 
     Constant errors and temperatures of single records, in which readings are linear or nearly so, are not sampled: at each step they take
@@ -107,11 +115,13 @@ def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: in
     Parameters
     ----------
     fit : Calibration
-    steps : int         Of every walker at first, doubled up to four times where these are too few; the first fifth is left out.
+    steps : int         Of every walker at first, up to 16 times as many where these are too few; the first fifth is left out. A step
+                        simulates all records once for each walker.
     walkers : int       Twice the parameters and at least 12 by default.
     seed : int
     executor            Who simulates the records at the proposals of one step, as in `ensemble`: the same draws from all. It pays where one
                         simulation takes a tenth of a second or more. Proposals are too many to be kept in a folder.
+    progress : callable Called after each step with how many are done, and how many are thought to be needed.
 
     Raises
     ------
@@ -132,32 +142,37 @@ def posterior(fit: Calibration, *, steps: int = 1000, walkers: int = 0, seed: in
     )
     sampler.random_state = np.random.RandomState(seed).get_state()  # the kind of state that emcee takes
     names = [density.problem.unknowns[k] for k in density.at]
-    chain, lag = _long_enough(sampler, start, steps, [u.name for u in names], fit.stage)
+    chain, lag = _long_enough(sampler, start, steps, [u.name for u in names], fit.stage, progress or (lambda done, needed: None))
     draws = {u.name: np.array([u.to_value(x) for x in chain[:, n]]) for n, u in enumerate(names)}
     fitted_values = {u.name: (fit[u.name].value, fit[u.name].error) for u in names}
     independent, taken = chain.shape[0] / max(lag, 1.0), float(np.mean(sampler.acceptance_fraction))
     return Posterior(fit.stage, draws, independent, taken, density.count, fitted_values, density.remarks())
 
 
-def _long_enough(sampler: Any, start: Array, steps: int, names: Sequence[str], stage: str) -> tuple[Array, float]:
+def _long_enough(
+    sampler: Any, start: Array, steps: int, names: Sequence[str], stage: str, progress: Callable[[int, int], None]
+) -> tuple[Array, float]:
     """Return draws (draws, parameters) of chains that are long enough, and their longest autocorrelation time in steps.
 
     Raises
     ------
     IdentificationError   When they are not after `EXTENSION` times the steps.
     """
-    sampler.run_mcmc(start, steps)
+    emcee, begin, needed = optional("emcee", "a posterior"), start, steps
     while True:
+        for end in sampler.sample(begin, iterations=needed - sampler.iteration):
+            begin = end
+            progress(sampler.iteration, needed)
         done = sampler.iteration
         chain = sampler.get_chain(discard=done // 5)
-        emcee = optional("emcee", "a posterior")
         lags = np.asarray(emcee.autocorr.integrated_time(chain, quiet=True, tol=0), dtype=float)
         length = float(chain.shape[0] / lags.max())
         if length > MIN_LENGTH:
             return np.asarray(chain.reshape(-1, chain.shape[2])), float(lags.max())
         if done >= EXTENSION * steps:
             raise IdentificationError(_too_short(chain, names, done, length), stage, code="fit.chains-too-short")
-        sampler.run_mcmc(None, done)
+        # a fifth more than what this autocorrelation time asks for, which short chains show too small; twice as many at most
+        needed = min(math.ceil(1.2 * done * MIN_LENGTH / length), 2 * done, EXTENSION * steps)
 
 
 def _too_short(chain: Array, names: Sequence[str], steps: int, length: float) -> str:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 
 import thermid as td
+from thermid.model._parts import enclosures
 from thermid.model._tree.identity import to_dict
 
 SIGMA = 5.670374419e-8
@@ -72,6 +74,16 @@ def test_sensitivity_to_an_emissivity() -> None:
     run = td.prepare(model, scenario, [path], every=600.0, options=exact).run(sensitivities=True)
     ends = [td.simulate(model.with_values({path: f"{0.3 + s}"}), scenario, options=exact)["a"].final for s in (-step, step)]
     assert run.sensitivity("a", path)[-1] == pytest.approx((ends[1] - ends[0]) / (2 * step), rel=1e-5)
+
+
+def test_the_matrix_of_a_member_is_made_once_for_all_pairs() -> None:
+    """Not once more for every two faces: a room of three has three pairs and its pairs with the wall."""
+    box = deck(view_factors=[[0.0, 0.3, 0.3], [0.3, 0.0, 0.3], [0.3, 0.3, 0.0]], faces={f: f"{f}_skin" for f in "abc"}, rest="wall")
+    box["nodes"]["c"], box["surfaces"]["c_skin"] = box["nodes"]["a"], {**box["surfaces"]["a_skin"], "of": "c"}
+    with patch.object(enclosures, "exchange_areas_of", wraps=enclosures.exchange_areas_of) as made:
+        values = {"a_skin.emissivity": np.linspace(0.2, 0.9, 8)}
+        td.ensemble(td.model_from_dict(box), ROOM.with_(duration="1 [h]", start="20 [degC]"), values)
+    assert made.call_count <= 8 + 2
 
 
 def test_surfaces_of_parts_are_faces() -> None:

@@ -226,7 +226,8 @@ def estimate(
     conditions = load_scenario(scenario) if scenario is not None else None
     result = staged(campaign, data, results)
     request = result.requests[result[stage].stage if stage else list(result)[-1]]
-    estimation = estimated(replace(request, fit_start=False), pairs(noise, "--noise"), {}, with_unit(horizon, "s"))
+    with working(f"process noise of stage '{request.name}'"):
+        estimation = estimated(replace(request, fit_start=False), pairs(noise, "--noise"), {}, with_unit(horizon, "s"))
     content, lines = estimation.as_object(), [str(estimation)]
     if conditions is not None:
         runs = {e.name: estimation.predict(conditions, by=e.name) for e in (estimation.chosen, estimation.process, estimation.output)}
@@ -393,7 +394,8 @@ def predict(
             _predict_records(campaign, data, known, name, record, as_json, verbose)
             return
     assert conditions is not None
-    predicted = prediction.predict(known, conditions.vacuum() if vacuum else conditions, spread=_spreads(spread), draws=draws)
+    with working(f"prediction of '{conditions.title}'"):
+        predicted = prediction.predict(known, conditions.vacuum() if vacuum else conditions, spread=_spreads(spread), draws=draws)
     predicted = replace(predicted, standing=predicted.standing.accept(accept or ()))
     times = moments(at, conditions.seconds)
     if csv is not None:
@@ -417,7 +419,8 @@ def _predict_named(campaign: Campaign, given: Sequence[str], as_json: bool, verb
     if given:
         words = f"{', '.join(given)} {'is' if len(given) == 1 else 'are'} not for the predictions that a campaign names."
         raise ScenarioError(f"{words} Give --scenario FILE or --record NAME too.", "command line", code="command.not-understood")
-    predictions, failed = campaign_predictions(campaign)
+    with working("predictions of the campaign"):
+        predictions, failed = campaign_predictions(campaign)
     if not (predictions or failed):
         words = 'nothing to predict: give --scenario FILE or --record NAME, or write [predictions.hot] with scenario = "hot.toml".'
         raise ScenarioError(words, campaign.title, code="command.not-understood")
@@ -451,8 +454,8 @@ def _predict_records(
         scenario = verdict.scenario if verdict is not None and verdict.scenario is not None else stage.scenario
         readings = verdict.readings if verdict is not None and verdict.readings is not None else stage.readings
         local = local_of(verdict.local) if verdict is not None else local_of(stage.local) | local_table
-        scores.append(
-            predict_record(
+        with working(f"prediction of '{run}'"):
+            score = predict_record(
                 fit,
                 source.bound(run, stage),
                 scenario=scenario_of(scenario, run),
@@ -460,7 +463,7 @@ def _predict_records(
                 readings=plain_readings(readings),
                 window=literal(stage.window, "s", "window"),
             )
-        )
+        scores.append(score)
     lines = [str(t) for t in scores]
     if len(scores) > 1:
         lines.append(

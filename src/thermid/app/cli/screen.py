@@ -130,20 +130,27 @@ class Progress:
         self._begun = time.monotonic()
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
-        self._told = ""
+        self._in_terminal = False
+        self._step, self._told = text, ""
         self._pen = threading.Lock()
 
     def now(self, text: str, done: float | None = None, step: str = "") -> None:
         """Say what is done now, and how much of the whole is finished; texts of one step are one line where there is no terminal."""
-        self.text = text
+        self.text, self._step = text, step or text
         self.done = self.done if done is None else done
-        if self._thread is None and (step or text) != self._told and time.monotonic() - self._begun >= SECONDS_TO_FIRST_PROGRESS:
-            self._told = step or text
-            typer.echo(text, err=True)
+        if time.monotonic() - self._begun >= SECONDS_TO_FIRST_PROGRESS:
+            self._tell()
+
+    def _tell(self) -> None:
+        """Print the text where there is no terminal, unless its step has been told."""
+        with self._pen:
+            if not self._in_terminal and self._step and self._step != self._told:
+                self._told = self._step
+                typer.echo(self.text, err=True)
 
     def say(self, text: str) -> None:
         """Print a text that stays."""
-        if self._thread is None:
+        if not self._in_terminal:
             typer.echo(text, err=True)
             return
         with self._pen:  # the line of the other thread would otherwise stand between the wiped line and the text
@@ -161,10 +168,10 @@ class Progress:
         return f", about {spoken(spent * (1.0 - share) / share)} left" if 0.0 < share < 1.0 else ""
 
     def __enter__(self) -> Self:
-        """Begin; the line is drawn beside the work, so that one long step is seen too."""
-        if sys.stderr.isatty() and os.environ.get("TERM") != "dumb":
-            self._thread = threading.Thread(target=self._draw, daemon=True)
-            self._thread.start()
+        """Begin; a line is drawn, or a text told, beside the work, so that one long step is seen too."""
+        self._in_terminal = sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
+        self._thread = threading.Thread(target=self._draw, daemon=True)
+        self._thread.start()
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -174,10 +181,11 @@ class Progress:
             self._thread.join(1.0)
 
     def _draw(self) -> None:
-        """Redraw the progress line twice a second until the work ends; nothing is drawn for work that ends at once."""
+        """Redraw the progress line twice a second until the work ends, or tell it once; nothing is drawn for work that ends at once."""
         drawn = False
-        self._ended.wait(SECONDS_TO_FIRST_PROGRESS)
-        while not self._ended.is_set():
+        if not self._ended.wait(min(SECONDS_TO_FIRST_PROGRESS, threading.TIMEOUT_MAX)):
+            self._tell()
+        while self._in_terminal and not self._ended.is_set():
             drawn = True
             with self._pen:
                 sys.stderr.write(f"\r\x1b[2K{self.line()[: width() - 1]}")

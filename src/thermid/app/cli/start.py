@@ -323,10 +323,9 @@ def criticise(
     executor = executor_of(workers, cluster, job)
     fits = _fits(campaign, stage, data, results)
     criticisms = {}
-    with working("") as progress:
-        for k, (name, fit) in enumerate(fits.items()):
-            progress.now(f"refits of stage {name}", k / len(fits))
-            criticisms[name] = criticised(fit, executor=executor)
+    for name, fit in fits.items():
+        with searching(f"missing elements of stage {name}") as progress:
+            criticisms[name] = criticised(fit, executor=executor, progress=progress)
     say(as_json, {"stages": {n: c.to_dict() for n, c in criticisms.items()}}, "\n\n".join(map(str, criticisms.values())), verbose)
     leave(worst(f.standing for f in fits.values()))
 

@@ -290,10 +290,13 @@ class Fitted:
 
 
 def missing_elements(fit: Calibration, request: Request) -> Iterator[MissingElement]:
-    """Missing elements that are worth a refit, for every observed node with a heat capacity and every node behind a sensor."""
+    """Elements that may be missing at one node with a sensor, or behind it, and contacts of any two nodes, or a node and a boundary."""
     structure = Fitted.of_calibration(fit, request)
-    for place in _places(structure):
+    places = _places(structure)
+    for place in places:
         yield from _at_a_place(structure, place)
+    yield from _missing_contacts(structure, places)
+    yield from _of_hidden(structure, places)
 
 
 def hidden_defects(structure: Fitted) -> Iterator[MissingElement]:
@@ -307,12 +310,17 @@ def hidden_defects(structure: Fitted) -> Iterator[MissingElement]:
         yield whole if len(lags) == 1 else replace(whole, name="a lag of every sensor", tips=whole.nodes)
     for place in places:
         yield _second_mass(structure.request, place, "hidden_mass")
-    network = structure.experiments[0].network
-    joined = _joined(network, {*(p.node for p in places), *network.boundaries})
-    for place in places:
-        for boundary in network.boundaries:
-            if frozenset((place.node, boundary)) not in joined:
-                yield _contact(structure.request, place.node, boundary, START_SHARE * (place.loss or 1.0))
+    yield from _missing_contacts(structure, places, of_parts=False)
+
+
+def _missing_contacts(structure: Fitted, places: Sequence[_Place], of_parts: bool = True) -> Iterator[MissingElement]:
+    """Yield contacts of parts with boundaries, and with each other for `of_parts`, between which the deck lets no heat pass."""
+    boundaries = structure.experiments[0].network.boundaries
+    losses = {p.node: p.loss or 1.0 for p in places}
+    joined = _joined(structure.experiments[0].network, {*losses, *boundaries})
+    for a, b in [*(itertools.combinations(losses, 2) if of_parts else ()), *itertools.product(losses, boundaries)]:
+        if frozenset((a, b)) not in joined:
+            yield _contact(structure.request, a, b, START_SHARE * min(losses[a], losses.get(b, np.inf)))
 
 
 def plain_lacks(structure: Fitted) -> Iterator[MissingElement]:
@@ -338,12 +346,11 @@ def changes_of(structure: Fitted) -> Iterator[MissingElement]:
             yield _one_way(structure.request, place, place.boundary, f"'{place.boundary}'")
         yield from _settling(structure, place)
     network = structure.experiments[0].network
-    joined = _joined(network, {*(p.node for p in places), *network.boundaries})
+    joined = _joined(network, {p.node for p in places})
     for a, b in itertools.combinations(places, 2):
-        if frozenset((a.node, b.node)) not in joined:
-            yield _contact(structure.request, a.node, b.node, START_SHARE * min(a.loss or 1.0, b.loss or 1.0))
-        else:
+        if frozenset((a.node, b.node)) in joined:
             yield _one_way(structure.request, a, b.node, f"'{b.node}'")
+    yield from _missing_contacts(structure, places)
     for place in _places(structure, hidden=True):
         yield _second_mass(structure.request, place, "hidden_mass")
     yield from _of_hidden(structure, places)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import chain, repeat
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -30,6 +30,8 @@ from thermid.inference._explain.weighing import noise_of
 from thermid.measure.amounts import short
 from thermid.simulation.runs import Workers, simulate
 from thermid.simulation.solver import refuse_unseen
+
+_Item = TypeVar("_Item")
 
 
 def ljung_box(residuals: Array) -> tuple[float, float]:
@@ -245,7 +247,9 @@ class Criticism(Result):
 
 
 @takes_objects
-def criticise(fit: Calibration, elements: bool | None = None, *, executor: Workers = None) -> Criticism:
+def criticise(
+    fit: Calibration, elements: bool | None = None, *, executor: Workers = None, progress: Callable[[str, float], None] | None = None
+) -> Criticism:
     """Residual analysis of a fit: are the residuals white noise, and which missing element would explain them?
 
     Parameters
@@ -253,6 +257,7 @@ def criticise(fit: Calibration, elements: bool | None = None, *, executor: Worke
     fit : Calibration   The fit.
     elements : bool     Whether missing elements are tried in refits; by default only where residuals are not independent, or too large.
     executor            As in `ensemble`: who makes the refits; the same answer from all.
+    progress : callable Called with what is done, in words, and the share of all that is finished.
 
     Raises
     ------
@@ -275,7 +280,7 @@ def criticise(fit: Calibration, elements: bool | None = None, *, executor: Worke
         refuse_unseen(fit.given_model, "a search for missing elements")
     if not wanted:
         return Criticism(fit.stage, traces, (), checks)
-    return Criticism(fit.stage, traces, tuple(_tried(fit, fit.request, executor)), checks)
+    return Criticism(fit.stage, traces, tuple(_tried(fit, fit.request, executor, progress or (lambda words, share: None))), checks)
 
 
 def running_locals(fit: Calibration) -> list[str]:
@@ -365,16 +370,26 @@ def _traces(fit: Calibration) -> list[TraceCriticism]:
     return out
 
 
-def _tried(fit: Calibration, request: Request, executor: Workers) -> list[Candidate]:
+def _told(items: Iterable[_Item], count: int, words: str, begin: float, progress: Callable[[str, float], None]) -> Iterator[_Item]:
+    """Yield `count` items, each announced before it is made; `begin` is the share of the whole that was done before [-]; 0.3 is these."""
+    made = iter(items)
+    for k in range(count):
+        progress(f"{words} {k + 1} of {count}", begin + 0.3 * k / count)
+        yield next(made)
+
+
+def _tried(fit: Calibration, request: Request, executor: Workers, progress: Callable[[str, float], None]) -> list[Candidate]:
     """Return every missing element, the best supported first; those that promise most are refitted, and what is suggested in full."""
     with one_thread():
         budget = EvaluationBudget()
         base = fitted_structure((), request, fit.fitted, budget=budget)
         before, refused = base.rmse, list[tuple[str, str]]()
         tried_structures: list[tuple[str, FittedStructure | None]] = []
-        scores = promises(base, (*missing_elements(fit, request), *unlogged_powers(request)), refused)
+        progress("heat that no log gives", 0.0)
+        elements = [*missing_elements(fit, request), *unlogged_powers(request)]
+        scores = promises(base, _told(elements, len(elements), "element", 0.2, progress), refused)
         tries = [((s.change,), s.change.request, s.start) for s in scores[:MAX_REFITTED_ELEMENTS]]
-        refits = chain(fitted_structures(tries, base.fitted, budget, executor), repeat(None))
+        refits = chain(_told(fitted_structures(tries, base.fitted, budget, executor), len(tries), "refit", 0.5, progress), repeat(None))
         for score, outcome in zip(scores, refits, strict=False):
             if isinstance(outcome, str):
                 refused.append((score.change.name, outcome))
@@ -395,6 +410,7 @@ def _tried(fit: Calibration, request: Request, executor: Workers) -> list[Candid
     for n, (candidate, one) in enumerate(out):
         if one is not None and candidate.possible and candidate.evidence > VERY_STRONG:
             try:
+                progress(f"full fit with {candidate.name}", 0.8)
                 refitted = refit(adopted(one))
                 words, possible = one.changes[0].judge(refitted)
                 out[n] = replace(candidate, found=words, possible=possible, fit=refitted), one

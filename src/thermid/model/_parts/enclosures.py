@@ -60,16 +60,17 @@ _Matrix = Callable[[list[Number], list[Number]], list[list[Number]]]
 
 
 def _memorised(memo: Memo, areas: list[Number], shares: list[Number], law: _Matrix) -> list[list[Number]]:
-    """Return law(areas, shares), a matrix (faces, faces), from `memo` if these values were asked for before.
+    """Return law(areas, shares), a matrix (faces, faces), from `memo` if these values were asked for just before.
 
     Areas and shares (faces,) are floats, numbers with derivatives, or arrays over members; members are taken one after the other.
     """
     numbers: tuple[Any, ...] = (*areas, *shares)
     many: Any = next((x for x in numbers if hasattr(x, "values")), None)
     if many is not None:
-        sets = np.array([np.broadcast_to(getattr(x, "values", x), many.values.shape) for x in numbers])
-        matrices = np.array([law(list(member[: len(areas)]), list(member[len(areas) :])) for member in sets.T.tolist()])
-        return [[type(many)(np.ascontiguousarray(matrices[:, i, j])) for j in range(matrices.shape[2])] for i in range(matrices.shape[1])]
+        sets = np.array([np.broadcast_to(getattr(x, "values", x), many.values.shape) for x in numbers]).T
+        split = len(areas)
+        matrices = memo.value(sets.tobytes(), lambda: np.array([law(m[:split], m[split:]) for m in sets.tolist()]).transpose(1, 2, 0), 1)
+        return [[type(many)(np.ascontiguousarray(one)) for one in row] for row in matrices]
     free = max((gradient_of(x, 0).size for x in numbers), default=0)
     key = np.concatenate([[value_of(x), *gradient_of(x, free)] for x in numbers]).tobytes()
     return memo.value(key, lambda: law(areas, shares), 1)

@@ -96,6 +96,19 @@ def test_no_progress_stands_before_a_text_that_stays(monkeypatch: pytest.MonkeyP
     assert before == "\r\x1b[2K"
 
 
+def test_one_long_step_is_told_without_a_terminal_and_a_short_one_is_not(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A text of the first seconds was left out, and nothing followed it for minutes."""
+    monkeypatch.setattr(screen, "SECONDS_TO_FIRST_PROGRESS", 0.2)
+    with working("", 0.0) as progress:
+        progress.now("a short step")
+        progress.now("a long step")
+        time.sleep(1.0)
+        progress.now("a long step")
+    assert capsys.readouterr().err == "a long step\n"
+
+
 def test_colour_in_a_terminal_and_none_where_it_is_not_wanted(accelerometer: Path) -> None:
     refused = ("simulate", accelerometer, "--boundary", "air=24", "--for", "1 [h]", "--vacuum")
     assert "\x1b[1;31merror: " in in_a_terminal(*refused, columns=60)
