@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import IdentificationError, ThermidError
+from thermid.base.errors import IdentificationError, ThermidError, quoted
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result, Row
-from thermid.fit._calibration import FIRST, MISFIT, Calibration
+from thermid.fit._calibration import FIRST, Calibration, far_from_sheet
 from thermid.fit._error_model.courses import FREE_AIR, OperatingPoint
 from thermid.fit._error_model.elements import (
     ANOTHER,
@@ -342,6 +342,12 @@ class ErrorModel(Result):
         return f"the readings ask for {times:.2g} times a usual departure: {SIZES[name].effect} ({asked})"
 
     @property
+    def exponents(self) -> dict[str, float]:
+        """Surface -> exponent of the temperature difference in its coefficient, where free air is the likeliest carrier. [-]"""
+        likeliest = max(self.ways, key=lambda w: w.weight)
+        return {p: law.exponent for p, law in likeliest.laws.items() if isinstance(law, SurfaceLaw) and law.exponent > 0.0}
+
+    @property
     def unknowns(self) -> tuple[str, ...]:
         """Values of the fit that its runs share, in the order of `covariance`."""
         return tuple(self.seen)
@@ -569,10 +575,19 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
         return replace(fit, warnings=(*fit.warnings, words))
     if not request.structural_errors and errors.numbers["gain"] < MIN_LOG_BAYES_FACTOR:
         return fit  # what wanders is as likely noise
-    return _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]))
+    fit = _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]), contradiction)
+    grown = {} if contradiction else ErrorModel.from_dict(table).exponents
+    if fit.own.fair or not grown:
+        return fit
+    powers = " to ".join(dict.fromkeys(f"dT^{end:.2f}" for end in (min(grown.values()), max(grown.values()))))
+    words = (
+        f"{FIRST}free air carries the heat of {quoted([*grown], 3)}, so the coefficient grows with the temperature difference, here as "
+        f"{powers}. The deck keeps it constant. Write htc = {{ coefficient = ..., exponent = 0.25 }} for these surfaces, and fit again."
+    )
+    return replace(fit, warnings=(*fit.warnings, words))
 
 
-def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array) -> Calibration:
+def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array, unexplained: str) -> Calibration:
     """Return a fit with wider errors, by what its values would move by and their covariance (values, values); fitted form."""
     fit = _with_sources_of_structure(fit, covariance + np.outer([*moved.values()], [*moved.values()]), tuple(moved))
     assert fit.problem is not None
@@ -582,10 +597,14 @@ def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array) ->
     expected = {n: (u.to_value(x), u.slope(x) * error) for n, (u, x, error) in at.items()}
     is_requested = fit.request is not None and fit.request.structural_errors
     why = "the structure is a proposal" if is_requested else "the residuals are larger than this structure explains"
-    remark = f"{why}, so the errors of the values allow for deviations of its elements from their laws."
-    # right structures wander too, by less than the noise: no question to anybody
-    warnings = (*fit.warnings, f"{FIRST}{remark}" if is_requested or fit.reduced_chi_square > MISFIT else remark)
-    return replace(fit, expected=expected, warnings=warnings)
+    quote = "Quote the values and errors that are printed first: they allow its elements to depart from their laws."
+    if unexplained:
+        quote = f"The values that are printed first allow its elements to depart from their laws, but {unexplained}: find the cause first."
+    used = "The fitted values, which -v prints beside them, draw the curves and go to the stages above with wider errors."
+    fit = replace(fit, expected=expected, unexplained=unexplained)
+    at_fit, at_estimates = (far_from_sheet(fit.given_model, replace(fit.values, items_=i)) for i in (fit.values.items_, fit.estimates))
+    doubted = {w.split(" is ")[0] for w in at_fit} - {w.split(" is ")[0] for w in at_estimates}
+    return replace(fit, warnings=(*(w for w in fit.warnings if w.split(" is ")[0] not in doubted), f"{FIRST}{why}. {quote} {used}"))
 
 
 def _with_sources_of_structure(fit: Calibration, squares: Array, names: Sequence[str]) -> Calibration:

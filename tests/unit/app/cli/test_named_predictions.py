@@ -126,4 +126,4 @@ def test_a_campaign_without_predictions_says_how_to_ask(call: Call, fitted_campa
     ],
 )
 def test_limits_of_one_side_are_told_as_such(limits: tuple[float, float], words: str) -> None:
-    assert BandMargin("case", (300.0, 310.0), limits).words[1] == words
+    assert BandMargin("case", (300.0, 310.0), (304.0, 306.0), limits).words[1] == words
