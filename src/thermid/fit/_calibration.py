@@ -332,8 +332,8 @@ class Calibration(Result):
     @cached_property
     def estimates(self) -> Mapping[str, FittedValue]:
         """Path -> value and error to quote: as expected by the model of error where the readings ask for it, else as fitted."""
-        at = {p: dict(zip(("value", "error"), pair, strict=True)) for p, pair in self.expected.items()}
-        return {p: replace(v, uncut=0.0, **at[p]) if p in at else v for p, v in self.values.items()}
+        at = self.expected
+        return {p: replace(v, value=at[p][0], error=at[p][1], uncut=0.0) if p in at else v for p, v in self.values.items()}
 
     @property
     def inputs(self) -> InputTable:

@@ -18,7 +18,7 @@ import numpy as np
 from thermid.base.errors import IdentificationError, ThermidError, quoted
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result, Row
-from thermid.fit._calibration import FIRST, Calibration, far_from_sheet
+from thermid.fit._calibration import FIRST, LAW, Calibration, far_from_sheet
 from thermid.fit._error_model.courses import FREE_AIR, OperatingPoint
 from thermid.fit._error_model.elements import (
     ANOTHER,
@@ -576,15 +576,25 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
     if not request.structural_errors and errors.numbers["gain"] < MIN_LOG_BAYES_FACTOR:
         return fit  # what wanders is as likely noise
     fit = _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]), contradiction)
-    grown = {} if contradiction else ErrorModel.from_dict(table).exponents
-    if fit.own.fair or not grown:
-        return fit
-    powers = " to ".join(dict.fromkeys(f"dT^{end:.2f}" for end in (min(grown.values()), max(grown.values()))))
-    words = (
-        f"{FIRST}free air carries the heat of {quoted([*grown], 3)}, so the coefficient grows with the temperature difference, here as "
-        f"{powers}. The deck keeps it constant. Write htc = {{ coefficient = ..., exponent = 0.25 }} for these surfaces, and fit again."
-    )
-    return replace(fit, warnings=(*fit.warnings, words))
+    return fit if fit.blame != LAW else _explained(fit, ErrorModel.from_dict(table).exponents)
+
+
+def _explained(fit: Calibration, exponents: Mapping[str, float]) -> Calibration:
+    """Return a fit that is not credible with what explains its readings before what it contradicts.
+
+    Parameters
+    ----------
+    exponents : dict    Surface that the deck gives a constant coefficient -> exponent of its temperature difference. [-]
+    """
+    words, warnings = "the readings are explained once elements depart from their laws; by these laws", fit.warnings
+    if exponents:
+        powers = " to ".join(dict.fromkeys(f"dT^{end:.2f}" for end in (min(exponents.values()), max(exponents.values()))))
+        surfaces = quoted([*exponents], 3)
+        words = f"the readings are explained once the coefficient of {surfaces} grows as {powers}, as in free air; with a constant one"
+        remedy = f"Write htc = {{ coefficient = ..., exponent = 0.25 }} for {surfaces}, and fit again."
+        warnings = (*warnings, f"{FIRST}free air carries heat by a coefficient that grows with the temperature difference. {remedy}")
+    own = replace(fit.own, because=f"{words}, {fit.own.because}")
+    return replace(fit, own=own, warnings=warnings).judged(fit.rests, fit.verdict)
 
 
 def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array, unexplained: str) -> Calibration:
