@@ -26,7 +26,7 @@ def free_box(coefficient: dict[str, Any]) -> td.Model:
         "title": "Box in free air",
         "needs": ["air"],
         "nodes": {"case": {"mass": "1.5 [kg]", "specific_heat": heat}},
-        "surfaces": {"skin": {"of": "case", "to": "air", "area": "0.05 [m^2]", **coefficient}},
+        "surfaces": {"skin": {"of": "case", "to": "air", "area": {"value": "0.05 [m^2]", "spread": "10 [%]"}, **coefficient}},
         "loads": {"heat": {"into": "case", "power": "1 [W]"}},
     }
     return td.model_from_dict(deck)
@@ -54,6 +54,7 @@ def test_values_to_quote_are_those_that_the_model_of_error_expects(fit: td.Calib
     fitted, best = fit[HEAT], fit.estimates[HEAT]
     assert (best.value, best.error) == fit.expected[HEAT]
     assert abs(best.value - TRUE) < 2.0 * best.error < abs(fitted.value - TRUE)
+    assert fit.estimates["skin.htc"].relative > 0.1  # what is fixed and known to 10 % counts
     line = next(x for x in str(fit).splitlines() if x.startswith(f"  {HEAT} "))
     assert abs(float(line.split()[1]) - best.value) < 0.1 * best.error
     assert "   fitted " in line
