@@ -450,7 +450,7 @@ def summarise(
     runner, far = request.model.runner, contradicted(values)
     remarks = (
         *([f"{LOUD}{'; '.join(far.values())}. Do not use these values."] if far else []),
-        *(f"{FIRST}{r}" for r in moved.warnings()),
+        *(r if far else f"{FIRST}{r}" for r in moved.warnings()),  # what a fit that is not credible contradicts is in its standing
         *far_from_sheet(request.model, values),
         *request.remarks,
         *(f"{FIRST}{r}" for r in (runner.remarks if runner is not None else ())),
