@@ -576,10 +576,10 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
     if not request.structural_errors and errors.numbers["gain"] < MIN_LOG_BAYES_FACTOR:
         return fit  # what wanders is as likely noise
     fit = _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]), contradiction)
-    return fit if fit.blame != LAW else _explained(fit, ErrorModel.from_dict(table).exponents)
+    return fit if fit.blame != LAW else _with_explanation(fit, ErrorModel.from_dict(table).exponents)
 
 
-def _explained(fit: Calibration, exponents: Mapping[str, float]) -> Calibration:
+def _with_explanation(fit: Calibration, exponents: Mapping[str, float]) -> Calibration:
     """Return a fit that is not credible with what explains its readings before what it contradicts.
 
     Parameters
@@ -599,7 +599,7 @@ def _explained(fit: Calibration, exponents: Mapping[str, float]) -> Calibration:
 
 def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array, unexplained: str) -> Calibration:
     """Return a fit with wider errors, by what its values would move by and their covariance (values, values); fitted form."""
-    beside = _squares_beside(fit, tuple(moved))
+    beside = _variances_of_others(fit, tuple(moved))
     fit = _with_sources_of_structure(fit, covariance + np.outer([*moved.values()], [*moved.values()]), tuple(moved))
     assert fit.problem is not None
     unknowns = {u.name: u for u in fit.problem.unknowns if u.kind == "parameter"}
@@ -618,7 +618,7 @@ def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array, un
     return replace(fit, warnings=(*(w for w in fit.warnings if w.split(" is ")[0] not in doubted), f"{FIRST}{why}. {quote} {used}"))
 
 
-def _squares_beside(fit: Calibration, names: Sequence[str]) -> Array:
+def _variances_of_others(fit: Calibration, names: Sequence[str]) -> Array:
     """Return variances (names,) by sources that are no unknowns of a fit: stated ranges and values of stages below; fitted form.
 
     The model of error knows a fit's unknowns alone. A value that has its prior from a stage below counts that prior's sources twice, as the
