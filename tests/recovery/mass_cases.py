@@ -116,8 +116,7 @@ def criticised(first: Calibration) -> Calibration:
 
 def departed(first: Calibration) -> Calibration:
     """Return the fit with its values and errors as they are expected if elements depart from their laws."""
-    items = {p: replace(first.values[p], value=value, error=error) for p, (value, error) in first.expected.items()}
-    return replace(first, values=replace(first.values, items_={**first.values.items_, **items}))
+    return replace(first, values=replace(first.values, items_=first.estimates))
 
 
 STEPS: dict[str, Callable[[Calibration], Calibration]] = {

@@ -35,10 +35,11 @@ def test_a_first_structure_that_residuals_refute_says_so(first: Calibration) -> 
     assert any("larger than this structure explains" in line for line in head), head
     assert any("larger than this structure explains" in w for w in first.warnings)
     assert "(the structure; " in str(first)
-    # as much wandering below the noise is no question to anybody
-    quiet = _widened(replace(first, chi_square=1.2 * first.freedom, warnings=()), {}, np.zeros((0, 0)))
+    # whatever the noise: the values in front are then not the fitted ones, and a reader must know
+    quiet = _widened(replace(first, chi_square=1.2 * first.freedom, warnings=()), {}, np.zeros((0, 0)), "")
     (remark,) = quiet.warnings
-    assert remark.startswith("the residuals are larger")
+    assert remark.startswith("check: the residuals are larger")
+    assert "Quote the values" in remark
 
 
 def test_values_if_elements_depart_are_narrow_and_hold() -> None:

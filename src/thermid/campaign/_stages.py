@@ -94,7 +94,7 @@ def next_command(campaign: str, fit: Calibration, mistakes: Mistakes) -> str:
         return f"thermid calibrate {campaign}"
     if fit.own.fair and not mistakes.bad:
         return ""
-    if fit.contradicted or (not fit.own.fair and "bound" in fit.own.because):
+    if not (fit.own.fair or fit.contradicted) and "bound" in fit.own.because:
         return f"thermid plausibility {campaign} --stage '{fit.stage}'"
     return f"thermid criticise {campaign} --stage '{fit.stage}'"
 

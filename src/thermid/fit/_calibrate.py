@@ -18,7 +18,6 @@ from thermid.base.errors import IdentificationError, SolverError, quoted
 from thermid.base.linear_algebra import Array, null_space, one_thread, symmetric_inverse
 from thermid.base.units import NAMES, counted, unit
 from thermid.fit._calibration import (
-    BLAME,
     CONTRADICTION_DEVIATIONS,
     FIRST,
     LOUD,
@@ -70,12 +69,12 @@ UNKNOWN_CLOCK = 0.5
 
 
 def own_standing(
-    request: Request, problem: Problem, minimum: Fit, values: FittedValues, total: Array, spread: Autocorrelation | None
+    request: Request, problem: Problem, minimum: Fit, values: FittedValues, total: Array, spread: Autocorrelation | None, moved: Moves
 ) -> Standing:
-    """Return the standing of a fit by itself, whatever it rests on."""
+    """Return the standing of a fit by itself, whatever it rests on; what `moved` comes first where it is not credible."""
     wrong = [*contradicted(values).values(), *([] if minimum.converged else [f"the fit did not converge: {minimum.message}"])]
     if wrong:
-        return Standing("not credible", "; ".join(wrong), values.stage, request.accepted)
+        return Standing("not credible", "; ".join([*moved.contradictions(), *wrong]), values.stage, request.accepted)
     short_of = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, minimum, total)]
     short_of += _beyond_stated(problem, spread, request.adequate) if request.adequate and spread is not None else []
     far = _far_from_prior(problem, minimum)
@@ -443,13 +442,14 @@ def summarise(
         "synthetic": any(r.origin.synthetic for r in request.records),
     }
     values = FittedValues(name, items, total[np.ix_(rows, rows)], provenance)
-    alone, rests = own_standing(request, problem, best, values, total, spread), rests_on(request, values)
+    moved = moves_above(request, problem, best, spread.variance_factor) if request.store.states else Moves()
+    alone, rests = own_standing(request, problem, best, values, total, spread, moved), rests_on(request, values)
     store = stored(request, problem, values.judged(worst([alone, *rests.values()])), responses_of_fit)
     values = _with_uncut(view(store, list(values), name), problem, best, responses_of_fit)
-    moved = moves_above(request, problem, best, spread.variance_factor) if request.store.states else Moves()
     runner, far = request.model.runner, contradicted(values)
     remarks = (
-        *([f"{LOUD}{'; '.join(far.values())}. {BLAME}"] if far else []),
+        *([f"{LOUD}{'; '.join(far.values())}. Do not use these values."] if far else []),
+        *(r if far else f"{FIRST}{r}" for r in moved.warnings()),  # what a fit that is not credible contradicts is in its standing
         *far_from_sheet(request.model, values),
         *request.remarks,
         *(f"{FIRST}{r}" for r in (runner.remarks if runner is not None else ())),
@@ -457,7 +457,6 @@ def summarise(
         *(unlumped(request.model, {p: v.value for p, v in values.assignments.items()}) if runner is None else ()),
         *best.remarks,
         *_wandering(spread),
-        *moved.warnings(),
     )
     return Calibration(
         name,
@@ -630,9 +629,9 @@ def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str
         channels = list(dict.fromkeys(f.channel for f in switches))
         out.append(
             f"{FIRST}a power is taken to change at the sample that shows it, but {quoted(channels)} changed somewhere in the interval "
-            f"before ({short(max(f.interval for f in switches))} s at most). That may move '{worst_of_all}' by "
-            f"{short(ratios[worst_of_all], 2)} times its error, which does not count it. State prompt = false, and the fit finds when; "
-            "or prompt = true, where every switch has a row."
+            f"before ({short(max(f.interval for f in switches))} s at most). '{worst_of_all}' may be wrong by "
+            f"{short(ratios[worst_of_all], 2)} times its printed error for that reason alone: the printed error is right only if every "
+            "change has a sample at its instant. Then state prompt = true; else prompt = false, and the fit finds the instants."
         )
     return out
 

@@ -34,6 +34,11 @@ from thermid.values.store import INPUT, State, Store
 LOUD = "NOT CREDIBLE: "
 BLAME = "A column, a unit, a node, an accuracy or the model is wrong. Do not use these values."
 """What to look for where a fit contradicts what was stated."""
+LAW = (
+    "The law of an element or the model's structure is wrong: once elements may depart from their laws, the same readings agree with "
+    "these priors. Do not use the fitted values."
+)
+"""The same where the model of error finds values that agree with what was stated."""
 
 FIRST = "check: "
 """Begins what stands in the first lines of a fit: a question that its user can answer and the fit cannot."""
@@ -50,7 +55,7 @@ CONTRADICTION_DEVIATIONS = 10.0
 """Standard deviations from what was stated beyond which a fit is not believed; chance and a careless accuracy do not reach so far. [-]"""
 
 
-def contradicted(values: FittedValues) -> dict[str, str]:
+def contradicted(values: Mapping[str, FittedValue]) -> dict[str, str]:
     """Return name -> what would have to be wrong, of fitted values that lie more than ten deviations from what was stated of them."""
     far = {name: _deviations(v) for name, v in values.items()}
     return {name: _words(values[name], d) for name, d in sorted(far.items(), key=lambda item: -item[1]) if d > CONTRADICTION_DEVIATIONS}
@@ -108,9 +113,8 @@ def _words(v: FittedValue, deviations: float) -> str:
         sd = v.prior[1] if v.prior is not None else 0.0
         error = f"{100 * v.value:+.3g} %, {times} times its accuracy of {short(100 * sd)} %"
         return f"{v.path.removesuffix(' error')} would need an error of {error}"
-    if v.kind == "instrument":
-        return f"{v.path} would need to be {short(v.in_unit, 3)} {v.unit}, {times} standard deviations from the stated value"
-    return f"{v.path} would need to be {short(v.in_unit, 3)} {v.unit}, {times} standard deviations from its prior"
+    from_what = "the stated value" if v.kind == "instrument" else "its prior"
+    return f"{v.path} would have to be {short(v.in_unit, 3)} {v.unit} to meet the readings, {times} standard deviations from {from_what}"
 
 
 @dataclass(frozen=True)
@@ -186,7 +190,8 @@ class Calibration(Result):
     store : Store               Everything known of the model's values, at every depth.
     end : FitEnd or None        How its search ended; None where values are set by hand.
     expected : dict             Value -> (value, standard error) if elements depart from their laws, by the model of error; nothing where
-                                the residuals ask for no departures. [SI]
+                                the residuals ask for no departures. `estimates` puts them before the fitted values. [SI]
+    unexplained : str           What of the readings no departure of a possible size explains, in words; empty where `expected` holds.
     """
 
     stage: str
@@ -207,6 +212,7 @@ class Calibration(Result):
     verdict: Standing | None = None
     end: FitEnd | None = field(default=None, repr=False)
     expected: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    unexplained: str = ""
 
     @property
     def bias(self) -> dict[str, float]:
@@ -312,6 +318,19 @@ class Calibration(Result):
         return contradicted(self.values)
 
     @property
+    def blame(self) -> str:
+        """What to look for where the fit contradicts what was stated; empty where it does not."""
+        if not self.contradicted:
+            return ""
+        return BLAME if self.unexplained or not self.expected or contradicted(self.estimates) else LAW
+
+    @cached_property
+    def estimates(self) -> Mapping[str, FittedValue]:
+        """Path -> value and error to quote: as expected by the model of error where the readings ask for it, else as fitted."""
+        at = self.expected
+        return {p: replace(v, value=at[p][0], error=at[p][1], uncut=0.0) if p in at else v for p, v in self.values.items()}
+
+    @property
     def inputs(self) -> InputTable:
         """Every boundary, load and start of every record with its source, what is assumed first; empty where no log was fitted."""
         if self.request is None or self.problem is None:
@@ -373,12 +392,12 @@ class Calibration(Result):
         free, channels = counted(len(fitted), "free parameter"), counted(len(self.sensors), "channel")
         records = f" in {len(self.records)} records" if len(self.records) > 1 else ""
         counts = f"{free}, {samples} samples of {channels}{records}{kind}"
-        standing_text = self.standing.line(self.stage) + (f". {BLAME}" if self.contradicted else "")
+        standing_text = self.standing.line(self.stage) + (f". {self.blame}" if self.contradicted else "")
         lines = [f"{self.stage}: {counts}"] if self.standing.fair else [f"{self.stage}: {standing_text}", f"  {counts}"]
         lines += [f"  {w}" for w in self.warnings if w.startswith(FIRST)]
         lines += [f"  {line}" for line in input_lines(self.inputs.assumed)]
         width = max((len(p) for p in fitted), default=0)
-        lines += [f"  {_value_line(v, width, self.expected.get(v.path), self.range_shares(v.path))}" for v in fitted.values()]
+        lines += [f"  {_value_line(v, width, self.estimates[v.path], self.range_shares(v.path))}" for v in fitted.values()]
         lines += [f"  {v.path}: shares its value with {', '.join(v.also)}" for v in fitted.values() if v.also]
         lines += [f"  cut from the other instances of its deck: {place}" for place in cuts_of(self.given_model)]
         lines += _known_lines(self.store, {*self.values.assignments}, width)
@@ -446,22 +465,22 @@ class Calibration(Result):
         return list(self.values)
 
 
-def _value_line(v: FittedValue, width: int, expected: tuple[float, float] | None, ranges: Mapping[str, float]) -> str:
-    """Return the line of a fitted value: number, errors, bounds, and what makes its error wide."""
+def _value_line(v: FittedValue, width: int, estimate: FittedValue, ranges: Mapping[str, float]) -> str:
+    """Return the line of a fitted value: the estimate to quote, number and errors of the fit, bounds, and what makes its error wide."""
     total, random = v.shown(v.error), v.shown(v.error_random)
     low, high = (v.converted(b) if np.isfinite(b) else b for b in v.bounds)
     bounds = f", bounds {low:.4g} .. {high:.4g}" if np.isfinite(low) or np.isfinite(high) else ""
-    wider = " (constant errors, priors)"
-    if expected is not None:
-        at, error = v.converted(expected[0]), v.shown(expected[1])
-        wider = f" (the structure; {digits(at, error)} +- {short(error)} if elements depart)"
+    wider = " (constant errors, priors)" if estimate is v else " (the structure)"
     share, first = sum(ranges.values()), next(iter(ranges), "")
     if share >= MIN_RANGE_SHARE:
         more = f" and {len(ranges) - 1} more" if len(ranges) > 1 else ""
-        wider = f" ({100 * share:.0f} % of its variance from stated ranges: {first}{more})"
+        wider = f" ({100 * share:.0f} % of its variance from uncertain values of the deck: {first}{more})"
     what = wider if total > 1.05 * random else ""
-    text = f"{v.path:<{width}}  {digits(v.in_unit, random):>12} {v.unit:<10}  random +- {short(random)}   total +- {short(total)}{what}"
-    return f"{text}   start {v.converted(v.start):.5g}{bounds}"
+    fitted, errors = digits(v.in_unit, random), f"random +- {short(random)}   total +- {short(total)}{what}"
+    if estimate is not v:
+        error = v.shown(estimate.error)
+        fitted, errors = digits(estimate.in_unit, error), f"+- {short(error)}   fitted {fitted}   {errors}"
+    return f"{v.path:<{width}}  {fitted:>12} {v.unit:<10}  {errors}   start {v.converted(v.start):.5g}{bounds}"
 
 
 def _by_hand(fit: Calibration) -> str:

@@ -86,7 +86,7 @@ NAMED_SHARE = 0.1
 """Part of that below which a cause of a shift is not named. [-]"""
 QUANTILE_DRAWS = 4096
 """Draws of a straight model that give the quantiles of its laws."""
-BENT = "members that differ in other ways than a straight line"
+BENT = "nonlinearity of the model"
 """Cause: the mean of a curved answer, or of laws that are not normal, is not the answer at the mean."""
 Given = Mapping[str, Any] | Spread
 
@@ -369,8 +369,8 @@ def centre_words(moved: Mapping[str, Mapping[str, Array]], times: Array) -> str:
     named = sorted(((c, float(v[k])) for c, v in moved[node].items()), key=lambda item: -abs(item[1]))
     why = ", ".join(f"{c} {v:+.2g} K" for c, v in named if abs(v) >= NAMED_SHARE * NEGLIGIBLE_HALF_WIDTH)
     return (
-        f"at {duration_text(float(times[k]))} the middle of the band of '{node}' is {abs(apart[node][k]):.2g} K "
-        f"{'above' if apart[node][k] > 0.0 else 'below'} the temperature by the fitted values alone, which simulate and verdicts show "
+        f"report the bands and their middles: at {duration_text(float(times[k]))} the middle for '{node}' is {abs(apart[node][k]):.2g} K "
+        f"{'above' if apart[node][k] > 0.0 else 'below'} the run with the fitted values, which simulate and verdicts show "
         f"({why}); other nodes differ less"
     )
 
@@ -811,11 +811,19 @@ def _missed_at(node: str, wide: float, ends: Array, straight: Array, off: Array)
     slope = float(centred @ off / max(centred @ centred, 1e-30))
     bend = float(np.sqrt((1.0 + slope) ** 2 + np.var(off - slope * centred) * (1.96 / wide) ** 2)) - 1.0
     shape = 0.5 * float(ends[1] - ends[0]) / wide - 1.0
-    head = f"derivatives miss the band of '{node}'"
+    head = "linear propagation of errors would"
+
+    def width(miss: float) -> str:
+        """Return in words by how much a band, so much wider than it should be by the straight model, would be too narrow or too wide."""
+        size = f"{short(max(1.0 + miss, 1.0 / (1.0 + miss)), 3)} times too {'narrow' if miss > 0.0 else 'wide'}"
+        return f"{head} make the band of '{node}' {size}"
+
     return max(
-        Missed(f"{head}, its mean by {off.mean():+.2g} K", True, abs(float(off.mean())) / wide / MAX_MEAN_MISS),
-        Missed(f"{head}, its width by {100 * bend:+.0f} %", True, abs(bend) / MAX_WIDTH_MISS),
-        Missed(f"{head}, whose sources are not normal, its width by {100 * shape:+.0f} %", False, abs(shape) / MAX_WIDTH_MISS),
+        Missed(
+            f"{head} shift the middle of the band of '{node}' by {-off.mean():+.2g} K", True, abs(float(off.mean())) / wide / MAX_MEAN_MISS
+        ),
+        Missed(width(bend), True, abs(bend) / MAX_WIDTH_MISS),
+        Missed(f"{width(shape)}, because errors of its inputs are not normal", False, abs(shape) / MAX_WIDTH_MISS),
         Missed(),
         key=lambda m: m.size,
     )

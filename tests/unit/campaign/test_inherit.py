@@ -137,6 +137,6 @@ def test_what_moved_is_said(stack: Model, below: Calibration) -> None:
     # in the assembly the first part gives 8 W, far from what it gave alone
     data = log(stack, {"a.power": "7 [W]"}, {"A": "a.case", "B": "b.case"}, boundary="room", accuracy=0.4, noise=0.3, seed=4)
     moved = fit(Request(stack, (data,), FREE, store=below.store, prior=FREE))
-    assert any(w.startswith("significantly different from the stage below: a.power (+") for w in moved.warnings)
+    assert any(w.startswith("check: significantly different from the stage below: a.power (+") for w in moved.warnings)
     same = fit(Request(stack, (bench(stack, "x", 9, "30 [degC]"),), FREE, store=below.store, prior=FREE))
     assert not any("significantly different from" in w for w in same.warnings)

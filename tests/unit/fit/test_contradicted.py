@@ -84,11 +84,11 @@ PLAIN = FittedValue("sensor T1", 3.1, 0.1, 0.0, False, "K", 0.0, (0.0, 0.0), kin
         ),
         (
             replace(PLAIN, path="lag of T1", kind="instrument", value=200.0, unit="s", log=True, prior=(2.302585, 0.1)),
-            "lag of T1 would need to be 200 s, 30 standard deviations from the stated value",
+            "lag of T1 would have to be 200 s to meet the readings, 30 standard deviations from the stated value",
         ),
         (
             replace(PLAIN, path="skin.htc", kind="parameter", value=12.0, unit="W/(m^2 K)", prior=(6.0, 0.5)),
-            "skin.htc would need to be 12 W/(m^2 K), 12 standard deviations from its prior",
+            "skin.htc would have to be 12 W/(m^2 K) to meet the readings, 12 standard deviations from its prior",
         ),
     ],
 )

@@ -86,7 +86,7 @@ def test_a_value_that_moved_and_its_neighbour_that_did_not(stack: Model, below: 
     assert other.moved["a.power"].verdict == "moved"
     assert other.moved["b.power"].verdict != "moved", "once the first is free, nothing is left that the second would explain"
     assert other.moved.moved == ("a.power", "all together")
-    (warning,) = (w for w in other.warnings if w.startswith("significantly different from the stage below: a.power (+"))
+    (warning,) = (w for w in other.warnings if w.startswith("check: significantly different from the stage below: a.power (+"))
     assert ". The parts behave differently in the assembly than" in warning
     assert "  values of the stages below -> by the logs of this stage alone:" in str(other)
     assert re_power(other.moved["a.power"])

@@ -238,7 +238,7 @@ def test_the_printed_error_counts_the_range_and_says_so(below: Calibration) -> N
     shares = below.range_shares("joint.conductance")
     assert "film" in shares
     assert 0.3 < sum(shares.values()) < 1.0
-    assert "from stated ranges: " in str(below)
+    assert "from uncertain values of the deck: " in str(below)
     held = below["joint.conductance"]
     assert held.error > 1.3 * held.error_random
 

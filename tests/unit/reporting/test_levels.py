@@ -34,6 +34,6 @@ def test_lines_of_text(moves: Moves) -> None:
         "  values of the stages below -> by the logs of this stage alone:",
         "    a.power  4.000 -> 4.4 W (+10 %): moved, 3.4 standard errors; a shift of 12 % would be found with 90 % power",
         "    t  20 degC: this log cannot decide; this log does not determine the value",
-        "    all together: moved, chi-square 11.6 in 1 direction (chance 0.0007)",
+        "    all together: moved, chi-square 11.6 for 1 degree of freedom (chance 0.0007)",
         "    part 'x': this log cannot decide",
     ]

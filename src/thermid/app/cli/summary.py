@@ -234,7 +234,7 @@ def _check_text(c: Check) -> str:
 
 def _block(campaign: Campaign, name: str, fit: Calibration) -> StageRows:
     """Return the table of a stage."""
-    fitted = [v for v in fit.values.values() if v.kind in ("parameter", "level")]
+    fitted = [v for v in fit.estimates.values() if v.kind in ("parameter", "level")]
     worst = max(fit.sensors.items(), key=lambda item: item[1].rmse, default=None)
     sensor = f"worst sensor {worst[0]}, RMSE {short(worst[1].rmse, 2)} K" if worst is not None else "tuned by hand"
     assumed = fit.inputs.assumed
@@ -255,7 +255,7 @@ def _block(campaign: Campaign, name: str, fit: Calibration) -> StageRows:
 
 
 def _value(v: FittedValue) -> Row:
-    """Return the cells of a fitted value: path, value, standard error, unit and relative error."""
+    """Return the cells of an estimate: path, value, standard error, unit and relative error."""
     error = v.shown(v.error)
     per_cent = f"{short(100.0 * v.relative, 2)} %" if math.isfinite(v.relative) else ""
     return (f"  {v.path}", digits(v.in_unit, error), f"+- {short(error)}", v.unit, per_cent)

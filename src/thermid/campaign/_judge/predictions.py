@@ -23,17 +23,29 @@ class BandMargin:
     ----------
     node : str
     band : (low, high)      Lowest and highest end of the band. [K]
+    expected : (low, high)  Lowest and highest expected temperature, the middle of the band. [K]
     limits : (low, high)    Infinite where nobody set one. [K]
     """
 
     node: str
     band: Ends
+    expected: Ends
     limits: Ends = (-np.inf, np.inf)
 
     @property
     def margin(self) -> float:
         """From the band to the nearer limit, negative beyond it; infinite without limits. [K]"""
         return min(self.limits[1] - self.band[1], self.band[0] - self.limits[0])
+
+    @property
+    def is_upper(self) -> bool:
+        """Whether the upper limit is the nearer one."""
+        return self.limits[1] - self.band[1] <= self.band[0] - self.limits[0]
+
+    @property
+    def expected_margin(self) -> float:
+        """From the middle of the band to that limit, negative beyond it. [K]"""
+        return self.limits[1] - self.expected[1] if self.is_upper else self.expected[0] - self.limits[0]
 
     @property
     def words(self) -> tuple[str, str, str]:
@@ -68,7 +80,8 @@ class CampaignPrediction(Result):
         for node, band in self.prediction.bands.items():
             low, high = band.interval()
             ends = (float(low.min()) + ICE_POINT, float(high.max()) + ICE_POINT)
-            out.append(BandMargin(node, ends, self.limits.get(node, (-np.inf, np.inf))))
+            middle = (float(band.kelvin.min()), float(band.kelvin.max()))
+            out.append(BandMargin(node, ends, middle, self.limits.get(node, (-np.inf, np.inf))))
         return tuple(sorted(out, key=lambda m: m.margin))
 
     @property
@@ -82,10 +95,16 @@ class CampaignPrediction(Result):
         if not self.limits:
             return f"{self.name}: no limits given"
         worst = self.margins[0]
-        margin = f"smallest margin {worst.margin:.2f} K" if self.within else f"limit exceeded by {-worst.margin:.2f} K"
-        upper = worst.limits[1] - worst.band[1] <= worst.band[0] - worst.limits[0]
-        band, limit = (ends[1 if upper else 0] - ICE_POINT for ends in (worst.band, worst.limits))
-        return f"{self.name}: {margin} at {worst.node}, 95 % band {'up' if upper else 'down'} to {band:.2f} degC, limit {limit:g} degC"
+        band, limit = (ends[worst.is_upper] - ICE_POINT for ends in (worst.band, worst.limits))
+        reach = f"95 % band {'up' if worst.is_upper else 'down'} to {band:.2f} degC"
+        if self.within:
+            return f"{self.name}: smallest margin {worst.margin:.2f} K at {worst.node}, {reach}, limit {limit:g} degC"
+        exceeds, inside = (
+            worst.expected_margin < 0.0,
+            f"may exceed its limit of {limit:g} degC, expected {worst.expected_margin:.2f} K inside",
+        )
+        words = f"is expected to exceed its limit of {limit:g} degC by {-worst.expected_margin:.2f} K" if exceeds else inside
+        return f"{self.name}: {worst.node} {words}; {reach}, {-worst.margin:.2f} K beyond"
 
     def __str__(self) -> str:
         """Return the answer, margins of the bands, and the prediction."""
@@ -96,7 +115,8 @@ class CampaignPrediction(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return margins and prediction as plain numbers."""
         margins = {
-            m.node: {"low_C": m.band[0] - ICE_POINT, "high_C": m.band[1] - ICE_POINT} | ({"margin_K": m.margin} if m.words[1] else {})
+            m.node: {"low_C": m.band[0] - ICE_POINT, "high_C": m.band[1] - ICE_POINT}
+            | ({"margin_K": m.margin, "expected_margin_K": m.expected_margin} if m.words[1] else {})
             for m in self.margins
         }
         return {"stage": self.stage, "within": self.within, "margins": margins, **self.prediction.to_dict()}

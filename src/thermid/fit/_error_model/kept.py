@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from thermid.base.errors import IdentificationError, ThermidError
+from thermid.base.errors import IdentificationError, ThermidError, quoted
 from thermid.base.linear_algebra import Array
 from thermid.base.results import Result, Row
-from thermid.fit._calibration import FIRST, MISFIT, Calibration
+from thermid.fit._calibration import FIRST, LAW, Calibration, far_from_sheet
 from thermid.fit._error_model.courses import FREE_AIR, OperatingPoint
 from thermid.fit._error_model.elements import (
     ANOTHER,
@@ -342,6 +342,12 @@ class ErrorModel(Result):
         return f"the readings ask for {times:.2g} times a usual departure: {SIZES[name].effect} ({asked})"
 
     @property
+    def exponents(self) -> dict[str, float]:
+        """Surface -> exponent of the temperature difference in its coefficient, where free air is the likeliest carrier. [-]"""
+        likeliest = max(self.ways, key=lambda w: w.weight)
+        return {p: law.exponent for p, law in likeliest.laws.items() if isinstance(law, SurfaceLaw) and law.exponent > 0.0}
+
+    @property
     def unknowns(self) -> tuple[str, ...]:
         """Values of the fit that its runs share, in the order of `covariance`."""
         return tuple(self.seen)
@@ -569,23 +575,61 @@ def with_structural_errors(fit: Calibration, errors: ErrorsOfFit) -> Calibration
         return replace(fit, warnings=(*fit.warnings, words))
     if not request.structural_errors and errors.numbers["gain"] < MIN_LOG_BAYES_FACTOR:
         return fit  # what wanders is as likely noise
-    return _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]))
+    fit = _widened(fit, errors.numbers["moved"], np.array(errors.numbers["covariance"]), contradiction)
+    return fit if fit.blame != LAW else _with_explanation(fit, ErrorModel.from_dict(table).exponents)
 
 
-def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array) -> Calibration:
+def _with_explanation(fit: Calibration, exponents: Mapping[str, float]) -> Calibration:
+    """Return a fit that is not credible with what explains its readings before what it contradicts.
+
+    Parameters
+    ----------
+    exponents : dict    Surface that the deck gives a constant coefficient -> exponent of its temperature difference. [-]
+    """
+    words, warnings = "the readings are explained once elements depart from their laws; by these laws", fit.warnings
+    if exponents:
+        powers = " to ".join(dict.fromkeys(f"dT^{end:.2f}" for end in (min(exponents.values()), max(exponents.values()))))
+        surfaces = quoted([*exponents], 3)
+        words = f"the readings are explained once the coefficient of {surfaces} grows as {powers}, as in free air; with a constant one"
+        remedy = f"Write htc = {{ coefficient = ..., exponent = 0.25 }} for {surfaces}, and fit again."
+        warnings = (*warnings, f"{FIRST}free air carries heat by a coefficient that grows with the temperature difference. {remedy}")
+    own = replace(fit.own, because=f"{words}, {fit.own.because}")
+    return replace(fit, own=own, warnings=warnings).judged(fit.rests, fit.verdict)
+
+
+def _widened(fit: Calibration, moved: Mapping[str, float], covariance: Array, unexplained: str) -> Calibration:
     """Return a fit with wider errors, by what its values would move by and their covariance (values, values); fitted form."""
+    beside = _variances_of_others(fit, tuple(moved))
     fit = _with_sources_of_structure(fit, covariance + np.outer([*moved.values()], [*moved.values()]), tuple(moved))
     assert fit.problem is not None
     unknowns = {u.name: u for u in fit.problem.unknowns if u.kind == "parameter"}
-    errors = dict(zip(moved, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    errors = dict(zip(moved, np.sqrt(np.diag(covariance) + beside).tolist(), strict=True))
     at = {n: (u, fit.fitted[n] + moved[n], errors[n]) for n, u in unknowns.items() if n in moved}
     expected = {n: (u.to_value(x), u.slope(x) * error) for n, (u, x, error) in at.items()}
     is_requested = fit.request is not None and fit.request.structural_errors
     why = "the structure is a proposal" if is_requested else "the residuals are larger than this structure explains"
-    remark = f"{why}, so the errors of the values allow for deviations of its elements from their laws."
-    # right structures wander too, by less than the noise: no question to anybody
-    warnings = (*fit.warnings, f"{FIRST}{remark}" if is_requested or fit.reduced_chi_square > MISFIT else remark)
-    return replace(fit, expected=expected, warnings=warnings)
+    quote = "Quote the values and errors that are printed first: they allow its elements to depart from their laws."
+    if unexplained:
+        quote = f"The values that are printed first allow its elements to depart from their laws, but {unexplained}: find the cause first."
+    used = "The fitted values, which -v prints beside them, draw the curves and go to the stages above with wider errors."
+    fit = replace(fit, expected=expected, unexplained=unexplained)
+    at_fit, at_estimates = (far_from_sheet(fit.given_model, replace(fit.values, items_=i)) for i in (fit.values.items_, fit.estimates))
+    doubted = {w.split(" is ")[0] for w in at_fit} - {w.split(" is ")[0] for w in at_estimates}
+    return replace(fit, warnings=(*(w for w in fit.warnings if w.split(" is ")[0] not in doubted), f"{FIRST}{why}. {quote} {used}"))
+
+
+def _variances_of_others(fit: Calibration, names: Sequence[str]) -> Array:
+    """Return variances (names,) by sources that are no unknowns of a fit: stated ranges and values of stages below; fitted form.
+
+    The model of error knows a fit's unknowns alone. A value that has its prior from a stage below counts that prior's sources twice, as the
+    store does not tell them from those of fixed values: its error is then up to 1.4 times too large, and never too small.
+    """
+    assert fit.problem is not None
+    assert fit.request is not None
+    own, key = {f"accuracy: {u.name}" for u in fit.problem.unknowns}, f"{fit.request.fit_key[:16]}:"
+    others = [k for k, s in enumerate(fit.store.sources) if s.name not in own and not s.name.startswith(key)]
+    rows = [fit.store.rows([n])[0][others] if fit.store[n].known else np.zeros(len(others)) for n in names]
+    return np.array([float(row @ row) for row in rows])
 
 
 def _with_sources_of_structure(fit: Calibration, squares: Array, names: Sequence[str]) -> Calibration:

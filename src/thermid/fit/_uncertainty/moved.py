@@ -10,7 +10,7 @@ import numpy as np
 
 from thermid.base.errors import ScenarioError, SolverError
 from thermid.base.linear_algebra import RANK_TOLERANCE, Array, square_root, symmetric_inverse
-from thermid.base.units import counted, from_si, unit
+from thermid.base.units import from_si, unit
 from thermid.fit._minimisation import Fit
 from thermid.fit._problem.request import Request, form, known_before
 from thermid.fit._problem.residuals import Problem, Unknown
@@ -374,8 +374,8 @@ class MovedGroup:
         """Return one line."""
         if not self.directions:
             return f"{self.name}: {self.verdict}"
-        many = counted(self.directions, "direction")
-        return f"{self.name}: {self.verdict}, chi-square {short(self.chi_square, 3)} in {many} (chance {short(self.chance)})"
+        many = f"{self.directions} degree{'s' if self.directions > 1 else ''} of freedom"
+        return f"{self.name}: {self.verdict}, chi-square {short(self.chi_square, 3)} for {many} (chance {short(self.chance)})"
 
 
 @dataclass(frozen=True)
@@ -411,6 +411,16 @@ class Moves:
         if self:
             yield f"  values of the stages below -> by {self.by}:"
             yield from (f"    {line}" for line in (*self.values, *self.groups))
+
+    def contradictions(self) -> list[str]:
+        """Return in words what the stages below found of each value that moved, and what these logs say, the furthest first."""
+        far = sorted((m for m in self.values if m.verdict == MOVED), key=lambda m: -abs(m.deviations))
+        return [
+            f"{m.path}, {m.printed} {m.unit} from stage '{m.stage}', "
+            + (f"would be {from_si(m.alone, m.unit):.4g} {m.unit} by this stage's logs" if math.isfinite(m.alone) else "is refuted")
+            + f", {abs(m.deviations):.1f} standard errors away"
+            for m in far
+        ]
 
     def warnings(self) -> list[str]:
         """Return a remark where values moved, or all of them together."""

@@ -15,7 +15,7 @@ from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.units import counted, from_si, si_unit, unit
 from thermid.campaign.stages import Campaign
 from thermid.campaign.verdicts import CampaignPrediction, Check, Verdict, largest, metric
-from thermid.fit.calibration import BLAME, MOVED, Calibration, instrument_shares, sensor_shares
+from thermid.fit.calibration import MOVED, Calibration, instrument_shares, sensor_shares
 from thermid.measure.records import Record
 from thermid.model.tree import Model, ParameterSet, flatten, ledger, parameter_table
 from thermid.physics.constants import ICE_POINT
@@ -51,7 +51,8 @@ def parameters(calibration: Calibration) -> Table:
     columns = [
         Head("parameter"),
         Head("before", True),
-        Head("after", True),
+        Head("after", True, "to quote; where the fit does not explain the readings, as expected if elements depart from their laws"),
+        Head("fitted ± total", True, "what draws the curves, where that differs from the value to quote"),
         Head("± random", True, "standard error from the noise of the samples alone"),
         Head("± total", True, "standard error with the constant errors of sensors and powers"),
         Head("total, %", True),
@@ -64,17 +65,20 @@ def parameters(calibration: Calibration) -> Table:
     table = parameter_table(calibration.given_model)
     rows: list[Line] = []
     for path, v in calibration.values.parameters.items():
-        entry, random = table[path], v.shown(v.error_random)
+        entry, random, best = table[path], v.shown(v.error_random), calibration.estimates[path]
+        digits_of = random if best is v else v.shown(best.error)
+        fitted = DASH if best is v else f"{significant(v.in_unit, v.shown(v.error))} ± {number(v.shown(v.error), 2)}"
         source = entry.origin if entry.origin.startswith("stage ") else entry.parameter.source or "not stated"
-        shift = (v.value - v.start) / v.error if v.error > 0 and math.isfinite(v.error) else math.nan
+        shift = (best.value - v.start) / best.error if best.error > 0 and math.isfinite(best.error) else math.nan
         rows.append(
             [
                 Cell(path, entry.parameter.note),
                 plain(v.converted(v.start), 6),
-                Cell(significant(v.in_unit, random), repr(v.in_unit), "main"),
+                Cell(significant(best.in_unit, digits_of), repr(best.in_unit), "main"),
+                fitted,
                 number(random, 2),
-                number(v.shown(v.error), 2),
-                number(100 * v.relative, 2),
+                number(v.shown(best.error), 2),
+                number(100 * best.relative, 2),
                 pretty(v.unit),
                 bounds_text(v),
                 f"{shift:+.1f}" if math.isfinite(shift) else DASH,
@@ -545,10 +549,10 @@ def _fits(campaign: Campaign) -> list[Calibration]:
 
 
 def _values(campaign: Campaign) -> Iterator[tuple[Calibration, FittedValue]]:
-    """Yield every fitted parameter with its fit, the uppermost stage first."""
+    """Yield the estimate of every fitted parameter with its fit, the uppermost stage first."""
     for c in _fits(campaign):
-        for v in c.values.parameters.values():
-            yield c, v
+        for path in c.values.parameters:
+            yield c, c.estimates[path]
 
 
 def _fitted(campaign: Campaign) -> Table:
@@ -600,7 +604,7 @@ def _unknown(campaign: Campaign) -> Iterator[tuple[str, str]]:
             elif at_bound(value):
                 yield f"{value.path} ended at its {at_bound(value)} bound, where its standard error is cut.", c.stage
         widths = []  # half of the 95 % interval over the value, as it would be without bounds
-        for value in (v for v in c.values.parameters.values() if v.value and math.isfinite(v.error)):
+        for value in (v for v in map(c.estimates.__getitem__, c.values.parameters) if v.value and math.isfinite(v.error)):
             low, high = interval(replace(value, error=max(value.error, value.uncut)))
             widths.append(((high - low) / 2 / abs(value.value), value.path))
         vague = sorted((pair for pair in widths if MAX_KNOWN_HALF_WIDTH < pair[0] < math.inf), reverse=True)
@@ -620,7 +624,7 @@ def _todo(campaign: Campaign, named: Sequence[CampaignPrediction]) -> Iterator[t
     """Yield what follows from it, each with its stage."""
     for c in _fits(campaign):
         if c.contradicted:
-            yield f"Do not use {c.stage}: {_some(list(c.contradicted.values()))}. {BLAME}", c.stage
+            yield f"Do not use {c.stage}: {_some(list(c.contradicted.values()))}. {c.blame}", c.stage
         elif not c.standing.usable and (c.standing.state, c.standing.stage) != ("failed", c.stage):  # what its own verdicts say follows
             yield f"Do not use {c.stage}: {c.standing.reason(c.stage)}.", c.stage
     if not campaign.verdicts:

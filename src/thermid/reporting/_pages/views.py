@@ -12,9 +12,14 @@ from thermid.physics.constants import ICE_POINT
 from thermid.values.fitted import FittedValue
 
 
-def answer(v: FittedValue, ranges: Mapping[str, float]) -> dict[str, Any]:
-    """Return a value and its errors in its unit, as JSON and the studio say them; `ranges` are parts of its variance by stated range."""
+def answer(v: FittedValue, ranges: Mapping[str, float], estimate: FittedValue | None = None) -> dict[str, Any]:
+    """Return a value and its errors in its unit, as JSON and the studio say them; `ranges` are parts of its variance by stated range.
+
+    An estimate that differs from what was fitted stands in front: its value and error are the ones to quote.
+    """
     out = {"value": v.in_unit, "error": v.shown(v.error), "random": v.shown(v.error_random), "unit": v.unit}
+    if estimate is not None and estimate is not v:
+        out |= {"value": estimate.in_unit, "error": v.shown(estimate.error), "fitted": v.in_unit, "fitted_error": v.shown(v.error)}
     return out | ({"ranges": dict(ranges)} if ranges else {})
 
 
@@ -56,7 +61,7 @@ def calibration_object(fit: Calibration) -> dict[str, Any]:
         "errors_total": {p: v.error for p, v in fitted.items()},
         "expected": {p: {"value": x, "error": error} for p, (x, error) in fit.expected.items()},
         "units": {p: v.unit for p, v in fitted.items()},
-        "shown": {p: answer(v, fit.range_shares(p)) for p, v in fitted.items()},
+        "shown": {p: answer(v, fit.range_shares(p), fit.estimates[p]) for p, v in fitted.items()},
         "sensors": {n: s.to_dict() for n, s in fit.sensors.items()},
         "records": {r: {n: s.to_dict() for n, s in sensors.items()} for r, sensors in fit.statistics.items()},
         "median_rmse_K": {n: fit.median_rmse(n) for n in fit.sensors},

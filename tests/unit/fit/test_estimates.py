@@ -1,0 +1,82 @@
+"""Where the laws of a structure do not explain the readings, values expected by its model of error stand before the fitted ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import thermid as td
+from thermid.campaign._stages import next_command
+from thermid.fit._calibration import BLAME, LAW
+from thermid.inference.criticism import Mistakes
+from thermid.model.elements import TableSignal
+from thermid.reporting._pages.tables import parameters
+from thermid.reporting._pages.views import answer
+
+TRUE, HEAT = 900.0, "case.specific_heat"
+
+
+def free_box(coefficient: dict[str, Any]) -> td.Model:
+    """Return a box that free air cools."""
+    heat = {"value": f"{TRUE} [J/(kg K)]", "spread": "0.1 [%]"}
+    deck: dict[str, Any] = {
+        "title": "Box in free air",
+        "needs": ["air"],
+        "nodes": {"case": {"mass": "1.5 [kg]", "specific_heat": heat}},
+        "surfaces": {"skin": {"of": "case", "to": "air", "area": {"value": "0.05 [m^2]", "spread": "10 [%]"}, **coefficient}},
+        "loads": {"heat": {"into": "case", "power": "1 [W]"}},
+    }
+    return td.model_from_dict(deck)
+
+
+@pytest.fixture(scope="module")
+def fit() -> td.Calibration:
+    """A constant coefficient fitted to readings of one that grows with dT^0.25; the specific heat is known well."""
+    times = np.linspace(0.0, 14400.0, 41)
+    watts = np.where(times < 7200.0, 12.0, 3.0)
+    given = td.Scenario("bench", {"air": "22 [degC]"}, start="22 [degC]", duration="4 [h]")
+    truth = free_box({"htc": {"coefficient": "2 [W/(m^2 K)]", "exponent": 0.25}})
+    run = td.simulate(truth, given.with_(commands={"heat": TableSignal(times, watts, True)}), times=times)
+    reading = run["case"].kelvin + np.random.default_rng(5).normal(0.0, 0.03, 41)
+    channels = {
+        "T": td.Channel.from_array("T", reading, unit="K", role="node", target="case", noise=0.03),
+        "air": td.Channel.from_array("air", np.full(41, 295.15), unit="K", role="boundary", target="air"),
+        "P": td.Channel.from_array("P", watts, quantity="power", role="load", target="heat", prompt=True),
+    }
+    deck = free_box({"htc": {"value": "5 [W/(m^2 K)]", "min": 1, "max": 30}, "carried_by": "free air"})
+    return td.calibrate(deck, td.Record.from_arrays("bench", times, channels, synthetic=True), [HEAT, "skin.htc"], priors={HEAT: "range"})
+
+
+def test_values_to_quote_are_those_that_the_model_of_error_expects(fit: td.Calibration) -> None:
+    fitted, best = fit[HEAT], fit.estimates[HEAT]
+    assert (best.value, best.error) == fit.expected[HEAT]
+    assert abs(best.value - TRUE) < 2.0 * best.error < abs(fitted.value - TRUE)
+    assert fit.estimates["skin.htc"].relative > 0.1  # what is fixed and known to 10 % counts
+    line = next(x for x in str(fit).splitlines() if x.startswith(f"  {HEAT} "))
+    assert abs(float(line.split()[1]) - best.value) < 0.1 * best.error
+    assert "   fitted " in line
+    shown = answer(fitted, {}, best)
+    assert (shown["value"], shown["error"], shown["fitted"]) == (best.value, best.error, fitted.value)
+    row = parameters(fit).rows[0]
+    assert row[2].tip == repr(best.value)  # type: ignore[union-attr]
+    assert sum("Quote the values" in w for w in fit.warnings) == 1
+    plain = replace(fit, expected={})
+    assert dict(plain.estimates) == dict(fit.values)
+    assert "   fitted " not in str(plain)
+    assert "fitted" not in answer(fitted, {}, fitted)
+
+
+def test_a_law_is_blamed_where_departures_of_elements_explain_the_readings(fit: td.Calibration) -> None:
+    assert fit.own.state == "not credible"
+    assert "to meet the readings" in fit.own.because
+    assert fit.blame == LAW
+    assert fit.own.because.startswith("the readings are explained once the coefficient of 'skin' grows as dT^0.2")
+    assert any("exponent = 0.25 } for 'skin'" in w for w in fit.warnings)
+    assert next_command("campaign.toml", fit, Mistakes(fit.stage, bad=True)).startswith("thermid criticise")
+    for other in (replace(fit, unexplained="the readings lie too far off"), replace(fit, expected={})):
+        assert other.blame == BLAME
+    far = fit.expected | {HEAT: (0.5 * TRUE, 1.0)}
+    assert replace(fit, expected=far).blame == BLAME
