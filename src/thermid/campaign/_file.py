@@ -21,8 +21,10 @@ from thermid.model.deck import load_model
 from thermid.model.elements import literal
 from thermid.model.tree import Model
 from thermid.simulation.runs import Scenario
+from thermid.simulation.scenario_files import LogColumns, environments_of
 
 if TYPE_CHECKING:
+    from thermid.simulation.network import Environment
     from thermid.campaign._schema import CampaignFile, RecordTable, ScenarioTable, StageTable, VerdictTable
 
 
@@ -157,7 +159,18 @@ class CampaignSource:
         path, table = self.names()[name]
         where = self.where(f"records.{name}")
         with errors_at(where, ": "):
-            return self._joined(self._prepared(name, path, table, where), table, where)
+            record = self._joined(self._prepared(name, path, table, where), table, where)
+            return record.with_environment(self.environment_of(name, table)) if table.environment else record
+
+    def environment_of(self, name: str, table: RecordTable) -> dict[str, Environment]:
+        """Return gas node -> its state, as the table of a record has it; empty where it says nothing.
+
+        Raises
+        ------
+        ThermidError   When a state does not exist, or a column of a log is missing.
+        """
+        tables = {gas: t.written for gas, t in table.environment.items()}
+        return environments_of(tables, LogColumns(self.path.parent), self.where(f"records.{name}.environment"))
 
     def _prepared(self, name: str, path: Path, table: RecordTable, where: str) -> Record:
         """Return a log, prepared, with the checksum that the campaign gives; as it is kept, where nothing has changed since."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +26,7 @@ from thermid.inference.intervals import Identifiability, identifiability, identi
 from thermid.measure.records import Record, open_questions, stray_readings
 from thermid.model.tree import Finding, Model
 from thermid.prediction.bands import predict
-from thermid.simulation.network import compile_network
+from thermid.simulation.network import Environment, compile_network
 from thermid.simulation.runs import Scenario, Workers
 from thermid.simulation.scenario_files import load_scenario
 
@@ -45,6 +45,7 @@ class RunningTest:
     stage : StageTable          Its bindings and conditions.
     first : dict                Boundary -> channel whose first reading stands there, and what is added to it [K].
     title : str                 Of the campaign.
+    environment : dict          Gas node -> its state, as the record's table has it.
     """
 
     model: Model
@@ -52,6 +53,7 @@ class RunningTest:
     stage: StageTable
     first: Mapping[str, tuple[str, float]]
     title: str
+    environment: Mapping[str, Environment] = field(default_factory=dict)
 
     @property
     def options(self) -> dict[str, Any]:
@@ -73,6 +75,7 @@ class RunningTest:
         if stated is not None:
             start = {} if stated.start == "" else {"start": stated.start}
             out = out.with_(boundaries=stated.boundaries, loads=stated.loads, initial=stated.initial, **start)
+        out = out.with_(environment={**self.environment, **(stated.environment if stated is not None else {})})
         targets = {c.target or c.name for c in record.channels.values()}
         open_ = {b: first_value for b, first_value in self.first.items() if b not in out.boundaries and b not in targets}
         read = {b: f"{first_reading(record, channel) + added} [K]" for b, (channel, added) in open_.items()}
@@ -115,11 +118,11 @@ def running_test(campaign: Campaign, record: str = "") -> RunningTest:
     stage_table = next(s for s in source.content.stages if s.name == name)
     table = source.table_of(record)
     first = {n: (t.start, 0.0) for n, t in {**stage_table.local, **table.local}.items() if "." not in n and t.start in table.channels}
-    values = compile_network(model).numbers().values
+    values, gases = compile_network(model).numbers().values, source.environment_of(record, table)
     for n, reading in stage_table.readings.items():
         channel, path = (reading, "") if isinstance(reading, str) else (reading.channel, reading.offset)
         first[n] = (channel, float(value_of(values[path])) if path else 0.0)
-    return RunningTest(model, table, stage_table, {n: f for n, f in first.items() if not n.startswith("initial.")}, campaign.title)
+    return RunningTest(model, table, stage_table, {n: f for n, f in first.items() if not n.startswith("initial.")}, campaign.title, gases)
 
 
 def _named(record: str, names: Sequence[str], title: str) -> str:
