@@ -24,8 +24,8 @@ from thermid.simulation.runs import Scenario
 from thermid.simulation.scenario_files import LogColumns, environments_of
 
 if TYPE_CHECKING:
-    from thermid.simulation.network import Environment
     from thermid.campaign._schema import CampaignFile, RecordTable, ScenarioTable, StageTable, VerdictTable
+    from thermid.simulation.network import Environment
 
 
 DATA = "THERMID_DATA"

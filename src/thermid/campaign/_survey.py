@@ -20,7 +20,18 @@ from thermid.campaign._file import CampaignSource, bound_by, local_of, read_camp
 from thermid.campaign._judge.limits import Limits
 from thermid.campaign._judge.predictions import CampaignPrediction
 from thermid.campaign._stages import Campaign, Notice, keyed, progress_of, readings_of, request_of, run_stages
-from thermid.fit.calibration import Calibration, Input, InputTable, LocalSpec, Request, build_problem, first_reading, fit, inputs_of
+from thermid.fit.calibration import (
+    Calibration,
+    Input,
+    InputTable,
+    LocalSpec,
+    Request,
+    Unknown,
+    build_problem,
+    first_reading,
+    fit,
+    inputs_of,
+)
 from thermid.inference.fleets import Fleet, fleet_of
 from thermid.inference.intervals import Identifiability, identifiability, identifiability_of
 from thermid.measure.records import Record, open_questions, stray_readings
@@ -29,6 +40,7 @@ from thermid.prediction.bands import predict
 from thermid.simulation.network import Environment, compile_network
 from thermid.simulation.runs import Scenario, Workers
 from thermid.simulation.scenario_files import load_scenario
+from thermid.values.store import Normal, Source, State, Store, ValueOrigin
 
 if TYPE_CHECKING:
     from thermid.campaign._schema import PredictionTable, RecordTable, StageTable, VerdictTable
@@ -213,19 +225,24 @@ def check_campaign(
     inputs: dict[str, InputTable] = {}
     requests: dict[str, Request] = {}
     gains: dict[str, set[str]] = {}
+    below: dict[str, Calibration] = {}
     for k, stage in enumerate(tables):
         where = source.where(f"stages.{k}")
         try:
-            # what is inherited is not known yet; it changes values and no bindings
-            request = request_of(source, stage.model_copy(update={"inherit": {}, "freeze": [], "courses": {}}), k, {})
+            # names are inherited from stages that are not fitted, with the values of their decks; not from one that would be refused
+            known = all(name in below for inherit in stage.inherit.values() for name in inherit.stages)
+            bare: dict[str, Any] = {"courses": {}} if known else {"courses": {}, "inherit": {}, "freeze": []}
+            request = request_of(source, stage.model_copy(update=bare), k, below)
         except ThermidError as error:
             findings.append(_finding(error, where))
             continue
         requests[stage.name] = request
         gains.setdefault(stage.model, set()).update(c.gain for r in request.records for c in r.channels.values() if c.gain)
         questions += [Finding("warning", where, question, code_of(question)) for question in open_questions(request.records)]
-        rows, wrong = _bound(request, where)
+        rows, wrong, unknowns = _bound(request, where)
         findings += wrong
+        if known and not wrong:
+            below[stage.name] = fit(replace(request, hand=request.hand or _unfitted(stage.name, unknowns)))
         inputs[stage.name] = InputTable.in_order(rows)
     findings[:0] = [f for file, where in files.items() for f in source.model(file, where).check(gains.get(file, ()))]
     for k, verdict in enumerate(source.content.verdicts):
@@ -256,18 +273,30 @@ def _predicted(source: CampaignSource, name: str, prediction: PredictionTable, d
     return []
 
 
-def _bound(request: Request, where: str) -> tuple[list[Input], list[Finding]]:
-    """Return the inputs of the records of a request, and what keeps any of them from being run."""
+def _unfitted(stage: str, unknowns: Sequence[Unknown]) -> Store:
+    """Return the values that a fit of these unknowns would hand on, where it would start, each with an error of its own."""
+    origin = ValueOrigin("fit", stage)
+    states = {
+        u.name: State(u.name, u.start, u.log, u.unit, (u.low, u.high), origin, paths=(u.name, *u.also), start=u.start) for u in unknowns
+    }
+    sources = tuple(Source(f"{stage}: {name}", "data", Normal()) for name in states)
+    return Store(states, sources, np.eye(len(states)))
+
+
+def _bound(request: Request, where: str) -> tuple[list[Input], list[Finding], list[Unknown]]:
+    """Return the inputs of the records of a request, what keeps any of them from being run, and the values of its model that it fits."""
     rows: list[Input] = []
+    unknowns: dict[str, Unknown] = {}
     wrong: list[Finding] = []
     for record in request.records:
         try:
             problem = build_problem(replace(request, records=(record,)))
             problem.benches()
             rows += inputs_of(request, problem.experiments, problem.unknowns).rows
+            unknowns |= {u.name: u for u in problem.unknowns if u.kind == "parameter"}
         except ThermidError as error:
             wrong.append(_finding(error, where))
-    return rows, wrong
+    return rows, wrong, list(unknowns.values())
 
 
 def _judged_on(source: CampaignSource, verdict: VerdictTable, stage: StageTable, request: Request | None, where: str) -> list[Finding]:

@@ -123,7 +123,9 @@ def inputs_of(request: Request, experiments: Iterable[Experiment], unknowns: Seq
         free = {request.model.canonical(p) for p in request.free}
     else:
         free = {p for u in unknowns if u.kind == "parameter" for p in (u.name, *u.also)}
-    rows = [row for e in experiments for row in (*_boundaries(request, e), *_gases(e), *_loads(e, free), *_starts(request, e), *_accuracies(e))]
+    rows = [
+        row for e in experiments for row in (*_boundaries(request, e), *_gases(e), *_loads(e, free), *_starts(request, e), *_accuracies(e))
+    ]
     return InputTable.in_order(rows)
 
 
@@ -181,7 +183,14 @@ def _gases(e: Experiment) -> Iterator[Input]:
     """Yield the gases of an experiment that the record or its scenario states."""
     for gas, state in e.scenario.environment.items():
         source: Source = "log" if gas in e.record.environment else "scenario"
-        yield Input(e.record.name, "gas", gas, source, f"stated with the record: {state}" if source == "log" else str(state), *_values(e, state.pressure))
+        yield Input(
+            e.record.name,
+            "gas",
+            gas,
+            source,
+            f"stated with the record: {state}" if source == "log" else str(state),
+            *_values(e, state.pressure),
+        )
 
 
 def _place(e: Experiment, name: str) -> str:

@@ -12,6 +12,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.base.errors import DeckError, RecordError
 from thermid.campaign.stages import check_campaign, running_test
+from thermid.inference.criticism import find_mistakes
 from thermid.measure.records import Channel, Record
 from thermid.model.deck import save_model
 
@@ -101,7 +102,13 @@ def project(records: dict[str, Record], tmp_path_factory: pytest.TempPathFactory
     folder = tmp_path_factory.mktemp("gas")
     save_model(box(), folder / "box.toml")
     for name, record in records.items():
-        columns = [record.times, record["T"].values - 273.15, record["ROOM"].values - 273.15, record["P"].values, GASES[name].pressure.at(record.times)]
+        columns = [
+            record.times,
+            record["T"].values - 273.15,
+            record["ROOM"].values - 273.15,
+            record["P"].values,
+            GASES[name].pressure.at(record.times),
+        ]
         np.savetxt(folder / f"{name}.csv", np.column_stack(columns), delimiter=",", header="time_s,T,ROOM,P,GAUGE", comments="")
     (folder / "campaign.toml").write_text(CAMPAIGN)
     return folder / "campaign.toml"
@@ -125,6 +132,10 @@ def test_two_pressures_separate_gas_and_radiation_and_a_verdict_runs_in_the_gas_
     silent.write_text("\n".join(line for line in CAMPAIGN.splitlines() if not line.startswith("environment")))
     blind = td.run_stages(silent)
     assert not blind["box"].standing.fair
+    mistake = find_mistakes(blind["box"].request).first
+    assert mistake is not None
+    assert (mistake.kind, mistake.name) == ("gas", "thin")
+    assert "'thin' was measured in vacuum" in mistake.words
     assert not all(v.passed for v in blind.verdicts)
 
 

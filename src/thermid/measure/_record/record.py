@@ -180,7 +180,9 @@ class Record(Samples, Result):
         """
         where = f"record '{self.name}', environment"
         if not isinstance(environment, Mapping):
-            raise RecordError(f"it takes a dictionary from gas nodes to environments, not {environment!r:.60}.", where, code="value.wrong-kind")
+            raise RecordError(
+                f"it takes a dictionary from gas nodes to environments, not {environment!r:.60}.", where, code="value.wrong-kind"
+            )
         for gas, state in environment.items():
             if not hasattr(state, "pressure"):
                 words = f"it takes an environment, not {state!r:.60}. Make one: td.simulation.Environment('0.1 [Pa]')."
