@@ -170,7 +170,10 @@ class CampaignSource:
         ThermidError   When a state does not exist, or a column of a log is missing.
         """
         tables = {gas: t.written for gas, t in table.environment.items()}
-        return environments_of(tables, LogColumns(self.path.parent), self.where(f"records.{name}.environment"))
+        logs = [value["file"] for t in tables.values() for value in t.values() if isinstance(value, dict) and "file" in value]
+        inside = self.data is not None and all((self.data / log).is_file() for log in logs)
+        columns = LogColumns(self.data if inside and self.data is not None else self.path.parent)
+        return environments_of(tables, columns, self.where(f"records.{name}.environment"))
 
     def _prepared(self, name: str, path: Path, table: RecordTable, where: str) -> Record:
         """Return a log, prepared, with the checksum that the campaign gives; as it is kept, where nothing has changed since."""
