@@ -6,7 +6,7 @@ second. `scripts/write_schema.py` lists the kinds and writes a JSON Schema of ea
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from typing import Annotated, Any, ClassVar, Generic, Literal, Self, TypeAlias, TypeVar, Union
 
@@ -290,9 +290,7 @@ def _text(fault: Any, path: list[str], branch: str, grammar: type[Grammar]) -> s
         return 'needs two ends: between = ["a", "b"].'
     if fault["type"] == "extra_forbidden":
         near = nearest(path[-1], _fields(path[:-1], branch, grammar))
-        homes = [] if near or branch else list(dict.fromkeys(_homes(path[-1], _schema(grammar), grammar)))
-        near = near or (f" Give it in [{homes[0]}]." if len(homes) == 1 and homes[0] else "")
-        return f"'{path[-1]}' is not a field here.{near}"
+        return f"'{path[-1]}' is not a field here.{near or _home(path[-1], grammar)}"
     if fault["type"] == "missing":
         return "is missing."
     if fault["type"] == "string_pattern_mismatch":
@@ -338,20 +336,11 @@ def _schema(grammar: type[Grammar]) -> dict[str, Any]:
     return grammar.model_json_schema()
 
 
-def _homes(name: str, table: Mapping[str, Any], grammar: type[Grammar], path: tuple[str, ...] = ()) -> Iterator[str]:
-    """Yield the tables of a file that hold a key; NAME stands for a name that its author gives."""
-    if name in table.get("properties", {}):
-        yield ".".join(path)
-    inner = [(step, one) for step, one in table.get("properties", {}).items()]
-    inner += [("NAME", one) for one in (table.get("additionalProperties"),) if isinstance(one, Mapping)]
-    for step, one in inner if len(path) < MAX_TABLES else ():
-        for option in (one, *one.get("anyOf", ())):
-            named = option.get("$ref", "").rpartition("/")[2]
-            yield from _homes(name, _schema(grammar)["$defs"][named] if named else option, grammar, (*path, step))
-
-
-MAX_TABLES = 3
-"""Tables within tables that are searched for the home of a key that stands elsewhere."""
+def _home(name: str, grammar: type[Grammar]) -> str:
+    """Return where else in its file a key may stand, where that is one kind of table; NAME is a name that its author gives."""
+    tables = [path for step in _schema(grammar)["properties"] for path in ([step], [step, "NAME"])]
+    homes = [".".join(path) for path in tables if name in _fields(path, "", grammar)]
+    return f" Give it in [{homes[0]}]." if len(homes) == 1 else ""
 
 
 def _fields(path: list[str], branch: str, grammar: type[Grammar]) -> list[str]:

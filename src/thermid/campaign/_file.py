@@ -18,7 +18,7 @@ from thermid.fit.calibration import LocalSpec
 from thermid.measure.readers import read_record
 from thermid.measure.records import ROLES, Channel, Record
 from thermid.model.deck import load_model
-from thermid.model.elements import literal
+from thermid.model.elements import TableSignal, literal
 from thermid.model.tree import Model
 from thermid.simulation.runs import Scenario
 from thermid.simulation.scenario_files import LogColumns, environments_of
@@ -159,8 +159,16 @@ class CampaignSource:
         path, table = self.names()[name]
         where = self.where(f"records.{name}")
         with errors_at(where, ": "):
-            record = self._joined(self._prepared(name, path, table, where), table, where)
-            return record.with_environment(self.environment_of(name, table)) if table.environment else record
+            prepared = self._prepared(name, path, table, where)
+            record = self._joined(prepared, table, where)
+            gases = self.environment_of(name, table)
+
+        def of_record(course: Any) -> Any:
+            """Return a column of the log as one of the record: joined with another log, that has another checksum and the same clock."""
+            own = isinstance(course, TableSignal) and course.log is not None and course.log[0] == prepared.origin.sha256
+            return replace(course, log=(record.origin.sha256, course.log[1])) if own else course
+
+        return record.with_environment({gas: e.mapped(of_record) for gas, e in gases.items()}) if gases else record
 
     def environment_of(self, name: str, table: RecordTable) -> dict[str, Environment]:
         """Return gas node -> its state, as the table of a record has it; empty where it says nothing.

@@ -712,20 +712,17 @@ def _refuse_misplaced(model: Model, part: str, store: Store) -> None:
     ------
     NameNotFoundError   Names the first one, and what to write.
     """
-    inner = model.submodel(part) if part else model
-    table, whole = parameter_table(inner), parameter_table(model)
-    missing = [p for p in store.parameters if inner.canonical(p) not in table]
+    inner, whole = model.submodel(part) if part else model, parameter_table(model)
+    missing = [p for p in store.parameters if inner.canonical(p) not in parameter_table(inner)]
     if not missing:
         return
-    origin = store.states[missing[0]].origin
-    words = f"{origin} gives '{missing[0]}', which '{inner.title}' does not have."
     gone = [p for p in store.parameters if model.canonical(p) not in whole]
     kept_back = f"without = {json.dumps(gone)}"
-    if part and any(p not in gone for p in missing):
+    hint = nearest(missing[0], parameter_table(inner)) if part else f" Keep it back: {kept_back}."
+    if part and not {*missing} <= {*gone}:
         rest = f", {kept_back}" if gone else ""
-        raise NameNotFoundError(f"{words} The model itself, '{model.title}', has it: write \".\" in place of '{part}'{rest}.")
-    near = nearest(missing[0], table)
-    raise NameNotFoundError(f"{words}{near}" + ("" if part else f" Keep it back: {kept_back}."))
+        hint = f" The model itself, '{model.title}', has it: write \".\" in place of '{part}'{rest}."
+    raise NameNotFoundError(f"{store.states[missing[0]].origin} gives '{missing[0]}', which '{inner.title}' does not have.{hint}")
 
 
 def _at_twins(model: Model, whole: Store, untied: Sequence[str]) -> tuple[Store, list[str]]:

@@ -491,8 +491,21 @@ class Record(Samples, Result):
             synthetic=self.origin.synthetic or other.origin.synthetic,
         )
         step = f"joined with {other.origin.file}, whose clock is {offset:.6g} s late and {rate:.8g} times as slow"
+        clash = next((gas for gas, state in other.environment.items() if self.environment.get(gas, state) != state), None)
+        if clash is not None:
+            raise RecordError(
+                f"both logs state the gas '{clash}', and not alike: {self.environment[clash]}; {other.environment[clash]}. Leave one out.",
+                f"{self.name}, {other.name}",
+                code="value.excludes-another",
+            )
+        environment = {**self.environment, **other.environment}
         return replace(
-            self, times=times, channels=channels, origin=origin, steps=(*self.steps, *(f"{other.name}: {s}" for s in other.steps), step)
+            self,
+            environment=environment,
+            times=times,
+            channels=channels,
+            origin=origin,
+            steps=(*self.steps, *(f"{other.name}: {s}" for s in other.steps), step),
         )
 
     def delayed(self, by: str | float | Sequence[str | float], channels: Sequence[str] | None = None) -> Record:
