@@ -721,7 +721,7 @@ def _refuse_misplaced(model: Model, part: str, store: Store) -> None:
     hint = nearest(missing[0], parameter_table(inner)) if part else f" Keep it back: {kept_back}."
     if part and not {*missing} <= {*gone}:
         rest = f", {kept_back}" if gone else ""
-        hint = f" The model itself, '{model.title}', has it: write \".\" in place of '{part}'{rest}."
+        hint = f" The model itself, '{model.title}', has it: write \".\" instead of '{part}'{rest}."
     raise NameNotFoundError(f"{store.states[missing[0]].origin} gives '{missing[0]}', which '{inner.title}' does not have.{hint}")
 
 

@@ -705,9 +705,9 @@ def test_one_instance_is_untied_by_name(tmp_path: Path) -> None:
     [
         (
             *before(VERDICTS, AGAIN.replace("PART", "a")),
-            r"'a\.skin\.effective_htc', which 'Box' does not have\. The model itself, 'Pair', has it: write \"\.\" in place of 'a'\.",
+            r"'a\.skin\.effective_htc', which 'Box' does not have\. The model itself, 'Pair', has it: write \"\.\" instead of 'a'\.",
         ),
-        (*before(VERDICTS, AGAIN.replace("PART", "b")), r"in place of 'b'"),
+        (*before(VERDICTS, AGAIN.replace("PART", "b")), r"instead of 'b'"),
         (
             'as = "fixed" }',
             'as = "fixed", without = ["skin.hct"] }',
