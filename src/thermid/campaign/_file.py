@@ -18,12 +18,14 @@ from thermid.fit.calibration import LocalSpec
 from thermid.measure.readers import read_record
 from thermid.measure.records import ROLES, Channel, Record
 from thermid.model.deck import load_model
-from thermid.model.elements import literal
+from thermid.model.elements import TableSignal, literal
 from thermid.model.tree import Model
 from thermid.simulation.runs import Scenario
+from thermid.simulation.scenario_files import LogColumns, environments_of
 
 if TYPE_CHECKING:
     from thermid.campaign._schema import CampaignFile, RecordTable, ScenarioTable, StageTable, VerdictTable
+    from thermid.simulation.network import Environment
 
 
 DATA = "THERMID_DATA"
@@ -157,7 +159,29 @@ class CampaignSource:
         path, table = self.names()[name]
         where = self.where(f"records.{name}")
         with errors_at(where, ": "):
-            return self._joined(self._prepared(name, path, table, where), table, where)
+            prepared = self._prepared(name, path, table, where)
+            record = self._joined(prepared, table, where)
+            gases = self.environment_of(name, table)
+
+        def of_record(course: Any) -> Any:
+            """Return a column of the log as one of the record: joined with another log, that has another checksum and the same clock."""
+            own = isinstance(course, TableSignal) and course.log is not None and course.log[0] == prepared.origin.sha256
+            return replace(course, log=(record.origin.sha256, course.log[1])) if own else course
+
+        return record.with_environment({gas: e.mapped(of_record) for gas, e in gases.items()}) if gases else record
+
+    def environment_of(self, name: str, table: RecordTable) -> dict[str, Environment]:
+        """Return gas node -> its state, as the table of a record has it; empty where it says nothing.
+
+        Raises
+        ------
+        ThermidError   When a state does not exist, or a column of a log is missing.
+        """
+        tables = {gas: t.written for gas, t in table.environment.items()}
+        logs = [value["file"] for t in tables.values() for value in t.values() if isinstance(value, dict) and "file" in value]
+        inside = self.data is not None and all((self.data / log).is_file() for log in logs)
+        columns = LogColumns(self.data if inside and self.data is not None else self.path.parent)
+        return environments_of(tables, columns, self.where(f"records.{name}.environment"))
 
     def _prepared(self, name: str, path: Path, table: RecordTable, where: str) -> Record:
         """Return a log, prepared, with the checksum that the campaign gives; as it is kept, where nothing has changed since."""

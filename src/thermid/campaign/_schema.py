@@ -9,6 +9,7 @@ from pydantic import Field, WithJsonSchema
 
 from thermid.base.grammar import CourseField, StrictTable
 from thermid.measure.readers import channel_schema
+from thermid.simulation.grammars import GasTable
 
 
 class LocalTable(StrictTable):
@@ -36,6 +37,7 @@ class RecordTable(StrictTable):
     prepare: list[dict[str, Any]] = []
     joined: JoinedTable | list[JoinedTable] | None = None
     local: dict[str, LocalTable] = {}
+    environment: dict[str, GasTable] = {}
     separator: str | None = None
     decimal: str | None = None
     clock: str | None = None

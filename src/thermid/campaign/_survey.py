@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,15 +20,27 @@ from thermid.campaign._file import CampaignSource, bound_by, local_of, read_camp
 from thermid.campaign._judge.limits import Limits
 from thermid.campaign._judge.predictions import CampaignPrediction
 from thermid.campaign._stages import Campaign, Notice, keyed, progress_of, readings_of, request_of, run_stages
-from thermid.fit.calibration import Calibration, Input, InputTable, LocalSpec, Request, build_problem, first_reading, fit, inputs_of
+from thermid.fit.calibration import (
+    Calibration,
+    Input,
+    InputTable,
+    LocalSpec,
+    Request,
+    Unknown,
+    build_problem,
+    first_reading,
+    fit,
+    inputs_of,
+)
 from thermid.inference.fleets import Fleet, fleet_of
 from thermid.inference.intervals import Identifiability, identifiability, identifiability_of
 from thermid.measure.records import Record, open_questions, stray_readings
 from thermid.model.tree import Finding, Model
 from thermid.prediction.bands import predict
-from thermid.simulation.network import compile_network
+from thermid.simulation.network import Environment, compile_network
 from thermid.simulation.runs import Scenario, Workers
 from thermid.simulation.scenario_files import load_scenario
+from thermid.values.store import Normal, Source, State, Store, ValueOrigin
 
 if TYPE_CHECKING:
     from thermid.campaign._schema import PredictionTable, RecordTable, StageTable, VerdictTable
@@ -45,6 +57,7 @@ class RunningTest:
     stage : StageTable          Its bindings and conditions.
     first : dict                Boundary -> channel whose first reading stands there, and what is added to it [K].
     title : str                 Of the campaign.
+    environment : dict          Gas node -> its state, as the record's table has it.
     """
 
     model: Model
@@ -52,6 +65,7 @@ class RunningTest:
     stage: StageTable
     first: Mapping[str, tuple[str, float]]
     title: str
+    environment: Mapping[str, Environment] = field(default_factory=dict)
 
     @property
     def options(self) -> dict[str, Any]:
@@ -73,6 +87,7 @@ class RunningTest:
         if stated is not None:
             start = {} if stated.start == "" else {"start": stated.start}
             out = out.with_(boundaries=stated.boundaries, loads=stated.loads, initial=stated.initial, **start)
+        out = out.with_(environment={**self.environment, **(stated.environment if stated is not None else {})})
         targets = {c.target or c.name for c in record.channels.values()}
         open_ = {b: first_value for b, first_value in self.first.items() if b not in out.boundaries and b not in targets}
         read = {b: f"{first_reading(record, channel) + added} [K]" for b, (channel, added) in open_.items()}
@@ -115,11 +130,11 @@ def running_test(campaign: Campaign, record: str = "") -> RunningTest:
     stage_table = next(s for s in source.content.stages if s.name == name)
     table = source.table_of(record)
     first = {n: (t.start, 0.0) for n, t in {**stage_table.local, **table.local}.items() if "." not in n and t.start in table.channels}
-    values = compile_network(model).numbers().values
+    values, gases = compile_network(model).numbers().values, source.environment_of(record, table)
     for n, reading in stage_table.readings.items():
         channel, path = (reading, "") if isinstance(reading, str) else (reading.channel, reading.offset)
         first[n] = (channel, float(value_of(values[path])) if path else 0.0)
-    return RunningTest(model, table, stage_table, {n: f for n, f in first.items() if not n.startswith("initial.")}, campaign.title)
+    return RunningTest(model, table, stage_table, {n: f for n, f in first.items() if not n.startswith("initial.")}, campaign.title, gases)
 
 
 def _named(record: str, names: Sequence[str], title: str) -> str:
@@ -210,19 +225,24 @@ def check_campaign(
     inputs: dict[str, InputTable] = {}
     requests: dict[str, Request] = {}
     gains: dict[str, set[str]] = {}
+    below: dict[str, Calibration] = {}
     for k, stage in enumerate(tables):
         where = source.where(f"stages.{k}")
         try:
-            # what is inherited is not known yet; it changes values and no bindings
-            request = request_of(source, stage.model_copy(update={"inherit": {}, "freeze": [], "courses": {}}), k, {})
+            # names are inherited from stages that are not fitted, with the values of their decks; not from one that would be refused
+            known = all(name in below for inherit in stage.inherit.values() for name in inherit.stages)
+            bare: dict[str, Any] = {"courses": {}} if known else {"courses": {}, "inherit": {}, "freeze": []}
+            request = request_of(source, stage.model_copy(update=bare), k, below)
         except ThermidError as error:
             findings.append(_finding(error, where))
             continue
         requests[stage.name] = request
         gains.setdefault(stage.model, set()).update(c.gain for r in request.records for c in r.channels.values() if c.gain)
         questions += [Finding("warning", where, question, code_of(question)) for question in open_questions(request.records)]
-        rows, wrong = _bound(request, where)
+        rows, wrong, unknowns = _bound(request, where)
         findings += wrong
+        if known and not wrong:
+            below[stage.name] = fit(replace(request, hand=request.hand or _unfitted(stage.name, unknowns)))
         inputs[stage.name] = InputTable.in_order(rows)
     findings[:0] = [f for file, where in files.items() for f in source.model(file, where).check(gains.get(file, ()))]
     for k, verdict in enumerate(source.content.verdicts):
@@ -253,18 +273,30 @@ def _predicted(source: CampaignSource, name: str, prediction: PredictionTable, d
     return []
 
 
-def _bound(request: Request, where: str) -> tuple[list[Input], list[Finding]]:
-    """Return the inputs of the records of a request, and what keeps any of them from being run."""
+def _unfitted(stage: str, unknowns: Sequence[Unknown]) -> Store:
+    """Return the values that a fit of these unknowns would hand on, where it would start, each with an error of its own."""
+    origin = ValueOrigin("fit", stage)
+    states = {
+        u.name: State(u.name, u.start, u.log, u.unit, (u.low, u.high), origin, paths=(u.name, *u.also), start=u.start) for u in unknowns
+    }
+    sources = tuple(Source(f"{stage}: {name}", "data", Normal()) for name in states)
+    return Store(states, sources, np.eye(len(states)))
+
+
+def _bound(request: Request, where: str) -> tuple[list[Input], list[Finding], list[Unknown]]:
+    """Return the inputs of the records of a request, what keeps any of them from being run, and the values of its model that it fits."""
     rows: list[Input] = []
+    unknowns: dict[str, Unknown] = {}
     wrong: list[Finding] = []
     for record in request.records:
         try:
             problem = build_problem(replace(request, records=(record,)))
             problem.benches()
             rows += inputs_of(request, problem.experiments, problem.unknowns).rows
+            unknowns |= {u.name: u for u in problem.unknowns if u.kind == "parameter"}
         except ThermidError as error:
             wrong.append(_finding(error, where))
-    return rows, wrong
+    return rows, wrong, list(unknowns.values())
 
 
 def _judged_on(source: CampaignSource, verdict: VerdictTable, stage: StageTable, request: Request | None, where: str) -> list[Finding]:

@@ -33,11 +33,11 @@ class Input:
     Parameters
     ----------
     record : str                Name of the record.
-    kind : str                  'boundary', 'load' or 'start'; 'accuracy' of a channel that states none.
+    kind : str                  'boundary', 'load' or 'start'; 'gas' where one is stated; 'accuracy' of a channel that states none.
     name : str                  Path of the boundary, load or node.
     source : str                'assumed', 'deck', 'scenario' or 'log'.
     words : str                 What the source is, such as the channel; of what is assumed, what was assumed and why.
-    low, high, mean : float     Over the record; of a start all the same; NaN where the run itself decides. [K, W]
+    low, high, mean : float     Over the record; of a start all the same; NaN where the run itself decides. [K, W, Pa of a gas]
     fitted : bool               Whether the fit moves it.
     """
 
@@ -58,14 +58,14 @@ class Input:
 
     @property
     def unit(self) -> str:
-        """Unit for people: degC, W of a load, none of an accuracy."""
-        return {"load": "W", "accuracy": ""}.get(self.kind, "degC")
+        """Unit for people: degC, W of a load, Pa of a gas, none of an accuracy."""
+        return {"load": "W", "gas": "Pa", "accuracy": ""}.get(self.kind, "degC")
 
     def shown(self, value: float) -> str:
         """Return one of its numbers in its unit; a dash where there is none."""
         if not np.isfinite(value):
             return "-"
-        return short(value, 3) if self.kind == "load" else f"{value - ICE_POINT:.1f}"
+        return short(value, 3) if self.unit in ("W", "Pa") else f"{value - ICE_POINT:.1f}"
 
     @property
     def range(self) -> str:
@@ -123,7 +123,9 @@ def inputs_of(request: Request, experiments: Iterable[Experiment], unknowns: Seq
         free = {request.model.canonical(p) for p in request.free}
     else:
         free = {p for u in unknowns if u.kind == "parameter" for p in (u.name, *u.also)}
-    rows = [row for e in experiments for row in (*_boundaries(request, e), *_loads(e, free), *_starts(request, e), *_accuracies(e))]
+    rows = [
+        row for e in experiments for row in (*_boundaries(request, e), *_gases(e), *_loads(e, free), *_starts(request, e), *_accuracies(e))
+    ]
     return InputTable.in_order(rows)
 
 
@@ -175,6 +177,20 @@ def _boundaries(request: Request, e: Experiment) -> Iterator[Input]:
         yield Input(record, "boundary", name, *source, *_values(e, signal), fitted=name in local)
     for name, signal in e.scenario.prescribed.items():
         yield Input(record, "boundary", name, "scenario", "prescribed", *_values(e, signal))
+
+
+def _gases(e: Experiment) -> Iterator[Input]:
+    """Yield the gases of an experiment that the record or its scenario states."""
+    for gas, state in e.scenario.environment.items():
+        source: Source = "log" if gas in e.record.environment else "scenario"
+        yield Input(
+            e.record.name,
+            "gas",
+            gas,
+            source,
+            f"stated with the record: {state}" if source == "log" else str(state),
+            *_values(e, state.pressure),
+        )
 
 
 def _place(e: Experiment, name: str) -> str:

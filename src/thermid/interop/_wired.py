@@ -8,7 +8,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
@@ -41,6 +41,7 @@ class Writer:
     loads : bool        Loads that follow a temperature, thermostats, proportional control.
     schedules : bool    Parameters that follow signals.
     stores : bool       Specific heats that are straight lines over temperature.
+    numbers : bool      Whether it has numbers where others have formulas, so that what is zero in the scenario can be left out.
     """
 
     name: str
@@ -50,6 +51,7 @@ class Writer:
     loads: bool = False
     schedules: bool = False
     stores: bool = False
+    numbers: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +126,7 @@ class Wired:
     initial : dict              Massive node -> its temperature at the start. [K]
     courses : dict              Parameter path -> what it follows in time; formulas hold its name. [SI]
     lacking : tuple             What the model lacks of the hardware, in words.
+    idle : tuple                Names of conductors and loads that carry nothing in the scenario and are left out.
     """
 
     network: Network
@@ -136,6 +139,7 @@ class Wired:
     initial: Mapping[str, float]
     courses: Mapping[str, Drawn] = field(default_factory=dict)
     lacking: tuple[str, ...] = ()
+    idle: tuple[str, ...] = ()
 
     @cached_property
     def parameters(self) -> tuple[ExportedParameter, ...]:
@@ -209,8 +213,11 @@ def wired(model: Model, scenario: Scenario, what: str | Writer) -> Wired:
     refuse_controls(network.controls, writer.name, "Export the model without it, or one run for each share.")
     wiring = Wiring(network, scenario)
     numbers = wiring.flowing(with_formulas(network), {})
+    idle = [row for row in numbers.conductors if writer.numbers and _is_idle(row)]
+    numbers = replace(numbers, conductors=tuple(row for row in numbers.conductors if row not in idle))
     _refuse_laws(network, numbers, writer)
     sources = _sources(network, wiring, numbers, writer)
+    off = [load.name for load in numbers.loads if writer.numbers and not load.fixed and load.name not in {s.load for s in sources}]
     rows = named_rows(row for row in numbers.conductors if row.ends[0] != row.ends[1])
     engine = Engine(wiring)
     start = dict(zip(engine.nodes, engine.started(wiring.assemble(gradients=False)).initial.tolist(), strict=True))
@@ -228,10 +235,16 @@ def wired(model: Model, scenario: Scenario, what: str | Writer) -> Wired:
         massive,
         {} if wiring.schedule is None else {p: s.drawn(wiring.scenario.seconds) for p, s in wiring.schedule.signals.items()},
         tuple(model.missing_parts()),
+        tuple(dict.fromkeys([*(f"{row.name} ({row.form} law)" for row in idle), *off])),
     )
     _refuse_bent_courses(out, writer)
     _refuse_other_formulas(out, wiring, writer)
     return out
+
+
+def _is_idle(row: ConductorRow) -> bool:
+    """Return whether a conductor of a law beside the linear ones and radiation conducts nothing at any temperature."""
+    return row.form in ("power", "table") and not row.signal and value_of(row.coefficients[0]) == 0.0
 
 
 def _refuse_laws(network: Network, numbers: Numbers, writer: Writer) -> None:
@@ -262,6 +275,13 @@ def _sources(network: Network, wiring: Wiring, numbers: Numbers, writer: Writer)
     """Return every heat load that is not zero."""
     sources = []
     for load in numbers.loads:
+        signal = wiring.signals[load.signal] if load.signal else Constant(1.0)
+        power: Formula | float = load.coefficients[0]  # type: ignore[assignment]  # formulas stand where numbers do
+        if load.signal.startswith("load ") and load.form != "table":
+            gain = wiring.scenario.gains.get(load.name)
+            power = numbers.values[gain] if gain else 1.0 if load.name in wiring.scenario.loads else power
+        if load.node not in network.nodes or (load.form == "signal" and (signal == Constant(0.0) or float(power) == 0.0)):
+            continue
         plain = load.fixed or (load.form == "table" and not load.control and load.curve is not None)
         if not plain and not writer.loads:
             law = load.control or load.form
@@ -270,13 +290,6 @@ def _sources(network: Network, wiring: Wiring, numbers: Numbers, writer: Writer)
                 network.title,
                 code="output.not-expressible",
             )
-        signal = wiring.signals[load.signal] if load.signal else Constant(1.0)
-        power: Formula | float = load.coefficients[0]  # type: ignore[assignment]  # formulas stand where numbers do
-        if load.signal.startswith("load ") and load.form != "table":
-            gain = wiring.scenario.gains.get(load.name)
-            power = numbers.values[gain] if gain else 1.0 if load.name in wiring.scenario.loads else power
-        if load.node not in network.nodes or (load.form == "signal" and (signal == Constant(0.0) or float(power) == 0.0)):
-            continue
         sources.append(
             HeatSource(
                 load.name,
@@ -670,7 +683,8 @@ def exported(w: Wired, lines: Iterable[str], path: str | os.PathLike[str] | None
     What the model lacks stands in the first lines, where readers of decks find it again.
     """
     lacking = [f"{comment.strip()} INCOMPLETE: {one_line(what)}" for what in w.lacking]
-    text = "\n".join([*lacking, *lines]) + "\n"
+    idle = [f"{comment.strip()} left out, because nothing flows through it in this scenario: {one_line(name)}" for name in w.idle]
+    text = "\n".join([*lacking, *idle, *lines]) + "\n"
     if path is not None:
         write_text(path, text, EXPORT, comment)
     return text

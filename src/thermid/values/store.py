@@ -6,6 +6,7 @@ A source is a named cause of uncertainty with its probability distribution.
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
@@ -665,13 +666,16 @@ def graft(model: Model, below: Sequence[tuple[str, Store]], untied: Sequence[str
 
     Raises
     ------
-    DeckError   When two stages give one value at the same depth, and neither knew of the other.
+    DeckError           When two stages give one value at the same depth, and neither knew of the other.
+    NameNotFoundError   When a part does not have a value that is given for it.
     """
     placed = [
         ("" if part == "." else model.canonical(part), *store.in_decks(model.submodel(part) if part != "." else model))
         for part, store in below
     ]
     parts = [(part, store) for part, store, _ in placed]
+    for part, store in parts:
+        _refuse_misplaced(model, part, store)
     sources = tuple({s.name: s for _, store in parts for s in store.sources}.values())
     place = {s.name: k for k, s in enumerate(sources)}
     offered: dict[str, list[tuple[str, State, Array]]] = {}
@@ -699,6 +703,26 @@ def graft(model: Model, below: Sequence[tuple[str, Store]], untied: Sequence[str
     )
     whole, apart = _at_twins(model, whole, untied)
     return whole.trimmed(), (*remarks, *apart)
+
+
+def _refuse_misplaced(model: Model, part: str, store: Store) -> None:
+    """Refuse values of a part that it does not have, naming the model itself where that has them by these names.
+
+    Raises
+    ------
+    NameNotFoundError   Names the first one, and what to write.
+    """
+    inner, whole = model.submodel(part) if part else model, parameter_table(model)
+    missing = [p for p in store.parameters if inner.canonical(p) not in parameter_table(inner)]
+    if not missing:
+        return
+    gone = [p for p in store.parameters if model.canonical(p) not in whole]
+    kept_back = f"without = {json.dumps(gone)}"
+    hint = nearest(missing[0], parameter_table(inner)) if part else f" Keep it back: {kept_back}."
+    if part and not {*missing} <= {*gone}:
+        rest = f", {kept_back}" if gone else ""
+        hint = f" The model itself, '{model.title}', has it: write \".\" instead of '{part}'{rest}."
+    raise NameNotFoundError(f"{store.states[missing[0]].origin} gives '{missing[0]}', which '{inner.title}' does not have.{hint}")
 
 
 def _at_twins(model: Model, whole: Store, untied: Sequence[str]) -> tuple[Store, list[str]]:

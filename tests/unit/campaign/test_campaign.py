@@ -18,6 +18,7 @@ from studio.large import wide_campaign
 from thermid.base.errors import IdentificationError, NameNotFoundError, StoppedError, ThermidError
 from thermid.campaign._file import read_campaign
 from thermid.campaign._stages import Campaign, request_of, run_stages
+from thermid.campaign._survey import check_campaign
 from thermid.fit._problem.request import in_full
 from thermid.fit.calibration import key_of
 from thermid.fit.error_model import ErrorModel
@@ -254,6 +255,14 @@ VERDICTS = "[[verdicts]]"
 PAIRS = "[records.pairs]"
 BENCH = "[records.box_bench]"
 STAGES = "[[stages]]"
+
+
+AGAIN = """[[stages]]
+name = "again"
+model = "pair.toml"
+records = ["pair_one"]
+free = ["a.power"]
+inherit = { PART = { stage = "pair" } }"""
 
 
 def before(place: str, text: str) -> tuple[str, str]:
@@ -689,3 +698,35 @@ def test_one_instance_is_untied_by_name(tmp_path: Path) -> None:
     assert groups == [("a.case.mass", "b.case.mass"), *[("a.case.mass",)] * 3]
     assert requests[2].shared["a.skin.area"] == ("a.skin.area", "b.skin.area")
     assert len({key_of(r, []) for r in requests}) == 4
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        (
+            *before(VERDICTS, AGAIN.replace("PART", "a")),
+            r"'a\.skin\.effective_htc', which 'Box' does not have\. The model itself, 'Pair', has it: write \"\.\" instead of 'a'\.",
+        ),
+        (*before(VERDICTS, AGAIN.replace("PART", "b")), r"instead of 'b'"),
+        (
+            'as = "fixed" }',
+            'as = "fixed", without = ["skin.hct"] }',
+            r"stages\.1\.inherit\.a\.without.*'skin\.hct' is not known to stage 'box'",
+        ),
+        ('as = "fixed" }', 'as = "prior", move = ["case.mas"] }', r"'case\.mas' is not inherited"),
+        ('free    = ["stack', 'freeze = ["b.power"]\nfree    = ["stack', r"'b\.power' is listed as frozen, but it is not free here"),
+    ],
+)
+def test_check_finds_without_a_fit_what_inheritance_refuses(
+    project: Path, old: str, new: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fitted(*_: object) -> None:
+        raise AssertionError("a stage was fitted")
+
+    monkeypatch.setattr("thermid.fit._calibrate.fit_problem", fitted)
+    changed(project, (old, new))
+    errors = [f for f in check_campaign(project)[0] if f.severity == "error"]
+    assert len(errors) == 1
+    assert re.search(words, f"{errors[0].where}: {errors[0].message}"), errors
+    monkeypatch.undo()
+    assert errors[0].message in str(refused(project))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 
 import thermid as td
+from by_code import raises_code
 from public_files import public_file
 from thermid.base.errors import DeckError, ThermidError
 from thermid.interop._decks.esatan import read_esatan
@@ -475,6 +477,30 @@ def test_a_model_of_ones_own_is_written_and_read_back(tmp_path: Path, start: str
         to_esatan(model, room)
     with pytest.raises(DeckError, match=r"'pad' is of a form \(table\), which is not written to ESATAN"):
         to_esatan(td.model_from_dict({**deck, "nodes": {**deck["nodes"], "hot": {"capacitance": "90 [J/K]"}}}), room)
+
+
+@pytest.mark.parametrize(("write", "name"), WRITERS.values())
+def test_what_carries_nothing_in_the_scenario_is_left_out_and_named(write: Callable[..., str], name: str, tmp_path: Path) -> None:
+    coefficient = {"coefficient": "2 [W/(m^2 K)]", "exponent": 0.25}
+    heater = {"into": "box", "power": "12 [W]", "thermostat": {"on_below": "18 [degC]", "off_above": "21 [degC]"}}
+    deck = {
+        "title": "box",
+        "needs": ["room"],
+        "nodes": {"box": {"capacitance": "500 [J/K]"}},
+        "surfaces": {"skin": {"of": "box", "to": "room", "area": "0.05 [m^2]", "htc": coefficient, "emissivity": 0.8}},
+        "loads": {"heater": heater, "chip": {"into": "box", "power": "5 [W]"}},
+    }
+    model = td.model_from_dict(deck)
+    room = td.Scenario("room", boundaries={"room": "30 [degC]"}, loads={"heater": "0 [W]"}, start="30 [degC]", duration="2 [h]")
+    with raises_code("output.not-expressible", DeckError, match=r"'skin' is of a form \(power\)"):
+        write(model, room)
+    with raises_code("output.not-expressible", DeckError, match="'heater' depends on temperature"):
+        write(model, replace(room.vacuum(), loads={}))
+    text = write(model, room.vacuum(), tmp_path / name)
+    assert [line.rpartition(": ")[2] for line in text.splitlines() if "left out" in line] == ["skin (power law)", "heater"]
+    again = read_network(tmp_path / name)
+    one, other = td.simulate(model, room.vacuum(), every="600 [s]"), td.simulate(again.model(), again.scenario(), every="600 [s]")
+    assert one["box"].kelvin == pytest.approx(next(iter(other[n] for n in other.nodes)).kelvin, abs=1e-6)
 
 
 CARDS_OF_2008 = "afcarl/Air-Launch-Vehicle-Thermal-Analysis-and-Trade-Study/SINDA/LOX_Liq_12ft_Dia/Rev_A/AL_PLP_a.sin"

@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 import tomlkit
 
-from thermid.base.errors import IdentificationError, NameNotFoundError, ThermidError, nearest
+from thermid.base.errors import IdentificationError, NameNotFoundError, RecordError, ThermidError, nearest
 from thermid.base.extensions import by_grammar, file_kinds, json_schema
 from thermid.base.files import COPY, DECK, FileKind, may_write, parse_toml, read_text, write_bytes, write_text
 from thermid.campaign._start.proposal import LOOSE_AMBIENT, Proposal, orders_text
@@ -486,7 +486,9 @@ def _campaign(
     whole = {p.channel: p.column for p in proposal.roles.powers if p.share}
     step = thinned_step(max(r.duration for r in fitted)) if max(r.times.size for r in fitted) > 600 else 0.0
     prepare = {"prepare": [{"resample": {"step": f"{step:g} [s]", "switches": True}}]} if step else {}
-    records = {r.name: {"file": f"logs/{r.name}.csv", **prepare, "channels": _written(r, channels, whole)} for r in (*fitted, holdout)}
+    records = {
+        r.name: {"file": f"logs/{r.name}.csv", **prepare, **_gases(r), "channels": _written(r, channels, whole)} for r in (*fitted, holdout)
+    }
     local, priors = _local(request), {path: {"mean": mean, "sd": sd} for path, (mean, sd) in request.priors.items()}
     stage: dict[str, Any] = {"name": "first fit", "model": deck, "records": [r.name for r in fitted], "free": list(request.free)}
     stage |= {k: v for k, v in (("scenario", _stage_scenario(proposal, request)), ("priors", priors), ("local", local)) if v}
@@ -556,6 +558,24 @@ def _limit(proposal: Proposal, records: Sequence[Record], column: str) -> float:
     spread = max((float(np.ptp(v)) for v in values), default=1.0)
     size = max(VERDICT_NOISES * proposal.noise.get(column, 0.1), VERDICT_SHARE_OF_RANGE * spread)
     return float(math.ceil(size * 100.0) / 100.0)
+
+
+def _gases(record: Record) -> dict[str, Any]:
+    """Return what a record states of its gases as its table in a campaign has it.
+
+    Raises
+    ------
+    RecordError   When a pressure changes in time: only a campaign written by hand can name its column.
+    """
+    for gas, state in record.environment.items():
+        if state.pressure.bounds[0] != state.pressure.bounds[1]:
+            raise RecordError(
+                f"its pressure changes in time ({state}), which is not written here. Leave it out and name its column in the campaign.",
+                f"record '{record.name}', environment.{gas}",
+                code="output.not-expressible",
+            )
+    gases = {gas: {"pressure": f"{s.pressure.bounds[0]:g} [Pa]", "gas": s.gas} for gas, s in record.environment.items()}
+    return {"environment": gases} if gases else {}
 
 
 def _stage_scenario(proposal: Proposal, request: Request) -> dict[str, Any]:

@@ -65,6 +65,25 @@ class Inputs:
             self.gains[path] = channel.gain
 
 
+def in_gas_of(record: Record, scenario: Scenario) -> Scenario:
+    """Return a scenario in the gases that the record states.
+
+    Raises
+    ------
+    RecordError   When both state one gas, and not alike.
+    """
+    for gas, state in record.environment.items():
+        other = scenario.environment.get(gas, state)
+        if other != state:
+            raise RecordError(
+                f"the record states {state}, but the scenario '{scenario.title}' states {other} (environment.{gas}). Leave one of them "
+                "out.",
+                f"record '{record.name}', environment.{gas}",
+                code="value.excludes-another",
+            )
+    return scenario.with_(environment=record.environment) if record.environment else scenario
+
+
 def on_the_clock_of(record: Record, scenario: Scenario) -> Scenario:
     """Return a scenario that counts from the record's first sample, though its start was cut off: columns of its own log, and stamps.
 
@@ -847,7 +866,7 @@ def bind(
     ------
     RecordError   When a channel is bound to nothing, or no channel observes a node.
     """
-    base = on_the_clock_of(record, scenario or Scenario(record.name))
+    base = on_the_clock_of(record, in_gas_of(record, scenario or Scenario(record.name)))
     prescribed = [c.target or c.name for c in record.channels.values() if c.role == "prescribed"]
     whole, seats = attached(model, record)
     network = compile_network(whole, media=base.media(), prescribed=(*base.prescribed, *prescribed))

@@ -138,6 +138,7 @@ MISTAKES: Final = {
     "exchanged": Cause("two exchanged columns", 2.0),
     "node": Cause("a sensor on another part than stated in the campaign", 3.0),
     "clock": Cause("a log with a shifted clock", 5.0),
+    "gas": Cause("a record in another gas than stated: in vacuum", 3.0),
     "load": Cause("a power that is not logged, or was not applied", 6.5),
     "sensor": Cause("a sensor that is detached, or wrong", 6.0),
     "fan": Cause("a change of the air flow during the log", 6.0),

@@ -41,7 +41,7 @@ from thermid.inference._explain.thresholds import (
 from thermid.measure.amounts import duration_text, short
 from thermid.measure.records import Channel, Record
 from thermid.physics.constants import ICE_POINT
-from thermid.simulation.network import Network
+from thermid.simulation.network import Environment, Network
 
 
 @dataclass(frozen=True)
@@ -326,6 +326,7 @@ def _of_requests(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
     yield from _exchanges(request, fit)
     yield from _nodes(request, fit)
     yield from _clocks(request, fit)
+    yield from _gases(request, fit)
 
 
 def _channels(request: Request, *quantities: str) -> dict[str, Channel]:
@@ -407,9 +408,10 @@ def _units(request: Request) -> Iterator[Hypothesis]:
         yield _hypothesis("unit", time, words, f'Write units = {{ "{time}" = "{unit}" }} for the record.', other)
 
 
-def _alone_and_all(channels: Mapping[str, Channel]) -> list[tuple[str, ...]]:
+def _alone_and_all(channels: Iterable[str]) -> list[tuple[str, ...]]:
     """Return each name by itself, and where there are several, all of them together."""
-    return [*((n,) for n in channels), *([tuple(channels)] if len(channels) > 1 else [])]
+    names = tuple(channels)
+    return [*((n,) for n in names), *([names] if len(names) > 1 else [])]
 
 
 def _exchanges(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
@@ -482,6 +484,18 @@ def _clocks(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
     for names in (powers, walls):
         if names and all(r.second is None for r in request.records):
             yield _shift(request, fit, names)
+
+
+def _gases(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
+    """Yield the records of which nobody stated a gas as tests in vacuum, each alone and all together."""
+    vacuum = {"*": Environment("0 [Pa]")}
+    for names in _alone_and_all(e.record.name for e in fit.problem.experiments if not e.scenario.environment):
+        other = replace(request, records=tuple(replace(r, environment=vacuum) if r.name in names else r for r in request.records))
+        words = (
+            f"{quoted(names)} {'was' if len(names) == 1 else 'were'} measured in vacuum, but no gas is stated, so air at 1 atm was assumed"
+        )
+        remedy = 'State it with the record: environment = { "*" = { pressure = "0.1 [Pa]" } }, with the pressure of the test.'
+        yield _hypothesis("gas", ", ".join(names), words, remedy, other)
 
 
 def _shift(request: Request, fit: RoughFit, names: list[str]) -> Hypothesis:

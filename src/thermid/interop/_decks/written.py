@@ -38,7 +38,7 @@ def to_sinda(model: Model, scenario: Scenario, path: str | os.PathLike[str] | No
     DeckError       When a law, a load or a boundary cannot be written.
     ScenarioError   When the scenario does not fit the model or follows a schedule.
     """
-    w = wired(model, scenario, Writer("SINDA", stores=True))
+    w = wired(model, scenario, Writer("SINDA", stores=True, numbers=True))
     return exported(w, _Sinda(w).lines(), path, "C ")
 
 
@@ -58,7 +58,7 @@ def to_esatan(model: Model, scenario: Scenario, path: str | os.PathLike[str] | N
     DeckError       When a law, a load or a boundary cannot be written.
     ScenarioError   When the scenario does not fit the model or follows a schedule.
     """
-    w = wired(model, scenario, "ESATAN")
+    w = wired(model, scenario, Writer("ESATAN", numbers=True))
     return exported(w, _Esatan(w).lines(), path, "#")
 
 

@@ -460,6 +460,7 @@ class Samples:
     origin: Origin
     steps: tuple[str, ...] = ()
     second: SecondClock | None = None
+    environment: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def zero(self) -> Stamp | None:
@@ -513,6 +514,7 @@ class Samples:
                     )
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "channels", dict(self.channels))
+        object.__setattr__(self, "environment", dict(self.environment))
 
     @property
     def duration(self) -> float:

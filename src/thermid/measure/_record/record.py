@@ -67,6 +67,7 @@ class Record(Samples, Result):
     origin : Origin                  Where the samples came from; kept by every copy.
     steps : tuple of str             What was done to the samples, in words and numbers.
     second : SecondClock or None     A clock beside its own that a fit has yet to find.
+    environment : mapping            Gas node -> the state of its gas in this test, as of a scenario; see `with_environment`.
 
     Raises
     ------
@@ -164,6 +165,30 @@ class Record(Samples, Result):
         certificate = SensorCertificate.read(keys["certificate"], f"{where}, certificate") if "certificate" in keys else None
         channel, notes = with_sensor(self.channel(name), SensorPart.read(keys, where), certificate, where)
         return replace(self, channels={**self.channels, name: channel}, steps=(*self.steps, *notes))
+
+    def with_environment(self, environment: Mapping[str, Any]) -> Record:
+        """Return the record of a test whose gases are stated: every run of it has them, as if its scenario stated them.
+
+        Parameters
+        ----------
+        environment : mapping   Gas node -> `thermid.simulation.Environment`; ``*`` for every gas not named. Courses over time count from
+                                the record's first sample.
+
+        Raises
+        ------
+        RecordError   When something else is given.
+        """
+        where = f"record '{self.name}', environment"
+        if not isinstance(environment, Mapping):
+            raise RecordError(
+                f"it takes a dictionary from gas nodes to environments, not {environment!r:.60}.", where, code="value.wrong-kind"
+            )
+        for gas, state in environment.items():
+            if not hasattr(state, "pressure"):
+                words = f"it takes an environment, not {state!r:.60}. Make one: td.simulation.Environment('0.1 [Pa]')."
+                raise RecordError(words, f"{where}.{gas}", code="value.wrong-kind")
+        steps = (f"environment of {gas}: {state}" for gas, state in environment.items())
+        return replace(self, environment={**self.environment, **environment}, steps=(*self.steps, *steps))
 
     def trim(self, start: str | float = "start", end: str | float = "end") -> Record:
         """Return the samples from `start` to `end`, both included; times stay as they are.
@@ -466,8 +491,21 @@ class Record(Samples, Result):
             synthetic=self.origin.synthetic or other.origin.synthetic,
         )
         step = f"joined with {other.origin.file}, whose clock is {offset:.6g} s late and {rate:.8g} times as slow"
+        clash = next((gas for gas, state in other.environment.items() if self.environment.get(gas, state) != state), None)
+        if clash is not None:
+            raise RecordError(
+                f"both logs state the gas '{clash}', and not alike: {self.environment[clash]}; {other.environment[clash]}. Leave one out.",
+                f"{self.name}, {other.name}",
+                code="value.excludes-another",
+            )
+        environment = {**self.environment, **other.environment}
         return replace(
-            self, times=times, channels=channels, origin=origin, steps=(*self.steps, *(f"{other.name}: {s}" for s in other.steps), step)
+            self,
+            environment=environment,
+            times=times,
+            channels=channels,
+            origin=origin,
+            steps=(*self.steps, *(f"{other.name}: {s}" for s in other.steps), step),
         )
 
     def delayed(self, by: str | float | Sequence[str | float], channels: Sequence[str] | None = None) -> Record:

@@ -74,6 +74,15 @@ class Environment:
                 "give a vented volume the gas node that it is vented to, and a time constant above zero.", code="value.incomplete"
             )
 
+    def __str__(self) -> str:
+        """Return it in words: its gas, its pressure, and whatever else is not as on the ground."""
+        low, high = self.pressure.bounds
+        words = [f"{self.gas} at {low:.6g}{'' if low == high else f' to {high:.6g}'} Pa"]
+        words += [f"gravity {self.gravity:.4g} m/s^2"] if self.gravity != STANDARD_GRAVITY else []
+        words += [f"wind up to {self.wind.bounds[1]:.4g} m/s"] if self.wind.bounds[1] > 0.0 else []
+        words += ["sealed"] if self.sealed else [f"vented to {self.vented}"] if self.vented else []
+        return ", ".join(words)
+
     def mapped(self, law: Callable[[Signal], Signal]) -> Environment:
         """Return the environment with its signals, pressure and wind, replaced by law(signal)."""
         return replace(self, pressure=law(self.pressure), wind=law(self.wind))

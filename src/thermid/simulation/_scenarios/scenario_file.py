@@ -39,12 +39,12 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
     data, lines = read_toml(target)
     data = by_grammar("thermid.simulation._scenarios.schema.ScenarioFile", data, Places(target.name, lines)).written
     fields: dict[str, Any] = {"title": target.stem, **data}
-    columns, gases = LogColumns.of_scenario(data, target.parent, target.name), data.get("environment", {})
+    columns = LogColumns.of_scenario(data, target.parent, target.name)
     for name, slot in SLOTS.items():
         if name in fields:
             held = name == "commands"
             fields[name] = {k: columns.signal(v, slot, f"{target.name}, {name}.{k}", held) for k, v in fields[name].items()}
-    fields["environment"] = {gas: _environment(t, columns, f"{target.name}, environment.{gas}") for gas, t in gases.items()}
+    fields["environment"] = environments_of(data.get("environment", {}), columns, f"{target.name}, environment")
     fields["irradiation"] = {
         surface: _irradiation(t, columns, f"{target.name}, irradiation.{surface}") for surface, t in data.get("irradiation", {}).items()
     }
@@ -58,6 +58,16 @@ def load_scenario(path: str | os.PathLike[str]) -> Scenario:
         if key != error.where:  # the scenario names itself; its reader looks for the line
             raise type(error)(error.message, f"{target.name}:{lines.get(key, 1)}, {key}") from None
         raise error.located(target.name) from None
+
+
+def environments_of(tables: Mapping[str, Mapping[str, Any]], columns: LogColumns, where: str) -> dict[str, Environment]:
+    """Return gas node -> its state, of tables as a scenario file has them.
+
+    Raises
+    ------
+    ThermidError   When a state does not exist, or a column is missing.
+    """
+    return {gas: _environment(table, columns, f"{where}.{gas}") for gas, table in tables.items()}
 
 
 def _environment(table: Mapping[str, Any], columns: LogColumns, where: str) -> Environment:
