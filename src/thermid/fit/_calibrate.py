@@ -44,7 +44,7 @@ from thermid.fit._search import CHANCE, Progress, searched
 from thermid.fit._second_clocks import at_clocks, in_turns, widened_by_noise_of_powers, with_clocks
 from thermid.fit._uncertainty.groups import SHARE, Group, percent, structural_groups, together
 from thermid.fit._uncertainty.information import Information, Responses, elsewhere, responses
-from thermid.fit._uncertainty.moved import Moves, moves_above
+from thermid.fit._uncertainty.moved import MOVED, Moves, moves_above
 from thermid.fit._uncertainty.noise import Autocorrelation, TraceNoise, autocorrelation, own_switches
 from thermid.measure.amounts import short, some
 from thermid.measure.records import Record, open_questions
@@ -71,10 +71,22 @@ UNKNOWN_CLOCK = 0.5
 
 
 def own_standing(
-    request: Request, problem: Problem, minimum: Fit, values: FittedValues, total: Array, spread: Autocorrelation | None
+    request: Request,
+    problem: Problem,
+    minimum: Fit,
+    values: FittedValues,
+    total: Array,
+    spread: Autocorrelation | None,
+    moved: Moves,
 ) -> Standing:
-    """Return the standing of a fit by itself, whatever it rests on."""
-    wrong = [*contradicted(values).values(), *([] if minimum.converged else [f"the fit did not converge: {minimum.message}"])]
+    """Return the standing of a fit by itself, whatever it rests on; `moved` is what its logs say of values that it inherited."""
+    held = [m for m in moved.values if m.path not in values and m.verdict == MOVED]
+    far_off = [
+        f"{m.path} is held {abs(m.deviations):.2g} standard errors from what the logs say"
+        for m in held
+        if abs(m.deviations) > CONTRADICTION_DEVIATIONS
+    ]
+    wrong = [*contradicted(values).values(), *far_off, *([] if minimum.converged else [f"the fit did not converge: {minimum.message}"])]
     if wrong:
         return Standing("not credible", "; ".join(wrong), values.stage, request.accepted)
     short_of = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, minimum, total)]
@@ -444,10 +456,10 @@ def summarise(
         "synthetic": any(r.origin.synthetic for r in request.records),
     }
     values = FittedValues(name, items, total[np.ix_(rows, rows)], provenance)
-    alone, rests = own_standing(request, problem, best, values, total, spread), rests_on(request, values)
+    moved = moves_above(request, problem, best, spread.variance_factor) if request.store.states else Moves()
+    alone, rests = own_standing(request, problem, best, values, total, spread, moved), rests_on(request, values)
     store = stored(request, problem, values.judged(worst([alone, *rests.values()])), responses_of_fit)
     values = _with_uncut(view(store, list(values), name), problem, best, responses_of_fit)
-    moved = moves_above(request, problem, best, spread.variance_factor) if request.store.states else Moves()
     runner, far = request.model.runner, contradicted(values)
     remarks = (
         *([f"{LOUD}{'; '.join(far.values())}. {BLAME}"] if far else []),
