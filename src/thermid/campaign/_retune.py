@@ -197,19 +197,16 @@ class RetunePlan(Result):
             f"{self.watts[1]:.4g} W of its deck, before any test of it; they have no band",
             *(f"sensor {sensor}: {why}" for sensor, why in self.unplaced.items()),
             *self.replacement.assumes[1:],
-            *(
-                [f"clocks of the new logs: offsets that the campaign states of the old ones hold, {', '.join(clocks)}"]
-                if (clocks := self._clocks())
-                else []
-            ),
+            *self._clocks(),
         )
 
     def _clocks(self) -> list[str]:
-        """Return the logs that are joined to repeated tests at a stated offset, with it, in words."""
+        """Return in words at which stated offsets logs are joined to those of repeated tests; nothing where there is none."""
         source = self.campaign.source
         tables = [source.names()[name][1].joined for name in self.tests] if source is not None else []
         joined = (one for t in tables for one in (t if isinstance(t, list) else [t] if t is not None else []))
-        return [f"'{one.record}' {one.offset}" for one in joined if isinstance(one.offset, str) and one.offset]
+        stated = ", ".join(f"'{one.record}' {one.offset}" for one in joined if isinstance(one.offset, str))
+        return [f"clocks of the new logs: the offsets that the campaign states of the old ones, {stated}"] * bool(stated)
 
     @property
     def unplaced(self) -> dict[str, str]:
@@ -225,13 +222,18 @@ class RetunePlan(Result):
         return out
 
     def __str__(self) -> str:
-        """Return the plan as text."""
+        """Return the plan as text, below the standing of the values that it rests on."""
+        return self.standing.over(self.text)
+
+    @property
+    def text(self) -> str:
+        """The plan alone as text."""
         lines = [f"{self.part}: {self.old} -> {self.new}", "  assumed:", *(f"    {a}" for a in self.assumes)]
         lines += ["  removed with the old part:"] * bool(self.replacement.dropped)
         lines += [f"    {d.path} {short_text(d.text)}, {d.origin}, {d.why}" for d in self.replacement.dropped]
         if self.replacement.untied:
             lines.append(f"  no longer shared with other instances: {', '.join(self.replacement.untied)}")
-        lines.append(f"  retuned interface values: {len(self.freed)}, {', '.join(self.freed) or 'none'}")
+        lines.append(f"  retuned values: {len(self.freed)}, {', '.join(self.freed) or 'none'}")
         for t in self.touched:
             what = "freed" if not t.held else f"fixed: {t.held}"
             lines.append(f"    {t.stage}: {t.path}  {t.kelvin:.2f} K for {100 * t.change:.0f} %, through {', '.join(t.through)}; {what}")
@@ -244,7 +246,7 @@ class RetunePlan(Result):
         lines += ["  neighbours, exposed area before -> after; their convection coefficients stay fixed:"] * bool(self.neighbours)
         for name, (a, b, dt) in self.neighbours.items():
             lines.append(f"    {name}: {1e4 * a:.4g} -> {1e4 * b:.4g} cm^2, {dt:+.2f} K at rest")
-        return self.standing.over("\n".join([*lines, *self._at_rest()]))
+        return "\n".join([*lines, *self._at_rest()])
 
     def _at_rest(self) -> list[str]:
         """Return the temperatures before and after, and those of the last record where the old part had another power in it."""
@@ -404,9 +406,11 @@ def _touches(done: Calibration, level: Level, inner: str, new: Model) -> tuple[l
             held = f"stays with {', '.join(elsewhere)}; {anew[path].path} now has a separate value"
         elif elsewhere and path not in anew:
             held = f"shared with {', '.join(elsewhere)}, which the swap does not affect"
-        elif kelvin < MIN_EFFECT and not inside and path not in anew:
+        elif kelvin < MIN_EFFECT and not inside:
             held = f"{words} moves no sensor by {MIN_EFFECT} K"
         out.append(Touch(level.name, path, tuple(through) or ("the part itself",), kelvin, change, held))
+    if any(not t.held for t in out):  # in a test that is due anyway, what starts again is no longer what it was
+        out = [replace(t, held="") if t.path in anew and anew[t.path].path == t.path else t for t in out]
     return out, starts
 
 

@@ -330,7 +330,7 @@ def swap(
             deck.parent.mkdir(exist_ok=True)
             save_model(plan.deck, deck)
         retuned = plan.run(logs, part_only=part_only)
-        standing, code = retuned.standing, retuned.exit_code
+        texts, standing, code = [plan.text], retuned.standing, retuned.exit_code
         run = [s.name for s in plan.stages if s.action == "run" and (s.alone or not part_only)]
         content["stages"] = [calibration_object(retuned[name]) for name in run]
         content["note"] = retuned.note
@@ -344,7 +344,8 @@ def swap(
             texts.append(f"values: {', '.join(content['values_files'])}")
             content["deck"] = str(deck)
             texts.append(f"next: thermid predict {deck} --values {to / content['values_files'][-1]} --scenario FILE")
-    say(as_json, {**content, "standing": standing.to_dict()}, "\n\n".join(texts), verbose)
+    text = "\n\n".join(texts)
+    say(as_json, {**content, "standing": standing.to_dict()}, standing.over(text, "stage") if logs is not None else text, verbose)
     leave(standing, code)
 
 
