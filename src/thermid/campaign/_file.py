@@ -104,20 +104,19 @@ class CampaignSource:
             )
         if table.file is not None:
             return [(name, self._find(name, table.file, table)[0])]
-        patterns = [table.files] if isinstance(table.files, str) else table.files or []
-        return [(file.name.split(".")[0], file) for pattern in patterns for file in self._find(name, pattern, table)]
+        return [(file.name.split(".")[0], file) for pattern in _patterns(table) for file in self._find(name, pattern, table)]
 
     def _find(self, name: str, pattern: str, table: RecordTable) -> list[Path]:
         """Return the files of a pattern, in the data folder where one is given, or beside the campaign."""
         where = self.where(f"records.{name}")
-        roots = [self.data] if self.data is not None else []
-        for root in (*roots, self.path.parent):
+        for root, below in (*self._in_data(pattern), (self.path.parent, pattern)):
+            roots = (self.data,) if self.data is not None else ()
             if any(mark in pattern for mark in "*?["):
-                inside = resolve_inside(root, str(Path(pattern).parent), where, tuple(roots))
-                files = sorted(inside.glob(Path(pattern).name)) if inside.is_dir() else []
-                hits = [resolve_inside(p.parent, p.name, where, tuple(roots)) for p in files]
+                inside = resolve_inside(root, str(Path(below).parent), where, roots)
+                files = sorted(inside.glob(Path(below).name)) if inside.is_dir() else []
+                hits = [resolve_inside(p.parent, p.name, where, roots) for p in files]
             else:
-                target = resolve_inside(root, pattern, where, tuple(roots))
+                target = resolve_inside(root, below, where, roots)
                 hits = [target] if target.is_file() else []
             if hits:
                 return hits
@@ -125,6 +124,20 @@ class CampaignSource:
         shown = beside if self.data is None else f" in '{self.data.name}/' nor beside the campaign"
         get = f" {table.get}" if table.get else ""
         raise MissingDataError(f"no log '{pattern}'{shown}.{get}", where)
+
+    def _in_data(self, pattern: str) -> list[tuple[Path, str]]:
+        """Return where the data folder may hold a file: at its path without steps up, or under a name that no other log has."""
+        if self.data is None:
+            return []
+        named = {Path(p).name for t in self.content.records.values() for p in _patterns(t) if p != pattern}
+        path = Path(pattern)
+        alone = [path.name] if path.name not in named and not any(mark in pattern for mark in "*?[") else []
+        return [(self.data, p) for p in dict.fromkeys(("/".join(p for p in path.parts if p not in ("..", path.anchor)), *alone))]
+
+    def in_data(self, name: str) -> bool:
+        """Whether the data folder has a log of a record or pattern of the file."""
+        every = (place for pattern in _patterns(self.content.records[name]) for place in self._in_data(pattern))
+        return any(any(root.glob(below)) for root, below in every)
 
     def pick(self, patterns: Sequence[str], where: str) -> list[str]:
         """Return the names of records that match patterns, in order.
@@ -292,6 +305,11 @@ def scenario_of(table: ScenarioTable, title: str) -> Scenario:
 def local_of(tables: Mapping[str, Any]) -> dict[str, dict[str, str]]:
     """Return local values as `calibrate` takes them."""
     return {name: t.model_dump(exclude_none=True) for name, t in tables.items()}
+
+
+def _patterns(table: RecordTable) -> list[str]:
+    """Return the file of a record, or its patterns of files."""
+    return [table.file] if table.file is not None else [table.files] if isinstance(table.files, str) else table.files or []
 
 
 def read_campaign(path: str | os.PathLike[str], data: str | os.PathLike[str] | None = None) -> CampaignSource:

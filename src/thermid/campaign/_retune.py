@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -19,12 +19,12 @@ from thermid.base.units import counted
 from thermid.campaign._file import CampaignSource, read_campaign
 from thermid.campaign._joint import Level, places_of
 from thermid.campaign._stages import Campaign, Notice, progress_of, request_of
-from thermid.fit.calibration import MOVED, Calibration, Request, fit, key_of, moved_instruments
-from thermid.fit.error_model import KEY as ERRORS, errors_without
+from thermid.fit.calibration import MOVED, Calibration, Request, as_found, fit, key_of, moved_instruments
+from thermid.fit.error_model import KEY as ERRORS, errors_after, errors_without
 from thermid.model.deck import load_model
 from thermid.model.elements import Constant, Standing, exact
 from thermid.model.identity import PlaceStart, Replacement, definition_of, inside, instances, short_text, touching
-from thermid.model.tree import Model, Names, ParameterSet, ledger
+from thermid.model.tree import Model, Names, ParameterSet, deck_text, ledger
 from thermid.physics.constants import ICE_POINT
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Scenario, steady
@@ -196,7 +196,16 @@ class RetunePlan(Result):
             f"{self.watts[1]:.4g} W of its deck, before any test of it; they have no band",
             *(f"sensor {sensor}: {why}" for sensor, why in self.unplaced.items()),
             *self.replacement.assumes[1:],
+            *self._clocks(),
         )
+
+    def _clocks(self) -> list[str]:
+        """Return in words at which stated offsets logs are joined to those of repeated tests; nothing where there is none."""
+        source = self.campaign.source
+        tables = [source.names()[name][1].joined for name in self.tests] if source is not None else []
+        joined = (one for t in tables for one in (t if isinstance(t, list) else [t] if t is not None else []))
+        stated = ", ".join(f"'{one.record}' {one.offset}" for one in joined if isinstance(one.offset, str))
+        return [f"clocks of the new logs: the offsets that the campaign states of the old ones, {stated}"] * bool(stated)
 
     @property
     def unplaced(self) -> dict[str, str]:
@@ -212,13 +221,18 @@ class RetunePlan(Result):
         return out
 
     def __str__(self) -> str:
-        """Return the plan as text."""
+        """Return the plan as text, below the standing of the values that it rests on."""
+        return self.standing.over(self.text)
+
+    @property
+    def text(self) -> str:
+        """The plan alone as text."""
         lines = [f"{self.part}: {self.old} -> {self.new}", "  assumed:", *(f"    {a}" for a in self.assumes)]
         lines += ["  removed with the old part:"] * bool(self.replacement.dropped)
         lines += [f"    {d.path} {short_text(d.text)}, {d.origin}, {d.why}" for d in self.replacement.dropped]
         if self.replacement.untied:
             lines.append(f"  no longer shared with other instances: {', '.join(self.replacement.untied)}")
-        lines.append(f"  retuned interface values: {len(self.freed)}, {', '.join(self.freed) or 'none'}")
+        lines.append(f"  retuned values: {len(self.freed)}, {', '.join(self.freed) or 'none'}")
         for t in self.touched:
             what = "freed" if not t.held else f"fixed: {t.held}"
             lines.append(f"    {t.stage}: {t.path}  {t.kelvin:.2f} K for {100 * t.change:.0f} %, through {', '.join(t.through)}; {what}")
@@ -231,7 +245,7 @@ class RetunePlan(Result):
         lines += ["  neighbours, exposed area before -> after; their convection coefficients stay fixed:"] * bool(self.neighbours)
         for name, (a, b, dt) in self.neighbours.items():
             lines.append(f"    {name}: {1e4 * a:.4g} -> {1e4 * b:.4g} cm^2, {dt:+.2f} K at rest")
-        return self.standing.over("\n".join([*lines, *self._at_rest()]))
+        return "\n".join([*lines, *self._at_rest()])
 
     def _at_rest(self) -> list[str]:
         """Return the temperatures before and after, and those of the last record where the old part had another power in it."""
@@ -394,6 +408,8 @@ def _touches(done: Calibration, level: Level, inner: str, new: Model) -> tuple[l
         elif kelvin < MIN_EFFECT and not inside:
             held = f"{words} moves no sensor by {MIN_EFFECT} K"
         out.append(Touch(level.name, path, tuple(through) or ("the part itself",), kelvin, change, held))
+    if any(not t.held for t in out):  # in a test that is due anyway, what starts again is no longer what it was
+        out = [replace(t, held="") if t.path in anew and anew[t.path].path == t.path else t for t in out]
     return out, starts
 
 
@@ -496,11 +512,10 @@ def retuned(
             request = request_of(source, changed_table, k, done, _model(source, table, k, stage, plan, before[stage.of] if again else None))
             request = request if stage.alone or again else _local(request, stage, before[stage.of], plan)
             if carried:
-                done[stage.name] = (
-                    _carried(before[stage.of], request, (stage.part, *(s.path for s in stage.starts))) if stage.part else before[stage.of]
-                )
+                done[stage.name] = _carried(before[stage.of], request, _replaced_places(stage)) if stage.part else before[stage.of]
             else:
-                request, done[stage.name] = _fitted(request, before[stage.of], progress_of(notice, stage.name))
+                anew = () if stage.alone or again else (*_replaced_places(stage), *stage.free)
+                request, done[stage.name] = _fitted(request, before[stage.of], anew, progress_of(notice, stage.name))
             requests[stage.name] = request
             keys[stage.name] = key_of(request, [keys[n] for i in changed_table.inherit.values() for n in i.stages])
     count = 0 if part_only else len(plan.freed)
@@ -511,27 +526,45 @@ def retuned(
     return Campaign(before.title, done, (), keys, note, requests=requests)
 
 
-def _fitted(request: Request, before: Calibration, progress: Any) -> tuple[Request, Calibration]:
+def _replaced_places(stage: StagePlan) -> tuple[str, ...]:
+    """Return the part and the values of its place that start again, in the model of a stage."""
+    return (stage.part, *(s.path for s in stage.starts))
+
+
+def _fitted(request: Request, before: Calibration, anew: Sequence[str], progress: Any) -> tuple[Request, Calibration]:
     """Return the fit of a stage with its request; instruments that are not those of the tests before have constant errors of their own.
 
     The constant errors are fitted with the accuracy that is stated of them. Where they agree with those before, by the errors of both, the
-    instruments are the same: their errors are then fixed, since what is known of the other values goes together with them.
+    instruments are the same: their errors, scales and lags are then fixed, since what is known of the other values goes together with them.
+    What is known of all but the parts and values `anew` is that of before, by its model of error too.
     """
-    if not (request.held_bias or request.held_errors):
+    if not anew:
         return request, fit(request, progress)
-    again = replace(request, held_bias={}, held_errors=None, store=request.store.only(lambda s: s.kind == "parameter"), remarks=())
+    held = replace(request, records=tuple(as_found(r, before.values, before.bias) for r in request.records))
+    own = replace(request, held_bias={}, held_errors=None, store=request.store.only(lambda s: s.kind == "parameter"), remarks=())
     try:
-        after = fit(again, progress)
+        made = fit(own, progress) if any(s.kind != "parameter" for s in before.store.states.values()) else None
     except IdentificationError:
-        return request, fit(request, progress)
-    changed = moved_instruments(before.store, after.store)
-    if changed.verdict != MOVED:
-        return request, fit(request, progress)
+        made = None
+    changed = moved_instruments(before.store, made.store) if made is not None else None
+    if made is None or changed is None or changed.verdict != MOVED:
+        return held, _with_errors_before(fit(held, progress), before, anew, held)
     remark = (
         f"the logs after the swap come from other instruments, or these drifted: {', '.join(changed.paths)}. Their constant errors "
         "were fitted again, within the stated accuracy. Of the other values, only those were fitted again that the new part affects."
     )
-    return again, replace(after, warnings=(remark, *after.warnings))
+    return own, _with_errors_before(replace(made, warnings=(remark, *made.warnings)), before, anew, own)
+
+
+def _with_errors_before(made: Calibration, before: Calibration, anew: Sequence[str], request: Request) -> Calibration:
+    """Return a fit of some values with what the fit before it left open of all others."""
+    provenance, earlier = made.values.provenance, request.store.provenance.get(before.stage, {})
+    if ERRORS in provenance and ERRORS in earlier:
+        provenance = {**provenance, ERRORS: errors_after(provenance[ERRORS], earlier[ERRORS], anew)}
+    rest = {k: x for k, x in earlier.items() if k != ERRORS}
+    every = {n: x for n, x in made.store.provenance.items() if n != made.stage}
+    store = replace(made.store, provenance={**every, f"{before.stage} before": rest, made.stage: provenance})
+    return replace(made, values=replace(made.values, provenance=provenance), store=store)
 
 
 def _carried(before: Calibration, request: Request, gone: Sequence[str]) -> Calibration:
@@ -552,6 +585,29 @@ def _carried(before: Calibration, request: Request, gone: Sequence[str]) -> Cali
     )
 
 
+def new_logs(campaign: str | os.PathLike[str], data: str | os.PathLike[str]) -> CampaignSource:
+    """Return a campaign with the folder of the repeated tests.
+
+    Raises
+    ------
+    MissingDataError   When the folder has no log under any name of the campaign's logs.
+    """
+    source = read_campaign(campaign, data)
+    assert source.data is not None
+    if not any(map(source.in_data, source.content.records)):
+        raise MissingDataError(_missing(source, source.content.records), source.path.name)
+    return source
+
+
+def _missing(source: CampaignSource, records: Iterable[str]) -> str:
+    """Return in words that the folder of the repeated tests lacks logs."""
+    assert source.data is not None
+    return (
+        f"the folder '{source.data.name}' of the repeated tests has no log of {', '.join(records)}. The logs beside the campaign "
+        "are from before the swap. Put the new logs there, with the file names of the campaign."
+    )
+
+
 def _source(source: CampaignSource, plan: RetunePlan, due: Sequence[str], everything: bool) -> CampaignSource:
     """Return the campaign for the new logs, those of the repeated tests alone unless everything is run; other logs need not be there."""
     old = plan.campaign.source
@@ -564,11 +620,7 @@ def _source(source: CampaignSource, plan: RetunePlan, due: Sequence[str], everyt
     if reduced.data is not None and reduced.data != old.data:
         before = [name for name, (file, _) in reduced.names().items() if name in due and not file.resolve().is_relative_to(reduced.data)]
         if before:
-            raise MissingDataError(
-                f"the folder '{reduced.data.name}' of the repeated tests has no log of {', '.join(before)}. The logs beside the campaign "
-                "are from before the swap. Put the new logs there, with the file names of the campaign.",
-                reduced.path.name,
-            )
+            raise MissingDataError(_missing(reduced, before), reduced.path.name)
     return reduced
 
 
@@ -728,7 +780,9 @@ def starts_of(before: Store, old: Model, new: Model, starts: Sequence[PlaceStart
         low, high = (w if w is not None else end for w, end in zip(written.walls, (0.0, math.inf), strict=True))
         at, origin = literal.value, ValueOrigin("twin", stage)
         ends = (low, high)
-        states[one.path] = State(one.path, at, True, written.unit, ends, origin, paths=(one.path,), deck=written.text, start=at)
+        states[one.path] = State(
+            one.path, at, True, written.unit, ends, origin, paths=(one.path,), deck=deck_text(table[one.path]), start=at
+        )
     return Store(states, (*before.sources, *new_sources), root)
 
 

@@ -14,6 +14,7 @@ from thermid.fit._error_model.kept import (
     KeptWay as KeptWay,
     SeenValue as SeenValue,
     deviation as deviation,
+    errors_after as errors_after,
     errors_of_values as errors_of_values,
     errors_without as errors_without,
 )

@@ -28,7 +28,7 @@ from thermid.prediction._split import split_values
 from thermid.simulation.network import Network, compile_network
 from thermid.simulation.runs import Scenario, Simulator, network_for, prepare
 from thermid.values.fitted import FittedValues
-from thermid.values.ranges import RangedValue, narrowed, ranged_values, without_spread
+from thermid.values.ranges import RANGE_OF, RangedValue, narrowed, ranged_values, without_spread
 from thermid.values.spreads import cut
 from thermid.values.store import Distribution, Kind, LeftOut, Logarithm, LogNormal, Normal, Shifted, Source, Uniform, uniforms
 
@@ -472,12 +472,17 @@ class Budget:
         return self.beside([source], cause, [target], np.ones((1, 1)))
 
     def below(self, errors: Sequence[ErrorModel]) -> Budget:
-        """Return it with those sources alone that act on values which no fit has seen; all others are in the fits' models of error."""
+        """Return it with those sources alone that act on values which no fit has seen; all others are in the fits' models of error.
+
+        So are the errors of the values that a fit has seen, but for what they follow of stated ranges.
+        """
         fitted_names = {n for e in errors for n in e.seen}
         held = [k for k, t in enumerate(self.targets) if t.name not in fitted_names]
         columns = np.flatnonzero(self.gain[held].any(axis=0)).tolist()
         sources, causes = tuple(self.sources[k] for k in columns), (VALUES,) * len(columns)
-        return replace(self, sources=sources, causes=causes, alike=np.eye(len(columns)), gain=self.gain[:, columns])
+        told = [[k not in held and not s.name.startswith(RANGE_OF) for s in sources] for k in range(len(self.targets))]
+        gain = np.where(np.reshape(told, (len(self.targets), len(columns))), 0.0, self.gain[:, columns])
+        return replace(self, sources=sources, causes=causes, alike=np.eye(len(columns)), gain=gain)
 
     def with_elements(self, errors: Sequence[ErrorModel], network: Network, as_logged: bool) -> Budget:
         """Return it with what fits leave open of their values and of the elements of a network, whose noise is no source of its own then.

@@ -8,12 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import thermid as td
 from by_code import raises_code
+from thermid.app.cli.app import app
 from thermid.base.errors import DeckError, MissingDataError
 from thermid.measure.records import Record
 from thermid.model.deck import load_model
+from thermid.prediction.bands import Knowledge
+from thermid.values.value_files import filed
 from unit.fit.bench import log
 from unit.fit.project import write_log
 
@@ -199,3 +203,100 @@ def test_the_instruments_of_another_logger(tmp_path: Path) -> None:
         assert made.chi_square < 1.2 * made.freedom, name
         assert [w for w in made.warnings if "TX -0.6" in w] or name == "same"
         assert bool(made.request.held_bias) == (name == "same"), name
+
+
+ONE = """title = "One unit"
+
+[records.unit]
+file = "../logs/unit.csv"
+time = "time_s"
+joined = { record = "supply", offset = "0 [s]" }
+channels = { TX = { node = "x.d", noise = "0.03 [K]", accuracy = "0.3 [K]", lag = "60 [s]", lag_accuracy = "30 [s]" }, TP = { node = "plate", noise = "0.03 [K]", accuracy = "0.3 [K]" }, AIR = { boundary = "air" } }
+
+[records.supply]
+file = "../logs/supply.csv"
+time = "time_s"
+channels = { W = { load = "x.heat" } }
+
+[[stages]]
+name = "unit"
+model = "../unit.toml"
+records = ["unit"]
+free = ["x.skin.conductance", "foot.conductance", "face.conductance"]
+
+[predictions.hot]
+scenario = "../hot.toml"
+limits = { "x.case" = ["0 [degC]", "30 [degC]"] }
+"""  # noqa: E501
+
+
+@pytest.fixture(scope="module")
+def own(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A campaign of a unit, in a folder of its own beside the logs."""
+    root = tmp_path_factory.mktemp("one")
+    (root / "thermid.toml").write_text("")
+    (root / "part.toml").write_text(PART.format(title="Old", power=2, seat="d"))
+    (root / "unit.toml").write_text(UNIT)
+    (root / "hot.toml").write_text('title = "hot"\nstart = "40 [degC]"\nduration = "5 [h]"\nboundaries = { air = "40 [degC]" }\n')
+    (root / "own").mkdir()
+    (root / "own" / "campaign.toml").write_text(ONE)
+    unit = load_model(root / "unit.toml")
+    (root / "new.toml").write_text(PART.format(title="New", power=0.1, seat="d"))
+    switched(root, unit, (0.2, 0.7), 0.0, {}, 1)
+    swapped = unit.replace("x", load_model(root / "new.toml"))
+    switched(root / "same", swapped, (0.25, 0.6), 0.0, {}, 11)
+    switched(root / "other", swapped.with_values({"face.conductance": "0.9 [W/K]"}), (0.25, 0.6), 0.0, {}, 11)
+    for name in ("same", "other"):
+        for log_file in ("unit.csv", "supply.csv"):
+            shutil.move(root / name / "logs" / log_file, root / name / log_file)
+    return root
+
+
+def test_what_stays_is_known_as_before(own: Path) -> None:
+    """Values that stay keep the model of error of the fit before, so bands far from the part stay; lags that it found hold."""
+    before = td.run_stages(own / "own" / "campaign.toml", cache=own / "kept")
+    plan = td.design.plan_retune(before, "x", own / "new.toml")
+    assert {*plan.freed} == {"unit: x.skin.conductance", "unit: foot.conductance"}, "though 25 % of the joint move no sensor by 0.05 K"
+    assert [line for line in str(plan).splitlines() if line.endswith("'supply' 0 [s]")]
+    made = plan.run(own / "same")["unit"]
+    lag = before["unit"].values["lag of TX"].value
+    assert made.request.records[0].channels["TX"].part.lag == lag < 50.0
+    (errors,) = Knowledge.of_source(made).errors
+    assert {"face.conductance", "foot.conductance", f"x.{SKIN}"} <= {*errors.seen}
+    way = errors.ways[0]
+    for path, fit in (("face.conductance", before["unit"]), ("foot.conductance", made)):
+        assert way.values[path] == pytest.approx(fit.fitted[path], abs=0.1), path
+    assert len(way.root) == len(way.values) + len(way.columns) == len(way.places)
+    scenario = td.Scenario("hot", boundaries={"air": "40 [degC]"}, start="40 [degC]", duration="5 [h]")
+    bands = [td.predict(fit, scenario)["plate"] for fit in (before["unit"], made)]
+    assert bands[1].error[-1] < 1.3 * bands[0].error[-1]
+
+
+def test_values_that_new_logs_contradict_are_not_credible(own: Path, tmp_path: Path) -> None:
+    """The face, which stays fixed, carries twice the heat by the new logs: exit code 1, and what rests on it says so."""
+    call = ["swap", str(own / "own" / "campaign.toml"), "x", str(own / "new.toml"), "--new-data"]
+    done = CliRunner().invoke(app, [*call, str(own / "other"), "--results", str(own / "kept"), "--to", str(tmp_path / "new")])
+    assert done.exit_code == 1, done.output
+    assert done.output.startswith("NOT CREDIBLE: ")
+    assert "face.conductance, " in done.output
+    assert "hot: limit exceeded" in done.output
+    deck, values = tmp_path / "new" / "decks" / "unit.toml", tmp_path / "new" / "unit.values.toml"
+    told = CliRunner().invoke(app, ["predict", str(deck), "--values", str(values), "--scenario", str(own / "hot.toml")])
+    assert told.exit_code == 1, told.output
+    assert told.output.startswith("NOT CREDIBLE: ")
+
+
+def test_logs_that_are_not_there_are_missed_before_any_fit(own: Path, tmp_path: Path) -> None:
+    call = ["swap", str(own / "own" / "campaign.toml"), "x", str(own / "no_deck.toml"), "--new-data", str(tmp_path)]
+    done = CliRunner().invoke(app, call)
+    assert "has no log of unit" in str(done.exception), "and not that the deck is missing, which is found after the fits"
+
+
+def test_the_written_deck_has_the_text_of_every_start(campaign: td.Campaign, tmp_path: Path) -> None:
+    """A joint that starts with the value of the old one had that as its deck's text: its value was ignored with the deck written."""
+    deck, again = new_part(campaign, tmp_path, "d")
+    plan = td.design.plan_retune(campaign, "x", deck)
+    (unit,) = (p for p in plan.run(again, part_only=True).save(tmp_path) if p.name == "unit.values.toml")
+    read = filed(unit, plan.deck)
+    assert not read.gone
+    assert f"{read.model.at('foot.conductance').text}" != f"{plan.deck.at('foot.conductance').text}"

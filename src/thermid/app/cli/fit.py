@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -42,7 +42,7 @@ from thermid.app.cli.options import (
 )
 from thermid.app.cli.screen import Progress, show, working
 from thermid.app.cli.summary import campaign_progress, ready, show_campaign, staged, written
-from thermid.base.errors import ScenarioError, SolverError
+from thermid.base.errors import ScenarioError, SolverError, ThermidError
 from thermid.base.files import CREDIBILITY, PICTURE, TABLE, VALUES, may_write, read_bytes
 from thermid.base.toml_files import kind_of_text
 from thermid.campaign import studies as origins
@@ -57,7 +57,8 @@ from thermid.campaign.stages import (
     scenario_of,
     survey,
 )
-from thermid.campaign.studies import plan_retune
+from thermid.campaign.studies import new_logs, plan_retune
+from thermid.campaign.verdicts import CampaignPrediction
 from thermid.fit.calibration import Calibration, LocalSpec
 from thermid.fit.error_model import SIZES
 from thermid.fit.estimation import estimated
@@ -320,26 +321,32 @@ def swap(
         )
     if to is not None:
         to.mkdir(parents=True, exist_ok=True)  # a name that is no folder's is refused before minutes of work
+    logs = new_logs(campaign, new_data) if new_data is not None else None
     plan = plan_retune(staged(campaign, data, results, accept), part, deck, sensors=pairs(sensor_at, "--sensor-at"))
     content: dict[str, Any] = {"plan": retune_object(plan)}
     texts, standing, code = [str(plan)], plan.standing, 0
-    if new_data is not None:
+    if logs is not None:
         deck = to / "decks" / f"{file_name(plan.stages[-1].name)}.toml" if to is not None else Path()
         if to is not None:
             deck.parent.mkdir(exist_ok=True)
             save_model(plan.deck, deck)
-        retuned = plan.run(new_data, part_only=part_only)
-        standing, code = retuned.standing, retuned.exit_code
+        retuned = plan.run(logs, part_only=part_only)
+        texts, standing, code = [plan.text], retuned.standing, retuned.exit_code
         run = [s.name for s in plan.stages if s.action == "run" and (s.alone or not part_only)]
         content["stages"] = [calibration_object(retuned[name]) for name in run]
         content["note"] = retuned.note
         texts += [retuned.note, *(str(retuned[name]) for name in run)]
+        predictions, failed = campaign_predictions(replace(retuned, source=plan.campaign.source))
+        texts += ["\n".join(_heads(predictions, failed))] * bool(predictions or failed)
+        content["predictions"] = {p.name: p.to_dict() for p in predictions} | _refused(failed)
+        code = code or _prediction_code(predictions, failed)
         if to is not None:
             content["values_files"] = [f.name for f in retuned.save(to)]
             texts.append(f"values: {', '.join(content['values_files'])}")
             content["deck"] = str(deck)
             texts.append(f"next: thermid predict {deck} --values {to / content['values_files'][-1]} --scenario FILE")
-    say(as_json, {**content, "standing": standing.to_dict()}, "\n\n".join(texts), verbose)
+    text = "\n\n".join(texts)
+    say(as_json, {**content, "standing": standing.to_dict()}, standing.over(text, "stage") if logs is not None else text, verbose)
     leave(standing, code)
 
 
@@ -426,8 +433,7 @@ def _predict_named(campaign: Campaign, given: Sequence[str], as_json: bool, verb
         raise ScenarioError(words, campaign.title, code="command.not-understood")
     if not predictions:
         raise next(iter(failed.values()))
-    heads = [f"NOT PREDICTED: '{name}': {error}" for name, error in failed.items()]
-    heads += ["\n".join(p.head for p in predictions)] if len(predictions) > 1 else []
+    heads = ["\n".join(_heads(predictions if len(predictions) > 1 else (), failed))] if failed or len(predictions) > 1 else []
     standing = worst(p.prediction.standing for p in predictions)  # told once, above all of them
     bare = [replace(p, prediction=replace(p.prediction, causes={}, standing=UNJUDGED)) for p in predictions]
     causes: dict[str, str] = {}  # each told once; of its widest band also what would narrow it
@@ -435,10 +441,24 @@ def _predict_named(campaign: Campaign, given: Sequence[str], as_json: bool, verb
         causes[cause] = max(causes.get(cause, ""), words, key=len)
     meanings = ["\n".join(["What the bands come from:", *(f"  {cause}: {words}" for cause, words in causes.items())])] if causes else []
     text = standing.over("\n\n".join([*heads, *map(str, bare), *meanings]))
-    refused = {name: {"error": error.message, "where": error.where, "code": error.code} for name, error in failed.items()}
-    say(as_json, {p.name: p.to_dict() for p in predictions} | refused, text, verbose)
+    say(as_json, {p.name: p.to_dict() for p in predictions} | _refused(failed), text, verbose)
+    leave(standing, _prediction_code(predictions, failed))
+
+
+def _heads(predictions: Sequence[CampaignPrediction], failed: Mapping[str, ThermidError]) -> list[str]:
+    """Return the answers of predictions, a line each; those that could not be made first."""
+    return [*(f"NOT PREDICTED: '{name}': {error}" for name, error in failed.items()), *(p.head for p in predictions)]
+
+
+def _refused(failed: Mapping[str, ThermidError]) -> dict[str, Any]:
+    """Return as JSON holds it why predictions could not be made."""
+    return {name: {"error": error.message, "where": error.where, "code": error.code} for name, error in failed.items()}
+
+
+def _prediction_code(predictions: Sequence[CampaignPrediction], failed: Mapping[str, ThermidError]) -> int:
+    """Return the exit code of predictions: that of the worst failure, else 1 where a limit is exceeded."""
     code = max((error.exit_code for error in failed.values()), default=0)
-    leave(standing, code or (1 if any(p.within is False for p in predictions) else 0))
+    return code or (1 if any(p.within is False for p in predictions) else 0)
 
 
 def _predict_records(

@@ -8,7 +8,7 @@ covariance, so that what is left of departures once the values are known has unk
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -155,9 +155,13 @@ class KeptWay:
         free_air = {c.path: c.words[CARRIED_BY] == FREE_AIR for c in network.flat.conductors if CARRIED_BY in c.words}
         return all(free_air[p] == (law.exponent > 0.0) for p, law in self.laws.items() if p in free_air and isinstance(law, SurfaceLaw))
 
-    def without(self, places: Sequence[str], names: Mapping[str, str]) -> KeptWay:
-        """Return what it says of all but some places: of the values that stay, by their names then, and of elements elsewhere."""
-        there = outside((*self.laws, *self.departures.smooth, *self.departures.nodes, *(c.source for c in self.columns)), places)
+    @property
+    def elements(self) -> tuple[str, ...]:
+        """Conductors and nodes of which it says something."""
+        return (*self.laws, *self.departures.smooth, *self.departures.nodes, *(c.source for c in self.columns))
+
+    def only(self, there: Collection[str], names: Mapping[str, str]) -> KeptWay:
+        """Return what it says of some elements, and of the values in `names`, by their names then."""
         columns = [k for k, c in enumerate(self.columns) if c.source in there]
         rows = self.root[[*(k for k, n in enumerate(self.values) if n in names), *(len(self.values) + k for k in columns)]]
         smooth = {p: x for p, x in self.departures.smooth.items() if p in there}
@@ -169,6 +173,26 @@ class KeptWay:
             columns=tuple(self.columns[k] for k in columns),
             mean=self.mean[columns],
             root=_triangular(rows @ rows.T),
+        )
+
+    def beside(self, other: KeptWay) -> KeptWay:
+        """Return what both say, of different values and elements; independently of one another."""
+        values, columns = len(self.values), len(self.values) + len(other.values)
+        mine = [*range(values), *range(columns, columns + len(self.columns))]
+        root = np.zeros((len(self.root) + len(other.root),) * 2)
+        root[np.ix_(mine, range(len(mine)))] = self.root
+        root[np.ix_([k for k in range(len(root)) if k not in mine], range(len(mine), len(root)))] = other.root
+        a, b = self.departures, other.departures
+        departures = replace(a, smooth={**a.smooth, **b.smooth}, hidden=tuple({*a.hidden, *b.hidden}), nodes=(*a.nodes, *b.nodes))
+        return replace(
+            self,
+            weight=self.weight * other.weight,
+            laws={**self.laws, **other.laws},
+            values={**self.values, **other.values},
+            departures=departures,
+            columns=(*self.columns, *other.columns),
+            mean=np.concatenate([self.mean, other.mean]),
+            root=_triangular(root @ root.T),
         )
 
     @classmethod
@@ -401,8 +425,21 @@ class ErrorModel(Result):
         paths_left = {n: outside([p for p, *_ in v.acts], places) if v.kind == "parameter" else (n,) for n, v in self.seen.items()}
         names = {n: acts[0] for n, acts in paths_left.items() if acts}
         acting = {n: tuple((p, 1.0, 0.0) for p in paths_left[n]) if self.seen[n].kind == "parameter" else self.seen[n].acts for n in names}
-        ways = tuple(w.without(places, names) for w in self.ways)
+        ways = tuple(w.only(outside(w.elements, places), names) for w in self.ways)
         return replace(self, seen={name: replace(self.seen[n], acts=acting[n]) for n, name in names.items()}, ways=ways)
+
+    def after(self, before: ErrorModel, places: Sequence[str]) -> ErrorModel:
+        """Return what a fit of some parts and values says of these and of its instruments, beside what was known of all others before."""
+        rest = before.without(places)
+        rest_names = {n: n for n in rest.seen if n not in self.seen}
+        kept = [w.only(w.elements, rest_names) for w in rest.ways]
+        fresh = [w.only({*w.elements} - {*outside(w.elements, places)}, {n: n for n in self.seen}) for w in self.ways]
+        pairs = [(a, b) for a in kept for b in fresh]
+        ways = [a.beside(b) for a, b in [(a, b) for a, b in pairs if a.name == b.name] or pairs]
+        whole = sum(w.weight for w in ways)
+        return replace(
+            self, seen={**{n: rest.seen[n] for n in rest_names}, **self.seen}, ways=tuple(replace(w, weight=w.weight / whole) for w in ways)
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """Return plain numbers and texts for a file."""
@@ -496,6 +533,20 @@ def errors_without(errors: LaterTable, places: Sequence[str]) -> LaterTable:
         return ErrorModel.from_dict({**errors.original(), "at": ""}).without(places).to_dict()
 
     return LaterTable(make, errors.at, (*errors.without, *places))
+
+
+def errors_after(errors: LaterTable, before: LaterTable, places: Sequence[str]) -> LaterTable:
+    """Return the model of error that a fit of some parts and values keeps, with what one before it knew of all others; made when asked for.
+
+    Both are of one model; places are by its paths.
+    """
+
+    def make() -> dict[str, Any]:
+        """Return both as one table."""
+        a, b = (ErrorModel.from_dict({**one.original(), "at": ""}) for one in (errors, before))
+        return a.after(b, places).to_dict()
+
+    return LaterTable(make, errors.at, outside(before.without, places))
 
 
 def errors_of_values(fit: Calibration, why: str = "") -> ErrorModel:
