@@ -537,7 +537,7 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
         cut = f", where its standard error of {short(v.shown(v.uncut))} is cut" if u.name in values and (v := values[u.name]).uncut else ""
         out.append(f"'{u.name}' ended at its {side} bound {shown}{cut}. Widen the bound, or fix the parameter.")
     for u, error in (
-        (problem.unknowns[k], float(np.sqrt(total[k, k]))) for i in range(len(problem.experiments)) for k, _ in problem.ticking(i)
+        (problem.unknowns[k], float(np.sqrt(total[k, k]))) for i in range(len(problem.experiments)) for k, _, _ in problem.ticking(i)
     ):
         if 4.0 * error > UNKNOWN_CLOCK * (u.high - u.low):
             out.append(
@@ -612,7 +612,7 @@ def _taken_as_instants(problem: Problem) -> list[str]:
 
 def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str]:
     """Return remarks on sampled powers: unknown instants that may move a value by more than its error, and a statement of no effect."""
-    seconds = [e.record.second.channels for e in problem.experiments if e.record.second is not None]
+    seconds = [c.channels for e in problem.experiments for c in e.record.clocks]
     effective = {c.name for e in problem.experiments for c, _ in e.sampled(False).values()}.union(*seconds)
     out = [
         f"{FIRST}prompt = false of '{n}' has no effect, and its changes count from their samples. A fit looks for the moment of a "

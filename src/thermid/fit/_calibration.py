@@ -299,7 +299,7 @@ class Calibration(Result):
     @property
     def clocks(self) -> dict[str, str]:
         """Record and name -> value with its error in words, of offsets and rates of clocks that were found."""
-        return {f"{i.record}: {i.name}": i.words for i in self.local if i.unit == "s" or i.name == "clock rate"}
+        return {f"{i.record}: {i.name}": i.words for i in self.local if i.unit == "s" or i.name.startswith("clock rate")}
 
     @property
     def instrument_errors(self) -> dict[str, float]:

@@ -103,11 +103,12 @@ class Population:
             inputs = np.array([self.problem.inputs(i, p)[0] for p in points])
             draws = dict(zip(bench.free, inputs.T, strict=True))
             nodes = list(dict.fromkeys(o.node for o in observations))
-            times, options = bench.experiment.times, self.problem.options
+            (times, rows), options = bench.read_at(bench.experiment.times), self.problem.options
             members = run_members(bench.engine, draws, times, options, nodes, None, 1, "auto", ())
-            for o in observations:
+            for k, o in enumerate(observations):
+                at = rows[o.index, k] if rows.size else o.index
                 bias, _ = self.problem._bias(o.sensor, points[0])
-                residuals = (o.measured[:, None] - members.temperatures(o.node)[o.index] - bias) / o.sigma(self.problem.noise)
+                residuals = (o.measured[:, None] - members.temperatures(o.node)[at] - bias) / o.sigma(self.problem.noise)
                 cost += loss_of(residuals**2, self.loss, self.loss_scale)[0].sum(axis=0)
         return np.where(np.isfinite(cost), 0.5 * cost, np.inf)
 

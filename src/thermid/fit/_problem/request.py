@@ -390,7 +390,7 @@ def ingredients_of(request: Request, below: list[str]) -> dict[str, str]:
     records = {}
     for r in request.records:
         channels = {n: _channel_key(c) for n, c in r.channels.items()}
-        records[r.name] = [r.origin.sha256, list(r.steps), *([repr(r.second)] if r.second else []), channels]
+        records[r.name] = [r.origin.sha256, list(r.steps), *map(repr, r.clocks), channels]
     scenario = [
         request.scenarios,
         repr(sorted(request.local.items())),
