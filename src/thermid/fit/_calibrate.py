@@ -612,11 +612,17 @@ def _taken_as_instants(problem: Problem) -> list[str]:
 
 def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str]:
     """Return remarks on sampled powers: unknown instants that may move a value by more than its error, and a statement of no effect."""
-    seconds = [c.channels for e in problem.experiments for c in e.record.clocks]
-    effective = {c.name for e in problem.experiments for c, _ in e.sampled(False).values()}.union(*seconds)
+    seconds = {n for e in problem.experiments for c in e.record.clocks for n in c.channels}
+    effective = {c.name for e in problem.experiments for c, _ in e.sampled(False).values()}
     out = [
-        f"{FIRST}prompt = false of '{n}' has no effect, and its changes count from their samples. A fit looks for the moment of a "
-        "change only where samples are instants, the load has no curve, flux, cycle or control, and the model is no FMU."
+        f"{FIRST}prompt = false of '{n}' has no effect, "
+        + (
+            "because a fit finds its clock: each change then counts as anywhere in the interval before its sample, which widens errors. "
+            "State the offset as one number, and the fit finds the moments."
+            if n in seconds
+            else "and its changes count from their samples. A fit looks for the moment of a change only where samples are instants, the "
+            "load has no curve, flux, cycle or control, and the model is no FMU."
+        )
         for n in dict.fromkeys(n for e in problem.experiments for n, c in e.record.channels.items() if c.prompt is False)
         if n not in effective
     ]

@@ -230,6 +230,16 @@ def test_a_fit_finds_a_clock_beside_its_values() -> None:
     assert 0.9 * other.error < one.error < 2.0 * other.error  # it counts that the clock is not known
 
 
+def test_a_statement_that_a_power_is_not_prompt_is_said_to_have_no_effect_beside_an_open_clock() -> None:
+    first, second = stepped(130.0, 1.0, np.zeros(4), seed=1)
+    fits = [
+        td.calibrate(BOX, first.joined(second.with_channels(replace(second["P"], prompt=prompt)), (100.0, 160.0)), [], scenario=AIR)
+        for prompt in (False, None)
+    ]
+    assert fits[0].fitted == fits[1].fitted
+    assert ["prompt = false of 'P' has no effect, because a fit finds its clock" in str(fit) for fit in fits] == [True, False]
+
+
 def test_a_sampled_power_changed_somewhere_in_the_interval_before() -> None:
     """Offsets from a meter that samples every 40 s do not lean by half of that, and their errors say how little it tells."""
     scores = []

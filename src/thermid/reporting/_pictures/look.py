@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from html import escape
-from itertools import count
+from itertools import count, islice
 from pathlib import Path
 from typing import Any, Final
 
@@ -53,6 +53,7 @@ _SHOWN: Final = ("temperature", "boundary", "power", "duty")
 _PANELS: Final = (("temperature", "°C", ("temperature", "boundary")), ("power", "W", ("power",)), ("duty", "%", ("duty",)))
 MANY_READINGS: Final = 6000
 """Readings of a log from which its lines for a campaign thin it as `init` does: fits of 18,000 take minutes, and means lose nothing."""
+_STAMP: Final = re.compile(r"\d{4}-\d{2}-\d{2}[T ]\d{2}:\d{2}(:\d{2})?")
 _BARE: Final = re.compile(r"[A-Za-z0-9_-]+\Z")
 
 
@@ -150,6 +151,10 @@ class Look(Result):
         start = self.times.start or self.cells.start
         since = f", from {start}{zone}" if start else ""
         out = [f"clock: '{self.clock.name}' ({self.times.kind}){since}"]
+        with self.path.open(encoding="latin-1") as file:
+            head = list(islice(file, 0 if start else self.cells.layout.preamble))
+        for number, found in ((n, found) for n, line in enumerate(head, 1) if (found := _STAMP.search(line))):
+            out.append(f"not used: {found[0]} in line {number} (nothing says that the first sample is of that time)")
         even = "even" if even_step(times) is not None else "uneven"
         if times.size > 1 and times[-1] > times[0]:
             step = usual_step(np.unique(times))
