@@ -18,7 +18,6 @@ from thermid.base.errors import IdentificationError, SolverError, quoted
 from thermid.base.linear_algebra import Array, null_space, one_thread, symmetric_inverse
 from thermid.base.units import NAMES, counted, unit
 from thermid.fit._calibration import (
-    BLAME,
     CONTRADICTION_DEVIATIONS,
     FIRST,
     LOUD,
@@ -27,6 +26,7 @@ from thermid.fit._calibration import (
     Calibration,
     FitEnd,
     Local,
+    blame,
     contradicted,
     far_from_sheet,
     fitted_values,
@@ -450,7 +450,7 @@ def summarise(
     moved = moves_above(request, problem, best, spread.variance_factor) if request.store.states else Moves()
     runner, far = request.model.runner, contradicted(values)
     remarks = (
-        *([f"{LOUD}{'; '.join(far.values())}. {BLAME}"] if far else []),
+        *([f"{LOUD}{'; '.join(far.values())}. {blame(problem.experiments)}"] if far else []),
         *far_from_sheet(request.model, values),
         *request.remarks,
         *(f"{FIRST}{r}" for r in (runner.remarks if runner is not None else ())),

@@ -32,7 +32,15 @@ from thermid.values.ranges import range_shares, without_spread
 from thermid.values.store import INPUT, State, Store
 
 LOUD = "NOT CREDIBLE: "
-BLAME = "A column, a unit, a node, an accuracy or the model is wrong. Do not use these values."
+
+
+def blame(experiments: Sequence[Experiment]) -> str:
+    """Return what may be wrong where a fit would need an error that is not credible, and what to do."""
+    stated = any(step.startswith("joined with") and " between " not in step for e in experiments for step in e.record.steps)
+    joined = ", the stated offset of a joined log (give a range, and the fit finds it)" if stated else ""
+    return f"A column, a unit, a node, an accuracy{joined} or the model is wrong. Do not use these values."
+
+
 """What to look for where a fit contradicts what was stated."""
 
 FIRST = "check: "
@@ -378,7 +386,7 @@ class Calibration(Result):
         free, channels = counted(len(fitted), "free parameter"), counted(len(self.sensors), "channel")
         records = f" in {len(self.records)} records" if len(self.records) > 1 else ""
         counts = f"{free}, {samples} samples of {channels}{records}{kind}"
-        standing_text = self.standing.line(self.stage) + (f". {BLAME}" if self.contradicted else "")
+        standing_text = self.standing.line(self.stage) + (f". {blame(self.experiments)}" if self.contradicted else "")
         lines = [f"{self.stage}: {counts}"] if self.standing.fair else [f"{self.stage}: {standing_text}", f"  {counts}"]
         lines += [f"  {w}" for w in self.warnings if w.startswith(FIRST)]
         lines += [f"  {line}" for line in input_lines(self.inputs.assumed)]

@@ -14,6 +14,7 @@ from thermid.app.cli.summary import show_campaign
 from thermid.base.errors import DeckError, RecordError
 from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
+from thermid.fit.calibration import blame
 from thermid.model.elements import TableSignal
 
 DECK = {
@@ -222,6 +223,8 @@ def test_a_fit_finds_a_clock_beside_its_values() -> None:
     # the errors of the values count that the clock is not known
     known = td.calibrate(BOX, held(130.0, 1.08)[0].joined(held(130.0, 1.08)[1], 130.0, 1.08), FREE, scenario=AIR)
     assert fit["case.capacitance"].error > 1.05 * known["case.capacitance"].error
+    # where a fit is not credible, an offset that was stated is one of the things to doubt
+    assert ["offset of a joined log" in blame(f.experiments) for f in (fit, known)] == [False, True]
     # what is asked of the fit afterwards is what it says with the clock known
     hot = td.Scenario("hot", boundaries={"air": "40 [degC]"}, start="air", duration="30 [min]")
     one, other = (td.predict(f, hot)["case"].final for f in (fit, known))

@@ -15,7 +15,7 @@ from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.units import counted, from_si, si_unit, unit
 from thermid.campaign.stages import Campaign
 from thermid.campaign.verdicts import CampaignPrediction, Check, Verdict, largest, metric
-from thermid.fit.calibration import BLAME, MOVED, Calibration, instrument_shares, sensor_shares
+from thermid.fit.calibration import MOVED, Calibration, blame, instrument_shares, sensor_shares
 from thermid.measure.records import Record
 from thermid.model.tree import Model, ParameterSet, flatten, ledger, parameter_table
 from thermid.physics.constants import ICE_POINT
@@ -620,7 +620,7 @@ def _todo(campaign: Campaign, named: Sequence[CampaignPrediction]) -> Iterator[t
     """Yield what follows from it, each with its stage."""
     for c in _fits(campaign):
         if c.contradicted:
-            yield f"Do not use {c.stage}: {_some(list(c.contradicted.values()))}. {BLAME}", c.stage
+            yield f"Do not use {c.stage}: {_some(list(c.contradicted.values()))}. {blame(c.experiments)}", c.stage
         elif not c.standing.usable and (c.standing.state, c.standing.stage) != ("failed", c.stage):  # what its own verdicts say follows
             yield f"Do not use {c.stage}: {c.standing.reason(c.stage)}.", c.stage
     if not campaign.verdicts:
