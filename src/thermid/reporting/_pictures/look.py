@@ -548,8 +548,8 @@ def clock_lines(looks: Sequence[Look], clocks: Sequence[dict[str, Any]]) -> list
     for f in (f for f in with_stamp if "at" not in f or "step" not in f):
         advice = ALIGNED if f["record"] in compared else "a range has it fitted" if "at" in f else "give a range to have it fitted"
         lines.append(f"  {f['file']} is placed by time stamps; two loggers' clocks may differ by minutes: {advice}")
-    fitted = [f for f in clocks if "at" in f and not f["at"]["candidate"]]
-    pairs = ", ".join(f'{{ record = "{f["record"]}", offset = {_offset(f)} }}' for f in clocks)
+    fitted = [f for f in clocks if "at" in f and not f["at"]["candidate"] and not (f["record"] in compared and _by_stamps(f))]
+    pairs = ", ".join(f'{{ record = "{f["record"]}", offset = {_offset(f, f in fitted)} }}' for f in clocks)
     return [
         *lines,
         f"Join them in [records.{looks[0].name}]" + ("; a pair as offset is a range in which the fit finds it:" if fitted else ":"),
@@ -598,13 +598,18 @@ def _bare(look: Look) -> str:
     return "is not readable yet" if look.times is None else "has no time stamps"
 
 
-def _offset(clock: dict[str, Any]) -> str:
+def _by_stamps(clock: dict[str, Any]) -> bool:
+    """Return whether stamps of a log and of the first one agree with the steps between them, or are all that there is."""
+    return clock["offset"] is not None and bool(clock["at"]["by_stamps"])
+
+
+def _offset(clock: dict[str, Any], fitted: bool) -> str:
     """Return the offset of a further log as a campaign writes it: a range that the errors leave, one number, or a gap to fill.
 
-    Stamps of two computers may be minutes apart, so that a fit looks for the offset. A log of temperatures that has stamps alone is taken
-    at these. A candidate is a gap to fill: nothing tells by how much one place is later than the other.
+    Stamps of two computers may be minutes apart, so that a fit looks for the offset. A log of temperatures whose stamps no step
+    contradicts is taken at these. A candidate is a gap to fill: nothing tells by how much one place is later than the other.
     """
-    if "at" in clock and not clock["at"]["candidate"]:
+    if fitted:
         low, high = offset_range(clock)
         return f'["{low} [s]", "{high} [s]"]'
     late = stated_offset(clock)
