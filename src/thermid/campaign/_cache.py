@@ -147,7 +147,7 @@ def log_kept(folder: Path | None, path: Path, how: Mapping[str, Any], make: Call
     record = _read(cache_file, key)
     if record is None:
         record = make()
-        if record.second is None:  # the record of one log has one clock; another is joined later, and not kept
+        if not record.clocks:  # the record of one log has one clock; another is joined later, and not kept
             _write(cache_file, key, record)
     return record
 

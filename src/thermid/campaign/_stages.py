@@ -69,7 +69,7 @@ def mistakes_of(fit: Calibration) -> Mistakes:
     """Return the mistakes that would explain what a fit misses; none where nothing was fitted to logs, or nothing is missed."""
     if fit.given_model.runner is not None:  # the heat inside somebody's FMU is not known
         return Mistakes(fit.stage)
-    if fit.request is None or not fit.request.records or not fit.values.parameters or any(e.ticks is not None for e in fit.experiments):
+    if fit.request is None or not fit.request.records or not fit.values.parameters or any(e.ticks for e in fit.experiments):
         return Mistakes(fit.stage)
     if stray_readings(fit.request.records):  # said first: what looks like another mistake may be their doing
         return Mistakes(fit.stage)

@@ -78,9 +78,7 @@ def own_standing(
     moved: Moves,
 ) -> Standing:
     """Return the standing of a fit by itself, whatever it rests on; `moved` is what its logs say of values that it inherited."""
-    held_far_off = any(
-        m.path not in values and m.verdict == MOVED and abs(m.deviations) > CONTRADICTION_DEVIATIONS for m in moved.values
-    )
+    held_far_off = any(m.path not in values and m.verdict == MOVED and abs(m.deviations) > CONTRADICTION_DEVIATIONS for m in moved.values)
     wrong = [*contradicted(values).values(), *([] if minimum.converged else [f"the fit did not converge: {minimum.message}"])]
     if wrong or held_far_off:
         return Standing("not credible", "; ".join([*moved.contradictions(), *wrong]), values.stage, request.accepted)
@@ -544,7 +542,7 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
         cut = f", where its standard error of {short(v.shown(v.uncut))} is cut" if u.name in values and (v := values[u.name]).uncut else ""
         out.append(f"'{u.name}' ended at its {side} bound {shown}{cut}. Widen the bound, or fix the parameter.")
     for u, error in (
-        (problem.unknowns[k], float(np.sqrt(total[k, k]))) for i in range(len(problem.experiments)) for k, _ in problem.ticking(i)
+        (problem.unknowns[k], float(np.sqrt(total[k, k]))) for i in range(len(problem.experiments)) for k, _, _ in problem.ticking(i)
     ):
         if 4.0 * error > UNKNOWN_CLOCK * (u.high - u.low):
             out.append(
@@ -619,11 +617,17 @@ def _taken_as_instants(problem: Problem) -> list[str]:
 
 def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str]:
     """Return remarks on sampled powers: unknown instants that may move a value by more than its error, and a statement of no effect."""
-    seconds = [e.record.second.channels for e in problem.experiments if e.record.second is not None]
-    effective = {c.name for e in problem.experiments for c, _ in e.sampled(False).values()}.union(*seconds)
+    seconds = {n for e in problem.experiments for c in e.record.clocks for n in c.channels}
+    effective = {c.name for e in problem.experiments for c, _ in e.sampled(False).values()}
     out = [
-        f"{FIRST}prompt = false of '{n}' has no effect, and its changes count from their samples. A fit looks for the moment of a "
-        "change only where samples are instants, the load has no curve, flux, cycle or control, and the model is no FMU."
+        f"{FIRST}prompt = false of '{n}' has no effect, "
+        + (
+            "because a fit finds its clock: each change then counts as anywhere in the interval before its sample, which widens errors. "
+            "State the offset as one number, and the fit finds the moments."
+            if n in seconds
+            else "and its changes count from their samples. A fit looks for the moment of a change only where samples are instants, the "
+            "load has no curve, flux, cycle or control, and the model is no FMU."
+        )
         for n in dict.fromkeys(n for e in problem.experiments for n, c in e.record.channels.items() if c.prompt is False)
         if n not in effective
     ]

@@ -32,13 +32,20 @@ from thermid.values.ranges import range_shares, without_spread
 from thermid.values.store import INPUT, State, Store
 
 LOUD = "NOT CREDIBLE: "
-BLAME = "A column, a unit, a node, an accuracy or the model is wrong. Do not use these values."
-"""What to look for where a fit contradicts what was stated."""
+
+
+def blame_of(experiments: Sequence[Experiment]) -> str:
+    """Return what may be wrong where a fit would need an error that is not credible, and what to do."""
+    stated = any(step.startswith("joined with") and " between " not in step for e in experiments for step in e.record.steps)
+    joined = ", the stated offset of a joined log (give a range, and the fit finds it)" if stated else ""
+    return f"A column, a unit, a node, an accuracy{joined} or the model is wrong. Do not use these values."
+
+
 LAW = (
     "The law of an element or the model's structure is wrong: once elements may depart from their laws, the same readings agree with "
     "these priors. Do not use the fitted values."
 )
-"""The same where the model of error finds values that agree with what was stated."""
+"""What to look for where the model of error finds values that agree with what was stated."""
 
 FIRST = "check: "
 """Begins what stands in the first lines of a fit: a question that its user can answer and the fit cannot."""
@@ -300,7 +307,7 @@ class Calibration(Result):
     @property
     def clocks(self) -> dict[str, str]:
         """Record and name -> value with its error in words, of offsets and rates of clocks that were found."""
-        return {f"{i.record}: {i.name}": i.words for i in self.local if i.unit == "s" or i.name == "clock rate"}
+        return {f"{i.record}: {i.name}": i.words for i in self.local if i.unit == "s" or i.name.startswith("clock rate")}
 
     @property
     def instrument_errors(self) -> dict[str, float]:
@@ -322,7 +329,7 @@ class Calibration(Result):
         """What to look for where the fit contradicts what was stated; empty where it does not."""
         if not self.contradicted:
             return ""
-        return BLAME if self.unexplained or not self.expected or contradicted(self.estimates) else LAW
+        return blame_of(self.experiments) if self.unexplained or not self.expected or contradicted(self.estimates) else LAW
 
     @cached_property
     def estimates(self) -> Mapping[str, FittedValue]:

@@ -23,7 +23,7 @@ from thermid.base.errors import IdentificationError, ScenarioError, SolverError,
 from thermid.base.linear_algebra import NOTHING, Array, pseudo_inverse
 from thermid.base.units import counted
 from thermid.fit._minimisation import Fit, ended, minimise
-from thermid.fit._problem.experiment import OFFSET, SCALE, Experiment, Ticks
+from thermid.fit._problem.experiment import OFFSET, SCALE, Experiment
 from thermid.fit._problem.residuals import Problem, Unknown, clock_at, loss_of, starting_point
 from thermid.fit._uncertainty.noise import autocorrelation
 from thermid.model.elements import TableSignal
@@ -106,11 +106,12 @@ class Population:
             inputs = np.array([self.problem.inputs(i, p)[0] for p in points])
             draws = dict(zip(bench.free, inputs.T, strict=True))
             nodes = list(dict.fromkeys(o.node for o in observations))
-            times, options = bench.experiment.times, self.problem.options
+            (times, rows), options = bench.read_at(bench.experiment.times), self.problem.options
             members = run_members(bench.engine, draws, times, options, nodes, None, 1, "auto", ())
-            for o in observations:
+            for k, o in enumerate(observations):
+                at = rows[o.index, k] if rows.size else o.index
                 bias, _ = self.problem._bias(o.sensor, points[0])
-                residuals = (o.measured[:, None] - members.temperatures(o.node)[o.index] - bias) / o.sigma(self.problem.noise)
+                residuals = (o.measured[:, None] - members.temperatures(o.node)[at] - bias) / o.sigma(self.problem.noise)
                 cost += loss_of(residuals**2, self.loss, self.loss_scale)[0].sum(axis=0)
         return np.where(np.isfinite(cost), 0.5 * cost, np.inf)
 
@@ -522,10 +523,9 @@ def with_clocks(problem: Problem, loss: str, loss_scale: float, fitted: Array | 
     IdentificationError   When the model runs at no offset.
     """
     at = starting_point(problem.unknowns) if fitted is None else fitted.copy()
-    for i, experiment in enumerate(problem.experiments):
-        if experiment.ticks is None:
-            continue
-        costs = [(_cost(problem, i, there, loss, loss_scale), there) for there in _grid(problem, i, at, experiment.ticks)]
+    for i, number in ((i, number) for i, e in enumerate(problem.experiments) for number in range(len(e.ticks))):
+        experiment = problem.experiments[i]
+        costs = [(_cost(problem, i, there, loss, loss_scale), there) for there in _grid(problem, i, at, number)]
         if fitted is not None:
             costs.append((_cost(problem, i, at, loss, loss_scale), at))
         cost, at = min(costs, key=lambda pair: pair[0])
@@ -546,7 +546,7 @@ def in_turns(
         moved = with_clocks(problem, loss, loss_scale, minimum.fitted)
         at = minimum.fitted.copy()
         for i in range(len(problem.experiments)):
-            for k, _name in moved.ticking(i):
+            for k, _, _ in moved.ticking(i):
                 at[k] = moved.unknowns[k].start
         if np.array_equal(at, minimum.fitted):
             return problem, minimum
@@ -562,9 +562,9 @@ def at_clocks(problem: Problem, fitted: Array) -> Problem:
     """Return a problem whose experiments hold their second clocks where the unknowns put them."""
     experiments, unknowns = list(problem.experiments), list(problem.unknowns)
     for i, experiment in enumerate(problem.experiments):
-        if experiment.ticks is not None:
-            experiments[i] = experiment.ticks.moved(experiment, clock_at(problem, i, fitted))
-            for k, _ in problem.ticking(i):
+        if experiment.ticks:
+            experiments[i] = experiment.on_clocks(clock_at(problem, i, fitted))
+            for k, _, _ in problem.ticking(i):
                 unknowns[k] = replace(unknowns[k], start=float(fitted[k]))
     return replace(problem, experiments=tuple(experiments), unknowns=tuple(unknowns))
 
@@ -589,7 +589,7 @@ def widened_by_noise_of_powers(problem: Problem, fitted: Array) -> Array:
     out = np.ones(len(problem.unknowns))
     for i, e in enumerate(problem.experiments):
         calm = _calm(e)
-        ticking = [k for k, _ in problem.ticking(i)]
+        ticking = [k for k, _, _ in problem.ticking(i)]
         if calm is None or not ticking:
             continue
         quiet = replace(problem, experiments=tuple(calm if j == i else other for j, other in enumerate(problem.experiments)))
@@ -604,7 +604,7 @@ def widened_by_noise_of_powers(problem: Problem, fitted: Array) -> Array:
 def _calm(experiment: Experiment) -> Experiment | None:
     """Return an experiment whose sampled powers on a second clock stay at their means between true changes; None where none has noise."""
     tables: dict[str, dict[str, Any]] = {}
-    for name, path in experiment.ticks.driven if experiment.ticks is not None else ():
+    for name, path in (of for ticks in experiment.ticks for of in ticks.driven):
         table = getattr(experiment.scenario, name)[path]
         noise = experiment.noisy.get(SCALE + path)
         if noise is None or not noise.white > 0.0 or not isinstance(table, TableSignal):
@@ -614,15 +614,17 @@ def _calm(experiment: Experiment) -> Experiment | None:
     return replace(experiment, scenario=experiment.scenario.with_(**tables)) if tables else None
 
 
-def _grid(problem: Problem, i: int, fitted: Array, ticks: Ticks) -> Iterator[Array]:
+def _grid(problem: Problem, i: int, fitted: Array, number: int) -> Iterator[Array]:
     """Yield values of all unknowns with one clock on a grid: offsets with both ends of their range, rates amid equal parts of theirs."""
-    (first, last), (slowest, fastest) = ticks.clock.offset, ticks.clock.rate
+    clock = problem.experiments[i].ticks[number].clock
+    (first, last), (slowest, fastest) = clock.offset, clock.rate
     offsets = np.linspace(first, last, GRID_OFFSETS if first < last else 1)
     rates = slowest + (fastest - slowest) * (np.arange(GRID_RATES if slowest < fastest else 1) + 0.5) / GRID_RATES
     for offset, rate in product(offsets, rates):
         point = fitted.copy()
-        for k, name in problem.ticking(i):
-            point[k] = offset if name == OFFSET else rate
+        for k, of, name in problem.ticking(i):
+            if of == number:
+                point[k] = offset if name == OFFSET else rate
         yield point
 
 

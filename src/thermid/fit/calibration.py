@@ -8,10 +8,10 @@ from thermid.fit._calibrate import (
     requested as requested,
 )
 from thermid.fit._calibration import (
-    BLAME as BLAME,
     FIRST as FIRST,
     LOUD as LOUD,
     Calibration as Calibration,
+    blame_of as blame_of,
     fitted_values as fitted_values,
     instrument_shares as instrument_shares,
     sensor_shares as sensor_shares,

@@ -10,7 +10,7 @@ import pytest
 
 import thermid as td
 from thermid.campaign._stages import next_command
-from thermid.fit._calibration import BLAME, LAW
+from thermid.fit._calibration import LAW, blame_of
 from thermid.inference.criticism import Mistakes
 from thermid.model.elements import TableSignal
 from thermid.reporting._pages.tables import parameters
@@ -77,6 +77,6 @@ def test_a_law_is_blamed_where_departures_of_elements_explain_the_readings(fit: 
     assert any("exponent = 0.25 } for 'skin'" in w for w in fit.warnings)
     assert next_command("campaign.toml", fit, Mistakes(fit.stage, bad=True)).startswith("thermid criticise")
     for other in (replace(fit, unexplained="the readings lie too far off"), replace(fit, expected={})):
-        assert other.blame == BLAME
+        assert other.blame == blame_of(fit.experiments)
     far = fit.expected | {HEAT: (0.5 * TRUE, 1.0)}
-    assert replace(fit, expected=far).blame == BLAME
+    assert replace(fit, expected=far).blame == blame_of(fit.experiments)

@@ -274,3 +274,9 @@ def test_voltages_and_currents_are_paired_by_the_words_they_share(tmp_path: Path
     record = td.read_record(tmp_path / "run.csv", channels)
     assert {n: record[n].values[-1] for n in channels} == pytest.approx({"P_proc": 5.0, "P_supply": 14.0, "P_fan": 1.2, "P_1": 6.0})
     assert [c.name for c in seen.courses()] == ["proc V * proc A", "supply V * supply A", "V_fan * I_fan", "U1 * I1"]
+
+
+def test_a_stamp_above_the_header_that_is_not_used_is_named(tmp_path: Path) -> None:
+    rows = [f"{10 * k}.0,{20 + 0.01 * k:.2f}" for k in range(20)]
+    (tmp_path / "daq.txt").write_text("\n".join(["[DAQ]", "Started 2026-03-10 09:02:32", "", "t [s],T_BOARD [degC]", *rows]) + "\n")
+    assert "not used: 2026-03-10 09:02:32 in line 2" in str(td.look(tmp_path / "daq.txt"))

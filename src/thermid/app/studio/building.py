@@ -486,10 +486,7 @@ class Building:
         after = {n: {k: t for k, t in _joined(r).items() if k != name} for n, r in records.items()}
         if host:
             clock = clocks_of([look(self._inside(t["file"]), time=t.get("time")) for t in (records[host], table)])[0]
-            # a fit finds one clock, by a step of power that both logs show
-            finds = host in self._stage().get("records", []) and all(
-                isinstance(t["offset"], str) for of in after.values() for t in of.values()
-            )
+            finds = host in self._stage().get("records", [])
             stated = stated_offset(clock)
             late: Any = f"{round((clock.get('at', clock)['offset'] or 0.0) if stated is None else stated, 3):.10g} [s]"
             if finds and "at" in clock and not clock["at"]["candidate"]:

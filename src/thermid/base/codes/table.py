@@ -642,7 +642,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     ),
     "record.second-clock": CodeMeaning(
         "error",
-        "More than one clock of a record is left to a fit.",
+        "A channel would follow two clocks or delays that are left to a fit.",
         "State one of them as a time.",
     ),
     "record.shape": CodeMeaning(

@@ -212,7 +212,7 @@ def _may_delay(source: CampaignSource, request: Request) -> bool:
     It cannot where they come from a joined log, whose clock has an offset of its own, or where only the stage says that they are powers.
     A record whose clock the fit finds already has no second one.
     """
-    if any(r.second is not None for r in request.records):
+    if any(r.clocks for r in request.records):
         return False
     for r in request.records:
         if (driven := _driven(r)) and (

@@ -135,7 +135,7 @@ class Dynamics:
                 where,
                 code="model.element-not-supported",
             )
-        if self.experiment.ticks is not None:
+        if self.experiment.ticks:
             raise IdentificationError(
                 "the offset of a second clock is not known, which is not supported with process noise. Find it by a fit without first.",
                 where,

@@ -573,12 +573,21 @@ class InputNoise:
 
 
 OFFSET, RATE = "clock.offset", "clock.rate"
+"""Begin of the names of offset and rate of a record's clock, before its number among these."""
+
+
+def clock_target(name: str) -> tuple[int, str] | None:
+    """Return the number of a clock, and `OFFSET` or `RATE`, of a name that stands for it; None of any other name."""
+    kind, _, number = name.partition(" ")
+    return (int(number), kind) if kind in (OFFSET, RATE) else None
+
+
 """Names in the wiring of what says where a second clock stands."""
 
 
 @dataclass(frozen=True)
 class Ticks:
-    """What follows a second clock in an experiment.
+    """What follows one of the clocks of an experiment that a fit has yet to find.
 
     Parameters
     ----------
@@ -588,6 +597,7 @@ class Ticks:
     at : (offset, rate)             Those at which the scenario holds these signals. [s, -]
     sampled : tuple of str          Paths of powers and commands that were sampled, not logged when they changed; their changes stand in the
                                     middle of the interval in which they happened.
+    read : tuple of str             Channels on it whose readings are compared.
     """
 
     clock: SecondClock
@@ -595,15 +605,14 @@ class Ticks:
     zero: float
     at: tuple[float, float]
     sampled: tuple[str, ...] = ()
+    read: tuple[str, ...] = ()
 
-    def moved(self, experiment: Experiment, at: tuple[float, float]) -> Experiment:
-        """Return an experiment with these signals at another offset and rate."""
-        tables = {name: dict(getattr(experiment.scenario, name)) for name in {name for name, _ in self.driven}}
-        for name, path in self.driven:
-            tables[name][path] = self._moved(tables[name][path], at)
-        return replace(experiment, scenario=experiment.scenario.with_(**tables), ticks=replace(self, at=at))
+    def read_at(self, times: Array) -> Array:
+        """Return when readings happened that the experiment holds at some times, as if its clock were right (times,). [s]"""
+        ticks = (times + self.zero - self.clock.at[0]) / self.clock.at[1]
+        return np.round(self.at[0] + self.at[1] * ticks - self.zero, 9)
 
-    def _moved(self, signal: Signal, at: tuple[float, float]) -> Signal:
+    def moved(self, signal: Signal, at: tuple[float, float]) -> Signal:
         """Return a tabled signal on another offset and rate of a second clock; any other as it is."""
         if not isinstance(signal, TableSignal):
             return signal
@@ -702,7 +711,7 @@ class Experiment:
     loose : dict                Observed node whose start nothing gives but its own readings -> the sensors that read it at the start.
     hidden : dict               Node without a sensor -> its start, where nothing gives it and the log does not begin at rest.
     tips : dict                 Tip of a sensor -> the node on which it sits, at whose temperature it starts.
-    ticks : Ticks or None       What was logged on a second clock that is known within a range only.
+    ticks : tuple of Ticks      What was logged on clocks that are known within a range only, of each clock.
     noisy : dict                Logged boundary, or scale of a logged power -> noise of its samples.
     means : dict                The same -> standard deviation of an error that is one in all samples of this record. [K], [-]
     memo : Memo                 Benches, by what is free in them and where the second clock stands.
@@ -718,7 +727,7 @@ class Experiment:
     readings: Mapping[str, str] = field(default_factory=dict)
     loose: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     tips: Mapping[str, str] = field(default_factory=dict)
-    ticks: Ticks | None = None
+    ticks: tuple[Ticks, ...] = ()
     noisy: Mapping[str, InputNoise] = field(default_factory=dict)
     means: Mapping[str, float] = field(default_factory=dict)
     hidden: Mapping[str, HiddenStart] = field(default_factory=dict)
@@ -738,7 +747,7 @@ class Experiment:
 
         None of an FMU's, and none whose load has a curve, a flux, a cycle or a control: for those no power is added in an interval.
         """
-        later = () if self.record.second is None else self.record.second.channels
+        later = {n for clock in self.record.clocks for n in clock.channels}
         channels = [c for n, c in self.record.channels.items() if c.held and c.prompt is prompt and n not in later]
         of_load = {self.network.flat.names.model.canonical(c.target or c.name): c for c in channels if c.samples != "average"}
         signals = {**self.scenario.commands, **self.scenario.loads}
@@ -748,6 +757,15 @@ class Experiment:
             if load.path in of_load and isinstance(signal := signals.get(load.path), TableSignal) and signal.held
             if not (self.model.runner or load.curve or load.flux or load.cycle or load.controls or "periodic.period" in load.fields)
         }
+
+    def on_clocks(self, at: Sequence[tuple[float, float]]) -> Experiment:
+        """Return the experiment with what follows its unknown clocks at other offsets [s] and rates, of each clock."""
+        tables = {name: dict(getattr(self.scenario, name)) for name in ("boundaries", "loads", "commands")}
+        for ticks, there in zip(self.ticks, at, strict=True):
+            for name, path in ticks.driven:
+                tables[name][path] = ticks.moved(tables[name][path], there)
+        moved = tuple(replace(ticks, at=there) for ticks, there in zip(self.ticks, at, strict=True))
+        return replace(self, scenario=self.scenario.with_(**tables), ticks=moved)
 
     def with_switches(self, free: frozenset[str]) -> tuple[Network, Scenario]:
         """Return network and scenario with a load for every part of an interval that is among some free names."""
@@ -870,15 +888,13 @@ def bind(
     prescribed = [c.target or c.name for c in record.channels.values() if c.role == "prescribed"]
     whole, seats = attached(model, record)
     network = compile_network(whole, media=base.media(), prescribed=(*base.prescribed, *prescribed))
-    second = record.second
-    zero, last = (float(record.times[0]), float(record.times[-1])) if second is None else second.times
+    zero, last = record.ends
     inputs = Inputs({network.find(k): v for k, v in base.boundaries.items()}, dict(base.loads), dict(base.commands), dict(base.gains))
     observed: list[tuple[Channel, str]] = []
     for channel in record.channels.values():
         role, path = role_and_target(record, channel, network)
         if role == "node":
-            _timed(channel, record)
-            observed.append((channel, path))
+            observed.append((_read_within(channel, record), path))
         else:
             role = _driving(channel, role, record)
             inputs.take(channel, role, path, signal_of(record, channel, role, zero), errors)
@@ -895,7 +911,7 @@ def bind(
     start, initial, readings, loose = starts_of(record, base, network, first, begun, window)
     tips = {o.node: o.seat for o in observations if o.node != o.seat}
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
-    ticks = None if second is None else _ticks(record, second, zero, inputs)
+    ticks = tuple(_ticks(record, clock, zero, inputs, tuple(c.name for c, _ in observed)) for clock in record.clocks)
     driving = {name: getattr(inputs, name) for name in ("boundaries", "loads", "commands", "gains")}
     full = replace(base, title=record.name, **driving, start=start, initial=initial, duration=last - zero)
     hidden = _hidden_starts(full, network, first, record, inputs.driven, observations, tips) if base.start == "" else {}
@@ -920,8 +936,8 @@ def _hidden_starts(
     return hidden_starts(bound_scenario, network, first, by_place, tuple(tips))
 
 
-def _ticks(record: Record, second: SecondClock, zero: float, inputs: Inputs) -> Ticks:
-    """Return which inputs follow the clock that the fit has yet to find."""
+def _ticks(record: Record, second: SecondClock, zero: float, inputs: Inputs, observed: tuple[str, ...]) -> Ticks:
+    """Return which inputs and which of the compared readings follow a clock that the fit has yet to find."""
     tables = (("boundaries", inputs.boundaries), ("loads", inputs.loads), ("commands", inputs.commands))
     followed = tuple((name, p) for c, p in inputs.driven.items() if c in second.channels for name, held in tables if p in held)
     sampled = []
@@ -931,19 +947,28 @@ def _ticks(record: Record, second: SecondClock, zero: float, inputs: Inputs) -> 
             if path in held and isinstance(held[path], TableSignal) and held[path].held:
                 held[path] = held[path].changed_within()
                 sampled.append(path)
-    return Ticks(second, followed, zero, second.at, tuple(sampled))
+    return Ticks(second, followed, zero, second.at, tuple(sampled), tuple(n for n in observed if n in second.channels))
 
 
-def _timed(channel: Channel, record: Record) -> None:
-    """Refuse temperatures that are compared, but on a clock that the fit has yet to find."""
-    if record.second is not None and channel.name in record.second.channels:
-        raise RecordError(
-            "its readings are compared with the model, but its clock is not known yet. The log with the compared temperatures must "
-            "give the time. Join the logs the other way round; if both have such temperatures, leave these out, fit the clock, and join "
-            "them with the offset and rate that were found.",
-            f"{record.name}, {channel.name}",
-            code="record.does-not-apply",
-        )
+def _read_within(channel: Channel, record: Record) -> Channel:
+    """Return a compared channel without readings that some offset of its clock puts outside of the record's own time.
+
+    Raises
+    ------
+    RecordError   When none remains.
+    """
+    for clock in (c for c in record.clocks if channel.name in c.channels):
+        first, last = clock.possible(record.times)
+        outside = (first < record.ends[0]) | (last > record.ends[1])
+        if not np.any(channel.valid & ~outside):
+            raise RecordError(
+                f"every reading may lie outside of the log that it is joined with, for offsets of {clock.offset[0]:g} .. "
+                f"{clock.offset[1]:g} s. Give a narrower range.",
+                f"{record.name}, {channel.name}",
+                code="record.not-overlapping",
+            )
+        channel = channel.masked(outside, "outside of the other log at some offset of the clock")
+    return channel
 
 
 def _driving(channel: Channel, role: str, record: Record) -> str:

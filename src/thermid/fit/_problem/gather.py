@@ -344,12 +344,13 @@ def clock_unknowns(experiments: Sequence[Experiment]) -> list[Unknown]:
     """Return offset and rate of every second clock that is known within a range only."""
     out = []
     for i, e in enumerate(experiments):
-        if e.ticks is not None:
-            c = e.ticks.clock
+        for n, c in enumerate(ticks.clock for ticks in e.ticks):
+            of = f" of {c.log}" if len(e.ticks) > 1 and c.log != e.record.name else ""
             for name, target, (low, high), at, unit in (
                 (c.offset_is, OFFSET, c.offset, c.at[0], "s"),
                 ("clock rate", RATE, c.rate, c.at[1], "1"),
             ):
                 if low < high:
-                    out.append(Unknown(f"{e.record.name}: {name}", "local", (Influence(i, target),), at, low=low, high=high, unit=unit))
+                    acts = (Influence(i, f"{target} {n}"),)
+                    out.append(Unknown(f"{e.record.name}: {name}{of}", "local", acts, at, low=low, high=high, unit=unit))
     return out

@@ -393,7 +393,7 @@ def ingredients_of(request: Request, below: list[str]) -> dict[str, str]:
         records[r.name] = [
             r.origin.sha256,
             list(r.steps),
-            *([repr(r.second)] if r.second else []),
+            *map(repr, r.clocks),
             *([r.environment] if r.environment else []),
             channels,
         ]

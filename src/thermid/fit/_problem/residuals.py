@@ -15,7 +15,7 @@ from thermid.base.dual import Dual, Number, gradient_of, value_of
 from thermid.base.errors import DeckError, SolverError
 from thermid.base.linear_algebra import HALF_WIDTH_95, Array
 from thermid.base.memo import Memo
-from thermid.fit._problem.experiment import OFFSET, RATE, Experiment, Observation
+from thermid.fit._problem.experiment import OFFSET, RATE, Experiment, Observation, clock_target
 from thermid.simulation.solver import Engine, Options, Squares, Traces, Weighing, Wiring, kept_for
 
 
@@ -303,12 +303,12 @@ class Bench:
     memo: Memo = field(init=False, default_factory=Memo, compare=False, repr=False)
 
     @classmethod
-    def of_experiment(cls, experiment: Experiment, free: Sequence[str], at: tuple[float, float] | None = None) -> Bench:
-        """Return the bench of an experiment, made once, with its second clock at an offset [s] and rate other than its own if asked."""
+    def of_experiment(cls, experiment: Experiment, free: Sequence[str], at: tuple[tuple[float, float], ...] | None = None) -> Bench:
+        """Return the bench of an experiment, made once, with its clocks at offsets [s] and rates other than its own if asked."""
 
         def make() -> Bench:
-            """Return the model wired for the free values, on the clock of `at` where one is fitted."""
-            moved = experiment if at is None or experiment.ticks is None else experiment.ticks.moved(experiment, at)
+            """Return the model wired for the free values, on the clocks of `at` where some are fitted."""
+            moved = experiment if at is None else experiment.on_clocks(at)
             wiring = Wiring(*moved.with_switches(frozenset(free)), free)
             return cls(moved, tuple(free), wiring, Engine(wiring))
 
@@ -331,16 +331,32 @@ class Bench:
         duration = max(self.experiment.scenario.seconds, float(self.experiment.times[-1]))
         # traces of a fit are stepped as its least squares are, so that its statistics agree
         stepped = Options() if options is None else replace(options, method="integrator")
+        wanted, rows = self.read_at(wanted)
         answer = self.engine.integrate(assembled, wanted, nodes_kept, duration, stepped, gradients and bool(self.free))
         traces = Traces(self.wiring, assembled, wanted, nodes_kept, answer.temperatures, answer.sensitivities)
         columns = np.column_stack([traces.temperature(n) for n in nodes])
         derivatives = np.stack([traces.slope(n) for n in nodes], axis=1) if gradients else np.zeros((0, 0, 0))
+        if rows.size:
+            columns = np.take_along_axis(columns, rows, axis=0)
+            derivatives = np.take_along_axis(derivatives, rows[:, :, None], axis=0) if gradients else derivatives
         for k, place, about in self.scales():
             if gradients:
                 derivatives[:, k, :] *= 1.0 + x[place]
                 derivatives[:, k, place] += columns[:, k] - about
             columns[:, k] += x[place] * (columns[:, k] - about)
         return columns, derivatives
+
+    def read_at(self, times: Array) -> tuple[Array, NDArray[np.int64]]:
+        """Return the instants at which sensors are read for some times of the record (instants,), and their rows (times, sensors).
+
+        They differ where sensors are on clocks that a fit has yet to find; else no rows are returned, (0, 0). [s]
+        """
+        duration = max(self.experiment.scenario.seconds, float(self.experiment.times[-1]))
+        read = {n: np.clip(ticks.read_at(times), 0.0, duration) for ticks in self.experiment.ticks for n in ticks.read}
+        if not read:
+            return times, np.zeros((0, 0), np.int64)
+        instants = np.unique(np.concatenate([times, *read.values()]))
+        return instants, np.column_stack([np.searchsorted(instants, read.get(o.sensor, times)) for o in self.experiment.observations])
 
     def scales(self) -> list[tuple[int, int, float]]:
         """Return, of every sensor whose scale is looked for, its column, the place of its error in the free names, where it turns [K]."""
@@ -384,12 +400,12 @@ SHIFT = 0.3
 """Shift over which differences are taken, in samples of the second log: smaller ones drown in the integrator's own error."""
 
 
-def clock_at(problem: Problem, i: int, fitted: Array) -> tuple[float, float]:
-    """Return offset and rate of the second clock of an experiment at some values of the unknowns."""
-    ticks = problem.experiments[i].ticks
-    assert ticks is not None
-    at = dict(zip((OFFSET, RATE), ticks.at, strict=True))
-    return tuple((at | {name: float(fitted[k]) for k, name in problem.ticking(i)}).values())  # type: ignore[return-value]
+def clock_at(problem: Problem, i: int, fitted: Array) -> tuple[tuple[float, float], ...]:
+    """Return offset and rate of every unknown clock of an experiment at some values of the unknowns."""
+    at = [dict(zip((OFFSET, RATE), ticks.at, strict=True)) for ticks in problem.experiments[i].ticks]
+    for k, number, name in problem.ticking(i):
+        at[number][name] = float(fitted[k])
+    return tuple((one[OFFSET], one[RATE]) for one in at)
 
 
 def slopes_of_clock(problem: Problem, i: int, fitted: Array, times: Array | None = None) -> dict[int, Array]:
@@ -397,12 +413,10 @@ def slopes_of_clock(problem: Problem, i: int, fitted: Array, times: Array | None
 
     A switched power has no derivative with respect to its instant that a run could carry, so two runs are taken on either side.
     """
-    ticks = problem.experiments[i].ticks
     out: dict[int, Array] = {}
-    if ticks is None:
-        return out
-    shift = SHIFT * ticks.clock.step * ticks.at[1]
-    for k, name in problem.ticking(i):
+    for k, number, name in problem.ticking(i):
+        ticks = problem.experiments[i].ticks[number]
+        shift = SHIFT * ticks.clock.step * ticks.at[1]
         step = shift if name == OFFSET else shift / max(ticks.span, ticks.clock.step)
         sides = []
         for side in (-step, step):
@@ -494,15 +508,16 @@ class Problem:
         return self.memo.value("benches", lambda: tuple(Bench.of_experiment(e, self._names(i)) for i, e in enumerate(self.experiments)))
 
     def bench(self, i: int, fitted: Array) -> Bench:
-        """Return the bench of an experiment with its second clock where the unknowns put it."""
+        """Return the bench of an experiment with its unknown clocks where the unknowns put them."""
         experiment = self.experiments[i]
-        if experiment.ticks is None or (at := clock_at(self, i, fitted)) == experiment.ticks.at:
+        if (at := clock_at(self, i, fitted)) == tuple(ticks.at for ticks in experiment.ticks):
             return self.benches()[i]
         return Bench.of_experiment(experiment, self._names(i), at)
 
-    def ticking(self, i: int) -> list[tuple[int, str]]:
-        """Return position and name of the unknowns that are offset or rate of an experiment's second clock."""
-        return [(k, t.name) for k, u in enumerate(self.unknowns) for t in u.targets if t.experiment == i and t.name in (OFFSET, RATE)]
+    def ticking(self, i: int) -> list[tuple[int, int, str]]:
+        """Return, of unknowns that are offset or rate of an experiment's clocks, position, number of the clock, and which of both."""
+        targets = ((k, clock_target(t.name)) for k, u in enumerate(self.unknowns) for t in u.targets if t.experiment == i)
+        return [(k, *of) for k, of in targets if of is not None]
 
     def _names(self, i: int) -> tuple[str, ...]:
         """Return the parameters that unknowns set in an experiment, each once."""
@@ -511,7 +526,7 @@ class Problem:
     def _acting(self, i: int) -> list[tuple[int, Influence]]:
         """Return position and target of every unknown that acts in an experiment; several may act on one name."""
         there = [(k, target) for k, u in enumerate(self.unknowns) for target in u.targets if target.experiment == i]
-        return [(k, target) for k, target in there if target.name not in (OFFSET, RATE)]
+        return [(k, target) for k, target in there if clock_target(target.name) is None]
 
     def _bias(self, sensor: str, fitted: Array) -> tuple[float, int | None]:
         """Return the constant error of a sensor and its position among the unknowns."""
@@ -565,7 +580,7 @@ class Problem:
         taken: list[Array] = []
         chi = 0.0
         for i, bench in enumerate(self.benches()):
-            if bench.experiment.ticks is not None or bench.engine.runner is not None:
+            if bench.experiment.ticks or bench.engine.runner is not None:
                 rows_of_record, part, square, sizes = compressed_in_full(self, i, fitted, loss, loss_scale)
                 rows, slopes, chi, sums = [*rows, rows_of_record], [*slopes, part], chi + square, [*sums, *sizes]
                 taken.append(np.zeros(0))
@@ -612,8 +627,8 @@ class Problem:
 
     @property
     def clocked(self) -> bool:
-        """Whether a record has a second clock that is known within a range only."""
-        return any(e.ticks is not None for e in self.experiments)
+        """Whether a record has a clock that is known within a range only."""
+        return any(e.ticks for e in self.experiments)
 
     @property
     def samples(self) -> int:

@@ -179,7 +179,7 @@ def answers_to_inputs(
     out: dict[tuple[str, str], Array] = {}
     for i, experiment in enumerate(problem.experiments):
         noisy = {p: sd for p, sd in experiment.noisy.items() if isinstance(_signal(experiment, p), TableSignal)}
-        if not problem.unknowns or not (noisy or (experiment.ticks is not None and experiment.ticks.sampled)):
+        if not problem.unknowns or not (noisy or any(t.sampled for t in experiment.ticks)):
             continue
         keys = [(experiment.record.name, o.sensor) for o in experiment.observations]
         causes: dict[tuple[str, str], list[Array]] = {key: [] for key in keys}
@@ -227,11 +227,9 @@ def _instants(problem: Problem, i: int, fitted: Array) -> Iterator[Callable[[Arr
     """
     bench = problem.bench(i, fitted)
     experiment, values = bench.experiment, problem.inputs(i, fitted)[0]
-    if experiment.ticks is None:
-        return
-    for name, path in experiment.ticks.driven:
+    for name, path, sampled in ((*of, ticks.sampled) for ticks in experiment.ticks for of in ticks.driven):
         table = getattr(experiment.scenario, name)[path]
-        if path not in experiment.ticks.sampled or not isinstance(table, TableSignal):
+        if path not in sampled or not isinstance(table, TableSignal):
             continue
         for k in table.largest_changes(CHANGES):
 

@@ -335,7 +335,7 @@ def _clock(fit: Calibration) -> _Clock | None:
     at_rest = {e.record.name: _at_rest(e, fit) for e in fit.experiments}
     request = fit.request
     assert request is not None
-    if any(r.second is not None for r in request.records) or not any(driven.get(r.name) or at_rest.get(r.name) for r in request.records):
+    if any(r.clocks for r in request.records) or not any(driven.get(r.name) or at_rest.get(r.name) for r in request.records):
         return None
 
     def make(request: Request, instant: float) -> Request:

@@ -399,7 +399,7 @@ def _units(request: Request) -> Iterator[Hypothesis]:
         hypothesis = _hypothesis("unit", ", ".join(names), words, f'Write unit = "degF" for {quoted(names)}.', other, against)
         yield replace(hypothesis, read={n: (n, 1.0 / FAHRENHEIT_PER_KELVIN) for n in names})
     for factor, text in ((60.0, "minutes"), (3600.0, "hours"), (1e-3, "milliseconds")):
-        if any(r.second is not None for r in request.records):
+        if any(r.clocks for r in request.records):
             break
         other = replace(request, records=tuple(replace(r, times=factor * r.times) for r in request.records))
         time = request.records[0].origin.time
@@ -482,7 +482,7 @@ def _clocks(request: Request, fit: RoughFit) -> Iterator[Hypothesis]:
     sensors = {t.sensor for t in fit.traces}
     walls = [n for n, c in _channels(request, "temperature").items() if n not in sensors and np.ptp(c.values[c.valid]) > 3.0]
     for names in (powers, walls):
-        if names and all(r.second is None for r in request.records):
+        if names and not any(r.clocks for r in request.records):
             yield _shift(request, fit, names)
 
 

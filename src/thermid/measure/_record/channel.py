@@ -429,7 +429,7 @@ class SampleTable(NamedTuple):
 
 @dataclass(frozen=True)
 class SecondClock:
-    """A second clock of a record, known within ranges only: its time t is ``offset + rate t`` on the record's own. A fit finds both.
+    """A further clock of a record, known within ranges only: its time t is ``offset + rate t`` on the record's own. A fit finds both.
 
     Parameters
     ----------
@@ -438,6 +438,7 @@ class SecondClock:
     at : (offset, rate)             Values at which the record holds these channels until a fit. [s, -]
     times : (first, last)           Times of the record before it was joined. [s]
     step : float                    Median interval of the log on this clock. [s]
+    log : str                       Name of the log on this clock.
     offset_is : str                 Name of the offset in results: a delay where the clock is the record's own.
     """
 
@@ -447,7 +448,14 @@ class SecondClock:
     at: tuple[float, float]
     times: tuple[float, float]
     step: float
+    log: str
     offset_is: str = "clock offset"
+
+    def possible(self, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the earliest and the latest that times of the record, where it holds these channels, may be (times,) each. [s]"""
+        ticks = (times - self.at[0]) / self.at[1]
+        corners = [offset + rate * ticks for offset in self.offset for rate in self.rate]
+        return np.min(corners, axis=0), np.max(corners, axis=0)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -459,7 +467,7 @@ class Samples:
     channels: Mapping[str, Channel]
     origin: Origin
     steps: tuple[str, ...] = ()
-    second: SecondClock | None = None
+    clocks: tuple[SecondClock, ...] = ()
     environment: Mapping[str, Any] = field(default_factory=dict)
 
     @property

@@ -66,7 +66,7 @@ class Record(Samples, Result):
     channels : mapping to Channel    Channels by name.
     origin : Origin                  Where the samples came from; kept by every copy.
     steps : tuple of str             What was done to the samples, in words and numbers.
-    second : SecondClock or None     A clock beside its own that a fit has yet to find.
+    clocks : tuple of SecondClock    Clocks beside its own that a fit has yet to find.
     environment : mapping            Gas node -> the state of its gas in this test, as of a scenario; see `with_environment`.
 
     Raises
@@ -410,8 +410,16 @@ class Record(Samples, Result):
 
         Raises
         ------
-        RecordError   When the rate is not above zero, a channel is in both, the logs do not overlap, or a range is none.
+        RecordError   When the rate is not above zero, a channel is in both, the logs do not overlap, a range is none, or a clock of the
+                      other log is left to the fit itself.
         """
+        if other.clocks:
+            raise RecordError(
+                f"a clock or a delay of '{other.name}' is left to the fit, so that its channels would follow two. State that delay as "
+                f"one time, or join each log with '{self.name}'.",
+                self.name,
+                code="record.second-clock",
+            )
         if offset is None:
             offset = self._later(other)
         offsets, rates = (
@@ -422,16 +430,15 @@ class Record(Samples, Result):
         joint = self._joined(other, *middle, rates[0])
         if offsets[0] == offsets[1] and rates[0] == rates[1]:
             return joint
-        if self.second is not None or other.second is not None:
-            raise RecordError(
-                "one of the logs has an unknown clock already. Only one clock at a time may be left to the fit.",
-                self.name,
-                code="record.second-clock",
-            )
-        ends = (float(self.times[0]), float(self.times[-1]))
-        clock = SecondClock(tuple(other.channels), offsets, rates, middle, ends, other.step)
+        clock = SecondClock(tuple(other.channels), offsets, rates, middle, self.ends, other.step, other.name)
         between = f"between {offsets[0]:.6g} and {offsets[1]:.6g} s late and {rates[0]:.6g} to {rates[1]:.6g} times as slow, by the fit"
-        return replace(joint, second=clock, steps=(*joint.steps[:-1], f"joined with {other.origin.file}, whose clock is {between}"))
+        steps = (*joint.steps[:-1], f"joined with {other.origin.file}, whose clock is {between}")
+        return replace(joint, clocks=(*self.clocks, clock), steps=steps)
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """First and last time on its own clock, without logs whose clocks are unknown. [s]"""
+        return self.clocks[0].times if self.clocks else (float(self.times[0]), float(self.times[-1]))
 
     def _later(self, other: Record) -> float:
         """Return by how much another log begins later by the stamps of both; 0 where one has none. [s]
@@ -520,7 +527,7 @@ class Record(Samples, Result):
         Raises
         ------
         RecordError   When there is no such channel, one is compared with the model, the delay is as long as the record, a range is none
-                      or the record has an unknown clock already.
+                      or the clock of these channels is unknown already.
         """
         chosen = [n for n, c in self.channels.items() if c.role in ("load", "command")] if channels is None else list(channels)
         compared = [n for n in chosen if not self.channel(n).drives]
@@ -538,9 +545,10 @@ class Record(Samples, Result):
                 f"{self.name}, delay",
                 code="record.too-short",
             )
-        if low < high and self.second is not None:
+        if low < high and any(set(chosen) & set(c.channels) for c in self.clocks):
             raise RecordError(
-                "a clock of this record is left to the fit already. Only one clock at a time may be; state this delay as one time.",
+                "the clock of these channels is left to the fit already, and a delay beside it cannot be told from it. State this delay as "
+                "one time.",
                 f"{self.name}, delay",
                 code="record.second-clock",
             )
@@ -550,14 +558,13 @@ class Record(Samples, Result):
         times, mixed = _interleaved(rest, late, self.times + middle)
         inside = times >= self.times[0]  # what was logged last acts after the last reading; a fit may move it back
         delay_text = f"{low:g} s" if low == high else f"{low:g} to {high:g} s, by the fit"
-        whole = float(self.times[0]), float(self.times[-1])
-        clock = SecondClock(tuple(chosen), (low, high), (1.0, 1.0), (middle, 1.0), whole, self.step, "delay")
+        clock = SecondClock(tuple(chosen), (low, high), (1.0, 1.0), (middle, 1.0), self.ends, self.step, self.name, "delay")
         return replace(
             self,
             times=times[inside],
             channels={n: mixed[n].taken(inside) for n in self.channels},
             steps=(*self.steps, f"delay: {', '.join(chosen)}, {delay_text}"),
-            second=self.second if low == high else clock,
+            clocks=self.clocks if low == high else (*self.clocks, clock),
         )
 
     def steady(

@@ -486,7 +486,7 @@ class SteadyPoint(Generic[R]):
         if zero is not None:
             origin = replace(origin, start=zero._replace(seconds=zero.seconds + self.start).text)
         times = np.array([0.0, self.end - self.start])
-        return replace(self.source, name=self.name, times=times, channels=channels, origin=origin, steps=steps, second=None)
+        return replace(self.source, name=self.name, times=times, channels=channels, origin=origin, steps=steps, clocks=())
 
     def __str__(self) -> str:
         """Every channel with its error, and what was not corrected."""

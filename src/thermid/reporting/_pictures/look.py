@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from html import escape
-from itertools import count
+from itertools import count, islice
 from pathlib import Path
 from typing import Any, Final
 
@@ -53,6 +53,7 @@ _SHOWN: Final = ("temperature", "boundary", "power", "duty")
 _PANELS: Final = (("temperature", "°C", ("temperature", "boundary")), ("power", "W", ("power",)), ("duty", "%", ("duty",)))
 MANY_READINGS: Final = 6000
 """Readings of a log from which its lines for a campaign thin it as `init` does: fits of 18,000 take minutes, and means lose nothing."""
+_STAMP: Final = re.compile(r"\d{4}-\d{2}-\d{2}[T ]\d{2}:\d{2}(:\d{2})?")
 _BARE: Final = re.compile(r"[A-Za-z0-9_-]+\Z")
 
 
@@ -150,6 +151,10 @@ class Look(Result):
         start = self.times.start or self.cells.start
         since = f", from {start}{zone}" if start else ""
         out = [f"clock: '{self.clock.name}' ({self.times.kind}){since}"]
+        with self.path.open(encoding="latin-1") as file:
+            head = list(islice(file, 0 if start else self.cells.layout.preamble))
+        for number, found in ((n, found) for n, line in enumerate(head, 1) if (found := _STAMP.search(line))):
+            out.append(f"not used: {found[0]} in line {number} (nothing says that the first sample is of that time)")
         even = "even" if even_step(times) is not None else "uneven"
         if times.size > 1 and times[-1] > times[0]:
             step = usual_step(np.unique(times))
@@ -405,14 +410,15 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
     `offset` is by how much its first sample is late on the first one, if both clocks are right; None where one has no stamps. [s]
     `step` has by how much it is late on another log, `after`, by a step of a power or temperature that both show, with its standard
     error [s]; `stamps` is the same by their stamps, and `contradicted` whether that is further away than the error allows. `at` is the
-    offset from the first log by the steps and stamps between them, with the error of the steps. [s] `step` and `at` are left out where
-    stamps alone, or nothing, give the place. `zone` is what is to be checked where only some logs state their time zone; `at` then has
-    the stamps of clocks that may differ.
+    offset from the first log by the steps and stamps between them, with the error of both. [s] `step` is left out where stamps alone give
+    the place, and `at` too where nothing does, or where they are of temperatures, whose offset by stamps is stated. `zone` is what is to
+    be checked where only some logs state their time zone.
 
     Notes
     -----
     From the first log on, the log that is placed best comes next: by a step with a power, by two temperatures that stamps contradict, by
-    stamps, by two temperatures. So two loggers of temperatures meet by way of the supply that both follow.
+    stamps, by two temperatures. Stamps of another log than the first one count where that has none. So two
+    loggers of temperatures meet by way of the supply that both follow.
     """
     courses = [one.courses() for one in looks]
     starts, said = _starts(looks, courses)
@@ -432,12 +438,13 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
         ]
         best = min(ways, key=lambda way: way.rank)
         places[best.to] = best.place
+        entry = entries[best.to]
         if best.by_step is None:
-            if said and best.place.at is not None:
-                entries[best.to]["at"] = {"offset": best.place.at, "error": CLOCKS_APART / MAX_OFFSET_ERRORS, "stamps": True}
-                entries[best.to]["at"] |= {"candidate": False, "by_stamps": True}
+            if best.place.at is not None and (said or best.after or not best.warm):
+                entry["at"] = {"offset": best.place.at, "error": best.place.error, "stamps": True, "after": looks[best.after].path.name}
+                entry["at"] |= {"candidate": best.place.candidate, "by_stamps": True}
             continue
-        step, entry = best.by_step, entries[best.to]
+        step = best.by_step
         entry["step"] = {"offset": step.offset, "error": step.error, "columns": [step.first, step.second], "candidate": step.candidate}
         entry["step"] |= {"after": looks[best.after].path.name, "stamps": best.stamps, "contradicted": bool(best.contradicted)}
         if best.place.at is not None:
@@ -451,7 +458,7 @@ def clocks_of(looks: Sequence[Look]) -> list[dict[str, Any]]:
 
 @dataclass(frozen=True)
 class _OffsetSoFar:
-    """Where a log begins on the clock of the first one, with the error of the steps that it is from [s].
+    """Where a log begins on the clock of the first one, with the error of the steps and stamps that it is from [s].
 
     `stamped` says whether stamps are used, `candidate` whether one of the steps is of two places, of which one may lag the other.
     """
@@ -489,19 +496,20 @@ class _Way:
         return None if self.step is not None and self.step.candidate and self.contradicted is False else self.step
 
     @property
-    def rank(self) -> tuple[bool, bool, int, bool, float]:
+    def rank(self) -> tuple[bool, bool, bool, bool, bool, float]:
         """Return what orders ways, the best one first."""
-        kind = 1 if self.by_step is None else 2 * (self.by_step.candidate and not self.contradicted)
-        return self.place.at is None, self.place.stamped, kind, not self.warm, self.place.error
+        place = self.place
+        return place.at is None, place.candidate, place.stamped, self.by_step is None, not self.warm, place.error
 
     @property
     def place(self) -> _OffsetSoFar:
-        """Return where this way puts the log; stamps are compared with those of the first one."""
+        """Return where this way puts the log; two clocks that nobody set by each other are minutes apart at most."""
         step, before = self.by_step, self.before
+        if before.at is None or (step is None and self.stamps is None):
+            return _OffsetSoFar(None, stamped=True)
         if step is None:
-            return _OffsetSoFar(None if self.after else self.stamps, stamped=True)
-        if before.at is None:
-            return before
+            error = float(np.hypot(before.error, CLOCKS_APART / MAX_OFFSET_ERRORS))
+            return _OffsetSoFar(before.at + (self.stamps or 0.0), error, True, before.candidate)
         error = float(np.hypot(before.error, step.error))
         return _OffsetSoFar(before.at + step.offset, error, before.stamped, before.candidate or (step.candidate and not self.contradicted))
 
@@ -540,29 +548,25 @@ def clock_lines(looks: Sequence[Look], clocks: Sequence[dict[str, Any]]) -> list
     for f in (f for f in with_stamp if "at" not in f or "step" not in f):
         advice = ALIGNED if f["record"] in compared else "a range has it fitted" if "at" in f else "give a range to have it fitted"
         lines.append(f"  {f['file']} is placed by time stamps; two loggers' clocks may differ by minutes: {advice}")
-    ranged = [f for f in clocks if "at" in f and f["record"] not in compared and not f["at"]["candidate"]]
-    fitted = max(ranged, key=lambda f: f["at"]["error"], default=None)
-    for f in clocks:
-        if f in ranged and f is not fitted:
-            lines.append(
-                f"  a fit finds one clock at a time: that of {f['file']} is stated here, and is within {' .. '.join(offset_range(f))}"
-            )
-    pairs = ", ".join(f'{{ record = "{f["record"]}", offset = {_offset(f, f is fitted)} }}' for f in clocks)
-    stated = [f for f in clocks if "at" in f and f is not fitted and not f["at"]["by_stamps"] and not f["at"]["candidate"]]
-    errors = ", ".join(f"{f['record']} +- {_digits(f['at']['error'], 2)} s" for f in stated)
+    fitted = [f for f in clocks if "at" in f and not f["at"]["candidate"] and not (f["record"] in compared and _by_stamps(f))]
+    pairs = ", ".join(f'{{ record = "{f["record"]}", offset = {_offset(f, f in fitted)} }}' for f in clocks)
     return [
         *lines,
         f"Join them in [records.{looks[0].name}]" + ("; a pair as offset is a range in which the fit finds it:" if fitted else ":"),
         "",
-        f"    joined   = [{pairs}]" + (f"  # not fitted: {errors}" if errors else ""),
+        f"    joined   = [{pairs}]",
     ]
 
 
 def _by_step(clock: dict[str, Any], first: Look, other: Look) -> list[str]:
     """Return what a common step says of a clock, and whether the stamps agree with it."""
+    if "step" not in clock and "at" in clock and clock["offset"] is None:
+        at = clock["at"]
+        begins = f"{_digits(abs(at['offset']), 4)} s {'after' if at['offset'] >= 0 else 'before'} {first.path.name}"
+        return [f"  by its stamps and those of {at['after']}, {clock['file']} begins {begins}, +- {_digits(at['error'], 2)} s"]
     if "step" not in clock:
         bare = [f"{look.path.name} {_bare(look)}" for look in (first, other) if _time_of_day(look) is None]
-        return [f"  {', '.join(bare)}, and no step decides it: give the offset, or switch a power twice in both"] if bare else []
+        return [f"  {', '.join(bare)}, and {UNDECIDED}"] if bare else []
     step = clock["step"]
     late, error = round(step["offset"], 3), step["error"]
     a, b = step["columns"]
@@ -594,19 +598,22 @@ def _bare(look: Look) -> str:
     return "is not readable yet" if look.times is None else "has no time stamps"
 
 
-def _offset(clock: dict[str, Any], fitted: bool) -> str:
-    """Return the offset of a further log as a campaign writes it: a range about a common step, one number, or a gap to fill.
+def _by_stamps(clock: dict[str, Any]) -> bool:
+    """Return whether stamps of a log and of the first one agree with the steps between them, or are all that there is."""
+    return clock["offset"] is not None and bool(clock["at"]["by_stamps"])
 
-    Stamps of two computers may be a minute apart, so where a step agrees with them the fit looks within the errors of the step. Where the
-    fit cannot look, as both logs have temperatures that are compared, stamps are taken that lie within one error of the step, or agree
-    with a step that is known worse than stamps are. A candidate is a gap to fill: nothing tells by how much one place is later than the
-    other.
+
+def _offset(clock: dict[str, Any], fitted: bool) -> str:
+    """Return the offset of a further log as a campaign writes it: a range that the errors leave, one number, or a gap to fill.
+
+    Stamps of two computers may be minutes apart, so that a fit looks for the offset. A log of temperatures whose stamps no step
+    contradicts is taken at these. A candidate is a gap to fill: nothing tells by how much one place is later than the other.
     """
     if fitted:
         low, high = offset_range(clock)
         return f'["{low} [s]", "{high} [s]"]'
     late = stated_offset(clock)
-    return '"... [s]"' if late is None else f'"{_digits(late, 4) if late is not clock["offset"] else format(late, ".6g")} [s]"'
+    return '"... [s]"' if late is None else f'"{late:.6g} [s]"'
 
 
 def stated_offset(clock: dict[str, Any]) -> float | None:
@@ -622,7 +629,8 @@ def offset_range(clock: dict[str, Any]) -> tuple[str, str]:
     return _digits(late - reach, 4), _digits(late + reach, 4)
 
 
-ALIGNED = "log a power that switches twice with both (a fit then finds the offset by a model)"
+UNDECIDED = "no step of a power decides it, by the way that the temperatures answer: give the offset, as a range to have it fitted"
+ALIGNED = "give a range to have it fitted by the model"
 STAMPS_APART = 60.0
 """By how much stamps of two computers are usually apart: a step with a larger error that agrees with them tells less than they do. [s]"""
 MAX_OFFSET_ERRORS = 3.0
