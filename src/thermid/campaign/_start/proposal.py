@@ -239,7 +239,9 @@ FREE = ("capacitance", "mass", "conductance", "resistance", "htc", "effective_ht
 """Fields of a deck that a first fit looks for, unless their source is a measurement or a data sheet."""
 STATED = ("measured", "published", "datasheet")
 MIN_REST_READINGS = 10
-"""Readings without power and drift from which a log begins at rest."""
+"""Readings without power from which a log may begin at rest."""
+MAX_REST_DRIFT = 1 / 3
+"""Change of differences to drifting surroundings, over the accuracy of thermometers, up to which a rest shows offsets. [-]"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -368,12 +370,18 @@ class Proposal:
         """What is assumed of the thermometers and what the log says of their offsets."""
         offsets = ", ".join(f"{c} {v:+.2f} +- {e:.2f} K" for c, (v, e) in self.offsets.items())
         against = f" against {self.roles.surroundings}" if self.roles.logged else ""
-        rests = [at_rest(e.record, self.roles, self.noise) for e in self.chosen.problem.experiments]
-        where = (
-            f"The log begins at rest for {duration_text(max(rests))}, which shows them."
-            if max(rests) > 0.0
-            else "The log does not begin at rest, so only the fit shows them: begin the next test with some minutes without power."
-        )
+        records = [e.record for e in self.chosen.problem.experiments]
+        rests = [beginning_rest(r, self.roles, self.noise, self.known.accuracy) for r in records]
+        rest = max(rests, key=lambda r: (r.shows, r.seconds))
+        begins = f"The log begins with {duration_text(rest.seconds)} without power"
+        if rest.shows:
+            moved = f", in which differences{against.replace('against', 'to')} change by up to {rest.drift:.2g} K; it shows them to that"
+            where = f"The log begins at rest for {duration_text(rest.seconds)}, which shows them" if rest.steady else f"{begins}{moved}"
+            where += f", apart from {', '.join(rest.silent)}, which it does not read there." if rest.silent else "."
+        elif rest.seconds:
+            where = f"{begins}, but parts change by up to {rest.drift:.2g} K{against} there, so only the fit shows them: wait longer."
+        else:
+            where = "The log does not begin at rest, so only the fit shows them: begin the next test with some minutes without power."
         return f"Offsets of thermometers, accuracy {self.known.accuracy:g} K assumed{against}: {offsets}. {where}"
 
     @property
@@ -432,21 +440,59 @@ def orders_text(orders: Sequence[int]) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
-def at_rest(record: Record, roles: Roles, noise: Mapping[str, float]) -> float:
-    """Return for how long a record begins without power and without drift; 0 where that is less than `MIN_REST_READINGS` readings. [s]"""
+@dataclass(frozen=True)
+class Rest:
+    """The beginning of a record without power.
+
+    Parameters
+    ----------
+    seconds : float     How long it lasts; 0 for less than `MIN_REST_READINGS` readings. [s]
+    drift : float       Largest change of a part against the surroundings, or of a temperature where these are not logged. [K]
+    steady : bool       Whether no temperature changes by more than its noise there.
+    shows : bool        Whether parts move with the surroundings or not at all, and by less than an offset is known before.
+    silent : tuple      Columns of parts without readings there.
+    """
+
+    seconds: float = 0.0
+    drift: float = 0.0
+    steady: bool = True
+    shows: bool = False
+    silent: tuple[str, ...] = ()
+
+
+def beginning_rest(record: Record, roles: Roles, noise: Mapping[str, float], accuracy: float = ACCURACY) -> Rest:
+    """Return how a record begins without power, and whether that shows offsets.
+
+    Changes are those of the mean from the first half to the second. A part that follows drifting surroundings changes between not at all
+    and as they do; one that cools changes otherwise. The difference to the surroundings then shows an offset to within its own change.
+
+    Parameters
+    ----------
+    record, roles   The log, and what its columns are.
+    noise : dict        Column -> noise of one reading. [K]
+    accuracy : float    Of the thermometers, one standard deviation. [K]
+    """
     off = np.ones(record.times.size, dtype=bool)
     for p in (p for p in roles.powers if p.column in record.channels):
         watts = np.nan_to_num(record[p.column].values)
         off &= np.abs(watts) <= 0.01 * max(float(np.max(np.abs(watts))), 1e-12)
     size = int(np.argmin(off)) or (off.size if off.all() else 0)
-    channels = [record[c] for c in (*roles.parts, roles.surroundings) if c in record.channels]
-    for c in channels:
+    if not roles.powers or size < MIN_REST_READINGS:
+        return Rest()
+    changes: dict[str, tuple[float, float]] = {}  # of the mean, and what noise explains
+    for c in (record[c] for c in (*roles.parts, roles.surroundings) if c in record.channels):
         values = c.values[:size][c.valid[:size]]
-        half = values.size // 2
-        drift = abs(float(values[half:].mean() - values[:half].mean())) if half >= MIN_REST_READINGS // 2 else np.inf
-        if drift > 3.0 * noise.get(c.name, min(noise.values())) / half**0.5 + 0.02:
-            return 0.0
-    return float(record.times[size - 1] - record.times[0]) if roles.powers and size >= MIN_REST_READINGS else 0.0
+        if (half := values.size // 2) >= MIN_REST_READINGS // 2:
+            by_noise = 3.0 * noise.get(c.name, min(noise.values())) / half**0.5 + 0.02
+            changes[c.name] = float(values[half:].mean() - values[:half].mean()), by_noise
+    around, by_noise_around = changes.get(roles.surroundings, (0.0, 0.0))
+    parts = {c: changes[c] for c in roles.parts if c in changes}
+    follows = all(min(around, 0.0) - limit <= change <= max(around, 0.0) + limit for change, limit in parts.values())
+    drift = max((abs(change - around) for change, _ in parts.values()), default=np.inf)
+    steady = abs(around) <= by_noise_around and all(abs(change) <= limit for change, limit in parts.values())
+    silent = tuple(c for c in roles.parts if c in record.channels and c not in parts)
+    shows = bool(parts) and (steady or (follows and drift <= MAX_REST_DRIFT * accuracy))
+    return Rest(float(record.times[size - 1] - record.times[0]), drift, steady, shows, silent)
 
 
 def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3, facts: StatedFacts = StatedFacts()) -> dict[str, Any]:
