@@ -6,8 +6,9 @@ Values that no hardware of the stated size can have are named.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError, IdentificationError, ThermidError, refuse_unknown
 from thermid.base.expression import amount
+from thermid.campaign._start.first_fit import FirstFit, first_fit_of
 from thermid.campaign._start.roles import ACCURACY, Power, Roles, part_name, with_noise
 from thermid.campaign._start.switching import Instants, found_instants, instants_text, with_instants
 from thermid.fit.calibration import MOST_EVALUATIONS, LocalSpec, Request, first_reading
@@ -252,7 +254,7 @@ class StatedFacts:
     ----------
     accuracy : float        Standard deviation of the constant error of a thermometer. [K]
     masses : dict           Part -> its weight and material.
-    paths : tuple           Pairs of parts that heat passes between; all pairs by default.
+    paths : tuple           Pairs of measured parts that heat passes between, and no others; all pairs by default.
     deck : Model            The structure to begin with.
     bounded : bool          Whether heat capacities of weighed parts stay within what their weight allows.
     """
@@ -352,17 +354,25 @@ class Proposal:
         """Whether the log decides on one structure, and that is one that hardware can have."""
         return len(self.search.orders) == 1 and not (self.unexplained or self.not_physical or self.depending)
 
+    @cached_property
+    def first_fit(self) -> FirstFit:
+        """The fit that the campaign of the proposed structure asks for."""
+        return first_fit_of(self.chosen, self.roles.boundary)
+
     @property
     def offsets(self) -> dict[str, tuple[float, float]]:
-        """Column -> its constant error, less that of the surroundings where these are logged, with its standard error. [K]"""
-        one, around = self.chosen, f"{self.roles.surroundings} error"
-        names = [u.name for u in one.problem.unknowns]
-        rows = np.concatenate([one.end.jacobian, one.end.priors])
-        spread = np.linalg.pinv(rows.T @ rows, hermitian=True)
-        out = {}
-        for column in (c for c in self.roles.parts if f"sensor {c}" in names):
-            weights = np.array([float(n == f"sensor {column}") - float(n == around) for n in names])
-            out[column] = float(weights @ one.end.fitted), float(np.sqrt(max(weights @ spread @ weights, 0.0)))
+        """Column -> its constant error, less that of the surroundings where these are logged, with its standard error. [K]
+
+        They are of the first fit, whose errors allow for what the structure may lack. Where none can be made, thermometers of that accuracy
+        differ as they did before.
+        """
+        made, one, out = self.first_fit.calibration, self.chosen, dict[str, tuple[float, float]]()
+        at = dict(zip((u.name for u in one.problem.unknowns), one.end.fitted.tolist(), strict=True)) if made is None else made.fitted
+        for column in (c for c in self.roles.parts if f"sensor {c}" in at):
+            pair = [n for n in (f"sensor {column}", f"{self.roles.surroundings} error") if n in at]
+            signs = np.array([1.0, -1.0])[: len(pair)]
+            variance = 2.0 * self.known.accuracy**2 if made is None else float(signs @ made.store.covariance(pair) @ signs)
+            out[column] = float(signs @ [at[n] for n in pair]), variance**0.5
         return out
 
     @property
@@ -656,7 +666,10 @@ def propose(
 
 
 def _within(roles: Roles, facts: StatedFacts) -> Any:
-    """Return the changes of a fitted structure that keep it within the masses of a proposal, and weighed parts within their weight."""
+    """Return the changes of a fitted structure that keep it within the masses of a proposal, and weighed parts within their weight.
+
+    Where paths are stated, measured parts stay as they are joined.
+    """
     measured = set(roles.parts.values())
 
     def changes(structure: Fitted) -> list[MissingElement]:
@@ -666,9 +679,15 @@ def _within(roles: Roles, facts: StatedFacts) -> Any:
         tips = [f"'{n}'" for n in structure.request.model.nodes if n not in measured and n.endswith("_sensor")]
         barred = [*UNSAID, *tips]  # a sensor touches its part and nothing else
         able = (c for c in changes_of(structure) if (c.nodes <= room or c.name in lags) and not any(w in c.name for w in barred))
+        able = (c for c in able if not facts.paths or _joined(c.request.model, measured) <= _joined(structure.request.model, measured))
         return [_weighed(_fixed_sensors(c, structure) if c.name in lags else c, roles, facts) for c in able]
 
     return changes
+
+
+def _joined(model: Model, parts: Set[str]) -> set[frozenset[str]]:
+    """Return the pairs of measured parts that heat passes between."""
+    return {frozenset(law.between) for law in model.conductors.values() if set(law.between) <= parts}
 
 
 def _fixed_sensors(lag: MissingElement, structure: Fitted) -> MissingElement:

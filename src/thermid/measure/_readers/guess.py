@@ -157,10 +157,10 @@ def _by_name(name: str, finite: FloatArray, letter: str) -> tuple[str, str, str]
     if counts_time(finite):
         again = np.flatnonzero(begins_again(finite))
         return "ignored", "", "counts milliseconds" + (f", and begins again {counted(again.size, 'time')}" if again.size else "")
-    small, ends = letter and re.match(r"[a-z0-9]", name[-3]), f"its name ends in {name[-2:].strip()}"
-    if letter in _SCALES and (small or (letter == "F" and ROOM_IN_FAHRENHEIT[0] <= finite[0] <= ROOM_IN_FAHRENHEIT[1])):
+    ends = f"its name ends in {name[-2:].strip()}"
+    if letter in _SCALES:
         return _temperature(name, _SCALES[letter], ends)
-    if letter == "W" and small:
+    if letter == "W":
         return "power", "W", ends
     if _POWER.match(name):
         return "power", "W", "by its name"

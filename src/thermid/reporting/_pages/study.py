@@ -93,6 +93,7 @@ def study_report(
         banners=banners,
         failed=outcomes.count(False),
         undecided=outcomes.count(None),
+        unfounded=sum(v.unfounded for v in campaign.verdicts),
         judged=len(outcomes),
         summary="on hold-out records" if campaign.verdicts else "no hold-out record",
         front=front(campaign),
