@@ -251,6 +251,7 @@ class Written:
             "powers": p.powers_text or p.shares_text,
             "thinned": p.thinned_text,
             "masked": list(self.masked),
+            "not_used": dict(p.roles.ignored),
             "unexplained": p.unexplained,
             "not_physical": [c.to_dict() for c in p.not_physical],
             "depends_on_structure": [{"path": path, "low": low, "high": high} for path, (low, high) in p.depending.items()],
@@ -263,7 +264,8 @@ class Written:
     def __str__(self) -> str:
         """Return the proposal, the files, and the next command."""
         answer, *tried = str(self.proposal).split("\n")
-        lines = [answer, *self.masked, *tried]
+        unused = [f"Not used: {column}: {why}" for column, why in self.proposal.roles.ignored.items()]
+        lines = [answer, *unused, *self.masked, *tried]
         lines += [f"Left out, because the log does not determine them: {', '.join(self.left_out)}"] if self.left_out else []
         lines += [f"Fixed, because the log does not determine them: {', '.join(self.fixed)}"] if self.fixed else []
         lines += [f"wrote {file}" for file in self.files]

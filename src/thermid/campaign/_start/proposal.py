@@ -363,8 +363,8 @@ class Proposal:
     def offsets(self) -> dict[str, tuple[float, float]]:
         """Column -> its constant error, less that of the surroundings where these are logged, with its standard error. [K]
 
-        They are of the first fit, whose errors allow for what the structure may lack. Where none can be made, thermometers of that accuracy
-        differ as they did before.
+        They are of the first fit, whose errors allow for what the structure may lack, or of a beginning at rest where that shows them better.
+        Where no fit can be made, thermometers of that accuracy differ as they did before.
         """
         made, one, out = self.first_fit.calibration, self.chosen, dict[str, tuple[float, float]]()
         at = dict(zip((u.name for u in one.problem.unknowns), one.end.fitted.tolist(), strict=True)) if made is None else made.fitted
@@ -372,17 +372,23 @@ class Proposal:
             pair = [n for n in (f"sensor {column}", f"{self.roles.surroundings} error") if n in at]
             signs = np.array([1.0, -1.0])[: len(pair)]
             variance = 2.0 * self.known.accuracy**2 if made is None else float(signs @ made.store.covariance(pair) @ signs)
-            out[column] = float(signs @ [at[n] for n in pair]), variance**0.5
+            fitted = float(signs @ [at[n] for n in pair]), variance**0.5
+            out[column] = min(fitted, self.rest.offsets.get(column, fitted), key=lambda offset: offset[1])
         return out
+
+    @cached_property
+    def rest(self) -> Rest:
+        """How the log that shows most of its offsets at rest begins."""
+        records = [e.record for e in self.chosen.problem.experiments]
+        rests = [beginning_rest(r, self.roles, self.noise, self.known.accuracy) for r in records]
+        return max(rests, key=lambda r: (r.shows, r.seconds))
 
     @property
     def offsets_text(self) -> str:
         """What is assumed of the thermometers and what the log says of their offsets."""
         offsets = ", ".join(f"{c} {v:+.2f} +- {e:.2f} K" for c, (v, e) in self.offsets.items())
         against = f" against {self.roles.surroundings}" if self.roles.logged else ""
-        records = [e.record for e in self.chosen.problem.experiments]
-        rests = [beginning_rest(r, self.roles, self.noise, self.known.accuracy) for r in records]
-        rest = max(rests, key=lambda r: (r.shows, r.seconds))
+        rest = self.rest
         begins = f"The log begins with {duration_text(rest.seconds)} without power"
         if rest.shows:
             moved = f", in which differences{against.replace('against', 'to')} change by up to {rest.drift:.2g} K; it shows them to that"
@@ -461,6 +467,7 @@ class Rest:
     steady : bool       Whether no temperature changes by more than its noise there.
     shows : bool        Whether parts move with the surroundings or not at all, and by less than an offset is known before.
     silent : tuple      Columns of parts without readings there.
+    offsets : dict      Column -> mean difference to logged surroundings and its standard error, where it shows offsets. [K]
     """
 
     seconds: float = 0.0
@@ -468,6 +475,7 @@ class Rest:
     steady: bool = True
     shows: bool = False
     silent: tuple[str, ...] = ()
+    offsets: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 def beginning_rest(record: Record, roles: Roles, noise: Mapping[str, float], accuracy: float = ACCURACY) -> Rest:
@@ -490,11 +498,13 @@ def beginning_rest(record: Record, roles: Roles, noise: Mapping[str, float], acc
     if not roles.powers or size < MIN_REST_READINGS:
         return Rest()
     changes: dict[str, tuple[float, float]] = {}  # of the mean, and what noise explains
+    means: dict[str, float] = {}
     for c in (record[c] for c in (*roles.parts, roles.surroundings) if c in record.channels):
         values = c.values[:size][c.valid[:size]]
         if (half := values.size // 2) >= MIN_REST_READINGS // 2:
             by_noise = 3.0 * noise.get(c.name, min(noise.values())) / half**0.5 + 0.02
             changes[c.name] = float(values[half:].mean() - values[:half].mean()), by_noise
+            means[c.name] = float(values.mean())
     around, by_noise_around = changes.get(roles.surroundings, (0.0, 0.0))
     parts = {c: changes[c] for c in roles.parts if c in changes}
     follows = all(min(around, 0.0) - limit <= change <= max(around, 0.0) + limit for change, limit in parts.values())
@@ -502,7 +512,9 @@ def beginning_rest(record: Record, roles: Roles, noise: Mapping[str, float], acc
     steady = abs(around) <= by_noise_around and all(abs(change) <= limit for change, limit in parts.values())
     silent = tuple(c for c in roles.parts if c in record.channels and c not in parts)
     shows = bool(parts) and (steady or (follows and drift <= MAX_REST_DRIFT * accuracy))
-    return Rest(float(record.times[size - 1] - record.times[0]), drift, steady, shows, silent)
+    compared = parts if shows and roles.surroundings in means else {}
+    offsets = {c: (means[c] - means[roles.surroundings], max(abs(change - around), limit / 3.0)) for c, (change, limit) in compared.items()}
+    return Rest(float(record.times[size - 1] - record.times[0]), drift, steady, shows, silent, offsets)
 
 
 def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3, facts: StatedFacts = StatedFacts()) -> dict[str, Any]:

@@ -235,6 +235,7 @@ def roles_of(
             code="record.nothing-there",
         )
     heated = [_pair(p, False) for p in powers] or [(n, "") for n in (*guessed["power"], *guessed["duty"]) if not _idle(columns[n].values)]
+    heated = [(n, named_part(node, parts)) for n, node in heated]
     logged_powers = _with_shares(_logged(heated, columns, scales, formulas), path)
     taken = {*parts, around, *(p.column for p in logged_powers)}
     units = {n: c.unit for n, c in columns.items() if n in taken and c.assumed and c.unit}
@@ -301,6 +302,19 @@ _OF_POWER = {
     "J": ("an energy", "power = { energy = ... } of a channel in the campaign"),
 }
 """Unit of a column from which a power may follow -> what it is, and how the power follows."""
+
+
+def named_part(name: str, parts: Mapping[str, str]) -> str:
+    """Return the part that a name means, of a part or of its column, in any case of letters; the name as it is where there is none.
+
+    Parameters
+    ----------
+    name : str
+    parts : dict    Column -> part.
+    """
+    if name in parts.values():
+        return name
+    return parts.get(name) or {k.casefold(): p for c, p in parts.items() for k in (c, p)}.get(name.casefold(), name)
 
 
 def _pair(text: str, named: bool = True) -> tuple[str, str]:

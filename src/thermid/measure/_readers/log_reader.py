@@ -230,7 +230,7 @@ def _samples(cells: Cells, parsed: list[FloatArray | int], at: int) -> FloatArra
     if isinstance(samples, int):
         text = cells.columns[at][samples]
         raise RecordError(
-            f"'{text}' is not a number. Write missing samples as empty, NaN or NA; for decimal commas give decimal=','.",
+            f"'{text}' is not a number. {NO_NUMBER}; for decimal commas give decimal=','.",
             cells.where(samples, name_and_unit(cells.header[at])[0]),
             code="record.not-a-number",
         )

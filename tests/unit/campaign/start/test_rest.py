@@ -36,6 +36,8 @@ def test_a_still_room_and_one_that_drifts_are_rest() -> None:
     assert (still.seconds, still.steady, still.shows, still.silent) == (2400.0, True, True, ())
     assert (drifting.seconds, drifting.steady, drifting.shows) == (2400.0, False, True)
     assert drifting.drift == pytest.approx(0.15, abs=0.03)
+    value, error = drifting.offsets["plate"]
+    assert abs(value - 1.2) < 3 * error < 0.5
 
 
 @pytest.mark.parametrize(("plate", "room", "lag"), [(-10.0, 0.0, 36000.0), (-1.0, 0.5, 0.0), (0.5, 0.0, 0.0), (0.0, 1.5, 0.0)])
