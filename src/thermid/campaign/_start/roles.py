@@ -149,7 +149,8 @@ def read_as(roles: Roles, log: Path, same: Mapping[str, str], time: str | None =
     if not any(other.get(column, column) in here for column in roles.parts):
         raise RecordError(
             "it has none of the temperatures of the first log. A further log is another test of the unit. One that ran beside the first is "
-            "joined with it: `thermid look` with both prints the lines.",
+            "joined with it before: `thermid look` with both prints channels and offset, and in Python `td.read_record(FIRST, CHANNELS)"
+            ".joined(td.read_record(OTHER, CHANNELS), OFFSET).to_csv('joined.csv')` writes the log for `thermid init joined.csv`.",
             log.name,
             code="record.nothing-there",
         )

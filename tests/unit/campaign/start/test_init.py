@@ -19,7 +19,7 @@ from thermid.base.errors import IdentificationError, NameNotFoundError, OutputEr
 from thermid.campaign._start.project import TEMPLATES, parted, write_template
 from thermid.campaign._start.proposal import KnownMass, StatedFacts, _within, orders_text, propose, request_of
 from thermid.campaign._start.roles import named_part, noise_of, part_name, roles_of, with_noise
-from thermid.inference.criticism import fitted_structure
+from thermid.inference.criticism import Fitted, fitted_structure
 from thermid.model.elements import TableSignal
 
 
@@ -194,7 +194,7 @@ def test_stated_paths_are_the_paths(tmp_path: Path) -> None:
         facts = StatedFacts(paths=(("a", "b"), ("a", "c"))) if stated else StatedFacts()
         request = request_of(roles, [with_noise(roles.read(log))[0]], 150.0, 0.1, facts=StatedFacts(paths=(("a", "b"), ("a", "c"))))
         begun = fitted_structure((), request, {}, None, None, 2)
-        names[stated] = [c.name for c in _within(roles, facts)(begun)]
+        names[stated] = [c.name for c in _within(roles, facts)(Fitted.of_problem(request, begun.problem, begun.end.fitted))]
     assert "a contact between 'b' and 'c'" in names[False]
     assert names[True] == [n for n in names[False] if n != "a contact between 'b' and 'c'"]
 
