@@ -365,7 +365,7 @@ def test_a_gain_uses_its_parameter_and_a_verdict_before_a_refit_is_named(tmp_pat
     named = [f.message for f in check_campaign(tmp_path / "c.toml")[0] if f.code == "model.unused"]
     assert len(named) == 1
     whole = (tmp_path / "c.toml").read_text()
-    (tmp_path / "c.toml").write_text(whole.replace('T = {', 'X = {'))
+    (tmp_path / "c.toml").write_text(whole.replace("T = {", "X = {"))
     wrong = check_campaign(tmp_path / "c.toml")[0]
     assert "name.unknown" in {f.code for f in wrong}
     assert [f.message for f in wrong if f.code == "model.unused"] == named

@@ -16,6 +16,7 @@ SLIGHT = 0.02
 LOOSELY = 1.0
 """Standard error of a logarithm from which a value counts as not told by the log. [-]"""
 
+
 @dataclass(frozen=True, eq=False)
 class FirstFit:
     """The first fit of a campaign.

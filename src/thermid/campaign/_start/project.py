@@ -17,7 +17,6 @@ from thermid.base.errors import NameNotFoundError, ThermidError, nearest
 from thermid.base.extensions import by_grammar, file_kinds, json_schema
 from thermid.base.files import COPY, DECK, FileKind, may_write, parse_toml, read_text, write_bytes, write_text
 from thermid.campaign._start.proposal import LOOSE_AMBIENT, Proposal, orders_text
-from thermid.campaign._start.roles import SURROUNDINGS
 from thermid.campaign._start.switching import instants_text, with_instants
 from thermid.fit.calibration import LocalSpec, Request
 from thermid.measure.records import Record, thinned_step

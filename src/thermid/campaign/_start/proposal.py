@@ -363,8 +363,8 @@ class Proposal:
     def offsets(self) -> dict[str, tuple[float, float]]:
         """Column -> its constant error, less that of the surroundings where these are logged, with its standard error. [K]
 
-        They are of the first fit, whose errors allow for what the structure may lack, or of a beginning at rest where that shows them better.
-        Where no fit can be made, thermometers of that accuracy differ as they did before.
+        They are of the first fit, whose errors allow for what the structure may lack, or of a beginning at rest where that shows them
+        better. Where no fit can be made, thermometers of that accuracy differ as they did before.
         """
         made, one, out = self.first_fit.calibration, self.chosen, dict[str, tuple[float, float]]()
         at = dict(zip((u.name for u in one.problem.unknowns), one.end.fitted.tolist(), strict=True)) if made is None else made.fitted

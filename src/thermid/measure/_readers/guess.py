@@ -13,7 +13,7 @@ from thermid.base.errors import ThermidError
 from thermid.base.units import DIMENSIONLESS, counted, describe, from_si, unit
 from thermid.measure._readers.columns import kelvin_sized, numbers
 from thermid.measure._readers.headers import LETTERED, MISSING, NO_NUMBER, is_number, name_and_unit
-from thermid.measure._readers.questions import ROOM_IN_FAHRENHEIT, begins_again, counts_time
+from thermid.measure._readers.questions import begins_again, counts_time
 from thermid.measure._readers.textfile import Cells
 from thermid.measure._record.channel import MIN_OVERLOAD_READING, SENSOR_FAULT_CODES, BoolArray, FloatArray, codes_of
 

@@ -18,7 +18,7 @@ from thermid.measure._readers.bindings import Binding, bindings, full_scale, uni
 from thermid.measure._readers.columns import decimal_sign, find_column, kelvin_sized, numbers
 from thermid.measure._readers.formats import log_cells
 from thermid.measure._readers.guess import columns_of
-from thermid.measure._readers.headers import LETTERED, name_and_unit
+from thermid.measure._readers.headers import LETTERED, NO_NUMBER, name_and_unit
 from thermid.measure._readers.power_of_columns import RESTARTED, power_readings
 from thermid.measure._readers.questions import begins_again, board_restarts, hidden_switches, lost_hour, repeated_stamps, unit_question
 from thermid.measure._readers.stamps import Clock, Times, clock_column, read_times
