@@ -21,7 +21,6 @@ from thermid.campaign._start.proposal import StatedFacts as StatedFacts, known_m
 from thermid.campaign._start.roles import (
     ACCURACY as ACCURACY,
     Roles as Roles,
-    named_part as named_part,
     read_as as read_as,
     roles_of as roles_of,
     word as word,

@@ -27,7 +27,6 @@ from thermid.campaign.start import (
     example_named,
     known_masses,
     may_write_project,
-    named_part,
     parted,
     propose,
     read_as,
@@ -110,11 +109,11 @@ def _stated_facts(
     """Return the roles, seated in the deck where there is one, and what is known beside the log; a part may be named by its column."""
     parts = list(roles.parts.values())
     weights, made_of = (
-        {named_part(n, roles.parts): v for n, v in pairs(*pairs_and_option).items()}
+        {roles.part_named(n): v for n, v in pairs(*pairs_and_option).items()}
         for pairs_and_option in ((masses, "--mass"), (materials, "--material"))
     )
     ends = ([end.strip() for end in text.partition("=")[::2]] for text in paths)
-    joined = tuple((named_part(a, roles.parts), named_part(b, roles.parts)) for a, b in ends)
+    joined = tuple((roles.part_named(a), roles.part_named(b)) for a, b in ends)
     for option, names in (("--mass", weights), ("--material", made_of), ("--path", [n for pair in joined for n in pair])):
         refuse_unknown(names, parts, option, "no part '{}'. Parts: {known}.")
     size = amount(accuracy, "K", "--accuracy") if accuracy else ACCURACY

@@ -92,6 +92,10 @@ class Roles:
     boundary: str = SURROUNDINGS
     questions: tuple[str, ...] = ()
 
+    def part_named(self, name: str) -> str:
+        """Return the part that a name means, as `named_part`."""
+        return named_part(name, self.parts)
+
     @property
     def logged(self) -> bool:
         """Whether the surroundings have a column."""
