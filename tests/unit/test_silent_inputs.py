@@ -12,9 +12,12 @@ from numpy.typing import NDArray
 from typer.testing import CliRunner
 
 import thermid as td
+from by_code import raises_code
 from thermid.app.cli.app import app
+from thermid.base.errors import DeckError
 from thermid.campaign.stages import check_campaign
 from thermid.measure.records import Channel
+from thermid.model.deck import load_model
 from thermid.model.elements import TableSignal
 
 ZERO = 273.15
@@ -361,3 +364,13 @@ def test_a_gain_uses_its_parameter_and_a_verdict_before_a_refit_is_named(tmp_pat
     assert "'again' fits the same deck after it" in found["campaign.verdict-before-refit"]
     named = [f.message for f in check_campaign(tmp_path / "c.toml")[0] if f.code == "model.unused"]
     assert len(named) == 1
+    whole = (tmp_path / "c.toml").read_text()
+    (tmp_path / "c.toml").write_text(whole.replace("T = {", "X = {"))
+    wrong = check_campaign(tmp_path / "c.toml")[0]
+    assert "name.unknown" in {f.code for f in wrong}
+    assert [f.message for f in wrong if f.code == "model.unused"] == named
+    (tmp_path / "c.toml").write_text(whole.partition("[[stages]]")[0])
+    found = CliRunner().invoke(app, ["check", str(tmp_path / "c.toml")])
+    assert "stages: is missing" in str(found.exception)
+    with raises_code("file.another-kind", DeckError, match="this is a campaign, not a deck"):
+        load_model(tmp_path / "c.toml")

@@ -108,7 +108,8 @@ _WORDS: Final = {
 """Kind -> what it is called, where that is not its name."""
 _SIGNS: Final = (
     ("credibility record", {"synthetic", "values"}),
-    ("campaign", {"records", "stages"}),
+    ("campaign", {"records"}),
+    ("campaign", {"stages"}),
     ("deck", {"nodes"}),
     ("deck", {"submodels"}),
     ("plan", {"tests", "limits"}),

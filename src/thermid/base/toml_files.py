@@ -118,7 +118,8 @@ def resolve_inside(folder: Path, name: str, where: str, roots: tuple[Path, ...] 
     path = (folder / name).resolve()
     if not any(path.is_relative_to(r) for r in (root, *(r.resolve() for r in roots))):
         raise DeckError(
-            f"'{name}' lies outside the project ({MARKER} marks its root). Copy the file into the project.",
+            f"'{name}' lies outside the project ({MARKER} marks its root). Copy the file into the project, "
+            f"or put an empty {MARKER} into the folder that holds both: it is then the root.",
             where,
             code="file.outside-project",
         )

@@ -471,14 +471,14 @@ class Campaign(Result):
 
     @property
     def doubted(self) -> str:
-        """How many verdicts passed by values that are not adequate, not credible or failed, in words; empty where there are none."""
+        """How many verdicts are within limits by values that are not adequate, not credible or failed, in words; empty for none."""
         states = Counter(v.standing.state for v in self.verdicts if v.passed and not v.standing.fair)
-        return "; ".join(f"{n} by values that are {state}" for state, n in states.items())
+        return "; ".join(f"{n} within limits by values that are {state}" for state, n in states.items())
 
     @property
     def counts(self) -> str:
         """How many stages there are, and how many verdicts passed."""
-        passed = sum(v.passed is True for v in self.verdicts)
+        passed = sum(v.passed is True and not v.unfounded for v in self.verdicts)
         verdicts = [f"{passed} of {counted(len(self.verdicts), 'verdict')} passed"] if self.verdicts else []
         return ", ".join([counted(len(self.stages), "stage"), *verdicts, *([self.doubted] if self.doubted else [])])
 

@@ -224,8 +224,10 @@ def check_campaign(
     questions: list[Finding] = []
     inputs: dict[str, InputTable] = {}
     requests: dict[str, Request] = {}
-    gains: dict[str, set[str]] = {}
     below: dict[str, Calibration] = {}
+    # as the tables have them: a stage with an error binds nothing, and what its logs scale by is used all the same
+    tied = [t for r in source.content.records.values() for t in r.channels.values()] + [t for s in tables for t in s.bind.values()]
+    gains = {str(t["gain"]) for t in tied if isinstance(t, Mapping) and "gain" in t}
     for k, stage in enumerate(tables):
         where = source.where(f"stages.{k}")
         try:
@@ -237,14 +239,13 @@ def check_campaign(
             findings.append(_finding(error, where))
             continue
         requests[stage.name] = request
-        gains.setdefault(stage.model, set()).update(c.gain for r in request.records for c in r.channels.values() if c.gain)
         questions += [Finding("warning", where, question, code_of(question)) for question in open_questions(request.records)]
         rows, wrong, unknowns = _bound(request, where)
         findings += wrong
         if known and not wrong:
             below[stage.name] = fit(replace(request, hand=request.hand or _unfitted(stage.name, unknowns)))
         inputs[stage.name] = InputTable.in_order(rows)
-    findings[:0] = [f for file, where in files.items() for f in source.model(file, where).check(gains.get(file, ()))]
+    findings[:0] = [f for file, where in files.items() for f in source.model(file, where).check(gains)]
     for k, verdict in enumerate(source.content.verdicts):
         stage = next(s for s in tables if s.name == verdict.model)
         later = [s.name for s in tables[tables.index(stage) + 1 :] if s.model == stage.model]

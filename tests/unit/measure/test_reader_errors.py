@@ -11,7 +11,7 @@ from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, 
 from thermid.measure._readers.log_reader import read_plain, read_record
 
 ANY = {"case": "T1"}
-TEXT = "is not a number. Write missing samples as empty, NaN or NA; for decimal commas give decimal=','."
+TEXT = "is not a number. Write missing samples as empty, NaN, NA or ---; for decimal commas give decimal=','."
 BACK = "Sort the log, or read its parts as separate records."
 
 

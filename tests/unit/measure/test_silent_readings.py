@@ -10,6 +10,7 @@ import pytest
 from by_code import raises_code
 from thermid.base.errors import RecordError, ThermidError, UnitError
 from thermid.measure._readers.formats import log_cells
+from thermid.measure._readers.guess import columns_of
 from thermid.measure._readers.headers import name_and_unit
 from thermid.measure._readers.log_reader import read_record
 from thermid.measure._record.channel import stray_readings
@@ -344,3 +345,32 @@ def test_words_of_instruments_for_an_overload_are_no_readings(log, word):
     assert coded(log, [20, word, 21])["T"].valid.tolist() == [True, False, True]
     commas = f"time [s];T [degC]\n0;20,5\n10;{word}\n20;21,5\n"
     assert read_record(log(commas), {"T": {"node": "a"}})["T"].valid.tolist() == [True, False, True]
+
+
+def guesses(log, header: str, *rows: str) -> dict[str, tuple[str, str]]:
+    cells = log_cells(log("\n".join((header, *rows)) + "\n"))
+    return {c.name: (c.guess, c.why) for c in columns_of(cells, ".", (0,))}
+
+
+def test_a_unit_letter_counts_whatever_the_case_before_it(log):
+    """`base_C` was a thermometer, and `housingA_C` was dropped."""
+    found = guesses(log, "time_s,base_C,housingA_C,CASE_C,HEATER_W,BOARD_A,BOARD_B,BOARD_C", "0,22,22,22,5,1,1,1", "9,23,24,22,5,1,2,1")
+    kinds = ["temperature", "temperature", "temperature", "power", "ignored", "ignored", "ignored"]
+    assert [guess for guess, _ in found.values()] == ["time", *kinds]
+
+
+def test_a_display_of_dashes_is_a_missing_reading_and_a_column_with_words_says_where(log):
+    path = log("time [s];T [degC];U [degC]\n0;22;20\n10;---;21\n20;23;-.-\n")
+    record = read_record(path, {"T": {"node": "t"}, "U": {"node": "u"}}, separator=";")
+    assert [record[c].valid.tolist() for c in "TU"] == [[True, False, True], [True, True, False]]
+    (guess, why) = guesses(log, "time_s,T_C", "0,22", "10,23", "20,-", "30,24")["T_C"]
+    assert guess == "ignored"
+    assert why == "text, such as '-' (bench.csv:4) in 1 of 4 cells. Write missing samples as empty, NaN, NA or ---"
+
+
+def test_a_formula_of_columns_with_blanks_says_the_rule_of_backticks(log):
+    path = log("time [s],CH1 Voltage [V],CH1 Current [A]\n0,5,1\n10,5,1\n")
+    with raises_code("expression.not-arithmetic", ThermidError, match="`CH1 Voltage` \\* `CH1 Current`"):
+        read_record(path, {"P": {"load": "q", "power": "CH1 Voltage * CH1 Current"}})
+    power = read_record(path, {"P": {"load": "q", "power": "`CH1 Voltage` * `CH1 Current`"}})["P"]
+    assert power.values.tolist() == [5.0, 5.0]

@@ -185,7 +185,7 @@ def test_a_part_outside_the_project(decks: Decks, tmp_path: Path, name: str) -> 
     assert (
         str(caught.value)
         == f"main.toml:4, submodels.part.use: '{name}' lies outside the project (thermid.toml marks its root). Copy the file into the "
-        "project."
+        "project, or put an empty thermid.toml into the folder that holds both: it is then the root."
     )
 
 

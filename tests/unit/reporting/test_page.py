@@ -115,9 +115,11 @@ def test_the_verdict_comes_first_and_says_what_failed(page: Page, campaign: Camp
     good = replace(campaign.verdicts[0], checks=tuple(c for c in campaign.verdicts[0].checks if c.passed))
     assert "✓ The only verdict passed" in Page(report(replace(campaign, verdicts=(good,)), to=tmp_path / "g.html")).text
     doubted = replace(campaign, verdicts=(replace(good, standing=Standing("not adequate", "why", "submodel")),))
-    words = "1 by values that are not adequate"
-    assert f"The only verdict passed on hold-out records, {words}" in " ".join(Page(report(doubted, to=tmp_path / "d.html")).text.split())
-    assert doubted.counts == f"2 stages, 1 of 1 verdict passed, {words}"
+    words = "1 within limits by values that are not adequate"
+    assert f"? 1 of 1 verdict not passed on hold-out records, {words}" in " ".join(
+        Page(report(doubted, to=tmp_path / "d.html")).text.split()
+    )
+    assert doubted.counts == f"2 stages, 0 of 1 verdict passed, {words}"
     none = Page(report(replace(campaign, verdicts=()), to=tmp_path / "n.html")).text
     assert "a fit alone does not validate the model" in none
 

@@ -98,7 +98,7 @@ def init(
     with searching("searching for a structure") as progress:
         proposal = propose(roles, [thinned(r) for r in fitted], evaluations, facts=facts, progress=progress)
     project = write_project(to, proposal, fitted, holdout, source, title, masked)
-    say(as_json, project.to_dict(), "\n".join([str(project), *(f"not used: {column}: {why}" for column, why in roles.ignored.items())]))
+    say(as_json, project.to_dict(), str(project))
     if not proposal.decided:
         raise SystemExit(IdentificationError.exit_code)
 
@@ -109,11 +109,11 @@ def _stated_facts(
     """Return the roles, seated in the deck where there is one, and what is known beside the log; a part may be named by its column."""
     parts = list(roles.parts.values())
     weights, made_of = (
-        {roles.parts.get(n, n): v for n, v in pairs(*pairs_and_option).items()}
+        {roles.part_named(n): v for n, v in pairs(*pairs_and_option).items()}
         for pairs_and_option in ((masses, "--mass"), (materials, "--material"))
     )
     ends = ([end.strip() for end in text.partition("=")[::2]] for text in paths)
-    joined = tuple((roles.parts.get(a, a), roles.parts.get(b, b)) for a, b in ends)
+    joined = tuple((roles.part_named(a), roles.part_named(b)) for a, b in ends)
     for option, names in (("--mass", weights), ("--material", made_of), ("--path", [n for pair in joined for n in pair])):
         refuse_unknown(names, parts, option, "no part '{}'. Parts: {known}.")
     size = amount(accuracy, "K", "--accuracy") if accuracy else ACCURACY

@@ -613,7 +613,7 @@ CODES: Final[Mapping[str, CodeMeaning]] = {
     "record.not-a-number": CodeMeaning(
         "error",
         "A cell holds no number.",
-        "Write missing samples as empty, NaN or NA.",
+        "Write missing samples as empty, NaN, NA or ---.",
     ),
     "record.not-overlapping": CodeMeaning(
         "error",

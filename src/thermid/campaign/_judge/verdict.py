@@ -143,6 +143,11 @@ class Verdict(Result):
         return max(self.missed or self.checks, key=lambda c: c.used, default=None)
 
     @property
+    def unfounded(self) -> bool:
+        """Whether it is within its limits by values that are not fair and that nobody accepted: no pass."""
+        return self.passed is True and self.standing.exit_code > 0
+
+    @property
     def conditional(self) -> bool:
         """Whether values that were fitted to the record that it judges decide it, within two standard errors of them."""
         return bool(self.deciding)
@@ -164,7 +169,8 @@ class Verdict(Result):
         """The verdict in words, without its criteria."""
         about = f" ({self.title})" if self.title else ""
         word = "NOT JUDGED" if self.passed is None else "PASSED" if self.passed else "FAILED"
-        word += f" by values that are {self.standing.state}" if self.passed and not self.standing.fair else ""
+        by = f"by values that are {self.standing.state}" if self.passed and not self.standing.fair else ""
+        word = f"NOT PASSED: within its limits, but {by}" if self.unfounded else f"{word} {by}".rstrip()
         other = "fail" if self.passed else "pass"
         names = " or ".join(self.deciding)
         condition = f", but it would {other} with another {names} within two standard errors; fit it to another record" if names else ""

@@ -13,14 +13,12 @@ from typing import Any, Final
 import numpy as np
 import tomlkit
 
-from thermid.base.errors import IdentificationError, NameNotFoundError, RecordError, ThermidError, nearest
+from thermid.base.errors import NameNotFoundError, RecordError, ThermidError, nearest
 from thermid.base.extensions import by_grammar, file_kinds, json_schema
 from thermid.base.files import COPY, DECK, FileKind, may_write, parse_toml, read_text, write_bytes, write_text
 from thermid.campaign._start.proposal import LOOSE_AMBIENT, Proposal, orders_text
-from thermid.campaign._start.roles import SURROUNDINGS
 from thermid.campaign._start.switching import instants_text, with_instants
-from thermid.fit.calibration import LocalSpec, Request, fit
-from thermid.inference.criticism import FittedStructure
+from thermid.fit.calibration import LocalSpec, Request
 from thermid.measure.records import Record, thinned_step
 from thermid.model.deck import model_text
 from thermid.model.elements import parameter
@@ -215,10 +213,6 @@ def write_template(name: str, folder: Path) -> tuple[str, list[Path]]:
 
 FITTED, HOLDOUT_NAME = 0.7, "holdout"
 """Part of a single log that is fitted; the rest judges."""
-SLIGHT = 0.02
-"""A way of heat that carries less than this part of what leaves a part, and whose value the log does not tell, is left out. [-]"""
-LOOSELY = 1.0
-"""Standard error of a logarithm from which a value counts as not told by the log. [-]"""
 VERDICT_NOISES, VERDICT_SHARE_OF_RANGE = 4.0, 0.03
 """Limit of the first verdict: so many noises, or so much of the range of the readings, whichever is more."""
 
@@ -256,6 +250,7 @@ class Written:
             "powers": p.powers_text or p.shares_text,
             "thinned": p.thinned_text,
             "masked": list(self.masked),
+            "not_used": dict(p.roles.ignored),
             "unexplained": p.unexplained,
             "not_physical": [c.to_dict() for c in p.not_physical],
             "depends_on_structure": [{"path": path, "low": low, "high": high} for path, (low, high) in p.depending.items()],
@@ -268,7 +263,8 @@ class Written:
     def __str__(self) -> str:
         """Return the proposal, the files, and the next command."""
         answer, *tried = str(self.proposal).split("\n")
-        lines = [answer, *self.masked, *tried]
+        unused = [f"Not used: {column}: {why}" for column, why in self.proposal.roles.ignored.items()]
+        lines = [answer, *unused, *self.masked, *tried]
         lines += [f"Left out, because the log does not determine them: {', '.join(self.left_out)}"] if self.left_out else []
         lines += [f"Fixed, because the log does not determine them: {', '.join(self.fixed)}"] if self.fixed else []
         lines += [f"wrote {file}" for file in self.files]
@@ -321,7 +317,7 @@ def write_project(
     ------
     OutputError     When a file is there that thermid did not write.
     """
-    request, fixed, left_out = settled(proposal.chosen, proposal.roles.boundary)
+    request, fixed, left_out = proposal.first_fit.request, proposal.first_fit.fixed, proposal.first_fit.left_out
     *fitted, holdout = with_instants([*fitted, holdout], proposal.instants)
     texts = (
         _deck(proposal, request, fixed, left_out, source, title),
@@ -342,54 +338,6 @@ def write_project(
     if not marker.exists():
         files.append(write_text(marker, ROOT, TEMPLATE.titled("root")))
     return Written(folder, tuple(files), proposal, fixed, left_out, tuple(masked))
-
-
-def settled(one: FittedStructure, boundary: str = SURROUNDINGS) -> tuple[Request, tuple[str, ...], tuple[str, ...]]:
-    """Return the fit that the campaign asks for, what it keeps fixed, and what was left out.
-
-    Ways of heat that carry little and that the log does not tell are left out. Of other values that it does not tell, the least known one
-    is fixed where the search found it, until the rest is known to better than a factor of e. What a full fit refuses after that is fixed
-    too.
-    """
-    slight = _slight(one, one.errors(), boundary)
-    model = replace(one.request.model, conductors={n: c for n, c in one.request.model.conductors.items() if n not in slight})
-    units = {u.name: u.unit for u in one.problem.unknowns}
-    texts = {n: parameter(f"{v:.4g} [{units[n]}]", n) for n, v in one.values.items() if n.partition(".")[0] not in slight}
-    model = model.with_values(texts, "thermid init")
-    free = [n for n in one.request.free if n.partition(".")[0] not in slight]
-    fixed: list[str] = []
-    sizes = one.errors(free)
-    while free and max(sizes[n] for n in free) > LOOSELY:
-        fixed.append(max(free, key=lambda n: sizes[n]))
-        free.remove(fixed[-1])
-        sizes = one.errors(free)
-    priors = {path: prior for path, prior in one.request.priors.items() if path in free}
-    request = replace(one.request, model=model, free=tuple(free), priors=priors, name="first fit")
-    for name in sorted(free, key=lambda n: -sizes[n]):
-        try:
-            fit(replace(request, search="local"))
-            break
-        except IdentificationError:
-            fixed.append(name)
-            request = replace(request, free=tuple(n for n in request.free if n != name))
-        except ThermidError:
-            break
-    return request, tuple(fixed), tuple(slight)
-
-
-def _slight(one: FittedStructure, sizes: Mapping[str, float], boundary: str) -> list[str]:
-    """Return conductors that carry little and are not told by the log."""
-    values = one.values
-    strength: dict[str, float] = {}
-    paths = {n: c.between for n, c in one.request.model.conductors.items() if f"{n}.conductance" in values}
-    for name, ends in paths.items():
-        for end in ends:
-            strength[end] = strength.get(end, 0.0) + values[f"{name}.conductance"]
-    return [
-        n
-        for n, ends in paths.items()
-        if sizes[f"{n}.conductance"] > 0.5 and all(values[f"{n}.conductance"] < SLIGHT * strength[e] for e in ends if e != boundary)
-    ]
 
 
 def _as_comments(lines: Sequence[str]) -> str:

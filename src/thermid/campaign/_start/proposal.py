@@ -6,8 +6,9 @@ Values that no hardware of the stated size can have are named.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,9 +16,9 @@ import numpy as np
 from thermid.base.dual import value_of
 from thermid.base.errors import DeckError, IdentificationError, ThermidError, refuse_unknown
 from thermid.base.expression import amount
-from thermid.campaign._start.roles import ACCURACY, Power, Roles, part_name, with_noise
+from thermid.campaign._start.roles import ACCURACY, SURROUNDINGS, Power, Roles, part_name, with_noise
 from thermid.campaign._start.switching import Instants, found_instants, instants_text, with_instants
-from thermid.fit.calibration import MOST_EVALUATIONS, LocalSpec, Request, first_reading
+from thermid.fit.calibration import MOST_EVALUATIONS, Calibration, LocalSpec, Request, first_reading, fit
 from thermid.inference.criticism import (
     EVALUATIONS,
     EvaluationBudget,
@@ -33,7 +34,7 @@ from thermid.inference.diagnosis import SPECIFIC_HEAT, RangeCheck
 from thermid.measure.amounts import duration_text
 from thermid.measure.records import Record
 from thermid.model.deck import model_from_dict
-from thermid.model.elements import literal
+from thermid.model.elements import literal, parameter
 from thermid.model.tree import Model, ParameterSet
 from thermid.physics.materials import materials as all_materials
 from thermid.simulation.runs import Scenario
@@ -239,7 +240,9 @@ FREE = ("capacitance", "mass", "conductance", "resistance", "htc", "effective_ht
 """Fields of a deck that a first fit looks for, unless their source is a measurement or a data sheet."""
 STATED = ("measured", "published", "datasheet")
 MIN_REST_READINGS = 10
-"""Readings without power and drift from which a log begins at rest."""
+"""Readings without power from which a log may begin at rest."""
+MAX_REST_DRIFT = 1 / 3
+"""Change of differences to drifting surroundings, over the accuracy of thermometers, up to which a rest shows offsets. [-]"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,7 +253,7 @@ class StatedFacts:
     ----------
     accuracy : float        Standard deviation of the constant error of a thermometer. [K]
     masses : dict           Part -> its weight and material.
-    paths : tuple           Pairs of parts that heat passes between; all pairs by default.
+    paths : tuple           Pairs of measured parts that heat passes between, and no others; all pairs by default.
     deck : Model            The structure to begin with.
     bounded : bool          Whether heat capacities of weighed parts stay within what their weight allows.
     """
@@ -350,30 +353,50 @@ class Proposal:
         """Whether the log decides on one structure, and that is one that hardware can have."""
         return len(self.search.orders) == 1 and not (self.unexplained or self.not_physical or self.depending)
 
+    @cached_property
+    def first_fit(self) -> FirstFit:
+        """The fit that the campaign of the proposed structure asks for."""
+        return first_fit_of(self.chosen, self.roles.boundary)
+
     @property
     def offsets(self) -> dict[str, tuple[float, float]]:
-        """Column -> its constant error, less that of the surroundings where these are logged, with its standard error. [K]"""
-        one, around = self.chosen, f"{self.roles.surroundings} error"
-        names = [u.name for u in one.problem.unknowns]
-        rows = np.concatenate([one.end.jacobian, one.end.priors])
-        spread = np.linalg.pinv(rows.T @ rows, hermitian=True)
-        out = {}
-        for column in (c for c in self.roles.parts if f"sensor {c}" in names):
-            weights = np.array([float(n == f"sensor {column}") - float(n == around) for n in names])
-            out[column] = float(weights @ one.end.fitted), float(np.sqrt(max(weights @ spread @ weights, 0.0)))
+        """Column -> its constant error, less that of the surroundings where these are logged, with its standard error. [K]
+
+        They are of the first fit, whose errors allow for what the structure may lack, or of a beginning at rest where that shows them
+        better. Where no fit can be made, thermometers of that accuracy differ as they did before.
+        """
+        made, one, out = self.first_fit.calibration, self.chosen, dict[str, tuple[float, float]]()
+        at = dict(zip((u.name for u in one.problem.unknowns), one.end.fitted.tolist(), strict=True)) if made is None else made.fitted
+        for column in (c for c in self.roles.parts if f"sensor {c}" in at):
+            pair = [n for n in (f"sensor {column}", f"{self.roles.surroundings} error") if n in at]
+            signs = np.array([1.0, -1.0])[: len(pair)]
+            variance = 2.0 * self.known.accuracy**2 if made is None else float(signs @ made.store.covariance(pair) @ signs)
+            fitted = float(signs @ [at[n] for n in pair]), variance**0.5
+            out[column] = min(fitted, self.rest.offsets.get(column, fitted), key=lambda offset: offset[1])
         return out
+
+    @cached_property
+    def rest(self) -> Rest:
+        """How the log that shows most of its offsets at rest begins."""
+        records = [e.record for e in self.chosen.problem.experiments]
+        rests = [beginning_rest(r, self.roles, self.noise, self.known.accuracy) for r in records]
+        return max(rests, key=lambda r: (r.shows, r.seconds))
 
     @property
     def offsets_text(self) -> str:
         """What is assumed of the thermometers and what the log says of their offsets."""
         offsets = ", ".join(f"{c} {v:+.2f} +- {e:.2f} K" for c, (v, e) in self.offsets.items())
         against = f" against {self.roles.surroundings}" if self.roles.logged else ""
-        rests = [at_rest(e.record, self.roles, self.noise) for e in self.chosen.problem.experiments]
-        where = (
-            f"The log begins at rest for {duration_text(max(rests))}, which shows them."
-            if max(rests) > 0.0
-            else "The log does not begin at rest, so only the fit shows them: begin the next test with some minutes without power."
-        )
+        rest = self.rest
+        begins = f"The log begins with {duration_text(rest.seconds)} without power"
+        if rest.shows:
+            moved = f", in which differences{against.replace('against', 'to')} change by up to {rest.drift:.2g} K; it shows them to that"
+            where = f"The log begins at rest for {duration_text(rest.seconds)}, which shows them" if rest.steady else f"{begins}{moved}"
+            where += f", apart from {', '.join(rest.silent)}, which it does not read there." if rest.silent else "."
+        elif rest.seconds:
+            where = f"{begins}, but parts change by up to {rest.drift:.2g} K{against} there, so only the fit shows them: wait longer."
+        else:
+            where = "The log does not begin at rest, so only the fit shows them: begin the next test with some minutes without power."
         return f"Offsets of thermometers, accuracy {self.known.accuracy:g} K assumed{against}: {offsets}. {where}"
 
     @property
@@ -432,21 +455,65 @@ def orders_text(orders: Sequence[int]) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
-def at_rest(record: Record, roles: Roles, noise: Mapping[str, float]) -> float:
-    """Return for how long a record begins without power and without drift; 0 where that is less than `MIN_REST_READINGS` readings. [s]"""
+@dataclass(frozen=True)
+class Rest:
+    """The beginning of a record without power.
+
+    Parameters
+    ----------
+    seconds : float     How long it lasts; 0 for less than `MIN_REST_READINGS` readings. [s]
+    drift : float       Largest change of a part against the surroundings, or of a temperature where these are not logged. [K]
+    steady : bool       Whether no temperature changes by more than its noise there.
+    shows : bool        Whether parts move with the surroundings or not at all, and by less than an offset is known before.
+    silent : tuple      Columns of parts without readings there.
+    offsets : dict      Column -> mean difference to logged surroundings and its standard error, where it shows offsets. [K]
+    """
+
+    seconds: float = 0.0
+    drift: float = 0.0
+    steady: bool = True
+    shows: bool = False
+    silent: tuple[str, ...] = ()
+    offsets: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+
+def beginning_rest(record: Record, roles: Roles, noise: Mapping[str, float], accuracy: float = ACCURACY) -> Rest:
+    """Return how a record begins without power, and whether that shows offsets.
+
+    Changes are those of the mean from the first half to the second. A part that follows drifting surroundings changes between not at all
+    and as they do; one that cools changes otherwise. The difference to the surroundings then shows an offset to within its own change.
+
+    Parameters
+    ----------
+    record, roles   The log, and what its columns are.
+    noise : dict        Column -> noise of one reading. [K]
+    accuracy : float    Of the thermometers, one standard deviation. [K]
+    """
     off = np.ones(record.times.size, dtype=bool)
     for p in (p for p in roles.powers if p.column in record.channels):
         watts = np.nan_to_num(record[p.column].values)
         off &= np.abs(watts) <= 0.01 * max(float(np.max(np.abs(watts))), 1e-12)
     size = int(np.argmin(off)) or (off.size if off.all() else 0)
-    channels = [record[c] for c in (*roles.parts, roles.surroundings) if c in record.channels]
-    for c in channels:
+    if not roles.powers or size < MIN_REST_READINGS:
+        return Rest()
+    changes: dict[str, tuple[float, float]] = {}  # of the mean, and what noise explains
+    means: dict[str, float] = {}
+    for c in (record[c] for c in (*roles.parts, roles.surroundings) if c in record.channels):
         values = c.values[:size][c.valid[:size]]
-        half = values.size // 2
-        drift = abs(float(values[half:].mean() - values[:half].mean())) if half >= MIN_REST_READINGS // 2 else np.inf
-        if drift > 3.0 * noise.get(c.name, min(noise.values())) / half**0.5 + 0.02:
-            return 0.0
-    return float(record.times[size - 1] - record.times[0]) if roles.powers and size >= MIN_REST_READINGS else 0.0
+        if (half := values.size // 2) >= MIN_REST_READINGS // 2:
+            by_noise = 3.0 * noise.get(c.name, min(noise.values())) / half**0.5 + 0.02
+            changes[c.name] = float(values[half:].mean() - values[:half].mean()), by_noise
+            means[c.name] = float(values.mean())
+    around, by_noise_around = changes.get(roles.surroundings, (0.0, 0.0))
+    parts = {c: changes[c] for c in roles.parts if c in changes}
+    follows = all(min(around, 0.0) - limit <= change <= max(around, 0.0) + limit for change, limit in parts.values())
+    drift = max((abs(change - around) for change, _ in parts.values()), default=np.inf)
+    steady = abs(around) <= by_noise_around and all(abs(change) <= limit for change, limit in parts.values())
+    silent = tuple(c for c in roles.parts if c in record.channels and c not in parts)
+    shows = bool(parts) and (steady or (follows and drift <= MAX_REST_DRIFT * accuracy))
+    compared = parts if shows and roles.surroundings in means else {}
+    offsets = {c: (means[c] - means[roles.surroundings], max(abs(change - around), limit / 3.0)) for c, (change, limit) in compared.items()}
+    return Rest(float(record.times[size - 1] - record.times[0]), drift, steady, shows, silent, offsets)
 
 
 def base_deck(roles: Roles, capacity: float, loss: float, contact: float = 0.3, facts: StatedFacts = StatedFacts()) -> dict[str, Any]:
@@ -610,7 +677,10 @@ def propose(
 
 
 def _within(roles: Roles, facts: StatedFacts) -> Any:
-    """Return the changes of a fitted structure that keep it within the masses of a proposal, and weighed parts within their weight."""
+    """Return the changes of a fitted structure that keep it within the masses of a proposal, and weighed parts within their weight.
+
+    Where paths are stated, measured parts stay as they are joined.
+    """
     measured = set(roles.parts.values())
 
     def changes(structure: Fitted) -> list[MissingElement]:
@@ -620,9 +690,15 @@ def _within(roles: Roles, facts: StatedFacts) -> Any:
         tips = [f"'{n}'" for n in structure.request.model.nodes if n not in measured and n.endswith("_sensor")]
         barred = [*UNSAID, *tips]  # a sensor touches its part and nothing else
         able = (c for c in changes_of(structure) if (c.nodes <= room or c.name in lags) and not any(w in c.name for w in barred))
+        able = (c for c in able if not facts.paths or _joined(c.request.model, measured) <= _joined(structure.request.model, measured))
         return [_weighed(_fixed_sensors(c, structure) if c.name in lags else c, roles, facts) for c in able]
 
     return changes
+
+
+def _joined(model: Model, parts: Set[str]) -> set[frozenset[str]]:
+    """Return the pairs of measured parts that heat passes between."""
+    return {frozenset(law.between) for law in model.conductors.values() if set(law.between) <= parts}
 
 
 def _fixed_sensors(lag: MissingElement, structure: Fitted) -> MissingElement:
@@ -761,3 +837,76 @@ def _scales(roles: Roles, records: Sequence[Record]) -> tuple[float, float, floa
     span = max(r.duration for r in records)
     powers = [np.nanmean(np.abs(r[p.column].values)) for r in records for p in roles.powers if p.column in r.channels]
     return rise, span, max(float(np.sum(powers)) / max(len(records), 1), 1e-3)
+
+
+SLIGHT = 0.02
+"""A way of heat that carries less than this part of what leaves a part, and whose value the log does not tell, is left out. [-]"""
+LOOSELY = 1.0
+"""Standard error of a logarithm from which a value counts as not told by the log. [-]"""
+
+
+@dataclass(frozen=True, eq=False)
+class FirstFit:
+    """The first fit of a campaign.
+
+    Parameters
+    ----------
+    request : Request
+    fixed : tuple of str        Values that the log does not determine; the campaign keeps them fixed.
+    left_out : tuple of str     Conductors that were left out because the log does not show them.
+    calibration : Calibration   Its result, errors by the structure included; None where no fit could be made.
+    """
+
+    request: Request
+    fixed: tuple[str, ...]
+    left_out: tuple[str, ...]
+    calibration: Calibration | None
+
+
+def first_fit_of(one: FittedStructure, boundary: str = SURROUNDINGS) -> FirstFit:
+    """Return the fit that the campaign asks for, what it keeps fixed, and what was left out.
+
+    Ways of heat that carry little and that the log does not tell are left out. Of other values that it does not tell, the least known one
+    is fixed where the search found it, until the rest is known to better than a factor of e. What a full fit refuses after that is fixed
+    too.
+    """
+    slight = _slight(one, one.errors(), boundary)
+    model = replace(one.request.model, conductors={n: c for n, c in one.request.model.conductors.items() if n not in slight})
+    units = {u.name: u.unit for u in one.problem.unknowns}
+    texts = {n: parameter(f"{v:.4g} [{units[n]}]", n) for n, v in one.values.items() if n.partition(".")[0] not in slight}
+    model = model.with_values(texts, "thermid init")
+    free = [n for n in one.request.free if n.partition(".")[0] not in slight]
+    fixed: list[str] = []
+    calibration = None
+    sizes = one.errors(free)
+    while free and max(sizes[n] for n in free) > LOOSELY:
+        fixed.append(max(free, key=lambda n: sizes[n]))
+        free.remove(fixed[-1])
+        sizes = one.errors(free)
+    priors = {path: prior for path, prior in one.request.priors.items() if path in free}
+    request = replace(one.request, model=model, free=tuple(free), priors=priors, name="first fit")
+    for name in sorted(free, key=lambda n: -sizes[n]):
+        try:
+            calibration = fit(replace(request, search="local"))
+            break
+        except IdentificationError:
+            fixed.append(name)
+            request = replace(request, free=tuple(n for n in request.free if n != name))
+        except ThermidError:
+            break
+    return FirstFit(request, tuple(fixed), tuple(slight), calibration)
+
+
+def _slight(one: FittedStructure, sizes: Mapping[str, float], boundary: str) -> list[str]:
+    """Return conductors that carry little and are not told by the log."""
+    values = one.values
+    strength: dict[str, float] = {}
+    paths = {n: c.between for n, c in one.request.model.conductors.items() if f"{n}.conductance" in values}
+    for name, ends in paths.items():
+        for end in ends:
+            strength[end] = strength.get(end, 0.0) + values[f"{name}.conductance"]
+    return [
+        n
+        for n, ends in paths.items()
+        if sizes[f"{n}.conductance"] > 0.5 and all(values[f"{n}.conductance"] < SLIGHT * strength[e] for e in ends if e != boundary)
+    ]

@@ -92,6 +92,10 @@ class Roles:
     boundary: str = SURROUNDINGS
     questions: tuple[str, ...] = ()
 
+    def part_named(self, name: str) -> str:
+        """Return the part that a name means, as `named_part`."""
+        return named_part(name, self.parts)
+
     @property
     def logged(self) -> bool:
         """Whether the surroundings have a column."""
@@ -149,7 +153,8 @@ def read_as(roles: Roles, log: Path, same: Mapping[str, str], time: str | None =
     if not any(other.get(column, column) in here for column in roles.parts):
         raise RecordError(
             "it has none of the temperatures of the first log. A further log is another test of the unit. One that ran beside the first is "
-            "joined with it: `thermid look` with both prints the lines.",
+            "joined with it before: `thermid look` with both prints channels and offset, and in Python `td.read_record(FIRST, CHANNELS)"
+            ".joined(td.read_record(OTHER, CHANNELS), OFFSET).to_csv('joined.csv')` writes the log for `thermid init joined.csv`.",
             log.name,
             code="record.nothing-there",
         )
@@ -235,6 +240,7 @@ def roles_of(
             code="record.nothing-there",
         )
     heated = [_pair(p, False) for p in powers] or [(n, "") for n in (*guessed["power"], *guessed["duty"]) if not _idle(columns[n].values)]
+    heated = [(n, named_part(node, parts)) for n, node in heated]
     logged_powers = _with_shares(_logged(heated, columns, scales, formulas), path)
     taken = {*parts, around, *(p.column for p in logged_powers)}
     units = {n: c.unit for n, c in columns.items() if n in taken and c.assumed and c.unit}
@@ -301,6 +307,19 @@ _OF_POWER = {
     "J": ("an energy", "power = { energy = ... } of a channel in the campaign"),
 }
 """Unit of a column from which a power may follow -> what it is, and how the power follows."""
+
+
+def named_part(name: str, parts: Mapping[str, str]) -> str:
+    """Return the part that a name means, of a part or of its column, in any case of letters; the name as it is where there is none.
+
+    Parameters
+    ----------
+    name : str
+    parts : dict    Column -> part.
+    """
+    if name in parts.values():
+        return name
+    return parts.get(name) or {k.casefold(): p for c, p in parts.items() for k in (c, p)}.get(name.casefold(), name)
 
 
 def _pair(text: str, named: bool = True) -> tuple[str, str]:

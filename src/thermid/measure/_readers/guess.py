@@ -12,8 +12,8 @@ import numpy as np
 from thermid.base.errors import ThermidError
 from thermid.base.units import DIMENSIONLESS, counted, describe, from_si, unit
 from thermid.measure._readers.columns import kelvin_sized, numbers
-from thermid.measure._readers.headers import LETTERED, name_and_unit
-from thermid.measure._readers.questions import ROOM_IN_FAHRENHEIT, begins_again, counts_time
+from thermid.measure._readers.headers import LETTERED, MISSING, NO_NUMBER, is_number, name_and_unit
+from thermid.measure._readers.questions import begins_again, counts_time
 from thermid.measure._readers.textfile import Cells
 from thermid.measure._record.channel import MIN_OVERLOAD_READING, SENSOR_FAULT_CODES, BoolArray, FloatArray, codes_of
 
@@ -98,7 +98,10 @@ def columns_of(cells: Cells, decimal: str, times: tuple[int, ...]) -> list[Colum
             continue
         parsed = numbers(cells.columns[at], decimal)
         if isinstance(parsed, int):
-            out.append(Column(header, name, text or "", False, "ignored", f"text, such as '{cells.columns[at][parsed].strip()[:20]}'"))
+            why = f"text, such as '{cells.columns[at][parsed].strip()[:20]}' ({cells.where(parsed)})"
+            few = sum(not is_number(cell) and cell.strip().lower() not in MISSING for cell in cells.columns[at])
+            why += f" in {few} of {len(cells.columns[at])} cells. {NO_NUMBER}" if 2 * few < len(cells.columns[at]) else ""
+            out.append(Column(header, name, text or "", False, "ignored", why))
             continue
         guess, unit_text, why = _guess(name, text, parsed, m["letter"] if (m := LETTERED.match(name)) and m["stem"] not in numbered else "")
         assumed = text is None and bool(unit_text) and "ends in" not in why
@@ -157,10 +160,10 @@ def _by_name(name: str, finite: FloatArray, letter: str) -> tuple[str, str, str]
     if counts_time(finite):
         again = np.flatnonzero(begins_again(finite))
         return "ignored", "", "counts milliseconds" + (f", and begins again {counted(again.size, 'time')}" if again.size else "")
-    small, ends = letter and re.match(r"[a-z0-9]", name[-3]), f"its name ends in {name[-2:].strip()}"
-    if letter in _SCALES and (small or (letter == "F" and ROOM_IN_FAHRENHEIT[0] <= finite[0] <= ROOM_IN_FAHRENHEIT[1])):
+    ends = f"its name ends in {name[-2:].strip()}"
+    if letter in _SCALES:
         return _temperature(name, _SCALES[letter], ends)
-    if letter == "W" and small:
+    if letter == "W":
         return "power", "W", ends
     if _POWER.match(name):
         return "power", "W", "by its name"

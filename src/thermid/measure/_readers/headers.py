@@ -10,10 +10,15 @@ from typing import Final, NamedTuple
 from thermid.base.errors import RecordError
 
 MISSING: Final = frozenset(
-    ("", "nan", "na", "n/a", "null", "none", "ol", "o.l.", "ovld", "overload", "open", "#n/a", "1.#qnan", "1.#ind", "-1.#ind")
+    (
+        *("", "nan", "na", "n/a", "null", "none", "ol", "o.l.", "ovld", "overload", "open", "#n/a", "1.#qnan", "1.#ind", "-1.#ind"),
+        *("--", "---", "----", "-----", "-.-", "-.--", "--.-", "--.--", "---.-", "---.--"),
+    )
 )
-"""Cells that stand for a missing number or for the overload of an instrument, in any case of letters. A dash is none: in real logs it
-shows columns that have slipped."""
+"""Cells that stand for a missing number or for the overload of an instrument, in any case of letters: a display of dashes too. A single
+dash is none: in real logs it shows columns that have slipped."""
+
+NO_NUMBER: Final = "Write missing samples as empty, NaN, NA or ---"
 
 _BRACKETS: Final = (("[", "]"), ("(", ")"), ("{", "}"), ("<", ">"))
 # patterns as texts: `re` compiles them when the first log is read, and keeps them

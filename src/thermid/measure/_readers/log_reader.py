@@ -18,7 +18,7 @@ from thermid.measure._readers.bindings import Binding, bindings, full_scale, uni
 from thermid.measure._readers.columns import decimal_sign, find_column, kelvin_sized, numbers
 from thermid.measure._readers.formats import log_cells
 from thermid.measure._readers.guess import columns_of
-from thermid.measure._readers.headers import LETTERED, name_and_unit
+from thermid.measure._readers.headers import LETTERED, NO_NUMBER, name_and_unit
 from thermid.measure._readers.power_of_columns import RESTARTED, power_readings
 from thermid.measure._readers.questions import begins_again, board_restarts, hidden_switches, lost_hour, repeated_stamps, unit_question
 from thermid.measure._readers.stamps import Clock, Times, clock_column, read_times
@@ -230,7 +230,7 @@ def _samples(cells: Cells, parsed: list[FloatArray | int], at: int) -> FloatArra
     if isinstance(samples, int):
         text = cells.columns[at][samples]
         raise RecordError(
-            f"'{text}' is not a number. Write missing samples as empty, NaN or NA; for decimal commas give decimal=','.",
+            f"'{text}' is not a number. {NO_NUMBER}; for decimal commas give decimal=','.",
             cells.where(samples, name_and_unit(cells.header[at])[0]),
             code="record.not-a-number",
         )

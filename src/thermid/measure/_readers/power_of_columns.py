@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from thermid.base.errors import RecordError, errors_at, refuse_unknown
+from thermid.base.errors import ExpressionError, RecordError, errors_at, refuse_unknown
 from thermid.base.expression import parse
 from thermid.base.units import Unit, describe, in_si, require, unit
 from thermid.measure._readers.headers import LETTERED
@@ -144,7 +144,11 @@ def _of_formula(text: str, column: ColumnOf, units: Mapping[str, str], times: Fl
     plain = text
     for place, name in quoted.items():
         plain = plain.replace(f"`{name}`", place)
-    expression = parse(plain)
+    try:
+        expression = parse(plain)
+    except ExpressionError as error:
+        rule = "Write a column whose name holds a blank, a sign or a digit first in backticks: `CH1 Voltage` * `CH1 Current`."
+        raise error.reworded(f"{error.message} {rule}") from None
     if not expression.names:
         raise RecordError(f"'{text}' names no column. State a constant power in the deck or in the scenario.", code="value.wrong-kind")
     readings = {name: _column_with_unit(quoted.get(name, name), column, units) for name in expression.names}

@@ -499,7 +499,7 @@ def _looks(campaign: Campaign, c: Calibration) -> str:
             if v.passed is None:
                 lines.append(f"{v.record}: not judged and not read; {v.standing.reason(v.model)}")
                 continue
-            word = "passed" if v.passed else "failed"
+            word = "not passed" if v.unfounded else "passed" if v.passed else "failed"
             before = (
                 f"{counted(len(v.failed_before), 'failed verdict')} before, by other values: no longer independent"
                 if v.failed_before

@@ -78,9 +78,8 @@ def study_report(
     if audience == "summary":
         shown = [Section.of_blocks("verdicts", "Verdicts", [_verdicts(campaign, ranked=True)] if campaign.verdicts else [])]
     else:
-        added = [s for s in sections if audience in s.audiences]
-        first = Section.of_blocks("steps", "The four steps", steps(study))
-        shown = sheets.shortened([first, _parts_section(study), *added, _record_section(study, campaign)])
+        first = [Section.of_blocks("steps", "The four steps", steps(study)), _parts_section(study)]
+        shown = sheets.shortened([*first, *(s for s in sections if audience in s.audiences), _record_section(study, campaign)])
     outcomes = [v.passed for v in campaign.verdicts]
     about = (study.subject, f"Intended use: {study.use}.", f"After: {study.document}." if study.document else "")
     return write_page(
@@ -93,6 +92,7 @@ def study_report(
         banners=banners,
         failed=outcomes.count(False),
         undecided=outcomes.count(None),
+        unfounded=sum(v.unfounded for v in campaign.verdicts),
         judged=len(outcomes),
         summary="on hold-out records" if campaign.verdicts else "no hold-out record",
         front=front(campaign),

@@ -108,7 +108,9 @@ def test_a_local_value_makes_a_verdict_conditional_where_it_decides(found: Calib
     assert not wide.conditional
     assert wide.head == "Box on held: PASSED"
     doubted = replace(wide, standing=Standing("not adequate", "its residuals", "Box"))
-    assert doubted.head == f"{wide.head} by values that are not adequate"
+    assert doubted.head == "Box on held: NOT PASSED: within its limits, but by values that are not adequate"
+    accepted = replace(doubted, standing=replace(doubted.standing, accepted=True))
+    assert accepted.head == f"{wide.head} by values that are not adequate"
     least = Criteria(rmse=f"{1.0001 * wide.statistics['T'].rmse:.6f} [K]")
     verdict = validate(found, held, least, local=local)
     assert verdict.deciding == ("air",)

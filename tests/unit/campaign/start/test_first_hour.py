@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import thermid as td
 from thermid.app.cli.app import app
 from thermid.base.errors import ThermidError
 from thermid.campaign._start.proposal import Proposal, StatedFacts, _begun, known_masses, not_physical, weights
@@ -141,8 +142,14 @@ def test_a_log_of_another_logger_is_no_further_test(tmp_path: Path) -> None:
     assert code == 2
     assert message == (
         "it has none of the temperatures of the first log. A further log is another test of the unit. One that ran beside the first is "
-        "joined with it: `thermid look` with both prints the lines."
+        "joined with it before: `thermid look` with both prints channels and offset, and in Python `td.read_record(FIRST, CHANNELS)"
+        ".joined(td.read_record(OTHER, CHANNELS), OFFSET).to_csv('joined.csv')` writes the log for `thermid init joined.csv`."
     )
+    one = td.read_record(log, {"T_plate": {"node": "plate"}, "T_room": {"boundary": "room"}})
+    other = td.read_record(tmp_path / "supply.csv", {"P2": {"load": "heat", "power": "V_IN * I_IN"}})
+    one.joined(other, "5 [s]").to_csv(tmp_path / "joined.csv")
+    roles = roles_of(tmp_path / "joined.csv")
+    assert (dict(roles.parts), roles.surroundings, [p.column for p in roles.powers]) == ({"T_plate": "plate"}, "T_room", ["P2"])
 
 
 def test_a_power_in_other_units_gives_a_part_that_cannot_be(tmp_path: Path) -> None:

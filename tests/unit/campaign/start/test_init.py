@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +17,9 @@ from by_code import raises_code
 from thermid.app.cli.app import app
 from thermid.base.errors import IdentificationError, NameNotFoundError, OutputError, RecordError, ThermidError
 from thermid.campaign._start.project import TEMPLATES, parted, write_template
-from thermid.campaign._start.proposal import KnownMass, StatedFacts, orders_text, propose
-from thermid.campaign._start.roles import noise_of, part_name, roles_of, with_noise
+from thermid.campaign._start.proposal import KnownMass, StatedFacts, _within, orders_text, propose, request_of
+from thermid.campaign._start.roles import named_part, noise_of, part_name, roles_of, with_noise
+from thermid.inference.criticism import Fitted, fitted_structure
 from thermid.model.elements import TableSignal
 
 
@@ -167,6 +169,34 @@ def test_roles_by_names_units_and_by_hand(tmp_path: Path) -> None:
     (tmp_path / "none.csv").write_text("time_s,alpha\n0,1\n1,2\n2,3\n")
     with pytest.raises(RecordError, match="--temperature COLUMN=PART"):
         roles_of(tmp_path / "none.csv")
+
+
+def test_a_part_is_named_in_any_case_or_by_its_column_and_what_is_dropped_stands_first(tmp_path: Path) -> None:
+    """`--power P2=housingA` was refused, because the part of the column housingA is 'housinga'."""
+    log = bench(tmp_path / "test.csv", header="time_s,housingA_C,T_room_C,P_heater_W")
+    for name in ("housingA", "housinga", "housingA_C"):
+        assert roles_of(log, powers=[f"P_heater_W={name}"]).powers[0].node == "housinga"
+    assert named_part("conv", {"a": "b"}) == "conv"
+    rows = log.read_text().splitlines()
+    log.write_text("\n".join([f"{rows[0]},alpha", *(f"{row},{k % 7}" for k, row in enumerate(rows[1:]))]) + "\n")
+    found = CliRunner().invoke(app, ["init", str(log), "--to", str(tmp_path / "p"), "--evaluations", "12"])
+    assert found.stdout.split("\n")[1] == "Not used: alpha: no unit, and its name gives none"
+
+
+def test_stated_paths_are_the_paths(tmp_path: Path) -> None:
+    """A contact between parts that `--path` did not name was proposed."""
+    log = bench(tmp_path / "test.csv", hidden=0.0, header="time_s,T_plate_C,T_room_C,P_heater_W")
+    rows = [row.split(",") for row in log.read_text().splitlines()]
+    log.write_text("\n".join(",".join([t, a, a, a, *rest]) for t, a, *rest in rows).replace("T_plate_C,T_plate_C,T_plate_C", "a_C,b_C,c_C"))
+    roles = replace(roles_of(log), powers=tuple(replace(p, node="a") for p in roles_of(log).powers))
+    names: dict[bool, list[str]] = {}
+    for stated in (True, False):
+        facts = StatedFacts(paths=(("a", "b"), ("a", "c"))) if stated else StatedFacts()
+        request = request_of(roles, [with_noise(roles.read(log))[0]], 150.0, 0.1, facts=StatedFacts(paths=(("a", "b"), ("a", "c"))))
+        begun = fitted_structure((), request, {}, None, None, 2)
+        names[stated] = [c.name for c in _within(roles, facts)(Fitted.of_problem(request, begun.problem, begun.end.fitted))]
+    assert "a contact between 'b' and 'c'" in names[False]
+    assert names[True] == [n for n in names[False] if n != "a contact between 'b' and 'c'"]
 
 
 def test_names_of_parts() -> None:
