@@ -251,7 +251,8 @@ def fleet(
     """Fit the units of one design: means, spreads, odd units.
 
     The campaign has a table [fleet] with its units. --scenario adds 95 % bands of
-    the temperatures of a unit that is not built yet. Exit code 1 if a unit is odd.
+    the temperatures of a unit that is not built yet. Exit code 1 if a unit is odd,
+    or what `calibrate` exits with if the fit of a unit is not credible or adequate.
     """
     conditions = load_scenario(scenario) if scenario is not None else None
     executor = executor_of(workers, cluster, job)
@@ -265,7 +266,7 @@ def fleet(
         lines.append(f"Highest temperatures of a unit not built yet, {conditions.title}, 95 % of {members} drawn units:")
         lines += [f"  {n}  {b[0]:.1f} ({b[1]:.1f} .. {b[2]:.1f}) degC" for n, b in bands.items()]
     say(as_json, answer, "\n".join(lines), verbose)
-    raise SystemExit(1 if population.odd else 0)
+    raise SystemExit(1 if population.odd else population.standing.exit_code)
 
 
 def credibility(
