@@ -190,7 +190,7 @@ def test_a_fleet_of_logs_long_and_short(fleet: td.inference.Fleet) -> None:
 
 
 def test_held_values_are_said_and_what_all_units_share_is_counted() -> None:
-    """Intervals of means had only what units differ by: an assumed heat capacity was not said, and a stated range of an area not counted."""
+    """Intervals of means had only what units differ by: an assumed value was not said, a stated range not counted."""
     held = tomllib.loads("""case = { value = '450 [J/K]', min = 200, max = 900, source = 'assumed', basis = 'a guess' }
 area = { value = '600 [cm^2]', spread = '60 [cm^2]', source = 'assumed', basis = 'a sketch' }""")
     skin = {**DECK["surfaces"]["skin"], "area": held["area"]}
