@@ -275,7 +275,7 @@ class TestASensorThatBeginsLater:
 
 
 def test_no_control_acts_on_a_logged_power_again() -> None:
-    """A heater's log was switched once more by the deck's thermostat: a conductance was 0.032 +- 0.002 W/K for 0.1, another load 47 % off."""
+    """A heater's log was switched again by the deck's thermostat: a conductance was 0.032 +- 0.002 W/K for 0.1, another load 47 % off."""
     heater = {"into": "b", "power": "5 [W]", "thermostat": {"on_below": "30 [degC]", "off_above": "32 [degC]"}}
     bench = {"title": "b", "needs": ["room"], "nodes": {"b": {"capacitance": "100 [J/K]"}}, "loads": {"h": heater}}
     bench["conductors"] = {"s": {"kind": "conduction", "between": ["b", "room"], "conductance": "0.1 [W/K]"}}

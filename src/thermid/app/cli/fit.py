@@ -57,7 +57,7 @@ from thermid.campaign.stages import (
     scenario_of,
     survey,
 )
-from thermid.campaign.studies import plan_retune
+from thermid.campaign.studies import check_replacement, plan_retune
 from thermid.fit.calibration import Calibration, LocalSpec
 from thermid.fit.error_model import SIZES
 from thermid.fit.estimation import estimated
@@ -320,6 +320,7 @@ def swap(
         )
     if to is not None:
         to.mkdir(parents=True, exist_ok=True)  # a name that is no folder's is refused before minutes of work
+    check_replacement(campaign, part, deck)
     plan = plan_retune(staged(campaign, data, results, accept), part, deck, sensors=pairs(sensor_at, "--sensor-at"))
     content: dict[str, Any] = {"plan": retune_object(plan)}
     texts, standing, code = [str(plan)], plan.standing, 0

@@ -227,8 +227,8 @@ class Record(Samples, Result):
             intervals = np.diff(self.times)
             raise RecordError(
                 f"the times of record '{self.name}' are uneven (intervals from {intervals.min():g} to {intervals.max():g} s), but "
-                f"this filter needs equal intervals. Resample first, for example {{ step = '{self.step:.3g} [s]', switches = false }}, or use "
-                "median.",
+                f"this filter needs equal intervals. Resample first, for example {{ step = '{self.step:.3g} [s]', switches = false }}, "
+                "or use median.",
                 "filter",
                 code="record.uneven-times",
             )
