@@ -85,7 +85,7 @@ def shifted(source: CampaignSource, name: str, delay: float) -> td.Record:
 def bound(source: CampaignSource, name: str, which: Candidate, step: float) -> td.Record:
     """Return a record for a candidate: commands as late as it says, readings taken at the node that its sensors read."""
     record = shifted(source, name, which.delay)
-    record = record.resample(step, switches=True) if step > GRID else record
+    record = record.resample(step) if step > GRID else record
     targets = {"T1_C": f"h1.{which.sensor}", "T2_C": f"h2.{which.sensor}"}
     return record.with_channels(*(replace(record[c], target=t) for c, t in targets.items()))
 

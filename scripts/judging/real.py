@@ -46,7 +46,7 @@ def apmonitor(data: Path, bands: rr.Bands = predict_record) -> rr.RealSet:
         channels |= {"T1_C": {"node": "h1.sensor", "noise": "0.3 [K]"}}
         channels |= {"T2_C": {"node": "h2.sensor", "noise": "0.3 [K]", "accuracy": "1 [K]"}}
         raw = td.read_record(data / "tclab_apmonitor_arduino" / f"{name}.csv", channels, time="time_s", name=name)
-        return raw.prepare([{"resample": {"step": "5 [s]", "switches": True}}])
+        return raw.prepare([{"resample": "5 [s]"}])
 
     def fitted(names: Sequence[str]) -> Calibration:
         own = {n: {"room": LocalSpec("T1_C", 0.5)} for n in names}

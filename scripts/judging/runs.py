@@ -68,7 +68,7 @@ class RealSet:
         return Run(tuple(b.measured - b.predicted for b in bands), tuple(b.half_width() for b in bands))
 
 
-PREPARE = [{"trim": ["0.5 [s]", "end"]}, {"median": "4 [s]"}, {"resample": {"step": "5 [s]", "switches": True}}]
+PREPARE = [{"trim": ["0.5 [s]", "end"]}, {"median": "4 [s]"}, {"resample": "5 [s]"}]
 FREE = (
     *("h1.alpha", "h2.alpha", "h1.tau", "h2.tau", "h1.to_board", "h2.to_board"),
     *("between", "to_room", "pcb.capacitance", "h2.body.specific_heat"),
@@ -112,7 +112,7 @@ def tclabsp(data: Path, bands: Bands = predict_record) -> RealSet:
         return {"room": LocalSpec("23 [degC]" if hot(name) else "T1_C", 0.5)}
 
     def fitted(names: Sequence[str]) -> Calibration:
-        taken = tuple(records[n].resample(15.0, switches=True) for n in names)
+        taken = tuple(records[n].resample(15.0) for n in names)
         own, given = {n: local(n) for n in names}, {n: warm for n in names if hot(n)}
         asked = Request(model, taken, FREE, {"*": start, **given}, {}, own, untie=True, loss="soft_l1", loss_scale=5.0, name="board")
         return fit(replace(asked, effective=True))

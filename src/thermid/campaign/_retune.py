@@ -311,6 +311,21 @@ def plan_retune(
     )  # fmt: skip
 
 
+def check_replacement(campaign: str | os.PathLike[str], part: str, new: str | os.PathLike[str]) -> None:
+    """Refuse a part that does not fit its place in the model of a campaign's last stage, before any stage runs.
+
+    Raises
+    ------
+    ThermidError   As `plan_retune`, such as for areas that the view factors of an enclosure do not allow.
+    """
+    source, model = read_campaign(campaign), load_model(new)
+    last = len(source.content.stages) - 1
+    above = source.model(source.content.stages[last].model, source.where(f"stages.{last}.model"))
+    path = above.canonical(part)
+    with errors_at(f"'{model.title}' at {path}", ": "):
+        compile_network(above.replaced(path, model)[0])
+
+
 def _bound(request: Request, plan: StagePlan, seats: Mapping[str, str]) -> dict[str, str]:
     """Return channel -> its node after the swap, of the sensors on the part in the tests of a stage."""
     if not (plan.alone or plan.part):

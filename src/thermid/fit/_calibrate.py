@@ -43,7 +43,7 @@ from thermid.fit._search import CHANCE, Progress, at_clocks, in_turns, searched,
 from thermid.fit._uncertainty.groups import SHARE, Group, percent, structural_groups, together
 from thermid.fit._uncertainty.information import Information, Responses, elsewhere, responses
 from thermid.fit._uncertainty.moved import MOVED, Moves, moves_above
-from thermid.fit._uncertainty.noise import Autocorrelation, TraceNoise, autocorrelation, own_switches
+from thermid.fit._uncertainty.noise import Autocorrelation, TraceNoise, autocorrelation, own_switches, shifts_by_lags
 from thermid.measure.amounts import short, some
 from thermid.measure.records import Record, open_questions
 from thermid.model.elements import CREDIBLE, Standing, TableSignal, worst
@@ -64,6 +64,10 @@ ERROR_OF_SEEN_NOISE = 1.6
 """Standard error of the logarithm of the noise that white readings show, times the root of their number; 20 to 500 were simulated. [-]"""
 CHANCE_DEVIATIONS = 3.0
 """Standard deviations of chi-square by chance, from which residuals that wander are asked whether the structure lacks something. [-]"""
+UNSTATED_LAG = 5.0
+"""Lag that a thermometer may have of which nobody states one: between a bare thermocouple and a probe in a pocket. [s]"""
+LAG_DEVIATIONS = 3.0
+"""Errors of a value by which that lag must move it for a remark. [-]"""
 UNKNOWN_CLOCK = 0.5
 """Part of the range of a second clock that its 95 % must leave, for the records to have determined it. [-]"""
 
@@ -562,6 +566,7 @@ def _warnings(problem: Problem, minimum: Fit, total: Array, spread: Autocorrelat
     out += _noise_apart(problem)
     out += _taken_as_instants(problem)
     out += _taken_as_switched(problem, minimum, total)
+    out += without_lags(problem, minimum, total)
     freedom = round(problem.freedom)
     reduced = minimum.chi_square / max(freedom, 1)
     stated = all(o.noise is not None for o in problem.observations())
@@ -647,6 +652,23 @@ def _taken_as_switched(problem: Problem, minimum: Fit, total: Array) -> list[str
             "change has a sample at its instant. Then state prompt = true; else prompt = false, and the fit finds the instants."
         )
     return out
+
+
+def without_lags(problem: Problem, minimum: Fit, total: Array) -> list[str]:
+    """Return one remark on sensors without a stated lag, where a usual one would move a value by more than its error can hide."""
+    names, shifts = shifts_by_lags(problem, minimum, UNSTATED_LAG)
+    ratios = {
+        u.name: abs(float(shifts[k])) / (float(np.sqrt(total[k, k])) or np.inf)
+        for k, u in enumerate(problem.unknowns)
+        if u.kind == "parameter" and np.isfinite(total[k, k])
+    }
+    worst_of_all = max(ratios, key=lambda name: ratios[name], default="")
+    if not names or not ratios or ratios[worst_of_all] < LAG_DEVIATIONS:
+        return []
+    return [
+        f"{FIRST}{quoted(names, 3)} {'state' if len(names) > 1 else 'states'} no lag, which counts as none: {UNSTATED_LAG:g} s would move "
+        f"'{worst_of_all}' by {short(ratios[worst_of_all], 2)} times its error. State lag = '5 [s]' with its lag_accuracy, or '0 [s]'."
+    ]
 
 
 def differing(problem: Problem) -> list[str]:

@@ -305,6 +305,11 @@ class Calibration(Result):
         return self.given_model.with_values(self.values.assignments, f"stage '{self.stage}'")
 
     @property
+    def exact(self) -> str:
+        """What the fit held and has no spread, in words; empty for nothing."""
+        return f"counted as exact: {without_spread(bare)}; min and max only bound a search" if (bare := _bracketed(self)) else ""
+
+    @property
     def clocks(self) -> dict[str, str]:
         """Record and name -> value with its error in words, of offsets and rates of clocks that were found."""
         return {f"{i.record}: {i.name}": i.words for i in self.local if i.unit == "s" or i.name.startswith("clock rate")}
@@ -408,7 +413,7 @@ class Calibration(Result):
         lines += [f"  {v.path}: shares its value with {', '.join(v.also)}" for v in fitted.values() if v.also]
         lines += [f"  cut from the other instances of its deck: {place}" for place in cuts_of(self.given_model)]
         lines += _known_lines(self.store, {*self.values.assignments}, width)
-        lines += [f"  counted as exact: {without_spread(bare)}; min and max only bound a search"] if (bare := _bracketed(self)) else []
+        lines += [f"  {self.exact}"] if self.exact else []
         for name, s in self.sensors.items():
             white = "yes" if s.white else f"no (lag-1 {s.lag_one:.2f})"
             worth = f", effective sample size {short(s.effective_samples)}" if s.wanders else ""

@@ -163,8 +163,9 @@ def check_view_factors(factors: Array, areas: Array, names: Sequence[str], where
     if (off > allowed).any():
         i, j = divmod(int(np.argmax(off - allowed)), len(names))
         raise DeckError(
-            f"view factors of '{names[i]}' and '{names[j]}' violate reciprocity: area times factor is {shared[i, j]:.5g} m^2 one way and "
-            f"{shared[j, i]:.5g} m^2 the other. Correct a factor or an area.",
+            f"view factors of '{names[i]}' and '{names[j]}' violate reciprocity: area times factor is {shared[i, j]:.5g} m^2 one way "
+            f"({areas[i]:.4g} m^2 times {factors[i, j]:.4g}) and {shared[j, i]:.5g} m^2 the other ({areas[j]:.4g} m^2 times "
+            f"{factors[j, i]:.4g}). Correct a factor or an area.",
             where,
             code="model.view-factors",
         )

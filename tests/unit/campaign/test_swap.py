@@ -15,7 +15,7 @@ import thermid as td
 from by_code import raises_code
 from thermid.app.cli.app import app
 from thermid.base.errors import DeckError, NameNotFoundError
-from thermid.campaign._retune import MIN_EFFECT, RetunePlan, _told_by
+from thermid.campaign._retune import MIN_EFFECT, RetunePlan, _told_by, check_replacement
 from thermid.campaign._stages import Campaign
 from thermid.fit.calibration import fit
 from thermid.model.deck import save_model
@@ -53,6 +53,31 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = make_project(tmp_path_factory.mktemp("swap"), STAGES)
     write_log(log(box(COOL), {}, {"T_A": "case"}, samples=61, seed=3), path.parent / "logs" / "other.csv")
     return path
+
+
+def test_a_part_that_does_not_fit_is_refused_before_any_stage_runs(tmp_path: Path) -> None:
+    """Two minutes of fits ended in view factors that 'violate reciprocity' by the areas of the new part; no word said of which part."""
+    part = "title = 'part'\nneeds = ['air']\noffers = ['skin']\n[nodes]\ncase = { capacitance = '9 [J/K]' }\n[surfaces]\n"
+    skin = "skin = { of = 'case', to = 'air', area = '%d [cm^2]', emissivity = 0.9, htc = '2 [W/(m^2 K)]' }\n"
+    for name, area in (("old", 20), ("new", 25)):
+        (tmp_path / f"{name}.toml").write_text(part + skin % area, encoding="utf-8")
+    unit = """title = 'unit'
+needs = ['air']
+[submodels]
+a = { use = 'old.toml', bind = { air = 'air' } }
+b = { use = 'old.toml', bind = { air = 'air' } }
+[enclosures.gap]
+faces = { a = 'a.skin', b = 'b.skin' }
+view_factors = [[0, 1], [1, 0]]
+"""
+    (tmp_path / "unit.toml").write_text(unit, encoding="utf-8")
+    stage = "title = 'swap'\n[[stages]]\nname = 'unit'\nmodel = 'unit.toml'\nrecords = ['log']\nfree = ['a.case.capacitance']\n"
+    record = "[records.log]\nfile = 'none.csv'\ntime = 't'\nchannels = { T = { node = 'a.case' } }\n"
+    (tmp_path / "campaign.toml").write_text(stage + record, encoding="utf-8")
+    said = r"'part' at b: unit.toml.*reciprocity.*\(0.002 m\^2 times 1\).*\(0.0025 m\^2 times 1\)"
+    with pytest.raises(DeckError, match=said):
+        check_replacement(tmp_path / "campaign.toml", "b", tmp_path / "new.toml")
+    check_replacement(tmp_path / "campaign.toml", "b", tmp_path / "old.toml")
 
 
 @pytest.fixture(scope="module")

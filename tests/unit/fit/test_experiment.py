@@ -17,9 +17,10 @@ from thermid.fit._problem.gather import build_problem
 from thermid.fit._problem.request import Request
 from thermid.measure.readers import read_record
 from thermid.measure.records import Channel, Record
+from thermid.model.deck import model_from_dict
 from thermid.model.elements import Constant, TableSignal
 from thermid.model.tree import Model
-from thermid.simulation.runs import Scenario
+from thermid.simulation.runs import Scenario, simulate
 from unit.fit.bench import HTC, ICE, MASS, box, log, metered, pair, room
 
 
@@ -271,3 +272,18 @@ class TestASensorThatBeginsLater:
         (start,) = (i for i in inputs_of(request, found.experiments).rows if i.kind == "start")
         assert start.words == "first reading of T"
         assert start.mean == pytest.approx(first_reading(two, "T"))
+
+
+def test_no_control_acts_on_a_logged_power_again() -> None:
+    """A heater's log was switched again by the deck's thermostat: a conductance was 0.032 +- 0.002 W/K for 0.1, another load 47 % off."""
+    heater = {"into": "b", "power": "5 [W]", "thermostat": {"on_below": "30 [degC]", "off_above": "32 [degC]"}}
+    bench = {"title": "b", "needs": ["room"], "nodes": {"b": {"capacitance": "100 [J/K]"}}, "loads": {"h": heater}}
+    bench["conductors"] = {"s": {"kind": "conduction", "between": ["b", "room"], "conductance": "0.1 [W/K]"}}
+    model, times = model_from_dict(bench), np.arange(0.0, 3601.0, 60.0)
+    power = Channel.from_array("P", np.where(times < 1800.0, 3.0, 0.0), unit="W", quantity="power", role="load", target="h")
+    made = {
+        n: Channel.from_array(n, np.full(times.size, 313.15), unit="K", role=r, target=n) for n, r in (("b", "node"), ("room", "boundary"))
+    }
+    bound = bind(model, Record.from_arrays("r", times, made | {"P": power}))
+    run = simulate(*bound.as_fitted(model, {}), times=times)
+    assert run.load_powers["h"][:30].tolist() == [3.0] * 30

@@ -9,10 +9,16 @@ import pytest
 
 import thermid as td
 from by_code import raises_code
-from thermid.fit._calibrate import calibrate
+from thermid.fit._calibrate import calibrate, without_lags
 from thermid.fit._calibration import instrument_shares
+from thermid.fit._minimisation import covariances, minimise
 from thermid.fit._problem.experiment import Seat, attached, sensor_model
+from thermid.fit._problem.gather import build_problem
+from thermid.fit._problem.request import Request
+from thermid.fit._uncertainty.noise import shifts_by_lags
 from thermid.measure.records import Record
+from thermid.model.deck import model_from_dict
+from two_masses import DECK
 from unit.fit.bench import HTC, box, log
 
 
@@ -76,3 +82,24 @@ def test_what_they_make_uncertain_is_said() -> None:
     (share,) = instrument_shares(found)
     assert (share.name, share.stated) == ("scale of T", (0.0, 0.02))
     assert f"scale of T: 0 +- 2 % as stated, {100 * share.found[0]:.3g} +- {100 * share.found[1]:.2g} % found" in str(found)
+
+
+def test_a_forgotten_lag_is_asked_for_by_what_it_would_move() -> None:
+    """With 5 s forgotten a heat capacity was 49.7 +- 1.1 for 44 J/K, credible and without a word."""
+    model = model_from_dict(DECK)
+    times, bench = np.arange(0.0, 3601.0, 30.0), {"boundaries": {"room": "23 [degC]"}, "loads": {"heater": "5 [W]"}}
+    run = td.simulate(model, td.Scenario("on", **bench, start="23 [degC]", duration="1 [h]"), times=np.arange(0.0, 3601.0, 1.0))
+    rng, fields = np.random.default_rng(5), {"unit": "K", "role": "node", "noise": 0.02}
+    late = {n: np.interp(times - 5.0, run.times, run[n].kelvin) + rng.normal(0.0, 0.02, times.size) for n in ("board", "case")}
+    data = td.Record.from_arrays("log", times, {n: td.Channel.from_array(n, late[n], target=n, **fields) for n in late})
+    free, scenarios = ("board.capacitance", "joint.contact_conductance"), {"*": td.Scenario("on", **bench, start="23 [degC]")}
+    known = data.with_sensor("board", lag="5 [s]").with_sensor("case", lag="5 [s]")
+    forgotten, stated = (build_problem(Request(model, (d,), free, scenarios)) for d in (data, known))
+    wrong, right = (minimise(problem, "linear", 1.0) for problem in (forgotten, stated))
+    names, shifts = shifts_by_lags(forgotten, wrong, 5.0)
+    assert names == ["board", "case"]
+    at = [k for k, u in enumerate(forgotten.unknowns) if u.kind == "parameter"]
+    assert shifts[at] == pytest.approx((wrong.fitted - right.fitted)[at], rel=0.25)
+    said = without_lags(forgotten, wrong, covariances(wrong)[2])
+    assert [s[:48] for s in said] == ["check: 'board' and 'case' state no lag, which co"]
+    assert without_lags(stated, right, covariances(right)[2]) == []

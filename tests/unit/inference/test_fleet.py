@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +25,10 @@ from thermid.inference._fleet.population import (
     interval_of_spread,
     odd_units,
 )
+from thermid.inference._fleet.units import UnitJudgement, checks_of, standing_of
+from thermid.model.deck import model_from_dict
+from thermid.model.elements import Standing
+from two_masses import DECK
 
 ORTHODONT = """
 26,25,29,31 21.5,22.5,23,26.5 23,22.5,24,27.5 25.5,27.5,26.5,27 20,23.5,22.5,26 24.5,25.5,27,28.5 22,22,24.5,26.5 24,21.5,24.5,25.5
@@ -31,6 +37,9 @@ ORTHODONT = """
 20,21,22,21.5 16.5,19,19,19.5 24.5,25,28,28
 """
 """Distances [mm] of 27 children at the ages of 8, 10, 12 and 14 years: Potthoff and Roy, Biometrika 51 (1964) 313, table 1."""
+
+
+BAD = ("not credible", "P would need an error of +9 %")
 
 
 def summaries(count: int, size: int, seed: int, wide: np.ndarray | None = None, noise: float = 0.3) -> tuple[Summaries, np.ndarray]:
@@ -176,6 +185,32 @@ def test_a_fleet_of_logs_long_and_short(fleet: td.inference.Fleet) -> None:
     assert np.std(far) == pytest.approx(1.0, abs=0.4)  # 28 values: three standard deviations of a standard deviation
     assert fleet.odd == ()
     assert fleet.remarks == ()
+    assert fleet.standing.fair
+    assert not fleet.shared.any()
+
+
+def test_held_values_are_said_and_what_all_units_share_is_counted() -> None:
+    """Intervals of means had only what units differ by: an assumed value was not said, a stated range not counted."""
+    held = tomllib.loads("""case = { value = '450 [J/K]', min = 200, max = 900, source = 'assumed', basis = 'a guess' }
+area = { value = '600 [cm^2]', spread = '60 [cm^2]', source = 'assumed', basis = 'a sketch' }""")
+    skin = {**DECK["surfaces"]["skin"], "area": held["area"]}
+    wrong = {**DECK, "nodes": {**DECK["nodes"], "case": {"capacitance": held["case"]}}, "surfaces": {"skin": skin}}
+    found = td.inference.fleet(model_from_dict(wrong), boxes(3, 21, spreads=dict.fromkeys(FREE, 0.01))[0], FREE)
+    assert any(r.startswith("counted as exact: 1 assumed value without a stated spread ('case.capacitance')") for r in found.remarks)
+    assert np.sqrt(found.shared[1, 1]) == pytest.approx(0.1, rel=0.2)
+    v, bare = found.values["skin.effective_htc"], interval_of_mean(found.population, np.eye(2)[1])
+    assert np.log(v.high / v.low) == pytest.approx(np.hypot(bare.high - bare.low, 3.92 * np.sqrt(found.shared[1, 1])), rel=1e-2)
+    assert v.low < MEANS[v.path] < v.high
+
+
+def test_the_worst_fit_of_a_unit_stands_first(fleet: td.inference.Fleet) -> None:
+    """With 45 for 36.5 J/K of a card held, a coefficient was 2.00 (1.92 .. 2.08) for 1.68, and no fit of a unit said a word."""
+    of_unit = {"a": ("credible", "", "check: 'T1' differs by 1 K."), "b": (*BAD, "check: 'T2' differs by 2 K.")}
+    fits = {n: UnitJudgement(Standing(state, because), (check,), "", np.eye(2)) for n, (state, because, check) in of_unit.items()}
+    told = replace(fleet, standing=standing_of(fits))
+    assert str(told).startswith("NOT CREDIBLE: 1 of 2 units, such as 'b': P would need an error of +9 %\n")
+    assert told.to_dict()["standing"]["state"] == "not credible"
+    assert checks_of(fits) == ("check: 'T1' differs by 1 K (2 units of 2, 'a' shown)",)
 
 
 def test_workers_give_the_same(fleet: td.inference.Fleet, logs: dict[str, td.Record]) -> None:

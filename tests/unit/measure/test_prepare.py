@@ -88,7 +88,7 @@ def test_trim_counts_masks_of_what_is_left():
         (
             lambda r: made([0, 1, 2.5, 3], case=[300.0] * 4).filter(3),
             "filter: the times of record 'bench' are uneven (intervals from 0.5 to 1.5 s), but this filter needs equal intervals. "
-            "Resample first, for example to '1 [s]', or use median.",
+            "Resample first, for example { step = '1 [s]', switches = false }, or use median.",
         ),
     ],
 )
@@ -190,24 +190,27 @@ def test_filter_is_split_by_a_long_masked_stretch():
     assert out[valid] == pytest.approx(values[valid], abs=1e-9)
 
 
-def test_resample_holds_commands_and_joins_temperatures():
-    record = ramp().resample("0.7 [s]")  # 4.9 s lies between the last sample of 2 W and the first of 0 W
+def test_an_even_grid_holds_commands_and_joins_temperatures():
+    record = ramp().resample("0.7 [s]", switches=False)  # 4.9 s lies between the last sample of 2 W and the first of 0 W
     assert record.times == pytest.approx(0.7 * np.arange(29))
     assert record["case"].values == pytest.approx(300 + 0.1 * record.times)
     assert record["heater"].values.tolist() == [2.0 if t < 5 else 0.0 for t in record.times]
     assert record.steps == ("resample: 41 samples to 29 at 0.7 s; powers and commands held, others linear",)
-    coarse = ramp().resample(5)
+    coarse = ramp().resample(5, switches=False)
     assert coarse.steps[-1].endswith("filter was applied before, so single samples were taken")
     assert not ramp().median(2).resample(5).steps[-1].endswith("picked")
 
 
 def test_resample_keeps_the_switches_of_a_power_and_not_the_noise_of_its_meter():
-    """Of 36000 rows with volts times amperes 35337 were kept as switches, and a search for a structure did not end."""
+    """Of 36000 rows with volts times amperes 35337 were kept as switches, and a search for a structure did not end.
+
+    Not kept by default, on a grid of 120 s steps of a power moved, a coefficient was 3.1 for 1.75, and "the model lacks some physics".
+    """
     times = 2.0 * np.arange(3000)
     watts = np.where((times >= 901) & (times < 4000), 20.0, 5.0)
     noisy = watts + np.random.default_rng(3).normal(0.0, 0.05, times.size)
     power = Channel.from_array("p", noisy, quantity="power", role="load")
-    out = made(times, case=300 + times, p=power).resample("130 [s]", switches=True)
+    out = made(times, case=300 + times, p=power).prepare([{"resample": "130 [s]"}])
     assert np.setdiff1d(out.times, 130.0 * np.arange(47)).tolist() == [902.0, 4000.0]
     assert out["p"].values[:-1] == pytest.approx(np.where((out.times >= 902) & (out.times < 4000), 20.0, 5.0)[:-1], abs=0.03)
     heat = np.sum(np.diff(out.times) * out["p"].values[:-1])
@@ -217,7 +220,7 @@ def test_resample_keeps_the_switches_of_a_power_and_not_the_noise_of_its_meter()
 def test_a_power_that_switches_more_often_than_the_grid_is_a_mean():
     times = np.arange(6001.0)
     power = Channel.from_array("p", np.where(times.astype(int) // 15 % 2, 24.0, 0.0), quantity="power", role="load")
-    out = made(times, case=300 + times, p=power).resample("60 [s]", switches=True)
+    out = made(times, case=300 + times, p=power).resample("60 [s]")
     assert out.times.size == 101
     assert out["p"].values[:-1].tolist() == [12.0] * 100
     assert "outnumber" in out.steps[-1]
@@ -371,5 +374,5 @@ def test_readings_that_hold_until_the_next_are_thinned_to_readings_and_not_to_me
     times = np.arange(0.0, 1000.0, 2.0)
     slope = Channel.from_array("T", 20.0 + times / 100.0, unit="degC", role="node", interpolation="previous")
     power = Channel.from_array("P", np.where(times > 351.0, 5.0, 0.0), unit="W", quantity="power", role="load")
-    thin = Record.from_arrays("r", times, {"T": slope, "P": power}).resample("100 [s]", switches=True)
+    thin = Record.from_arrays("r", times, {"T": slope, "P": power}).resample("100 [s]")
     assert np.asarray(thin["T"]) == pytest.approx(20.0 + thin.times / 100.0)

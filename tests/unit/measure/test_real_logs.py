@@ -64,7 +64,7 @@ def test_tclabsp_spikes_are_flagged_and_a_median_of_4_s_removes_them(shared):
 
 def test_tclabsp_preparation_of_a_campaign(shared):
     raw = read_record(shared / "tclabsp/random_H1H2/ens_IdentificationH1H2_Random_01.csv.gz", TCLAB)
-    record = raw.prepare([{"trim": ["2 [s]", "end"]}, {"median": "4 [s]"}, {"resample": "5 [s]"}])
+    record = raw.prepare([{"trim": ["2 [s]", "end"]}, {"median": "4 [s]"}, {"resample": {"step": "5 [s]", "switches": False}}])
     assert record.origin == raw.origin
     assert record.step == pytest.approx(5)
     assert [step.split(":")[0] for step in record.steps] == ["2 of 30803 rows repeat a time stamp", "trim", "median", "resample"]

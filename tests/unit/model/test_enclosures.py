@@ -126,7 +126,10 @@ def self_share() -> float:
     ("change", "message"),
     [
         ({"view_factors": [[0.0, 0.9], [0.9, 0.0]]}, r"view factors of 'first' sum to 0.9, not to one"),
-        ({"view_factors": [[0.0, 1.0], [0.8, 0.2]]}, r"violate reciprocity: area times factor is 0.02 m\^2 one way and 0.016 m\^2"),
+        (
+            {"view_factors": [[0.0, 1.0], [0.8, 0.2]]},
+            r"violate reciprocity: area times factor is 0.02 m\^2 one way \(0.02 m\^2 times 1\) and 0.016 m\^2",
+        ),
         ({"view_factors": [[-0.1, 1.1], [1.1, -0.1]]}, r"the view factor from 'first' to 'first' is -0.1"),
         ({"view_factors": [[0.0, 1.2], [1.2, 0.0]], "rest": "wall"}, r"sum to 1.2, not to one. The sum must not exceed one\."),
         ({"view_factors": [[0.0, 1.0]]}, r"2 faces need 2 rows of 2 view factors"),

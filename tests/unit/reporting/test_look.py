@@ -74,7 +74,7 @@ def test_its_lines_are_a_campaign_that_reads_the_log(log):
     assert td.read_record(log, channels)["heater"].values.max() == pytest.approx(4.0)
 
 
-@pytest.mark.parametrize(("rows", "said"), [(7200, [{"resample": {"step": "25 [s]", "switches": True}}]), (600, [])])
+@pytest.mark.parametrize(("rows", "said"), [(7200, [{"resample": {"step": "25 [s]"}}]), (600, [])])
 def test_a_log_of_two_seconds_is_thinned_by_its_lines(tmp_path, rows, said):
     """A test of hours at 2 s was copied as printed, and its fit took minutes."""
     path = tmp_path / "fine.csv"

@@ -57,7 +57,7 @@ from thermid.campaign.stages import (
     scenario_of,
     survey,
 )
-from thermid.campaign.studies import new_logs, plan_retune
+from thermid.campaign.studies import check_replacement, new_logs, plan_retune
 from thermid.campaign.verdicts import CampaignPrediction
 from thermid.fit.calibration import Calibration, LocalSpec
 from thermid.fit.error_model import SIZES
@@ -253,7 +253,8 @@ def fleet(
     """Fit the units of one design: means, spreads, odd units.
 
     The campaign has a table [fleet] with its units. --scenario adds 95 % bands of
-    the temperatures of a unit that is not built yet. Exit code 1 if a unit is odd.
+    the temperatures of a unit that is not built yet. Exit code 1 if a unit is odd,
+    or what `calibrate` exits with if the fit of a unit is not credible or adequate.
     """
     conditions = load_scenario(scenario) if scenario is not None else None
     executor = executor_of(workers, cluster, job)
@@ -267,7 +268,7 @@ def fleet(
         lines.append(f"Highest temperatures of a unit not built yet, {conditions.title}, 95 % of {members} drawn units:")
         lines += [f"  {n}  {b[0]:.1f} ({b[1]:.1f} .. {b[2]:.1f}) degC" for n, b in bands.items()]
     say(as_json, answer, "\n".join(lines), verbose)
-    raise SystemExit(1 if population.odd else 0)
+    raise SystemExit(1 if population.odd else population.standing.exit_code)
 
 
 def credibility(
@@ -322,6 +323,7 @@ def swap(
     if to is not None:
         to.mkdir(parents=True, exist_ok=True)  # a name that is no folder's is refused before minutes of work
     logs = new_logs(campaign, new_data) if new_data is not None else None
+    check_replacement(campaign, part, deck)
     plan = plan_retune(staged(campaign, data, results, accept), part, deck, sensors=pairs(sensor_at, "--sensor-at"))
     content: dict[str, Any] = {"plan": retune_object(plan)}
     texts, standing, code = [str(plan)], plan.standing, 0

@@ -433,7 +433,7 @@ def _campaign(
     channels = _channels(proposal, seats)
     whole = {p.channel: p.column for p in proposal.roles.powers if p.share}
     step = thinned_step(max(r.duration for r in fitted)) if max(r.times.size for r in fitted) > 600 else 0.0
-    prepare = {"prepare": [{"resample": {"step": f"{step:g} [s]", "switches": True}}]} if step else {}
+    prepare = {"prepare": [{"resample": {"step": f"{step:g} [s]"}}]} if step else {}
     records = {
         r.name: {"file": f"logs/{r.name}.csv", **prepare, **_gases(r), "channels": _written(r, channels, whole)} for r in (*fitted, holdout)
     }

@@ -30,7 +30,7 @@ from thermid.values.fitted import FittedValue
 class Inputs:
     """What the channels of a record drive, on top of what the scenario gives; see `Experiment` for what is noted of them.
 
-    `driven` is channel -> path.
+    `driven` is channel -> path; `metered` are the loads whose power was logged.
     """
 
     boundaries: dict[str, Any]
@@ -39,6 +39,7 @@ class Inputs:
     gains: dict[str, str]
     shared: dict[str, tuple[str, float]] = field(default_factory=dict)
     driven: dict[str, str] = field(default_factory=dict)
+    metered: list[str] = field(default_factory=list)
     noisy: dict[str, InputNoise] = field(default_factory=dict)
     means: dict[str, float] = field(default_factory=dict)
 
@@ -58,6 +59,7 @@ class Inputs:
         elif role == "command":
             self.commands[path] = signal
         else:
+            self.metered.append(path)
             self.loads[path] = signal if errors is None else signal.scaled(1.0 - errors.get(channel.name, 0.0))
             if channel.accuracy and power > 0:
                 self.shared[channel.name] = (free, channel.accuracy / power)
@@ -898,6 +900,7 @@ def bind(
         else:
             role = _driving(channel, role, record)
             inputs.take(channel, role, path, signal_of(record, channel, role, zero), errors)
+    network = network.without_controls(inputs.metered)
     if not observed:
         words = f"no channel observes a node of {network.title}, so no reading can be compared. Bind one with node = '...'."
         raise RecordError(words, record.name, code="record.does-not-apply")
@@ -913,7 +916,7 @@ def bind(
     initial |= {tip: initial[seat] for tip, seat in tips.items() if seat in initial and tip not in initial}
     ticks = tuple(_ticks(record, clock, zero, inputs, tuple(c.name for c, _ in observed)) for clock in record.clocks)
     driving = {name: getattr(inputs, name) for name in ("boundaries", "loads", "commands", "gains")}
-    full = replace(base, title=record.name, **driving, start=start, initial=initial, duration=last - zero)
+    full = replace(base, title=record.name, **driving, start=start, initial=initial, duration=last - zero, metered=tuple(inputs.metered))
     hidden = _hidden_starts(full, network, first, record, inputs.driven, observations, tips) if base.start == "" else {}
     full = replace(full, initial={**full.initial, **{n: Kelvin(h.mean) for n, h in hidden.items()}})
     notes = (inputs.noisy, inputs.means, hidden)

@@ -317,6 +317,22 @@ def own_switches(problem: Problem, minimum: Fit) -> Iterator[OwnSwitches]:
             yield OwnSwitches(powers[path], longest, np.hypot(0.5 * shifts.sum(axis=0), np.linalg.norm(shifts, axis=0) / np.sqrt(12.0)))
 
 
+def shifts_by_lags(problem: Problem, minimum: Fit, seconds: float) -> tuple[list[str], Array]:
+    """Return the sensors without a stated lag, and by how much one lag of all of them would shift the unknowns (unknowns,).
+
+    To first order a sensor that lags reads its node less the lag times its rate of change.
+    """
+    names, gradient = dict[str, None](), np.zeros(len(problem.unknowns))
+    for i, e in enumerate(problem.experiments):
+        bare = [s for s, o in enumerate(e.observations) if e.record.channels[o.sensor].part is None and o.index.size > 1]
+        blocks, slopes = problem.blocks_and_slopes(i, minimum.fitted) if bare else ([], np.zeros(0))
+        for s in bare:
+            b, o = blocks[s], e.observations[s]
+            names[b.sensor] = None
+            gradient += slopes[o.index, s, :].T @ np.gradient(b.predicted, b.times) * (seconds / b.noise)
+    return list(names), gradient @ covariances(minimum)[2]
+
+
 def _errors_of_means(noise: InputNoise, times: Array, values: Array, place: Indices, size: int) -> Array:
     """Return a root (stretches, causes) of the covariance of the errors of a signal's means over stretches. [K, W]"""
     count = np.bincount(place, minlength=size)

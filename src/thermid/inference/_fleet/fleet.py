@@ -14,6 +14,7 @@ from thermid.base.results import PlottedTrace, Result, Row
 from thermid.base.units import counted, from_si, unit as unit_of
 from thermid.fit.calibration import Unknown
 from thermid.inference._fleet.population import PopulationFit, distances
+from thermid.model.elements import Standing
 from thermid.model.tree import Model
 from thermid.simulation.runs import Ensemble, Scenario, Workers, ensemble
 
@@ -174,6 +175,9 @@ class Fleet(Result):
     units : dict            Unit -> path -> (value, standard error) with the population as prior. [SI]
     remarks : tuple of str  What is assumed or left out.
     population : PopulationFit The likelihood, in the fitted form, about `reference`.
+    shared : array (values, values)     Covariance of the means by what all units share: stated ranges of values that were held, and what
+                            the structure may lack. In the fitted form.
+    standing : Standing     The worst of the fits of its units at their conditional modes.
     """
 
     title: str
@@ -188,9 +192,11 @@ class Fleet(Result):
     unknowns: tuple[Unknown, ...] = field(repr=False)
     covariates: CovariateDesign = field(repr=False)
     model: Model = field(repr=False)
+    shared: Array = field(repr=False)
+    standing: Standing
 
     def next_unit(self, covariates: Mapping[str, float | str] | None = None) -> tuple[Array, Array]:
-        """Return mean (values,) and covariance of the values of a unit not built yet, in the fitted form, the error of the means counted.
+        """Return mean (values,) and covariance of the values of a unit not built yet, in the fitted form, the errors of the means counted.
 
         Raises
         ------
@@ -198,7 +204,7 @@ class Fleet(Result):
         """
         x = self.covariates.row(covariates or {})
         spread = self.population.at.spread
-        return self.reference + x @ self.population.at.beta, self.population.omega + x @ spread @ x.T
+        return self.reference + x @ self.population.at.beta, self.population.omega + x @ spread @ x.T + self.shared
 
     def draws(self, count: int = 1000, *, covariates: Mapping[str, float | str] | None = None, seed: int = 1) -> dict[str, Array]:
         """Return path -> values (count,) of units not built yet [SI], as `ensemble` takes them.
@@ -249,6 +255,7 @@ class Fleet(Result):
         lines = [
             f"{self.title}: {counted(len(self.units), 'unit')}, {counted(len(self.values), 'value')} of each. Odd units: {named or 'none'}."
         ]
+        lines = [self.standing.over(lines[0])]
         lines += [f"  {r}." for r in self.remarks]
         width = max(map(len, self.values))
         for v in self.values.values():
@@ -292,6 +299,7 @@ class Fleet(Result):
             "values": {p: dict(vars(v)) for p, v in self.values.items()},
             "effects": [dict(vars(e)) for e in self.effects],
             "correlations": [dict(vars(c)) for c in self.correlations],
+            "standing": {"state": self.standing.state, "because": self.standing.because},
             "odd": [dict(vars(o)) for o in self.odd],
             "units": {n: {p: {"value": v, "error": e} for p, (v, e) in of.items()} for n, of in self.units.items()},
             "remarks": list(self.remarks),

@@ -352,10 +352,10 @@ def student(freedom: float, share: float) -> float:
     return float(stdtrit(freedom, share))
 
 
-def interval_of_mean(population: PopulationFit, c: Array) -> Interval:
-    """Return the interval of a combination c of coefficients, by Student's distribution."""
+def interval_of_mean(population: PopulationFit, c: Array, shared: float = 0.0) -> Interval:
+    """Return the interval of a combination c of coefficients, by Student's distribution, with a variance `shared` that no unit tells."""
     freedom = population.freedom_of_mean(c)
-    half = student(freedom, 0.975) * math.sqrt(float(c @ population.at.spread @ c))
+    half = math.hypot(student(freedom, 0.975) * math.sqrt(float(c @ population.at.spread @ c)), HALF_WIDTH_95 * math.sqrt(max(shared, 0.0)))
     middle = float(c @ population.at.beta)
     return Interval(middle - half, middle + half, freedom)
 

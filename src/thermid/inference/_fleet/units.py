@@ -7,6 +7,7 @@ wanders widens the score J'r from B to M, and the quadratic is that of Godambe's
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import itemgetter
@@ -18,7 +19,19 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, quoted
 from thermid.base.linear_algebra import Array, Bools, inverse_square_root, one_thread, square_root, symmetric_inverse
 from thermid.base.units import counted
-from thermid.fit.calibration import Problem, Request, Sums, Unknown, autocorrelation, build_problem, minimise, requested
+from thermid.fit.calibration import (
+    FIRST,
+    KeptFit,
+    Problem,
+    Request,
+    Sums,
+    Unknown,
+    autocorrelation,
+    build_problem,
+    fit_problem,
+    minimise,
+    requested,
+)
 from thermid.inference._fleet.fleet import CovariateDesign, Covariates, Effect, Fleet, OddUnit, PopulationValue, SharedVariation
 from thermid.inference._fleet.population import (
     ZERO_SPREAD_RISE,
@@ -31,8 +44,10 @@ from thermid.inference._fleet.population import (
     weigh,
 )
 from thermid.measure.records import Record
+from thermid.model.elements import Standing, worst
 from thermid.model.tree import Model
 from thermid.simulation.runs import Scenario, Workers, in_tasks
+from thermid.values.ranges import RANGE_OF
 
 LINEARISATIONS = 12
 """Linearisations at most."""
@@ -57,16 +72,16 @@ class FleetUnit:
     Parameters
     ----------
     name : str
-    problem : Problem   Its residuals, without priors of the values of the fleet.
+    request : Request   Without priors of the values of the fleet.
+    problem : Problem   Its residuals, without these priors either.
     values : tuple      Positions of these among the unknowns.
-    loss : (str, float) As in a request.
     remarks : tuple of str
     """
 
     name: str
+    request: Request
     problem: Problem
     values: tuple[int, ...]
-    loss: tuple[str, float]
     remarks: tuple[str, ...] = ()
 
     @classmethod
@@ -92,7 +107,8 @@ class FleetUnit:
         if problem.coupled:
             remarks.append("priors from stages below were left out: the fleet gives them")
         unknowns = tuple(replace(u, prior=None) if u.kind == "parameter" else u for u in problem.unknowns)
-        return cls(name, replace(problem, unknowns=unknowns, coupled=()), values, (request.loss, request.loss_scale), tuple(remarks))
+        alone = replace(request, priors={}, prior=())
+        return cls(name, alone, replace(problem, unknowns=unknowns, coupled=()), values, tuple(remarks))
 
     @property
     def unknowns(self) -> list[Unknown]:
@@ -108,6 +124,11 @@ class FleetUnit:
     def unstated(self) -> set[str]:
         """Sensors whose noise is not stated."""
         return {o.sensor for o in self.problem.observations() if o.noise is None}
+
+    def beside(self, mean: Array, root: Array, noise: Mapping[str, float]) -> Problem:
+        """Return its residuals with a population as prior; see `read_unit`."""
+        at = np.array(self.values, dtype=np.int64)
+        return replace(self.problem, noise={**self.problem.noise, **noise}, coupled=((at, mean, root),))
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,9 +167,8 @@ def read_unit(unit: FleetUnit, start: Array | None, mean: Array, root: Array, no
     level : float                       Variance of readings that do not wander, in squares of their noise, over the fleet.
     """
     at = np.array(unit.values, dtype=np.int64)
-    bare = replace(unit.problem, noise={**unit.problem.noise, **noise})
-    problem = replace(bare, coupled=((at, mean, root),))
-    loss, knee = unit.loss
+    problem = unit.beside(mean, root, noise)
+    bare, loss, knee = replace(problem, coupled=()), unit.request.loss, unit.request.loss_scale
     end = minimise(problem, loss, knee, start)
     here = bare.compressed(end.fitted, loss, knee)
     spread = autocorrelation(problem, end, loss, knee)
@@ -178,6 +198,39 @@ def read_unit(unit: FleetUnit, start: Array | None, mean: Array, root: Array, no
         here.sums,
         end.converged,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class UnitJudgement:
+    """What a fit of one unit says of itself at its mode, as any calibration does.
+
+    Parameters
+    ----------
+    standing : Standing
+    checks : tuple of str   What a reader must know first.
+    exact : str             What was held and has no spread.
+    shared : array (values, values)     Covariance by what all units of a design share: stated ranges, and its structure. Fitted form.
+    """
+
+    standing: Standing
+    checks: tuple[str, ...]
+    exact: str
+    shared: Array
+
+
+def judge_unit(unit: FleetUnit, at: Array, noise: dict[str, float]) -> UnitJudgement:
+    """Return what the fit of a unit at its conditional mode (unknowns,) says of itself; `noise` as of `read_unit`.
+
+    Its prior lies there and is as wide as the first: a narrow one would answer for the readings to what the unit shares with others.
+    """
+    sizes = np.array([FIRST_PRIOR_SD * u.scale for u in unit.unknowns])
+    problem = unit.beside(at[list(unit.values)], np.diag(1.0 / sizes), noise)
+    place = KeptFit({u.name: float(x) for u, x in zip(problem.unknowns, at, strict=True)}, 1)
+    found = fit_problem(unit.request, problem, recalled=place)
+    common = [s.name.startswith(RANGE_OF) or s.kind == "structural" for s in found.store.sources]
+    rows = found.store.rows([u.name for u in unit.unknowns])[:, common]
+    checks = tuple(w for w in found.warnings if w.startswith(FIRST))
+    return UnitJudgement(found.standing, checks, found.exact, np.asarray(rows @ rows.T))
 
 
 @takes_objects
@@ -247,9 +300,44 @@ def fleet_of(requests: Mapping[str, Request], covariates: Covariates, title: str
         full = count >= FEWEST_UNITS * numbers or len(unknowns) == 1
         together = np.ones((len(unknowns),) * 2, dtype=bool) if full else np.eye(len(unknowns), dtype=bool)
         reference, population, answers, settled = _iterated(units, unknowns, design, together, title, executor)
-        remarks = _remarks(units, together, numbers, answers, settled)
+        judged = _judged(units, answers, executor)
+        remarks = (*checks_of(judged), *_remarks(units, together, numbers, answers, settled))
         model = next(iter(requests.values())).model
-        return _summed(title, units, unknowns, design, reference, population, remarks, model)
+        return _summed(title, units, unknowns, design, reference, population, remarks, model, judged)
+
+
+def _judged(units: Sequence[FleetUnit], answers: Sequence[UnitSummary], executor: Workers) -> dict[str, UnitJudgement]:
+    """Return unit -> what its fit says of itself."""
+    noise = _noise(units, answers)
+    tasks = [(f"unit '{u.name}'", (u, s.at, noise)) for u, s in zip(units, answers, strict=True)]
+    judged = dict(in_tasks(judge_unit, tasks, executor))
+    return {u.name: judged[k] for k, u in enumerate(units)}
+
+
+def checks_of(judged: Mapping[str, UnitJudgement]) -> tuple[str, ...]:
+    """Return what a reader must know first of the fits of all units: each kind of check once, with the words of the first unit."""
+    kinds: dict[str, list[tuple[str, str]]] = {}
+    for name, unit in judged.items():
+        for text in unit.checks:
+            kinds.setdefault(re.split(r"[\d']", text)[0], []).append((name, text.rstrip(".")))
+    out = [f"{several[0][1]} ({counted(len(several), 'unit')} of {len(judged)}, '{several[0][0]}' shown)" for several in kinds.values()]
+    return (*out, *dict.fromkeys(unit.exact for unit in judged.values() if unit.exact))
+
+
+def standing_of(judged: Mapping[str, UnitJudgement]) -> Standing:
+    """Return the worst standing of the fits of units, with how many have it."""
+    first = worst(unit.standing for unit in judged.values())
+    if first.fair:
+        return first
+    of_state = [name for name, unit in judged.items() if unit.standing.state == first.state]
+    reason = judged[of_state[0]].standing.because
+    return Standing(first.state, f"{len(of_state)} of {counted(len(judged), 'unit')}, such as '{of_state[0]}': {reason}")
+
+
+def _shared(judged: Mapping[str, UnitJudgement]) -> Array:
+    """Return the covariance (values, values) of means by what all units share: that of the median unit, since their logs differ."""
+    tables = sorted((unit.shared for unit in judged.values()), key=np.trace)
+    return tables[len(tables) // 2]
 
 
 def _iterated(
@@ -359,11 +447,12 @@ def _summed(
     population: PopulationFit,
     remarks: tuple[str, ...],
     model: Model,
+    judged: Mapping[str, UnitJudgement],
 ) -> Fleet:
     """Return the result: values and intervals in SI units, from the population about `reference` (values,) in the fitted form."""
-    size, at = len(unknowns), population.at
+    size, at, shared = len(unknowns), population.at, _shared(judged)
     worth = _worth(population, units)
-    values = {u.name: _value(u, k, population, reference, worth, units) for k, u in enumerate(unknowns)}
+    values = {u.name: _value(u, k, population, reference, worth, units, shared[k, k]) for k, u in enumerate(unknowns)}
     effects = []
     for c, (name, text, _) in enumerate(design.columns, 1):
         for k, u in enumerate(unknowns):
@@ -382,14 +471,35 @@ def _summed(
         )
         for o in odd_units(population)
     )
-    return Fleet(title, values, tuple(effects), tuple(correlations), odd, of_units, remarks, population, reference, unknowns, design, model)
+    return Fleet(
+        title,
+        values,
+        tuple(effects),
+        tuple(correlations),
+        odd,
+        of_units,
+        remarks,
+        population,
+        reference,
+        unknowns,
+        design,
+        model,
+        shared,
+        standing_of(judged),
+    )
 
 
 def _value(
-    u: Unknown, k: int, population: PopulationFit, reference: Array, worth: tuple[Array, Array, Array], units: Sequence[FleetUnit]
+    u: Unknown,
+    k: int,
+    population: PopulationFit,
+    reference: Array,
+    worth: tuple[Array, Array, Array],
+    units: Sequence[FleetUnit],
+    shared: float,
 ) -> PopulationValue:
-    """Return one value of the population."""
-    mean = interval_of_mean(population, np.eye(population.at.beta.size)[k])
+    """Return one value of the population; `shared` is the variance of its mean by what all units share, in the fitted form."""
+    mean = interval_of_mean(population, np.eye(population.at.beta.size)[k], shared)
     spread = interval_of_spread(population, k)
     middle = float(reference[k] + population.at.beta[k])
     vanished = spread.low == 0.0 and population.rise((k,), 0.0)[0] < ZERO_SPREAD_RISE

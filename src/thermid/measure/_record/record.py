@@ -252,7 +252,8 @@ class Record(Samples, Result):
             intervals = np.diff(self.times)
             raise RecordError(
                 f"the times of record '{self.name}' are uneven (intervals from {intervals.min():g} to {intervals.max():g} s), but "
-                f"this filter needs equal intervals. Resample first, for example to '{self.step:.3g} [s]', or use median.",
+                f"this filter needs equal intervals. Resample first, for example {{ step = '{self.step:.3g} [s]', switches = false }}, "
+                "or use median.",
                 "filter",
                 code="record.uneven-times",
             )
@@ -266,17 +267,18 @@ class Record(Samples, Result):
         names = ", ".join(channel.name for channel in chosen)
         return self._noted(f"filter: zero-phase Butterworth low-pass of second order, half amplitude at {width:g} s, on {names}", *channels)
 
-    def resample(self, step: str | float, max_gap: str | float | None = None, *, switches: bool = False) -> Record:
-        """Return the record on an even grid from its first time.
+    def resample(self, step: str | float, max_gap: str | float | None = None, *, switches: bool = True) -> Record:
+        """Return the record on an even grid from its first time, with the instants at which a power or command was switched.
 
-        Powers and commands hold their last sample; all else runs straight between valid samples. Nothing is filled in across more than
+        Powers and commands are as below; all else runs straight between valid samples. Nothing is filled in across more than
         `max_gap` (by default five times what nine of ten intervals between valid samples reach, and never less than two steps): such
         samples are masked as 'gap'. A coarser grid keeps the noise of single samples, so filter first.
 
-        A power or command that changes between two grid times would seem to change at the later one. With `switches` the instants at which
-        one is switched (`Channel.switched`) are kept as times of their own, at which all else is masked as 'switch'; the grid is then no
-        longer even. What changes between two times of it, such as the noise of a power meter, is its mean until the later one, so that no
-        heat is lost. Switches that outnumber the grid are averaged likewise.
+        A power or command that changes between two grid times would seem to change at the later one. So the instants at which one is
+        switched (`Channel.switched`) are kept as times of their own, at which all else is masked as 'switch'; the grid is then no longer
+        even. What changes of a power between two times of it, such as the noise of a power meter, is its mean until the later one, so that
+        no heat is lost. Switches that outnumber the grid are averaged likewise. Without `switches` the grid is even, as a filter needs
+        it, and powers and commands hold their last sample.
 
         Raises
         ------
@@ -789,7 +791,7 @@ def thinned(record: Record) -> Record:
     """Return a record of at most `MAX_SEARCHED_READINGS` readings, switching of powers kept."""
     if record.times.size <= MAX_SEARCHED_READINGS:
         return record
-    return record.resample(thinned_step(record.duration), switches=True)
+    return record.resample(thinned_step(record.duration))
 
 
 def thinned_step(duration: float) -> float:

@@ -16,7 +16,7 @@ from thermid.model._laws.curves import Curve
 from thermid.model._laws.signal import Signal
 from thermid.model._laws.stores import HeatStore, potential, store
 from thermid.model._parts.controls import COMPLEMENT, Control, ModeChange, named_control, of_difference, slot_of
-from thermid.model._parts.elements import LOAD_SLOTS, NODE_SLOTS, HeatLoad, Joint, MadeIn, Surface
+from thermid.model._parts.elements import CONTROLS, LOAD_SLOTS, NODE_SLOTS, HeatLoad, Joint, MadeIn, Surface
 from thermid.model._parts.enclosures import Enclosed, Face, FaceExchange, pairs
 from thermid.model._parts.facing import Facing
 from thermid.model._parts.kinds import KINDS, Law
@@ -125,6 +125,12 @@ class FlatLoad:
         """Whether its power changes with a temperature other than by being switched."""
         laws = ("proportional.setpoint", "command_curve")
         return bool(self.controls) or self.curve is not None or any(f in laws or f.endswith("_coefficient") for f in self.fields)
+
+    @property
+    def uncontrolled(self) -> FlatLoad:
+        """The load with nothing that switches or sets its power."""
+        fields = {name: path for name, path in self.fields.items() if name.partition(".")[0] not in CONTROLS}
+        return self if fields == self.fields and not self.controls else replace(self, fields=fields, controls=())
 
 
 @dataclass(frozen=True)

@@ -212,7 +212,7 @@ class Look(Result):
         else:
             steps = ["{ faults = true }"] if any(c.faults for c in self.columns) else []
         if self.times is not None and self.times.values.size > MANY_READINGS:
-            steps.append(f'{{ resample = {{ step = "{thinned_step(float(np.ptp(self.times.values))):g} [s]", switches = true }} }}')
+            steps.append(f'{{ resample = {{ step = "{thinned_step(float(np.ptp(self.times.values))):g} [s]" }} }}')
         out += [f"prepare  = [{', '.join(steps)}]"] if steps else []
         out += ["", f"[records.{name}.channels]"]
         out += [f"# {ACCURACY}"] if any(c.guess == "temperature" for c in self.columns) else []

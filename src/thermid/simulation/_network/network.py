@@ -8,7 +8,7 @@ are solved with the states by the kernel.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import reduce
 from operator import add
@@ -213,6 +213,11 @@ class Network:
         controls = tuple(control_row(self.flat.controls[name], parts["values"]) for name in self.controls)
         phases = tuple(phase_row(state_of(n, PHASE), held_in(n), s.melt) for n, s in self.stores.items() if s.melt is not None)
         return Numbers(capacitances, conductors, loads, parts["values"], (*controls, *phases))
+
+    def without_controls(self, loads: Collection[str]) -> Network:
+        """Return the network with no thermostat, proportional control or named control on some loads; itself where none has one."""
+        bare = tuple(load.uncontrolled if load.path in loads else load for load in self.flat.loads)
+        return self if bare == self.flat.loads else replace(self, flat=replace(self.flat, loads=bare))
 
     @property
     def controls(self) -> tuple[str, ...]:

@@ -89,6 +89,7 @@ class Scenario(Shown):
     duration : float        [s]
     begins : str            Stamp of the run's beginning, ``2026-02-01 08:00``; without it the earliest of all signals that have stamps.
     as_printed : bool       Vacuum as the source document prints it: every coefficient zero, radiation inside it included.
+    metered : tuple of str  Loads whose power was measured where it heats: no thermostat or other control of the deck acts on it again.
     """
 
     title: str = "scenario"
@@ -105,6 +106,7 @@ class Scenario(Shown):
     duration: str | float = 0.0
     begins: Any = field(default=None, repr=False)
     as_printed: bool = False
+    metered: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Turn texts into signals, so that a mistake shows here and not in a run."""

@@ -506,7 +506,7 @@ class Wiring:
     """
 
     def __init__(self, network: Network, scenario: Scenario, free: Sequence[str] = (), keep: frozenset[str] = frozenset()) -> None:
-        self.network = network
+        self.network = network = network.without_controls(scenario.metered)
         self.scenario = normalised(network, scenario)
         self.free = tuple(free)
         self.parameters = tuple(n for n in self.free if n in network.flat.parameters.table)
