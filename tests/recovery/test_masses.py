@@ -34,9 +34,9 @@ def test_a_first_structure_that_residuals_refute_says_so(first: Calibration) -> 
     head = str(first).splitlines()[:4]
     assert any("larger than this structure explains" in line for line in head), head
     assert any("larger than this structure explains" in w for w in first.warnings)
-    assert "(the structure; " in str(first)
+    assert "(the structure)" in str(first)
     # whatever the noise: the values in front are then not the fitted ones, and a reader must know
-    quiet = _widened(replace(first, chi_square=1.2 * first.freedom, warnings=()), {}, np.zeros((0, 0)), "")
+    quiet = _widened(replace(first, end=replace(first.end, chi_square=1.2 * first.freedom), warnings=()), {}, np.zeros((0, 0)), "")
     (remark,) = quiet.warnings
     assert remark.startswith("check: the residuals are larger")
     assert "Quote the values" in remark

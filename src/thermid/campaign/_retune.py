@@ -555,31 +555,31 @@ def _fitted(request: Request, before: Calibration, anew: Sequence[str], progress
     """
     if not anew:
         return request, fit(request, progress)
-    held = replace(request, records=tuple(as_found(r, before.values, before.bias) for r in request.records))
-    own = replace(request, held_bias={}, held_errors=None, store=request.store.only(lambda s: s.kind == "parameter"), remarks=())
+    held_request = replace(request, records=tuple(as_found(r, before.values, before.bias) for r in request.records))
+    own_request = replace(request, held_bias={}, held_errors=None, store=request.store.only(lambda s: s.kind == "parameter"), remarks=())
     try:
-        made = fit(own, progress) if any(s.kind != "parameter" for s in before.store.states.values()) else None
+        refit = fit(own_request, progress) if any(s.kind != "parameter" for s in before.store.states.values()) else None
     except IdentificationError:
-        made = None
-    changed = moved_instruments(before.store, made.store) if made is not None else None
-    if made is None or changed is None or changed.verdict != MOVED:
-        return held, _with_errors_before(fit(held, progress), before, anew, held)
+        refit = None
+    changed = moved_instruments(before.store, refit.store) if refit is not None else None
+    if refit is None or changed is None or changed.verdict != MOVED:
+        return held_request, _with_errors_before(fit(held_request, progress), before, anew, held_request)
     remark = (
         f"the logs after the swap come from other instruments, or these drifted: {', '.join(changed.paths)}. Their constant errors "
         "were fitted again, within the stated accuracy. Of the other values, only those were fitted again that the new part affects."
     )
-    return own, _with_errors_before(replace(made, warnings=(remark, *made.warnings)), before, anew, own)
+    return own_request, _with_errors_before(replace(refit, warnings=(remark, *refit.warnings)), before, anew, own_request)
 
 
-def _with_errors_before(made: Calibration, before: Calibration, anew: Sequence[str], request: Request) -> Calibration:
+def _with_errors_before(refit: Calibration, before: Calibration, anew: Sequence[str], request: Request) -> Calibration:
     """Return a fit of some values with what the fit before it left open of all others."""
-    provenance, earlier = made.values.provenance, request.store.provenance.get(before.stage, {})
+    provenance, earlier = refit.values.provenance, request.store.provenance.get(before.stage, {})
     if ERRORS in provenance and ERRORS in earlier:
         provenance = {**provenance, ERRORS: errors_after(provenance[ERRORS], earlier[ERRORS], anew)}
     rest = {k: x for k, x in earlier.items() if k != ERRORS}
-    every = {n: x for n, x in made.store.provenance.items() if n != made.stage}
-    store = replace(made.store, provenance={**every, f"{before.stage} before": rest, made.stage: provenance})
-    return replace(made, values=replace(made.values, provenance=provenance), store=store)
+    every = {n: x for n, x in refit.store.provenance.items() if n != refit.stage}
+    store = replace(refit.store, provenance={**every, f"{before.stage} before": rest, refit.stage: provenance})
+    return replace(refit, values=replace(refit.values, provenance=provenance), store=store)
 
 
 def _carried(before: Calibration, request: Request, gone: Sequence[str]) -> Calibration:

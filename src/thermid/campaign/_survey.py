@@ -232,8 +232,8 @@ def check_campaign(
         where = source.where(f"stages.{k}")
         try:
             # names are inherited from stages that are not fitted, with the values of their decks; not from one that would be refused
-            known = all(name in below for inherit in stage.inherit.values() for name in inherit.stages)
-            bare: dict[str, Any] = {"courses": {}} if known else {"courses": {}, "inherit": {}, "freeze": []}
+            all_below = all(name in below for inherit in stage.inherit.values() for name in inherit.stages)
+            bare: dict[str, Any] = {"courses": {}} if all_below else {"courses": {}, "inherit": {}, "freeze": []}
             request = request_of(source, stage.model_copy(update=bare), k, below)
         except ThermidError as error:
             findings.append(_finding(error, where))
@@ -242,7 +242,7 @@ def check_campaign(
         questions += [Finding("warning", where, question, code_of(question)) for question in open_questions(request.records)]
         rows, wrong, unknowns = _bound(request, where)
         findings += wrong
-        if known and not wrong:
+        if all_below and not wrong:
             below[stage.name] = fit(replace(request, hand=request.hand or _unfitted(stage.name, unknowns)))
         inputs[stage.name] = InputTable.in_order(rows)
     findings[:0] = [f for file, where in files.items() for f in source.model(file, where).check(gains)]

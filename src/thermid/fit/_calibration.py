@@ -270,7 +270,7 @@ class Calibration(Result):
 
     @property
     def freedom(self) -> int:
-        """Samples less unknowns."""
+        """Samples less unknowns. [-]"""
         return self.end.freedom if self.end is not None else 0
 
     @property

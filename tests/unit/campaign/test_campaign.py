@@ -115,7 +115,7 @@ class TestRun:
         assert table["b.skin"] == {"pair": 6.0}
 
     def test_what_was_seen_is_carried_up(self, campaign: Campaign) -> None:
-        assert set(campaign["pair"].seen.values()) == {"stage 'box' as 'box_bench'", "stage 'pair' as 'pair_one'"}
+        assert set(campaign["pair"].used_records.values()) == {"stage 'box' as 'box_bench'", "stage 'pair' as 'pair_one'"}
 
     def test_values_files(self, campaign: Campaign, tmp_path: Path) -> None:
         files = campaign.save(tmp_path)

@@ -365,12 +365,12 @@ class Proposal:
         They are of the first fit, whose errors allow for what the structure may lack, or of a beginning at rest where that shows them
         better. Where no fit can be made, thermometers of that accuracy differ as they did before.
         """
-        made, one, out = self.first_fit.calibration, self.chosen, dict[str, tuple[float, float]]()
-        at = dict(zip((u.name for u in one.problem.unknowns), one.end.fitted.tolist(), strict=True)) if made is None else made.fitted
+        fit, one, out = self.first_fit.calibration, self.chosen, dict[str, tuple[float, float]]()
+        at = dict(zip((u.name for u in one.problem.unknowns), one.end.fitted.tolist(), strict=True)) if fit is None else fit.fitted
         for column in (c for c in self.roles.parts if f"sensor {c}" in at):
             pair = [n for n in (f"sensor {column}", f"{self.roles.surroundings} error") if n in at]
             signs = np.array([1.0, -1.0])[: len(pair)]
-            variance = 2.0 * self.known.accuracy**2 if made is None else float(signs @ made.store.covariance(pair) @ signs)
+            variance = 2.0 * self.known.accuracy**2 if fit is None else float(signs @ fit.store.covariance(pair) @ signs)
             fitted = float(signs @ [at[n] for n in pair]), variance**0.5
             out[column] = min(fitted, self.rest.offsets.get(column, fitted), key=lambda offset: offset[1])
         return out

@@ -129,7 +129,7 @@ class RunsOfFit:
     own: tuple[tuple[UnknownColumn, ...], ...]
     traces: tuple[tuple[SensorRows, ...], ...]
     spans: tuple[float, ...]
-    memo: Memo = field(init=False, default_factory=Memo, repr=False)
+    memo: Memo = field(init=False, default_factory=Memo, repr=False, compare=False)
 
     @classmethod
     def of_problem(

@@ -370,7 +370,7 @@ def _traces(fit: Calibration) -> list[TraceCriticism]:
     return out
 
 
-def _told(items: Iterable[_Item], count: int, words: str, begin: float, progress: Callable[[str, float], None]) -> Iterator[_Item]:
+def _with_progress(items: Iterable[_Item], count: int, words: str, begin: float, progress: Callable[[str, float], None]) -> Iterator[_Item]:
     """Yield `count` items, each announced before it is made; `begin` is the share of the whole that was done before [-]; 0.3 is these."""
     made = iter(items)
     for k in range(count):
@@ -387,9 +387,11 @@ def _tried(fit: Calibration, request: Request, executor: Workers, progress: Call
         tried_structures: list[tuple[str, FittedStructure | None]] = []
         progress("heat that no log gives", 0.0)
         elements = [*missing_elements(fit, request), *unlogged_powers(request)]
-        scores = promises(base, _told(elements, len(elements), "element", 0.2, progress), refused)
+        scores = promises(base, _with_progress(elements, len(elements), "element", 0.2, progress), refused)
         tries = [((s.change,), s.change.request, s.start) for s in scores[:MAX_REFITTED_ELEMENTS]]
-        refits = chain(_told(fitted_structures(tries, base.fitted, budget, executor), len(tries), "refit", 0.5, progress), repeat(None))
+        refits = chain(
+            _with_progress(fitted_structures(tries, base.fitted, budget, executor), len(tries), "refit", 0.5, progress), repeat(None)
+        )
         for score, outcome in zip(scores, refits, strict=False):
             if isinstance(outcome, str):
                 refused.append((score.change.name, outcome))
