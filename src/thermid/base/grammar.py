@@ -338,7 +338,7 @@ def _schema(grammar: type[Grammar]) -> dict[str, Any]:
 
 def _home(name: str, grammar: type[Grammar]) -> str:
     """Return where else in its file a key may stand, where that is one kind of table; NAME is a name that its author gives."""
-    tables = [path for step in _schema(grammar)["properties"] for path in ([step], [step, "NAME"])]
+    tables = [path for step in _schema(grammar).get("properties", {}) for path in ([step], [step, "NAME"])]
     homes = [".".join(path) for path in tables if name in _fields(path, "", grammar)]
     return f" Give it in [{homes[0]}]." if len(homes) == 1 else ""
 

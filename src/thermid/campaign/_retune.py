@@ -572,14 +572,18 @@ def _fitted(request: Request, before: Calibration, anew: Sequence[str], progress
 
 
 def _with_errors_before(refit: Calibration, before: Calibration, anew: Sequence[str], request: Request) -> Calibration:
-    """Return a fit of some values with what the fit before it left open of all others."""
+    """Return a fit of some values with what the fit before it left open of all others; not credible where its logs contradict these."""
     provenance, earlier = refit.values.provenance, request.store.provenance.get(before.stage, {})
     if ERRORS in provenance and ERRORS in earlier:
         provenance = {**provenance, ERRORS: errors_after(provenance[ERRORS], earlier[ERRORS], anew)}
     rest = {k: x for k, x in earlier.items() if k != ERRORS}
     every = {n: x for n, x in refit.store.provenance.items() if n != refit.stage}
     store = replace(refit.store, provenance={**every, f"{before.stage} before": rest, refit.stage: provenance})
-    return replace(refit, values=replace(refit.values, provenance=provenance), store=store)
+    refit = replace(refit, values=replace(refit.values, provenance=provenance), store=store)
+    if not refit.contradicts_held:
+        return refit
+    own = Standing("not credible", "; ".join(refit.moved.contradictions()), refit.stage, request.accepted)
+    return replace(refit, own=own).judged(refit.rests, refit.verdict)
 
 
 def _carried(before: Calibration, request: Request, gone: Sequence[str]) -> Calibration:

@@ -42,7 +42,7 @@ from thermid.fit._problem.residuals import Predictions, Problem, Unknown, pooled
 from thermid.fit._search import CHANCE, Progress, at_clocks, in_turns, searched, widened_by_noise_of_powers, with_clocks
 from thermid.fit._uncertainty.groups import SHARE, Group, percent, structural_groups, together
 from thermid.fit._uncertainty.information import Information, Responses, elsewhere, responses
-from thermid.fit._uncertainty.moved import MOVED, Moves, moves_above
+from thermid.fit._uncertainty.moved import Moves, moves_above
 from thermid.fit._uncertainty.noise import Autocorrelation, TraceNoise, autocorrelation, own_switches, shifts_by_lags
 from thermid.measure.amounts import short, some
 from thermid.measure.records import Record, open_questions
@@ -82,9 +82,8 @@ def own_standing(
     moved: Moves,
 ) -> Standing:
     """Return the standing of a fit by itself, whatever it rests on; `moved` is what its logs say of values that it inherited."""
-    held_far_off = any(m.path not in values and m.verdict == MOVED and abs(m.deviations) > CONTRADICTION_DEVIATIONS for m in moved.values)
     wrong = [*contradicted(values).values(), *([] if minimum.converged else [f"the fit did not converge: {minimum.message}"])]
-    if wrong or held_far_off:
+    if wrong:
         return Standing("not credible", "; ".join([*moved.contradictions(), *wrong]), values.stage, request.accepted)
     short_of = [f"'{u.name}' ended at its {side} bound" for u, side, _ in at_bounds(problem, minimum, total)]
     short_of += _beyond_stated(problem, spread, request.adequate) if request.adequate and spread is not None else []

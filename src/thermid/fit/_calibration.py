@@ -20,7 +20,7 @@ from thermid.fit._minimisation import KeptFit
 from thermid.fit._problem.experiment import Experiment
 from thermid.fit._problem.request import Request
 from thermid.fit._problem.residuals import Predictions, Problem, SensorStatistics, SensorTrace, Sums, pooled
-from thermid.fit._uncertainty.moved import Moves
+from thermid.fit._uncertainty.moved import MOVED, Moves
 from thermid.fit._uncertainty.noise import Autocorrelation
 from thermid.measure.amounts import digits, short
 from thermid.model.elements import UNJUDGED, Standing, worst
@@ -328,6 +328,12 @@ class Calibration(Result):
     def contradicted(self) -> Mapping[str, str]:
         """Value -> what would have to be wrong, of those over ten deviations from an accuracy or prior: do not use the fit then."""
         return contradicted(self.values)
+
+    @property
+    def contradicts_held(self) -> bool:
+        """Whether its logs put a value of a stage below, which it held, more than ten standard errors from what that stage found."""
+        far = (m for m in self.moved.values if m.verdict == MOVED and abs(m.deviations) > CONTRADICTION_DEVIATIONS)
+        return any(m.path not in self.values for m in far)
 
     @property
     def blame(self) -> str:

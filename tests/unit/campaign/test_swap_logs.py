@@ -279,7 +279,7 @@ def test_values_that_new_logs_contradict_are_not_credible(own: Path, tmp_path: P
     assert done.exit_code == 1, done.output
     assert done.output.startswith("NOT CREDIBLE: ")
     assert "face.conductance, " in done.output
-    assert "hot: limit exceeded" in done.output
+    assert "is expected to exceed its limit" in done.output
     deck, values = tmp_path / "new" / "decks" / "unit.toml", tmp_path / "new" / "unit.values.toml"
     told = CliRunner().invoke(app, ["predict", str(deck), "--values", str(values), "--scenario", str(own / "hot.toml")])
     assert told.exit_code == 1, told.output

@@ -149,8 +149,8 @@ def test_look_shows_the_clocks_of_one_test(tmp_path: Path, call: Call) -> None:
     said = call("look", *(tmp_path / n for n in ("bench.txt", "supply.csv", "plain.csv")))
     assert "3 clocks of one test" in said.out
     assert "supply.csv begins 12 s after bench.txt" in said.out
-    assert "plain.csv has no time stamps, and no step decides it: give the offset, or switch a power twice in both" in said.out
-    assert 'joined   = [{ record = "supply", offset = "12 [s]" }, { record = "plain", offset = "... [s]" }]' in said.out
+    assert "plain.csv has no time stamps, and no step of a power decides it" in said.out
+    assert 'joined   = [{ record = "supply", offset = ["-288 [s]", "312 [s]"] }, { record = "plain", offset = "... [s]" }]' in said.out
     clocks = call("look", tmp_path / "bench.txt", tmp_path / "supply.csv", "--json").object["clocks"]
-    assert clocks == [{"file": "supply.csv", "record": "supply", "offset": 12.0}]
+    assert [(c["record"], c["offset"], c["at"]["error"]) for c in clocks] == [("supply", 12.0, 100.0)]  # the clocks of two computers
     assert "clocks" not in call("look", tmp_path / "bench.txt", "--json").object

@@ -444,11 +444,12 @@ def _two_loggers(folder: Path, late: int = 0) -> tuple[bytes, bytes]:
 
 
 def test_a_log_that_begins_hours_later_is_joined_to_the_second(tmp_path: Path) -> None:
-    """It was 12340 s late for 12347 s."""
+    """By stamps of two clocks, so within a range about 12347 s; it was 12340 s late."""
     warm, fed = _two_loggers(tmp_path, late=12347)
     building, _ = _with_log(tmp_path, warm)
     state = do(building, "log", file=building.stored_log("supply.csv", fed))
-    assert float(state["records"][-1]["offset"]) == 12347.0
+    low, high = map(float, state["records"][-1]["offset"].split(" to "))
+    assert 0.5 * (low + high) == 12347.0
 
 
 def test_a_log_that_others_are_joined_with_is_not_joined_and_is_taken_out_with_them(tmp_path: Path) -> None:
