@@ -353,7 +353,8 @@ def _fields(path: list[str], branch: str, grammar: type[Grammar]) -> list[str]:
     for step in path:
         if step.isdigit():  # an entry of a list
             continue
-        inner = here.get("properties", {}).get(step) or here.get("additionalProperties") or {}
+        inner = here.get("properties", {}).get(step) or here.get("additionalProperties")
+        inner = inner if isinstance(inner, dict) else {}  # true or false: whether there may be others
         options = [inner, inner.get("items", {}), *inner.get("anyOf", []), *inner.get("oneOf", [])]
         name = next((o["$ref"].rpartition("/")[2] for o in options if "$ref" in o), "")
         here = definitions.get(name, inner)
