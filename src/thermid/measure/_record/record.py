@@ -549,8 +549,8 @@ class Record(Samples, Result):
             )
         if low < high and any(set(chosen) & set(c.channels) for c in self.clocks):
             raise RecordError(
-                "the clock of these channels is left to the fit already, and the log does not determine a delay beside it. State this delay as "
-                "one time.",
+                "the clock of these channels is left to the fit already, and the log does not determine a delay beside it. "
+                "State this delay as one time.",
                 f"{self.name}, delay",
                 code="record.second-clock",
             )
