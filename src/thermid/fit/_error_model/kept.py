@@ -157,7 +157,7 @@ class KeptWay:
 
     @property
     def elements(self) -> tuple[str, ...]:
-        """Conductors and nodes of which it says something."""
+        """Paths of the conductors and nodes whose departures it holds."""
         return (*self.laws, *self.departures.smooth, *self.departures.nodes, *(c.source for c in self.columns))
 
     def only(self, there: Collection[str], names: Mapping[str, str]) -> KeptWay:
