@@ -95,7 +95,7 @@ def null_space(rows: Array) -> Array:
 
 
 def rank(rows: Array, beside: Array | None = None) -> int:
-    """Return of how many combinations of unknowns the rows state thismething; `beside` are the columns of others that are open too."""
+    """Return of how many combinations of unknowns the rows state something; `beside` are the columns of others that are open too."""
     part = scaled(rows)[0][: len(rows)]
     largest = float(np.linalg.norm(part, 2)) if part.size else 0.0
     if beside is not None and beside.shape[1]:

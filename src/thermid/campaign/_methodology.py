@@ -13,7 +13,7 @@ from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, NameNotFoundError, nearest, refuse_unknown
 from thermid.base.expression import Kelvin
 from thermid.base.extensions import by_grammar
-from thermid.base.files import STUDY, write_text
+from thermid.base.files import FileKinds, write_text
 from thermid.base.results import Shown
 from thermid.base.toml_files import Places, read_toml, resolve_inside
 from thermid.base.units import TEMPERATURE
@@ -234,7 +234,7 @@ class Study(Shown):
         """Write the study as a file and return its path; put it beside the campaign and decks that it names."""
         import tomlkit
 
-        return write_text(path, tomlkit.dumps(dict(self._data)), STUDY)
+        return write_text(path, tomlkit.dumps(dict(self._data)), FileKinds.STUDY)
 
 
 def _reference_points(model: Model, prefix: str = "") -> list[tuple[str, Any]]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from thermid.base.dual import real_power, value_of
 from thermid.base.errors import DeckError, ScenarioError
-from thermid.base.files import EXPORT, write_text
+from thermid.base.files import FileKinds, write_text
 from thermid.base.units import si_unit
 from thermid.model.elements import HINGES, Constant, Curve, Drawn, TableSignal, slopes, whole
 from thermid.model.tree import Model
@@ -686,5 +686,5 @@ def exported(w: Wired, lines: Iterable[str], path: str | os.PathLike[str] | None
     idle = [f"{comment.strip()} left out, because nothing flows through it in this scenario: {one_line(name)}" for name in w.idle]
     text = "\n".join([*lacking, *idle, *lines]) + "\n"
     if path is not None:
-        write_text(path, text, EXPORT, comment)
+        write_text(path, text, FileKinds.EXPORT, comment)
     return text

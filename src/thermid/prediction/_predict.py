@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import IdentificationError, NameNotFoundError, nearest, quoted
 from thermid.base.expression import seconds
-from thermid.base.files import TABLE, replacing
+from thermid.base.files import FileKinds, replacing
 from thermid.base.linear_algebra import Array
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.fit.calibration import Calibration
@@ -316,7 +316,7 @@ class Prediction(Result):
             low, high = band.interval()
             header += [f"{name} [degC]", f"{name} low [degC]", f"{name} high [degC]"]
             columns += [band.celsius, low, high]
-        with replacing(path, TABLE) as half:
+        with replacing(path, FileKinds.TABLE) as half:
             np.savetxt(half, np.column_stack(columns), delimiter=",", header=",".join(header), comments="", fmt="%.9g")
 
     def __str__(self) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import DeckError, look_up
 from thermid.base.extensions import by_grammar
-from thermid.base.files import VALUES, parse_toml, read_text, toml_key, toml_value, write_text
+from thermid.base.files import FileKinds, parse_toml, read_text, toml_key, toml_value, write_text
 from thermid.base.linear_algebra import Array, square_root
 from thermid.base.results import Result, Row
 from thermid.base.toml_files import Places
@@ -329,7 +329,7 @@ def save_store(store: Store, path: str | os.PathLike[str], stage: str) -> None:
     for group in _groups(store):
         rows = {p: row for p, row in zip(store.states, store.root[:, group].tolist(), strict=True) if any(row)}
         lines += ["", "[[root]]", f"sources = {toml_value(group)}", *(f"{toml_key(p)} = {toml_value(row)}" for p, row in rows.items())]
-    write_text(path, "\n".join([*lines, ""]), VALUES.titled(stage))
+    write_text(path, "\n".join([*lines, ""]), FileKinds.VALUES.titled(stage))
 
 
 def _groups(store: Store) -> Iterable[list[int]]:

@@ -10,7 +10,7 @@ import typer
 
 from thermid.app.cli.options import Force, Json, say
 from thermid.base.errors import RecordError
-from thermid.base.files import DRAWING, LOG, check_ending, write_text
+from thermid.base.files import FileKinds, check_ending, write_text
 from thermid.measure.readers import parts_between_restarts
 from thermid.reporting import looks as picture
 
@@ -37,14 +37,14 @@ def look(
     if cut is not None:
         logs = _cut(logs[0], cut)
     if to is not None:
-        check_ending(to, DRAWING)
+        check_ending(to, FileKinds.DRAWING)
     reading = {"separator": separator, "decimal": decimal, "clock": clock, "unit": unit}
     looks = [picture.look(log, time=time, **reading) for log in logs]
     if any(file_look.has(time) for file_look in looks):  # a log without that column has another clock, which may be told
         looks = [file_look if file_look.has(time) else picture.look(file_look.path, **reading) for file_look in looks]
     looks = picture.named_apart(looks)
     if to is not None:
-        write_text(to, looks[0].svg() + "\n", DRAWING)
+        write_text(to, looks[0].svg() + "\n", FileKinds.DRAWING)
     width = shutil.get_terminal_size((110, 24)).columns
     bad, clocks = any(file_look.problem for file_look in looks), picture.clocks_of(looks)
     parts = ["\n".join(file_look.lines(width)) for file_look in looks]
@@ -63,5 +63,5 @@ def _cut(log: Path, folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / f"{log.stem}_{k}.csv" for k in range(1, len(parts) + 1)]
     for path, text in zip(paths, parts, strict=True):
-        write_text(path, text, LOG)
+        write_text(path, text, FileKinds.LOG)
     return paths

@@ -28,7 +28,7 @@ from thermid.app.cli.options import (
 from thermid.app.cli.screen import working
 from thermid.app.cli.summary import ready, written
 from thermid.base.errors import DeckError, ScenarioError
-from thermid.base.files import PICTURE, TABLE
+from thermid.base.files import FileKinds
 from thermid.base.linear_algebra import HALF_WIDTH_95
 from thermid.base.results import clean
 from thermid.base.sourced import weigh
@@ -251,7 +251,7 @@ def profile(
         content |= {"numbers": {k: n.to_dict() for k, n in course.used.items()}, "steps": [s.name for s in course.steps]}
         say(as_json, {"profile": course.title, **content, "remarks": list(course.check())}, course, verbose)
         return
-    writable((csv, TABLE), (picture, PICTURE))
+    writable((csv, FileKinds.TABLE), (picture, FileKinds.PICTURE))
     run = run_profile(
         load_model(on),
         course,

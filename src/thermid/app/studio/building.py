@@ -29,7 +29,7 @@ from thermid.app.studio.shapes import (
 )
 from thermid.app.studio.work import Jobs, JobState
 from thermid.base.errors import DeckError, MissingDataError, NameNotFoundError, ThermidError, quoted, refuse_unknown
-from thermid.base.files import RESULTS_FILE, read_bytes, write_bytes
+from thermid.base.files import FileKinds, read_bytes, write_bytes
 from thermid.base.toml_files import read_toml, resolve_inside
 from thermid.base.units import from_si
 from thermid.campaign.stages import request_of
@@ -713,7 +713,7 @@ class Building:
             target = folder / (plain if k == 1 else f"{stem}_{k}{dot}{ending}")
             self._inside(f"logs/{target.name}")
             if not target.exists():
-                write_bytes(target, data, RESULTS_FILE)
+                write_bytes(target, data, FileKinds.RESULTS_FILE)
             if target.is_file() and read_bytes(target) == data:
                 return f"logs/{target.name}"
         raise DeckError("there are too many logs of this name.", "log", code="studio.not-now")

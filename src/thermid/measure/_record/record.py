@@ -18,7 +18,7 @@ import numpy as np
 from thermid.base.errors import RecordError, ThermidError, errors_at, refuse_unknown
 from thermid.base.expression import amount, clocked, counts_rows, seconds
 from thermid.base.extensions import optional
-from thermid.base.files import LOG, replacing
+from thermid.base.files import FileKinds, replacing
 from thermid.base.results import PlottedTrace, Result, Row
 from thermid.base.units import TEMPERATURE, counted, format_value, from_si, in_si, unit
 from thermid.measure._record import windows
@@ -633,7 +633,7 @@ class Record(Samples, Result):
             header.append(f"{channel.column if channel.column and taken.count(channel.column) == 1 else channel.name} [{channel.unit}]")
             cells = _texts(np.where(channel.valid, channel.values, 0.0), channel.unit)
             columns.append([cell if good else "" for cell, good in zip(cells, channel.valid.tolist(), strict=True)])
-        with replacing(path, LOG) as half, half.open("w", encoding="utf-8", newline="") as file:
+        with replacing(path, FileKinds.LOG) as half, half.open("w", encoding="utf-8", newline="") as file:
             file.write(f'"{self.origin.time} [s]"' + ("," if header else ""))
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(header)

@@ -14,7 +14,7 @@ import numpy as np
 
 from thermid.base.arguments import takes_objects
 from thermid.base.errors import ThermidError
-from thermid.base.files import PICTURE, check_ending, write_bytes
+from thermid.base.files import FileKinds, check_ending, write_bytes
 from thermid.base.units import from_si, unit
 from thermid.inference.criticism import Criticism, cumulated_periodogram
 from thermid.inference.intervals import Profile
@@ -50,12 +50,12 @@ def picture(thing: Profile | Criticism | Hold | ProfileRun, to: str | os.PathLik
         raise ThermidError(
             f"a {type(thing).__name__} has no picture. Pictures exist of {', '.join(t.__name__ for t in drawers)}.", code="value.wrong-kind"
         )
-    target = check_ending(to, PICTURE)
+    target = check_ending(to, FileKinds.PICTURE)
     with _canvas() as figure:
         drawers[type(thing)](figure, thing)
         drawn = BytesIO()
         figure.savefig(drawn, format=target.suffix.lower()[1:], dpi=144, metadata={"Date": None} if target.suffix == ".svg" else None)
-    return write_bytes(target, drawn.getvalue(), PICTURE)
+    return write_bytes(target, drawn.getvalue(), FileKinds.PICTURE)
 
 
 @contextmanager
