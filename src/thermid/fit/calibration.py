@@ -64,9 +64,7 @@ from thermid.fit._problem.residuals import (
     SensorTrace as SensorTrace,
     Sums as Sums,
     Unknown as Unknown,
-    prior_rows as prior_rows,
     starting_point as starting_point,
-    wanders as wanders,
 )
 from thermid.fit._search import box_of as box_of
 from thermid.fit._uncertainty.groups import (

@@ -2,13 +2,10 @@
 
 from thermid.measure._record.channel import (
     ROLES as ROLES,
-    SENSOR_FAULT_CODES as SENSOR_FAULT_CODES,
-    BoolArray as BoolArray,
     Channel as Channel,
     FloatArray as FloatArray,
     Origin as Origin,
     SecondClock as SecondClock,
-    even_step as even_step,
     gap_from as gap_from,
     open_questions as open_questions,
     stray_readings as stray_readings,
@@ -19,7 +16,6 @@ from thermid.measure._record.channel import (
 )
 from thermid.measure._record.record import (
     Record as Record,
-    clock_range as clock_range,
     thinned as thinned,
     thinned_step as thinned_step,
     without_strays as without_strays,

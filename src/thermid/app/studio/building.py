@@ -37,13 +37,13 @@ from thermid.campaign.start import ACCURACY, VERDICT_NOISES, VERDICT_SHARE_OF_RA
 from thermid.campaign.verdicts import Criteria
 from thermid.fit.calibration import Calibration, Request, build_problem, fit
 from thermid.measure.amounts import short, with_unit
+from thermid.measure.looks import clocks_of, look, offset_range, stated_offset
 from thermid.measure.readers import name_and_unit, read_record
 from thermid.measure.records import Record
 from thermid.model.deck import Edit
 from thermid.model.elements import literal
 from thermid.model.tree import Model, parameter_table
 from thermid.reporting.diagrams import card_places
-from thermid.reporting.looks import clocks_of, look, offset_range, stated_offset
 from thermid.reporting.objects import fit_object
 from thermid.simulation.network import compile_network
 from thermid.simulation.runs import Scenario
